@@ -1,0 +1,89 @@
+"""The one wrapper around numba.
+
+``device`` marks a scalar function on one world. ``compile_kernel`` turns a function that loops over worlds into machine
+code. Arithmetic is strict (no fast-math, no contraction), so a world in a vectorised loop has the bits of a world alone.
+"""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any, TypeVar, cast
+
+import numba
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_CONSTANTS = (bool, int, float, str, tuple, np.generic)
+
+
+def device(function: Function) -> Function:
+    """Compile a scalar function so that it is always inlined into the kernel that calls it."""
+    return cast(Function, numba.njit(forceinline=True, error_model="numpy")(function))
+
+
+def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Function:
+    """Compile a kernel with a cache that notices a change in any function that it inlines.
+
+    Numba's cache sees only the file of the kernel itself (numba issue 1833). So ``build`` gets a digest of every source
+    that the kernel reaches and returns the kernel with that digest in its closure, which is part of numba's cache key.
+
+    Parameters
+    ----------
+    build
+        A factory: ``build(digest)`` returns a function whose body names ``digest``.
+    **inlined
+        Global names of the kernel to bind to other values: a control law, for example. A closure over a compiled
+        function would give a new cache key in each process; a global name does not.
+    """
+    template = cast(FunctionType, build(""))
+    digest = _digest(_bind(template, inlined))
+    function = _bind(cast(FunctionType, build(digest)), inlined)
+    try:
+        return cast(Function, numba.njit(nogil=True, error_model="numpy", cache=True)(function))
+    except RuntimeError:  # numba found no folder that it may write to
+        return cast(Function, numba.njit(nogil=True, error_model="numpy")(function))
+
+
+def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:
+    bound = FunctionType(
+        function.__code__,
+        {**function.__globals__, **names},
+        function.__name__,
+        function.__defaults__,
+        function.__closure__,
+    )
+    bound.__qualname__ = function.__qualname__
+    bound.__module__ = function.__module__
+    return bound
+
+
+def _digest(kernel: FunctionType) -> str:
+    """Hash the files of all functions that the kernel reaches and the constants that they name."""
+    files: set[str] = set()
+    constants: set[str] = set()
+    seen: set[int] = set()
+    pending: list[Any] = [kernel]
+    while pending:
+        function = pending.pop()
+        if id(function) in seen:
+            continue
+        seen.add(id(function))
+        files.add(function.__code__.co_filename)
+        for name in function.__code__.co_names:
+            value: Any = function.__globals__.get(name)
+            if isinstance(value, Dispatcher):
+                value = cast(Any, value).py_func
+            if isinstance(value, FunctionType):
+                pending.append(value)
+            elif isinstance(value, type) and value.__module__.startswith(__package__ or ""):
+                constants.add(f"{name}={getattr(value, '_fields', value)!r}")
+            elif isinstance(value, _CONSTANTS) and not isinstance(value, ModuleType):
+                constants.add(f"{name}={value!r}")
+    content = hashlib.sha256()
+    for file in sorted(files):
+        content.update(Path(file).read_bytes())
+    content.update("\n".join(sorted(constants)).encode())
+    return content.hexdigest()

@@ -1,0 +1,19 @@
+"""Typed errors. Each message names the field and the accepted range; no state has changed when one is raised."""
+
+import gymnasium
+
+
+class PterError(Exception):
+    """Base of every error that this package raises on purpose."""
+
+
+class ParameterError(PterError, ValueError):
+    """A parameter is non-physical, out of range, unknown or of the wrong shape."""
+
+
+class ActionError(PterError, gymnasium.error.InvalidAction, ValueError):
+    """An action has a wrong shape or type, is not finite, or lies outside the action space."""
+
+
+class ResetNeededError(PterError, gymnasium.error.ResetNeeded):
+    """A step was asked for before the first reset or after the end of an episode."""

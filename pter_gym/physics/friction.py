@@ -1,0 +1,349 @@
+"""Joint dry friction of four clutches on two axes, from plain numbers. It knows no arm.
+
+One substep asks for the velocity that minimises ``½·ωᵀMω − pᵀω + Σ c_x·|W_x·ω|``: implicit Euler with maximum
+dissipation, strictly convex. Here p is the momentum without clutches, c_x the largest impulse of clutch x, and W_x its
+row in W = [[1, 0], [0, 1], [1, −1], [1, 1]] (paper Eqs. 3 and 4).
+
+The four lines W_x·ω = 0 cut the plane into one point (the paper's zero-DOF mode), four lines (its one-DOF modes) and
+eight sectors (its two-DOF mode). Line x has the direction d_x with W_x·d_x = 0: d = (0, 1), (1, 0), (1, 1), (1, −1).
+"""
+
+from enum import IntEnum
+from functools import cache
+from typing import Any
+
+from pter_gym._jit import compile_kernel, device
+from pter_gym.errors import ParameterError
+from pter_gym.physics.clutch import PerClutch
+
+
+class ClutchMode(IntEnum):
+    """The paper's six dynamic modes (section III-A): which clutch has no relative motion."""
+
+    TWO_DOF = 0
+    STUCK_1 = 1
+    STUCK_2 = 2
+    STUCK_3 = 3
+    STUCK_4 = 4
+    ZERO_DOF = 5
+
+
+@device
+def slip_velocities(omega_a: float, omega_b: float) -> PerClutch:
+    """Return W·ω [rad/s], the slip velocity of each clutch."""
+    return PerClutch(omega_a, omega_b, omega_a - omega_b, omega_a + omega_b)
+
+
+@device
+def mode_of(omega_a: float, omega_b: float) -> int:
+    """Return the ClutchMode: which slip is exactly zero, ties to the fewest degrees of freedom."""
+    mode = 0
+    mode = 1 if omega_a == 0.0 else mode
+    mode = 2 if omega_b == 0.0 else mode
+    mode = 3 if omega_a == omega_b else mode
+    mode = 4 if omega_a == -omega_b else mode
+    return 5 if (omega_a == 0.0) & (omega_b == 0.0) else mode
+
+
+@device
+def sign(x: float) -> float:
+    """Return 1 for x ≥ 0 and −1 otherwise."""
+    return 1.0 if x >= 0.0 else -1.0
+
+
+@device
+def side(multiplier: float, capacity: float) -> float:
+    """Return on which side of a clutch's line the minimum lies: 0 where that clutch can hold the multiplier."""
+    over = 1.0 if multiplier > capacity else 0.0
+    return -1.0 if multiplier < -capacity else over
+
+
+@device
+def resolve(m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch) -> tuple[float, float]:
+    """Return the angular velocities [rad/s] after friction. Exact, without iteration or branch.
+
+    Along line x the minimum is a soft threshold, s = max(|p·d| − h(d), 0)/dᵀMd. If clutch x can hold the multiplier
+    found there, that is the solution. If not, the multiplier's sign tells on which side of the line the solution lies,
+    and four signs name the sector. On a line whose minimum is at rest, any other line's overload tells the side.
+    """
+    q1 = p_b
+    q2 = p_a
+    q3 = p_a + p_b
+    q4 = p_a - p_b
+    g1 = sign(q1)
+    g2 = sign(q2)
+    g3 = sign(q3)
+    g4 = sign(q4)
+    excess1 = abs(q1) - (c.x2 + c.x3 + c.x4)
+    excess2 = abs(q2) - (c.x1 + c.x3 + c.x4)
+    excess3 = abs(q3) - (c.x1 + c.x2 + 2.0 * c.x4)
+    excess4 = abs(q4) - (c.x1 + c.x2 + 2.0 * c.x3)
+    moves1 = excess1 > 0.0
+    moves2 = excess2 > 0.0
+    moves3 = excess3 > 0.0
+    moves4 = excess4 > 0.0
+
+    s1 = g1 * excess1 / m22
+    s2 = g2 * excess2 / m11
+    s3 = g3 * excess3 / (m11 + 2.0 * m12 + m22)
+    s4 = g4 * excess4 / (m11 - 2.0 * m12 + m22)
+    side1 = side(p_a - m12 * s1 + g1 * (c.x3 - c.x4), c.x1)
+    side2 = side(p_b - m12 * s2 + g2 * (c.x3 - c.x4), c.x2)
+    side3 = side(0.5 * (q4 - s3 * (m11 - m22) - g3 * (c.x1 - c.x2)), c.x3)
+    side4 = side(0.5 * (q3 - s4 * (m11 - m22) - g4 * (c.x1 - c.x2)), c.x4)
+
+    rest1 = g2 if moves2 else (g3 if moves3 else g4)
+    rest2 = g1 if moves1 else (g3 if moves3 else -g4)
+    rest3 = -g1 if moves1 else (g2 if moves2 else g4)
+    rest4 = g1 if moves1 else (g2 if moves2 else g3)
+    f1 = c.x1 * (side1 if moves1 else rest1)
+    f2 = c.x2 * (side2 if moves2 else rest2)
+    f3 = c.x3 * (side3 if moves3 else rest3)
+    f4 = c.x4 * (side4 if moves4 else rest4)
+
+    free_a = p_a - f1 - f3 - f4
+    free_b = p_b - f2 + f3 - f4
+    det = m11 * m22 - m12 * m12
+    omega_a = (m22 * free_a - m12 * free_b) / det
+    omega_b = (m11 * free_b - m12 * free_a) / det
+
+    stuck1 = moves1 & (side1 == 0.0)
+    stuck2 = moves2 & (side2 == 0.0)
+    stuck3 = moves3 & (side3 == 0.0)
+    stuck4 = moves4 & (side4 == 0.0)
+    omega_a = s4 if stuck4 else omega_a
+    omega_b = -s4 if stuck4 else omega_b
+    omega_a = s3 if stuck3 else omega_a
+    omega_b = s3 if stuck3 else omega_b
+    omega_a = s2 if stuck2 else omega_a
+    omega_b = 0.0 if stuck2 else omega_b
+    omega_a = 0.0 if stuck1 else omega_a
+    omega_b = s1 if stuck1 else omega_b
+    moves = moves1 | moves2 | moves3 | moves4
+    return (omega_a if moves else 0.0), (omega_b if moves else 0.0)
+
+
+@device
+def between(x: float, low: float, high: float) -> float:
+    """Return x limited to [low, high]."""
+    x = x if x > low else low
+    return x if x < high else high
+
+
+@device
+def share_edge(
+    along: float, low: float, high: float, across: float, across_low: float, across_high: float, slack: float
+) -> tuple[float, float, float]:
+    """Return the nearest point of one edge and its squared distance; infinite where the edge does not count.
+
+    An edge counts if the point lies beyond it and it bounds the region. A point that faces the inside of an edge has
+    found its projection, so that its distance is given as −1.
+    """
+    edge = between(along, low, high)
+    inside = between(across, across_low, across_high)
+    beyond = along - edge
+    shift = across - inside
+    distance = -1.0 if shift == 0.0 else beyond * beyond + shift * shift
+    counts = (beyond != 0.0) & (across_low <= across_high + slack)
+    return edge, inside, (distance if counts else 1e300)
+
+
+@device
+def larger(x: float, y: float) -> float:
+    """Return the larger of two numbers."""
+    return x if x > y else y
+
+
+@device
+def smaller(x: float, y: float) -> float:
+    """Return the smaller of two numbers."""
+    return x if x < y else y
+
+
+@device
+def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch) -> PerClutch:
+    """Return the four torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high; the load must be reachable.
+
+    With (u, v) = (τ3, τ4) the equations leave τ1 = load_a − u − v and τ2 = load_b + u − v, and the sum of squares is
+    3·|(u, v) − (u0, v0)|² + constant. So the answer is the Euclidean projection of (u0, v0) onto an octagon whose
+    edges bound u, v, u + v and u − v.
+    """
+    u0 = (load_a - load_b) / 3.0
+    v0 = (load_a + load_b) / 3.0
+    sum_low = load_a - high.x1
+    sum_high = load_a - low.x1
+    diff_low = low.x2 - load_b
+    diff_high = high.x2 - load_b
+    slack = 1e-12 * (
+        abs(load_a) + abs(load_b) + high.x1 - low.x1 + high.x2 - low.x2 + high.x3 - low.x3 + high.x4 - low.x4
+    )
+
+    edge, across, best = share_edge(
+        u0, low.x3, high.x3,
+        v0, larger(low.x4, larger(sum_low - between(u0, low.x3, high.x3), between(u0, low.x3, high.x3) - diff_high)),
+        smaller(high.x4, smaller(sum_high - between(u0, low.x3, high.x3), between(u0, low.x3, high.x3) - diff_low)),
+        slack,
+    )  # fmt: skip
+    u = edge
+    v = across
+
+    edge, across, distance = share_edge(
+        v0, low.x4, high.x4,
+        u0, larger(low.x3, larger(sum_low - between(v0, low.x4, high.x4), between(v0, low.x4, high.x4) + diff_low)),
+        smaller(high.x3, smaller(sum_high - between(v0, low.x4, high.x4), between(v0, low.x4, high.x4) + diff_high)),
+        slack,
+    )  # fmt: skip
+    closer = distance < best
+    u = across if closer else u
+    v = edge if closer else v
+    best = distance if closer else best
+
+    total = between(u0 + v0, sum_low, sum_high)
+    edge, across, distance = share_edge(
+        u0 + v0, sum_low, sum_high,
+        u0 - v0, larger(diff_low, larger(2.0 * low.x3 - total, total - 2.0 * high.x4)),
+        smaller(diff_high, smaller(2.0 * high.x3 - total, total - 2.0 * low.x4)),
+        slack,
+    )  # fmt: skip
+    distance = 0.5 * distance
+    closer = distance < best
+    u = 0.5 * (edge + across) if closer else u
+    v = 0.5 * (edge - across) if closer else v
+    best = distance if closer else best
+
+    difference = between(u0 - v0, diff_low, diff_high)
+    edge, across, distance = share_edge(
+        u0 - v0, diff_low, diff_high,
+        u0 + v0, larger(sum_low, larger(2.0 * low.x3 - difference, difference + 2.0 * low.x4)),
+        smaller(sum_high, smaller(2.0 * high.x3 - difference, difference + 2.0 * high.x4)),
+        slack,
+    )  # fmt: skip
+    distance = 0.5 * distance
+    closer = distance < best
+    u = 0.5 * (across + edge) if closer else u
+    v = 0.5 * (across - edge) if closer else v
+    best = distance if closer else best
+
+    u = between(u if best < 1e299 else u0, low.x3, high.x3)
+    v = between(v if best < 1e299 else v0, low.x4, high.x4)
+    return PerClutch(
+        between(load_a - u - v, low.x1, high.x1), between(load_b + u - v, low.x2, high.x2), u, v
+    )
+
+
+@device
+def lower_bound(slip: float, limit: float) -> float:
+    """Return the smallest torque on the arm that a clutch can generate at a slip velocity."""
+    return limit if slip < 0.0 else -limit
+
+
+@device
+def upper_bound(slip: float, limit: float) -> float:
+    """Return the largest torque on the arm that a clutch can generate at a slip velocity."""
+    return -limit if slip > 0.0 else limit
+
+
+@device
+def generated_torques(omega_a: float, omega_b: float, load_a: float, load_b: float, limit: PerClutch) -> PerClutch:
+    """Return the torque of each clutch on the arm [N·m], given what all four exert on the two links together.
+
+    A slipping clutch generates its limit against the slip. Stuck ones share the rest with the least Σ τ_x², each
+    within its limit; where the paper's equations are statically indeterminate (section III-A) this picks one answer.
+    """
+    w = slip_velocities(omega_a, omega_b)
+    low = PerClutch(
+        lower_bound(w.x1, limit.x1), lower_bound(w.x2, limit.x2), lower_bound(w.x3, limit.x3), lower_bound(w.x4, limit.x4)
+    )
+    high = PerClutch(
+        upper_bound(w.x1, limit.x1), upper_bound(w.x2, limit.x2), upper_bound(w.x3, limit.x3), upper_bound(w.x4, limit.x4)
+    )
+    return share(load_a, load_b, low, high)
+
+
+def _build_resolve(digest: str) -> Any:
+    def kernel(
+        m11: float, m12: float, m22: float, p_a: float, p_b: float, c1: float, c2: float, c3: float, c4: float
+    ) -> tuple[float, float, int]:
+        digest  # noqa: B018  # pyright: ignore[reportUnusedExpression]
+        omega_a, omega_b = resolve(m11, m12, m22, p_a, p_b, PerClutch(c1, c2, c3, c4))
+        return omega_a, omega_b, mode_of(omega_a, omega_b)
+
+    return kernel
+
+
+def _build_share(digest: str) -> Any:
+    def kernel(
+        load_a: float, load_b: float, l1: float, l2: float, l3: float, l4: float, u1: float, u2: float, u3: float, u4: float
+    ) -> PerClutch:
+        digest  # noqa: B018  # pyright: ignore[reportUnusedExpression]
+        return share(load_a, load_b, PerClutch(l1, l2, l3, l4), PerClutch(u1, u2, u3, u4))
+
+    return kernel
+
+
+@cache
+def _resolve_kernel() -> Any:
+    return compile_kernel(_build_resolve)
+
+
+@cache
+def _share_kernel() -> Any:
+    return compile_kernel(_build_share)
+
+
+def resolve_friction(
+    m11: float,
+    m12: float,
+    m22: float,
+    p_a: float,
+    p_b: float,
+    c1: float,
+    c2: float,
+    c3: float,
+    c4: float,
+) -> tuple[float, float, ClutchMode]:
+    """Return the velocities after one substep of joint friction, and the mode.
+
+    Parameters
+    ----------
+    m11, m12, m22
+        Mass matrix [kg·m²], positive definite.
+    p_a, p_b
+        Momentum after the substep if no clutch acted [N·m·s].
+    c1, c2, c3, c4
+        Largest impulse of each clutch over the substep [N·m·s], ≥ 0.
+
+    Returns
+    -------
+    omega_a, omega_b, mode
+        Angular velocities [rad/s], the exact minimiser of ``½·ωᵀMω − pᵀω + Σ c_x·|W_x·ω|``, and the paper's mode
+        (section III-A).
+
+    Raises
+    ------
+    ParameterError
+        If the mass matrix is not positive definite, a capacity is negative, or a number is not finite.
+    """
+    values = (m11, m12, m22, p_a, p_b, c1, c2, c3, c4)
+    numbers = tuple(float(value) for value in values)
+    if not all(abs(x) < float("inf") for x in numbers):
+        raise ParameterError("mass matrix, momentum and capacities must be finite numbers")
+    if not (numbers[0] > 0.0 and numbers[0] * numbers[2] > numbers[1] * numbers[1]):
+        raise ParameterError("m11, m12, m22: the mass matrix must be positive definite")
+    if min(numbers[5:]) < 0.0:
+        raise ParameterError("c1, c2, c3, c4: capacities must be ≥ 0")
+    omega_a, omega_b, mode = _resolve_kernel()(*numbers)
+    return omega_a, omega_b, ClutchMode(mode)
+
+
+def share_torque(
+    load_a: float, load_b: float, low: tuple[float, float, float, float], high: tuple[float, float, float, float]
+) -> PerClutch:
+    """Return the four clutch torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high [N·m].
+
+    The load must be reachable within the bounds; the nearest torques within them are returned where it is not.
+    """
+    bounds = (*map(float, low), *map(float, high))
+    if len(bounds) != 8 or not all(abs(x) < float("inf") for x in bounds) or any(map(float.__gt__, bounds, bounds[4:])):
+        raise ParameterError("low, high: four finite numbers each, low ≤ high")
+    return PerClutch(*_share_kernel()(float(load_a), float(load_b), *bounds))
