@@ -1,0 +1,62 @@
+"""PTER: a passive haptic arm with four friction clutches, as a simulator and a Gymnasium environment.
+
+``import pter_gym`` registers the environment ids and loads nothing heavy; the rest is imported when it is first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+
+from pter_gym._version import __version__
+
+if TYPE_CHECKING:
+    from pter_gym.open_loop import State, Trajectory, initial_state, simulate
+    from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Arm, Clutch, Hand, Machine, TorqueCurve
+    from pter_gym.tasks.path_following import PathFollowing
+
+__all__ = [
+    "BASELINE",
+    "DELRIN_EXPERIMENTAL",
+    "DELRIN_THEORETICAL",
+    "Arm",
+    "Clutch",
+    "Hand",
+    "Machine",
+    "PathFollowing",
+    "State",
+    "TorqueCurve",
+    "Trajectory",
+    "__version__",
+    "initial_state",
+    "simulate",
+]
+
+_HOMES = {
+    **dict.fromkeys(("State", "Trajectory", "initial_state", "simulate"), "pter_gym.open_loop"),
+    **dict.fromkeys(
+        ("BASELINE", "DELRIN_EXPERIMENTAL", "DELRIN_THEORETICAL", "Arm", "Clutch", "Hand", "Machine", "TorqueCurve"),
+        "pter_gym.params",
+    ),
+    "PathFollowing": "pter_gym.tasks.path_following",
+}
+
+gymnasium.register(
+    id="PTER/PathFollowing-v0",
+    entry_point="pter_gym.envs.single:PathFollowingEnv",
+    max_episode_steps=1000,
+)
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'pter_gym' has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names, loaded or not."""
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,58 @@
+"""Names, units and scales of the entries of a flat array: observations and telemetry."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Field:
+    """One entry of a flat array: its name, unit and meaning, and the value that is stored as 1."""
+
+    name: str
+    unit: str
+    meaning: str
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The fields of a flat array in their order."""
+
+    fields: tuple[Field, ...]
+
+    def __len__(self) -> int:
+        """Return the number of entries."""
+        return len(self.fields)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The names in their order."""
+        return tuple(field.name for field in self.fields)
+
+    @cached_property
+    def scales(self) -> NDArray[np.float64]:
+        """The physical value that is stored as 1, for each entry."""
+        return np.array([field.scale for field in self.fields])
+
+    @cached_property
+    def _indices(self) -> dict[str, int]:
+        return {name: index for index, name in enumerate(self.names)}
+
+    def index(self, name: str) -> int:
+        """Return the position of a field. Raises KeyError with the known names."""
+        try:
+            return self._indices[name]
+        except KeyError:
+            raise KeyError(f"no field {name!r}; the fields are {', '.join(self.names)}") from None
+
+    def physical(self, values: NDArray[np.floating], name: str) -> NDArray[np.float64]:
+        """Return one field of an array (..., len(layout)) in its unit."""
+        index = self.index(name)
+        return np.asarray(values[..., index], np.float64) * self.fields[index].scale
+
+    def as_dict(self, values: NDArray[np.floating]) -> dict[str, float]:
+        """Return one row (len(layout),) as a dictionary of physical values in their units."""
+        return {f.name: float(value) * f.scale for f, value in zip(self.fields, values, strict=True)}

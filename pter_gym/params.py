@@ -1,0 +1,246 @@
+"""Parameters of the machine: frozen dataclasses in SI.
+
+Each field names its unit and where its value comes from: ``published`` in the paper, ``derived`` from published values,
+``chosen`` by us for numerical reasons, or ``plausible``, an engineering value for something that the paper does not
+print. A plausible value is not a fact about PTER.
+"""
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, get_args
+
+from pter_gym.errors import ParameterError
+from pter_gym.units import from_inch_pounds
+
+Lag = Literal["normal_force", "voltage"]
+
+BREAKAWAY_SMALL_VOLTAGE = from_inch_pounds(63.5)
+"""Breakaway torque of clutch 1 at the small voltage of Figs. 3 and 4 [N·m] (paper section III-B)."""
+
+TIME_CONSTANT = 0.105
+"""Time constant of the clutches by their manufacturer [s] (paper section IV-C.3)."""
+
+MU_STATIC_PRESENT = 0.45
+"""Static friction coefficient of the present clutches (paper section IV-B.2)."""
+
+MU_STATIC_DELRIN = 0.20
+"""Static friction coefficient of Delrin 100 on steel from the literature (paper section IV-B.2)."""
+
+MU_DYNAMIC_DELRIN = 0.35
+"""Dynamic friction coefficient of Delrin 100 on steel from the literature (paper section IV-B.2)."""
+
+
+def quantity(unit: str, provenance: str, **options: Any) -> Any:
+    """Declare a field with its unit and where its value comes from."""
+    return field(metadata={"unit": unit, "provenance": provenance}, **options)
+
+
+def require(condition: bool, owner: object, name: str, value: object, accepted: str) -> None:
+    """Raise a ParameterError that names the field and what it accepts, unless the condition holds."""
+    if not condition:
+        raise ParameterError(f"{type(owner).__name__}.{name} must be {accepted}, got {value!r}")
+
+
+def require_number(
+    owner: object,
+    name: str,
+    *,
+    above: float = -math.inf,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
+    below: float = math.inf,
+) -> None:
+    """Raise a ParameterError unless the field is a finite real number within the range."""
+    value = getattr(owner, name)
+    bounds = [
+        f"{sign} {bound:g}"
+        for sign, bound in ((">", above), ("≥", at_least), ("≤", at_most), ("<", below))
+        if math.isfinite(bound)
+    ]
+    accepted = " and ".join(["a finite number", *bounds])
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    require(is_number and above < value and at_least <= value <= at_most and value < below, owner, name, value, accepted)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arm:
+    """The five-bar arm as a two-axis mechanism (paper Eqs. 3 and 4).
+
+    Angles are absolute; M12 = coupling·cos(θA − θB). Link lengths and inertias are in no source that we could reach.
+    """
+
+    length_a: float = quantity("m", "plausible: PTER's links were of the order of half a metre", default=0.47)
+    length_b: float = quantity("m", "plausible: PTER's links were of the order of half a metre", default=0.43)
+    inertia_a: float = quantity("kg·m²", "plausible: M11, link A with rotors and gears", default=1.2)
+    inertia_b: float = quantity("kg·m²", "plausible: M22, link B with rotors and gears", default=0.4)
+    coupling: float = quantity("kg·m²", "plausible: c, between the axes", default=-0.2)
+
+    def __post_init__(self) -> None:
+        """Check that the mass matrix is positive definite in every pose."""
+        require_number(self, "length_a", above=0.0)
+        require_number(self, "length_b", above=0.0)
+        require_number(self, "inertia_a", above=0.0)
+        require_number(self, "inertia_b", above=0.0)
+        limit = math.sqrt(self.inertia_a * self.inertia_b)
+        require_number(self, "coupling", above=-limit, below=limit)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueCurve:
+    """Steady torque of a clutch over voltage: a linear and a quadratic segment, C1 (paper section IV-B.1, Fig. 5).
+
+    ``T(v) = slope·v + curvature·max(v − knee, 0)²``: zero without voltage, as the paper assumes.
+    """
+
+    slope: float = quantity("N·m/V", "plausible: linear segment")
+    knee: float = quantity("V", "plausible: where the quadratic segment begins")
+    curvature: float = quantity("N·m/V²", "plausible: quadratic segment")
+
+    def __post_init__(self) -> None:
+        """Check the numbers; whether the curve is monotone depends on the clutch's largest voltage."""
+        require_number(self, "slope", above=0.0)
+        require_number(self, "knee", at_least=0.0)
+        require_number(self, "curvature")
+
+    def torque(self, volts: float) -> float:
+        """Return the torque [N·m] at a voltage [V]."""
+        beyond = max(volts - self.knee, 0.0)
+        return self.slope * volts + self.curvature * beyond * beyond
+
+    def voltage(self, torque: float) -> float:
+        """Return the voltage [V] at which the curve reaches a torque [N·m]."""
+        excess = torque - self.slope * self.knee
+        if excess <= 0.0 or self.curvature == 0.0:
+            return torque / self.slope
+        root = math.sqrt(self.slope * self.slope + 4.0 * self.curvature * excess)
+        return self.knee + 2.0 * excess / (self.slope + root)
+
+    def scaled(self, factor: float) -> "TorqueCurve":
+        """Return the curve of a clutch whose friction coefficient is ``factor`` times as large."""
+        return TorqueCurve(slope=self.slope * factor, knee=self.knee, curvature=self.curvature * factor)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clutch:
+    """One electromagnetic friction clutch; PTER has four of the same kind.
+
+    The dynamic torque is constant at a given voltage, which is our choice: the paper allows any g(ω, v) (Eq. 2).
+    """
+
+    breakaway: TorqueCurve = quantity("N·m", "plausible: 63.5 in·lbf (published) is reached between 4 and 8 V")
+    dynamic: TorqueCurve = quantity("N·m", "plausible: T_s/T_k ≥ 1.12 for the present clutches")
+    time_constant: float = quantity("s", "published: section IV-C.3", default=TIME_CONSTANT)
+    voltage_max: float = quantity("V", "plausible: a common supply for such clutches", default=24.0)
+    lag: Lag = quantity("1", "published: section II-B, from voltage to normal force", default="normal_force")
+
+    def __post_init__(self) -> None:
+        """Check that both curves are finite, monotone and invertible up to the largest voltage."""
+        require_number(self, "time_constant", above=0.0)
+        require_number(self, "voltage_max", above=0.0)
+        require(self.lag in get_args(Lag), self, "lag", self.lag, f"one of {', '.join(get_args(Lag))}")
+        for name in ("breakaway", "dynamic"):
+            curve = getattr(self, name)
+            require(isinstance(curve, TorqueCurve), self, name, curve, "a TorqueCurve")
+            end = curve.slope + 2.0 * curve.curvature * max(self.voltage_max - curve.knee, 0.0)
+            require(end > 0.0, self, name, curve, f"monotone up to voltage_max = {self.voltage_max:g} V")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hand:
+    """What the hand adds to the arm at the tip besides its force. The paper's tests have none of it.
+
+    The mass goes into the arm exactly, the damping is implicit, the spring explicit.
+    """
+
+    mass: float = quantity("kg", "published: the paper's hand is a force alone", default=0.0)
+    damping: float = quantity("N·s/m", "published: the paper's hand is a force alone", default=0.0)
+    stiffness: float = quantity("N/m", "published: the paper's hand is a force alone", default=0.0)
+
+    def __post_init__(self) -> None:
+        """Check that nothing is negative."""
+        for item in fields(self):
+            require_number(self, item.name, at_least=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Machine:
+    """A PTER: arm, four clutches and the hand that holds the tip, with the numbers of its friction model."""
+
+    arm: Arm = quantity("1", "see Arm", default=Arm())
+    clutch: Clutch = quantity("1", "see Clutch")
+    hand: Hand = quantity("1", "see Hand", default=Hand())
+    slip_threshold: float = quantity("rad/s", "chosen: δω of Karnopp's model (Eq. 2)", default=1e-3)
+    substep: float = quantity("s", "chosen: integrator step", default=1e-3)
+
+    def __post_init__(self) -> None:
+        """Check the numbers of the friction model and that the hand's explicit spring is stable."""
+        for name, kind in (("arm", Arm), ("clutch", Clutch), ("hand", Hand)):
+            require(isinstance(getattr(self, name), kind), self, name, getattr(self, name), f"of type {kind.__name__}")
+        require_number(self, "slip_threshold", above=0.0)
+        require_number(self, "substep", above=0.0, at_most=0.01)
+        mass = self.hand.mass + tip_mass(self.arm)
+        require(
+            self.hand.stiffness * self.substep**2 <= 0.04 * mass,
+            self,
+            "hand.stiffness",
+            self.hand.stiffness,
+            f"≤ {0.04 * mass / self.substep**2:g} N/m, so that substep²·stiffness ≪ the mass at the tip",
+        )
+
+
+def tip_mass(arm: Arm) -> float:
+    """Return the smallest effective mass of the tip over all poses and directions [kg].
+
+    It is at least λ_min(M)/λ_max(JᵀJ), taken at the pose where cos(θA − θB) = ±1 makes both extreme.
+    """
+    half_sum = 0.5 * (arm.inertia_a + arm.inertia_b)
+    half_difference = 0.5 * (arm.inertia_a - arm.inertia_b)
+    smallest = half_sum - math.hypot(half_difference, arm.coupling)
+    return smallest / (arm.length_a**2 + arm.length_b**2)
+
+
+BREAKAWAY_RATIO = 1.15
+"""T_s/T_k of the present clutches: plausible (Fig. 9 shows a clear jump, so that it is at least 1.12)."""
+
+DYNAMIC_CURVE = TorqueCurve(slope=1.04, knee=12.0, curvature=0.174)
+"""Dynamic torque of the present clutches: plausible. It reaches 50 N·m at 24 V."""
+
+DELRIN_EXPERIMENTAL_SCALE = (0.80, 0.79)
+"""Factors on T_s and T_k for the Delrin of the paper's testbed: plausible (lower peak friction, similar stick-slip)."""
+
+MU_DYNAMIC_PRESENT = MU_STATIC_PRESENT / BREAKAWAY_RATIO
+"""Dynamic friction coefficient of the present clutches: derived from the published static one."""
+
+PRESENT_CLUTCH = Clutch(breakaway=DYNAMIC_CURVE.scaled(BREAKAWAY_RATIO), dynamic=DYNAMIC_CURVE)
+
+
+def with_friction(clutch: Clutch, breakaway: float, dynamic: float) -> Clutch:
+    """Return a clutch of another friction material: factors on its breakaway and dynamic torque."""
+    return Clutch(
+        breakaway=clutch.breakaway.scaled(breakaway),
+        dynamic=clutch.dynamic.scaled(dynamic),
+        time_constant=clutch.time_constant,
+        voltage_max=clutch.voltage_max,
+        lag=clutch.lag,
+    )
+
+
+BASELINE = Machine(clutch=PRESENT_CLUTCH)
+"""PTER with its present clutches (paper section IV-B.1)."""
+
+DELRIN_EXPERIMENTAL = Machine(clutch=with_friction(PRESENT_CLUTCH, *DELRIN_EXPERIMENTAL_SCALE))
+"""PTER with Delrin clutches as measured on the testbed (paper section IV-B.2)."""
+
+DELRIN_THEORETICAL = Machine(
+    clutch=with_friction(
+        PRESENT_CLUTCH, MU_STATIC_DELRIN / MU_STATIC_PRESENT, MU_DYNAMIC_DELRIN / MU_DYNAMIC_PRESENT
+    )
+)
+"""PTER with Delrin clutches as in the literature: T_k > T_s (paper section IV-B.2)."""
+
+MACHINES = {
+    "baseline": BASELINE,
+    "delrin_experimental": DELRIN_EXPERIMENTAL,
+    "delrin_theoretical": DELRIN_THEORETICAL,
+}
+"""The three machines of Table I by name."""
