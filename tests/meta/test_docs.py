@@ -1,0 +1,66 @@
+"""What the documents promise exists: commands, links, the example, units and provenance of every parameter."""
+
+import dataclasses
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+
+from pter_gym import params
+
+ROOT = Path(__file__).parents[2]
+README = ROOT / "README.md"
+DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+PARAMETER_CLASSES = [item for _, item in inspect.getmembers(params, dataclasses.is_dataclass) if inspect.isclass(item)]
+
+
+def fenced(marker: str, language: str) -> str:
+    """The one code block below an HTML comment of the README."""
+    blocks = re.findall(
+        rf"^<!-- {marker} -->\n```{language}\n(.*?)^```$", README.read_text("utf-8"), re.MULTILINE | re.DOTALL
+    )
+    assert len(blocks) == 1
+    return blocks[0]
+
+
+@pytest.mark.parametrize("name", ["benchmark", "tests"])
+def test_readme_command_is_one_line_with_tested_versions(name: str):
+    command = fenced(f"command: {name}", "sh")
+    assert command.count("\n") == 1
+    assert command.startswith("python3 -m venv --without-pip .venv && ")
+    assert "-c constraints.txt" in command
+
+
+def test_readme_benchmark_command_needs_the_core_only():
+    assert "[" not in fenced("command: benchmark", "sh")
+
+
+@pytest.mark.slow
+def test_readme_example_runs(capsys: pytest.CaptureFixture[str]):
+    code = fenced("example", "python")
+    assert len([line for line in code.splitlines() if line.strip()]) <= 12
+    exec(compile(code, str(README), "exec"), {})
+    assert capsys.readouterr().out
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_relative_links_resolve(document: Path):
+    text = re.sub(r"```.*?```", "", document.read_text("utf-8"), flags=re.DOTALL)
+    targets = re.findall(r"\]\(([^)\s]+)\)", text)
+    relative = [target.split("#")[0] for target in targets if not re.match(r"[a-z]+:|#", target)]
+    missing = [target for target in relative if not (document.parent / target).exists()]
+    assert not missing
+
+
+@pytest.mark.parametrize("owner", PARAMETER_CLASSES, ids=lambda owner: owner.__name__)
+def test_parameters_are_frozen_and_say_unit_and_provenance(owner: type):
+    assert owner.__dataclass_params__.frozen
+    assert owner.__doc__
+    for field in dataclasses.fields(owner):
+        assert field.metadata.get("unit"), f"{owner.__name__}.{field.name} has no unit"
+        assert field.metadata.get("provenance"), f"{owner.__name__}.{field.name} has no provenance"
+
+
+def test_parameter_classes_are_found():
+    assert {"Arm", "TorqueCurve", "Clutch", "Hand", "Machine"} <= {owner.__name__ for owner in PARAMETER_CLASSES}
