@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-import pter_gym  # noqa: F401 (registers the environment)
-
 if TYPE_CHECKING:
     from stable_baselines3.common.monitor import Monitor
 
-ENVIRONMENT_ID = "PTER/PathFollowing-v0"
+# the module in front of the id lets worker processes register it themselves
+ENVIRONMENT_ID = "pter_gym:PTER/PathFollowing-v0"
 
 
 def make_env(**options: Any) -> Monitor:
