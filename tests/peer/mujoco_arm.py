@@ -1,0 +1,97 @@
+"""The same mechanism in MuJoCo: an open two-link tree with four tendons that rub.
+
+The five-bar parallelogram moves as its two links A and B do, with kinetic energy ½ M11 A'² + c cos(A − B) A' B' + ½
+M22 B'². An open chain whose second link hangs on the end of the first has the same energy: joint angles (A, B − A),
+and with a point-like second link of mass m whose centre lies r beyond the elbow
+
+    M11 = (inertia of the first link) + m l_A²,    c = m l_A r,    M22 = (inertia of the second link) + m r².
+
+A clutch is a fixed tendon with friction loss: its slip as a ratio of the joint rates, A' = (1, 0), B' = (1, 1), A' −
+B' = (0, −1), A' + B' = (2, 1).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+RATIOS = np.array([[1, 0], [1, 1], [0, -1], [2, 1]])
+"""Slip of clutch x per rate of the joints (A, B − A)."""
+
+
+@dataclass(frozen=True)
+class ArmNumbers:
+    """Link lengths [m] and the three inertial numbers M11, M22, c [kg·m²]."""
+
+    length_a: float
+    length_b: float
+    inertia_a: float
+    inertia_b: float
+    coupling: float
+
+
+def build(arm: ArmNumbers, step: float, torque=(0.0, 0.0, 0.0, 0.0)) -> mujoco.MjModel:
+    """A model with two force actuators at the tip (world x and y) and the clutch torques as friction losses.
+
+    Friction loss is a soft constraint in MuJoCo. In the direct form `solreffriction = (−stiffness, −damping)` a
+    damping of 0.9999/step over an impedance of 0.9999 asks for zero slip after exactly one step, and the no-slip
+    iterations remove what softness is left.
+    """
+    mass = abs(arm.coupling) / arm.length_a**2 * math.sqrt(arm.inertia_a / arm.inertia_b) if arm.coupling else 1e-3
+    centre = arm.coupling / (mass * arm.length_a)
+    link_a = arm.inertia_a - mass * arm.length_a**2
+    link_b = arm.inertia_b - mass * centre**2
+    soft = f'solreffriction="-1 {-0.9999 / step!r}" solimpfriction="0.9999 0.9999 0.001 0.5 2"'
+    tendons = "".join(
+        f'<fixed name="clutch{x + 1}" frictionloss="{float(loss)!r}" {soft}>'
+        f'<joint joint="a" coef="{ratio[0]}"/><joint joint="ba" coef="{ratio[1]}"/></fixed>'
+        for x, (ratio, loss) in enumerate(zip(RATIOS, np.maximum(torque, 1e-300), strict=True))
+    )
+    model = mujoco.MjModel.from_xml_string(f"""
+    <mujoco>
+      <compiler angle="radian" boundmass="0" boundinertia="0"/>
+      <option timestep="{step!r}" gravity="0 0 0" integrator="Euler" solver="Newton" iterations="100" tolerance="1e-12"
+              noslip_iterations="200" noslip_tolerance="1e-20">
+        <flag eulerdamp="disable" contact="disable" warmstart="enable"/>
+      </option>
+      <worldbody>
+        <site name="world"/>
+        <body>
+          <joint name="a" type="hinge" axis="0 0 1"/>
+          <inertial pos="0 0 0" mass="1" diaginertia="{link_a!r} {link_a!r} {link_a!r}"/>
+          <body pos="{arm.length_a!r} 0 0">
+            <joint name="ba" type="hinge" axis="0 0 1"/>
+            <inertial pos="{centre!r} 0 0" mass="{mass!r}" diaginertia="{link_b!r} {link_b!r} {link_b!r}"/>
+            <site name="tip" pos="{arm.length_b!r} 0 0"/>
+          </body>
+        </body>
+      </worldbody>
+      <tendon>{tendons}</tendon>
+      <actuator>
+        <general name="force_x" site="tip" refsite="world" gear="1 0 0 0 0 0"/>
+        <general name="force_y" site="tip" refsite="world" gear="0 1 0 0 0 0"/>
+      </actuator>
+    </mujoco>""")
+    model.tendon_frictionloss[:] = torque
+    return model
+
+
+def to_joints(angles) -> np.ndarray:
+    """(A, B) to (A, B − A), for angles and rates alike; last axis of length two."""
+    angles = np.asarray(angles, float)
+    return np.stack([angles[..., 0], angles[..., 1] - angles[..., 0]], axis=-1)
+
+
+def to_links(joints) -> np.ndarray:
+    """(A, B − A) to (A, B)."""
+    joints = np.asarray(joints, float)
+    return np.stack([joints[..., 0], joints[..., 0] + joints[..., 1]], axis=-1)
+
+
+def to_joint_torque(torque) -> np.ndarray:
+    """Torques on the links A and B to generalised forces on (A, B − A): the same power."""
+    torque = np.asarray(torque, float)
+    return np.stack([torque[..., 0] + torque[..., 1], torque[..., 1]], axis=-1)
