@@ -1,0 +1,1 @@
+"""Control laws: an observation in, four clutch voltages out."""

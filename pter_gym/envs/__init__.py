@@ -1,0 +1,1 @@
+"""Doors to the simulator: many worlds in one call, and Gymnasium's single environment as a batch of one."""

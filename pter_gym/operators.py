@@ -1,0 +1,85 @@
+"""The hand that pushes the tip: a constant push along the path and a multi-sine disturbance across it (paper Eq. 5)."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from pter_gym._jit import device
+from pter_gym.params import quantity, require, require_number
+
+SINES = 5
+"""Number of sines in the disturbance (paper Eq. 5)."""
+
+EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
+"""Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultiSineHand:
+    """A constant force along the path and a sum of five sines across it (paper section IV-A, Eq. 5).
+
+    The default is Eq. 5: equal amplitudes Fmax/5, frequencies 2ⁿ/2 Hz, phases 0. Neither force is printed in the paper.
+    """
+
+    push: float = quantity("N", "plausible: the constant tangential force of section IV-A", default=64.0)
+    amplitudes: tuple[float, ...] = quantity("N", "plausible: Fmax/5 each with Fmax = 64 N", default=(12.8,) * SINES)
+    frequencies: tuple[float, ...] = quantity("Hz", "published: Eq. 5", default=EQ5_FREQUENCIES)
+    phases: tuple[float, ...] = quantity("rad", "published: Eq. 5", default=(0.0,) * SINES)
+    random_phases: bool = quantity("1", "chosen: False is Eq. 5; True draws the phases at each reset", default=False)
+
+    def __post_init__(self) -> None:
+        """Check that forces and frequencies are finite and that there are five of each."""
+        require_number(self, "push")
+        for name in ("amplitudes", "frequencies", "phases"):
+            values = getattr(self, name)
+            fits = isinstance(values, tuple) and len(values) == SINES
+            require(
+                fits and all(isinstance(x, (int, float)) and math.isfinite(x) for x in values),
+                self,
+                name,
+                values,
+                f"a tuple of {SINES} finite numbers",
+            )
+        require(min(self.frequencies) >= 0.0, self, "frequencies", self.frequencies, "≥ 0")
+        require(isinstance(self.random_phases, bool), self, "random_phases", self.random_phases, "True or False")
+
+    def normal_force(self, time: float) -> float:
+        """Return the force across the path [N] at a time [s] (Eq. 5)."""
+        waves = zip(self.amplitudes, self.frequencies, self.phases, strict=True)
+        return sum(a * math.sin(2.0 * math.pi * f * time + phase) for a, f, phase in waves)
+
+
+def eq5(force_max: float, push: float) -> MultiSineHand:
+    """Return the hand of the paper's standard test: ``Fmax`` of Eq. 5 [N] and the constant tangential force [N]."""
+    return MultiSineHand(push=push, amplitudes=(force_max / SINES,) * SINES)
+
+
+@device
+def unit_vector(angle: float) -> tuple[float, float]:
+    """Return (cos, sin) of an angle [rad]."""
+    return math.cos(angle), math.sin(angle)
+
+
+@device
+def turn(cos: float, sin: float, by_cos: float, by_sin: float) -> tuple[float, float]:
+    """Turn a unit vector by another one."""
+    return cos * by_cos - sin * by_sin, sin * by_cos + cos * by_sin
+
+
+@device
+def advance_sines(w: Any, first: int, rotation: int, amplitude: int, force: int, lanes: int) -> None:
+    """Write the disturbance [N] of each world at the present time to row ``force`` and move its sines on by a substep.
+
+    ``first``, ``rotation`` and ``amplitude`` are the first rows of the sines' unit vectors (cos and sin in turn), of
+    their turns per substep (likewise), and of their amplitudes [N].
+    """
+    for i in range(lanes):
+        w[force, i] = 0.0
+    for k in range(SINES):
+        for i in range(lanes):
+            cos = w[first + 2 * k, i]
+            sin = w[first + 2 * k + 1, i]
+            w[force, i] += w[amplitude + k, i] * sin
+            w[first + 2 * k, i], w[first + 2 * k + 1, i] = turn(
+                cos, sin, w[rotation + 2 * k, i], w[rotation + 2 * k + 1, i]
+            )

@@ -1,0 +1,1 @@
+"""Goals: reset law, observation, reward and termination."""
