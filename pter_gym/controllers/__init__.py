@@ -1,1 +1,16 @@
 """Control laws: an observation in, four clutch voltages out."""
+
+from pter_gym.controllers.base import Controller, Policy
+from pter_gym.controllers.impedance import Impedance, TorqueFeedback
+from pter_gym.controllers.simple import Free, Locked, Random
+
+CONTROLLERS: dict[str, type[Controller]] = {
+    "impedance": Impedance,
+    "torque-feedback": TorqueFeedback,
+    "free": Free,
+    "locked": Locked,
+    "random": Random,
+}
+"""The built-in controllers by name."""
+
+__all__ = ["CONTROLLERS", "Controller", "Free", "Impedance", "Locked", "Policy", "Random", "TorqueFeedback"]

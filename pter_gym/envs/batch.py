@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,8 @@ from pter_gym.tasks.path_following import (
 Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
 
+ActionUnit = Literal["volt", "normalised"]
+
 _EXTERNAL = np.array([EXTERNAL])
 
 
@@ -41,13 +43,17 @@ class Batch:
         N; may be left out where ``machines`` is a sequence.
     sensors
         What the observation holds; see ``observation_layout``.
+    action_unit
+        ``"volt"``: actions within [0, voltage_max]; ``"normalised"``: within [−1, 1] for the same voltages.
 
     Attributes
     ----------
+    task, machine, num_worlds
+        As given; ``machine`` is the first one.
     layout
         Layout of the observations.
-    voltage_max
-        Upper bound of an action [V].
+    action_low, action_high
+        Bounds of an action in its unit.
 
     Raises
     ------
@@ -62,7 +68,10 @@ class Batch:
         num_worlds: int | None = None,
         *,
         sensors: Sensors = "torque",
+        action_unit: ActionUnit = "volt",
     ) -> None:
+        if action_unit not in get_args(ActionUnit):
+            raise ParameterError(f"action_unit must be one of {', '.join(get_args(ActionUnit))}, got {action_unit!r}")
         listed = [machines] * (1 if num_worlds is None else num_worlds) if isinstance(machines, Machine) else list(machines)
         if not listed or (num_worlds is not None and len(listed) != num_worlds):
             raise ParameterError(f"num_worlds must be ≥ 1 and the number of machines, got {num_worlds!r}, {len(listed)}")
@@ -79,7 +88,10 @@ class Batch:
         self.machine = first
         self.num_worlds = len(listed)
         self.layout = observation_layout(task, first, sensors)
-        self.voltage_max = first.clutch.voltage_max
+        voltage_max = first.clutch.voltage_max
+        self.action_low, self.action_high = (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
+        self._volts_per_unit = voltage_max / (self.action_high - self.action_low)
+        self._slack = self._volts_per_unit * 4.0 * float(np.spacing(np.float32(self.action_high)))
         self._substep = first.substep
         self._count = substeps(task, first)
         self._params = np.array([columns[id(machine)] for machine in listed]).T.copy()
@@ -128,13 +140,13 @@ class Batch:
         reset_kernel()(self._params, self._state, self._words, chosen, self._scales, obs, telemetry)
         return obs, telemetry
 
-    def step(self, volts: ArrayLike) -> tuple[Observations, Array]:
+    def step(self, actions: ArrayLike) -> tuple[Observations, Array]:
         """Advance all worlds by one control period.
 
         Parameters
         ----------
-        volts
-            Clutch voltages [V], shape (N, 4), within [0, voltage_max] up to four float32 ulp.
+        actions
+            Clutch voltages in the action unit, shape (N, 4). Up to four float32 ulp beyond a bound are clipped.
 
         Returns
         -------
@@ -148,25 +160,26 @@ class Batch:
         ResetNeededError
             If a world was never reset or its episode has ended; no world has moved.
         """
-        actions = self.numbers(volts)
+        numbers = self._numbers(actions)
         obs = np.empty((self.num_worlds, len(self.layout)), np.float32)
         telemetry = np.empty((1, self.num_worlds, len(TELEMETRY)))
         refused = self._advance(
             self._params,
             self._state,
-            actions,
+            (numbers - self.action_low) * self._volts_per_unit,
             _EXTERNAL,
             self._memory,
             self._scales,
             obs,
             telemetry,
+            self._slack,
             self._substep,
             self._count,
             0,
             self.num_worlds,
         )
         if refused >= 0:
-            self._refuse(refused, actions[refused])
+            self._refuse(refused, numbers[refused])
         return obs, telemetry[0]
 
     def rollout(self, obs: Observations, law: Any, gains: Array, steps: int) -> tuple[Observations, Array]:
@@ -199,6 +212,7 @@ class Batch:
             self._scales,
             obs,
             telemetry,
+            self._slack,
             self._substep,
             self._count,
             0,
@@ -210,23 +224,21 @@ class Batch:
         """Return copies of all that changes: the state array, and seed and episode of each world."""
         return self._state.copy(), self._words.copy()
 
-    def numbers(self, volts: ArrayLike) -> Array:
-        """Return actions as float64 (N, 4), or raise an ActionError that names what is wrong."""
+    def _numbers(self, actions: ArrayLike) -> Array:
         try:
-            actions = np.asarray(volts)
+            array = np.asarray(actions)
         except ValueError:
             raise ActionError("action must be an array of numbers") from None
-        if actions.shape != (self.num_worlds, 4):
-            raise ActionError(f"action must have the shape {(self.num_worlds, 4)}, got {actions.shape}")
-        if actions.dtype.kind not in "fiu":
-            raise ActionError(f"action must hold real numbers, got dtype {actions.dtype}")
-        return np.ascontiguousarray(actions, np.float64)
+        if array.shape != (self.num_worlds, 4):
+            raise ActionError(f"action must have the shape {(self.num_worlds, 4)}, got {array.shape}")
+        if array.dtype.kind not in "fiu":
+            raise ActionError(f"action must hold real numbers, got dtype {array.dtype}")
+        return np.ascontiguousarray(array, np.float64)
 
     def _refuse(self, world: int, action: Array) -> None:
         if self._state[ALIVE, world] == 0.0:
             raise ResetNeededError(f"world {world} needs a reset: it was never reset or its episode has ended")
         raise ActionError(
-            f"action of world {world} must lie within [0, {self.voltage_max:g}] V and be finite, got {action.tolist()}"
+            f"action of world {world} must be finite and within [{self.action_low:g}, {self.action_high:g}], "
+            f"got {action.tolist()}"
         )
-
-

@@ -95,8 +95,6 @@ _START_VELOCITY = _FORCE + 2
 _SCRATCH_ROWS = _START_VELOCITY + 2
 
 _RESET_STREAM = np.uint64(0x5245534554)
-_ROUNDING = 4.0 * 2.0**-23
-"""Four float32 ulp of an action's bound, relative to it at most."""
 
 
 @device
@@ -116,10 +114,9 @@ def _commands(volts: PerClutch, voltage_max: float) -> PerClutch:
 
 
 @device
-def _refused(params: Any, state: Any, actions: Any, i: int) -> bool:
-    """Tell whether world i has ended or its action is not finite or out of bounds."""
+def _refused(params: Any, state: Any, actions: Any, slack: float, i: int) -> bool:
+    """Tell whether world i has ended or its action [V] is not finite or out of bounds by more than a slack [V]."""
     top = params[VOLTAGE_MAX, i]
-    slack = top * _ROUNDING
     refused = state[ALIVE, i] == 0.0
     for clutch in range(4):
         volts = actions[i, clutch]
@@ -334,6 +331,7 @@ def _build_advance(digest: str) -> Any:
         scales: Any,
         obs: Any,
         telemetry: Any,
+        slack: float,
         h: float,
         count: int,
         begin: int,
@@ -343,7 +341,7 @@ def _build_advance(digest: str) -> Any:
         external = gains[0] == EXTERNAL
         if external:
             for world in range(begin, end):
-                if _refused(params, state, actions, world):
+                if _refused(params, state, actions, slack, world):
                     return world
         w = np.empty((_SCRATCH_ROWS, LANES))
         running = np.empty(LANES, np.bool_)
@@ -433,9 +431,10 @@ def advance_kernel(law: Any = built_in) -> Any:
     """Return the compiled ``advance`` with a control law inside.
 
     ``advance(params (PARAM_ROWS, N), state (WORLD_ROWS, N), actions (N, 4), gains, memory (N, M), scales (2, OBS),
-    obs (N, OBS), telemetry (T, N, len(TELEMETRY)), h, count, begin, end)`` runs T control steps of ``count`` substeps
+    obs (N, OBS), telemetry (T, N, len(TELEMETRY)), slack, h, count, begin, end)`` runs T control steps of ``count`` substeps
     for worlds begin … end − 1. With ``gains[0] == EXTERNAL`` the voltages come from ``actions`` and the number of the
-    first refused world is returned before anything is touched; otherwise from the law. Returns −1 when all went well.
+    first refused world is returned before anything is touched (``slack`` [V] beyond the bounds is let pass); otherwise
+    from the law. Returns −1 when all went well.
     A world that ends leaves its later telemetry rows as they are.
     """
     return compile_kernel(_build_advance, law=law)

@@ -1,0 +1,97 @@
+"""The paper's two controllers: impedance (section III-A) and impedance with torque feedback (section IV-B.3, Fig. 6)."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pter_gym.controllers.base import Policy
+from pter_gym.controllers.laws import IMPEDANCE, TORQUE, ImpedanceGains
+from pter_gym.errors import ParameterError
+from pter_gym.layout import Layout
+from pter_gym.params import Machine, quantity, require, require_number
+from pter_gym.units import INCH_POUND
+
+
+@dataclass(frozen=True, kw_only=True)
+class Impedance:
+    """Spring and damper normal to the path, damper along it; allocation; piecewise-linear torque table.
+
+    The controller knows the nominal machine that it is bound to: its link lengths, and the dynamic torque curve at
+    ``table_volts``. Between these it interpolates, so that its table is not the plant's curve. Below 4 V, where the
+    paper could not measure, the table is extrapolated to (0 V, 0 N·m).
+    """
+
+    stiffness: float = quantity("N/m", "plausible: spring normal to the path", default=720.0)
+    damping_normal: float = quantity("N·s/m", "plausible: damper normal to the path", default=120.0)
+    damping_tangential: float = quantity("N·s/m", "plausible: damper along the path", default=110.0)
+    table_volts: tuple[float, ...] = quantity("V", "plausible: five knots; 4 V published", default=(0.0, 4.0, 10.0, 17.0, 24.0))
+    slip_threshold: float = quantity("rad/s", "chosen: a slower clutch counts as stuck", default=1e-3)
+    tip_space: bool = quantity("1", "chosen: allocate for tip force, not joint torque", default=False)
+
+    def __post_init__(self) -> None:
+        """Check gains and table."""
+        for name in ("stiffness", "damping_normal", "damping_tangential", "slip_threshold"):
+            require_number(self, name, at_least=0.0)
+        volts = self.table_volts
+        rising = len(volts) >= 2 and all(a < b for a, b in zip(volts, volts[1:], strict=False))
+        require(rising and volts[0] == 0.0, self, "table_volts", volts, "rising voltages from 0")
+        require(isinstance(self.tip_space, bool), self, "tip_space", self.tip_space, "True or False")
+
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        """Return the policy for a nominal machine.
+
+        Raises
+        ------
+        ParameterError
+            If the table does not end at the machine's largest voltage.
+        """
+        return Policy(self._gains(machine, feedback=0.0, hold_when_stuck=False), layout)
+
+    def _gains(self, machine: Machine, *, feedback: float, hold_when_stuck: bool) -> Any:
+        top = machine.clutch.voltage_max
+        require(self.table_volts[-1] == top, self, "table_volts", self.table_volts, f"up to voltage_max = {top:g} V")
+        torques = [machine.clutch.dynamic.torque(volts) for volts in self.table_volts]
+        gains = ImpedanceGains(
+            kind=IMPEDANCE,
+            stiffness=self.stiffness,
+            damping_normal=self.damping_normal,
+            damping_tangential=self.damping_tangential,
+            feedback=feedback,
+            hold_when_stuck=float(hold_when_stuck),
+            tip_space=float(self.tip_space),
+            length_a=machine.arm.length_a,
+            length_b=machine.arm.length_b,
+            slip_threshold=self.slip_threshold,
+            torque_limit=torques[-1],
+            voltage_max=top,
+        )
+        return np.array([*gains, *self.table_volts, *torques])
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueFeedback(Impedance):
+    """The impedance controller with a proportional torque loop around each clutch (Fig. 6)."""
+
+    feedback: float = quantity(
+        "V/(N·m)", "published: Kp = 0.06 (section IV-C.3), read as V per in·lbf", default=0.06 / INCH_POUND
+    )
+    hold_when_stuck: bool = quantity("1", "chosen: leave the loop out where it has no effect", default=False)
+
+    def __post_init__(self) -> None:
+        """Check the loop besides the rest."""
+        super().__post_init__()
+        require_number(self, "feedback", at_least=0.0)
+        require(isinstance(self.hold_when_stuck, bool), self, "hold_when_stuck", self.hold_when_stuck, "True or False")
+
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        """Return the policy for a nominal machine.
+
+        Raises
+        ------
+        ParameterError
+            If the table does not end at the machine's largest voltage, or the observation has no torque sensors.
+        """
+        if "torque_1" not in layout.names or layout.index("torque_1") != TORQUE:
+            raise ParameterError('torque feedback needs torque sensors: sensors="torque" or sensors="force"')
+        return Policy(self._gains(machine, feedback=self.feedback, hold_when_stuck=self.hold_when_stuck), layout)

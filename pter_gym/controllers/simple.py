@@ -1,0 +1,44 @@
+"""Policies that look at nothing: the ends of the scale."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pter_gym.controllers.base import Policy
+from pter_gym.controllers.laws import CONSTANT, RANDOM
+from pter_gym.layout import Layout
+from pter_gym.params import Machine, quantity, require
+
+
+@dataclass(frozen=True)
+class Free:
+    """All clutches released: 0 V."""
+
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        """Return the policy."""
+        return Policy(np.array([CONSTANT, 0.0, 0.0, 0.0, 0.0]), layout)
+
+
+@dataclass(frozen=True)
+class Locked:
+    """All clutches at their largest voltage."""
+
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        """Return the policy."""
+        return Policy(np.array([CONSTANT, *4 * [machine.clutch.voltage_max]]), layout)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Random:
+    """Voltages drawn evenly from [0, voltage_max] at each control step."""
+
+    seed: int = quantity("1", "chosen", default=0)
+
+    def __post_init__(self) -> None:
+        """Check the seed."""
+        fits = isinstance(self.seed, int) and 0 <= self.seed < 2**53
+        require(fits, self, "seed", self.seed, "an integer within [0, 2⁵³)")
+
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        """Return the policy."""
+        return Policy(np.array([RANDOM, self.seed, machine.clutch.voltage_max]), layout)

@@ -1,0 +1,191 @@
+"""The Gymnasium environment: a batch of one world."""
+
+from typing import Any, ClassVar, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from pter_gym.envs.batch import ActionUnit, Batch
+from pter_gym.errors import ParameterError
+from pter_gym.layout import Layout
+from pter_gym.params import MACHINES, Machine
+from pter_gym.tasks.path_following import T_SUCCESS, T_TERMINATED, T_TIP, TELEMETRY, PathFollowing, Sensors
+
+RenderMode = Literal["human", "rgb_array"]
+
+_TOTAL_REWARD = TELEMETRY.index("reward")
+
+
+
+class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """A hand pushes a passive planar arm along a path; four friction clutches keep it there.
+
+    ## Description
+    PTER is a planar five-bar arm without motors (Swanson, Romagna, Book and Barraco, Georgia Tech, 1999). A person
+    pushes its handle. Four electromagnetic friction clutches resist or couple its two axes: clutch 1 brakes link A
+    against the ground, clutch 2 link B, clutch 3 couples A to B, clutch 4 couples A to B through a gear that inverts the
+    motion. A clutch only removes energy, so that nothing an agent does can push the hand. Clutches stick and slip
+    (Karnopp's model), and their torque lags the voltage with a time constant of about 0.1 s.
+
+    The hand's force is the paper's: a constant push along the path and the multi-sine of Eq. 5 across it.
+
+    ## Action Space
+    `Box(0, 24, (4,), float32)` with `action_unit="volt"`: the voltages of the four clutches, up to the machine's largest
+    voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: the same range. A value of up to four float32
+    ulp beyond a bound is clipped; one further out, a NaN or a wrong shape raises `ActionError` and nothing moves.
+
+    ## Observation Space
+    `Box(-1, 1, (18,), float32)`, with torque sensors 22 entries, with force sensors 24. Entries are stored relative to a
+    scale and limited to [-1, 1]; `env.unwrapped.observation_layout` names them and holds the scales:
+
+    | entries | meaning |
+    |---|---|
+    | `cos_a`, `sin_a`, `cos_b`, `sin_b` | absolute angles of links A and B |
+    | `omega_a`, `omega_b` | their angular velocities |
+    | `normal_error`, `arc_length` | distance from the path, positive to its left; projection on the path |
+    | `heading_cos`, `heading_sin`, `curvature` | the path there |
+    | `speed_along`, `speed_across` | tip velocity along and across the path |
+    | `pace` | commanded mean speed along the path |
+    | `volts_1`, `volts_2`, `volts_3`, `volts_4` | last voltages |
+    | `torque_1`, `torque_2`, `torque_3`, `torque_4` | generated torques (`sensors="torque"` and `"force"`) |
+    | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
+
+    ## Rewards
+    The sum of four running costs, each a rate times the control period with a weight in `task.reward`: distance from
+    the path, deviation from the commanded pace, tip acceleration, and mean squared voltage; and a penalty on leaving the
+    workspace. Each term is in the telemetry.
+
+    `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose, tip, force, mode,
+    volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` says whether the end of the
+    path is reached.
+
+    ## Starting State
+    At rest at the start of the path, clutches released. With `task.start_offset` the tip starts off the path by an even
+    draw, with `task.hand.random_phases` the phases of the disturbance are drawn; both from the seed alone. A reset
+    without a seed goes on to the next episode of the present seed.
+
+    ## Episode End
+    ### Termination
+    The tip reaches the end of the path (`is_success`), or leaves the workspace: too far from the path, backed off from
+    its start, or near a singular pose.
+
+    ### Truncation
+    After 1000 control steps, by Gymnasium's `TimeLimit`.
+
+    ## Arguments
+    - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
+    - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, start, reward weights.
+    - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
+    - `action_unit`: `"volt"` (default) or `"normalised"`.
+    - `render_mode`: `"human"` or `"rgb_array"` (needs the extra `render`).
+
+    ## Version History
+    - v0: initial version.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": 100}
+
+    def __init__(
+        self,
+        machine: Machine | str = "baseline",
+        task: PathFollowing | None = None,
+        sensors: Sensors = "torque",
+        action_unit: ActionUnit = "volt",
+        render_mode: RenderMode | None = None,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ParameterError(f"render_mode must be one of human, rgb_array or None, got {render_mode!r}")
+        self.task = PathFollowing() if task is None else task
+        self.machine = find_machine(machine)
+        self.batch = Batch(self.machine, self.task, sensors=sensors, action_unit=action_unit)
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.task.control_period)}
+        self.render_mode = render_mode
+        self.action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
+        self.observation_space = spaces.Box(-1.0, 1.0, (len(self.batch.layout),), np.float32)
+        self._viewer: Any = None
+        self._shown: NDArray[np.float64] | None = None
+        self._trail: list[NDArray[np.float64]] = []
+
+    @property
+    def observation_layout(self) -> Layout:
+        """Names, units and scales of the observation's entries."""
+        return self.batch.layout
+
+    @property
+    def telemetry_layout(self) -> Layout:
+        """Names and units of the entries of ``info["telemetry"]``."""
+        return TELEMETRY
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start a new episode; without a seed, the next one of the present seed. There are no options."""
+        if options:
+            raise ParameterError(f"options must be empty, got {sorted(options)}")
+        super().reset(seed=seed)
+        obs, telemetry = self.batch.reset([seed])
+        self._trail = []
+        self._show(telemetry[0])
+        return obs[0], {"telemetry": telemetry[0], "is_success": False}
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Advance by one control period.
+
+        Raises
+        ------
+        ActionError
+            If the action has a wrong shape or type, is not finite, or is out of bounds; nothing has moved.
+        ResetNeededError
+            Before the first reset and after the end of an episode.
+        """
+        obs, telemetry = self.batch.step((action,))
+        row = telemetry[0]
+        if self.render_mode is not None:
+            self._show(row)
+        info = {"telemetry": row, "is_success": bool(row[T_SUCCESS])}
+        return obs[0], float(row[_TOTAL_REWARD]), bool(row[T_TERMINATED]), False, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture (height, width, 3) in the mode ``rgb_array``; ``human`` shows each step by itself."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render_mode was not given to gymnasium.make; nothing is rendered")
+            return None
+        if self._shown is None:
+            raise gymnasium.error.ResetNeeded("render needs a reset before it")
+        return self._draw() if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+
+    def _show(self, row: NDArray[np.float64]) -> None:
+        self._shown = row
+        self._trail.append(row[T_TIP : T_TIP + 2])
+        if self.render_mode == "human":
+            self._draw()
+
+    def _draw(self) -> NDArray[np.uint8] | None:
+        if self._viewer is None:
+            from pter_gym.render import Viewer
+
+            self._viewer = Viewer(self.machine, self.task, self.render_mode)
+        return self._viewer.draw(self._shown, np.array(self._trail))
+
+
+def find_machine(machine: Machine | str) -> Machine:
+    """Return a machine given as itself or by its name in ``MACHINES``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no machine of that name.
+    """
+    if isinstance(machine, Machine):
+        return machine
+    if machine not in MACHINES:
+        raise ParameterError(f"machine must be a Machine or one of {', '.join(MACHINES)}, got {machine!r}")
+    return MACHINES[machine]
