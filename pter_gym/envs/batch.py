@@ -140,13 +140,15 @@ class Batch:
         reset_kernel()(self._params, self._state, self._words, chosen, self._scales, obs, telemetry)
         return obs, telemetry
 
-    def step(self, actions: ArrayLike) -> tuple[Observations, Array]:
+    def step(self, actions: ArrayLike, *, skip_ended: bool = False) -> tuple[Observations, Array]:
         """Advance all worlds by one control period.
 
         Parameters
         ----------
         actions
             Clutch voltages in the action unit, shape (N, 4). Up to four float32 ulp beyond a bound are clipped.
+        skip_ended
+            Leave out worlds whose episode has ended, with zeros and NaN in their rows, instead of refusing to step.
 
         Returns
         -------
@@ -161,8 +163,11 @@ class Batch:
             If a world was never reset or its episode has ended; no world has moved.
         """
         numbers = self._numbers(actions)
-        obs = np.empty((self.num_worlds, len(self.layout)), np.float32)
+        shape = (self.num_worlds, len(self.layout))
+        obs = np.zeros(shape, np.float32) if skip_ended else np.empty(shape, np.float32)
         telemetry = np.empty((1, self.num_worlds, len(TELEMETRY)))
+        if skip_ended:
+            telemetry.fill(np.nan)
         refused = self._advance(
             self._params,
             self._state,
@@ -173,6 +178,7 @@ class Batch:
             obs,
             telemetry,
             self._slack,
+            skip_ended,
             self._substep,
             self._count,
             0,
@@ -212,7 +218,8 @@ class Batch:
             self._scales,
             obs,
             telemetry,
-            self._slack,
+            0.0,
+            True,
             self._substep,
             self._count,
             0,

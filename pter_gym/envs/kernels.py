@@ -114,10 +114,12 @@ def _commands(volts: PerClutch, voltage_max: float) -> PerClutch:
 
 
 @device
-def _refused(params: Any, state: Any, actions: Any, slack: float, i: int) -> bool:
+def _refused(params: Any, state: Any, actions: Any, slack: float, skip_ended: bool, i: int) -> bool:
     """Tell whether world i has ended or its action [V] is not finite or out of bounds by more than a slack [V]."""
+    if state[ALIVE, i] == 0.0:
+        return not skip_ended
     top = params[VOLTAGE_MAX, i]
-    refused = state[ALIVE, i] == 0.0
+    refused = False
     for clutch in range(4):
         volts = actions[i, clutch]
         refused |= not ((volts >= -slack) & (volts <= top + slack))
@@ -332,6 +334,7 @@ def _build_advance(digest: str) -> Any:
         obs: Any,
         telemetry: Any,
         slack: float,
+        skip_ended: bool,
         h: float,
         count: int,
         begin: int,
@@ -341,7 +344,7 @@ def _build_advance(digest: str) -> Any:
         external = gains[0] == EXTERNAL
         if external:
             for world in range(begin, end):
-                if _refused(params, state, actions, slack, world):
+                if _refused(params, state, actions, slack, skip_ended, world):
                     return world
         w = np.empty((_SCRATCH_ROWS, LANES))
         running = np.empty(LANES, np.bool_)
@@ -431,10 +434,11 @@ def advance_kernel(law: Any = built_in) -> Any:
     """Return the compiled ``advance`` with a control law inside.
 
     ``advance(params (PARAM_ROWS, N), state (WORLD_ROWS, N), actions (N, 4), gains, memory (N, M), scales (2, OBS),
-    obs (N, OBS), telemetry (T, N, len(TELEMETRY)), slack, h, count, begin, end)`` runs T control steps of ``count`` substeps
+    obs (N, OBS), telemetry (T, N, len(TELEMETRY)), slack, skip_ended, h, count, begin, end)``
+    runs T control steps of ``count`` substeps
     for worlds begin … end − 1. With ``gains[0] == EXTERNAL`` the voltages come from ``actions`` and the number of the
-    first refused world is returned before anything is touched (``slack`` [V] beyond the bounds is let pass); otherwise
-    from the law. Returns −1 when all went well.
+    first refused world is returned before anything is touched (``slack`` [V] beyond the bounds is let pass, and so is
+    a world that has ended if ``skip_ended``); otherwise from the law. Returns −1 when all went well.
     A world that ends leaves its later telemetry rows as they are.
     """
     return compile_kernel(_build_advance, law=law)

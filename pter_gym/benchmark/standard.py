@@ -1,0 +1,157 @@
+"""The paper's standard test (section IV-A) on any policy."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._version import __version__
+from pter_gym.benchmark.metrics import Score, score
+from pter_gym.controllers import CONTROLLERS, Controller, Policy, Random
+from pter_gym.envs.batch import Batch
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE, Machine
+from pter_gym.tasks.path_following import T_TERMINATED, T_TIME, PathFollowing
+
+Array = NDArray[np.float64]
+AnyPolicy = Callable[[NDArray[np.float32]], Any]
+
+TIME_CONSTANTS = (0.01, 0.03, 0.06, 0.105, 0.15, 0.2)
+"""Time constants of the clutches [s] that a run covers; 0.105 is the manufacturer's (paper section IV-C.3)."""
+
+MAX_STEPS = 1000
+"""Control steps after which an episode is truncated."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One episode of one policy.
+
+    Attributes
+    ----------
+    time_constant
+        Of the clutches [s].
+    score
+        Its scores.
+    telemetry
+        float64 (steps + 1, len(TELEMETRY)): the row of the reset, then one row per control step.
+    """
+
+    time_constant: float
+    score: Score
+    telemetry: Array
+
+
+@dataclass(frozen=True)
+class Result:
+    """The standard test on several policies, one Run per time constant each."""
+
+    task: PathFollowing
+    machine: Machine
+    seed: int
+    runs: dict[str, tuple[Run, ...]]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``benchmark.json`` holds; lengths in m, times in s, energies in J."""
+        time_constants = [run.time_constant for run in next(iter(self.runs.values()))]
+        return {
+            "scenario": "standard",
+            "seed": self.seed,
+            "version": __version__,
+            "config_hash": config_hash(self.machine, self.task, time_constants),
+            "policies": {
+                name: [{"time_constant_s": run.time_constant, **asdict(run.score)} for run in runs]
+                for name, runs in self.runs.items()
+            },
+        }
+
+
+def config_hash(machine: Machine, task: PathFollowing, time_constants: Sequence[float]) -> str:
+    """Return the SHA-256 of all that a standard test depends on besides the policies and the seed."""
+    config = {"machine": asdict(machine), "task": asdict(task), "time_constants": list(time_constants)}
+    return hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest()
+
+
+def run_standard_test(
+    policies: Mapping[str, Controller | AnyPolicy] | Iterable[str],
+    *,
+    machine: Machine = BASELINE,
+    task: PathFollowing | None = None,
+    time_constants: Sequence[float] = TIME_CONSTANTS,
+    seed: int = 0,
+    on_progress: Callable[[str], None] = lambda name: None,
+) -> Result:
+    """Run the standard test.
+
+    Parameters
+    ----------
+    policies
+        Names of built-in controllers, or a mapping from names to controllers or to any ``policy(observations) ->
+        volts``, float32 (N, entries) to (N, 4). A controller is bound to ``machine``.
+    machine, task
+        The machine, whose time constant is varied, and the task.
+    time_constants
+        Time constants of the clutches [s]; one episode each.
+    seed
+        Seed ≥ 0 of the episodes and of the random policy.
+    on_progress
+        Called with each policy's name when it is done.
+
+    Raises
+    ------
+    ParameterError
+        If a name is unknown, there is no policy or no time constant, or a time constant is not > 0.
+    """
+    chosen = dict(policies) if isinstance(policies, Mapping) else {name: find_controller(name, seed) for name in policies}
+    if not chosen:
+        raise ParameterError(f"policies must name at least one of {', '.join(CONTROLLERS)}")
+    if not time_constants:
+        raise ParameterError("time_constants must hold at least one number > 0 s")
+    task = PathFollowing() if task is None else task
+    machines = [replace(machine, clutch=replace(machine.clutch, time_constant=tau)) for tau in time_constants]
+    runs: dict[str, tuple[Run, ...]] = {}
+    for name, policy in chosen.items():
+        batch = Batch(machines, task)
+        ready: Any = policy.bind(machine, batch.layout) if hasattr(policy, "bind") else policy
+        telemetry = _episodes(batch, ready, seed)
+        runs[name] = tuple(
+            _run(tau, telemetry[:, world], task) for world, tau in enumerate(time_constants)
+        )
+        on_progress(name)
+    return Result(task=task, machine=machine, seed=seed, runs=runs)
+
+
+def find_controller(name: str, seed: int = 0) -> Controller:
+    """Return a built-in controller with its default gains by name; ``seed`` is the random policy's.
+
+    Raises
+    ------
+    ParameterError
+        If there is no controller of that name.
+    """
+    if name not in CONTROLLERS:
+        raise ParameterError(f"policies must be among {', '.join(CONTROLLERS)}, got {name!r}")
+    kind = CONTROLLERS[name]
+    return Random(seed=seed) if kind is Random else kind()
+
+
+def _run(time_constant: float, telemetry: Array, task: PathFollowing) -> Run:
+    finished = telemetry[np.isfinite(telemetry[:, T_TIME])]
+    return Run(time_constant=time_constant, score=score(finished, task), telemetry=finished)
+
+
+def _episodes(batch: Batch, policy: AnyPolicy, seed: int) -> Array:
+    """Return telemetry (steps + 1, N, len(TELEMETRY)), NaN after the end of an episode."""
+    obs, first = batch.reset([seed] * batch.num_worlds)
+    if isinstance(policy, Policy):
+        _, rows = batch.rollout(obs, policy.law, policy.gains, MAX_STEPS)
+        return np.concatenate([first[None], rows])
+    telemetry = [first]
+    while len(telemetry) <= MAX_STEPS and not np.nan_to_num(telemetry[-1][:, T_TERMINATED], nan=1.0).all():
+        obs, rows = batch.step(policy(obs), skip_ended=True)
+        telemetry.append(rows)
+    return np.stack(telemetry)
