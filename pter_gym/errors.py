@@ -17,3 +17,7 @@ class ActionError(PterError, gymnasium.error.InvalidAction, ValueError):
 
 class ResetNeededError(PterError, gymnasium.error.ResetNeeded):
     """A step was asked for before the first reset or after the end of an episode."""
+
+
+class DependencyError(PterError, gymnasium.error.DependencyNotInstalled):
+    """An optional package is needed; the message says which extra brings it."""

@@ -14,11 +14,12 @@ PACKAGE = Path(pter_gym.__file__).parent
 
 # from the foundation up: a room imports from itself and from the rows before its own, never from its neighbours
 ORDER = (
-    ("_version", "errors", "units", "layout", "_jit"),
+    ("_version", "errors", "units", "layout", "files", "palette", "_jit"),
     ("_philox", "params"),
     ("physics",),
-    ("operators", "paths", "controllers", "render", "open_loop"),
+    ("operators", "paths", "controllers", "open_loop"),
     ("tasks",),
+    ("render",),
     ("envs",),
     ("benchmark",),
     ("experiments",),

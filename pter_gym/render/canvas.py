@@ -1,0 +1,118 @@
+"""Drawing with smooth edges: shapes on a surface of twice the size, then shrunk; text on top of them."""
+
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pter_gym.errors import DependencyError
+from pter_gym.render.geometry import Box
+
+if TYPE_CHECKING:
+    import pygame
+
+Align = Literal["left", "centre", "right"]
+
+OVERSAMPLING = 2
+
+
+def load_pygame() -> Any:
+    """Return the module ``pygame``, or raise a DependencyError that says how to install it."""
+    try:
+        import pygame
+    except ImportError as error:
+        raise DependencyError('rendering needs pygame: run `pip install "pter-gym[render]"`') from error
+    return pygame
+
+
+class Canvas:
+    """A picture of ``width`` × ``height`` pixels in memory; coordinates are pixels from its top left corner.
+
+    All shapes lie below all texts. No display is needed.
+    """
+
+    def __init__(self, width: int, height: int, background: str) -> None:
+        self._pygame = load_pygame()
+        self._pygame.font.init()
+        self._size = (width, height)
+        self._large = self._pygame.Surface((OVERSAMPLING * width, OVERSAMPLING * height), 0, 32)
+        self._large.fill(background)
+        self._texts: list[tuple[Any, tuple[int, int]]] = []
+
+    def copy(self) -> "Canvas":
+        """Return an independent canvas with the same picture."""
+        other = Canvas.__new__(Canvas)
+        other._pygame = self._pygame
+        other._size = self._size
+        other._large = self._large.copy()
+        other._texts = self._texts.copy()
+        return other
+
+    def surface(self) -> "pygame.Surface":
+        """Return the picture as a new surface."""
+        surface = self._pygame.transform.smoothscale(self._large, self._size)
+        surface.fblits(self._texts)
+        return surface
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """Return the picture as a new array, shape (height, width, 3)."""
+        columns = self._pygame.surfarray.array3d(self.surface())
+        return np.ascontiguousarray(columns.transpose(1, 0, 2))
+
+    def polygon(self, points: ArrayLike, colour: str) -> None:
+        """Fill a polygon, points (K, 2)."""
+        self._pygame.draw.polygon(self._large, colour, _large(points))
+
+    def polyline(self, points: NDArray[np.float64], colour: str, width: float) -> None:
+        """Draw a line through points (K, 2) with round joints; nothing for fewer than two points."""
+        if len(points) < 2:
+            return
+        corners = _large(points)
+        thickness = max(1, round(OVERSAMPLING * width))
+        self._pygame.draw.lines(self._large, colour, False, corners, thickness)
+        for corner in corners:
+            self._pygame.draw.circle(self._large, colour, corner, 0.5 * thickness)
+
+    def disc(self, centre: ArrayLike, radius: float, colour: str) -> None:
+        """Fill a circle."""
+        self._pygame.draw.circle(self._large, colour, _large(centre), OVERSAMPLING * radius)
+
+    def bar(self, start: NDArray[np.float64], end: NDArray[np.float64], width: float, colour: str) -> None:
+        """Fill a bar with round ends between two points."""
+        reach = end - start
+        length = float(np.hypot(*reach))
+        if length > 0.0:
+            side = 0.5 * width / length * np.array([-reach[1], reach[0]])
+            self.polygon([start + side, end + side, end - side, start - side], colour)
+        self.disc(start, 0.5 * width, colour)
+        self.disc(end, 0.5 * width, colour)
+
+    def box(self, box: Box, colour: str, radius: float = 0.0) -> None:
+        """Fill a rectangle, with round corners if ``radius`` is given."""
+        left, top, right, bottom = (round(OVERSAMPLING * edge) for edge in box)
+        rectangle = (left, top, right - left, bottom - top)
+        self._pygame.draw.rect(self._large, colour, rectangle, border_radius=round(OVERSAMPLING * radius))
+
+    def text(self, text: str, at: tuple[float, float], size: int, colour: str, align: Align = "left") -> None:
+        """Write a line of text; ``at`` is its left end, middle or right end, halfway up."""
+        image = _font(size).render(text, True, colour)
+        share = {"left": 0.0, "centre": 0.5, "right": 1.0}[align]
+        corner = round(at[0] - share * image.get_width()), round(at[1] - 0.5 * image.get_height())
+        self._texts.append((image, corner))
+
+
+def text_width(text: str, size: int) -> int:
+    """Return the width of a line of text [px]."""
+    return _font(size).size(text)[0]
+
+
+@cache
+def _font(size: int) -> Any:
+    pygame = load_pygame()
+    pygame.font.init()
+    return pygame.font.Font(None, size)
+
+
+def _large(points: ArrayLike) -> Any:
+    return (OVERSAMPLING * np.asarray(points, np.float64)).tolist()
