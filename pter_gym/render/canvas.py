@@ -1,4 +1,4 @@
-"""Drawing with smooth edges: shapes on a surface of twice the size, then shrunk; text on top of them."""
+"""Drawing with smooth edges: on a surface of twice the size, which is then shrunk."""
 
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym.errors import DependencyError
-from pter_gym.render.geometry import Box
+from pter_gym.render.geometry import Box, normals, thinned
 
 if TYPE_CHECKING:
     import pygame
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 Align = Literal["left", "centre", "right"]
 
 OVERSAMPLING = 2
+
+SHORTEST_PIECE = 1.5
+"""A line is drawn in pieces of at least this length [px]."""
 
 
 def load_pygame() -> Any:
@@ -29,7 +32,7 @@ def load_pygame() -> Any:
 class Canvas:
     """A picture of ``width`` × ``height`` pixels in memory; coordinates are pixels from its top left corner.
 
-    All shapes lie below all texts. No display is needed.
+    No display is needed.
     """
 
     def __init__(self, width: int, height: int, background: str) -> None:
@@ -38,7 +41,6 @@ class Canvas:
         self._size = (width, height)
         self._large = self._pygame.Surface((OVERSAMPLING * width, OVERSAMPLING * height), 0, 32)
         self._large.fill(background)
-        self._texts: list[tuple[Any, tuple[int, int]]] = []
 
     def copy(self) -> "Canvas":
         """Return an independent canvas with the same picture."""
@@ -46,33 +48,35 @@ class Canvas:
         other._pygame = self._pygame
         other._size = self._size
         other._large = self._large.copy()
-        other._texts = self._texts.copy()
         return other
 
     def surface(self) -> "pygame.Surface":
         """Return the picture as a new surface."""
-        surface = self._pygame.transform.smoothscale(self._large, self._size)
-        surface.fblits(self._texts)
-        return surface
+        return self._pygame.transform.smoothscale(self._large, self._size)
 
     def pixels(self) -> NDArray[np.uint8]:
         """Return the picture as a new array, shape (height, width, 3)."""
         columns = self._pygame.surfarray.array3d(self.surface())
         return np.ascontiguousarray(columns.transpose(1, 0, 2))
 
+    def clip(self, box: Box) -> None:
+        """Draw inside a box only, from now on."""
+        self._large.set_clip(_rectangle(box))
+
     def polygon(self, points: ArrayLike, colour: str) -> None:
         """Fill a polygon, points (K, 2)."""
         self._pygame.draw.polygon(self._large, colour, _large(points))
 
     def polyline(self, points: NDArray[np.float64], colour: str, width: float) -> None:
-        """Draw a line through points (K, 2) with round joints; nothing for fewer than two points."""
-        if len(points) < 2:
+        """Draw a line through points (K, 2); nothing for fewer than two distinct points."""
+        corners = thinned(points, SHORTEST_PIECE)
+        if len(corners) < 2:
             return
-        corners = _large(points)
-        thickness = max(1, round(OVERSAMPLING * width))
-        self._pygame.draw.lines(self._large, colour, False, corners, thickness)
-        for corner in corners:
-            self._pygame.draw.circle(self._large, colour, corner, 0.5 * thickness)
+        side = 0.5 * width * normals(corners)
+        left, right = _large(corners + side), _large(corners - side)
+        for k in range(len(corners) - 1):
+            quad = (left[k], left[k + 1], right[k + 1], right[k])
+            self._pygame.draw.polygon(self._large, colour, quad)
 
     def disc(self, centre: ArrayLike, radius: float, colour: str) -> None:
         """Fill a circle."""
@@ -90,29 +94,35 @@ class Canvas:
 
     def box(self, box: Box, colour: str, radius: float = 0.0) -> None:
         """Fill a rectangle, with round corners if ``radius`` is given."""
-        left, top, right, bottom = (round(OVERSAMPLING * edge) for edge in box)
-        rectangle = (left, top, right - left, bottom - top)
-        self._pygame.draw.rect(self._large, colour, rectangle, border_radius=round(OVERSAMPLING * radius))
+        self._pygame.draw.rect(self._large, colour, _rectangle(box), border_radius=round(OVERSAMPLING * radius))
 
     def text(self, text: str, at: tuple[float, float], size: int, colour: str, align: Align = "left") -> None:
         """Write a line of text; ``at`` is its left end, middle or right end, halfway up."""
         image = _font(size).render(text, True, colour)
         share = {"left": 0.0, "centre": 0.5, "right": 1.0}[align]
-        corner = round(at[0] - share * image.get_width()), round(at[1] - 0.5 * image.get_height())
-        self._texts.append((image, corner))
+        corner = (
+            round(OVERSAMPLING * at[0] - share * image.get_width()),
+            round(OVERSAMPLING * at[1] - 0.5 * image.get_height()),
+        )
+        self._large.blit(image, corner)
 
 
-def text_width(text: str, size: int) -> int:
+def text_width(text: str, size: int) -> float:
     """Return the width of a line of text [px]."""
-    return _font(size).size(text)[0]
+    return _font(size).size(text)[0] / OVERSAMPLING
 
 
 @cache
 def _font(size: int) -> Any:
     pygame = load_pygame()
     pygame.font.init()
-    return pygame.font.Font(None, size)
+    return pygame.font.Font(None, OVERSAMPLING * size)
 
 
 def _large(points: ArrayLike) -> Any:
     return (OVERSAMPLING * np.asarray(points, np.float64)).tolist()
+
+
+def _rectangle(box: Box) -> tuple[int, int, int, int]:
+    left, top, right, bottom = (round(OVERSAMPLING * edge) for edge in box)
+    return left, top, right - left, bottom - top

@@ -12,8 +12,8 @@ from pter_gym.paths import Path
 
 Array = NDArray[np.float64]
 
-HUB = 0.05
-"""Radius of the space that the drive takes [m]."""
+HUB = 0.08
+"""Half the width of the space that the drive and its stand take [m]."""
 
 _PATH_SAMPLES = 129
 
@@ -119,6 +119,26 @@ def arrow(tail: Array, head: Array, width: float) -> Array:
     neck = head - min(3.5 * width, length) * ahead
     shaft, barb = 0.5 * width * left, 1.75 * width * left
     return np.array([tail + shaft, neck + shaft, neck + barb, head, neck - barb, neck - shaft, tail - shaft])
+
+
+def thinned(points: Array, step: float) -> Array:
+    """Return a part of the points (K, 2) of a line: the ends, and between them one for each ``step`` of its length."""
+    if len(points) < 3:
+        return points
+    travelled = np.cumsum(np.hypot(*np.diff(points, axis=0).T))
+    kept = np.diff(np.floor(travelled / step), prepend=0.0) > 0.0
+    kept[-1] = True
+    return np.vstack([points[:1], points[1:][kept]])
+
+
+def normals(points: Array) -> Array:
+    """Return unit vectors (K, 2) to the left of a line through points (K, 2), halfway between its pieces' normals."""
+    ahead = np.diff(points, axis=0)
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    left /= np.maximum(np.hypot(*left.T), 1e-9)[:, None]
+    both = np.vstack([left[:1], left[1:] + left[:-1], left[-1:]])
+    length = np.hypot(*both.T)[:, None]
+    return np.where(length > 0.1, both / np.maximum(length, 0.1), np.vstack([left, left[-1:]]))
 
 
 def _arc_lengths(path: Path) -> list[float]:

@@ -2,9 +2,9 @@
 
 from pter_gym import palette
 
-WIDTH = 800
+WIDTH = 840
 HEIGHT = 600
-PANEL_WIDTH = 268
+PANEL_WIDTH = 300
 MARGIN = 16
 
 BACKGROUND = "#ffffff"
@@ -13,7 +13,8 @@ CARD = "#ffffff"
 GROOVE = "#e3e5e9"
 INK = "#1f2328"
 MUTED = "#646b75"
-WORKSPACE = "#eef4fa"
+WORKSPACE = "#eff5fb"
+WORKSPACE_EDGE = "#d3e3f1"
 PATH = "#3b4048"
 TRAIL = palette.PURPLE
 FORCE = palette.GREEN
