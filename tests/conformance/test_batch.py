@@ -1,0 +1,186 @@
+"""One world has the same bits alone, as a row of a batch, in plain Python and in another process."""
+
+import hashlib
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+import pter_gym  # noqa: F401  (registers the environment)
+from pter_gym.controllers import Random, TorqueFeedback
+from pter_gym.controllers.base import Policy
+from pter_gym.envs.batch import Batch
+from pter_gym.operators import MultiSineHand
+from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
+from pter_gym.tasks.path_following import T_TERMINATED, TELEMETRY, PathFollowing
+
+STEPS = 200
+TASK = PathFollowing(start_offset=0.01, hand=MultiSineHand(random_phases=True))
+
+
+def machines(count: int) -> list[Machine]:
+    """Different materials and time constants, some with the lag on the voltage."""
+    materials = (BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL)
+    return [
+        replace(
+            materials[k % 3],
+            clutch=replace(
+                materials[k % 3].clutch,
+                time_constant=0.02 + 0.01 * (k % 11),
+                lag="voltage" if k % 4 == 3 else "normal_force",
+            ),
+        )
+        for k in range(count)
+    ]
+
+
+def live(batch: Batch, seeds: list[int], actions: np.ndarray) -> list[np.ndarray]:
+    """Step with given actions (steps, N, 4) and unseeded resets at the end of episodes; return all that came out."""
+    obs, telemetry = batch.reset(seeds)
+    out = [obs.copy(), telemetry.copy()]
+    for rows in actions:
+        obs, telemetry = batch.step(rows)
+        out += [obs, telemetry]
+        ended = telemetry[:, T_TERMINATED] != 0.0
+        if ended.any():
+            obs, telemetry = batch.reset(chosen=ended)
+            out += [obs[ended], telemetry[ended]]
+    return out
+
+
+def draw(count: int) -> np.ndarray:
+    """Random voltages (STEPS, count, 4): half of them low, so that episodes end and begin anew."""
+    rng = np.random.default_rng(7)
+    return (rng.uniform(0.0, 24.0, (STEPS, count, 4)) * rng.integers(0, 2, (STEPS, count, 4))).astype(np.float32)
+
+
+@pytest.mark.parametrize("count", [1, 7, 64, 100])
+def test_a_row_of_a_batch_has_the_bits_of_a_single_world(count: int) -> None:
+    all_machines = machines(count)
+    seeds = list(range(100, 100 + count))
+    actions = draw(count)
+    batch = Batch(all_machines, TASK)
+    obs, telemetry = batch.reset(seeds)
+    records = [[(obs[k], telemetry[k])] for k in range(count)]
+    episodes = np.zeros(count, int)
+    for rows in actions:
+        obs, telemetry = batch.step(rows)
+        for k in range(count):
+            records[k].append((obs[k], telemetry[k]))
+        ended = telemetry[:, T_TERMINATED] != 0.0
+        episodes += ended
+        if ended.any():
+            obs, telemetry = batch.reset(chosen=ended)
+            for k in np.flatnonzero(ended):
+                records[k].append((obs[k], telemetry[k]))
+    for k in range(count):
+        env = gymnasium.make("PTER/PathFollowing-v0", machine=all_machines[k], task=TASK)
+        obs, info = env.reset(seed=seeds[k])
+        mine = [(obs, info["telemetry"])]
+        for row in actions[:, k]:
+            obs, _, terminated, _, info = env.step(row)
+            mine.append((obs, info["telemetry"]))
+            if terminated:
+                obs, info = env.reset()
+                mine.append((obs, info["telemetry"]))
+        assert len(mine) == len(records[k])
+        for (obs, row), (batch_obs, batch_row) in zip(mine, records[k], strict=True):
+            assert obs.tobytes() == batch_obs.tobytes()
+            assert row.tobytes() == batch_row.tobytes()
+    assert episodes.sum() > 0, "no episode ended, so that no reset was compared"
+
+
+def digest() -> str:
+    """Hash everything that three worlds put out over some episodes, with laws compiled and called from Python."""
+    batch = Batch(machines(4), TASK)
+    content = hashlib.sha256()
+    for array in live(batch, [5, 6, 7, 8], draw(4)[:40]):
+        content.update(array.tobytes())
+    obs, _ = batch.reset([1, 2, 3, 4])
+    policies = [TorqueFeedback().bind(BASELINE, batch.layout), Random(seed=9).bind(BASELINE, batch.layout)]
+    for policy in policies:
+        for _ in range(10):
+            obs, telemetry = batch.step(policy(obs))
+            content.update(obs.tobytes() + telemetry.tobytes())
+    return content.hexdigest()
+
+
+@pytest.mark.parametrize("setting", ["", "NUMBA_DISABLE_JIT=1"])
+def test_another_process_has_the_same_bits(setting: str) -> None:
+    code = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_batch; print(test_batch.digest())"
+    found = subprocess.run(
+        ["env", *filter(None, [setting]), sys.executable, "-W", "ignore::RuntimeWarning", "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert found.stdout.strip() == digest()
+
+
+@pytest.mark.parametrize("policy", [TorqueFeedback(), Random(seed=4)])
+def test_a_compiled_rollout_has_the_bits_of_stepping_from_python(policy: TorqueFeedback | Random) -> None:
+    seeds = list(range(9))
+    one, two = Batch(machines(9), TASK), Batch(machines(9), TASK)
+    bound: Policy = policy.bind(BASELINE, one.layout)
+    obs, _ = one.reset(seeds)
+    last, telemetry = one.rollout(obs, bound.law, bound.gains, 120)
+    obs, _ = two.reset(seeds)
+    for row in telemetry:
+        obs, rows = two.step(bound(obs), skip_ended=True)
+        assert row.tobytes() == rows.tobytes()
+        running = np.isfinite(rows[:, 0])
+        assert running.sum() == np.isfinite(row[:, 0]).sum()
+    assert last[running].tobytes() == obs[running].tobytes()
+    for mine, other in zip(one.snapshot(), two.snapshot(), strict=True):
+        assert mine.tobytes() == other.tobytes()
+
+
+def test_plain_python_calls_the_law_with_the_same_bits() -> None:
+    batch = Batch(machines(5), TASK)
+    bound = TorqueFeedback().bind(BASELINE, batch.layout)
+    obs, _ = batch.reset([0] * 5)
+    for _ in range(30):
+        volts = bound(obs)
+        assert volts[2].tobytes() == bound(obs[2]).tobytes()
+        law = getattr(bound.law, "py_func", bound.law)
+        plain = law(obs[2], batch.layout.scales, bound.gains, np.zeros(2))
+        assert np.array(plain, np.float32).tobytes() == volts[2].tobytes()
+        obs, _ = batch.step(volts)
+
+
+def test_same_seed_same_episode_and_other_seed_another() -> None:
+    batch = Batch(BASELINE, TASK, 3)
+    obs, _ = batch.reset([1, 1, 2])
+    assert obs[0].tobytes() == obs[1].tobytes()
+    assert obs[0].tobytes() != obs[2].tobytes()
+
+
+def test_an_unseeded_reset_goes_on_to_the_next_episode() -> None:
+    batch = Batch(BASELINE, TASK)
+    first = batch.reset([1])[0]
+    second = batch.reset()[0]
+    assert first.tobytes() != second.tobytes()
+    batch.reset([1])
+    assert batch.reset()[0].tobytes() == second.tobytes()
+
+
+def test_adjacent_seeds_share_no_draw() -> None:
+    batch = Batch(BASELINE, TASK, 64)
+    starts = batch.reset(list(range(64)))[1][:, TELEMETRY.index("normal_error")]
+    assert len(np.unique(starts)) == 64
+
+
+def test_step_leaves_earlier_returns_untouched() -> None:
+    env = gymnasium.make("PTER/PathFollowing-v0")
+    obs, info = env.reset(seed=0)
+    kept = [(obs, obs.copy(), info["telemetry"], info["telemetry"].copy())]
+    for _ in range(20):
+        obs, _, _, _, info = env.step(np.full(4, 20.0, np.float32))
+        kept.append((obs, obs.copy(), info["telemetry"], info["telemetry"].copy()))
+    for obs, obs_copy, row, row_copy in kept:
+        assert obs.tobytes() == obs_copy.tobytes()
+        assert row.tobytes() == row_copy.tobytes()

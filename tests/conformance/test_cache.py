@@ -1,0 +1,68 @@
+"""The cache of compiled kernels notices a change in a function of another file, and may be missing altogether."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+CALLEE = """
+from pter_gym._jit import device
+{constant}
+@device
+def value():
+    return {result}
+"""
+
+CALLER = """
+from pter_gym._jit import compile_kernel
+from callee import value
+
+def build(digest):
+    def kernel():
+        digest
+        return value()
+    return kernel
+
+kernel = compile_kernel(build)
+print(kernel(), sum(kernel.stats.cache_hits.values()))
+"""
+
+
+def run(folder: Path, **environment: str) -> str:
+    """Run the caller in a fresh interpreter and return what it printed: its value and the hits in the cache."""
+    settings = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache"), **environment}
+    found = subprocess.run(
+        [sys.executable, "caller.py"], cwd=folder, env=settings, capture_output=True, text=True, check=True
+    )
+    return found.stdout.strip()
+
+
+def write(folder: Path, result: str, constant: str = "") -> None:
+    """Write the two modules."""
+    (folder / "callee.py").write_text(CALLEE.format(result=result, constant=constant))
+    (folder / "caller.py").write_text(CALLER)
+
+
+def test_a_change_in_another_file_is_noticed(tmp_path: Path) -> None:
+    write(tmp_path, "1.0")
+    assert run(tmp_path) == "1.0 0"
+    assert run(tmp_path) == "1.0 1"
+    before = (tmp_path / "caller.py").stat()
+    write(tmp_path, "2.0")
+    os.utime(tmp_path / "caller.py", ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert run(tmp_path) == "2.0 0"
+
+
+def test_a_changed_constant_of_a_third_file_is_noticed(tmp_path: Path) -> None:
+    (tmp_path / "third.py").write_text("LIMIT = 3.0\n")
+    write(tmp_path, "LIMIT", "from third import LIMIT")
+    assert run(tmp_path) == "3.0 0"
+    (tmp_path / "third.py").write_text("LIMIT = 4.0\n")
+    assert run(tmp_path) == "4.0 0"
+
+
+def test_no_folder_to_write_to_compiles_without_a_cache(tmp_path: Path) -> None:
+    write(tmp_path, "5.0")
+    blocked = tmp_path / "blocked"
+    blocked.write_text("a file where the cache's folder should be")
+    assert run(tmp_path, NUMBA_CACHE_DIR=str(blocked)) == "5.0 0"

@@ -1,0 +1,263 @@
+"""The environment's contract with Gymnasium and Stable-Baselines3, and with those who hand it bad input."""
+
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import pter_gym  # noqa: F401  (registers the environment)
+from pter_gym.errors import ActionError, ParameterError, ResetNeededError
+from pter_gym.layout import Layout
+from pter_gym.params import BASELINE, Arm, Clutch, Hand, Machine, TorqueCurve
+from pter_gym.paths import Line
+from pter_gym.tasks.path_following import PathFollowing, RewardWeights, observation_layout
+
+ID = "PTER/PathFollowing-v0"
+SENSORS = {"encoders": 18, "torque": 22, "force": 24}
+
+
+@pytest.mark.parametrize("sensors", SENSORS)
+def test_gymnasium_checker_is_silent(sensors: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(ID, action_unit="normalised", sensors=sensors).unwrapped, skip_render_check=True)
+
+
+def test_gymnasium_checker_wishes_only_for_a_normalised_box_in_volts() -> None:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        check_env(gymnasium.make(ID).unwrapped, skip_render_check=True)
+    assert len(caught) == 1
+    assert "symmetric and normalized" in str(caught[0].message)
+
+
+def test_import_in_the_id() -> None:
+    assert isinstance(gymnasium.make(f"pter_gym:{ID}").unwrapped, gymnasium.Env)
+
+
+def test_spec_round_trip() -> None:
+    spec = gymnasium.make(ID, action_unit="normalised").spec
+    assert spec is not None
+    again = gymnasium.envs.registration.EnvSpec.from_json(spec.to_json())
+    assert gymnasium.make(again).action_space == gymnasium.spaces.Box(-1.0, 1.0, (4,), np.float32)
+
+
+@pytest.mark.parametrize(("sensors", "entries"), SENSORS.items())
+def test_observation_layout_names_every_entry(sensors: str, entries: int) -> None:
+    env = gymnasium.make(ID, sensors=sensors)
+    layout: Layout = env.unwrapped.observation_layout  # pyright: ignore[reportAttributeAccessIssue]
+    assert len(layout) == entries == env.observation_space.shape[0]  # pyright: ignore[reportOptionalSubscript]
+    obs, _ = env.reset(seed=0)
+    values = layout.as_dict(obs)
+    assert values["pace"] == pytest.approx(0.5)
+    assert values["arc_length"] == pytest.approx(0.0, abs=1e-7)
+    assert values["cos_a"] ** 2 + values["sin_a"] ** 2 == pytest.approx(1.0, abs=1e-6)
+
+
+def test_docstring_lists_the_layout() -> None:
+    doc = type(gymnasium.make(ID).unwrapped).__doc__ or ""
+    names = observation_layout(PathFollowing(), BASELINE, "force").names
+    table = doc[doc.index("| entries") : doc.index("## Rewards")]
+    positions = [table.index(f"`{name}`") for name in names]
+    assert positions == sorted(positions)
+    for section in ("Description", "Action Space", "Observation Space", "Rewards", "Starting State", "Episode End"):
+        assert f"## {section}" in doc
+
+
+def test_both_action_units_reach_the_same_voltages() -> None:
+    volt = gymnasium.make(ID)
+    normalised = gymnasium.make(ID, action_unit="normalised")
+    volt.reset(seed=0)
+    normalised.reset(seed=0)
+    for k in range(20):
+        action = np.array([24.0, 6.0 * (k % 5), 12.0, 0.0], np.float32)
+        one = volt.step(action)
+        two = normalised.step(action / 12.0 - 1.0)
+        assert one[0].tobytes() == two[0].tobytes()
+
+
+def test_time_limit_truncates_and_does_not_terminate() -> None:
+    env = gymnasium.make(ID, max_episode_steps=5)
+    env.reset(seed=0)
+    flags = [env.step(np.full(4, 24.0, np.float32))[2:4] for _ in range(5)]
+    assert flags == [(False, False)] * 4 + [(False, True)]
+
+
+def test_free_arm_reaches_the_end_and_terminates() -> None:
+    env = gymnasium.make(ID, max_episode_steps=1000)
+    env.reset(seed=0)
+    for _ in range(1000):
+        _, _, terminated, truncated, info = env.step(np.zeros(4, np.float32))
+        if terminated:
+            break
+    assert terminated
+    assert not truncated
+    assert info["is_success"] is True
+
+
+def test_reward_is_the_sum_of_its_terms() -> None:
+    env = gymnasium.make(ID)
+    layout: Layout = env.unwrapped.telemetry_layout  # pyright: ignore[reportAttributeAccessIssue]
+    env.reset(seed=0)
+    _, reward, _, _, info = env.step(np.full(4, 6.0, np.float32))
+    row = layout.as_dict(info["telemetry"])
+    terms = [row[f"reward_{name}"] for name in ("error", "pace", "acceleration", "effort", "failure")]
+    assert reward == pytest.approx(sum(terms), rel=1e-15)
+    assert all(term <= 0.0 for term in terms)
+    assert row["reward_effort"] == pytest.approx(-0.01 * 0.1 * (6.0 / 24.0) ** 2, rel=1e-12)
+
+
+BAD_ACTIONS: dict[str, Any] = {
+    "nan": np.array([1.0, np.nan, 1.0, 1.0], np.float32),
+    "infinite": np.array([1.0, 1.0, np.inf, 1.0], np.float32),
+    "negative": np.array([-0.01, 1.0, 1.0, 1.0], np.float32),
+    "too large": np.array([1.0, 1.0, 1.0, 24.001], np.float32),
+    "eight ulp too large": np.array([1.0, 1.0, 1.0, 24.0 + 8 * np.spacing(np.float32(24.0))], np.float32),
+    "too short": np.ones(3, np.float32),
+    "too long": np.ones(5, np.float32),
+    "a scalar": np.float32(1.0),
+    "two rows": np.ones((2, 4), np.float32),
+    "text": np.array(["a", "b", "c", "d"]),
+    "objects": np.array([None, 1.0, 1.0, 1.0], object),
+    "complex": np.ones(4, complex),
+    "booleans": np.ones(4, bool),
+    "ragged": [[1.0], [1.0, 2.0], 3.0, 4.0],
+    "nothing": None,
+}
+
+
+@pytest.mark.parametrize("action", BAD_ACTIONS.values(), ids=BAD_ACTIONS)
+def test_a_bad_action_is_refused_and_nothing_moves(action: Any) -> None:
+    env: Any = gymnasium.make(ID).unwrapped
+    env.reset(seed=0)
+    env.step(np.full(4, 5.0, np.float32))
+    before = env.batch.snapshot()
+    with pytest.raises(ActionError, match="action"):
+        env.step(action)
+    for one, two in zip(before, env.batch.snapshot(), strict=True):
+        assert one.tobytes() == two.tobytes()
+
+
+def test_one_bad_row_moves_no_world_and_is_named() -> None:
+    from pter_gym.envs.batch import Batch
+
+    batch = Batch(BASELINE, PathFollowing(), 100)
+    batch.reset(list(range(100)))
+    before = batch.snapshot()
+    actions = np.ones((100, 4), np.float32)
+    actions[71, 2] = np.nan
+    with pytest.raises(ActionError, match="world 71"):
+        batch.step(actions)
+    for one, two in zip(before, batch.snapshot(), strict=True):
+        assert one.tobytes() == two.tobytes()
+
+
+def test_rounding_beyond_the_bounds_is_clipped() -> None:
+    env = gymnasium.make(ID).unwrapped
+    env.reset(seed=0)
+    ulp = float(np.spacing(np.float32(24.0)))
+    obs = env.step(np.array([24.0 + 3.9 * ulp, -3.9 * ulp, 0.0, 24.0]))[0]
+    assert obs[14:18].tolist() == [1.0, 0.0, 0.0, 1.0]
+
+
+def test_step_before_reset_and_after_the_end() -> None:
+    env: Any = gymnasium.make(ID).unwrapped
+    with pytest.raises(ResetNeededError):
+        env.step(np.zeros(4, np.float32))
+    env.reset(seed=0)
+    while not env.step(np.zeros(4, np.float32))[2]:
+        pass
+    before = env.batch.snapshot()
+    with pytest.raises(ResetNeededError):
+        env.step(np.zeros(4, np.float32))
+    assert all(one.tobytes() == two.tobytes() for one, two in zip(before, env.batch.snapshot(), strict=True))
+
+
+BAD_KEYWORDS: dict[str, dict[str, Any]] = {
+    "machine": {"machine": "pter"},
+    "sensors": {"sensors": "camera"},
+    "action_unit": {"action_unit": "amps"},
+    "render_mode": {"render_mode": "ascii"},
+}
+
+
+@pytest.mark.parametrize(("field", "keywords"), BAD_KEYWORDS.items(), ids=BAD_KEYWORDS)
+def test_a_bad_keyword_is_named(field: str, keywords: dict[str, Any]) -> None:
+    from pter_gym.envs.single import PathFollowingEnv
+
+    with pytest.raises(ParameterError, match=field):
+        PathFollowingEnv(**keywords)
+
+
+def test_an_unknown_reset_option_is_refused() -> None:
+    env = gymnasium.make(ID)
+    with pytest.raises(ParameterError, match="options.*speed"):
+        env.reset(seed=0, options={"speed": 1.0})
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "one"])
+def test_a_bad_seed_is_refused(seed: Any) -> None:
+    env = gymnasium.make(ID)
+    with pytest.raises((gymnasium.error.Error, TypeError)):
+        env.reset(seed=seed)
+
+
+def _clutch(**changes: Any) -> Clutch:
+    return replace(BASELINE.clutch, **changes)
+
+
+BAD_PARAMETERS: dict[str, Any] = {
+    "length_a": lambda: Arm(length_a=0.0),
+    "length_b": lambda: Arm(length_b=float("nan")),
+    "inertia_a": lambda: Arm(inertia_a=-1.0),
+    "inertia_b": lambda: Arm(inertia_b="heavy"),  # pyright: ignore[reportArgumentType]
+    "coupling": lambda: Arm(inertia_a=1.0, inertia_b=1.0, coupling=1.0),
+    "slope": lambda: TorqueCurve(slope=0.0, knee=1.0, curvature=0.0),
+    "knee": lambda: TorqueCurve(slope=1.0, knee=-1.0, curvature=0.0),
+    "curvature": lambda: TorqueCurve(slope=1.0, knee=1.0, curvature=float("inf")),
+    "dynamic": lambda: _clutch(dynamic=TorqueCurve(slope=1.0, knee=0.0, curvature=-0.1)),
+    "breakaway": lambda: _clutch(breakaway=3.0),
+    "time_constant": lambda: _clutch(time_constant=0.0),
+    "voltage_max": lambda: _clutch(voltage_max=-24.0),
+    "lag": lambda: _clutch(lag="pressure"),
+    "mass": lambda: Hand(mass=-1.0),
+    "damping": lambda: Hand(damping=float("nan")),
+    "hand.stiffness": lambda: replace(BASELINE, hand=Hand(stiffness=1e6)),
+    "slip_threshold": lambda: replace(BASELINE, slip_threshold=0.0),
+    "substep": lambda: replace(BASELINE, substep=0.0),
+    "arm": lambda: Machine(arm=None, clutch=BASELINE.clutch),  # pyright: ignore[reportArgumentType]
+    "length": lambda: Line(length=0.0),
+    "direction": lambda: Line(direction=float("inf")),
+    "pace": lambda: PathFollowing(pace=0.0),
+    "control_period": lambda: PathFollowing(control_period=-0.01),
+    "error_max": lambda: PathFollowing(error_max=0.0),
+    "singularity_margin": lambda: PathFollowing(singularity_margin=1.0),
+    "start_offset": lambda: PathFollowing(start_offset=0.3),
+    "error": lambda: RewardWeights(error=-1.0),
+    "path": lambda: PathFollowing(path="line"),  # pyright: ignore[reportArgumentType]
+}
+
+
+@pytest.mark.parametrize(("field", "build"), BAD_PARAMETERS.items(), ids=BAD_PARAMETERS)
+def test_a_bad_parameter_is_named(field: str, build: Any) -> None:
+    with pytest.raises(ParameterError, match=rf"\.{field} must be"):
+        build()
+
+
+def test_what_only_machine_and_task_together_show() -> None:
+    from pter_gym.envs.batch import Batch
+
+    with pytest.raises(ParameterError, match="control_period"):
+        Batch(replace(BASELINE, substep=0.003), PathFollowing())
+    with pytest.raises(ParameterError, match="path must be within reach"):
+        Batch(BASELINE, PathFollowing(path=Line(y=0.95)))
+    with pytest.raises(ParameterError, match="path must be within reach"):
+        Batch(BASELINE, PathFollowing(path=Line(y=0.89)))
+    with pytest.raises(ParameterError, match="substep"):
+        Batch([BASELINE, replace(BASELINE, substep=0.0005)], PathFollowing())
+    with pytest.raises(ParameterError, match="num_worlds"):
+        Batch([], PathFollowing())
