@@ -1,0 +1,144 @@
+"""Figures of the standard test: where the tips went, and how far from the path over time."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from pter_gym.benchmark.metrics import column, vector
+from pter_gym.benchmark.standard import Result
+from pter_gym.params import TIME_CONSTANT
+from pter_gym.plots.style import REFERENCE, WIDTH, inches_above, inches_right, label, styled
+
+Array = NDArray[np.float64]
+
+MILLIMETRE = 1e-3
+
+_PATH_SAMPLES = 257
+
+
+class Trace(NamedTuple):
+    """One episode of one policy.
+
+    Attributes
+    ----------
+    name
+        The policy.
+    time
+        Since the start of the episode [s], shape (T,).
+    tip
+        Tip position [m], shape (T, 2).
+    normal_error
+        Distance from the path, positive to its left [m], shape (T,).
+    completed
+        Whether the tip passed the end of the path.
+    """
+
+    name: str
+    time: Array
+    tip: Array
+    normal_error: Array
+    completed: bool
+
+
+def tip_paths(result: Result, time_constant: float = TIME_CONSTANT) -> Figure:
+    """Return the desired path and the tip's path for each policy, as in Fig. 11.
+
+    Parameters
+    ----------
+    result
+        Of the standard test.
+    time_constant
+        Of the clutches [s]; the nearest one in the result is shown, by default the manufacturer's.
+    """
+    shown = nearest_time_constant(result, time_constant)
+    path = result.task.path
+    points = np.array([path.point(float(s)) for s in np.linspace(0.0, path.length, _PATH_SAMPLES)])
+    return tip_path_figure(traces(result, shown), points, f"Line-following test, τ = {shown:g} s")
+
+
+def error_against_time(result: Result, time_constant: float = TIME_CONSTANT) -> Figure:
+    """Return the normal error over time for each policy; parameters as in ``tip_paths``."""
+    shown = nearest_time_constant(result, time_constant)
+    return error_figure(traces(result, shown), f"Distance from the path, τ = {shown:g} s")
+
+
+def nearest_time_constant(result: Result, time_constant: float) -> float:
+    """Return the time constant [s] of the result that is nearest to a given one."""
+    available = [run.time_constant for run in next(iter(result.runs.values()))]
+    return min(available, key=lambda tau: abs(tau - time_constant))
+
+
+def traces(result: Result, time_constant: float) -> list[Trace]:
+    """Return each policy's episode at one of the result's time constants [s]."""
+    return [
+        Trace(
+            name,
+            column(run.telemetry, "time"),
+            vector(run.telemetry, "tip"),
+            column(run.telemetry, "normal_error"),
+            run.score.completed,
+        )
+        for name, runs in result.runs.items()
+        for run in runs
+        if run.time_constant == time_constant
+    ]
+
+
+@styled
+def tip_path_figure(episodes: Sequence[Trace], path: Array, title: str) -> Figure:
+    """Return the tip's paths over the desired path, points (K, 2) [m], both axes to the same scale."""
+    everything = np.vstack([path, *(episode.tip for episode in episodes)])
+    width, height = np.ptp(everything, axis=0) + 0.02
+    figure = Figure(figsize=(WIDTH, min(max(1.8 + 6.0 * height / width, 3.2), 7.0)))
+    axes = figure.add_subplot()
+    axes.plot(*path.T, color=REFERENCE, linestyle="-", linewidth=4.0, alpha=0.3, label="desired path")
+    for episode in episodes:
+        draw_episode(axes, episode, *episode.tip.T)
+    axes.set_aspect("equal", adjustable="datalim")
+    label(axes, "x [m]", "y [m]")
+    inches_above(axes, "x")
+    inches_right(axes, "y")
+    finish(figure, axes, title)
+    return figure
+
+
+@styled
+def error_figure(episodes: Sequence[Trace], title: str) -> Figure:
+    """Return the normal errors over time. Episodes that go on after the last arrival are cut soon after it."""
+    figure = Figure(figsize=(WIDTH, 4.0))
+    axes = figure.add_subplot()
+    axes.axhline(0.0, color=REFERENCE, linestyle="-", linewidth=4.0, alpha=0.3, label="desired path")
+    end = last_time_shown(episodes)
+    for episode in episodes:
+        cut = float(episode.time[-1]) > end
+        name = f"{episode.name} (until {episode.time[-1]:.3g} s)" if cut else episode.name
+        draw_episode(axes, episode._replace(name=name), episode.time, episode.normal_error / MILLIMETRE)
+    axes.set_xlim(0.0, end)
+    label(axes, "time [s]", "normal error [mm]")
+    inches_right(axes, "normal error", MILLIMETRE)
+    finish(figure, axes, title)
+    return figure
+
+
+def last_time_shown(episodes: Sequence[Trace]) -> float:
+    """Return where the time axis ends [s]: a little after the last arrival, or with the longest episode."""
+    longest = max(float(episode.time[-1]) for episode in episodes)
+    arrivals = [float(episode.time[-1]) for episode in episodes if episode.completed]
+    return min(1.1 * max(arrivals), 1.02 * longest) if arrivals else longest
+
+
+def draw_episode(axes: Axes, episode: Trace, x: Array, y: Array) -> None:
+    """Draw one episode; a disc marks its end if it passed the end of the path, a cross if not."""
+    (line,) = axes.plot(x, y, label=episode.name)
+    marker, size = ("o", 5.5) if episode.completed else ("X", 7.0)
+    axes.plot(x[-1:], y[-1:], linestyle="none", marker=marker, markersize=size, color=line.get_color())
+
+
+def finish(figure: Figure, axes: Axes, title: str) -> None:
+    """Add the title and the legend, below the axes."""
+    axes.set_title(title)
+    figure.legend(loc="outside lower center", ncols=3, title="● passed the end of the path   ✖ did not")

@@ -1,0 +1,98 @@
+"""One style for all figures: sizes, Okabe and Ito's colours, units on every axis."""
+
+import io
+import os
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, ParamSpec
+
+import matplotlib as mpl
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pter_gym import palette
+from pter_gym.files import write_bytes_atomic
+from pter_gym.units import from_inches, to_inches
+
+Arguments = ParamSpec("Arguments")
+
+WIDTH = 7.5
+"""Width of a figure [in]."""
+
+DPI = 160
+
+REFERENCE = "#3b4048"
+"""Colour of what is desired, so that no policy has it."""
+
+COLOURS = (palette.BLUE, palette.VERMILLION, palette.GREEN, palette.PURPLE, palette.ORANGE, palette.SKY_BLUE)
+DASHES = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (2, 1)), "-", (0, (6, 1.5)))
+
+STYLE: Any = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": "#646b75",
+    "axes.grid": True,
+    "axes.labelcolor": "#1f2328",
+    "axes.labelsize": 10.0,
+    "axes.linewidth": 0.8,
+    "axes.prop_cycle": cycler(color=COLOURS, linestyle=DASHES),
+    "axes.titlelocation": "left",
+    "axes.titlepad": 10.0,
+    "axes.titlesize": 11.0,
+    "figure.constrained_layout.use": True,
+    "figure.dpi": DPI,
+    "figure.facecolor": "white",
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "grid.color": "#e3e5e9",
+    "grid.linewidth": 0.8,
+    "legend.edgecolor": "none",
+    "legend.framealpha": 0.0,
+    "lines.linewidth": 1.8,
+    "savefig.dpi": DPI,
+    "savefig.facecolor": "white",
+    "text.color": "#1f2328",
+    "xtick.color": "#646b75",
+    "xtick.labelcolor": "#1f2328",
+    "ytick.color": "#646b75",
+    "ytick.labelcolor": "#1f2328",
+}
+
+
+def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
+    """Let a function that makes a figure use the style, and leave Matplotlib's settings as they were."""
+
+    @wraps(draw)
+    def in_style(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
+        with mpl.rc_context(STYLE):
+            return draw(*args, **kwargs)
+
+    return in_style
+
+
+def label(axes: Axes, x: str, y: str) -> None:
+    """Name both axes, each with its unit, as in ``time [s]``."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+
+
+def inches_above(axes: Axes, name: str, unit: float = 1.0) -> None:
+    """Add an axis in the paper's inches above; ``unit`` is the length in metres of one on the axis below."""
+    axes.secondary_xaxis("top", functions=_inches(unit)).set_xlabel(f"{name} [in]")
+
+
+def inches_right(axes: Axes, name: str, unit: float = 1.0) -> None:
+    """Add an axis in the paper's inches on the right; ``unit`` is the length in metres of one on the left axis."""
+    axes.secondary_yaxis("right", functions=_inches(unit)).set_ylabel(f"{name} [in]")
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure as a PNG file, whole or not at all; the same figure gives the same bytes."""
+    buffer = io.BytesIO()
+    with mpl.rc_context(STYLE):
+        figure.savefig(buffer, format="png", metadata={"Software": None})
+    write_bytes_atomic(path, buffer.getvalue())
+
+
+def _inches(unit: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+    return lambda length: to_inches(length * unit), lambda length: from_inches(length) / unit
