@@ -12,7 +12,16 @@ from pter_gym._version import __version__
 
 if TYPE_CHECKING:
     from pter_gym.open_loop import State, Trajectory, initial_state, simulate
-    from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Arm, Clutch, Hand, Machine, TorqueCurve
+    from pter_gym.params import (
+        BASELINE,
+        DELRIN_EXPERIMENTAL,
+        DELRIN_THEORETICAL,
+        Arm,
+        Clutch,
+        Hand,
+        Machine,
+        TorqueCurve,
+    )
     from pter_gym.tasks.path_following import PathFollowing
 
 __all__ = [

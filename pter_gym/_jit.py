@@ -1,7 +1,8 @@
 """The one wrapper around numba.
 
 ``device`` marks a scalar function on one world. ``compile_kernel`` turns a function that loops over worlds into machine
-code. Arithmetic is strict (no fast-math, no contraction), so a world in a vectorised loop has the bits of a world alone.
+code. Arithmetic is strict (no fast-math, no contraction), so that a world in a vectorised loop has the bits of a world
+alone.
 """
 
 import hashlib

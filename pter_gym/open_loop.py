@@ -1,6 +1,5 @@
 """Open-loop trajectories, for people who want the physics without the environment."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -219,7 +218,7 @@ def _build(digest: str) -> Any:
     def kernel(
         p: Any, s: Any, volts: Any, hand_force: Any, joint_torque: Any, hand_target: Any, h: float, record: Any
     ) -> None:
-        digest  # noqa: B018  # pyright: ignore[reportUnusedExpression]
+        _ = digest
         arm = linkage(p, 0)
         for k in range(record.shape[0]):
             command = PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3])
@@ -244,9 +243,22 @@ def _build(digest: str) -> Any:
             x, y = tip_position(arm, q)
             v_x, v_y = tip_velocity(arm, q)
             row = (
-                (q.theta_a, q.theta_b, q.omega_a, q.omega_b, x, y, v_x, v_y)
-                + (generated.x1, generated.x2, generated.x3, generated.x4)
-                + (slip.x1, slip.x2, slip.x3, slip.x4)
+                q.theta_a,
+                q.theta_b,
+                q.omega_a,
+                q.omega_b,
+                x,
+                y,
+                v_x,
+                v_y,
+                generated.x1,
+                generated.x2,
+                generated.x3,
+                generated.x4,
+                slip.x1,
+                slip.x2,
+                slip.x3,
+                slip.x4,
             )
             for column in range(16):
                 record[k, column] = row[column]
@@ -277,7 +289,7 @@ def _trajectory(record: Array, h: float, initial: State, final: State) -> Trajec
         first += width
     columns["mode"] = columns["mode"].astype(np.int8)
     return Trajectory(
-        time=h * np.arange(1, len(record) + 1),
+        time=h * np.arange(1.0, len(record) + 1.0),
         power=columns["torque"] * columns["slip_velocity"],
         initial=initial,
         final=final,
@@ -343,7 +355,8 @@ def _volts(machine: Machine, volts: ArrayLike, steps: int) -> Array:
 
 
 def _steps(machine: Machine, duration: float | None, *inputs: ArrayLike) -> int:
-    lengths = {len(values) for values in inputs if isinstance(values, (np.ndarray, Sequence)) and np.ndim(values) == 2}
+    shapes = [np.shape(values) for values in inputs]
+    lengths = {shape[0] for shape in shapes if len(shape) == 2}
     if duration is not None:
         if not 0.0 < duration < float("inf"):
             raise ParameterError(f"duration must be a finite number > 0 s, got {duration!r}")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pter_gym._jit import device
-from pter_gym.params import quantity, require, require_number
+from pter_gym.params import quantity, require, require_flag, require_number, require_numbers
 
 SINES = 5
 """Number of sines in the disturbance (paper Eq. 5)."""
@@ -31,17 +31,9 @@ class MultiSineHand:
         """Check that forces and frequencies are finite and that there are five of each."""
         require_number(self, "push")
         for name in ("amplitudes", "frequencies", "phases"):
-            values = getattr(self, name)
-            fits = isinstance(values, tuple) and len(values) == SINES
-            require(
-                fits and all(isinstance(x, (int, float)) and math.isfinite(x) for x in values),
-                self,
-                name,
-                values,
-                f"a tuple of {SINES} finite numbers",
-            )
+            require_numbers(self, name, f"a tuple of {SINES} finite numbers", count=SINES)
         require(min(self.frequencies) >= 0.0, self, "frequencies", self.frequencies, "≥ 0")
-        require(isinstance(self.random_phases, bool), self, "random_phases", self.random_phases, "True or False")
+        require_flag(self, "random_phases")
 
     def normal_force(self, time: float) -> float:
         """Return the force across the path [N] at a time [s] (Eq. 5)."""

@@ -7,7 +7,7 @@ print. A plausible value is not a fact about PTER.
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal, get_args
+from typing import Any, Literal, cast, get_args
 
 from pter_gym.errors import ParameterError
 from pter_gym.units import from_inch_pounds
@@ -59,7 +59,24 @@ def require_number(
     ]
     accepted = " and ".join(["a finite number", *bounds])
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-    require(is_number and above < value and at_least <= value <= at_most and value < below, owner, name, value, accepted)
+    require(
+        is_number and above < value and at_least <= value <= at_most and value < below, owner, name, value, accepted
+    )
+
+
+def require_flag(owner: object, name: str) -> None:
+    """Raise a ParameterError unless the field is True or False."""
+    value = getattr(owner, name)
+    require(isinstance(value, bool), owner, name, value, "True or False")
+
+
+def require_numbers(owner: object, name: str, accepted: str, *, count: int | None = None) -> None:
+    """Raise a ParameterError unless the field is a tuple of finite real numbers, of the given count."""
+    value = getattr(owner, name)
+    require(isinstance(value, tuple), owner, name, value, accepted)
+    numbers = cast(tuple[object, ...], value)
+    fits = all(isinstance(x, (int, float)) and math.isfinite(x) for x in numbers)
+    require(fits and (count is None or len(numbers) == count), owner, name, numbers, accepted)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,9 +249,7 @@ DELRIN_EXPERIMENTAL = Machine(clutch=with_friction(PRESENT_CLUTCH, *DELRIN_EXPER
 """PTER with Delrin clutches as measured on the testbed (paper section IV-B.2)."""
 
 DELRIN_THEORETICAL = Machine(
-    clutch=with_friction(
-        PRESENT_CLUTCH, MU_STATIC_DELRIN / MU_STATIC_PRESENT, MU_DYNAMIC_DELRIN / MU_DYNAMIC_PRESENT
-    )
+    clutch=with_friction(PRESENT_CLUTCH, MU_STATIC_DELRIN / MU_STATIC_PRESENT, MU_DYNAMIC_DELRIN / MU_DYNAMIC_PRESENT)
 )
 """PTER with Delrin clutches as in the literature: T_k > T_s (paper section IV-B.2)."""
 

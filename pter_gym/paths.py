@@ -48,11 +48,11 @@ class Line:
         """Return the point (x, y) [m] at an arc length [m]."""
         return self.x + s * math.cos(self.direction), self.y + s * math.sin(self.direction)
 
-    def heading(self, s: float) -> float:
+    def heading(self, s: float) -> float:  # noqa: ARG002
         """Return the direction of travel [rad]."""
         return self.direction
 
-    def curvature(self, s: float) -> float:
+    def curvature(self, s: float) -> float:  # noqa: ARG002
         """Return the curvature [1/m]: none."""
         return 0.0
 

@@ -22,7 +22,9 @@ CUTOFF = 20.0
 class Score:
     """Scores of one episode. Accelerations are means over a control period, low-pass filtered unless called raw."""
 
-    path_error_m: float = quantity("m", "∫|e|ds/L over new arc length, unfinished parts at the worst error or the bound")
+    path_error_m: float = quantity(
+        "m", "∫|e|ds/L over new arc length, unfinished parts at the worst error or the bound"
+    )
     mean_error_m: float = quantity("m", "time average of |e|")
     mean_speed_m_s: float = quantity("m/s", "time average of the tip's speed")
     mean_acceleration_m_s2: float = quantity("m/s²", "time average after the start-up interval")

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -77,21 +77,21 @@ def config_hash(machine: Machine, task: PathFollowing, time_constants: Sequence[
 
 
 def run_standard_test(
-    policies: Mapping[str, Controller | AnyPolicy] | Iterable[str],
+    policies: Mapping[str, Controller | AnyPolicy],
     *,
     machine: Machine = BASELINE,
     task: PathFollowing | None = None,
     time_constants: Sequence[float] = TIME_CONSTANTS,
     seed: int = 0,
-    on_progress: Callable[[str], None] = lambda name: None,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> Result:
     """Run the standard test.
 
     Parameters
     ----------
     policies
-        Names of built-in controllers, or a mapping from names to controllers or to any ``policy(observations) ->
-        volts``, float32 (N, entries) to (N, 4). A controller is bound to ``machine``.
+        By name: controllers, which are bound to ``machine``, or any ``policy(observations) -> volts``, float32
+        (N, entries) to (N, 4). ``find_controller`` returns a built-in one.
     machine, task
         The machine, whose time constant is varied, and the task.
     time_constants
@@ -104,23 +104,20 @@ def run_standard_test(
     Raises
     ------
     ParameterError
-        If a name is unknown, there is no policy or no time constant, or a time constant is not > 0.
+        If there is no policy or no time constant, or a time constant is not > 0.
     """
-    chosen = dict(policies) if isinstance(policies, Mapping) else {name: find_controller(name, seed) for name in policies}
-    if not chosen:
-        raise ParameterError(f"policies must name at least one of {', '.join(CONTROLLERS)}")
+    if not policies:
+        raise ParameterError("policies must hold at least one policy")
     if not time_constants:
         raise ParameterError("time_constants must hold at least one number > 0 s")
     task = PathFollowing() if task is None else task
     machines = [replace(machine, clutch=replace(machine.clutch, time_constant=tau)) for tau in time_constants]
     runs: dict[str, tuple[Run, ...]] = {}
-    for name, policy in chosen.items():
+    for name, policy in policies.items():
         batch = Batch(machines, task)
-        ready: Any = policy.bind(machine, batch.layout) if hasattr(policy, "bind") else policy
+        ready = policy.bind(machine, batch.layout) if isinstance(policy, Controller) else policy
         telemetry = _episodes(batch, ready, seed)
-        runs[name] = tuple(
-            _run(tau, telemetry[:, world], task) for world, tau in enumerate(time_constants)
-        )
+        runs[name] = tuple(_run(tau, telemetry[:, world], task) for world, tau in enumerate(time_constants))
         on_progress(name)
     return Result(task=task, machine=machine, seed=seed, runs=runs)
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,11 @@ from pter_gym.params import Machine
 
 Volts = NDArray[np.float32]
 
+law: Any = built_in
+"""The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
 
+
+@runtime_checkable
 class Controller(Protocol):
     """A control law with its gains."""
 
@@ -83,9 +87,9 @@ class Policy:
 
 def _build_act(digest: str) -> Any:
     def act(obs: Any, scales: Any, gains: Any, memory: Any, out: Any) -> None:
-        digest  # noqa: B018  # pyright: ignore[reportUnusedExpression]
+        _ = digest
         for world in range(obs.shape[0]):
-            volts = law(obs[world], scales, gains, memory[world])  # noqa: F821  # pyright: ignore
+            volts = law(obs[world], scales, gains, memory[world])
             out[world, 0] = volts.x1
             out[world, 1] = volts.x2
             out[world, 2] = volts.x3

@@ -1,6 +1,7 @@
-"""The paper's two controllers: impedance (section III-A) and impedance with torque feedback (section IV-B.3, Fig. 6)."""
+"""The paper's two controllers: impedance (section III-A), and with torque feedback (section IV-B.3, Fig. 6)."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from pter_gym.controllers.base import Policy
 from pter_gym.controllers.laws import IMPEDANCE, TORQUE, ImpedanceGains
 from pter_gym.errors import ParameterError
 from pter_gym.layout import Layout
-from pter_gym.params import Machine, quantity, require, require_number
+from pter_gym.params import Machine, quantity, require, require_flag, require_number, require_numbers
 from pter_gym.units import INCH_POUND
 
 
@@ -25,7 +26,9 @@ class Impedance:
     stiffness: float = quantity("N/m", "plausible: spring normal to the path", default=720.0)
     damping_normal: float = quantity("N·s/m", "plausible: damper normal to the path", default=120.0)
     damping_tangential: float = quantity("N·s/m", "plausible: damper along the path", default=110.0)
-    table_volts: tuple[float, ...] = quantity("V", "plausible: five knots; 4 V published", default=(0.0, 4.0, 10.0, 17.0, 24.0))
+    table_volts: tuple[float, ...] = quantity(
+        "V", "plausible: five knots; 4 V published", default=(0.0, 4.0, 10.0, 17.0, 24.0)
+    )
     slip_threshold: float = quantity("rad/s", "chosen: a slower clutch counts as stuck", default=1e-3)
     tip_space: bool = quantity("1", "chosen: allocate for tip force, not joint torque", default=False)
 
@@ -33,10 +36,11 @@ class Impedance:
         """Check gains and table."""
         for name in ("stiffness", "damping_normal", "damping_tangential", "slip_threshold"):
             require_number(self, name, at_least=0.0)
-        volts = self.table_volts
-        rising = len(volts) >= 2 and all(a < b for a, b in zip(volts, volts[1:], strict=False))
-        require(rising and volts[0] == 0.0, self, "table_volts", volts, "rising voltages from 0")
-        require(isinstance(self.tip_space, bool), self, "tip_space", self.tip_space, "True or False")
+        accepted = "a tuple of rising voltages from 0"
+        require_numbers(self, "table_volts", accepted)
+        rising = all(a < b for a, b in pairwise(self.table_volts))
+        require(rising and self.table_volts[:1] == (0.0,), self, "table_volts", self.table_volts, accepted)
+        require_flag(self, "tip_space")
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a nominal machine.
@@ -50,7 +54,9 @@ class Impedance:
 
     def _gains(self, machine: Machine, *, feedback: float, hold_when_stuck: bool) -> Any:
         top = machine.clutch.voltage_max
-        require(self.table_volts[-1] == top, self, "table_volts", self.table_volts, f"up to voltage_max = {top:g} V")
+        require(
+            self.table_volts[-1:] == (top,), self, "table_volts", self.table_volts, f"up to voltage_max = {top:g} V"
+        )
         torques = [machine.clutch.dynamic.torque(volts) for volts in self.table_volts]
         gains = ImpedanceGains(
             kind=IMPEDANCE,
@@ -82,7 +88,7 @@ class TorqueFeedback(Impedance):
         """Check the loop besides the rest."""
         super().__post_init__()
         require_number(self, "feedback", at_least=0.0)
-        require(isinstance(self.hold_when_stuck, bool), self, "hold_when_stuck", self.hold_when_stuck, "True or False")
+        require_flag(self, "hold_when_stuck")
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a nominal machine.

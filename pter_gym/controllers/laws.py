@@ -1,8 +1,8 @@
 """Control laws as scalar functions: one observation in, four voltages out.
 
 A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation, ``obs·scales`` is in
-physical units, ``gains`` belongs to the law (its first entry is its kind) and ``memory`` to one world (it is the law's to
-change; its last entry holds the number of the world). The batch kernel inlines a law; plain Python may call it as well.
+physical units, ``gains`` belongs to the law (its first entry is its kind) and ``memory`` to one world (it is the law's
+to change; its last entry holds the number of the world). The batch kernel inlines a law; plain Python may call it too.
 """
 
 from typing import Any, NamedTuple

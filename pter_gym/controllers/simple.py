@@ -7,14 +7,14 @@ import numpy as np
 from pter_gym.controllers.base import Policy
 from pter_gym.controllers.laws import CONSTANT, RANDOM
 from pter_gym.layout import Layout
-from pter_gym.params import Machine, quantity, require
+from pter_gym.params import Machine, quantity, require, require_number
 
 
 @dataclass(frozen=True)
 class Free:
     """All clutches released: 0 V."""
 
-    def bind(self, machine: Machine, layout: Layout) -> Policy:
+    def bind(self, machine: Machine, layout: Layout) -> Policy:  # noqa: ARG002
         """Return the policy."""
         return Policy(np.array([CONSTANT, 0.0, 0.0, 0.0, 0.0]), layout)
 
@@ -36,8 +36,8 @@ class Random:
 
     def __post_init__(self) -> None:
         """Check the seed."""
-        fits = isinstance(self.seed, int) and 0 <= self.seed < 2**53
-        require(fits, self, "seed", self.seed, "an integer within [0, 2⁵³)")
+        require_number(self, "seed", at_least=0, below=2.0**53)
+        require(self.seed == int(self.seed), self, "seed", self.seed, "an integer")
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy."""

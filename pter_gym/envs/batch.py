@@ -72,9 +72,13 @@ class Batch:
     ) -> None:
         if action_unit not in get_args(ActionUnit):
             raise ParameterError(f"action_unit must be one of {', '.join(get_args(ActionUnit))}, got {action_unit!r}")
-        listed = [machines] * (1 if num_worlds is None else num_worlds) if isinstance(machines, Machine) else list(machines)
+        listed = (
+            [machines] * (1 if num_worlds is None else num_worlds) if isinstance(machines, Machine) else list(machines)
+        )
         if not listed or (num_worlds is not None and len(listed) != num_worlds):
-            raise ParameterError(f"num_worlds must be ≥ 1 and the number of machines, got {num_worlds!r}, {len(listed)}")
+            raise ParameterError(
+                f"num_worlds must be ≥ 1 and the number of machines, got {num_worlds!r}, {len(listed)}"
+            )
         first = listed[0]
         columns: dict[int, tuple[float, ...]] = {}
         for machine in listed:
@@ -121,14 +125,14 @@ class Batch:
             float32 (N, len(layout)) and float64 (N, len(TELEMETRY)), fresh arrays.
         """
         chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
-        seeds = [None] * self.num_worlds if seeds is None else seeds
-        if len(seeds) != self.num_worlds:
-            raise ParameterError(f"seeds must hold {self.num_worlds} entries, got {len(seeds)}")
-        for seed in seeds:
+        given = [None] * self.num_worlds if seeds is None else list(seeds)
+        if len(given) != self.num_worlds:
+            raise ParameterError(f"seeds must hold {self.num_worlds} entries, got {len(given)}")
+        for seed in given:
             if seed is not None and not 0 <= seed < 2**64:
                 raise ParameterError(f"seeds must lie within [0, 2⁶⁴), got {seed!r}")
-        for world in np.flatnonzero(chosen):
-            seed = seeds[world]
+        for world in map(int, np.flatnonzero(chosen)):
+            seed = given[world]
             if seed is None and self._seeded[world]:
                 self._words[world, 1] += np.uint64(1)
             else:

@@ -1,7 +1,7 @@
 """The block kernel: whole control steps of many worlds, from voltages to observation and reward.
 
-Worlds are gathered 64 at a time into one scratch array, whose innermost loop over worlds is vectorised. A world that ends
-is written back at once and takes no further part.
+Worlds are gathered 64 at a time into one scratch array, whose innermost loop over worlds is vectorised. A world that
+ends is written back at once and takes no further part.
 """
 
 from functools import cache
@@ -143,6 +143,13 @@ def _gather(w: Any, state: Any, params: Any, first: int, lanes: int, padded: int
 def _scatter(w: Any, state: Any, i: int, world: int) -> None:
     for row in range(WORLD_ROWS):
         state[row, world] = w[row, i]
+
+
+@device
+def _scatter_running(w: Any, running: Any, lanes: int, first: int, state: Any) -> None:
+    for i in range(lanes):
+        if running[i]:
+            _scatter(w, state, i, first + i)
 
 
 @device
@@ -323,6 +330,59 @@ def _write_pose(w: Any, i: int, row: Any, time: float) -> None:
         row[T_VOLTS + clutch] = w[COMMAND + clutch, i]
 
 
+law: Any = built_in
+"""The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
+
+
+@device
+def _first_refused(params: Any, state: Any, actions: Any, slack: float, skip_ended: bool, begin: int, end: int) -> int:
+    """Return the first world whose step is refused, or −1."""
+    for world in range(begin, end):
+        if _refused(params, state, actions, slack, skip_ended, world):
+            return world
+    return -1
+
+
+@device
+def _given(actions: Any, world: int) -> PerClutch:
+    return PerClutch(actions[world, 0], actions[world, 1], actions[world, 2], actions[world, 3])
+
+
+@device
+def _open(w: Any, running: Any, lanes: int) -> tuple[int, bool]:
+    """Note which lanes are running; return their number and whether any clutch lags its voltage."""
+    left = 0
+    lags_voltage = False
+    for i in range(lanes):
+        running[i] = w[ALIVE, i] != 0.0
+        left += 1 if running[i] else 0
+        lags_voltage |= w[_PARAM + VOLTAGE_DECAY, i] != 0.0
+    return left, lags_voltage
+
+
+@device
+def _close(
+    w: Any,
+    running: Any,
+    lanes: int,
+    first: int,
+    state: Any,
+    scales: Any,
+    obs: Any,
+    telemetry: Any,
+    h: float,
+    period: float,
+) -> int:
+    """End the control step of all running lanes, write back those that have ended, and return their number."""
+    ended = 0
+    for i in range(lanes):
+        if running[i] and not _finish(w, i, scales[1], obs[first + i], telemetry[first + i], h, period):
+            _scatter(w, state, i, first + i)
+            running[i] = False
+            ended += 1
+    return ended
+
+
 def _build_advance(digest: str) -> Any:
     def advance(
         params: Any,
@@ -340,51 +400,32 @@ def _build_advance(digest: str) -> Any:
         begin: int,
         end: int,
     ) -> int:
-        digest  # noqa: B018  # pyright: ignore[reportUnusedExpression]
+        _ = digest
         external = gains[0] == EXTERNAL
-        if external:
-            for world in range(begin, end):
-                if _refused(params, state, actions, slack, skip_ended, world):
-                    return world
+        refused = _first_refused(params, state, actions, slack, skip_ended, begin, end) if external else -1
+        if refused >= 0:
+            return refused
         w = np.empty((_SCRATCH_ROWS, LANES))
         running = np.empty(LANES, np.bool_)
-        period = h * count
         for first in range(begin, end, LANES):
             lanes = min(LANES, end - first)
             padded = (lanes + 7) // 8 * 8
             _gather(w, state, params, first, lanes, padded)
-            left = 0
-            lags_voltage = False
-            for i in range(lanes):
-                running[i] = w[ALIVE, i] != 0.0
-                left += running[i]
-                lags_voltage |= w[_PARAM + VOLTAGE_DECAY, i] != 0.0
-            for t in range(telemetry.shape[0]):
-                if left == 0:
-                    break
+            left, lags_voltage = _open(w, running, lanes)
+            t = 0
+            while left > 0 and t < telemetry.shape[0]:
                 for i in range(lanes):
-                    if running[i]:
-                        world = first + i
-                        if external:
-                            volts = PerClutch(
-                                actions[world, 0], actions[world, 1], actions[world, 2], actions[world, 3]
-                            )
-                        else:
-                            volts = law(obs[world], scales[0], gains, memory[world])
-                        _begin(w, i, volts)
+                    world = first + i
+                    if running[i] and external:
+                        _begin(w, i, _given(actions, world))
+                    elif running[i]:
+                        _begin(w, i, law(obs[world], scales[0], gains, memory[world]))
                 _pad_commands(w, lanes, padded)
                 for k in range(count):
                     _substep(w, padded, h, lags_voltage | (k == 0))
-                for i in range(lanes):
-                    if running[i] and not _finish(
-                        w, i, scales[1], obs[first + i], telemetry[t, first + i], h, period
-                    ):
-                        _scatter(w, state, i, first + i)
-                        running[i] = False
-                        left -= 1
-            for i in range(lanes):
-                if running[i]:
-                    _scatter(w, state, i, first + i)
+                left -= _close(w, running, lanes, first, state, scales, obs, telemetry[t], h, h * count)
+                t += 1
+            _scatter_running(w, running, lanes, first, state)
         return -1
 
     return advance
@@ -392,7 +433,7 @@ def _build_advance(digest: str) -> Any:
 
 def _build_reset(digest: str) -> Any:
     def reset(params: Any, state: Any, words: Any, chosen: Any, scales: Any, obs: Any, telemetry: Any) -> None:
-        digest  # noqa: B018  # pyright: ignore[reportUnusedExpression]
+        _ = digest
         w = np.zeros((_SCRATCH_ROWS, 1))
         none = PerClutch(0.0, 0.0, 0.0, 0.0)
         for world in range(chosen.shape[0]):

@@ -1,6 +1,6 @@
 """The Gymnasium environment: a batch of one world."""
 
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
@@ -18,27 +18,27 @@ RenderMode = Literal["human", "rgb_array"]
 _TOTAL_REWARD = TELEMETRY.index("reward")
 
 
-
 class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A hand pushes a passive planar arm along a path; four friction clutches keep it there.
 
     ## Description
     PTER is a planar five-bar arm without motors (Swanson, Romagna, Book and Barraco, Georgia Tech, 1999). A person
     pushes its handle. Four electromagnetic friction clutches resist or couple its two axes: clutch 1 brakes link A
-    against the ground, clutch 2 link B, clutch 3 couples A to B, clutch 4 couples A to B through a gear that inverts the
-    motion. A clutch only removes energy, so that nothing an agent does can push the hand. Clutches stick and slip
+    against the ground, clutch 2 link B, clutch 3 couples A to B, clutch 4 couples A to B through a gear that inverts
+    the motion. A clutch only removes energy, so that nothing an agent does can push the hand. Clutches stick and slip
     (Karnopp's model), and their torque lags the voltage with a time constant of about 0.1 s.
 
     The hand's force is the paper's: a constant push along the path and the multi-sine of Eq. 5 across it.
 
     ## Action Space
-    `Box(0, 24, (4,), float32)` with `action_unit="volt"`: the voltages of the four clutches, up to the machine's largest
-    voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: the same range. A value of up to four float32
-    ulp beyond a bound is clipped; one further out, a NaN or a wrong shape raises `ActionError` and nothing moves.
+    `Box(0, 24, (4,), float32)` with `action_unit="volt"`: the voltages of the four clutches, up to the machine's
+    largest voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: the same range. A value of up to four
+    float32 ulp beyond a bound is clipped; one further out, a NaN or a wrong shape raises `ActionError` and nothing
+    moves.
 
     ## Observation Space
-    `Box(-1, 1, (18,), float32)`, with torque sensors 22 entries, with force sensors 24. Entries are stored relative to a
-    scale and limited to [-1, 1]; `env.unwrapped.observation_layout` names them and holds the scales:
+    `Box(-1, 1, (18,), float32)`, with torque sensors 22 entries, with force sensors 24. Entries are stored relative to
+    a scale and limited to [-1, 1]; `env.unwrapped.observation_layout` names them and holds the scales:
 
     | entries | meaning |
     |---|---|
@@ -54,12 +54,12 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Rewards
     The sum of four running costs, each a rate times the control period with a weight in `task.reward`: distance from
-    the path, deviation from the commanded pace, tip acceleration, and mean squared voltage; and a penalty on leaving the
-    workspace. Each term is in the telemetry.
+    the path, deviation from the commanded pace, tip acceleration, and mean squared voltage; and a penalty on leaving
+    the workspace. Each term is in the telemetry.
 
     `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose, tip, force, mode,
-    volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` says whether the end of the
-    path is reached.
+    volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` says whether the end of
+    the path is reached.
 
     ## Starting State
     At rest at the start of the path, clutches released. With `task.start_offset` the tip starts off the path by an even
@@ -85,7 +85,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - v0: initial version.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": 100}
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 100}  # noqa: RUF012
 
     def __init__(
         self,
@@ -172,7 +172,8 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._viewer is None:
             from pter_gym.render import Viewer
 
-            self._viewer = Viewer(self.machine, self.task, self.render_mode)
+            mode: RenderMode = "human" if self.render_mode == "human" else "rgb_array"
+            self._viewer = Viewer(self.machine, self.task, mode)
         return self._viewer.draw(self._shown, np.array(self._trail))
 
 

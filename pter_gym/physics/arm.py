@@ -102,9 +102,7 @@ def velocity_torque(arm: Linkage, q: Motion) -> tuple[float, float]:
 def kinetic_energy(arm: Linkage, q: Motion) -> float:
     """Return ½·θ̇ᵀMθ̇ [J]."""
     m12 = arm.coupling * cos_difference(q)
-    return (
-        0.5 * (arm.m11 * q.omega_a * q.omega_a + arm.m22 * q.omega_b * q.omega_b) + m12 * q.omega_a * q.omega_b
-    )
+    return 0.5 * (arm.m11 * q.omega_a * q.omega_a + arm.m22 * q.omega_b * q.omega_b) + m12 * q.omega_a * q.omega_b
 
 
 @device

@@ -226,9 +226,7 @@ def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch) -> PerC
 
     u = between(u if best < 1e299 else u0, low.x3, high.x3)
     v = between(v if best < 1e299 else v0, low.x4, high.x4)
-    return PerClutch(
-        between(load_a - u - v, low.x1, high.x1), between(load_b + u - v, low.x2, high.x2), u, v
-    )
+    return PerClutch(between(load_a - u - v, low.x1, high.x1), between(load_b + u - v, low.x2, high.x2), u, v)
 
 
 @device
@@ -252,10 +250,16 @@ def generated_torques(omega_a: float, omega_b: float, load_a: float, load_b: flo
     """
     w = slip_velocities(omega_a, omega_b)
     low = PerClutch(
-        lower_bound(w.x1, limit.x1), lower_bound(w.x2, limit.x2), lower_bound(w.x3, limit.x3), lower_bound(w.x4, limit.x4)
+        lower_bound(w.x1, limit.x1),
+        lower_bound(w.x2, limit.x2),
+        lower_bound(w.x3, limit.x3),
+        lower_bound(w.x4, limit.x4),
     )
     high = PerClutch(
-        upper_bound(w.x1, limit.x1), upper_bound(w.x2, limit.x2), upper_bound(w.x3, limit.x3), upper_bound(w.x4, limit.x4)
+        upper_bound(w.x1, limit.x1),
+        upper_bound(w.x2, limit.x2),
+        upper_bound(w.x3, limit.x3),
+        upper_bound(w.x4, limit.x4),
     )
     return share(load_a, load_b, low, high)
 
@@ -264,7 +268,7 @@ def _build_resolve(digest: str) -> Any:
     def kernel(
         m11: float, m12: float, m22: float, p_a: float, p_b: float, c1: float, c2: float, c3: float, c4: float
     ) -> tuple[float, float, int]:
-        digest  # noqa: B018  # pyright: ignore[reportUnusedExpression]
+        _ = digest
         omega_a, omega_b = resolve(m11, m12, m22, p_a, p_b, PerClutch(c1, c2, c3, c4))
         return omega_a, omega_b, mode_of(omega_a, omega_b)
 
@@ -273,9 +277,18 @@ def _build_resolve(digest: str) -> Any:
 
 def _build_share(digest: str) -> Any:
     def kernel(
-        load_a: float, load_b: float, l1: float, l2: float, l3: float, l4: float, u1: float, u2: float, u3: float, u4: float
+        load_a: float,
+        load_b: float,
+        l1: float,
+        l2: float,
+        l3: float,
+        l4: float,
+        u1: float,
+        u2: float,
+        u3: float,
+        u4: float,
     ) -> PerClutch:
-        digest  # noqa: B018  # pyright: ignore[reportUnusedExpression]
+        _ = digest
         return share(load_a, load_b, PerClutch(l1, l2, l3, l4), PerClutch(u1, u2, u3, u4))
 
     return kernel

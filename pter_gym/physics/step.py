@@ -120,9 +120,7 @@ def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tup
 
 
 @device
-def energy_terms(
-    before: Motion, after: Motion, arm: Linkage, impact: Impact, limit: PerClutch, h: float
-) -> Energy:
+def energy_terms(before: Motion, after: Motion, arm: Linkage, impact: Impact, limit: PerClutch, h: float) -> Energy:
     """Return the substep's energy terms [J]; the damping of the hand counts as the hand's work."""
     omega_a = after.omega_a
     omega_b = after.omega_b

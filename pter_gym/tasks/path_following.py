@@ -352,10 +352,30 @@ def observe(
 ) -> None:
     """Write one observation (entries,) in the order of ``observation_layout``."""
     values = (
-        (q.cos_a, q.sin_a, q.cos_b, q.sin_b, q.omega_a, q.omega_b)
-        + (at.normal_error, at.arc_length, line.heading_cos, line.heading_sin, 0.0)
-        + (at.speed_along, at.speed_across, pace, volts.x1, volts.x2, volts.x3, volts.x4)
-        + (torques.x1, torques.x2, torques.x3, torques.x4, force_along, force_across)
+        q.cos_a,
+        q.sin_a,
+        q.cos_b,
+        q.sin_b,
+        q.omega_a,
+        q.omega_b,
+        at.normal_error,
+        at.arc_length,
+        line.heading_cos,
+        line.heading_sin,
+        0.0,
+        at.speed_along,
+        at.speed_across,
+        pace,
+        volts.x1,
+        volts.x2,
+        volts.x3,
+        volts.x4,
+        torques.x1,
+        torques.x2,
+        torques.x3,
+        torques.x4,
+        force_along,
+        force_across,
     )
     for k in range(obs.shape[0]):
         obs[k] = limited(values[k] * inverse_scales[k])

@@ -111,7 +111,9 @@ def digest() -> str:
 
 @pytest.mark.parametrize("setting", ["", "NUMBA_DISABLE_JIT=1"])
 def test_another_process_has_the_same_bits(setting: str) -> None:
-    code = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_batch; print(test_batch.digest())"
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_batch; print(test_batch.digest())"
+    )
     found = subprocess.run(
         ["env", *filter(None, [setting]), sys.executable, "-W", "ignore::RuntimeWarning", "-c", code],
         capture_output=True,

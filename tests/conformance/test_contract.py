@@ -195,7 +195,7 @@ def test_a_bad_keyword_is_named(field: str, keywords: dict[str, Any]) -> None:
 
 def test_an_unknown_reset_option_is_refused() -> None:
     env = gymnasium.make(ID)
-    with pytest.raises(ParameterError, match="options.*speed"):
+    with pytest.raises(ParameterError, match=r"options.*speed"):
         env.reset(seed=0, options={"speed": 1.0})
 
 

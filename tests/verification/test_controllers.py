@@ -44,9 +44,7 @@ def reference(gains: Impedance, obs: Array, feedback: float = 0.0, hold: bool = 
     physical = dict(zip(LAYOUT.names, obs * LAYOUT.scales, strict=True))
     a, b = ((physical[f"cos_{x}"], physical[f"sin_{x}"]) for x in "ab")
     omega = np.array([physical["omega_a"], physical["omega_b"]])
-    jacobian = np.array(
-        [[-arm.length_a * a[1], -arm.length_b * b[1]], [arm.length_a * a[0], arm.length_b * b[0]]]
-    )
+    jacobian = np.array([[-arm.length_a * a[1], -arm.length_b * b[1]], [arm.length_a * a[0], arm.length_b * b[0]]])
     tangent = np.array([physical["heading_cos"], physical["heading_sin"]])
     normal = np.array([-tangent[1], tangent[0]])
     velocity = jacobian @ omega
@@ -148,7 +146,17 @@ def test_table_is_clamped_and_zero_torque_is_zero_volts() -> None:
 
 
 def test_positions_in_the_observation() -> None:
-    for name in ("COS_A", "SIN_A", "COS_B", "SIN_B", "OMEGA_A", "OMEGA_B", "NORMAL_ERROR", "HEADING_COS", "HEADING_SIN"):
+    for name in (
+        "COS_A",
+        "SIN_A",
+        "COS_B",
+        "SIN_B",
+        "OMEGA_A",
+        "OMEGA_B",
+        "NORMAL_ERROR",
+        "HEADING_COS",
+        "HEADING_SIN",
+    ):
         assert getattr(laws, name) == LAYOUT.index(name.lower())
     assert LAYOUT.index("torque_1") == laws.TORQUE
 

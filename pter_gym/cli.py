@@ -1,0 +1,177 @@
+"""``pter``: the commands. Other packages add theirs by the entry-point group ``pter.commands``."""
+
+import json
+import sys
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from pter_gym._version import __version__
+from pter_gym.errors import ParameterError, PterError
+
+if TYPE_CHECKING:
+    from pter_gym.benchmark import Result
+
+GROUP = "pter.commands"
+
+DESCRIPTION = "PTER, a passive haptic arm with four friction clutches. `pter COMMAND --help` explains a command."
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells have it."""
+
+
+def benchmark(
+    policies: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "impedance,torque-feedback,free,locked,random",
+    machine: str = "baseline",
+    time_constants: Annotated[str, tyro.conf.arg(metavar="SECONDS,…")] = "0.01,0.03,0.06,0.105,0.15,0.2",
+    seed: int = 0,
+    out: Path = Path("pter-benchmark"),
+) -> None:
+    """Run the paper's standard test on controllers and compare them.
+
+    Prints a table, and writes benchmark.json, tip_paths.png (as in the paper's Fig. 11) and error_against_time.png.
+
+    Args:
+        policies: Controllers, separated by commas: impedance, torque-feedback, free, locked, random.
+        machine: Clutch material: baseline, delrin_experimental or delrin_theoretical.
+        time_constants: Time constants of the clutches [s], separated by commas; one episode each.
+        seed: Seed of the episodes and of the random policy, at least 0.
+        out: Folder for the results; made if need be.
+    """
+    from pter_gym.benchmark import find_controller, run_standard_test
+    from pter_gym.envs.single import find_machine
+
+    console = Console()
+    chosen = {name: find_controller(name, seed) for name in split(policies)}
+    seconds = [number("time_constants", text) for text in split(time_constants)]
+    make_folder(out)
+    with progress_bar(console) as progress:
+        task = progress.add_task("standard test", total=len(chosen))
+        result = run_standard_test(
+            chosen,
+            machine=find_machine(machine),
+            time_constants=seconds,
+            seed=seed,
+            on_progress=lambda _: progress.advance(task),
+        )
+    console.print(scores_table(result))
+    for path in write_result(result, out):
+        console.print(f"wrote {path}", highlight=False)
+
+
+def scores_table(result: "Result") -> Table:
+    """Return a table with one row per policy and time constant, in SI."""
+    table = Table(title=f"Standard test, seed {result.seed}", caption="path error: unfinished parts count at the worst")
+    columns = (
+        ("policy", "left"),
+        ("τ [s]", "right"),
+        ("path error [mm]", "right"),
+        ("mean error [mm]", "right"),
+        ("mean speed [m/s]", "right"),
+        ("mean acc. [m/s²]", "right"),
+        ("peak acc. [m/s²]", "right"),
+        ("way [m]", "right"),
+        ("arrived", "center"),
+        ("time [s]", "right"),
+        ("dissipated [J]", "right"),
+    )
+    for header, justify in columns:
+        table.add_column(header, justify=justify, no_wrap=header == "policy")  # pyright: ignore[reportArgumentType]
+    for name, runs in result.runs.items():
+        for k, run in enumerate(runs):
+            s = run.score
+            table.add_row(
+                name if k == 0 else "",
+                f"{run.time_constant:g}",
+                f"{1000 * s.path_error_m:.1f}",
+                f"{1000 * s.mean_error_m:.1f}",
+                f"{s.mean_speed_m_s:.3f}",
+                f"{s.mean_acceleration_m_s2:.2f}",
+                f"{s.peak_acceleration_m_s2:.2f}",
+                f"{s.path_length_m:.3f}",
+                "yes" if s.completed else "no",
+                f"{s.duration_s:.2f}",
+                f"{s.dissipated_j:.2f}",
+            )
+        table.add_section()
+    return table
+
+
+def write_result(result: "Result", out: Path) -> list[Path]:
+    """Write ``benchmark.json`` and the pictures to a folder that exists; return their paths."""
+    from pter_gym.files import write_text_atomic
+    from pter_gym.plots import save
+    from pter_gym.plots.benchmark import error_against_time, tip_paths
+
+    paths = [out / "benchmark.json", out / "tip_paths.png", out / "error_against_time.png"]
+    write_text_atomic(paths[0], json.dumps(result.as_json(), indent=2) + "\n")
+    save(tip_paths(result), paths[1])
+    save(error_against_time(result), paths[2])
+    return paths
+
+
+def split(text: str) -> list[str]:
+    """Return the parts of a list that is separated by commas, without repeats."""
+    return list(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
+
+
+def number(field: str, text: str) -> float:
+    """Return a number given as text, or raise a ParameterError that names the field."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ParameterError(f"{field} must be numbers separated by commas, got {text!r}") from None
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder that can be written to, or raise a ParameterError."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ParameterError(f"out must be a folder that can be written to: {error}") from None
+
+
+def progress_bar(console: Console) -> Progress:
+    """Return the progress bar that all commands share."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console, transient=True)
+
+
+def commands() -> dict[str, Callable[..., Any]]:
+    """Return all commands by name: the built-in ones and those of installed packages."""
+    found: dict[str, Callable[..., Any]] = {"benchmark": benchmark}
+    for entry in entry_points(group=GROUP):
+        found[entry.name] = entry.load()
+    return found
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run ``pter`` and return its exit status: 0, 2 for a wrong argument, 130 after Ctrl-C."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments == ["--version"]:
+        Console().print(f"pter {__version__}", highlight=False)
+        return 0
+    try:
+        tyro.extras.subcommand_cli_from_dict(
+            commands(),
+            prog="pter",
+            description=DESCRIPTION,
+            args=arguments,
+        )
+    except PterError as error:
+        Console(stderr=True).print(f"error: {error}", style="red", highlight=False)
+        return 2
+    except KeyboardInterrupt:
+        Console(stderr=True).print("interrupted; results that were written are whole", highlight=False)
+        return INTERRUPTED
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

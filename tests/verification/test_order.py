@@ -1,0 +1,114 @@
+"""The integrator is of first order: its error against an event-driven reference halves with the step.
+
+The reference (tests/oracle/event_driven.py) integrates the same equations, with the same δω band, between events
+located to rounding. An event falls anywhere within a step of ours, so a single scenario's error does not halve
+smoothly; the mean over scenarios does. Two means are used: the geometric one, to which all scenarios count alike, and
+the root mean square, which a single scenario that stopped converging would hold up.
+
+Near a grazing event no integrator converges: the motion itself is discontinuous in the loads. With T_s > T_k a
+scenario is left out if the reference goes through another sequence of modes when its loads are 0.5 % smaller or larger.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from oracle import event_driven
+from oracle.plants import Scenario, draw, plant
+from pter_gym.open_loop import initial_state, simulate
+from pter_gym.params import BASELINE, Clutch, Hand, Machine
+
+STEPS = 2e-3 / 2.0 ** np.arange(6)
+DURATION = 1.0
+GRID = 0.02 * np.arange(1, 51)
+SCENARIOS = range(30)
+TARGET = (0.3, 0.4)
+
+CURVE = BASELINE.clutch.dynamic
+MACHINES: dict[str, Machine] = {
+    "equal torques": replace(BASELINE, clutch=Clutch(breakaway=CURVE, dynamic=CURVE)),
+    "breakaway above dynamic": BASELINE,
+    "wide band": replace(BASELINE, slip_threshold=2e-2),
+    "with a hand": replace(BASELINE, hand=Hand(mass=1.0, damping=10.0, stiffness=100.0)),
+}
+
+
+def ours(machine: Machine, scenario: Scenario, step: float):
+    machine = replace(machine, substep=step)
+    start = initial_state(machine, scenario.theta, scenario.omega, scenario.volts_before)
+    time = step * np.arange(round(DURATION / step))
+    return simulate(machine, start, scenario.volts, scenario.force(time), hand_target=TARGET)
+
+
+def sequence(motion: event_driven.Motion) -> list:
+    """Modes in order, without the edges of the band."""
+    return [mode for mode, _ in itertools.groupby((phase.stuck, phase.sign) for phase in motion.phases)]
+
+
+def reference(machine: Machine, scenario: Scenario) -> event_driven.Motion:
+    return event_driven.integrate(plant(machine, scenario, TARGET), scenario.theta, scenario.omega, GRID)
+
+
+def grazes(machine: Machine, scenario: Scenario, exact: event_driven.Motion) -> bool:
+    others = (reference(machine, replace(scenario, scale=scale)) for scale in (0.995, 1.005))
+    return any(sequence(other) != sequence(exact) for other in others)
+
+
+@functools.cache
+def kept(name: str) -> list[tuple[Scenario, event_driven.Motion]]:
+    """Scenarios that move and do not graze, with their reference."""
+    machine, rows = MACHINES[name], []
+    for scenario in map(draw, SCENARIOS):
+        exact = reference(machine, scenario)
+        moves = len(exact.phases) > 1 or exact.phases[0].stuck != event_driven.AT_REST
+        one_torque = machine.clutch.breakaway == machine.clutch.dynamic
+        if moves and (one_torque or not grazes(machine, scenario, exact)):
+            rows.append((scenario, exact))
+    return rows
+
+
+@functools.cache
+def errors(name: str) -> np.ndarray:
+    """Largest error of an angle [rad] at the grid times: one row per scenario, one column per step."""
+    machine = MACHINES[name]
+    return np.array(
+        [
+            [largest_error(ours(machine, scenario, step).theta, exact.theta) for step in STEPS]
+            for scenario, exact in kept(name)
+        ]
+    )
+
+
+def largest_error(theta: np.ndarray, exact: np.ndarray) -> float:
+    every = len(theta) // len(exact)
+    return float(np.abs(theta[every - 1 :: every] - exact).max())
+
+
+def means(name: str) -> dict[str, np.ndarray]:
+    table = errors(name)
+    return {"geometric": np.exp(np.log(table).mean(axis=0)), "rms": np.sqrt((table**2).mean(axis=0))}
+
+
+def order(error: np.ndarray) -> float:
+    """Least-squares slope of log(error) over log(step)."""
+    return float(np.polyfit(np.log(STEPS), np.log(error), 1)[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MACHINES)
+def test_the_error_halves_with_the_step(name):
+    for error in means(name).values():
+        assert order(error) >= 0.9
+        assert np.all(error[1:] <= error[:-1] / 2.0**0.5), "a plateau"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MACHINES)
+def test_most_scenarios_count_and_switch_modes(name):
+    assert len(kept(name)) >= 0.75 * len(SCENARIOS)
+    assert sum(len(sequence(exact)) - 1 for _, exact in kept(name)) >= 60
