@@ -49,13 +49,14 @@ def benchmark(
 
     console = Console()
     chosen = {name: find_controller(name, seed) for name in split(policies)}
-    seconds = [number("time_constants", text) for text in split(time_constants)]
+    seconds = numbers("time_constants", time_constants)
+    chosen_machine = find_machine(machine)
     make_folder(out)
     with progress_bar(console) as progress:
         task = progress.add_task("standard test", total=len(chosen))
         result = run_standard_test(
             chosen,
-            machine=find_machine(machine),
+            machine=chosen_machine,
             time_constants=seconds,
             seed=seed,
             on_progress=lambda _: progress.advance(task),
@@ -127,12 +128,15 @@ def split(text: str) -> list[str]:
     return list(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
 
 
-def number(field: str, text: str) -> float:
-    """Return a number given as text, or raise a ParameterError that names the field."""
+def numbers(field: str, text: str) -> list[float]:
+    """Return the numbers of a list that is separated by commas, or raise a ParameterError that names the field."""
     try:
-        return float(text)
+        found = [float(part) for part in split(text)]
     except ValueError:
-        raise ParameterError(f"{field} must be numbers separated by commas, got {text!r}") from None
+        found = []
+    if not found:
+        raise ParameterError(f"{field} must be numbers separated by commas, got {text!r}")
+    return found
 
 
 def make_folder(path: Path) -> None:
