@@ -68,7 +68,7 @@ AT_REST, SLIDING = "rest", "sector"
 
 @dataclass(frozen=True)
 class Phase:
-    """`stuck`: a clutch 0 … 3, AT_REST or SLIDING; direction of each slip (0 where stuck), and which are inside the band."""
+    """What sticks (clutch 0 … 3, AT_REST or SLIDING), the direction of each slip (0: stuck), which are in the band."""
 
     stuck: int | str
     sign: tuple[float, ...]
