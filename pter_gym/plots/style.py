@@ -2,7 +2,8 @@
 
 import io
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from functools import wraps
 from typing import Any, ParamSpec
 
@@ -26,7 +27,7 @@ REFERENCE = "#3b4048"
 """Colour of what is desired, so that no policy has it."""
 
 COLOURS = (palette.BLUE, palette.VERMILLION, palette.GREEN, palette.PURPLE, palette.ORANGE, palette.SKY_BLUE)
-DASHES = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (2, 1)), "-", (0, (6, 1.5)))
+DASHES = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (2, 1)))
 
 STYLE: Any = {
     "axes.axisbelow": True,
@@ -35,13 +36,12 @@ STYLE: Any = {
     "axes.labelcolor": "#1f2328",
     "axes.labelsize": 10.0,
     "axes.linewidth": 0.8,
-    "axes.prop_cycle": cycler(color=COLOURS, linestyle=DASHES),
+    "axes.prop_cycle": cycler(color=2 * COLOURS, linestyle=3 * DASHES),
     "axes.titlelocation": "left",
     "axes.titlepad": 10.0,
     "axes.titlesize": 11.0,
     "figure.constrained_layout.use": True,
     "figure.dpi": DPI,
-    "figure.facecolor": "white",
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
     "grid.color": "#e3e5e9",
@@ -49,8 +49,6 @@ STYLE: Any = {
     "legend.edgecolor": "none",
     "legend.framealpha": 0.0,
     "lines.linewidth": 1.8,
-    "savefig.dpi": DPI,
-    "savefig.facecolor": "white",
     "text.color": "#1f2328",
     "xtick.color": "#646b75",
     "xtick.labelcolor": "#1f2328",
@@ -59,12 +57,21 @@ STYLE: Any = {
 }
 
 
+@contextmanager
+def in_force() -> Generator[None]:
+    """Put the style in force, over Matplotlib's defaults; afterwards the user's settings are as they were."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(STYLE)
+        yield
+
+
 def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
-    """Let a function that makes a figure use the style, and leave Matplotlib's settings as they were."""
+    """Let a function that makes a figure use the style."""
 
     @wraps(draw)
     def in_style(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
-        with mpl.rc_context(STYLE):
+        with in_force():
             return draw(*args, **kwargs)
 
     return in_style
@@ -89,7 +96,7 @@ def inches_right(axes: Axes, name: str, unit: float = 1.0) -> None:
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure as a PNG file, whole or not at all; the same figure gives the same bytes."""
     buffer = io.BytesIO()
-    with mpl.rc_context(STYLE):
+    with in_force():
         figure.savefig(buffer, format="png", metadata={"Software": None})
     write_bytes_atomic(path, buffer.getvalue())
 

@@ -1,0 +1,135 @@
+"""Figures: what they show, with units; files whole, the same each time, without pyplot or a display."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pter_gym.plots import save
+from pter_gym.plots.benchmark import Trace, error_figure, last_time_shown, tip_path_figure
+from pter_gym.plots.style import COLOURS, STYLE
+
+PATH = np.stack([np.linspace(-0.2, 0.2, 50), np.full(50, 0.5)], axis=1)
+
+
+def episode(name: str, steps: int, error: float, completed: bool = True) -> Trace:
+    time = 0.01 * np.arange(steps + 1)
+    errors = error * np.sin(time)
+    tip = np.stack([np.linspace(-0.2, 0.2, steps + 1), 0.5 + errors], axis=1)
+    return Trace(name, time, tip, errors, completed)
+
+
+EPISODES = [episode("impedance", 80, 0.05), episode("torque-feedback", 100, 0.02), episode("locked", 1000, 0.01, False)]
+
+
+def main_axes(figure: Figure) -> Axes:
+    return figure.axes[0]
+
+
+def lines(figure: Figure) -> dict[str, np.ndarray]:
+    drawn = main_axes(figure).get_lines()
+    return {str(line.get_label()): np.asarray(line.get_xydata()) for line in drawn}
+
+
+def labels(figure: Figure) -> list[str]:
+    secondary = main_axes(figure).child_axes
+    names = [text for axes in (main_axes(figure), *secondary) for text in (axes.get_xlabel(), axes.get_ylabel())]
+    return [name for name in names if name]
+
+
+def test_tip_paths_show_the_desired_path_and_each_policy():
+    figure = tip_path_figure(EPISODES, PATH, "title")
+    drawn = lines(figure)
+    np.testing.assert_array_equal(drawn["desired path"], PATH)
+    for trace in EPISODES:
+        np.testing.assert_array_equal(drawn[trace.name], trace.tip)
+    assert main_axes(figure).get_aspect() == 1.0
+    assert main_axes(figure).get_title(loc="left") == "title"
+    assert labels(figure) == ["x [m]", "y [m]", "x [in]", "y [in]"]
+
+
+def test_errors_are_in_millimetres_and_inches():
+    figure = error_figure(EPISODES, "title")
+    drawn = lines(figure)
+    np.testing.assert_allclose(drawn["impedance"][:, 0], EPISODES[0].time)
+    np.testing.assert_allclose(drawn["impedance"][:, 1], 1000.0 * EPISODES[0].normal_error)
+    assert "locked (until 10 s)" in drawn
+    assert labels(figure) == ["time [s]", "normal error [mm]", "normal error [in]"]
+    figure.draw_without_rendering()
+    (inches,) = main_axes(figure).child_axes
+    np.testing.assert_allclose(np.array(inches.get_ylim()) * 25.4, main_axes(figure).get_ylim())
+
+
+def test_inches_of_the_tip_paths():
+    figure = tip_path_figure(EPISODES, PATH, "title")
+    figure.draw_without_rendering()
+    above, right = main_axes(figure).child_axes
+    np.testing.assert_allclose(np.array(above.get_xlim()) * 0.0254, main_axes(figure).get_xlim())
+    np.testing.assert_allclose(np.array(right.get_ylim()) * 0.0254, main_axes(figure).get_ylim())
+
+
+def test_time_axis_ends_soon_after_the_last_arrival():
+    assert last_time_shown(EPISODES) == pytest.approx(1.1)
+    assert last_time_shown(EPISODES[2:]) == pytest.approx(10.0)
+    assert last_time_shown(EPISODES[:1]) == pytest.approx(0.8 * 1.02)
+
+
+def test_twelve_policies_can_be_told_apart():
+    figure = error_figure([episode(f"policy {k}", 10, 0.01) for k in range(12)], "title")
+    drawn = [line for line in main_axes(figure).get_lines() if str(line.get_label()).startswith("policy")]
+    assert {line.get_color() for line in drawn} == set(COLOURS)
+    assert len({(entry["color"], entry["linestyle"]) for entry in STYLE["axes.prop_cycle"]}) == len(drawn)
+
+
+def test_settings_of_matplotlib_stay_as_they_are(tmp_path: Path):
+    before = mpl.rcParams.copy()
+    save(tip_path_figure(EPISODES, PATH, "title"), tmp_path / "a.png")
+    assert mpl.rcParams.copy() == before
+
+
+def test_the_same_figure_gives_the_same_bytes_whatever_the_user_has_set(tmp_path: Path):
+    save(error_figure(EPISODES, "title"), tmp_path / "a.png")
+    with mpl.rc_context({"font.size": 20.0, "axes.grid": False, "savefig.dpi": 50, "axes.facecolor": "black"}):
+        save(error_figure(EPISODES, "title"), tmp_path / "b.png")
+    data = (tmp_path / "a.png").read_bytes()
+    assert data.startswith(b"\x89PNG\r\n\x1a\n")
+    assert data == (tmp_path / "b.png").read_bytes()
+    assert b"Software" not in data
+
+
+def test_an_interrupted_save_leaves_the_earlier_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def interrupt(*_args: object) -> None:
+        raise KeyboardInterrupt
+
+    path = tmp_path / "figure.png"
+    path.write_bytes(b"earlier")
+    monkeypatch.setattr("os.fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        save(error_figure(EPISODES, "title"), path)
+    assert [p.name for p in tmp_path.iterdir()] == ["figure.png"]
+    assert path.read_bytes() == b"earlier"
+
+
+def test_figures_of_a_standard_test(tmp_path: Path):
+    from pter_gym.benchmark import find_controller, run_standard_test
+    from pter_gym.plots.benchmark import error_against_time, tip_paths
+
+    policies = {name: find_controller(name) for name in ("impedance", "free")}
+    result = run_standard_test(policies, time_constants=[0.03, 0.105])
+    for figure in (tip_paths(result), error_against_time(result)):
+        assert set(lines(figure)) >= {"desired path", "impedance", "free"}
+        assert "τ = 0.105 s" in main_axes(figure).get_title(loc="left")
+    assert "τ = 0.03 s" in main_axes(tip_paths(result, 0.02)).get_title(loc="left")
+    tip = result.runs["free"][1].telemetry[:, 3:5]
+    np.testing.assert_array_equal(lines(tip_paths(result))["free"], tip)
+
+
+def test_no_pyplot():
+    program = "import sys, pter_gym.plots.benchmark; print('matplotlib.pyplot' in sys.modules)"
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "False"
