@@ -1,0 +1,270 @@
+"""What holds for every machine, voltage, load and start, as Hypothesis properties.
+
+The search is deterministic. Tolerances are roundings, far below anything a wrong equation would do: 1e-12 of the
+largest number that entered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, assume, example, given, settings
+from hypothesis import strategies as st
+
+from oracle.energy import budget, inertia
+from pter_gym.open_loop import State, Trajectory, initial_state, simulate
+from pter_gym.params import BASELINE, MACHINES, Arm, Hand, Machine
+from pter_gym.physics.friction import ClutchMode
+
+DETERMINISTIC = settings(
+    derandomize=True, deadline=None, database=None, max_examples=150, suppress_health_check=[HealthCheck.too_slow]
+)
+STEPS = 150
+UNIT = 2.0**-53
+W = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class World:
+    """A machine, its start, and inputs for STEPS substeps."""
+
+    machine: Machine
+    start: State
+    volts: np.ndarray
+    force: np.ndarray
+    torque: np.ndarray
+    target: np.ndarray
+
+    def run(self) -> Trajectory:
+        return simulate(self.machine, self.start, self.volts, self.force, self.torque, hand_target=self.target)
+
+    @property
+    def budget(self):
+        shape = (STEPS, 2)
+        return budget(self.machine, self.run(), self.force, self.torque, np.broadcast_to(self.target, shape))
+
+
+def between(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(low, high, allow_nan=False)
+
+
+def pair(low: float, high: float) -> st.SearchStrategy[np.ndarray]:
+    return st.tuples(between(low, high), between(low, high)).map(np.array)
+
+
+@st.composite
+def arms(draw) -> Arm:
+    inertia_a, inertia_b = draw(between(0.2, 3.0)), draw(between(0.2, 3.0))
+    coupling = draw(between(-0.95, 0.95)) * np.sqrt(inertia_a * inertia_b)
+    return Arm(
+        length_a=draw(between(0.2, 0.7)),
+        length_b=draw(between(0.2, 0.7)),
+        inertia_a=inertia_a,
+        inertia_b=inertia_b,
+        coupling=float(coupling),
+    )
+
+
+@st.composite
+def machines(draw) -> Machine:
+    base = draw(st.sampled_from(list(MACHINES.values())))
+    lag = draw(st.sampled_from(["normal_force", "voltage"]))
+    return replace(
+        base,
+        arm=draw(arms()),
+        clutch=replace(base.clutch, time_constant=draw(between(0.005, 0.3)), lag=lag),
+        hand=draw(st.sampled_from([Hand(), Hand(mass=1.5, damping=20.0, stiffness=80.0)])),
+        slip_threshold=draw(st.sampled_from([1e-4, 1e-3, 1e-2])),
+    )
+
+
+@st.composite
+def inputs(draw) -> tuple[np.ndarray, np.ndarray]:
+    """Voltages that change every 50 substeps, some zero; a force of two sines and a constant."""
+    levels = draw(st.lists(st.one_of(st.just(0.0), between(0.0, 20.0)), min_size=12, max_size=12))
+    volts = np.repeat(np.reshape(levels, (3, 4)), STEPS // 3, axis=0)
+    time = np.arange(STEPS)[:, None] * 1e-3
+    waves = [draw(pair(-40.0, 40.0)) * np.sin(2.0 * np.pi * draw(between(0.5, 20.0)) * time) for _ in range(2)]
+    return volts, draw(pair(-30.0, 30.0)) + sum(waves)
+
+
+@st.composite
+def worlds(draw) -> World:
+    machine = draw(machines())
+    volts, force = draw(inputs())
+    omega = draw(st.one_of(st.just(np.zeros(2)), pair(-4.0, 4.0)))
+    start = initial_state(machine, draw(pair(-3.0, 3.0)), omega, draw(st.sampled_from([volts[0], np.zeros(4)])))
+    return World(
+        machine, start, volts, force, np.broadcast_to(draw(pair(-10.0, 10.0)), (STEPS, 2)), draw(pair(-1.0, 1.0))
+    )
+
+
+@DETERMINISTIC
+@given(worlds())
+def test_no_clutch_adds_energy(world):
+    run = world.run()
+    assert run.power.max() <= 1e-12
+    assert np.all(run.dissipated >= 0.0)
+
+
+@DETERMINISTIC
+@given(worlds())
+def test_energy_of_each_substep_closes(world):
+    """ΔK = W − D − N + R to 1e-12 of the largest term, and each term is what its definition says."""
+    run, terms = world.run(), world.budget
+    sizes = [terms.before, terms.after, *(np.abs(getattr(terms, n)) for n in ("hand_work", "dissipated", "residual"))]
+    tolerance = 1e-12 * np.max(sizes, axis=0)
+    change = np.diff(run.kinetic_energy, prepend=terms.before[0])
+    sum_of_terms = run.hand_work - run.dissipated - run.numerical_loss + run.residual
+    assert np.all(np.abs(change - sum_of_terms) <= tolerance)
+    assert np.all(np.abs(run.kinetic_energy - terms.after) <= tolerance)
+    for name in ("hand_work", "dissipated", "numerical_loss", "residual"):
+        assert np.all(np.abs(getattr(run, name) - getattr(terms, name)) <= tolerance), name
+    assert np.all(run.numerical_loss >= 0.0)
+
+
+@DETERMINISTIC
+@given(worlds())
+def test_generated_torques_move_the_arm_and_stay_within_their_limits(world):
+    run, terms = world.run(), world.budget
+    exerted = run.torque @ W
+    size = np.abs(terms.clutch_load) + np.abs(run.torque).sum(axis=1, keepdims=True)
+    momentum = np.linalg.norm(inertia(world.machine, run.theta), axis=(1, 2)) * (1.0 + np.abs(run.omega).max())
+    rounding = 1e-12 * size + 64.0 * UNIT * momentum[:, None] / world.machine.substep
+    assert np.all(np.abs(exerted - terms.clutch_load) <= rounding)
+
+    limit = np.maximum(run.torque_breakaway, run.torque_dynamic)
+    assert np.all(np.abs(run.torque) <= limit)
+
+
+@DETERMINISTIC
+@given(worlds())
+def test_the_mode_says_exactly_which_slips_are_zero(world):
+    run = world.run()
+    assert set(np.unique(run.mode)) <= set(ClutchMode)
+    stuck = run.slip_velocity == 0.0
+    expected = np.where(stuck.sum(axis=1) == 1, 1 + np.argmax(stuck, axis=1), ClutchMode.TWO_DOF)
+    expected = np.where(stuck.all(axis=1), ClutchMode.ZERO_DOF, expected)
+    assert np.array_equal(run.mode, expected)
+    assert np.all(np.isin(stuck.sum(axis=1), (0, 1, 4)))
+    assert np.array_equal(run.slip_velocity, run.omega @ W.T)
+
+
+@DETERMINISTIC
+@given(worlds(), st.integers(1, 15))
+def test_a_released_clutch_carries_nothing(world, mask):
+    released = np.array([(mask >> x) & 1 for x in range(4)], bool)
+    volts = np.where(released, 0.0, world.volts)
+    start = initial_state(world.machine, world.start.theta, world.start.omega, volts[0])
+    run = replace(world, volts=volts, start=start).run()
+    assert np.all(run.torque[:, released] == 0.0)
+    assert np.all(run.power[:, released] == 0.0)
+
+
+# --- symmetries ---
+
+
+def mirrored(world: World) -> World:
+    """The world in a mirror along the x axis: angles, velocities, torques and y components change their sign."""
+    flip = np.array([1.0, -1.0])
+    start = replace(world.start, theta=-world.start.theta, omega=-world.start.omega)
+    return replace(world, start=start, force=world.force * flip, torque=-world.torque, target=world.target * flip)
+
+
+@DETERMINISTIC
+@given(worlds())
+def test_the_mirror_image_of_a_motion_is_a_motion(world):
+    """Changing a sign rounds nothing, so that the two agree in every bit but the choice of a shared torque."""
+    run, image = world.run(), mirrored(world).run()
+    assert np.array_equal(image.theta, -run.theta)
+    assert np.array_equal(image.omega, -run.omega)
+    assert np.array_equal(image.tip_position, run.tip_position * [1.0, -1.0])
+    assert np.array_equal(image.mode, run.mode)
+    limit = np.maximum(run.torque_breakaway, run.torque_dynamic).sum(axis=1, keepdims=True)
+    assert np.all(np.abs(image.torque + run.torque) <= 1e-12 * limit)
+
+
+def part(world: World, rows: slice) -> World:
+    return replace(world, volts=world.volts[rows], force=world.force[rows], torque=world.torque[rows])
+
+
+@DETERMINISTIC
+@given(worlds(), st.integers(1, STEPS - 1))
+def test_a_motion_does_not_know_what_time_it_is(world, cut):
+    """The second part, started from the end of the first, is the rest of the whole.
+
+    A state holds angles, not the unit vectors that the substep turns, so that a restart rounds them anew.
+    """
+    whole = world.run()
+    first = part(world, slice(0, cut)).run()
+    second = replace(part(world, slice(cut, None)), start=first.final).run()
+    assert np.array_equal(first.theta, whole.theta[:cut])
+    assert np.allclose(second.theta, whole.theta[cut:], rtol=0.0, atol=1e-9)
+    assert np.allclose(second.torque_breakaway, whole.torque_breakaway[cut:], rtol=1e-14)
+
+
+# --- stuck, and free ---
+
+
+@settings(DETERMINISTIC, max_examples=25)
+@given(
+    arms(), pair(-3.0, 3.0), st.lists(between(4.0, 20.0), min_size=4, max_size=4), pair(-1.0, 1.0), between(0.0, 0.99)
+)
+@example(BASELINE.arm, np.zeros(2), [10.0] * 4, np.array([1.0, 1.0]), 0.999)
+def test_a_stuck_arm_does_not_drift(arm, theta, volts, direction, share):
+    """Ten seconds under any load that the clutches can hold."""
+    machine = replace(BASELINE, arm=arm)
+    start = initial_state(machine, theta, volts=volts)
+    load = share * largest_held(start.torque_breakaway, direction) * direction
+    run = simulate(machine, start, volts, (0.0, 0.0), load, duration=10.0)
+    assert np.all(run.mode == ClutchMode.ZERO_DOF)
+    assert np.abs(run.theta - theta).max() <= 1e-12
+
+
+def largest_held(torque: np.ndarray, direction: np.ndarray) -> float:
+    """How many times a load the clutches can hold: it must stay inside four pairs of sides."""
+    normals = np.stack([W[:, 1], -W[:, 0]], axis=1)
+    reach, facing = np.abs(normals @ W.T) @ torque, np.abs(normals @ direction)
+    return float(min((r / f for r, f in zip(reach, facing, strict=True) if f > 1e-6), default=0.0))
+
+
+def energy_drift(machine: Machine, theta, omega, duration: float) -> float:
+    start = initial_state(machine, theta, omega)
+    run = simulate(machine, start, np.zeros(4), (0.0, 0.0), duration=duration)
+    first = 0.5 * omega @ inertia(machine, np.array([theta]))[0] @ omega
+    return abs(run.kinetic_energy - first).max() / first
+
+
+@settings(DETERMINISTIC, max_examples=60)
+@given(arms(), pair(-3.0, 3.0), pair(-2.0, 2.0).filter(lambda w: np.abs(w).max() > 0.3))
+def test_a_free_arm_keeps_its_energy_to_first_order(arm, theta, omega):
+    """Without hand and clutches |ΔK| of a substep is |R − N|, of order h².
+
+    With Ω the largest speed, μ the smallest eigenvalue of M and |V| ≤ |c|Ω², |Δω| ≤ h|c|Ω²/μ:
+    N ≤ h²c²Ω⁴/2μ. In R the first-order parts cancel, since ½ωᵀṀω = ωᵀV; left are the change of V with Δω, at most
+    2h²c²Ω⁴/μ, and the curvature of cos(θA − θB), at most h²|c|Ω⁴/2. Over a time T there are T/h substeps. While the sum
+    stays below a tenth of K, Ω² ≤ 2.2 K/μ.
+    """
+    machine, duration = replace(BASELINE, arm=arm), 0.5
+    c, smallest = abs(arm.coupling), smallest_inertia(arm)
+    energy = 0.5 * omega @ inertia(machine, np.array([theta]))[0] @ omega
+    speed = np.sqrt(2.0 * 1.1 * energy / smallest)
+    bound = machine.substep * duration * speed**4 * (2.5 * c**2 / smallest + 0.5 * c) / energy
+    assume(bound <= 0.1)
+    rounding = 16 * 2.0**-53 * duration / machine.substep
+    assert energy_drift(machine, theta, omega, duration) <= bound + rounding
+
+
+def smallest_inertia(arm: Arm) -> float:
+    """Smallest eigenvalue of M over all poses."""
+    return float(np.linalg.eigvalsh([[arm.inertia_a, arm.coupling], [arm.coupling, arm.inertia_b]])[0])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_energy_error_of_a_free_arm_halves_with_the_step(seed):
+    rng = np.random.default_rng(seed)
+    theta, omega = rng.uniform(-3.0, 3.0, 2), rng.uniform(1.0, 3.0, 2) * [1.0, -1.0]
+    drifts = [energy_drift(replace(BASELINE, substep=1e-3 / 2**k), theta, omega, 1.0) for k in range(4)]
+    assert np.all(np.abs(np.divide(drifts[:-1], drifts[1:]) - 2.0) < 0.1)
