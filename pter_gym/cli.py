@@ -66,6 +66,30 @@ def benchmark(
         console.print(f"wrote {path}", highlight=False)
 
 
+def speed() -> None:
+    """Measure the simulator's speed: one env.step beside CartPole's, and the block kernel on one thread.
+
+    Also compiles the block kernel anew and shows which of its loops LLVM vectorised.
+    """
+    from pter_gym.benchmark import speed as measure
+
+    console = Console(highlight=False, soft_wrap=True)
+    single = measure.single_step()
+    console.print(
+        f"one env.step: {1e6 * single.seconds:.2f} µs; {measure.PEER}: {1e6 * single.peer_seconds:.2f} µs; "
+        f"ratio {single.ratio:.2f} (median of pairs)"
+    )
+    count = measure.substeps_per_step()
+    for worlds in (64, 1024, 16384):
+        found = measure.throughput(worlds)
+        console.print(
+            f"block kernel, one thread, {worlds} worlds: {found.steps_per_second / 1e6:.2f} M control steps/s of "
+            f"{count} substeps each"
+        )
+    widths = measure.vectorised_loops()
+    console.print(f"vectorised loops: {len(widths)}, widths {', '.join(map(str, sorted(widths)))}")
+
+
 def scores_table(result: "Result") -> Table:
     """Return a table with one row per policy and time constant, in SI; it fits a terminal of 80 columns."""
     table = Table(
@@ -155,7 +179,7 @@ def progress_bar(console: Console) -> Progress:
 
 def commands() -> dict[str, Callable[..., Any]]:
     """Return all commands by name: the built-in ones and those of installed packages."""
-    found: dict[str, Callable[..., Any]] = {"benchmark": benchmark}
+    found: dict[str, Callable[..., Any]] = {"benchmark": benchmark, "speed": speed}
     for entry in entry_points(group=GROUP):
         found[entry.name] = entry.load()
     return found

@@ -94,8 +94,7 @@ class Batch:
         self.layout = observation_layout(task, first, sensors)
         voltage_max = first.clutch.voltage_max
         self.action_low, self.action_high = (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
-        self._volts_per_unit = voltage_max / (self.action_high - self.action_low)
-        self._slack = self._volts_per_unit * 4.0 * float(np.spacing(np.float32(self.action_high)))
+        self._slack = 4.0 * float(np.spacing(np.float32(self.action_high)))
         self._substep = first.substep
         self._count = substeps(task, first)
         self._params = np.array([columns[id(machine)] for machine in listed]).T.copy()
@@ -175,12 +174,14 @@ class Batch:
         refused = self._advance(
             self._params,
             self._state,
-            (numbers - self.action_low) * self._volts_per_unit,
+            numbers,
             _EXTERNAL,
             self._memory,
             self._scales,
             obs,
             telemetry,
+            self.action_low,
+            self.action_high,
             self._slack,
             skip_ended,
             self._substep,
@@ -222,7 +223,9 @@ class Batch:
             self._scales,
             obs,
             telemetry,
-            0.0,
+            self.action_low,
+            self.action_high,
+            self._slack,
             True,
             self._substep,
             self._count,

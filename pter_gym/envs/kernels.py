@@ -114,15 +114,13 @@ def _commands(volts: PerClutch, voltage_max: float) -> PerClutch:
 
 
 @device
-def _refused(params: Any, state: Any, actions: Any, slack: float, skip_ended: bool, i: int) -> bool:
-    """Tell whether world i has ended or its action [V] is not finite or out of bounds by more than a slack [V]."""
+def _refused(state: Any, actions: Any, low: float, high: float, skip_ended: bool, i: int) -> bool:
+    """Tell whether world i has ended or its action is not a number within the bounds."""
     if state[ALIVE, i] == 0.0:
         return not skip_ended
-    top = params[VOLTAGE_MAX, i]
     refused = False
     for clutch in range(4):
-        volts = actions[i, clutch]
-        refused |= not ((volts >= -slack) & (volts <= top + slack))
+        refused |= not ((actions[i, clutch] >= low) & (actions[i, clutch] <= high))
     return refused
 
 
@@ -335,17 +333,25 @@ law: Any = built_in
 
 
 @device
-def _first_refused(params: Any, state: Any, actions: Any, slack: float, skip_ended: bool, begin: int, end: int) -> int:
+def _first_refused(
+    state: Any, actions: Any, low: float, high: float, slack: float, skip_ended: bool, begin: int, end: int
+) -> int:
     """Return the first world whose step is refused, or −1."""
     for world in range(begin, end):
-        if _refused(params, state, actions, slack, skip_ended, world):
+        if _refused(state, actions, low - slack, high + slack, skip_ended, world):
             return world
     return -1
 
 
 @device
-def _given(actions: Any, world: int) -> PerClutch:
-    return PerClutch(actions[world, 0], actions[world, 1], actions[world, 2], actions[world, 3])
+def _given(actions: Any, world: int, low: float, volts_per_unit: float) -> PerClutch:
+    """Return the voltages [V] of an action."""
+    return PerClutch(
+        (actions[world, 0] - low) * volts_per_unit,
+        (actions[world, 1] - low) * volts_per_unit,
+        (actions[world, 2] - low) * volts_per_unit,
+        (actions[world, 3] - low) * volts_per_unit,
+    )
 
 
 @device
@@ -393,6 +399,8 @@ def _build_advance(digest: str) -> Any:
         scales: Any,
         obs: Any,
         telemetry: Any,
+        low: float,
+        high: float,
         slack: float,
         skip_ended: bool,
         h: float,
@@ -402,7 +410,7 @@ def _build_advance(digest: str) -> Any:
     ) -> int:
         _ = digest
         external = gains[0] == EXTERNAL
-        refused = _first_refused(params, state, actions, slack, skip_ended, begin, end) if external else -1
+        refused = _first_refused(state, actions, low, high, slack, skip_ended, begin, end) if external else -1
         if refused >= 0:
             return refused
         w = np.empty((_SCRATCH_ROWS, LANES))
@@ -417,7 +425,7 @@ def _build_advance(digest: str) -> Any:
                 for i in range(lanes):
                     world = first + i
                     if running[i] and external:
-                        _begin(w, i, _given(actions, world))
+                        _begin(w, i, _given(actions, world, low, params[VOLTAGE_MAX, world] / (high - low)))
                     elif running[i]:
                         _begin(w, i, law(obs[world], scales[0], gains, memory[world]))
                 _pad_commands(w, lanes, padded)
@@ -475,12 +483,13 @@ def advance_kernel(law: Any = built_in) -> Any:
     """Return the compiled ``advance`` with a control law inside.
 
     ``advance(params (PARAM_ROWS, N), state (WORLD_ROWS, N), actions (N, 4), gains, memory (N, M), scales (2, OBS),
-    obs (N, OBS), telemetry (T, N, len(TELEMETRY)), slack, skip_ended, h, count, begin, end)``
-    runs T control steps of ``count`` substeps
-    for worlds begin … end − 1. With ``gains[0] == EXTERNAL`` the voltages come from ``actions`` and the number of the
-    first refused world is returned before anything is touched (``slack`` [V] beyond the bounds is let pass, and so is
-    a world that has ended if ``skip_ended``); otherwise from the law. Returns −1 when all went well.
-    A world that ends leaves its later telemetry rows as they are.
+    obs (N, OBS), telemetry (T, N, len(TELEMETRY)), low, high, slack, skip_ended, h, count, begin, end)`` runs T control
+    steps of ``count`` substeps for worlds begin … end − 1.
+
+    With ``gains[0] == EXTERNAL`` the voltages come from ``actions``, [low, high] standing for [0, voltage_max]. The
+    number of the first refused world is returned before anything is touched: one with an action that is not a number
+    within the bounds, give or take ``slack``, or one that has ended, unless ``skip_ended``. Otherwise the voltages come
+    from the law. Returns −1 when all went well. A world that ends leaves its later telemetry rows as they are.
     """
     return compile_kernel(_build_advance, law=law)
 

@@ -1,6 +1,5 @@
 """Drawing with smooth edges: on a surface of twice the size, which is then shrunk."""
 
-from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -37,17 +36,21 @@ class Canvas:
 
     def __init__(self, width: int, height: int, background: str) -> None:
         self._pygame = load_pygame()
-        self._pygame.font.init()
         self._size = (width, height)
         self._large = self._pygame.Surface((OVERSAMPLING * width, OVERSAMPLING * height), 0, 32)
         self._large.fill(background)
+        self._fonts: dict[int, Any] = {}
 
     def copy(self) -> "Canvas":
-        """Return an independent canvas with the same picture."""
+        """Return an independent canvas with the same picture.
+
+        It loads its own fonts: older ones are void if other code has shut pygame down in the meantime.
+        """
         other = Canvas.__new__(Canvas)
         other._pygame = self._pygame
         other._size = self._size
         other._large = self._large.copy()
+        other._fonts = {}
         return other
 
     def surface(self) -> "pygame.Surface":
@@ -98,7 +101,7 @@ class Canvas:
 
     def text(self, text: str, at: tuple[float, float], size: int, colour: str, align: Align = "left") -> None:
         """Write a line of text; ``at`` is its left end, middle or right end, halfway up."""
-        image = _font(size).render(text, True, colour)
+        image = self._font(size).render(text, True, colour)
         share = {"left": 0.0, "centre": 0.5, "right": 1.0}[align]
         corner = (
             round(OVERSAMPLING * at[0] - share * image.get_width()),
@@ -106,17 +109,15 @@ class Canvas:
         )
         self._large.blit(image, corner)
 
+    def text_width(self, text: str, size: int) -> float:
+        """Return the width of a line of text [px]."""
+        return self._font(size).size(text)[0] / OVERSAMPLING
 
-def text_width(text: str, size: int) -> float:
-    """Return the width of a line of text [px]."""
-    return _font(size).size(text)[0] / OVERSAMPLING
-
-
-@cache
-def _font(size: int) -> Any:
-    pygame = load_pygame()
-    pygame.font.init()
-    return pygame.font.Font(None, OVERSAMPLING * size)
+    def _font(self, size: int) -> Any:
+        if size not in self._fonts:
+            self._pygame.font.init()
+            self._fonts[size] = self._pygame.font.Font(None, OVERSAMPLING * size)
+        return self._fonts[size]
 
 
 def _large(points: ArrayLike) -> Any:

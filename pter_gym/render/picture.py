@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pter_gym.params import Machine
 from pter_gym.render import style
-from pter_gym.render.canvas import Canvas, text_width
+from pter_gym.render.canvas import Canvas
 from pter_gym.render.geometry import Box, View, arrow, fit, five_bar, path_points, workspace, world_box
 from pter_gym.render.panel import Panel
 from pter_gym.render.snapshot import Snapshot
@@ -139,7 +139,7 @@ def draw_legend(canvas: Canvas) -> None:
     for name, draw in entries:
         draw(x)
         canvas.text(name, (x + 25, 24), style.BODY, style.INK)
-        x += 25 + text_width(name, style.BODY) + 20
+        x += 25 + canvas.text_width(name, style.BODY) + 20
 
 
 def draw_swatch(canvas: Canvas, box: Box) -> None:

@@ -82,7 +82,9 @@ class Window:
         self._open = True
 
     def is_open(self) -> bool:
-        """Handle the window's events; return False once it is closed, by its button, Escape or ``close``."""
+        """Handle the window's events; return False once it is closed: by its button, Escape, or other code."""
+        if self._pygame.display.get_surface() is None:
+            self._open = False
         if self._open:
             for event in self._pygame.event.get():
                 if event.type == self._pygame.QUIT or (
