@@ -177,6 +177,13 @@ class TestPicture:
                 assert scene.left + 8 < x < scene.right - 8
                 assert scene.low + 8 < y < scene.high - 8
 
+    def test_other_code_may_shut_pygame_down(self, viewer: Viewer):
+        import pygame
+
+        before = self.draw(viewer)
+        pygame.quit()
+        np.testing.assert_array_equal(self.draw(viewer), before)
+
     def test_mode_is_checked(self):
         with pytest.raises(ParameterError, match="mode must be one of rgb_array, human"):
             Viewer(BASELINE, TASK, "ansi")  # pyright: ignore[reportArgumentType]
@@ -236,3 +243,16 @@ viewer.close()
 print(drawn == [None] * 10, seconds > 0.18, (shown == picture).all(), gone, pygame.display.get_init())
 """
     assert run_fresh(program, SDL_VIDEODRIVER="dummy") == "True True True True False"
+
+
+def test_a_window_that_other_code_closed_stays_closed():
+    pytest.importorskip("pygame")
+    program = """
+viewer = Viewer(BASELINE, PathFollowing(), "human")
+viewer.draw(row, trail)
+pygame.quit()
+viewer.draw(row, trail)
+viewer.close()
+print(pygame.display.get_init())
+"""
+    assert run_fresh(program, SDL_VIDEODRIVER="dummy") == "False"
