@@ -91,7 +91,7 @@ class Batch:
         self.task = task
         self.machine = first
         self.num_worlds = len(listed)
-        self.layout = observation_layout(task, first, sensors)
+        self.layout = observation_layout(first, sensors)
         voltage_max = first.clutch.voltage_max
         self.action_low, self.action_high = (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
         self._slack = 4.0 * float(np.spacing(np.float32(self.action_high)))

@@ -44,7 +44,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     |---|---|
     | `cos_a`, `sin_a`, `cos_b`, `sin_b` | absolute angles of links A and B |
     | `omega_a`, `omega_b` | their angular velocities |
-    | `normal_error`, `arc_length` | distance from the path, positive to its left; projection on the path |
+    | `normal_error`, `progress` | distance from the path, positive to its left; projection on the path over its length |
     | `heading_cos`, `heading_sin`, `curvature` | the path there |
     | `speed_along`, `speed_across` | tip velocity along and across the path |
     | `pace` | commanded mean speed along the path |

@@ -7,6 +7,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from pter_gym._jit import device
+from pter_gym.errors import ParameterError
 from pter_gym.layout import Field, Layout
 from pter_gym.operators import MultiSineHand
 from pter_gym.params import Machine, quantity, require, require_number
@@ -18,6 +19,7 @@ from pter_gym.physics.model import MODEL_ROWS
 
 Sensors = Literal["encoders", "torque", "force"]
 
+ERROR_SCALE = 0.25
 SPEED_SCALE = 4.0
 OMEGA_SCALE = 10.0
 TORQUE_SCALE = 100.0
@@ -64,7 +66,7 @@ class PathFollowing:
             require(isinstance(getattr(self, name), kind), self, name, getattr(self, name), f"of type {kind.__name__}")
         require_number(self, "pace", above=0.0, at_most=SPEED_SCALE)
         require_number(self, "control_period", above=0.0, at_most=1.0)
-        require_number(self, "error_max", above=0.0, at_most=1.0)
+        require_number(self, "error_max", above=0.0, at_most=ERROR_SCALE)
         require_number(self, "singularity_margin", above=0.0, below=1.0)
         require_number(self, "start_offset", at_least=0.0, below=self.error_max)
 
@@ -219,9 +221,16 @@ def line_of(p: Any, i: int) -> LineModel:
     )
 
 
-def observation_layout(task: PathFollowing, machine: Machine, sensors: Sensors) -> Layout:
-    """Return the layout of the observation; each entry is stored relative to its scale and limited to [−1, 1]."""
-    require(sensors in get_args(Sensors), task, "sensors", sensors, f"one of {', '.join(get_args(Sensors))}")
+def observation_layout(machine: Machine, sensors: Sensors) -> Layout:
+    """Return the layout of the observation; each entry is stored relative to its scale and limited to [−1, 1].
+
+    Raises
+    ------
+    ParameterError
+        If there are no such sensors.
+    """
+    if sensors not in get_args(Sensors):
+        raise ParameterError(f"sensors must be one of {', '.join(get_args(Sensors))}, got {sensors!r}")
     clutches = range(1, 5)
     volts = machine.clutch.voltage_max
     layout = [
@@ -231,8 +240,8 @@ def observation_layout(task: PathFollowing, machine: Machine, sensors: Sensors) 
         Field("sin_b", "1", "sine of link B's angle"),
         Field("omega_a", "rad/s", "angular velocity of link A", OMEGA_SCALE),
         Field("omega_b", "rad/s", "angular velocity of link B", OMEGA_SCALE),
-        Field("normal_error", "m", "distance from the path, positive to its left", task.error_max),
-        Field("arc_length", "m", "projection of the tip on the path", task.path.length),
+        Field("normal_error", "m", "distance from the path, positive to its left", ERROR_SCALE),
+        Field("progress", "1", "projection of the tip on the path, over its length"),
         Field("heading_cos", "1", "cosine of the path's heading there"),
         Field("heading_sin", "1", "sine of the path's heading there"),
         Field("curvature", "1/m", "curvature of the path there, positive to the left", CURVATURE_SCALE),
@@ -359,7 +368,7 @@ def observe(
         q.omega_a,
         q.omega_b,
         at.normal_error,
-        at.arc_length,
+        at.arc_length / line.path_length,
         line.heading_cos,
         line.heading_sin,
         0.0,

@@ -54,13 +54,13 @@ def test_observation_layout_names_every_entry(sensors: str, entries: int) -> Non
     obs, _ = env.reset(seed=0)
     values = layout.as_dict(obs)
     assert values["pace"] == pytest.approx(0.5)
-    assert values["arc_length"] == pytest.approx(0.0, abs=1e-7)
+    assert values["progress"] == pytest.approx(0.0, abs=1e-7)
     assert values["cos_a"] ** 2 + values["sin_a"] ** 2 == pytest.approx(1.0, abs=1e-6)
 
 
 def test_docstring_lists_the_layout() -> None:
     doc = type(gymnasium.make(ID).unwrapped).__doc__ or ""
-    names = observation_layout(PathFollowing(), BASELINE, "force").names
+    names = observation_layout(BASELINE, "force").names
     table = doc[doc.index("| entries") : doc.index("## Rewards")]
     positions = [table.index(f"`{name}`") for name in names]
     assert positions == sorted(positions)

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from pter_gym.controllers import Free, Impedance, Locked, Policy, Random, TorqueFeedback, laws
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
-from pter_gym.tasks.path_following import PathFollowing, observation_layout
+from pter_gym.tasks.path_following import observation_layout
 from pter_gym.units import INCH_POUND
 
 W = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
-LAYOUT = observation_layout(PathFollowing(), BASELINE, "torque")
+LAYOUT = observation_layout(BASELINE, "torque")
 Array = NDArray[np.float64]
 
 
@@ -193,7 +193,7 @@ def test_bad_gains_are_named(field: str, keywords: dict[str, object]) -> None:
 
 
 def test_what_does_not_fit_is_refused() -> None:
-    encoders = observation_layout(PathFollowing(), BASELINE, "encoders")
+    encoders = observation_layout(BASELINE, "encoders")
     with pytest.raises(ParameterError, match="torque sensors"):
         TorqueFeedback().bind(BASELINE, encoders)
     with pytest.raises(ParameterError, match="voltage_max"):
