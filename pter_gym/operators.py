@@ -59,19 +59,32 @@ def turn(cos: float, sin: float, by_cos: float, by_sin: float) -> tuple[float, f
 
 
 @device
-def advance_sines(w: Any, first: int, rotation: int, amplitude: int, force: int, lanes: int) -> None:
-    """Write the disturbance [N] of each world at the present time to row ``force`` and move its sines on by a substep.
+def sum_of_sines(w: Any, first: int, amplitude: int, i: int) -> float:
+    """Return the disturbance [N] of world i (paper Eq. 5).
 
-    ``first``, ``rotation`` and ``amplitude`` are the first rows of the sines' unit vectors (cos and sin in turn), of
-    their turns per substep (likewise), and of their amplitudes [N].
+    ``first`` and ``amplitude`` are the first rows of the sines' unit vectors (cos and sin in turn) and amplitudes [N].
     """
-    for i in range(lanes):
-        w[force, i] = 0.0
+    total = 0.0
     for k in range(SINES):
-        for i in range(lanes):
-            cos = w[first + 2 * k, i]
-            sin = w[first + 2 * k + 1, i]
-            w[force, i] += w[amplitude + k, i] * sin
-            w[first + 2 * k, i], w[first + 2 * k + 1, i] = turn(
-                cos, sin, w[rotation + 2 * k, i], w[rotation + 2 * k + 1, i]
-            )
+        total += w[amplitude + k, i] * w[first + 2 * k + 1, i]
+    return total
+
+
+@device
+def advance_sines(w: Any, first: int, rotation: int, i: int) -> None:
+    """Move the sines of world i on by a substep; ``rotation`` is the first row of their turns per substep."""
+    for k in range(SINES):
+        w[first + 2 * k, i], w[first + 2 * k + 1, i] = turn(
+            w[first + 2 * k, i], w[first + 2 * k + 1, i], w[rotation + 2 * k, i], w[rotation + 2 * k + 1, i]
+        )
+
+
+@device
+def renew_sines(w: Any, first: int, i: int) -> None:
+    """Bring the unit vectors of the sines of world i back to unit length."""
+    for k in range(SINES):
+        cos = w[first + 2 * k, i]
+        sin = w[first + 2 * k + 1, i]
+        scale = 1.5 - 0.5 * (cos * cos + sin * sin)
+        w[first + 2 * k, i] = cos * scale
+        w[first + 2 * k + 1, i] = sin * scale

@@ -13,6 +13,7 @@ from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import Score, score
 from pter_gym.controllers import CONTROLLERS, Controller, Policy, Random
 from pter_gym.envs.batch import Batch
+from pter_gym.envs.kernels import SKIP
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following import T_TERMINATED, T_TIME, PathFollowing
@@ -149,6 +150,7 @@ def _episodes(batch: Batch, policy: AnyPolicy, seed: int) -> Array:
         return np.concatenate([first[None], rows])
     telemetry = [first]
     while len(telemetry) <= MAX_STEPS and not np.nan_to_num(telemetry[-1][:, T_TERMINATED], nan=1.0).all():
-        obs, rows = batch.step(policy(obs), skip_ended=True)
-        telemetry.append(rows)
+        returns = batch.step(policy(obs), SKIP)
+        obs = returns.obs
+        telemetry.append(returns.telemetry)
     return np.stack(telemetry)

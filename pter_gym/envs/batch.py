@@ -1,14 +1,27 @@
-"""Many worlds in one call. The single environment is a batch of one."""
+"""Many worlds in one call. The single environment and the vector environments are doors to this."""
 
 import os
 from collections.abc import Sequence
-from typing import Any, Literal, get_args
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym.controllers.laws import EXTERNAL, MEMORY
-from pter_gym.envs.kernels import ALIVE, WORLD_ROWS, advance_kernel, reset_kernel
+from pter_gym.envs.kernels import (
+    ALIVE,
+    CHANGING_ROWS,
+    LANES,
+    PARAM,
+    REFUSE,
+    RESULTS,
+    SAME_STEP,
+    SKIP,
+    WORLD_ROWS,
+    advance_kernel,
+    reset_kernel,
+)
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import Machine
 from pter_gym.physics.model import model_of
@@ -24,32 +37,63 @@ from pter_gym.tasks.path_following import (
 
 Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
-
 ActionUnit = Literal["volt", "normalised"]
+
+NO_LIMIT = float("inf")
+
+INLINE_BLOCKS = 16
+"""Batches of fewer blocks are stepped by the caller's thread alone: waking another one costs more than it saves."""
 
 _EXTERNAL = np.array([EXTERNAL])
 
 
+class Returns(NamedTuple):
+    """What a step or a reset returns: fresh arrays, world by world.
+
+    Attributes
+    ----------
+    obs
+        Observations, float32 (N, len(layout)).
+    results
+        float64 (N, 4): reward, terminated, truncated, success.
+    telemetry
+        float64 (N, len(TELEMETRY)), or (0, …) without telemetry.
+    final_obs, final_telemetry
+        The last ones of the worlds that ended and were reset in this step; other rows hold anything.
+    """
+
+    obs: Observations
+    results: Array
+    telemetry: Array
+    final_obs: Observations
+    final_telemetry: Array
+
+
 class Batch:
-    """N worlds of one task, each with its own machine, seed and episode count.
+    """N worlds, each with its own machine, task, seed and episode count.
 
     Parameters
     ----------
-    machines
-        One machine for all worlds, or one for each. They share the substep and the largest voltage.
-    task
-        The task.
+    machines, tasks
+        One for all worlds, or a sequence with one for each. The machines share the substep and the largest voltage, the
+        tasks the control period.
     num_worlds
-        N; may be left out where ``machines`` is a sequence.
+        N; may be left out where ``machines`` or ``tasks`` is a sequence.
     sensors
         What the observation holds; see ``observation_layout``.
     action_unit
         ``"volt"``: actions within [0, voltage_max]; ``"normalised"``: within [−1, 1] for the same voltages.
+    max_steps
+        Control steps after which an episode is truncated; none by default.
+    telemetry
+        Whether steps return telemetry.
+    num_threads
+        Threads that share the work of large batches; the result does not depend on it.
 
     Attributes
     ----------
-    task, machine, num_worlds
-        As given; ``machine`` is the first one.
+    machine, task
+        Those of the first world.
     layout
         Layout of the observations.
     action_low, action_high
@@ -58,52 +102,57 @@ class Batch:
     Raises
     ------
     ParameterError
-        If the machines disagree on what they must share, or one of them cannot do the task.
+        If the worlds disagree on what they must share, or a machine cannot do its task.
     """
 
     def __init__(
         self,
         machines: Machine | Sequence[Machine],
-        task: PathFollowing,
+        tasks: PathFollowing | Sequence[PathFollowing],
         num_worlds: int | None = None,
         *,
         sensors: Sensors = "torque",
         action_unit: ActionUnit = "volt",
+        max_steps: int | None = None,
+        telemetry: bool = True,
+        num_threads: int = 1,
     ) -> None:
         if action_unit not in get_args(ActionUnit):
             raise ParameterError(f"action_unit must be one of {', '.join(get_args(ActionUnit))}, got {action_unit!r}")
-        listed = (
-            [machines] * (1 if num_worlds is None else num_worlds) if isinstance(machines, Machine) else list(machines)
-        )
-        if not listed or (num_worlds is not None and len(listed) != num_worlds):
-            raise ParameterError(
-                f"num_worlds must be ≥ 1 and the number of machines, got {num_worlds!r}, {len(listed)}"
-            )
-        first = listed[0]
-        columns: dict[int, tuple[float, ...]] = {}
-        for machine in listed:
-            if id(machine) in columns:
-                continue
-            if (machine.substep, machine.clutch.voltage_max) != (first.substep, first.clutch.voltage_max):
-                raise ParameterError("machines of one batch must share substep and clutch.voltage_max")
-            check_machine(task, machine)
-            columns[id(machine)] = (*model_of(machine), *task_model(task, machine))
-        self.task = task
-        self.machine = first
-        self.num_worlds = len(listed)
-        self.layout = observation_layout(first, sensors)
-        voltage_max = first.clutch.voltage_max
+        if num_threads < 1:
+            raise ParameterError(f"num_threads must be ≥ 1, got {num_threads!r}")
+        if max_steps is not None and max_steps < 1:
+            raise ParameterError(f"max_steps must be ≥ 1 or None, got {max_steps!r}")
+        self.num_worlds = _number_of_worlds(machines, tasks, num_worlds)
+        listed_machines = [machines] * self.num_worlds if isinstance(machines, Machine) else list(machines)
+        listed_tasks = [tasks] * self.num_worlds if isinstance(tasks, PathFollowing) else list(tasks)
+        self.machine = listed_machines[0]
+        self.task = listed_tasks[0]
+        self.layout = observation_layout(self.machine, sensors)
+        voltage_max = self.machine.clutch.voltage_max
         self.action_low, self.action_high = (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
-        self._slack = 4.0 * float(np.spacing(np.float32(self.action_high)))
-        self._substep = first.substep
-        self._count = substeps(task, first)
-        self._params = np.array([columns[id(machine)] for machine in listed]).T.copy()
-        self._state = np.zeros((WORLD_ROWS, self.num_worlds))
+        self._config = np.array(
+            [
+                self.action_low,
+                self.action_high,
+                4.0 * float(np.spacing(np.float32(self.action_high))),
+                self.machine.substep,
+                substeps(self.task, self.machine),
+                NO_LIMIT if max_steps is None else max_steps,
+            ]
+        )
+        self._worlds = _pack(_parameters(listed_machines, listed_tasks))
         self._words = np.zeros((self.num_worlds, 2), np.uint64)
         self._seeded = np.zeros(self.num_worlds, np.bool_)
         self._scales = np.array([self.layout.scales, 1.0 / self.layout.scales])
         self._memory = np.zeros((self.num_worlds, MEMORY))
+        self._rows = 1 if telemetry else 0
+        self._no_obs = np.empty((1, len(self.layout)), np.float32)
+        self._no_telemetry = np.empty((1, len(TELEMETRY)))
         self._advance = advance_kernel()
+        self._num_threads = num_threads
+        self._pool: ThreadPoolExecutor | None = None
+        self._pool_owner = -1
 
     def reset(
         self, seeds: Sequence[int | None] | None = None, chosen: NDArray[np.bool_] | None = None
@@ -116,12 +165,13 @@ class Batch:
             One seed ≥ 0 for each world, or None for an unseeded reset, which goes on to the next episode of the world's
             present seed (drawn from the operating system at first).
         chosen
-            Which worlds to reset, shape (N,); all by default. Rows of other worlds are zero in what is returned.
+            Which worlds to reset, shape (N,); all by default. The others stay as they are.
 
         Returns
         -------
         observations, telemetry
-            float32 (N, len(layout)) and float64 (N, len(TELEMETRY)), fresh arrays.
+            Of all worlds: float32 (N, len(layout)) and float64 (N or 0, len(TELEMETRY)), fresh arrays. The telemetry
+            holds the pose, and zero for what only a step tells.
         """
         chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
         given = [None] * self.num_worlds if seeds is None else list(seeds)
@@ -138,60 +188,57 @@ class Batch:
                 drawn = int.from_bytes(os.urandom(8)) if seed is None else seed
                 self._words[world] = drawn, 0
                 self._seeded[world] = True
-        obs = np.zeros((self.num_worlds, len(self.layout)), np.float32)
-        telemetry = np.zeros((self.num_worlds, len(TELEMETRY)))
-        reset_kernel()(self._params, self._state, self._words, chosen, self._scales, obs, telemetry)
+        obs = np.empty((self.num_worlds, len(self.layout)), np.float32)
+        telemetry = np.empty((self.num_worlds * self._rows, len(TELEMETRY)))
+        reset_kernel()(self._worlds, self._words, chosen, self._scales, obs, telemetry)
         return obs, telemetry
 
-    def step(self, actions: ArrayLike, *, skip_ended: bool = False) -> tuple[Observations, Array]:
+    def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
         """Advance all worlds by one control period.
 
         Parameters
         ----------
         actions
             Clutch voltages in the action unit, shape (N, 4). Up to four float32 ulp beyond a bound are clipped.
-        skip_ended
-            Leave out worlds whose episode has ended, with zeros and NaN in their rows, instead of refusing to step.
-
-        Returns
-        -------
-        observations, telemetry
-            float32 (N, len(layout)) and float64 (N, len(TELEMETRY)), fresh arrays.
+        ended
+            What to do with a world whose episode has ended, from ``pter_gym.envs.kernels``: ``REFUSE`` to step,
+            ``SKIP`` it (its rows are zero, and NaN in the telemetry), reset it in the ``NEXT_STEP``, ignoring that
+            step's action, or in the ``SAME_STEP``.
 
         Raises
         ------
         ActionError
             If an action has a wrong shape or type, is not finite, or is out of bounds; no world has moved.
         ResetNeededError
-            If a world was never reset or its episode has ended; no world has moved.
+            If a world was never reset, or its episode has ended with ``REFUSE``; no world has moved.
         """
         numbers = self._numbers(actions)
-        shape = (self.num_worlds, len(self.layout))
-        obs = np.zeros(shape, np.float32) if skip_ended else np.empty(shape, np.float32)
-        telemetry = np.empty((1, self.num_worlds, len(TELEMETRY)))
-        if skip_ended:
+        n = self.num_worlds
+        make = np.zeros if ended == SKIP else np.empty
+        obs = make((n, len(self.layout)), np.float32)
+        results = make((n, RESULTS))
+        telemetry = np.empty((self._rows, n, len(TELEMETRY)))
+        if ended == SKIP:
             telemetry.fill(np.nan)
-        refused = self._advance(
-            self._params,
-            self._state,
-            numbers,
+        same = ended == SAME_STEP
+        final_obs = np.empty_like(obs) if same else self._no_obs
+        final_telemetry = np.empty((n, len(TELEMETRY))) if same and self._rows else self._no_telemetry
+        refused = self._run(
+            self._advance,
             _EXTERNAL,
             self._memory,
-            self._scales,
+            numbers,
             obs,
+            results,
             telemetry,
-            self.action_low,
-            self.action_high,
-            self._slack,
-            skip_ended,
-            self._substep,
-            self._count,
-            0,
-            self.num_worlds,
+            final_obs,
+            final_telemetry,
+            ended,
+            1,
         )
         if refused >= 0:
             self._refuse(refused, numbers[refused])
-        return obs, telemetry[0]
+        return Returns(obs, results, telemetry[0] if self._rows else self._no_telemetry[:0], final_obs, final_telemetry)
 
     def rollout(self, obs: Observations, law: Any, gains: Array, steps: int) -> tuple[Observations, Array]:
         """Run a compiled control law in all worlds, from their present state, for at most ``steps`` control periods.
@@ -211,32 +258,102 @@ class Batch:
             The last observations, and float64 (steps, N, len(TELEMETRY)); NaN after the end of an episode.
         """
         obs = obs.copy()
-        telemetry = np.full((steps, self.num_worlds, len(TELEMETRY)), np.nan)
-        memory = np.zeros((self.num_worlds, MEMORY))
-        memory[:, -1] = np.arange(self.num_worlds)
-        advance_kernel(law)(
-            self._params,
-            self._state,
-            np.empty((0, 4)),
+        n = self.num_worlds
+        telemetry = np.full((steps, n, len(TELEMETRY)), np.nan)
+        memory = np.zeros((n, MEMORY))
+        memory[:, -1] = np.arange(n)
+        results = np.zeros((n, RESULTS))
+        self._run(
+            advance_kernel(law),
             gains,
             memory,
-            self._scales,
+            np.empty((0, 4)),
             obs,
+            results,
             telemetry,
-            self.action_low,
-            self.action_high,
-            self._slack,
-            True,
-            self._substep,
-            self._count,
-            0,
-            self.num_worlds,
+            self._no_obs,
+            self._no_telemetry,
+            SKIP,
+            steps,
         )
         return obs, telemetry
 
-    def snapshot(self) -> tuple[Array, NDArray[np.uint64]]:
-        """Return copies of all that changes: the state array, and seed and episode of each world."""
-        return self._state.copy(), self._words.copy()
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
+        return {
+            "worlds": self._worlds[:, :CHANGING_ROWS].copy(),
+            "words": self._words.copy(),
+            "seeded": self._seeded.copy(),
+        }
+
+    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
+        """Bring the worlds to a state from ``get_state`` of a batch of the same size.
+
+        Raises
+        ------
+        ParameterError
+            If a part is missing or has another shape or type; nothing has changed.
+        """
+        own = self.get_state()
+        for name, mine in own.items():
+            part = state.get(name)
+            if part is None or part.shape != mine.shape or part.dtype != mine.dtype:
+                raise ParameterError(f"state[{name!r}] must be an array of {mine.dtype} with the shape {mine.shape}")
+        self._worlds[:, :CHANGING_ROWS] = state["worlds"]
+        self._words[:] = state["words"]
+        self._seeded[:] = state["seeded"]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that the worlds take between steps."""
+        return self._worlds.nbytes + self._words.nbytes + self._seeded.nbytes + self._memory.nbytes
+
+    def _run(
+        self,
+        kernel: Any,
+        gains: Array,
+        memory: Array,
+        actions: Array,
+        obs: Observations,
+        results: Array,
+        telemetry: Array,
+        final_obs: Observations,
+        final_telemetry: Array,
+        ended: int,
+        steps: int,
+    ) -> int:
+        """Run the kernel over all blocks, in this thread or in several; return the first refused world or −1."""
+        arguments = (self._worlds, self._words, actions, gains, memory, self._scales, obs, results, telemetry)
+        options = (final_obs, final_telemetry, self._config, ended)
+        blocks = len(self._worlds)
+        if self._num_threads == 1 or blocks < INLINE_BLOCKS:
+            return kernel(*arguments, *options, steps, 0, blocks)
+        refused = kernel(*arguments, *options, 0, 0, 0)
+        if refused < 0:
+            # block 0 is where a kernel looks at the actions, which has been done: begin the shares at the far end
+            share = -(-blocks // self._num_threads)
+            starts = range(0, blocks, share)
+            jobs = [
+                self._threads().submit(kernel, *arguments, *options, steps, start, min(start + share, blocks))
+                for start in starts[1:]
+            ]
+            kernel(*arguments, *options, steps, 0, min(share, blocks))
+            for job in jobs:
+                job.result()
+        return refused
+
+    def _threads(self) -> ThreadPoolExecutor:
+        """Return the pool of threads, made at first need and again in a forked child."""
+        if self._pool is None or self._pool_owner != os.getpid():
+            self._pool = ThreadPoolExecutor(self._num_threads - 1, thread_name_prefix="pter")
+            self._pool_owner = os.getpid()
+        return self._pool
+
+    def close(self) -> None:
+        """Stop the threads, if there are any."""
+        if self._pool is not None and self._pool_owner == os.getpid():
+            self._pool.shutdown(wait=False)
+        self._pool = None
 
     def _numbers(self, actions: ArrayLike) -> Array:
         try:
@@ -250,9 +367,49 @@ class Batch:
         return np.ascontiguousarray(array, np.float64)
 
     def _refuse(self, world: int, action: Array) -> None:
-        if self._state[ALIVE, world] == 0.0:
+        width = self._worlds.shape[2]
+        if self._worlds[world // width, ALIVE, world % width] == 0.0:
             raise ResetNeededError(f"world {world} needs a reset: it was never reset or its episode has ended")
         raise ActionError(
             f"action of world {world} must be finite and within [{self.action_low:g}, {self.action_high:g}], "
             f"got {action.tolist()}"
         )
+
+
+def _number_of_worlds(
+    machines: Machine | Sequence[Machine], tasks: PathFollowing | Sequence[PathFollowing], num_worlds: int | None
+) -> int:
+    lengths = {len(items) for items in (machines, tasks) if not isinstance(items, (Machine, PathFollowing))}
+    if num_worlds is not None:
+        lengths.add(num_worlds)
+    lengths = lengths or {1}
+    if len(lengths) > 1 or min(lengths) < 1:
+        raise ParameterError(f"num_worlds must be ≥ 1 and the number of machines and of tasks, got {sorted(lengths)}")
+    return lengths.pop()
+
+
+def _parameters(machines: Sequence[Machine], tasks: Sequence[PathFollowing]) -> Array:
+    """Return the parameters of each world, (N, PARAM_ROWS), after a look at each different pair of machine and task."""
+    first, task = machines[0], tasks[0]
+    known: dict[tuple[int, int], tuple[float, ...]] = {}
+    for machine, goal in zip(machines, tasks, strict=True):
+        if (id(machine), id(goal)) in known:
+            continue
+        if (machine.substep, machine.clutch.voltage_max) != (first.substep, first.clutch.voltage_max):
+            raise ParameterError("machines of one batch must share substep and clutch.voltage_max")
+        if goal.control_period != task.control_period:
+            raise ParameterError("tasks of one batch must share control_period")
+        check_machine(goal, machine)
+        known[id(machine), id(goal)] = (*model_of(machine), *task_model(goal, machine))
+    return np.array([known[id(machine), id(goal)] for machine, goal in zip(machines, tasks, strict=True)])
+
+
+def _pack(parameters: Array) -> Array:
+    """Return blocks of worlds (B, WORLD_ROWS, lanes) that have not begun, with parameters (N, PARAM_ROWS)."""
+    n = len(parameters)
+    width = min(LANES, -(-n // 8) * 8)
+    blocks = -(-n // width)
+    padded = np.concatenate([parameters, np.repeat(parameters[-1:], blocks * width - n, axis=0)])
+    worlds = np.zeros((blocks, WORLD_ROWS, width))
+    worlds[:, PARAM:] = padded.reshape(blocks, width, -1).transpose(0, 2, 1)
+    return worlds

@@ -1,7 +1,7 @@
-"""The block kernel: whole control steps of many worlds, from voltages to observation and reward.
+"""The block kernel: whole control steps of many worlds, from voltages to observation, reward and automatic reset.
 
-Worlds are gathered 64 at a time into one scratch array, whose innermost loop over worlds is vectorised. A world that
-ends is written back at once and takes no further part.
+Worlds are stored in blocks of up to 64 lanes, (blocks, rows, lanes). A block is copied into one scratch array, whose
+innermost loop over lanes is vectorised, and back. Lanes without a world hold zeros and a copy of valid parameters.
 """
 
 from functools import cache
@@ -12,7 +12,7 @@ import numpy as np
 from pter_gym._jit import compile_kernel, device
 from pter_gym._philox import uniform4
 from pter_gym.controllers.laws import EXTERNAL, built_in
-from pter_gym.operators import SINES, advance_sines, unit_vector
+from pter_gym.operators import SINES, advance_sines, renew_sines, sum_of_sines, unit_vector
 from pter_gym.physics.arm import Load, advance_position, kinetic_energy, tip_position, tip_velocity
 from pter_gym.physics.clutch import PerClutch, relax, relax_torques, steady_torques
 from pter_gym.physics.friction import between, generated_torques, mode_of, slip_velocities
@@ -64,6 +64,7 @@ from pter_gym.tasks.path_following import (
     T_VOLTS,
     TURN,
     WEIGHT_FAILURE,
+    Situation,
     left_workspace,
     line_of,
     observe,
@@ -74,16 +75,24 @@ from pter_gym.tasks.path_following import (
 )
 
 LANES = 64
+"""Largest number of worlds in a block."""
 
 COMMAND = STATE_ROWS
-SINE = COMMAND + 4
+TORQUE = COMMAND + 4
+SINE = TORQUE + 4
 STEP = SINE + 2 * SINES
 ALIVE = STEP + 1
-WORLD_ROWS = ALIVE + 1
-"""Rows of the state array: physical state, last command, unit vectors of the sines, step count, alive flag."""
+CHANGING_ROWS = ALIVE + 1
+"""Rows of a world that change.
 
-_PARAM = WORLD_ROWS
-_TARGET = _PARAM + PARAM_ROWS
+Physical state, last command, last generated torques, unit vectors of the sines, step count, alive flag.
+"""
+
+PARAM = CHANGING_ROWS
+"""First row of a world's parameters."""
+
+WORLD_ROWS = PARAM + PARAM_ROWS
+_TARGET = WORLD_ROWS
 _IMPACT = _TARGET + 8
 _OMEGA = _IMPACT + 9
 _LIMIT = _OMEGA + 2
@@ -92,9 +101,23 @@ _ENERGY = _CROSSING + 1
 _ACROSS = _ENERGY + 4
 _FORCE = _ACROSS + 1
 _START_VELOCITY = _FORCE + 2
-_SCRATCH_ROWS = _START_VELOCITY + 2
+SCRATCH_ROWS = _START_VELOCITY + 2
+
+REFUSE, SKIP, NEXT_STEP, SAME_STEP = range(4)
+"""What to do with a world that has ended: refuse to step, leave it out, reset it at the next step or at once."""
+
+REWARD, TERMINATED, TRUNCATED, SUCCESS = range(4)
+"""Columns of the results."""
+
+RESULTS = 4
 
 _RESET_STREAM = np.uint64(0x5245534554)
+_FIRST_DRAWS = np.uint64(0)
+_SECOND_DRAWS = np.uint64(1)
+_ONE = np.uint64(1)
+
+law: Any = built_in
+"""The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
 
 
 @device
@@ -114,40 +137,64 @@ def _commands(volts: PerClutch, voltage_max: float) -> PerClutch:
 
 
 @device
-def _refused(state: Any, actions: Any, low: float, high: float, skip_ended: bool, i: int) -> bool:
-    """Tell whether world i has ended or its action is not a number within the bounds."""
-    if state[ALIVE, i] == 0.0:
-        return not skip_ended
+def _refused(worlds: Any, actions: Any, low: float, high: float, ended: int, world: int) -> bool:
+    """Tell whether a world has ended and may not, or its action is not a number within the bounds."""
+    width = worlds.shape[2]
+    if worlds[world // width, ALIVE, world % width] == 0.0:
+        return ended == REFUSE
     refused = False
     for clutch in range(4):
-        refused |= not ((actions[i, clutch] >= low) & (actions[i, clutch] <= high))
+        refused |= not ((actions[world, clutch] >= low) & (actions[world, clutch] <= high))
     return refused
 
 
 @device
-def _gather(w: Any, state: Any, params: Any, first: int, lanes: int, padded: int) -> None:
-    for row in range(WORLD_ROWS):
-        for i in range(lanes):
-            w[row, i] = state[row, first + i]
-    for row in range(PARAM_ROWS):
-        for i in range(lanes):
-            w[_PARAM + row, i] = params[row, first + i]
-    for row in range(_TARGET):
-        for i in range(lanes, padded):
-            w[row, i] = w[row, lanes - 1]
+def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: int) -> int:
+    """Return the first world whose step is refused, or −1."""
+    for world in range(actions.shape[0]):
+        if _refused(worlds, actions, low, high, ended, world):
+            return world
+    return -1
 
 
 @device
-def _scatter(w: Any, state: Any, i: int, world: int) -> None:
-    for row in range(WORLD_ROWS):
-        state[row, world] = w[row, i]
+def _given(actions: Any, world: int, low: float, volts_per_unit: float) -> PerClutch:
+    """Return the voltages [V] of an action."""
+    return PerClutch(
+        (actions[world, 0] - low) * volts_per_unit,
+        (actions[world, 1] - low) * volts_per_unit,
+        (actions[world, 2] - low) * volts_per_unit,
+        (actions[world, 3] - low) * volts_per_unit,
+    )
 
 
 @device
-def _scatter_running(w: Any, running: Any, lanes: int, first: int, state: Any) -> None:
+def _gather(w: Any, block: Any) -> None:
+    for row in range(WORLD_ROWS):
+        for i in range(block.shape[1]):
+            w[row, i] = block[row, i]
+
+
+@device
+def _scatter(w: Any, i: int, block: Any) -> None:
+    for row in range(CHANGING_ROWS):
+        block[row, i] = w[row, i]
+
+
+@device
+def _scatter_alive(w: Any, lanes: int, block: Any) -> None:
+    for row in range(CHANGING_ROWS):
+        for i in range(lanes):
+            block[row, i] = w[row, i] if w[ALIVE, i] != 0.0 else block[row, i]
+
+
+@device
+def _count(w: Any, row: int, lanes: int) -> int:
+    """Return how many lanes are not zero in a row."""
+    count = 0
     for i in range(lanes):
-        if running[i]:
-            _scatter(w, state, i, first + i)
+        count += 1 if w[row, i] != 0.0 else 0
+    return count
 
 
 @device
@@ -181,7 +228,7 @@ def _store_impact(w: Any, i: int, impact: Impact) -> None:
 @device
 def _begin(w: Any, i: int, volts: PerClutch) -> None:
     """Take the command of a control step, note the tip's velocity and clear the step's energies."""
-    p = w[_PARAM:_TARGET]
+    p = w[PARAM:_TARGET]
     store_four(w, COMMAND, i, _commands(volts, p[VOLTAGE_MAX, i]))
     w[_START_VELOCITY, i], w[_START_VELOCITY + 1, i] = tip_velocity(linkage(p, i), load_motion(w, i))
     for term in range(4):
@@ -189,129 +236,142 @@ def _begin(w: Any, i: int, volts: PerClutch) -> None:
 
 
 @device
-def _pad_commands(w: Any, lanes: int, padded: int) -> None:
-    for row in range(COMMAND, COMMAND + 4):
-        for i in range(lanes, padded):
-            w[row, i] = w[row, lanes - 1]
+def _aim(w: Any, i: int) -> None:
+    """Find the torques that the clutches tend to, behind a lag of the voltage if there is one."""
+    p = w[PARAM:_TARGET]
+    lagged = relax(load_four(w, LAGGED_VOLTS, i), load_four(w, COMMAND, i), p[VOLTAGE_DECAY, i])
+    store_four(w, LAGGED_VOLTS, i, lagged)
+    store_torques(w, _TARGET, i, steady_torques(breakaway_curve(p, i), dynamic_curve(p, i), lagged))
+
+
+@device
+def _push(w: Any, i: int) -> None:
+    """Find the hand's force [N] and move its sines on by a substep."""
+    p = w[PARAM:_TARGET]
+    across = _force_across(w, i)
+    advance_sines(w, SINE, PARAM + TURN, i)
+    line = line_of(p, i)
+    w[_FORCE, i] = p[PUSH, i] * line.heading_cos - across * line.heading_sin
+    w[_FORCE + 1, i] = p[PUSH, i] * line.heading_sin + across * line.heading_cos
+
+
+@device
+def _meet(w: Any, i: int, h: float) -> None:
+    """Advance the torques' lag and find the velocities after friction."""
+    p = w[PARAM:_TARGET]
+    torques = relax_torques(load_torques(w, BREAKAWAY, i), load_torques(w, _TARGET, i), p[TORQUE_DECAY, i])
+    store_torques(w, BREAKAWAY, i, torques)
+    q = load_motion(w, i)
+    impact = free_motion(q, linkage(p, i), Load(w[_FORCE, i], w[_FORCE + 1, i], 0.0, 0.0, 0.0, 0.0), h)
+    omega_a, omega_b, limit, crossing = first_velocity(q, impact, torques, p[SLIP_THRESHOLD, i], h)
+    _store_impact(w, i, impact)
+    w[_OMEGA, i] = omega_a
+    w[_OMEGA + 1, i] = omega_b
+    store_four(w, _LIMIT, i, limit)
+    w[_CROSSING, i] = 1.0 if crossing else 0.0
+
+
+@device
+def _catch(w: Any, i: int, h: float) -> None:
+    """Apply the crossing rule, if a slip velocity has jumped over the stick band."""
+    if w[_CROSSING, i] != 0.0:
+        w[_OMEGA, i], w[_OMEGA + 1, i], limit = second_velocity(
+            load_motion(w, i),
+            _load_impact(w, i),
+            load_torques(w, BREAKAWAY, i),
+            w[PARAM + SLIP_THRESHOLD, i],
+            h,
+            w[_OMEGA, i],
+            w[_OMEGA + 1, i],
+            load_four(w, _LIMIT, i),
+        )
+        store_four(w, _LIMIT, i, limit)
+
+
+@device
+def _move(w: Any, i: int, h: float) -> None:
+    """Advance the position and add up the energies."""
+    before = load_motion(w, i)
+    arm = linkage(w[PARAM:_TARGET], i)
+    after = advance_position(before, w[_OMEGA, i], w[_OMEGA + 1, i], h)
+    energy = energy_terms(before, after, arm, _load_impact(w, i), load_four(w, _LIMIT, i), h)
+    store_motion(w, i, after)
+    w[_ENERGY, i] += energy.hand_work
+    w[_ENERGY + 1, i] += energy.dissipated
+    w[_ENERGY + 2, i] += energy.numerical_loss
+    w[_ENERGY + 3, i] += energy.residual
 
 
 @device
 def _substep(w: Any, lanes: int, h: float, aims: bool) -> None:
     """Advance all lanes by one substep; ``aims`` says that the steady torques may have changed."""
-    p = w[_PARAM:_TARGET]
     if aims:
         for i in range(lanes):
-            lagged = relax(load_four(w, LAGGED_VOLTS, i), load_four(w, COMMAND, i), p[VOLTAGE_DECAY, i])
-            store_four(w, LAGGED_VOLTS, i, lagged)
-            store_torques(w, _TARGET, i, steady_torques(breakaway_curve(p, i), dynamic_curve(p, i), lagged))
-    advance_sines(w, SINE, _PARAM + TURN, _PARAM + AMPLITUDE, _ACROSS, lanes)
+            _aim(w, i)
     for i in range(lanes):
-        torques = relax_torques(load_torques(w, BREAKAWAY, i), load_torques(w, _TARGET, i), p[TORQUE_DECAY, i])
-        store_torques(w, BREAKAWAY, i, torques)
-        line = line_of(p, i)
-        force_x = p[PUSH, i] * line.heading_cos - w[_ACROSS, i] * line.heading_sin
-        force_y = p[PUSH, i] * line.heading_sin + w[_ACROSS, i] * line.heading_cos
-        w[_FORCE, i] = force_x
-        w[_FORCE + 1, i] = force_y
-        q = load_motion(w, i)
-        impact = free_motion(q, linkage(p, i), Load(force_x, force_y, 0.0, 0.0, 0.0, 0.0), h)
-        omega_a, omega_b, limit, crossing = first_velocity(q, impact, torques, p[SLIP_THRESHOLD, i], h)
-        _store_impact(w, i, impact)
-        w[_OMEGA, i] = omega_a
-        w[_OMEGA + 1, i] = omega_b
-        store_four(w, _LIMIT, i, limit)
-        w[_CROSSING, i] = 1.0 if crossing else 0.0
+        _push(w, i)
     for i in range(lanes):
-        if w[_CROSSING, i] != 0.0:
-            w[_OMEGA, i], w[_OMEGA + 1, i], limit = second_velocity(
-                load_motion(w, i),
-                _load_impact(w, i),
-                load_torques(w, BREAKAWAY, i),
-                p[SLIP_THRESHOLD, i],
-                h,
-                w[_OMEGA, i],
-                w[_OMEGA + 1, i],
-                load_four(w, _LIMIT, i),
-            )
-            store_four(w, _LIMIT, i, limit)
+        _meet(w, i, h)
     for i in range(lanes):
-        before = load_motion(w, i)
-        after = advance_position(before, w[_OMEGA, i], w[_OMEGA + 1, i], h)
-        energy = energy_terms(before, after, linkage(p, i), _load_impact(w, i), load_four(w, _LIMIT, i), h)
-        store_motion(w, i, after)
-        w[_ENERGY, i] += energy.hand_work
-        w[_ENERGY + 1, i] += energy.dissipated
-        w[_ENERGY + 2, i] += energy.numerical_loss
-        w[_ENERGY + 3, i] += energy.residual
+        _catch(w, i, h)
+    for i in range(lanes):
+        _move(w, i, h)
 
 
 @device
-def _unit_sines(w: Any, i: int) -> None:
-    """Bring the sines' unit vectors back to unit length."""
+def _force_across(w: Any, i: int) -> float:
+    """Return the present disturbance [N] (paper Eq. 5)."""
+    return sum_of_sines(w, SINE, PARAM + AMPLITUDE, i)
+
+
+@device
+def _reset(w: Any, i: int, seed: np.uint64, episode: np.uint64) -> None:
+    """Start an episode: the arm at rest at the start of the path, clutches released, draws from seed and episode."""
+    p = w[PARAM:_TARGET]
+    for row in range(CHANGING_ROWS):
+        w[row, i] = 0.0
+    u0, u1, u2, u3 = uniform4(seed, _RESET_STREAM, _FIRST_DRAWS, episode)
+    v0, v1, _, _ = uniform4(seed, _RESET_STREAM, _SECOND_DRAWS, episode)
+    draws = (u1, u2, u3, v0, v1)
     for k in range(SINES):
-        cos = w[SINE + 2 * k, i]
-        sin = w[SINE + 2 * k + 1, i]
-        scale = 1.5 - 0.5 * (cos * cos + sin * sin)
-        w[SINE + 2 * k, i] = cos * scale
-        w[SINE + 2 * k + 1, i] = sin * scale
+        angle = 2.0 * np.pi * draws[k] if p[RANDOM_PHASES, i] != 0.0 else p[PHASE + k, i]
+        w[SINE + 2 * k, i], w[SINE + 2 * k + 1, i] = unit_vector(angle)
+    store_motion(w, i, start_motion(linkage(p, i), line_of(p, i), p[START_OFFSET, i] * (2.0 * u0 - 1.0)))
+    w[ALIVE, i] = 1.0
 
 
 @device
-def _finish(w: Any, i: int, inverse_scales: Any, obs: Any, row: Any, h: float, period: float) -> bool:
-    """End a control step: write its observation and telemetry row, and tell whether the episode goes on."""
-    _unit_sines(w, i)
-    p = w[_PARAM:_TARGET]
-    arm = linkage(p, i)
+def _report(w: Any, i: int, inverse_scales: Any, obs: Any) -> None:
+    """Write the present observation."""
+    p = w[PARAM:_TARGET]
     line = line_of(p, i)
     q = load_motion(w, i)
-    at = situation(line, arm, q)
-    volts = load_four(w, COMMAND, i)
-    load_a, load_b = clutch_load(_load_impact(w, i), q.omega_a, q.omega_b, h)
-    torques = generated_torques(q.omega_a, q.omega_b, load_a, load_b, load_four(w, _LIMIT, i))
-    slip = slip_velocities(q.omega_a, q.omega_b)
-    v_x, v_y = tip_velocity(arm, q)
-    a_x = (v_x - w[_START_VELOCITY, i]) / period
-    a_y = (v_y - w[_START_VELOCITY + 1, i]) / period
-    w[STEP, i] += 1.0
-    observe(obs, inverse_scales, q, at, line, p[PACE, i], volts, torques, p[PUSH, i], w[_ACROSS, i])
-
-    success = reached_end(line, at)
-    failure = (not success) & left_workspace(at, q, p[ERROR_MAX, i], p[SINGULARITY_MARGIN, i])
-    error, pace, acceleration, effort = reward_terms(
-        p, i, at, np.sqrt(a_x * a_x + a_y * a_y), volts, p[VOLTAGE_MAX, i], period
+    observe(
+        obs,
+        inverse_scales,
+        q,
+        situation(line, linkage(p, i), q),
+        line,
+        p[PACE, i],
+        load_four(w, COMMAND, i),
+        load_four(w, TORQUE, i),
+        p[PUSH, i],
+        _force_across(w, i),
     )
-    penalty = -p[WEIGHT_FAILURE, i] if failure else 0.0
-    _write_pose(w, i, row, w[STEP, i] * period)
-    row[T_ACCELERATION] = a_x
-    row[T_ACCELERATION + 1] = a_y
-    row[T_FORCE] = w[_FORCE, i]
-    row[T_FORCE + 1] = w[_FORCE + 1, i]
-    row[T_TORQUE] = torques.x1
-    row[T_TORQUE + 1] = torques.x2
-    row[T_TORQUE + 2] = torques.x3
-    row[T_TORQUE + 3] = torques.x4
-    row[T_POWER] = torques.x1 * slip.x1
-    row[T_POWER + 1] = torques.x2 * slip.x2
-    row[T_POWER + 2] = torques.x3 * slip.x3
-    row[T_POWER + 3] = torques.x4 * slip.x4
-    for term in range(4):
-        row[T_ENERGY + term] = w[_ENERGY + term, i]
-    row[T_REWARD] = error
-    row[T_REWARD + 1] = pace
-    row[T_REWARD + 2] = acceleration
-    row[T_REWARD + 3] = effort
-    row[T_REWARD + 4] = penalty
-    row[T_REWARD + 5] = error + pace + acceleration + effort + penalty
-    row[T_SUCCESS] = 1.0 if success else 0.0
-    row[T_TERMINATED] = 1.0 if success | failure else 0.0
-    w[ALIVE, i] = 0.0 if success | failure else 1.0
-    return not (success | failure)
 
 
 @device
-def _write_pose(w: Any, i: int, row: Any, time: float) -> None:
-    """Write what a telemetry row says of the pose, at a reset too; the rest of the row stays as it is."""
-    p = w[_PARAM:_TARGET]
+def _record_reset(w: Any, i: int, row: Any) -> None:
+    """Write the telemetry row of a world that is not stepping: its pose, the rest zero."""
+    for column in range(row.shape[0]):
+        row[column] = 0.0
+    _record_pose(w, i, row, 0.0)
+
+
+@device
+def _record_pose(w: Any, i: int, row: Any, time: float) -> None:
+    """Write what a telemetry row says of the pose."""
+    p = w[PARAM:_TARGET]
     arm = linkage(p, i)
     q = load_motion(w, i)
     at = situation(line_of(p, i), arm, q)
@@ -328,173 +388,253 @@ def _write_pose(w: Any, i: int, row: Any, time: float) -> None:
         row[T_VOLTS + clutch] = w[COMMAND + clutch, i]
 
 
-law: Any = built_in
-"""The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
+@device
+def _sense(w: Any, i: int, h: float) -> None:
+    """Find the generated torques [N·m] of the last substep, and bring the sines' vectors back to unit length."""
+    q = load_motion(w, i)
+    load_a, load_b = clutch_load(_load_impact(w, i), q.omega_a, q.omega_b, h)
+    store_four(w, TORQUE, i, generated_torques(q.omega_a, q.omega_b, load_a, load_b, load_four(w, _LIMIT, i)))
+    renew_sines(w, SINE, i)
 
 
 @device
-def _first_refused(
-    state: Any, actions: Any, low: float, high: float, slack: float, skip_ended: bool, begin: int, end: int
-) -> int:
-    """Return the first world whose step is refused, or −1."""
-    for world in range(begin, end):
-        if _refused(state, actions, low - slack, high + slack, skip_ended, world):
-            return world
-    return -1
+def _tip_acceleration(w: Any, i: int, period: float) -> tuple[float, float]:
+    """Return the mean acceleration of the tip over a control step [m/s²]."""
+    v_x, v_y = tip_velocity(linkage(w[PARAM:_TARGET], i), load_motion(w, i))
+    return (v_x - w[_START_VELOCITY, i]) / period, (v_y - w[_START_VELOCITY + 1, i]) / period
 
 
 @device
-def _given(actions: Any, world: int, low: float, volts_per_unit: float) -> PerClutch:
-    """Return the voltages [V] of an action."""
-    return PerClutch(
-        (actions[world, 0] - low) * volts_per_unit,
-        (actions[world, 1] - low) * volts_per_unit,
-        (actions[world, 2] - low) * volts_per_unit,
-        (actions[world, 3] - low) * volts_per_unit,
+def _judge(w: Any, i: int, result: Any, period: float, limit: float) -> tuple[float, ...]:
+    """Count the step, write reward and ends to a row of the results, and return the reward terms."""
+    p = w[PARAM:_TARGET]
+    w[STEP, i] += 1.0
+    line = line_of(p, i)
+    q = load_motion(w, i)
+    at = situation(line, linkage(p, i), q)
+    success = reached_end(line, at)
+    failure = (not success) & left_workspace(at, q, p[ERROR_MAX, i], p[SINGULARITY_MARGIN, i])
+    a_x, a_y = _tip_acceleration(w, i, period)
+    error, pace, acceleration, effort = reward_terms(
+        p, i, at, np.sqrt(a_x * a_x + a_y * a_y), load_four(w, COMMAND, i), p[VOLTAGE_MAX, i], period
     )
+    penalty = -p[WEIGHT_FAILURE, i] if failure else 0.0
+    terminated = success | failure
+    truncated = (not terminated) & (w[STEP, i] >= limit)
+    w[ALIVE, i] = 0.0 if terminated | truncated else 1.0
+    result[REWARD] = error + pace + acceleration + effort + penalty
+    result[TERMINATED] = 1.0 if terminated else 0.0
+    result[TRUNCATED] = 1.0 if truncated else 0.0
+    result[SUCCESS] = 1.0 if success else 0.0
+    return error, pace, acceleration, effort, penalty
 
 
 @device
-def _open(w: Any, running: Any, lanes: int) -> tuple[int, bool]:
-    """Note which lanes are running; return their number and whether any clutch lags its voltage."""
-    left = 0
-    lags_voltage = False
+def _record(w: Any, i: int, row: Any, terms: Any, result: Any, period: float) -> None:
+    """Write the telemetry row of a control step."""
+    q = load_motion(w, i)
+    slip = slip_velocities(q.omega_a, q.omega_b)
+    _record_pose(w, i, row, w[STEP, i] * period)
+    row[T_ACCELERATION], row[T_ACCELERATION + 1] = _tip_acceleration(w, i, period)
+    row[T_FORCE] = w[_FORCE, i]
+    row[T_FORCE + 1] = w[_FORCE + 1, i]
+    for clutch in range(4):
+        row[T_TORQUE + clutch] = w[TORQUE + clutch, i]
+        row[T_POWER + clutch] = w[TORQUE + clutch, i] * slip[clutch]
+    for term in range(4):
+        row[T_ENERGY + term] = w[_ENERGY + term, i]
+    for term in range(5):
+        row[T_REWARD + term] = terms[term]
+    row[T_REWARD + 5] = result[REWARD]
+    row[T_SUCCESS] = result[SUCCESS]
+    row[T_TERMINATED] = result[TERMINATED]
+
+
+@device
+def _finish(w: Any, i: int, inverse_scales: Any, obs: Any, result: Any, row: Any, period: float, limit: float) -> None:
+    """End a control step of one world: write its observation, its result and, where there is a row, its telemetry."""
+    _report(w, i, inverse_scales, obs)
+    terms = _judge(w, i, result, period, limit)
+    if row.shape[0] > 0:
+        _record(w, i, row, terms, result, period)
+
+
+@device
+def _restart(w: Any, i: int, words: Any, inverse_scales: Any, obs: Any, row: Any) -> None:
+    """Start the next episode of a world's seed."""
+    words[1] += _ONE
+    _reset(w, i, words[0], words[1])
+    _report(w, i, inverse_scales, obs)
+    if row.shape[0] > 0:
+        _record_reset(w, i, row)
+
+
+@device
+def _copy(source: Any, target: Any) -> None:
+    for k in range(source.shape[0]):
+        target[k] = source[k]
+
+
+@device
+def _goes_on(w: Any, lanes: int, ended: int) -> bool:
+    """Tell whether there is anything to do for a block."""
+    return ended == NEXT_STEP or _count(w, ALIVE, lanes) > 0
+
+
+@device
+def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high: float) -> None:
+    """Begin a control step with the actions of the worlds from ``begin`` on."""
     for i in range(lanes):
-        running[i] = w[ALIVE, i] != 0.0
-        left += 1 if running[i] else 0
-        lags_voltage |= w[_PARAM + VOLTAGE_DECAY, i] != 0.0
-    return left, lags_voltage
+        if w[ALIVE, i] != 0.0:
+            _begin(w, i, _given(actions, begin + i, low, w[PARAM + VOLTAGE_MAX, i] / (high - low)))
 
 
 @device
 def _close(
     w: Any,
-    running: Any,
+    block: Any,
     lanes: int,
-    first: int,
-    state: Any,
-    scales: Any,
+    begin: int,
+    words: Any,
+    inverse_scales: Any,
     obs: Any,
+    results: Any,
     telemetry: Any,
-    h: float,
+    final_obs: Any,
+    final_telemetry: Any,
     period: float,
-) -> int:
-    """End the control step of all running lanes, write back those that have ended, and return their number."""
-    ended = 0
+    limit: float,
+    ended: int,
+) -> None:
+    """End a control step of a block; worlds that end are reset or written back. ``telemetry`` is (1 or 0, N, K)."""
     for i in range(lanes):
-        if running[i] and not _finish(w, i, scales[1], obs[first + i], telemetry[first + i], h, period):
-            _scatter(w, state, i, first + i)
-            running[i] = False
-            ended += 1
-    return ended
+        world = begin + i
+        row = telemetry[0, world] if telemetry.shape[0] > 0 else final_telemetry[0, :0]
+        if w[ALIVE, i] != 0.0:
+            _finish(w, i, inverse_scales, obs[world], results[world], row, period, limit)
+            if w[ALIVE, i] == 0.0 and ended == SAME_STEP:
+                _copy(obs[world], final_obs[world])
+                _copy(row, final_telemetry[world if row.shape[0] > 0 else 0])
+                _restart(w, i, words[world], inverse_scales, obs[world], row)
+            elif w[ALIVE, i] == 0.0:
+                _scatter(w, i, block)
+        elif ended == NEXT_STEP:
+            _restart(w, i, words[world], inverse_scales, obs[world], row)
+            for column in range(RESULTS):
+                results[world, column] = 0.0
 
 
 def _build_advance(digest: str) -> Any:
     def advance(
-        params: Any,
-        state: Any,
+        worlds: Any,
+        words: Any,
         actions: Any,
         gains: Any,
         memory: Any,
         scales: Any,
         obs: Any,
+        results: Any,
         telemetry: Any,
-        low: float,
-        high: float,
-        slack: float,
-        skip_ended: bool,
-        h: float,
-        count: int,
-        begin: int,
-        end: int,
+        final_obs: Any,
+        final_telemetry: Any,
+        config: Any,
+        ended: int,
+        steps: int,
+        first: int,
+        last: int,
     ) -> int:
         _ = digest
+        low, high, slack, h, count, limit = config[0], config[1], config[2], config[3], int(config[4]), config[5]
         external = gains[0] == EXTERNAL
-        refused = _first_refused(state, actions, low, high, slack, skip_ended, begin, end) if external else -1
+        refused = _first_refused(worlds, actions, low - slack, high + slack, ended) if external and first == 0 else -1
         if refused >= 0:
             return refused
-        w = np.empty((_SCRATCH_ROWS, LANES))
-        running = np.empty(LANES, np.bool_)
-        for first in range(begin, end, LANES):
-            lanes = min(LANES, end - first)
-            padded = (lanes + 7) // 8 * 8
-            _gather(w, state, params, first, lanes, padded)
-            left, lags_voltage = _open(w, running, lanes)
+        w = np.empty((SCRATCH_ROWS, LANES))
+        width = worlds.shape[2]
+        records = telemetry.shape[0] > 0
+        for b in range(first, last):
+            begin = b * width
+            lanes = min(width, obs.shape[0] - begin)
+            _gather(w, worlds[b])
+            lags_voltage = _count(w, PARAM + VOLTAGE_DECAY, lanes) > 0
             t = 0
-            while left > 0 and t < telemetry.shape[0]:
-                for i in range(lanes):
-                    world = first + i
-                    if running[i] and external:
-                        _begin(w, i, _given(actions, world, low, params[VOLTAGE_MAX, world] / (high - low)))
-                    elif running[i]:
-                        _begin(w, i, law(obs[world], scales[0], gains, memory[world]))
-                _pad_commands(w, lanes, padded)
+            while t < steps and _goes_on(w, lanes, ended):
+                if external:
+                    _begin_given(w, lanes, actions, begin, low, high)
+                else:
+                    for i in range(lanes):
+                        if w[ALIVE, i] != 0.0:
+                            _begin(w, i, law(obs[begin + i], scales[0], gains, memory[begin + i]))
                 for k in range(count):
-                    _substep(w, padded, h, lags_voltage | (k == 0))
-                left -= _close(w, running, lanes, first, state, scales, obs, telemetry[t], h, h * count)
+                    _substep(w, width, h, lags_voltage | (k == 0))
+                for i in range(width):
+                    _sense(w, i, h)
+                rows = telemetry[t if records else 0 : t + 1 if records else 0]
+                _close(
+                    w,
+                    worlds[b],
+                    lanes,
+                    begin,
+                    words,
+                    scales[1],
+                    obs,
+                    results,
+                    rows,
+                    final_obs,
+                    final_telemetry,
+                    h * count,
+                    limit,
+                    ended,
+                )
                 t += 1
-            _scatter_running(w, running, lanes, first, state)
+            _scatter_alive(w, lanes, worlds[b])
         return -1
 
     return advance
 
 
 def _build_reset(digest: str) -> Any:
-    def reset(params: Any, state: Any, words: Any, chosen: Any, scales: Any, obs: Any, telemetry: Any) -> None:
+    def reset(worlds: Any, words: Any, chosen: Any, scales: Any, obs: Any, telemetry: Any) -> None:
         _ = digest
-        w = np.zeros((_SCRATCH_ROWS, 1))
-        none = PerClutch(0.0, 0.0, 0.0, 0.0)
-        for world in range(chosen.shape[0]):
-            if not chosen[world]:
-                continue
+        w = np.empty((SCRATCH_ROWS, LANES))
+        width = worlds.shape[2]
+        for world in range(obs.shape[0]):
+            block = worlds[world // width]
+            i = world % width
             for row in range(WORLD_ROWS):
-                w[row, 0] = 0.0
-            for row in range(PARAM_ROWS):
-                w[_PARAM + row, 0] = params[row, world]
-            p = w[_PARAM:_TARGET]
-            seed = words[world, 0]
-            episode = words[world, 1]
-            u0, u1, u2, u3 = uniform4(seed, _RESET_STREAM, np.uint64(0), episode)
-            v0, v1, _, _ = uniform4(seed, _RESET_STREAM, np.uint64(1), episode)
-            draws = (u1, u2, u3, v0, v1)
-            for k in range(SINES):
-                angle = 2.0 * np.pi * draws[k] if p[RANDOM_PHASES, 0] != 0.0 else p[PHASE + k, 0]
-                w[SINE + 2 * k, 0], w[SINE + 2 * k + 1, 0] = unit_vector(angle)
-            line = line_of(p, 0)
-            arm = linkage(p, 0)
-            q = start_motion(arm, line, p[START_OFFSET, 0] * (2.0 * u0 - 1.0))
-            store_motion(w, 0, q)
-            w[ALIVE, 0] = 1.0
-            across = 0.0
-            for k in range(SINES):
-                across += p[AMPLITUDE + k, 0] * w[SINE + 2 * k + 1, 0]
-            at = situation(line, arm, q)
-            observe(obs[world], scales[1], q, at, line, p[PACE, 0], none, none, p[PUSH, 0], across)
-            for column in range(telemetry.shape[1]):
-                telemetry[world, column] = 0.0
-            _write_pose(w, 0, telemetry[world], 0.0)
-            _scatter(w, state, 0, world)
+                w[row, i] = block[row, i]
+            if chosen[world]:
+                _reset(w, i, words[world, 0], words[world, 1])
+                _scatter(w, i, block)
+            _report(w, i, scales[1], obs[world])
+            if telemetry.shape[0] > 0:
+                _record_reset(w, i, telemetry[world])
 
     return reset
 
 
 @cache
-def advance_kernel(law: Any = built_in) -> Any:
+def advance_kernel(inlined: Any = built_in) -> Any:
     """Return the compiled ``advance`` with a control law inside.
 
-    ``advance(params (PARAM_ROWS, N), state (WORLD_ROWS, N), actions (N, 4), gains, memory (N, M), scales (2, OBS),
-    obs (N, OBS), telemetry (T, N, len(TELEMETRY)), low, high, slack, skip_ended, h, count, begin, end)`` runs T control
-    steps of ``count`` substeps for worlds begin … end − 1.
+    ``advance(worlds (B, WORLD_ROWS, lanes), words (N, 2), actions (N, 4), gains, memory (N, M), scales (2, O),
+    obs (N, O), results (N, 4), telemetry (T, N, K), final_obs, final_telemetry, config, ended, steps, first, last)``
+    runs ``steps`` control steps of the worlds in the blocks first … last − 1.
 
-    With ``gains[0] == EXTERNAL`` the voltages come from ``actions``, [low, high] standing for [0, voltage_max]. The
-    number of the first refused world is returned before anything is touched: one with an action that is not a number
-    within the bounds, give or take ``slack``, or one that has ended, unless ``skip_ended``. Otherwise the voltages come
-    from the law. Returns −1 when all went well. A world that ends leaves its later telemetry rows as they are.
+    With ``gains[0] == EXTERNAL`` the voltages come from ``actions``, otherwise from the law. Before block 0 is touched
+    the actions of all worlds are looked at; the number of the first that is refused is returned, −1 when all went well.
+    ``config`` holds low, high and slack of an action, the substep [s], the substeps in a control step, and the time
+    limit in control steps. ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP. T may be 0, for no telemetry;
+    ``final_obs`` and ``final_telemetry`` are written with SAME_STEP only.
     """
-    return compile_kernel(_build_advance, law=law)
+    return compile_kernel(_build_advance, law=inlined)
 
 
 @cache
 def reset_kernel() -> Any:
-    """Return the compiled ``reset``; ``words`` (N, 2) holds the seed and the episode of each world."""
+    """Return the compiled ``reset``.
+
+    ``reset(worlds, words (N, 2), chosen (N,), scales (2, O), obs (N, O), telemetry (N or 0, K))`` starts new episodes of
+    the chosen worlds from their seeds and episode counts, and writes the present observation of all worlds.
+    """
     return compile_kernel(_build_reset)

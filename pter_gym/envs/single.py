@@ -11,11 +11,9 @@ from pter_gym.envs.batch import ActionUnit, Batch
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.layout import Layout
 from pter_gym.params import MACHINES, Machine
-from pter_gym.tasks.path_following import T_SUCCESS, T_TERMINATED, T_TIP, TELEMETRY, PathFollowing, Sensors
+from pter_gym.tasks.path_following import T_TIP, TELEMETRY, PathFollowing, Sensors
 
 RenderMode = Literal["human", "rgb_array"]
-
-_TOTAL_REWARD = TELEMETRY.index("reward")
 
 
 class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -44,7 +42,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     |---|---|
     | `cos_a`, `sin_a`, `cos_b`, `sin_b` | absolute angles of links A and B |
     | `omega_a`, `omega_b` | their angular velocities |
-    | `normal_error`, `progress` | distance from the path, positive to its left; projection on the path over its length |
+    | `normal_error`, `progress` | distance from the path, positive to its left; part of the path covered |
     | `heading_cos`, `heading_sin`, `curvature` | the path there |
     | `speed_along`, `speed_across` | tip velocity along and across the path |
     | `pace` | commanded mean speed along the path |
@@ -140,12 +138,12 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         ResetNeededError
             Before the first reset and after the end of an episode.
         """
-        obs, telemetry = self.batch.step(as_row(action))
-        row = telemetry[0]
+        returns = self.batch.step(as_row(action))
+        reward, terminated, _, success = returns.results[0].tolist()
+        row = returns.telemetry[0]
         if self.render_mode is not None:
             self._show(row)
-        info = {"telemetry": row, "is_success": bool(row[T_SUCCESS])}
-        return obs[0], float(row[_TOTAL_REWARD]), bool(row[T_TERMINATED]), False, info
+        return returns.obs[0], reward, terminated != 0.0, False, {"telemetry": row, "is_success": success != 0.0}
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture (height, width, 3) in the mode ``rgb_array``; ``human`` shows each step by itself."""
