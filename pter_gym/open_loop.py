@@ -343,7 +343,8 @@ def _rows(name: str, values: ArrayLike, steps: int, width: int) -> Array:
     array = _numbers(name, values)
     if array.shape not in ((width,), (steps, width)):
         raise ParameterError(f"{name} must have the shape ({width},) or ({steps}, {width}), got {array.shape}")
-    return np.ascontiguousarray(np.broadcast_to(array, (steps, width)))
+    # a copy, since a read-only view is another type for the compiler, which would compile the kernel anew
+    return np.array(np.broadcast_to(array, (steps, width)), order="C")
 
 
 def _volts(machine: Machine, volts: ArrayLike, steps: int) -> Array:
