@@ -64,7 +64,6 @@ from pter_gym.tasks.path_following import (
     T_VOLTS,
     TURN,
     WEIGHT_FAILURE,
-    Situation,
     left_workspace,
     line_of,
     observe,
@@ -634,7 +633,7 @@ def advance_kernel(inlined: Any = built_in) -> Any:
 def reset_kernel() -> Any:
     """Return the compiled ``reset``.
 
-    ``reset(worlds, words (N, 2), chosen (N,), scales (2, O), obs (N, O), telemetry (N or 0, K))`` starts new episodes of
-    the chosen worlds from their seeds and episode counts, and writes the present observation of all worlds.
+    ``reset(worlds, words (N, 2), chosen (N,), scales (2, O), obs (N, O), telemetry (N or 0, K))`` starts new episodes
+    of the chosen worlds from their seeds and episode counts, and writes the present observation of all worlds.
     """
     return compile_kernel(_build_reset)
