@@ -53,6 +53,7 @@ _HOMES = {
 gymnasium.register(
     id="PTER/PathFollowing-v0",
     entry_point="pter_gym.envs.single:PathFollowingEnv",
+    vector_entry_point="pter_gym.envs.vector:PathFollowingVectorEnv",
     max_episode_steps=1000,
 )
 

@@ -1,0 +1,258 @@
+"""The native vector environment: many worlds in one compiled call, with Gymnasium's semantics."""
+
+import operator
+import os
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from pter_gym.envs import kernels
+from pter_gym.envs.batch import ActionUnit, Array, Batch, Observations, Returns
+from pter_gym.envs.single import find_machine
+from pter_gym.errors import ParameterError
+from pter_gym.layout import Layout
+from pter_gym.params import Machine
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
+
+Device = Literal["cpu", "cuda"]
+Mask = NDArray[np.bool_]
+
+_ENDED = {
+    AutoresetMode.NEXT_STEP: kernels.NEXT_STEP,
+    AutoresetMode.SAME_STEP: kernels.SAME_STEP,
+    AutoresetMode.DISABLED: kernels.REFUSE,
+}
+
+
+class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
+    """N worlds of ``PathFollowingEnv`` in one compiled call.
+
+    A world that is seeded s lives the same episodes, bit for bit, as a single environment that is reset with seed s,
+    whatever the number of worlds and of threads. ``infos`` holds ``telemetry`` (N, len(telemetry_layout)) and
+    ``is_success`` (N,) with their masks, and with ``AutoresetMode.SAME_STEP`` what Gymnasium asks for besides.
+
+    Parameters
+    ----------
+    num_envs
+        N.
+    machine, task
+        One for all worlds, or a sequence with one for each; see ``PathFollowingEnv``.
+    sensors, action_unit
+        See ``PathFollowingEnv``.
+    autoreset_mode
+        What happens to a world whose episode has ended; an ``AutoresetMode`` or its value.
+    max_episode_steps
+        Control steps after which an episode is truncated; None for no limit.
+    telemetry
+        Whether ``infos`` holds telemetry.
+    num_threads
+        Threads for large batches; by default one for each core that this process may use. Results do not depend on it.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is out of range, or the worlds would not fit into the memory that is free.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        machine: Machine | str | Sequence[Machine | str] = "baseline",
+        task: PathFollowing | Sequence[PathFollowing] | None = None,
+        sensors: Sensors = "torque",
+        action_unit: ActionUnit = "volt",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = 1000,
+        telemetry: bool = True,
+        num_threads: int | None = None,
+        render_mode: None = None,
+    ) -> None:
+        if render_mode is not None:
+            raise ParameterError(f"render_mode must be None: only the single environment renders, got {render_mode!r}")
+        self.autoreset_mode = find_autoreset_mode(autoreset_mode)
+        self.metadata = {"render_modes": [], "render_fps": 100, "autoreset_mode": self.autoreset_mode}
+        self.num_envs = whole_number("num_envs", num_envs)
+        check_memory(self.num_envs)
+        single = isinstance(machine, (Machine, str))
+        self.batch = Batch(
+            find_machine(machine) if single else [find_machine(each) for each in machine],
+            PathFollowing() if task is None else task,
+            self.num_envs,
+            sensors=sensors,
+            action_unit=action_unit,
+            max_steps=max_episode_steps,
+            telemetry=telemetry,
+            num_threads=available_cores() if num_threads is None else whole_number("num_threads", num_threads),
+        )
+        self.single_action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
+        self.single_observation_space = spaces.Box(-1.0, 1.0, (len(self.batch.layout),), np.float32)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+
+    @property
+    def observation_layout(self) -> Layout:
+        """Names, units and scales of the observation's entries."""
+        return self.batch.layout
+
+    @property
+    def telemetry_layout(self) -> Layout:
+        """Names and units of the entries of ``infos["telemetry"]``."""
+        return TELEMETRY
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Start new episodes.
+
+        Parameters
+        ----------
+        seed
+            None for the next episode of each world's seed, an int s for the seeds s, s + 1, …, or one for each world.
+        options
+            ``{"reset_mask": mask}`` with a bool array (N,) resets the chosen worlds alone.
+
+        Raises
+        ------
+        ParameterError
+            If there is another option, or the mask has another shape or type or chooses no world.
+        """
+        self._check_open()
+        chosen = self._mask(options)
+        obs, telemetry = self.batch.reset(self._seeds(seed), chosen)
+        return obs, self._infos(chosen, telemetry, np.zeros(self.num_envs, np.bool_))
+
+    def step(self, actions: Any) -> tuple[Observations, Array, Mask, Mask, dict[str, Any]]:
+        """Advance all worlds by one control period.
+
+        Raises
+        ------
+        ActionError
+            If an action has a wrong shape or type, is not finite, or is out of bounds; no world has moved.
+        ResetNeededError
+            If a world was never reset, or its episode has ended with ``AutoresetMode.DISABLED``; no world has moved.
+        """
+        self._check_open()
+        returns = self.batch.step(actions, _ENDED[self.autoreset_mode])
+        results = returns.results
+        terminated = results[:, kernels.TERMINATED] != 0.0
+        truncated = results[:, kernels.TRUNCATED] != 0.0
+        success = results[:, kernels.SUCCESS] != 0.0
+        infos = self._infos(np.ones(self.num_envs, np.bool_), returns.telemetry, success)
+        if self.autoreset_mode == AutoresetMode.SAME_STEP:
+            self._add_final(infos, returns, terminated | truncated)
+        return returns.obs, results[:, kernels.REWARD].copy(), terminated, truncated, infos
+
+    def close_extras(self) -> None:
+        """Stop the threads."""
+        self.batch.close()
+
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
+        return self.batch.get_state()
+
+    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
+        """Bring the worlds to a state from ``get_state`` of an environment with as many worlds."""
+        self.batch.set_state(state)
+
+    def _infos(self, mask: Mask, telemetry: Array, success: Mask) -> dict[str, Any]:
+        infos: dict[str, Any] = {"is_success": success, "_is_success": mask}
+        if len(telemetry):
+            infos |= {"telemetry": telemetry, "_telemetry": mask.copy()}
+        return infos
+
+    def _add_final(self, infos: dict[str, Any], returns: Returns, ended: Mask) -> None:
+        """Add what Gymnasium asks of SAME_STEP, where the rest of ``infos`` is the reset's."""
+        if not ended.any():
+            return
+        success = infos["is_success"]
+        infos["is_success"] = success & ~ended
+        final_obs = np.full(self.num_envs, None, object)
+        for world in np.flatnonzero(ended):
+            final_obs[world] = returns.final_obs[world].copy()
+        telemetry = returns.telemetry
+        if len(telemetry):
+            telemetry = np.where(ended[:, None], returns.final_telemetry, 0.0)
+        infos |= {
+            "final_obs": final_obs,
+            "_final_obs": ended,
+            "final_info": self._infos(ended.copy(), telemetry, success & ended),
+            "_final_info": ended.copy(),
+        }
+
+    def _check_open(self) -> None:
+        if self.closed:
+            raise gymnasium.error.ClosedEnvironmentError("the vector environment was closed")
+
+    def _seeds(self, seed: Any) -> list[int | None] | None:
+        if seed is None:
+            return None
+        if np.ndim(seed) == 1:
+            return [None if each is None else whole_number("seed", each, at_least=0) for each in seed]
+        first = whole_number("seed", seed, at_least=0)
+        return list(range(first, first + self.num_envs))
+
+    def _mask(self, options: dict[str, Any] | None) -> Mask:
+        options = options or {}
+        unknown = sorted(set(options) - {"reset_mask"})
+        if unknown:
+            raise ParameterError(f"options may hold reset_mask only, got {', '.join(unknown)}")
+        mask: Any = options.get("reset_mask")
+        if mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        if getattr(mask, "dtype", None) != np.bool_ or mask.shape != (self.num_envs,):
+            raise ParameterError(f"options['reset_mask'] must be a bool array with the shape ({self.num_envs},)")
+        if not mask.any():
+            raise ParameterError("options['reset_mask'] must choose at least one world")
+        return np.array(mask, np.bool_)
+
+
+def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    """Return an autoreset mode given as itself, by its value or by its name.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such mode.
+    """
+    for known in AutoresetMode:
+        if mode in (known, known.value, known.name):
+            return known
+    raise ParameterError(f"autoreset_mode must be one of {', '.join(m.name for m in AutoresetMode)}, got {mode!r}")
+
+
+def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
+    """Return a whole number, or raise a ParameterError that names the field."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = at_least - 1
+    if number < at_least or isinstance(value, bool):
+        raise ParameterError(f"{field} must be a whole number ≥ {at_least}, got {value!r}")
+    return number
+
+
+BYTES_PER_WORLD = 2048
+"""What a world takes: its state, its part of the spaces and of a step's returns [B]."""
+
+
+def check_memory(worlds: int) -> None:
+    """Raise a ParameterError if so many worlds would not fit into the memory of this machine."""
+    if not hasattr(os, "sysconf") or "SC_PHYS_PAGES" not in os.sysconf_names:
+        return
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    if worlds * BYTES_PER_WORLD > memory:
+        most = memory // BYTES_PER_WORLD
+        raise ParameterError(f"num_envs must be ≤ {most}, which fit into this machine's memory, got {worlds}")
+
+
+def available_cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
