@@ -13,7 +13,7 @@ from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import Score, score
 from pter_gym.controllers import CONTROLLERS, Controller, Policy, Random
 from pter_gym.envs.batch import Batch
-from pter_gym.envs.kernels import SKIP
+from pter_gym.envs.world import SKIP
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following import T_TERMINATED, T_TIME, PathFollowing

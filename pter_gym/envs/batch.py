@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym.controllers.laws import EXTERNAL, MEMORY
-from pter_gym.envs.kernels import (
+from pter_gym.envs.kernels import advance_kernel, reset_kernel
+from pter_gym.envs.world import (
     ALIVE,
     CHANGING_ROWS,
     LANES,
@@ -19,8 +20,6 @@ from pter_gym.envs.kernels import (
     SAME_STEP,
     SKIP,
     WORLD_ROWS,
-    advance_kernel,
-    reset_kernel,
 )
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import Machine
@@ -201,7 +200,7 @@ class Batch:
         actions
             Clutch voltages in the action unit, shape (N, 4). Up to four float32 ulp beyond a bound are clipped.
         ended
-            What to do with a world whose episode has ended, from ``pter_gym.envs.kernels``: ``REFUSE`` to step,
+            What to do with a world whose episode has ended, from ``pter_gym.envs.world``: ``REFUSE`` to step,
             ``SKIP`` it (its rows are zero, and NaN in the telemetry), reset it in the ``NEXT_STEP``, ignoring that
             step's action, or in the ``SAME_STEP``.
 

@@ -1,7 +1,7 @@
-"""The block kernel: whole control steps of many worlds, from voltages to observation, reward and automatic reset.
+"""The block kernel: whole control steps of many worlds on a CPU.
 
 Worlds are stored in blocks of up to 64 lanes, (blocks, rows, lanes). A block is copied into one scratch array, whose
-innermost loop over lanes is vectorised, and back. Lanes without a world hold zeros and a copy of valid parameters.
+innermost loops over lanes are vectorised, and back. Lanes without a world hold zeros and a copy of valid parameters.
 """
 
 from functools import cache
@@ -10,161 +10,42 @@ from typing import Any
 import numpy as np
 
 from pter_gym._jit import compile_kernel, device
-from pter_gym._philox import uniform4
 from pter_gym.controllers.laws import EXTERNAL, built_in
-from pter_gym.operators import SINES, advance_sines, renew_sines, sum_of_sines, unit_vector
-from pter_gym.physics.arm import Load, advance_position, kinetic_energy, tip_position, tip_velocity
-from pter_gym.physics.clutch import PerClutch, relax, relax_torques, steady_torques
-from pter_gym.physics.friction import between, generated_torques, mode_of, slip_velocities
-from pter_gym.physics.model import (
-    BREAKAWAY,
-    LAGGED_VOLTS,
-    SLIP_THRESHOLD,
-    STATE_ROWS,
-    TORQUE_DECAY,
-    VOLTAGE_DECAY,
-    VOLTAGE_MAX,
-    breakaway_curve,
-    dynamic_curve,
-    linkage,
-    load_four,
-    load_motion,
-    load_torques,
-    store_four,
-    store_motion,
-    store_torques,
+from pter_gym.envs.world import (
+    ALIVE,
+    CHANGING_ROWS,
+    LANES,
+    NEXT_STEP,
+    PARAM,
+    SCRATCH_ROWS,
+    WORLD_ROWS,
+    aim_torques,
+    catch_crossing,
+    end_step,
+    find_velocity,
+    given_volts,
+    is_refused,
+    move_arm,
+    observe_world,
+    push_tip,
+    record_reset,
+    sense_torques,
+    start_episode,
+    take_command,
 )
-from pter_gym.physics.step import Impact, clutch_load, energy_terms, first_velocity, free_motion, second_velocity
-from pter_gym.tasks.path_following import (
-    AMPLITUDE,
-    ERROR_MAX,
-    PACE,
-    PARAM_ROWS,
-    PHASE,
-    PUSH,
-    RANDOM_PHASES,
-    SINGULARITY_MARGIN,
-    START_OFFSET,
-    T_ACCELERATION,
-    T_ARC_LENGTH,
-    T_ENERGY,
-    T_ERROR,
-    T_FORCE,
-    T_KINETIC,
-    T_MODE,
-    T_POWER,
-    T_REWARD,
-    T_SUCCESS,
-    T_TERMINATED,
-    T_THETA,
-    T_TIME,
-    T_TIP,
-    T_TORQUE,
-    T_VELOCITY,
-    T_VOLTS,
-    TURN,
-    WEIGHT_FAILURE,
-    left_workspace,
-    line_of,
-    observe,
-    reached_end,
-    reward_terms,
-    situation,
-    start_motion,
-)
-
-LANES = 64
-"""Largest number of worlds in a block."""
-
-COMMAND = STATE_ROWS
-TORQUE = COMMAND + 4
-SINE = TORQUE + 4
-STEP = SINE + 2 * SINES
-ALIVE = STEP + 1
-CHANGING_ROWS = ALIVE + 1
-"""Rows of a world that change.
-
-Physical state, last command, last generated torques, unit vectors of the sines, step count, alive flag.
-"""
-
-PARAM = CHANGING_ROWS
-"""First row of a world's parameters."""
-
-WORLD_ROWS = PARAM + PARAM_ROWS
-_TARGET = WORLD_ROWS
-_IMPACT = _TARGET + 8
-_OMEGA = _IMPACT + 9
-_LIMIT = _OMEGA + 2
-_CROSSING = _LIMIT + 4
-_ENERGY = _CROSSING + 1
-_ACROSS = _ENERGY + 4
-_FORCE = _ACROSS + 1
-_START_VELOCITY = _FORCE + 2
-SCRATCH_ROWS = _START_VELOCITY + 2
-
-REFUSE, SKIP, NEXT_STEP, SAME_STEP = range(4)
-"""What to do with a world that has ended: refuse to step, leave it out, reset it at the next step or at once."""
-
-REWARD, TERMINATED, TRUNCATED, SUCCESS = range(4)
-"""Columns of the results."""
-
-RESULTS = 4
-
-_RESET_STREAM = np.uint64(0x5245534554)
-_FIRST_DRAWS = np.uint64(0)
-_SECOND_DRAWS = np.uint64(1)
-_ONE = np.uint64(1)
+from pter_gym.physics.model import VOLTAGE_DECAY, VOLTAGE_MAX
 
 law: Any = built_in
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
 
 
 @device
-def _command(volts: float, voltage_max: float) -> float:
-    """Return the voltage [V] that reaches the clutch: a float32 action within the bounds."""
-    return between(float(np.float32(volts)), 0.0, voltage_max)
-
-
-@device
-def _commands(volts: PerClutch, voltage_max: float) -> PerClutch:
-    return PerClutch(
-        _command(volts.x1, voltage_max),
-        _command(volts.x2, voltage_max),
-        _command(volts.x3, voltage_max),
-        _command(volts.x4, voltage_max),
-    )
-
-
-@device
-def _refused(worlds: Any, actions: Any, low: float, high: float, ended: int, world: int) -> bool:
-    """Tell whether a world has ended and may not, or its action is not a number within the bounds."""
-    width = worlds.shape[2]
-    if worlds[world // width, ALIVE, world % width] == 0.0:
-        return ended == REFUSE
-    refused = False
-    for clutch in range(4):
-        refused |= not ((actions[world, clutch] >= low) & (actions[world, clutch] <= high))
-    return refused
-
-
-@device
 def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: int) -> int:
     """Return the first world whose step is refused, or −1."""
     for world in range(actions.shape[0]):
-        if _refused(worlds, actions, low, high, ended, world):
+        if is_refused(worlds, actions, low, high, ended, world):
             return world
     return -1
-
-
-@device
-def _given(actions: Any, world: int, low: float, volts_per_unit: float) -> PerClutch:
-    """Return the voltages [V] of an action."""
-    return PerClutch(
-        (actions[world, 0] - low) * volts_per_unit,
-        (actions[world, 1] - low) * volts_per_unit,
-        (actions[world, 2] - low) * volts_per_unit,
-        (actions[world, 3] - low) * volts_per_unit,
-    )
 
 
 @device
@@ -197,281 +78,19 @@ def _count(w: Any, row: int, lanes: int) -> int:
 
 
 @device
-def _load_impact(w: Any, i: int) -> Impact:
-    return Impact(
-        w[_IMPACT, i],
-        w[_IMPACT + 1, i],
-        w[_IMPACT + 2, i],
-        w[_IMPACT + 3, i],
-        w[_IMPACT + 4, i],
-        w[_IMPACT + 5, i],
-        w[_IMPACT + 6, i],
-        w[_IMPACT + 7, i],
-        w[_IMPACT + 8, i],
-    )
-
-
-@device
-def _store_impact(w: Any, i: int, impact: Impact) -> None:
-    w[_IMPACT, i] = impact.m11
-    w[_IMPACT + 1, i] = impact.m12
-    w[_IMPACT + 2, i] = impact.m22
-    w[_IMPACT + 3, i] = impact.p_a
-    w[_IMPACT + 4, i] = impact.p_b
-    w[_IMPACT + 5, i] = impact.hand_a
-    w[_IMPACT + 6, i] = impact.hand_b
-    w[_IMPACT + 7, i] = impact.fictitious_a
-    w[_IMPACT + 8, i] = impact.fictitious_b
-
-
-@device
-def _begin(w: Any, i: int, volts: PerClutch) -> None:
-    """Take the command of a control step, note the tip's velocity and clear the step's energies."""
-    p = w[PARAM:_TARGET]
-    store_four(w, COMMAND, i, _commands(volts, p[VOLTAGE_MAX, i]))
-    w[_START_VELOCITY, i], w[_START_VELOCITY + 1, i] = tip_velocity(linkage(p, i), load_motion(w, i))
-    for term in range(4):
-        w[_ENERGY + term, i] = 0.0
-
-
-@device
-def _aim(w: Any, i: int) -> None:
-    """Find the torques that the clutches tend to, behind a lag of the voltage if there is one."""
-    p = w[PARAM:_TARGET]
-    lagged = relax(load_four(w, LAGGED_VOLTS, i), load_four(w, COMMAND, i), p[VOLTAGE_DECAY, i])
-    store_four(w, LAGGED_VOLTS, i, lagged)
-    store_torques(w, _TARGET, i, steady_torques(breakaway_curve(p, i), dynamic_curve(p, i), lagged))
-
-
-@device
-def _push(w: Any, i: int) -> None:
-    """Find the hand's force [N] and move its sines on by a substep."""
-    p = w[PARAM:_TARGET]
-    across = _force_across(w, i)
-    advance_sines(w, SINE, PARAM + TURN, i)
-    line = line_of(p, i)
-    w[_FORCE, i] = p[PUSH, i] * line.heading_cos - across * line.heading_sin
-    w[_FORCE + 1, i] = p[PUSH, i] * line.heading_sin + across * line.heading_cos
-
-
-@device
-def _meet(w: Any, i: int, h: float) -> None:
-    """Advance the torques' lag and find the velocities after friction."""
-    p = w[PARAM:_TARGET]
-    torques = relax_torques(load_torques(w, BREAKAWAY, i), load_torques(w, _TARGET, i), p[TORQUE_DECAY, i])
-    store_torques(w, BREAKAWAY, i, torques)
-    q = load_motion(w, i)
-    impact = free_motion(q, linkage(p, i), Load(w[_FORCE, i], w[_FORCE + 1, i], 0.0, 0.0, 0.0, 0.0), h)
-    omega_a, omega_b, limit, crossing = first_velocity(q, impact, torques, p[SLIP_THRESHOLD, i], h)
-    _store_impact(w, i, impact)
-    w[_OMEGA, i] = omega_a
-    w[_OMEGA + 1, i] = omega_b
-    store_four(w, _LIMIT, i, limit)
-    w[_CROSSING, i] = 1.0 if crossing else 0.0
-
-
-@device
-def _catch(w: Any, i: int, h: float) -> None:
-    """Apply the crossing rule, if a slip velocity has jumped over the stick band."""
-    if w[_CROSSING, i] != 0.0:
-        w[_OMEGA, i], w[_OMEGA + 1, i], limit = second_velocity(
-            load_motion(w, i),
-            _load_impact(w, i),
-            load_torques(w, BREAKAWAY, i),
-            w[PARAM + SLIP_THRESHOLD, i],
-            h,
-            w[_OMEGA, i],
-            w[_OMEGA + 1, i],
-            load_four(w, _LIMIT, i),
-        )
-        store_four(w, _LIMIT, i, limit)
-
-
-@device
-def _move(w: Any, i: int, h: float) -> None:
-    """Advance the position and add up the energies."""
-    before = load_motion(w, i)
-    arm = linkage(w[PARAM:_TARGET], i)
-    after = advance_position(before, w[_OMEGA, i], w[_OMEGA + 1, i], h)
-    energy = energy_terms(before, after, arm, _load_impact(w, i), load_four(w, _LIMIT, i), h)
-    store_motion(w, i, after)
-    w[_ENERGY, i] += energy.hand_work
-    w[_ENERGY + 1, i] += energy.dissipated
-    w[_ENERGY + 2, i] += energy.numerical_loss
-    w[_ENERGY + 3, i] += energy.residual
-
-
-@device
 def _substep(w: Any, lanes: int, h: float, aims: bool) -> None:
     """Advance all lanes by one substep; ``aims`` says that the steady torques may have changed."""
     if aims:
         for i in range(lanes):
-            _aim(w, i)
+            aim_torques(w, i)
     for i in range(lanes):
-        _push(w, i)
+        push_tip(w, i)
     for i in range(lanes):
-        _meet(w, i, h)
+        find_velocity(w, i, h)
     for i in range(lanes):
-        _catch(w, i, h)
+        catch_crossing(w, i, h)
     for i in range(lanes):
-        _move(w, i, h)
-
-
-@device
-def _force_across(w: Any, i: int) -> float:
-    """Return the present disturbance [N] (paper Eq. 5)."""
-    return sum_of_sines(w, SINE, PARAM + AMPLITUDE, i)
-
-
-@device
-def _reset(w: Any, i: int, seed: np.uint64, episode: np.uint64) -> None:
-    """Start an episode: the arm at rest at the start of the path, clutches released, draws from seed and episode."""
-    p = w[PARAM:_TARGET]
-    for row in range(CHANGING_ROWS):
-        w[row, i] = 0.0
-    u0, u1, u2, u3 = uniform4(seed, _RESET_STREAM, _FIRST_DRAWS, episode)
-    v0, v1, _, _ = uniform4(seed, _RESET_STREAM, _SECOND_DRAWS, episode)
-    draws = (u1, u2, u3, v0, v1)
-    for k in range(SINES):
-        angle = 2.0 * np.pi * draws[k] if p[RANDOM_PHASES, i] != 0.0 else p[PHASE + k, i]
-        w[SINE + 2 * k, i], w[SINE + 2 * k + 1, i] = unit_vector(angle)
-    store_motion(w, i, start_motion(linkage(p, i), line_of(p, i), p[START_OFFSET, i] * (2.0 * u0 - 1.0)))
-    w[ALIVE, i] = 1.0
-
-
-@device
-def _report(w: Any, i: int, inverse_scales: Any, obs: Any) -> None:
-    """Write the present observation."""
-    p = w[PARAM:_TARGET]
-    line = line_of(p, i)
-    q = load_motion(w, i)
-    observe(
-        obs,
-        inverse_scales,
-        q,
-        situation(line, linkage(p, i), q),
-        line,
-        p[PACE, i],
-        load_four(w, COMMAND, i),
-        load_four(w, TORQUE, i),
-        p[PUSH, i],
-        _force_across(w, i),
-    )
-
-
-@device
-def _record_reset(w: Any, i: int, row: Any) -> None:
-    """Write the telemetry row of a world that is not stepping: its pose, the rest zero."""
-    for column in range(row.shape[0]):
-        row[column] = 0.0
-    _record_pose(w, i, row, 0.0)
-
-
-@device
-def _record_pose(w: Any, i: int, row: Any, time: float) -> None:
-    """Write what a telemetry row says of the pose."""
-    p = w[PARAM:_TARGET]
-    arm = linkage(p, i)
-    q = load_motion(w, i)
-    at = situation(line_of(p, i), arm, q)
-    row[T_TIME] = time
-    row[T_THETA] = q.theta_a
-    row[T_THETA + 1] = q.theta_b
-    row[T_TIP], row[T_TIP + 1] = tip_position(arm, q)
-    row[T_VELOCITY], row[T_VELOCITY + 1] = tip_velocity(arm, q)
-    row[T_ARC_LENGTH] = at.arc_length
-    row[T_ERROR] = at.normal_error
-    row[T_MODE] = mode_of(q.omega_a, q.omega_b)
-    row[T_KINETIC] = kinetic_energy(arm, q)
-    for clutch in range(4):
-        row[T_VOLTS + clutch] = w[COMMAND + clutch, i]
-
-
-@device
-def _sense(w: Any, i: int, h: float) -> None:
-    """Find the generated torques [N·m] of the last substep, and bring the sines' vectors back to unit length."""
-    q = load_motion(w, i)
-    load_a, load_b = clutch_load(_load_impact(w, i), q.omega_a, q.omega_b, h)
-    store_four(w, TORQUE, i, generated_torques(q.omega_a, q.omega_b, load_a, load_b, load_four(w, _LIMIT, i)))
-    renew_sines(w, SINE, i)
-
-
-@device
-def _tip_acceleration(w: Any, i: int, period: float) -> tuple[float, float]:
-    """Return the mean acceleration of the tip over a control step [m/s²]."""
-    v_x, v_y = tip_velocity(linkage(w[PARAM:_TARGET], i), load_motion(w, i))
-    return (v_x - w[_START_VELOCITY, i]) / period, (v_y - w[_START_VELOCITY + 1, i]) / period
-
-
-@device
-def _judge(w: Any, i: int, result: Any, period: float, limit: float) -> tuple[float, ...]:
-    """Count the step, write reward and ends to a row of the results, and return the reward terms."""
-    p = w[PARAM:_TARGET]
-    w[STEP, i] += 1.0
-    line = line_of(p, i)
-    q = load_motion(w, i)
-    at = situation(line, linkage(p, i), q)
-    success = reached_end(line, at)
-    failure = (not success) & left_workspace(at, q, p[ERROR_MAX, i], p[SINGULARITY_MARGIN, i])
-    a_x, a_y = _tip_acceleration(w, i, period)
-    error, pace, acceleration, effort = reward_terms(
-        p, i, at, np.sqrt(a_x * a_x + a_y * a_y), load_four(w, COMMAND, i), p[VOLTAGE_MAX, i], period
-    )
-    penalty = -p[WEIGHT_FAILURE, i] if failure else 0.0
-    terminated = success | failure
-    truncated = (not terminated) & (w[STEP, i] >= limit)
-    w[ALIVE, i] = 0.0 if terminated | truncated else 1.0
-    result[REWARD] = error + pace + acceleration + effort + penalty
-    result[TERMINATED] = 1.0 if terminated else 0.0
-    result[TRUNCATED] = 1.0 if truncated else 0.0
-    result[SUCCESS] = 1.0 if success else 0.0
-    return error, pace, acceleration, effort, penalty
-
-
-@device
-def _record(w: Any, i: int, row: Any, terms: Any, result: Any, period: float) -> None:
-    """Write the telemetry row of a control step."""
-    q = load_motion(w, i)
-    slip = slip_velocities(q.omega_a, q.omega_b)
-    _record_pose(w, i, row, w[STEP, i] * period)
-    row[T_ACCELERATION], row[T_ACCELERATION + 1] = _tip_acceleration(w, i, period)
-    row[T_FORCE] = w[_FORCE, i]
-    row[T_FORCE + 1] = w[_FORCE + 1, i]
-    for clutch in range(4):
-        row[T_TORQUE + clutch] = w[TORQUE + clutch, i]
-        row[T_POWER + clutch] = w[TORQUE + clutch, i] * slip[clutch]
-    for term in range(4):
-        row[T_ENERGY + term] = w[_ENERGY + term, i]
-    for term in range(5):
-        row[T_REWARD + term] = terms[term]
-    row[T_REWARD + 5] = result[REWARD]
-    row[T_SUCCESS] = result[SUCCESS]
-    row[T_TERMINATED] = result[TERMINATED]
-
-
-@device
-def _finish(w: Any, i: int, inverse_scales: Any, obs: Any, result: Any, row: Any, period: float, limit: float) -> None:
-    """End a control step of one world: write its observation, its result and, where there is a row, its telemetry."""
-    _report(w, i, inverse_scales, obs)
-    terms = _judge(w, i, result, period, limit)
-    if row.shape[0] > 0:
-        _record(w, i, row, terms, result, period)
-
-
-@device
-def _restart(w: Any, i: int, words: Any, inverse_scales: Any, obs: Any, row: Any) -> None:
-    """Start the next episode of a world's seed."""
-    words[1] += _ONE
-    _reset(w, i, words[0], words[1])
-    _report(w, i, inverse_scales, obs)
-    if row.shape[0] > 0:
-        _record_reset(w, i, row)
-
-
-@device
-def _copy(source: Any, target: Any) -> None:
-    for k in range(source.shape[0]):
-        target[k] = source[k]
+        move_arm(w, i, h)
 
 
 @device
@@ -485,7 +104,7 @@ def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high:
     """Begin a control step with the actions of the worlds from ``begin`` on."""
     for i in range(lanes):
         if w[ALIVE, i] != 0.0:
-            _begin(w, i, _given(actions, begin + i, low, w[PARAM + VOLTAGE_MAX, i] / (high - low)))
+            take_command(w, i, given_volts(actions, begin + i, low, w[PARAM + VOLTAGE_MAX, i] / (high - low)))
 
 
 @device
@@ -505,22 +124,26 @@ def _close(
     limit: float,
     ended: int,
 ) -> None:
-    """End a control step of a block; worlds that end are reset or written back. ``telemetry`` is (1 or 0, N, K)."""
+    """End a control step of a block and write back the worlds that ended. ``telemetry`` is (1 or 0, N, K)."""
     for i in range(lanes):
-        world = begin + i
-        row = telemetry[0, world] if telemetry.shape[0] > 0 else final_telemetry[0, :0]
-        if w[ALIVE, i] != 0.0:
-            _finish(w, i, inverse_scales, obs[world], results[world], row, period, limit)
-            if w[ALIVE, i] == 0.0 and ended == SAME_STEP:
-                _copy(obs[world], final_obs[world])
-                _copy(row, final_telemetry[world if row.shape[0] > 0 else 0])
-                _restart(w, i, words[world], inverse_scales, obs[world], row)
-            elif w[ALIVE, i] == 0.0:
-                _scatter(w, i, block)
-        elif ended == NEXT_STEP:
-            _restart(w, i, words[world], inverse_scales, obs[world], row)
-            for column in range(RESULTS):
-                results[world, column] = 0.0
+        was_alive = w[ALIVE, i] != 0.0
+        end_step(
+            w,
+            i,
+            begin + i,
+            words,
+            inverse_scales,
+            obs,
+            results,
+            telemetry,
+            final_obs,
+            final_telemetry,
+            period,
+            limit,
+            ended,
+        )
+        if was_alive and w[ALIVE, i] == 0.0:
+            _scatter(w, i, block)
 
 
 def _build_advance(digest: str) -> Any:
@@ -563,11 +186,11 @@ def _build_advance(digest: str) -> Any:
                 else:
                     for i in range(lanes):
                         if w[ALIVE, i] != 0.0:
-                            _begin(w, i, law(obs[begin + i], scales[0], gains, memory[begin + i]))
+                            take_command(w, i, law(obs[begin + i], scales[0], gains, memory[begin + i]))
                 for k in range(count):
                     _substep(w, width, h, lags_voltage | (k == 0))
                 for i in range(width):
-                    _sense(w, i, h)
+                    sense_torques(w, i, h)
                 rows = telemetry[t if records else 0 : t + 1 if records else 0]
                 _close(
                     w,
@@ -603,11 +226,11 @@ def _build_reset(digest: str) -> Any:
             for row in range(WORLD_ROWS):
                 w[row, i] = block[row, i]
             if chosen[world]:
-                _reset(w, i, words[world, 0], words[world, 1])
+                start_episode(w, i, words[world, 0], words[world, 1])
                 _scatter(w, i, block)
-            _report(w, i, scales[1], obs[world])
+            observe_world(w, i, scales[1], obs, world)
             if telemetry.shape[0] > 0:
-                _record_reset(w, i, telemetry[world])
+                record_reset(w, i, telemetry[world])
 
     return reset
 

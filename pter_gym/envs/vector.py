@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from pter_gym.envs import kernels
+from pter_gym.envs import world
 from pter_gym.envs.batch import ActionUnit, Array, Batch, Observations, Returns
 from pter_gym.envs.single import find_machine
 from pter_gym.errors import ParameterError
@@ -24,9 +24,9 @@ Device = Literal["cpu", "cuda"]
 Mask = NDArray[np.bool_]
 
 _ENDED = {
-    AutoresetMode.NEXT_STEP: kernels.NEXT_STEP,
-    AutoresetMode.SAME_STEP: kernels.SAME_STEP,
-    AutoresetMode.DISABLED: kernels.REFUSE,
+    AutoresetMode.NEXT_STEP: world.NEXT_STEP,
+    AutoresetMode.SAME_STEP: world.SAME_STEP,
+    AutoresetMode.DISABLED: world.REFUSE,
 }
 
 
@@ -140,13 +140,13 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         self._check_open()
         returns = self.batch.step(actions, _ENDED[self.autoreset_mode])
         results = returns.results
-        terminated = results[:, kernels.TERMINATED] != 0.0
-        truncated = results[:, kernels.TRUNCATED] != 0.0
-        success = results[:, kernels.SUCCESS] != 0.0
+        terminated = results[:, world.TERMINATED] != 0.0
+        truncated = results[:, world.TRUNCATED] != 0.0
+        success = results[:, world.SUCCESS] != 0.0
         infos = self._infos(np.ones(self.num_envs, np.bool_), returns.telemetry, success)
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             self._add_final(infos, returns, terminated | truncated)
-        return returns.obs, results[:, kernels.REWARD].copy(), terminated, truncated, infos
+        return returns.obs, results[:, world.REWARD].copy(), terminated, truncated, infos
 
     def close_extras(self) -> None:
         """Stop the threads."""
@@ -173,8 +173,8 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         success = infos["is_success"]
         infos["is_success"] = success & ~ended
         final_obs = np.full(self.num_envs, None, object)
-        for world in np.flatnonzero(ended):
-            final_obs[world] = returns.final_obs[world].copy()
+        for index in np.flatnonzero(ended):
+            final_obs[index] = returns.final_obs[index].copy()
         telemetry = returns.telemetry
         if len(telemetry):
             telemetry = np.where(ended[:, None], returns.final_telemetry, 0.0)

@@ -349,6 +349,7 @@ def limited(value: float) -> np.float32:
 @device
 def observe(
     obs: Any,
+    world: int,
     inverse_scales: Any,
     q: Motion,
     at: Situation,
@@ -359,7 +360,7 @@ def observe(
     force_along: float,
     force_across: float,
 ) -> None:
-    """Write one observation (entries,) in the order of ``observation_layout``."""
+    """Write a world's row of the observations (N, entries) in the order of ``observation_layout``."""
     values = (
         q.cos_a,
         q.sin_a,
@@ -386,8 +387,8 @@ def observe(
         force_along,
         force_across,
     )
-    for k in range(obs.shape[0]):
-        obs[k] = limited(values[k] * inverse_scales[k])
+    for k in range(obs.shape[1]):
+        obs[world, k] = limited(values[k] * inverse_scales[k])
 
 
 @device

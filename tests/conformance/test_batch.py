@@ -14,7 +14,7 @@ import pter_gym  # noqa: F401  (registers the environment)
 from pter_gym.controllers import Random, TorqueFeedback
 from pter_gym.controllers.base import Policy
 from pter_gym.envs.batch import Batch
-from pter_gym.envs.kernels import SKIP, TERMINATED
+from pter_gym.envs.world import SKIP, TERMINATED
 from pter_gym.operators import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
