@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from pter_gym._version import __version__
 from pter_gym.errors import ParameterError, PterError
+from pter_gym.reproduce.command import reproduce
+from pter_gym.terminal import make_folder, progress_bar
 
 if TYPE_CHECKING:
     from pter_gym.benchmark import Result
@@ -163,23 +164,9 @@ def numbers(field: str, text: str) -> list[float]:
     return found
 
 
-def make_folder(path: Path) -> None:
-    """Make a folder that can be written to, or raise a ParameterError."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ParameterError(f"out must be a folder that can be written to: {error}") from None
-
-
-def progress_bar(console: Console) -> Progress:
-    """Return the progress bar that all commands share."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=True)
-
-
 def commands() -> dict[str, Callable[..., Any]]:
     """Return all commands by name: the built-in ones and those of installed packages."""
-    found: dict[str, Callable[..., Any]] = {"benchmark": benchmark, "speed": speed}
+    found: dict[str, Callable[..., Any]] = {"benchmark": benchmark, "reproduce": reproduce, "speed": speed}
     for entry in entry_points(group=GROUP):
         found[entry.name] = entry.load()
     return found

@@ -74,11 +74,14 @@ class Statement:
     def condition(self) -> str:
         """What would make the claim hold, in words."""
         unit = "" if self.unit == "1" else f" {self.unit}"
+        low, high = (f"{bound:.4g}".replace("-", "−") for bound in (self.at_least, self.at_most))
+        if low == high:
+            return f"{low}{unit}"
         if math.isinf(self.at_most):
-            return f"≥ {self.at_least:.4g}{unit}"
+            return f"≥ {low}{unit}"
         if math.isinf(self.at_least):
-            return f"≤ {self.at_most:.4g}{unit}"
-        return f"{self.at_least:.4g} to {self.at_most:.4g}{unit}"
+            return f"≤ {high}{unit}"
+        return f"{low} to {high}{unit}"
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,7 @@ def _check(study: Study, statement: Statement) -> Claim:
     return Claim(statement, value, bool(statement.at_least <= value <= statement.at_most))
 
 
-NAMES = {BASELINE: "present clutches", EXPERIMENTAL: "experimental Delrin", THEORETICAL: "theoretical Delrin"}
+NAMES = {BASELINE: "the present clutches", EXPERIMENTAL: "experimental Delrin", THEORETICAL: "theoretical Delrin"}
 """The three machines of Table I in words."""
 
 COLUMNS = (("position error", "in"), ("tip speed", "in/s"), ("tip acceleration", "in/s²"))
@@ -368,7 +371,7 @@ STATEMENTS: tuple[Statement, ...] = (
             id=f"{model.removeprefix('delrin_')}-faster-{name.split()[-1]}",
             section="IV-C.2",
             figure="table1",
-            claim=f"{NAMES[model].capitalize()} has a higher average {name} than the present clutches.",
+            claim=f"The average {name} is higher with {NAMES[model]} than with the present clutches.",
             measured="relative to the present clutches",
             measure=partial(measures.table_ratio, model=model, other=BASELINE, column=column),
             at_least=1.0 + CLEAR,

@@ -17,8 +17,11 @@ LOCKED_WITH = {1: 2, 2: 1, 3: 4, 4: 3}
 BREAKAWAY_TIME = 0.5
 """When the ramp reaches the breakaway torque [s]."""
 
-LARGEST_TURN = 0.8
+LARGEST_TURN = 0.6
 """Turn of a link [rad] at which a test ends."""
+
+LINE_SPAN = (-0.4, 0.74)
+"""Part of the single-DOF line that is returned, as turns of the driven link [rad]; the elbow stays bent."""
 
 LONGEST = 2.0
 """Time after which a test ends in any case [s]."""
@@ -117,8 +120,9 @@ def _test(machine: Machine, clutch: int, breakaway: float) -> SingleDofTest:
     volts[clutch - 1] = machine.clutch.breakaway.voltage(breakaway)
     volts[locked - 1] = machine.clutch.voltage_max
     engaged = slip_rows()[[clutch - 1, locked - 1]]
-    balance: Array = np.linalg.solve(engaged.T, np.eye(2)[link])
-    share = abs(float(balance[0]))
+    driven = np.zeros(2)
+    driven[link] = 1.0
+    share = abs(float(np.linalg.solve(engaged.T, driven)[0]))
     time = machine.substep * np.arange(float(round(LONGEST / machine.substep)))
     ramp = breakaway / share / BREAKAWAY_TIME * time
     torque = np.zeros((len(ramp), 2))
@@ -136,7 +140,7 @@ def _test(machine: Machine, clutch: int, breakaway: float) -> SingleDofTest:
         input_torque=ramp[:end],
         share=share,
         trajectory=run,
-        line=_line(machine, locked, np.linspace(-0.5, LARGEST_TURN + 0.5, _LINE_SAMPLES)),
+        line=_line(machine, locked, np.linspace(*LINE_SPAN, _LINE_SAMPLES)),
         deviation=np.linalg.norm(run.tip_position - allowed, axis=1),
     )
 

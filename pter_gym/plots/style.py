@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from pter_gym import palette
 from pter_gym.files import write_bytes_atomic
-from pter_gym.units import from_inches, to_inches
+from pter_gym.units import to_inch_pounds, to_inches
 
 Arguments = ParamSpec("Arguments")
 
@@ -85,21 +85,35 @@ def label(axes: Axes, x: str, y: str) -> None:
 
 def inches_above(axes: Axes, name: str, unit: float = 1.0) -> None:
     """Add an axis in the paper's inches above; ``unit`` is the length in metres of one on the axis below."""
-    axes.secondary_xaxis("top", functions=_inches(unit)).set_xlabel(f"{name} [in]")
+    axes.secondary_xaxis("top", functions=scaled(to_inches(unit))).set_xlabel(f"{name} [in]")
 
 
-def inches_right(axes: Axes, name: str, unit: float = 1.0) -> None:
-    """Add an axis in the paper's inches on the right; ``unit`` is the length in metres of one on the left axis."""
-    axes.secondary_yaxis("right", functions=_inches(unit)).set_ylabel(f"{name} [in]")
+def inches_right(axes: Axes, name: str, unit: float = 1.0, per: str = "") -> None:
+    """Add an axis in the paper's inches on the right; ``unit`` is the length in metres of one on the left axis.
+
+    ``per`` is what follows the inches in the unit, ``/s²`` for an acceleration.
+    """
+    axes.secondary_yaxis("right", functions=scaled(to_inches(unit))).set_ylabel(f"{name} [in{per}]")
 
 
-def save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure as a PNG file, whole or not at all; the same figure gives the same bytes."""
+def inch_pounds_right(axes: Axes, name: str = "torque") -> None:
+    """Add an axis in the paper's in·lbf on the right of an axis in N·m."""
+    axes.secondary_yaxis("right", functions=scaled(to_inch_pounds(1.0))).set_ylabel(f"{name} [in·lbf]")
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as the content of a PNG file; the same figure gives the same bytes."""
     buffer = io.BytesIO()
     with in_force():
         figure.savefig(buffer, format="png", metadata={"Software": None})
-    write_bytes_atomic(path, buffer.getvalue())
+    return buffer.getvalue()
 
 
-def _inches(unit: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
-    return lambda length: to_inches(length * unit), lambda length: from_inches(length) / unit
+def save(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure as a PNG file, whole or not at all."""
+    write_bytes_atomic(path, png(figure))
+
+
+def scaled(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+    """Return the functions of a second axis whose numbers are a factor times those of the first."""
+    return lambda value: value * factor, lambda value: value / factor

@@ -15,15 +15,16 @@ PACKAGE = Path(pter_gym.__file__).parent
 # from the foundation up: a room imports from itself and from the rows before its own, never from its neighbours
 ORDER = (
     ("_version", "errors", "units", "layout", "files", "palette", "_jit"),
-    ("_philox", "params"),
+    ("_philox", "params", "terminal"),
     ("physics",),
     ("operators", "paths", "controllers", "open_loop"),
     ("tasks",),
     ("render",),
     ("envs",),
-    ("benchmark",),
+    ("benchmark", "sb3"),
     ("experiments",),
     ("plots",),
+    ("reproduce",),
     ("cli",),
     ("__init__", "__main__"),
 )

@@ -1,0 +1,1 @@
+"""``pter reproduce``: experiments and plots joined to files that a person reads."""
