@@ -53,7 +53,7 @@ _HOMES = {
 gymnasium.register(
     id="PTER/PathFollowing-v0",
     entry_point="pter_gym.envs.single:PathFollowingEnv",
-    vector_entry_point="pter_gym.envs.vector:PathFollowingVectorEnv",
+    vector_entry_point="pter_gym.envs.vector:make_vector_env",
     max_episode_steps=1000,
 )
 

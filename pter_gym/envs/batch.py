@@ -302,6 +302,16 @@ class Batch:
         self._words[:] = state["words"]
         self._seeded[:] = state["seeded"]
 
+    def device_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays that a kernel on another device needs: worlds, words, scales, config, and who has begun."""
+        return {
+            "worlds": self._worlds,
+            "words": self._words,
+            "scales": self._scales,
+            "config": self._config,
+            "seeded": self._seeded,
+        }
+
     @property
     def nbytes(self) -> int:
         """Bytes that the worlds take between steps."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pter_gym.envs import world
 from pter_gym.envs.batch import ActionUnit, Array, Batch, Observations, Returns
 from pter_gym.envs.single import find_machine
-from pter_gym.errors import ParameterError
+from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.layout import Layout
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
@@ -90,6 +90,8 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
             telemetry=telemetry,
             num_threads=available_cores() if num_threads is None else whole_number("num_threads", num_threads),
         )
+        self._ended = _ENDED[self.autoreset_mode]
+        self._records = telemetry
         self.single_action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
         self.single_observation_space = spaces.Box(-1.0, 1.0, (len(self.batch.layout),), np.float32)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -138,7 +140,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
             If a world was never reset, or its episode has ended with ``AutoresetMode.DISABLED``; no world has moved.
         """
         self._check_open()
-        returns = self.batch.step(actions, _ENDED[self.autoreset_mode])
+        returns = self.batch.step(actions, self._ended)
         results = returns.results
         terminated = results[:, world.TERMINATED] != 0.0
         truncated = results[:, world.TRUNCATED] != 0.0
@@ -210,6 +212,36 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         if not mask.any():
             raise ParameterError("options['reset_mask'] must choose at least one world")
         return np.array(mask, np.bool_)
+
+
+def make_vector_env(num_envs: int = 1, *, device: Device = "cpu", **keywords: Any) -> PathFollowingVectorEnv:
+    """Return the vector environment on a device; the entry point of ``gymnasium.make_vec``.
+
+    Parameters
+    ----------
+    num_envs
+        N.
+    device
+        ``"cpu"`` or ``"cuda"``.
+    **keywords
+        Of ``PathFollowingVectorEnv``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such device.
+    DependencyError
+        If the CUDA device or what it needs is missing.
+    """
+    if device == "cpu":
+        return PathFollowingVectorEnv(num_envs, **keywords)
+    if device == "cuda":
+        try:
+            from pter_gym.envs.cuda import CudaPathFollowingVectorEnv
+        except ImportError as error:
+            raise DependencyError('device="cuda" needs: pip install "pter-gym[gpu]"') from error
+        return CudaPathFollowingVectorEnv(num_envs, **keywords)
+    raise ParameterError(f"device must be cpu or cuda, got {device!r}")
 
 
 def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
