@@ -8,7 +8,7 @@ alone.
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
 import numba
@@ -62,8 +62,8 @@ def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:
 
 
 def _digest(kernel: FunctionType) -> str:
-    """Hash the files of all functions that the kernel reaches and the constants that they name."""
-    files: set[str] = set()
+    """Hash the sources of all functions that the kernel reaches and the constants that they name."""
+    sources: set[bytes] = set()
     constants: set[str] = set()
     seen: set[int] = set()
     pending: list[Any] = [kernel]
@@ -72,7 +72,7 @@ def _digest(kernel: FunctionType) -> str:
         if id(function) in seen:
             continue
         seen.add(id(function))
-        files.add(function.__code__.co_filename)
+        sources.add(_source(function.__code__))
         for name in function.__code__.co_names:
             value: Any = function.__globals__.get(name)
             if isinstance(value, Dispatcher):
@@ -84,7 +84,15 @@ def _digest(kernel: FunctionType) -> str:
             elif isinstance(value, _CONSTANTS) and not isinstance(value, ModuleType):
                 constants.add(f"{name}={value!r}")
     content = hashlib.sha256()
-    for file in sorted(files):
-        content.update(Path(file).read_bytes())
+    for source in sorted(sources):
+        content.update(source)
     content.update("\n".join(sorted(constants)).encode())
     return content.hexdigest()
+
+
+def _source(code: CodeType) -> bytes:
+    """Return the file that a function stands in, or its bytecode where there is no file, as in a notebook."""
+    try:
+        return Path(code.co_filename).read_bytes()
+    except OSError:
+        return code.co_code + repr((code.co_consts, code.co_names)).encode()

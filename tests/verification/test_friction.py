@@ -173,8 +173,8 @@ def test_a_load_is_shared_with_the_smallest_torques(kind):
 
 # --- the paper's own rule ---
 
-RECORDED_AGREEMENT = {}
-"""Share of random states on which the paper's rule and the package agree, as docs/verification.md prints it."""
+RECORDED_AGREEMENT = {0: (1.0, 1.0), 1: (1.0, 1.0), 2: (0.985, 0.955), 3: (0.909, 0.729), 4: (0.854, 0.553)}
+"""By number of engaged clutches: shares of random states at rest on which the two agree, as in docs/verification.md."""
 
 
 def random_situation(rng: np.random.Generator, kind: str, engaged: int) -> paper_rule.Situation:
@@ -218,20 +218,26 @@ def agrees(now: paper_rule.Situation, step: float = 1e-6) -> bool:
 
 
 @functools.cache
-def agreement(kind: str, engaged: int, draws: int = 2_000) -> float:
+def agreement(kind: str, engaged: int, draws: int = 4_000) -> tuple[float, float]:
+    """Share of states on which the two agree: of all, and of those that the paper's rule does not leave at rest."""
     rng = np.random.default_rng([31, engaged, len(kind)])
-    return sum(agrees(random_situation(rng, kind, engaged)) for _ in range(draws)) / draws
+    situations = [random_situation(rng, kind, engaged) for _ in range(draws)]
+    same = np.array([agrees(now) for now in situations])
+    moves = np.array([paper_rule.decide(now).mode != ClutchMode.ZERO_DOF for now in situations])
+    return float(same.mean()), float(same[moves].mean())
 
 
 @pytest.mark.parametrize("engaged", range(5))
 @pytest.mark.parametrize("kind", ["sector", "line"])
 def test_the_papers_rule_agrees_wherever_an_axis_moves(kind, engaged):
-    assert agreement(kind, engaged) == 1.0
+    assert agreement(kind, engaged) == (1.0, 1.0)
 
 
 @pytest.mark.parametrize("engaged", range(5))
 def test_the_papers_rule_agrees_from_rest_as_often_as_published(engaged):
-    rate = agreement("rest", engaged)
-    assert rate == pytest.approx(RECORDED_AGREEMENT[engaged], abs=5e-4)
-    document = Path(__file__).parents[2] / "docs" / "verification.md"
-    assert f"{rate:.1%}".replace("%", " %") in document.read_text(encoding="utf-8")
+    """Within three standard errors, so that another version of numpy's generators may draw other states."""
+    document = (Path(__file__).parents[2] / "docs" / "verification.md").read_text(encoding="utf-8")
+    for rate, recorded in zip(agreement("rest", engaged), RECORDED_AGREEMENT[engaged], strict=True):
+        assert abs(rate - recorded) <= 3.0 * np.sqrt(recorded * (1.0 - recorded) / 1_000)
+    published = " | ".join(f"{recorded:.1%}".replace("%", " %") for recorded in RECORDED_AGREEMENT[engaged])
+    assert f"| {engaged} | {published} |" in document
