@@ -16,6 +16,9 @@ from pter_gym._jit import compile_kernel, device
 from pter_gym.errors import ParameterError
 from pter_gym.physics.clutch import PerClutch
 
+_FAR = 1e300
+"""A squared distance beyond any other."""
+
 
 class ClutchMode(IntEnum):
     """The paper's six dynamic modes (section III-A): which clutch has no relative motion."""
@@ -131,33 +134,32 @@ def between(x: float, low: float, high: float) -> float:
 
 
 @device
-def share_edge(
-    along: float, low: float, high: float, across: float, across_low: float, across_high: float, slack: float
-) -> tuple[float, float, float]:
-    """Return the nearest point of one edge and its squared distance; infinite where the edge does not count.
+def largest(x: float, y: float, z: float) -> float:
+    """Return the largest of three numbers."""
+    x = x if x > y else y
+    return x if x > z else z
 
-    An edge counts if the point lies beyond it and it bounds the region. A point that faces the inside of an edge has
-    found its projection, so that its distance is given as −1.
+
+@device
+def smallest(x: float, y: float, z: float) -> float:
+    """Return the smallest of three numbers."""
+    x = x if x < y else y
+    return x if x < z else z
+
+
+@device
+def along_edge(beyond: float, across: float, low: float, high: float, slack: float) -> tuple[float, float]:
+    """Return where an edge of a convex region comes nearest to a point, and the squared distance.
+
+    ``beyond`` is how far the point lies beyond the edge's line (0: inside), ``across`` its coordinate along that line,
+    on which the edge runs from ``low`` to ``high``. A point that faces the inside of an edge has found its projection,
+    so that its distance is given as −1; it is infinite where the edge does not count.
     """
-    edge = between(along, low, high)
-    inside = between(across, across_low, across_high)
-    beyond = along - edge
-    shift = across - inside
+    nearest = between(across, low, high)
+    shift = across - nearest
     distance = -1.0 if shift == 0.0 else beyond * beyond + shift * shift
-    counts = (beyond != 0.0) & (across_low <= across_high + slack)
-    return edge, inside, (distance if counts else 1e300)
-
-
-@device
-def larger(x: float, y: float) -> float:
-    """Return the larger of two numbers."""
-    return x if x > y else y
-
-
-@device
-def smaller(x: float, y: float) -> float:
-    """Return the smaller of two numbers."""
-    return x if x < y else y
+    counts = (beyond != 0.0) & (low <= high + slack)
+    return nearest, (distance if counts else _FAR)
 
 
 @device
@@ -174,58 +176,55 @@ def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch) -> PerC
     sum_high = load_a - low.x1
     diff_low = low.x2 - load_b
     diff_high = high.x2 - load_b
-    slack = 1e-12 * (
-        abs(load_a) + abs(load_b) + high.x1 - low.x1 + high.x2 - low.x2 + high.x3 - low.x3 + high.x4 - low.x4
+    ranges = high.x1 - low.x1 + high.x2 - low.x2 + high.x3 - low.x3 + high.x4 - low.x4
+    slack = 1e-12 * (abs(load_a) + abs(load_b) + ranges)
+    edge_u = between(u0, low.x3, high.x3)
+    edge_v = between(v0, low.x4, high.x4)
+    edge_sum = between(u0 + v0, sum_low, sum_high)
+    edge_diff = between(u0 - v0, diff_low, diff_high)
+
+    v, best = along_edge(
+        u0 - edge_u,
+        v0,
+        largest(low.x4, sum_low - edge_u, edge_u - diff_high),
+        smallest(high.x4, sum_high - edge_u, edge_u - diff_low),
+        slack,
     )
-
-    edge, across, best = share_edge(
-        u0, low.x3, high.x3,
-        v0, larger(low.x4, larger(sum_low - between(u0, low.x3, high.x3), between(u0, low.x3, high.x3) - diff_high)),
-        smaller(high.x4, smaller(sum_high - between(u0, low.x3, high.x3), between(u0, low.x3, high.x3) - diff_low)),
+    u = edge_u
+    nearest, distance = along_edge(
+        v0 - edge_v,
+        u0,
+        largest(low.x3, sum_low - edge_v, edge_v + diff_low),
+        smallest(high.x3, sum_high - edge_v, edge_v + diff_high),
         slack,
-    )  # fmt: skip
-    u = edge
-    v = across
-
-    edge, across, distance = share_edge(
-        v0, low.x4, high.x4,
-        u0, larger(low.x3, larger(sum_low - between(v0, low.x4, high.x4), between(v0, low.x4, high.x4) + diff_low)),
-        smaller(high.x3, smaller(sum_high - between(v0, low.x4, high.x4), between(v0, low.x4, high.x4) + diff_high)),
+    )
+    u = nearest if distance < best else u
+    v = edge_v if distance < best else v
+    best = distance if distance < best else best
+    nearest, distance = along_edge(
+        u0 + v0 - edge_sum,
+        u0 - v0,
+        largest(diff_low, 2.0 * low.x3 - edge_sum, edge_sum - 2.0 * high.x4),
+        smallest(diff_high, 2.0 * high.x3 - edge_sum, edge_sum - 2.0 * low.x4),
         slack,
-    )  # fmt: skip
-    closer = distance < best
-    u = across if closer else u
-    v = edge if closer else v
-    best = distance if closer else best
-
-    total = between(u0 + v0, sum_low, sum_high)
-    edge, across, distance = share_edge(
-        u0 + v0, sum_low, sum_high,
-        u0 - v0, larger(diff_low, larger(2.0 * low.x3 - total, total - 2.0 * high.x4)),
-        smaller(diff_high, smaller(2.0 * high.x3 - total, total - 2.0 * low.x4)),
+    )
+    u = 0.5 * (edge_sum + nearest) if 0.5 * distance < best else u
+    v = 0.5 * (edge_sum - nearest) if 0.5 * distance < best else v
+    best = 0.5 * distance if 0.5 * distance < best else best
+    nearest, distance = along_edge(
+        u0 - v0 - edge_diff,
+        u0 + v0,
+        largest(sum_low, 2.0 * low.x3 - edge_diff, edge_diff + 2.0 * low.x4),
+        smallest(sum_high, 2.0 * high.x3 - edge_diff, edge_diff + 2.0 * high.x4),
         slack,
-    )  # fmt: skip
-    distance = 0.5 * distance
-    closer = distance < best
-    u = 0.5 * (edge + across) if closer else u
-    v = 0.5 * (edge - across) if closer else v
-    best = distance if closer else best
+    )
+    u = 0.5 * (nearest + edge_diff) if 0.5 * distance < best else u
+    v = 0.5 * (nearest - edge_diff) if 0.5 * distance < best else v
+    best = 0.5 * distance if 0.5 * distance < best else best
 
-    difference = between(u0 - v0, diff_low, diff_high)
-    edge, across, distance = share_edge(
-        u0 - v0, diff_low, diff_high,
-        u0 + v0, larger(sum_low, larger(2.0 * low.x3 - difference, difference + 2.0 * low.x4)),
-        smaller(sum_high, smaller(2.0 * high.x3 - difference, difference + 2.0 * high.x4)),
-        slack,
-    )  # fmt: skip
-    distance = 0.5 * distance
-    closer = distance < best
-    u = 0.5 * (across + edge) if closer else u
-    v = 0.5 * (across - edge) if closer else v
-    best = distance if closer else best
-
-    u = between(u if best < 1e299 else u0, low.x3, high.x3)
-    v = between(v if best < 1e299 else v0, low.x4, high.x4)
+    inside = best >= 0.5 * _FAR
+    u = between(u0 if inside else u, low.x3, high.x3)
+    v = between(v0 if inside else v, low.x4, high.x4)
     return PerClutch(between(load_a - u - v, low.x1, high.x1), between(load_b + u - v, low.x2, high.x2), u, v)
 
 
