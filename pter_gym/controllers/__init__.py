@@ -1,8 +1,10 @@
 """Control laws: an observation in, four clutch voltages out."""
 
+from pter_gym._jit import device
 from pter_gym.controllers.base import Controller, Policy
 from pter_gym.controllers.impedance import Impedance, TorqueFeedback
 from pter_gym.controllers.simple import Free, Locked, Random
+from pter_gym.physics.clutch import PerClutch
 
 CONTROLLERS: dict[str, type[Controller]] = {
     "impedance": Impedance,
@@ -13,4 +15,15 @@ CONTROLLERS: dict[str, type[Controller]] = {
 }
 """The built-in controllers by name."""
 
-__all__ = ["CONTROLLERS", "Controller", "Free", "Impedance", "Locked", "Policy", "Random", "TorqueFeedback"]
+__all__ = [
+    "CONTROLLERS",
+    "Controller",
+    "Free",
+    "Impedance",
+    "Locked",
+    "PerClutch",
+    "Policy",
+    "Random",
+    "TorqueFeedback",
+    "device",
+]

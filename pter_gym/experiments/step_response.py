@@ -7,17 +7,20 @@ from numpy.typing import NDArray
 
 from pter_gym.experiments.pose import POSE, slip_rows, tip_force
 from pter_gym.open_loop import initial_state, simulate
-from pter_gym.params import BASELINE, BREAKAWAY_SMALL_VOLTAGE, Machine
+from pter_gym.params import BASELINE, Machine
 
 Array = NDArray[np.float64]
 
-LEAD = 0.05
+VOLTS = 4.0
+"""Voltage after the step [V]: low, so that the arm stays slow."""
+
+LEAD = 0.02
 """Time before the step [s]."""
 
-TIME_CONSTANTS_SHOWN = 4.0
+TIME_CONSTANTS_SHOWN = 3.0
 """Time after the step, in time constants."""
 
-MARGIN = 1.5
+MARGIN = 1.2
 """Torque of the tip force about the clutch, relative to the dynamic torque that the clutch settles to."""
 
 
@@ -52,7 +55,7 @@ class StepResponse:
     first_order: Array
 
 
-def step_response(machine: Machine = BASELINE, volts: float | None = None) -> StepResponse:
+def step_response(machine: Machine = BASELINE, volts: float = VOLTS) -> StepResponse:
     """Step each clutch's voltage while a constant tip force keeps it slipping.
 
     Parameters
@@ -60,18 +63,17 @@ def step_response(machine: Machine = BASELINE, volts: float | None = None) -> St
     machine
         The machine.
     volts
-        Voltage after the step [V]; by default the one with the breakaway torque of the paper's Fig. 4.
+        Voltage after the step [V].
     """
     clutch = machine.clutch
-    after = clutch.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE) if volts is None else volts
     lead = round(LEAD / machine.substep)
     steps = lead + round(TIME_CONSTANTS_SHOWN * clutch.time_constant / machine.substep)
-    final = clutch.dynamic.torque(after)
+    final = clutch.dynamic.torque(volts)
     torques: list[Array] = []
     slipping: list[NDArray[np.bool_]] = []
     for x in range(4):
         rows = np.zeros((steps, 4))
-        rows[lead:, x] = after
+        rows[lead:, x] = volts
         force = tip_force(machine, POSE, MARGIN * final * slip_rows()[x])
         run = simulate(machine, initial_state(machine, POSE), rows, force)
         torques.append(np.abs(run.torque[:, x]))
@@ -79,7 +81,7 @@ def step_response(machine: Machine = BASELINE, volts: float | None = None) -> St
     time = machine.substep * (np.arange(1.0, steps + 1.0) - lead)
     return StepResponse(
         machine=machine,
-        volts=after,
+        volts=volts,
         time=time,
         torque=np.array(torques),
         slipping=np.array(slipping),

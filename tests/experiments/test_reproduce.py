@@ -1,0 +1,262 @@
+"""`pter reproduce`: the files, their contracts, and what is refused."""
+
+import base64
+import csv
+import json
+import math
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pter_gym import cli
+from pter_gym.errors import ParameterError
+from pter_gym.experiments.claims import STATEMENTS
+from pter_gym.reproduce import results as results_module
+from pter_gym.reproduce.figures import PRODUCTS, files_of, find_products
+from pter_gym.reproduce.report import CHAPTERS
+from pter_gym.reproduce.results import results, write
+from pter_gym.reproduce.tables import csv_text, stacked
+from pter_gym.units import to_inch_pounds, to_inches
+
+UNITS = ("_s", "_m", "_in", "_nm", "_in_lbf", "_v", "_m_s", "_in_s", "_m_s2", "_in_s2", "_rad_s", "_1", "_per_nm")
+WITHOUT_UNIT = {"model", "clutch", "locked_clutch", "completed"}
+
+
+@pytest.fixture(scope="module")
+def files(study) -> dict[str, bytes]:
+    return results(study, PRODUCTS)[0]
+
+
+def rows_of(content: bytes) -> tuple[list[str], list[dict[str, str]]]:
+    reader = csv.DictReader(content.decode().splitlines())
+    rows = list(reader)
+    return list(reader.fieldnames), rows
+
+
+# --- what is written ---
+
+
+def test_there_is_a_picture_and_a_table_for_everything(files):
+    assert set(files) == {
+        *(f"{name}.csv" for name in PRODUCTS),
+        *(f"{stem}.png" for product in PRODUCTS.values() for stem in product.pictures),
+        "table1.json",
+        "claims.json",
+        "report.html",
+    }
+    for name, content in files.items():
+        if name.endswith(".png"):
+            assert content.startswith(b"\x89PNG\r\n")
+            width, height = (int.from_bytes(content[k : k + 4]) for k in (16, 20))
+            assert width >= 1000
+            assert height >= 400
+
+
+@pytest.mark.parametrize("name", PRODUCTS)
+def test_columns_of_numbers_name_their_unit(files, name):
+    header, rows = rows_of(files[f"{name}.csv"])
+    assert len(set(header)) == len(header)
+    assert all(column in WITHOUT_UNIT or column.endswith(UNITS) for column in header)
+    assert rows
+    for row in rows:
+        for column, cell in row.items():
+            assert column == "model" or cell == "" or math.isfinite(float(cell))
+
+
+@pytest.mark.parametrize("name", PRODUCTS)
+def test_columns_in_the_papers_units_agree_with_si(files, name):
+    header, rows = rows_of(files[f"{name}.csv"])
+    for column in header:
+        for si, paper, factor in (
+            ("_nm", "_in_lbf", to_inch_pounds(1.0)),
+            ("_m", "_in", to_inches(1.0)),
+            ("_m_s", "_in_s", to_inches(1.0)),
+            ("_m_s2", "_in_s2", to_inches(1.0)),
+        ):
+            other = column.removesuffix(si) + paper
+            if column.endswith(si) and other in header:
+                for row in rows[::50]:
+                    assert float(row[other]) == pytest.approx(factor * float(row[column]), rel=1e-7, abs=1e-12)
+
+
+def test_table_1_keeps_its_contract(files, study):
+    table = json.loads(files["table1.json"])
+    assert list(table) == ["baseline", "delrin_experimental", "delrin_theoretical"]
+    for name, row in table.items():
+        assert list(row) == ["position_error_in", "tip_speed_in_s", "tip_acceleration_in_s2"]
+        assert row["position_error_in"] == to_inches(study.table1[name].position_error)
+        assert row["tip_speed_in_s"] == to_inches(study.table1[name].tip_speed)
+        assert row["tip_acceleration_in_s2"] == to_inches(study.table1[name].tip_acceleration)
+
+
+def test_claims_keep_their_contract(files):
+    claims = json.loads(files["claims.json"])
+    assert [claim["id"] for claim in claims] == [statement.id for statement in STATEMENTS]
+    for claim in claims:
+        assert {"id", "section", "claim", "measured", "unit", "condition", "holds", "kind"} <= set(claim)
+        assert isinstance(claim["holds"], bool)
+        assert isinstance(claim["measured"], float)
+        assert claim["kind"] in ("reproduced", "calibrated", "not met")
+
+
+def test_data_of_a_figure_are_its_experiment(files, study):
+    _, rows = rows_of(files["fig7.csv"])
+    for name, sweep in study.sweeps.items():
+        errors = [float(row["position_error_m"]) for row in rows if row["model"] == name]
+        assert errors == pytest.approx(sweep.position_error.tolist(), rel=1e-8)
+    _, rows = rows_of(files["fig4.csv"])
+    assert max(float(row["clutch_torque_in_lbf"]) for row in rows) == pytest.approx(63.5, abs=0.2)
+    _, rows = rows_of(files["fig5.csv"])
+    measured = [float(row["volts_v"]) for row in rows if row["bench_dynamic_nm"]]
+    assert min(measured) == 4.0
+
+
+def test_the_same_study_gives_the_same_bytes(files, study):
+    for name in ("fig9", "table1"):
+        for file, content in files_of(name, study).items():
+            assert files[file] == content
+
+
+class Outline(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.sources: list[str] = []
+        self.ids: set[str] = set()
+        self.links: list[str] = []
+        self.text = ""
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        if tag not in ("meta", "img", "br"):
+            self.open.append(tag)
+        if tag == "img":
+            assert values["alt"]
+            self.sources.append(values["src"])
+        self.ids |= {values["id"]} if "id" in values else set()
+        self.links += [values["href"]] if "href" in values else []
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def test_the_report_stands_alone_and_says_everything(files):
+    page = Outline()
+    page.feed(files["report.html"].decode())
+    assert not page.open
+    pictures = [base64.b64decode(source.removeprefix("data:image/png;base64,")) for source in page.sources]
+    assert sorted(pictures) == sorted(content for name, content in files.items() if name.endswith(".png"))
+    assert {link.removeprefix("#") for link in page.links} <= page.ids
+    assert not re.findall(r"https?://", files["report.html"].decode())
+    plain = page.text.replace("’", "'")
+    for statement in STATEMENTS:
+        assert statement.claim in plain
+        assert statement.measured in plain
+    for chapter in CHAPTERS:
+        assert chapter.title in plain
+    assert "plausible" in plain
+
+
+def test_every_product_is_in_one_chapter():
+    assert [name for chapter in CHAPTERS for name in chapter.products] == list(PRODUCTS)
+
+
+# --- the command ---
+
+
+def test_one_figure_writes_its_files_alone(tmp_path, capsys):
+    assert cli.main(["reproduce", "fig9", "table1", "--out", str(tmp_path / "a" / "b")]) == 0
+    assert {path.name for path in (tmp_path / "a" / "b").iterdir()} == {
+        "fig9.png",
+        "fig9.csv",
+        "table1.png",
+        "table1.csv",
+        "table1.json",
+    }
+    assert "calibrated" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_everything_takes_less_than_a_minute(tmp_path, capsys):
+    import time
+
+    begin = time.monotonic()
+    assert cli.main(["reproduce", "--out", str(tmp_path)]) == 0
+    assert time.monotonic() - begin < 60.0
+    assert (tmp_path / "report.html").stat().st_size > 1e5
+    assert "report.html" in capsys.readouterr().out.replace("\n", "")
+
+
+def test_an_unknown_figure_names_the_known_ones(tmp_path, capsys):
+    assert cli.main(["reproduce", "fig6", "--out", str(tmp_path / "out")]) == 2
+    message = capsys.readouterr().err.replace("\n", " ")
+    assert all(name in message for name in ("fig6", "all", *PRODUCTS))
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(ParameterError, match="fig6, fig99"):
+        find_products(["fig3", "fig99", "fig6"])
+
+
+def test_all_and_the_order_of_the_paper():
+    assert list(find_products(["all"])) == list(find_products(["fig11", "all"])) == list(PRODUCTS)
+    assert list(find_products(["fig11", "fig3", "fig11"])) == ["fig3", "fig11"]
+
+
+@pytest.mark.parametrize("inside", ["", "below"])
+def test_a_folder_that_cannot_be_made_is_refused_before_any_work(tmp_path, capsys, monkeypatch, inside):
+    monkeypatch.setattr(results_module, "files_of", lambda *_: pytest.fail("worked before it looked at the folder"))
+    blocked = tmp_path / "file"
+    blocked.write_text("mine")
+    assert cli.main(["reproduce", "step", "--out", str(blocked / inside)]) == 2
+    assert "out" in capsys.readouterr().err
+    assert blocked.read_text() == "mine"
+
+
+def test_earlier_results_are_kept_when_one_cannot_be_written(tmp_path, monkeypatch):
+    write({"table1.json": b"old", "fig3.csv": b"old"}, tmp_path)
+
+    def full(path: Path, content: bytes) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(results_module, "write_bytes_atomic", full)
+    with pytest.raises(ParameterError, match="No space left"):
+        write({"table1.json": b"new"}, tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"table1.json": b"old", "fig3.csv": b"old"}
+
+
+def test_a_result_cannot_replace_a_folder(tmp_path):
+    (tmp_path / "step.csv").mkdir()
+    with pytest.raises(ParameterError, match="out"):
+        write({"step.csv": b"new"}, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["step.csv"]
+
+
+def test_an_interrupted_run_leaves_earlier_results(tmp_path, monkeypatch):
+    (tmp_path / "step.csv").write_text("old")
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(results_module, "files_of", interrupt)
+    assert cli.main(["reproduce", "step", "--out", str(tmp_path)]) == cli.INTERRUPTED
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
+
+
+# --- tables ---
+
+
+def test_csv_cells():
+    columns = {"a": ["x,y", "z"], "b_m": [0.1, math.nan], "c": np.array([True, False]), "d": [1, 2]}
+    assert csv_text(columns) == 'a,b_m,c,d\n"x,y",0.1,1,1\nz,,0,2\n'
+
+
+def test_columns_of_unequal_length_are_refused():
+    with pytest.raises(ValueError, match="zip"):
+        csv_text({"a": [1.0], "b": [1.0, 2.0]})
+    with pytest.raises(ValueError, match="broadcast"):
+        stacked([{"a": np.ones(3), "b": np.ones(2)}])
