@@ -1,7 +1,7 @@
 """Many worlds in one call. The single environment and the vector environments are doors to this."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -14,6 +14,7 @@ from pter_gym.envs.world import (
     ALIVE,
     CHANGING_ROWS,
     LANES,
+    NEXT_STEP,
     PARAM,
     REFUSE,
     RESULTS,
@@ -140,7 +141,7 @@ class Batch:
                 NO_LIMIT if max_steps is None else max_steps,
             ]
         )
-        self._worlds = _pack(_parameters(listed_machines, listed_tasks))
+        self._worlds = _pack(*_parameters(listed_machines, listed_tasks))
         self._words = np.zeros((self.num_worlds, 2), np.uint64)
         self._seeded = np.zeros(self.num_worlds, np.bool_)
         self._scales = np.array([self.layout.scales, 1.0 / self.layout.scales])
@@ -173,23 +174,12 @@ class Batch:
             holds the pose, and zero for what only a step tells.
         """
         chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
-        given = [None] * self.num_worlds if seeds is None else list(seeds)
-        if len(given) != self.num_worlds:
-            raise ParameterError(f"seeds must hold {self.num_worlds} entries, got {len(given)}")
-        for seed in given:
-            if seed is not None and not 0 <= seed < 2**64:
-                raise ParameterError(f"seeds must lie within [0, 2⁶⁴), got {seed!r}")
-        for world in map(int, np.flatnonzero(chosen)):
-            seed = given[world]
-            if seed is None and self._seeded[world]:
-                self._words[world, 1] += np.uint64(1)
-            else:
-                drawn = int.from_bytes(os.urandom(8)) if seed is None else seed
-                self._words[world] = drawn, 0
-                self._seeded[world] = True
+        words = self._next_words(seeds, chosen)
         obs = np.empty((self.num_worlds, len(self.layout)), np.float32)
         telemetry = np.empty((self.num_worlds * self._rows, len(TELEMETRY)))
-        reset_kernel()(self._worlds, self._words, chosen, self._scales, obs, telemetry)
+        kernel = reset_kernel()
+        self._words, self._seeded = words, self._seeded | chosen
+        kernel(self._worlds, words, chosen, self._scales, obs, telemetry)
         return obs, telemetry
 
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
@@ -209,9 +199,11 @@ class Batch:
         ActionError
             If an action has a wrong shape or type, is not finite, or is out of bounds; no world has moved.
         ResetNeededError
-            If a world was never reset, or its episode has ended with ``REFUSE``; no world has moved.
+            If a world was never reset, or its episode has ended with ``REFUSE`` or ``SAME_STEP``; no world has moved.
         """
         numbers = self._numbers(actions)
+        if ended == NEXT_STEP and not self._seeded.all():
+            raise ResetNeededError(f"world {self._seeded.argmin()} needs a reset: it was never reset")
         n = self.num_worlds
         make = np.zeros if ended == SKIP else np.empty
         obs = make((n, len(self.layout)), np.float32)
@@ -296,7 +288,7 @@ class Batch:
         own = self.get_state()
         for name, mine in own.items():
             part = state.get(name)
-            if part is None or part.shape != mine.shape or part.dtype != mine.dtype:
+            if not isinstance(part, np.ndarray) or part.shape != mine.shape or part.dtype != mine.dtype:
                 raise ParameterError(f"state[{name!r}] must be an array of {mine.dtype} with the shape {mine.shape}")
         self._worlds[:, :CHANGING_ROWS] = state["worlds"]
         self._words[:] = state["words"]
@@ -339,17 +331,28 @@ class Batch:
             return kernel(*arguments, *options, steps, 0, blocks)
         refused = kernel(*arguments, *options, 0, 0, 0)
         if refused < 0:
-            # block 0 is where a kernel looks at the actions, which has been done: begin the shares at the far end
             share = -(-blocks // self._num_threads)
-            starts = range(0, blocks, share)
-            jobs = [
-                self._threads().submit(kernel, *arguments, *options, steps, start, min(start + share, blocks))
-                for start in starts[1:]
-            ]
-            kernel(*arguments, *options, steps, 0, min(share, blocks))
+            shares = iter([(first, min(first + share, blocks)) for first in range(0, blocks, share)])
+
+            def work() -> None:
+                for first, last in shares:
+                    kernel(*arguments, *options, steps, first, last)
+
+            self._share_out(work)
+        return refused
+
+    def _share_out(self, work: Callable[[], None]) -> None:
+        """Run a function in all threads at once. After an interrupt (Ctrl-C) the others finish what was begun."""
+        threads = self._threads()
+        try:
+            jobs = [threads.submit(work) for _ in range(self._num_threads - 1)]
+            work()
             for job in jobs:
                 job.result()
-        return refused
+        except BaseException:
+            self._pool = None
+            threads.shutdown()
+            raise
 
     def _threads(self) -> ThreadPoolExecutor:
         """Return the pool of threads, made at first need and again in a forked child."""
@@ -364,11 +367,29 @@ class Batch:
             self._pool.shutdown(wait=False)
         self._pool = None
 
+    def _next_words(self, seeds: Sequence[int | None] | None, chosen: NDArray[np.bool_]) -> NDArray[np.uint64]:
+        """Return seed and episode count of each world after a reset of the chosen ones, (N, 2)."""
+        words = self._words.copy()
+        given = np.zeros(self.num_worlds, np.bool_)
+        if seeds is not None:
+            if len(seeds) != self.num_worlds:
+                raise ParameterError(f"seeds must hold {self.num_worlds} entries, got {len(seeds)}")
+            for seed in seeds:
+                if seed is not None and not 0 <= seed < 2**64:
+                    raise ParameterError(f"seeds must lie within [0, 2⁶⁴), got {seed!r}")
+            given = chosen & np.array([seed is not None for seed in seeds])
+            words[given, 0] = np.array([0 if seed is None else seed for seed in seeds], np.uint64)[given]
+            words[given, 1] = 0
+        words[chosen & ~given & self._seeded, 1] += np.uint64(1)
+        fresh = chosen & ~given & ~self._seeded
+        words[fresh, 0] = np.frombuffer(os.urandom(8 * int(fresh.sum())), np.uint64)
+        return words
+
     def _numbers(self, actions: ArrayLike) -> Array:
         try:
             array = np.asarray(actions)
-        except ValueError:
-            raise ActionError("action must be an array of numbers") from None
+        except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that is not plain CPU memory
+            raise ActionError(f"action must be an array of numbers: {error}") from None
         if array.shape != (self.num_worlds, 4):
             raise ActionError(f"action must have the shape {(self.num_worlds, 4)}, got {array.shape}")
         if array.dtype.kind not in "fiu":
@@ -397,28 +418,33 @@ def _number_of_worlds(
     return lengths.pop()
 
 
-def _parameters(machines: Sequence[Machine], tasks: Sequence[PathFollowing]) -> Array:
-    """Return the parameters of each world, (N, PARAM_ROWS), after a look at each different pair of machine and task."""
+def _parameters(machines: Sequence[Machine], tasks: Sequence[PathFollowing]) -> tuple[Array, NDArray[np.intp]]:
+    """Return the parameters of each pair of machine and task, (K, PARAM_ROWS), and the number of each world's, (N,)."""
     first, task = machines[0], tasks[0]
-    known: dict[tuple[int, int], tuple[float, ...]] = {}
-    for machine, goal in zip(machines, tasks, strict=True):
-        if (id(machine), id(goal)) in known:
-            continue
-        if (machine.substep, machine.clutch.voltage_max) != (first.substep, first.clutch.voltage_max):
-            raise ParameterError("machines of one batch must share substep and clutch.voltage_max")
-        if goal.control_period != task.control_period:
-            raise ParameterError("tasks of one batch must share control_period")
-        check_machine(goal, machine)
-        known[id(machine), id(goal)] = (*model_of(machine), *task_model(goal, machine))
-    return np.array([known[id(machine), id(goal)] for machine, goal in zip(machines, tasks, strict=True)])
+    known: dict[tuple[int, int], int] = {}
+    table: list[tuple[float, ...]] = []
+    index = np.empty(len(machines), np.intp)
+    for world, (machine, goal) in enumerate(zip(machines, tasks, strict=True)):
+        pair = id(machine), id(goal)
+        if pair not in known:
+            if (machine.substep, machine.clutch.voltage_max) != (first.substep, first.clutch.voltage_max):
+                raise ParameterError("machines of one batch must share substep and clutch.voltage_max")
+            if goal.control_period != task.control_period:
+                raise ParameterError("tasks of one batch must share control_period")
+            check_machine(goal, machine)
+            known[pair] = len(table)
+            table.append((*model_of(machine), *task_model(goal, machine)))
+        index[world] = known[pair]
+    return np.array(table), index
 
 
-def _pack(parameters: Array) -> Array:
-    """Return blocks of worlds (B, WORLD_ROWS, lanes) that have not begun, with parameters (N, PARAM_ROWS)."""
-    n = len(parameters)
+def _pack(table: Array, index: NDArray[np.intp]) -> Array:
+    """Return blocks of worlds (B, WORLD_ROWS, lanes) that have not begun, with the rows ``index`` of the parameters."""
+    n = len(index)
     width = min(LANES, -(-n // 8) * 8)
     blocks = -(-n // width)
-    padded = np.concatenate([parameters, np.repeat(parameters[-1:], blocks * width - n, axis=0)])
+    lanes = np.concatenate([index, np.repeat(index[-1:], blocks * width - n)]).reshape(blocks, width)
     worlds = np.zeros((blocks, WORLD_ROWS, width))
-    worlds[:, PARAM:] = padded.reshape(blocks, width, -1).transpose(0, 2, 1)
+    for row, values in enumerate(table.T):
+        worlds[:, PARAM + row] = values[lanes]
     return worlds

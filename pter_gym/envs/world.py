@@ -101,7 +101,10 @@ _START_VELOCITY = _FORCE + 2
 SCRATCH_ROWS = _START_VELOCITY + 2
 
 REFUSE, SKIP, NEXT_STEP, SAME_STEP = range(4)
-"""What to do with a world that has ended: refuse to step, leave it out, reset it at the next step or at once."""
+"""What to do with a world that has ended: refuse to step, leave it out, reset it at the next step or at once.
+
+With SAME_STEP no world stays ended, so that one which is not alive was never reset and is refused.
+"""
 
 REWARD, TERMINATED, TRUNCATED, SUCCESS = range(4)
 """Columns of the results."""
@@ -136,7 +139,7 @@ def is_refused(worlds: Any, actions: Any, low: float, high: float, ended: int, w
     """Tell whether a world has ended and may not, or its action is not a number within the bounds."""
     width = worlds.shape[2]
     if worlds[world // width, ALIVE, world % width] == 0.0:
-        return ended == REFUSE
+        return (ended == REFUSE) | (ended == SAME_STEP)
     refused = False
     for clutch in range(4):
         refused |= not ((actions[world, clutch] >= low) & (actions[world, clutch] <= high))
