@@ -106,7 +106,7 @@ PRODUCTS: dict[str, Product] = {
         title="Torque while the motion turns back",
         remark="Link A moves against a constant voltage on clutch 1, and a step force turns it back. At zero slip the "
         "present clutches hold until T_s is exceeded, then fall to T_k: a jump. With T_k above T_s there is none. The "
-        "jump lasts as long as the slip stays inside the stick band, here one or two steps of 1 ms.",
+        "jump lasts as long as the slip stays inside the stick band, which is a few steps of the simulation.",
         pictures={"fig9": lambda study: paper.reversal_torques(study.reversals)},
         columns=tables.reversals,
     ),
