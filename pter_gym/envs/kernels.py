@@ -168,7 +168,8 @@ def _build_advance(digest: str) -> Any:
         _ = digest
         low, high, slack, h, count, limit = config[0], config[1], config[2], config[3], int(config[4]), config[5]
         external = gains[0] == EXTERNAL
-        refused = _first_refused(worlds, actions, low - slack, high + slack, ended) if external and first == 0 else -1
+        looks = external and first == 0 and (last == 0 or last == worlds.shape[0])
+        refused = _first_refused(worlds, actions, low - slack, high + slack, ended) if looks else -1
         if refused >= 0:
             return refused
         w = np.empty((SCRATCH_ROWS, LANES))
@@ -243,8 +244,9 @@ def advance_kernel(inlined: Any = built_in) -> Any:
     obs (N, O), results (N, 4), telemetry (T, N, K), final_obs, final_telemetry, config, ended, steps, first, last)``
     runs ``steps`` control steps of the worlds in the blocks first … last − 1.
 
-    With ``gains[0] == EXTERNAL`` the voltages come from ``actions``, otherwise from the law. Before block 0 is touched
-    the actions of all worlds are looked at; the number of the first that is refused is returned, −1 when all went well.
+    With ``gains[0] == EXTERNAL`` the voltages come from ``actions``, otherwise from the law. A call for all blocks or
+    for none looks at the actions of all worlds first; the number of the first that is refused is returned before
+    anything is touched, −1 when all went well. A call for some blocks does not look.
     ``config`` holds low, high and slack of an action, the substep [s], the substeps in a control step, and the time
     limit in control steps. ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP. T may be 0, for no telemetry;
     ``final_obs`` and ``final_telemetry`` are written with SAME_STEP only.

@@ -67,7 +67,8 @@ def resolve(m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerCl
 
     Along line x the minimum is a soft threshold, s = max(|p·d| − h(d), 0)/dᵀMd. If clutch x can hold the multiplier
     found there, that is the solution. If not, the multiplier's sign tells on which side of the line the solution lies,
-    and four signs name the sector. On a line whose minimum is at rest, any other line's overload tells the side.
+    and four signs name the sector. On a line whose minimum is at rest, any other line's overload tells the side. Where
+    rounding puts the sector's solution on the wrong side of a line, it belongs to that line.
     """
     q1 = p_b
     q2 = p_a
@@ -114,6 +115,11 @@ def resolve(m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerCl
     stuck2 = moves2 & (side2 == 0.0)
     stuck3 = moves3 & (side3 == 0.0)
     stuck4 = moves4 & (side4 == 0.0)
+    sector = (not stuck1) & (not stuck2) & (not stuck3) & (not stuck4)
+    stuck1 = stuck1 | (sector & moves1 & (side1 * omega_a < 0.0))
+    stuck2 = stuck2 | (sector & moves2 & (side2 * omega_b < 0.0))
+    stuck3 = stuck3 | (sector & moves3 & (side3 * (omega_a - omega_b) < 0.0))
+    stuck4 = stuck4 | (sector & moves4 & (side4 * (omega_a + omega_b) < 0.0))
     omega_a = s4 if stuck4 else omega_a
     omega_b = -s4 if stuck4 else omega_b
     omega_a = s3 if stuck3 else omega_a
