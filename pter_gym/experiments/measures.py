@@ -9,6 +9,7 @@ from pter_gym.experiments.feedback import BEST_GAIN
 from pter_gym.experiments.pose import linkage, motion, plain
 from pter_gym.experiments.study import Study
 from pter_gym.experiments.time_constants import TableRow, peak_torque
+from pter_gym.open_loop import Trajectory
 from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE
 from pter_gym.physics.arm import velocity_torque
 from pter_gym.units import to_inch_pounds, to_inches
@@ -90,11 +91,20 @@ def first_order_deviation(study: Study) -> float:
     return float(np.abs(response.torque - response.first_order).max()) / response.final
 
 
+def open_loop_runs(study: Study) -> list[Trajectory]:
+    """Return the single-DOF tests and the reversals."""
+    tests = [test.trajectory for test in study.single_dof.tests]
+    return tests + [reversal.trajectory for reversal in study.reversals.machines.values()]
+
+
 def modes_seen(study: Study) -> float:
     """Number of different clutch modes in the single-DOF tests and the reversals."""
-    runs = [test.trajectory for test in study.single_dof.tests]
-    runs += [reversal.trajectory for reversal in study.reversals.machines.values()]
-    return len(np.unique(np.concatenate([run.mode for run in runs])))
+    return len(np.unique(np.concatenate([run.mode for run in open_loop_runs(study)])))
+
+
+def largest_power(study: Study) -> float:
+    """Largest power of a clutch on the arm [W] in the single-DOF tests and the reversals."""
+    return max(0.0, *(float(run.power.max()) for run in open_loop_runs(study)))
 
 
 def holding_deviation(study: Study) -> float:
@@ -105,6 +115,19 @@ def holding_deviation(study: Study) -> float:
 def weakest_slips(study: Study) -> float:
     """Fraction of the loads at which the weakest clutch slipped."""
     return float(study.holding.weakest_slips.mean())
+
+
+# --- section IV-A: the standard test ---
+
+
+def disturbance_deviation(study: Study) -> float:
+    """Largest difference of the hand's force across the path from Eq. 5 within 10 s, relative to Fmax."""
+    hand = study.setup.task.hand
+    force_max = sum(hand.amplitudes)
+    times = np.linspace(0.0, 10.0, 1001)
+    wanted = sum(np.sin(2.0**n * np.pi * times) for n in range(5)) / 5.0
+    forces = np.array([hand.normal_force(float(time)) for time in times])
+    return float(np.abs(forces / force_max - wanted).max())
 
 
 # --- section IV-B: materials ---
@@ -168,10 +191,20 @@ def jump(study: Study, model: str) -> float:
     return study.reversals.machines[model].jump
 
 
+def relative(value: float, other: float) -> float:
+    """Return the ratio of two numbers, NaN where there is none."""
+    return value / other if other != 0.0 else math.nan
+
+
+def jump_ratio(study: Study) -> float:
+    """Jump of experimental Delrin relative to the baseline's."""
+    return relative(jump(study, EXPERIMENTAL), jump(study, BASELINE))
+
+
 def drop_ratio(study: Study) -> float:
     """Drop of clutch 1's torque as slip resumes, theoretical Delrin relative to the baseline."""
     drops = {name: reversal.jump * reversal.dynamic for name, reversal in study.reversals.machines.items()}
-    return drops[THEORETICAL] / drops[BASELINE]
+    return relative(drops[THEORETICAL], drops[BASELINE])
 
 
 # --- section IV-C.3: torque feedback ---

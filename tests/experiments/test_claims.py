@@ -13,6 +13,9 @@ from pter_gym.experiments.time_constants import PAPER_TABLE
 from pter_gym.reproduce.figures import PRODUCTS
 
 STRUCTURE = (
+    "passive",
+    "disturbance",
+    "jump-similar",
     "stuck-cancels",
     "first-order",
     "six-modes",
