@@ -32,6 +32,13 @@ def _multiply(a: np.uint64, b: np.uint64) -> tuple[np.uint64, np.uint64]:
 
 
 @device
+def _add(a: np.uint64, b: np.uint64) -> np.uint64:
+    """Return a sum modulo 2⁶⁴, by halves, since NumPy's scalars warn of an overflow."""
+    low = (a & _LOW) + (b & _LOW)
+    return (((a >> _32) + (b >> _32) + (low >> _32)) << _32) | (low & _LOW)
+
+
+@device
 def philox(
     key_0: np.uint64, key_1: np.uint64, counter_0: np.uint64, counter_1: np.uint64
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
@@ -47,8 +54,8 @@ def philox(
         x1 = low_1
         x2 = high_0 ^ x3 ^ key_1
         x3 = low_0
-        key_0 = key_0 + _WEYL_0
-        key_1 = key_1 + _WEYL_1
+        key_0 = _add(key_0, _WEYL_0)
+        key_1 = _add(key_1, _WEYL_1)
     return x0, x1, x2, x3
 
 

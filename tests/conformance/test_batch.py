@@ -122,7 +122,7 @@ def test_another_process_has_the_same_bits(setting: str) -> None:
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_batch; print(test_batch.digest())"
     )
     found = subprocess.run(
-        ["env", *filter(None, [setting]), sys.executable, "-W", "ignore::RuntimeWarning", "-c", code],
+        ["env", *filter(None, [setting]), sys.executable, "-c", code],
         capture_output=True,
         text=True,
         check=True,
