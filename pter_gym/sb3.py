@@ -32,6 +32,8 @@ class PterVecEnv(VecEnv):
 
     def reset(self) -> NDArray[np.float32]:
         """Start new episodes, with the seeds of ``seed`` if it was called since the last reset; (N, entries)."""
+        if any(self._options):
+            raise ParameterError(f"options must be empty, got {self._options}")
         obs, _ = self.env.reset(seed=self._seeds)
         self._reset_seeds()
         self._reset_options()

@@ -367,7 +367,7 @@ def judge_step(w: Any, i: int, results: Any, world: int, period: float, limit: f
     )
     penalty = -p[WEIGHT_FAILURE, i] if failure else 0.0
     terminated = success | failure
-    truncated = (not terminated) & (w[STEP, i] >= limit)
+    truncated = w[STEP, i] >= limit
     w[ALIVE, i] = 0.0 if terminated | truncated else 1.0
     results[world, REWARD] = error + pace + acceleration + effort + penalty
     results[world, TERMINATED] = 1.0 if terminated else 0.0

@@ -1,0 +1,231 @@
+"""Stable-Baselines3's ``VecEnv`` over the batch: its contract, its wrappers and algorithms, and the same episodes."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import pter_gym  # noqa: F401  (registers the environment)
+from pter_gym.errors import ActionError, ParameterError
+from pter_gym.operators import MultiSineHand
+from pter_gym.tasks.path_following import PathFollowing
+
+pytestmark = pytest.mark.agents
+
+algorithms = pytest.importorskip("stable_baselines3")
+vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
+
+ID = "PTER/PathFollowing-v0"
+COUNT = 6
+LIMIT = 40
+TASK = PathFollowing(start_offset=0.02, hand=MultiSineHand(random_phases=True))
+
+
+def make(count: int = COUNT, **options: Any) -> Any:
+    from pter_gym.sb3 import make_sb3_vec_env
+
+    return make_sb3_vec_env(count, task=TASK, **{"max_episode_steps": LIMIT, **options})
+
+
+def actions(steps: int = 250, count: int = COUNT) -> np.ndarray:
+    """Random normalised actions, half of them for clutches without voltage, so that episodes end in both ways."""
+    rng = np.random.default_rng(11)
+    drawn = rng.uniform(-1.0, 1.0, (steps, count, 4))
+    return np.where(rng.random((steps, count, 1)) < 0.5, -1.0, drawn).astype(np.float32)
+
+
+def test_same_episodes_as_stable_baselines_own_vec_env_of_single_environments() -> None:
+    ours = make()
+    theirs = vec_env.DummyVecEnv(
+        [lambda: gymnasium.make(ID, task=TASK, action_unit="normalised", max_episode_steps=LIMIT)] * COUNT
+    )
+    ours.seed(40)
+    theirs.seed(40)
+    assert ours.reset().tobytes() == theirs.reset().tobytes()
+    returns = np.zeros((2, COUNT))
+    ends = {"terminated": 0, "truncated": 0}
+    for row in actions():
+        obs, rewards, dones, infos = ours.step(row)
+        their_obs, their_rewards, their_dones, their_infos = theirs.step(row)
+        for mine, other in ((obs, their_obs), (rewards, their_rewards), (dones, their_dones)):
+            assert (mine.dtype, mine.tobytes()) == (other.dtype, other.tobytes())
+        returns += [rewards, their_rewards]
+        for info, their_info, done in zip(infos, their_infos, dones, strict=True):
+            assert info["TimeLimit.truncated"] is their_info["TimeLimit.truncated"]
+            assert ("terminal_observation" in info) == ("terminal_observation" in their_info) == done
+            if done:
+                assert info["terminal_observation"].tobytes() == their_info["terminal_observation"].tobytes()
+                assert info["is_success"] is their_info["is_success"]
+                ends["truncated" if info["TimeLimit.truncated"] else "terminated"] += 1
+    assert returns[0].tobytes() == returns[1].tobytes()
+    assert min(ends.values()) > 3, ends
+
+
+def test_terminal_observation_is_the_batchs_final_obs() -> None:
+    ours = make()
+    batch: Any = gymnasium.make_vec(
+        ID, num_envs=COUNT, task=TASK, action_unit="normalised", max_episode_steps=LIMIT, autoreset_mode="SAME_STEP"
+    )
+    ours.seed(3)
+    ours.reset()
+    batch.reset(seed=3)
+    seen = 0
+    for row in actions():
+        obs, _, dones, infos = ours.step(row)
+        batch_obs, _, terminated, truncated, batch_infos = batch.step(row)
+        assert obs.tobytes() == batch_obs.tobytes()
+        for world in np.flatnonzero(dones):
+            assert infos[world]["terminal_observation"].tobytes() == batch_infos["final_obs"][world].tobytes()
+            assert infos[world]["TimeLimit.truncated"] == (truncated[world] and not terminated[world])
+            seen += 1
+    assert seen > 10
+
+
+def test_infos_are_fresh_dicts_of_python_values() -> None:
+    env = make()
+    env.reset()
+    earlier: list[Any] = []
+    for row in actions():
+        *_, infos = env.step(row)
+        assert isinstance(infos, list)
+        assert len({id(info) for info in (*infos, *earlier)}) == 2 * COUNT or not earlier
+        for info in infos:
+            assert type(info["TimeLimit.truncated"]) is bool
+            assert type(info.get("is_success", False)) is bool
+        earlier = infos
+
+
+def test_returns_of_earlier_steps_stay_as_they_are() -> None:
+    env = make()
+    kept = [(env.reset(),)]
+    for row in actions(60):
+        *arrays, infos = env.step(row)
+        kept.append((*arrays, *(info["terminal_observation"] for info in infos if "terminal_observation" in info)))
+        if len(kept) == 30:
+            copies = [[part.copy() for part in parts] for parts in kept]
+    for parts, before in zip(kept, copies, strict=False):
+        assert [part.tobytes() for part in parts] == [part.tobytes() for part in before]
+
+
+def test_seed_holds_for_one_reset() -> None:
+    env = make()
+    assert env.seed(7) == list(range(7, 7 + COUNT))
+    first = env.reset()
+    second = env.reset()
+    assert first.tobytes() != second.tobytes()
+    env.seed(7)
+    assert env.reset().tobytes() == first.tobytes()
+    assert env.reset().tobytes() == second.tobytes()
+
+
+def test_reset_infos_options_and_attributes() -> None:
+    env = make()
+    env.reset()
+    assert env.reset_infos == [{}] * COUNT
+    assert len({id(info) for info in env.reset_infos}) == COUNT
+    assert env.get_attr("num_envs", [0, 2]) == [COUNT, COUNT]
+    assert env.get_attr("render_mode") == [None] * COUNT
+    assert env.env_is_wrapped(gymnasium.Wrapper) == [False] * COUNT
+    assert env.has_attr("autoreset_mode")
+    assert not env.has_attr("gravity")
+    with pytest.raises(ParameterError, match="num_envs"):
+        env.set_attr("num_envs", 3)
+    env.set_options({"speed": 1.0})
+    with pytest.raises(ParameterError, match=r"options.*speed"):
+        env.reset()
+
+
+def test_bad_actions_and_a_closed_environment_raise() -> None:
+    env = make()
+    env.reset()
+    with pytest.raises(ActionError, match="shape"):
+        env.step(np.zeros((COUNT + 1, 4), np.float32))
+    env.close()
+    with pytest.raises(gymnasium.error.ClosedEnvironmentError):
+        env.step(np.zeros((COUNT, 4), np.float32))
+
+
+def test_vec_monitor_and_vec_normalize(tmp_path: Path) -> None:
+    env = vec_env.VecMonitor(make(), str(tmp_path / "monitor.csv"), info_keywords=("is_success",))
+    plain = make()
+    for each in (env, plain):
+        each.seed(5)
+        each.reset()
+    returns = np.zeros(COUNT, np.float32)
+    seen = 0
+    for row in actions():
+        _, _, _, infos = env.step(row)
+        _, rewards, dones, _ = plain.step(row)
+        returns += rewards
+        for world in np.flatnonzero(dones):
+            assert infos[world]["episode"]["r"] == returns[world]
+            returns[world] = 0.0
+            seen += 1
+    env.close()
+    assert len((tmp_path / "monitor.csv").read_text().splitlines()) == seen + 2
+    normalised = vec_env.VecNormalize(make(), clip_obs=5.0)
+    normalised.seed(5)
+    normalised.reset()
+    for row in actions():
+        obs, rewards, _, infos = normalised.step(row)
+        assert np.isfinite(obs).all()
+        assert np.isfinite(rewards).all()
+        for info in infos:
+            assert np.abs(info.get("terminal_observation", 0.0)).max() <= 5.0
+
+
+@pytest.mark.slow
+def test_ppo_learns_and_is_evaluated() -> None:
+    evaluate = pytest.importorskip("stable_baselines3.common.evaluation").evaluate_policy
+    env = vec_env.VecNormalize(vec_env.VecMonitor(make()), norm_obs=False)
+    model = algorithms.PPO("MlpPolicy", env, n_steps=64, batch_size=64, n_epochs=2, seed=0, device="cpu")
+    model.learn(total_timesteps=4 * 64 * COUNT)
+    assert model.num_timesteps == 4 * 64 * COUNT
+    assert len(model.ep_info_buffer) > 5
+    assert len(model.ep_success_buffer) > 5
+    assert all(parameter.isfinite().all() for parameter in model.policy.parameters())
+    one, two = make(), vec_env.VecMonitor(make())
+    results = []
+    for each in (one, two):
+        each.seed(9)
+        results.append(evaluate(model, each, n_eval_episodes=12, return_episode_rewards=True, warn=False))
+    assert results[0][1] == results[1][1]
+    np.testing.assert_allclose(results[0][0], results[1][0], rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_sac_learns() -> None:
+    model = algorithms.SAC(
+        "MlpPolicy",
+        vec_env.VecMonitor(make()),
+        learning_starts=60,
+        batch_size=32,
+        train_freq=4,
+        policy_kwargs={"net_arch": [16, 16]},
+        seed=0,
+        device="cpu",
+    )
+    model.learn(total_timesteps=600)
+    assert model.num_timesteps == 600
+    assert len(model.ep_info_buffer) > 3
+    buffer = model.replay_buffer
+    # an episode's last transition leads to its last observation, not to the start of the next
+    assert buffer.dones[: buffer.pos].any()
+    following = buffer.next_observations[: buffer.pos - 1] == buffer.observations[1 : buffer.pos]
+    ended = buffer.dones[: buffer.pos - 1].astype(bool) | (buffer.timeouts[: buffer.pos - 1] > 0)
+    assert following.all(axis=-1)[~ended].all()
+    assert not following.all(axis=-1)[ended].any()
+
+
+def test_missing_stable_baselines_says_what_to_install() -> None:
+    program = (
+        "import sys; sys.modules['stable_baselines3'] = None\n"
+        "try: import pter_gym.sb3\n"
+        "except ImportError as error: print(error)\n"
+    )
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert 'pip install "pter-gym[agents]"' in result.stdout
