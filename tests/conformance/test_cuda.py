@@ -105,6 +105,7 @@ def in_simulator(expression: str) -> str:
     return found.stdout.strip()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", list(AutoresetMode), ids=lambda mode: mode.name)
 def test_simulated_kernels_have_the_bits_of_the_cpu(mode: AutoresetMode) -> None:
     assert float(in_simulator(f"worst_difference(AutoresetMode.{mode.name}, 30, 4)")) == 0.0
