@@ -4,6 +4,7 @@ Each works on column ``i`` of an array ``w`` whose rows are named here. The kern
 such an array, call these functions in the same order and write the rows that change back.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -363,7 +364,7 @@ def judge_step(w: Any, i: int, results: Any, world: int, period: float, limit: f
     failure = (not success) & left_workspace(at, q, p[ERROR_MAX, i], p[SINGULARITY_MARGIN, i])
     a_x, a_y = tip_acceleration(w, i, period)
     error, pace, acceleration, effort = reward_terms(
-        p, i, at, np.sqrt(a_x * a_x + a_y * a_y), load_four(w, COMMAND, i), p[VOLTAGE_MAX, i], period
+        p, i, at, math.sqrt(a_x * a_x + a_y * a_y), load_four(w, COMMAND, i), p[VOLTAGE_MAX, i], period
     )
     penalty = -p[WEIGHT_FAILURE, i] if failure else 0.0
     terminated = success | failure
