@@ -7,5 +7,6 @@ from pathlib import Path
 
 project = tomllib.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))["project"]
 for requirement in project["dependencies"] + project["optional-dependencies"]["test"]:
-    name, lowest = re.fullmatch(r"([\w-]+)>=([\w.]+).*", requirement).groups()
-    print(f"{name}=={lowest}")
+    promised = re.match(r"([\w-]+)>=([\w.]+)", requirement)
+    if promised:
+        print(f"{promised[1]}=={promised[2]}")
