@@ -7,6 +7,7 @@ alone.
 
 import hashlib
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar, cast
@@ -43,9 +44,26 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     digest = _digest(_bind(template, inlined))
     function = _bind(cast(FunctionType, build(digest)), inlined)
     try:
-        return cast(Function, numba.njit(nogil=True, error_model="numpy", cache=True)(function))
+        kernel = numba.njit(nogil=True, error_model="numpy", cache=True)(function)
     except RuntimeError:  # numba found no folder that it may write to
-        return cast(Function, numba.njit(nogil=True, error_model="numpy")(function))
+        kernel = numba.njit(nogil=True, error_model="numpy")(function)
+    if hasattr(kernel, "compile"):  # not with NUMBA_DISABLE_JIT=1
+        _compile_apart(kernel)
+    return cast(Function, kernel)
+
+
+def _compile_apart(kernel: Any) -> None:
+    """Let a kernel compile in a thread of its own: an interrupt (Ctrl-C) within LLVM would break the process."""
+    compile_here = kernel.compile
+
+    def compile_there(signature: Any) -> Any:
+        thread = ThreadPoolExecutor(1, thread_name_prefix="pter-compiler")
+        try:
+            return thread.submit(compile_here, signature).result()
+        finally:
+            thread.shutdown(wait=False)
+
+    kernel.compile = compile_there
 
 
 def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:

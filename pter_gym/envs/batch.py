@@ -1,8 +1,10 @@
 """Many worlds in one call. The single environment and the vector environments are doors to this."""
 
 import os
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -332,17 +334,22 @@ class Batch:
         refused = kernel(*arguments, *options, 0, 0, 0)
         if refused < 0:
             share = -(-blocks // self._num_threads)
-            shares = iter([(first, min(first + share, blocks)) for first in range(0, blocks, share)])
-
-            def work() -> None:
-                for first, last in shares:
-                    kernel(*arguments, *options, steps, first, last)
-
-            self._share_out(work)
+            shares = [(first, min(first + share, blocks)) for first in range(0, blocks, share)]
+            self._share_out(partial(kernel, *arguments, *options, steps), shares)
         return refused
 
-    def _share_out(self, work: Callable[[], None]) -> None:
-        """Run a function in all threads at once. After an interrupt (Ctrl-C) the others finish what was begun."""
+    def _share_out(self, call: Callable[[int, int], Any], shares: list[tuple[int, int]]) -> None:
+        """Call a compiled function for all shares, in all threads at once. An interrupt (Ctrl-C) waits for all."""
+        left = iter(shares)
+        done: list[tuple[int, int]] = []
+
+        def work() -> None:
+            for share in left:
+                try:
+                    call(*share)
+                finally:
+                    done.append(share)
+
         threads = self._threads()
         try:
             jobs = [threads.submit(work) for _ in range(self._num_threads - 1)]
@@ -350,8 +357,9 @@ class Batch:
             for job in jobs:
                 job.result()
         except BaseException:
-            self._pool = None
-            threads.shutdown()
+            work()
+            while len(done) < len(shares):
+                time.sleep(1e-4)
             raise
 
     def _threads(self) -> ThreadPoolExecutor:

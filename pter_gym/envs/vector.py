@@ -2,7 +2,9 @@
 
 import operator
 import os
+import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Literal
 
 import gymnasium
@@ -57,7 +59,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
     Raises
     ------
     ParameterError
-        If an argument is out of range, or the worlds would not fit into the memory that is free.
+        If an argument is out of range, or the worlds would not fit into the memory of this machine.
     """
 
     def __init__(
@@ -78,7 +80,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         self.autoreset_mode = find_autoreset_mode(autoreset_mode)
         self.metadata = {"render_modes": [], "render_fps": 100, "autoreset_mode": self.autoreset_mode}
         self.num_envs = whole_number("num_envs", num_envs)
-        check_memory(self.num_envs)
+        check_memory(self.num_envs, telemetry)
         single = isinstance(machine, (Machine, str))
         self.batch = Batch(
             find_machine(machine) if single else [find_machine(each) for each in machine],
@@ -86,7 +88,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
             self.num_envs,
             sensors=sensors,
             action_unit=action_unit,
-            max_steps=max_episode_steps,
+            max_steps=None if max_episode_steps is None else whole_number("max_episode_steps", max_episode_steps),
             telemetry=telemetry,
             num_threads=available_cores() if num_threads is None else whole_number("num_threads", num_threads),
         )
@@ -269,18 +271,36 @@ def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
     return number
 
 
-BYTES_PER_WORLD = 2048
-"""What a world takes: its state, its part of the spaces and of a step's returns [B]."""
+BYTES_PER_WORLD = 1800
+"""What a world takes at most, measured: its state, its part of the spaces and of two steps' returns [B]."""
+
+BYTES_OF_TELEMETRY = 2000
+"""What a world takes besides with telemetry [B]."""
+
+CONTAINER_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+"""Where Linux says how much memory the processes of a container may use."""
 
 
-def check_memory(worlds: int) -> None:
+def check_memory(worlds: int, telemetry: bool) -> None:
     """Raise a ParameterError if so many worlds would not fit into the memory of this machine."""
-    if not hasattr(os, "sysconf") or "SC_PHYS_PAGES" not in os.sysconf_names:
-        return
-    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    if worlds * BYTES_PER_WORLD > memory:
-        most = memory // BYTES_PER_WORLD
+    most = available_memory() // (BYTES_PER_WORLD + (BYTES_OF_TELEMETRY if telemetry else 0))
+    if worlds > most:
         raise ParameterError(f"num_envs must be ≤ {most}, which fit into this machine's memory, got {worlds}")
+
+
+def available_memory() -> int:
+    """Return how much memory [B] this machine has, or this process may use if that is less."""
+    sizes = [int(text) for text in map(_read, CONTAINER_LIMITS) if text.isdigit()]
+    if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+        sizes.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    return min(sizes, default=sys.maxsize)
+
+
+def _read(path: str) -> str:
+    try:
+        return Path(path).read_text(encoding="ascii").strip()
+    except OSError:
+        return ""
 
 
 def available_cores() -> int:
