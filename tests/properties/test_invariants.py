@@ -140,6 +140,19 @@ def test_generated_torques_move_the_arm_and_stay_within_their_limits(world):
 
 
 @DETERMINISTIC
+@given(between(3.0, 10.0), between(3.0, 10.0), st.sampled_from([-1.0, 1.0]))
+def test_generated_torques_are_right_where_a_stuck_clutch_is_exactly_at_its_limit(volts_1, volts_3, sign):
+    """From rest, links at right angles: both turn together; clutch 1 slows A, and clutch 3 drives B with all it has."""
+    volts = np.array([volts_1, 0.0, volts_3, 0.0])
+    start = initial_state(BASELINE, (0.5 * np.pi, 0.0), volts=volts)
+    arm, limit = BASELINE.arm, start.torque_breakaway
+    load = limit[0] + (arm.inertia_a + arm.inertia_b) * limit[2] / arm.inertia_b
+    run = simulate(BASELINE, start, volts, (0.0, 0.0), (sign * load, 0.0), duration=BASELINE.substep)
+    assert np.allclose(run.torque[0], [-sign * limit[0], 0.0, -sign * limit[2], 0.0], rtol=1e-9, atol=0.0)
+    assert run.power.max() <= 1e-12
+
+
+@DETERMINISTIC
 @given(worlds())
 def test_the_mode_says_exactly_which_slips_are_zero(world):
     run = world.run()

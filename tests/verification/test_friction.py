@@ -87,13 +87,14 @@ def test_modes_say_which_slips_are_zero(index):
 def test_impulses_exist_that_explain_the_velocity(index):
     """The optimality conditions from the velocity alone: p − Mω is a sum of impulses.
 
-    Where there is slip they are at their capacity. The rest, of clutches without slip (up to rounding), must lie in the
-    zonotope of their capacities; whatever the subset, its sides have their normals among the four lines.
+    Where there is slip, be it of the size of a rounding, they are at their capacity against it. The rest, of clutches
+    without slip, must lie in the zonotope of their capacities; whatever the subset, its sides have their normals among
+    the four lines. An arm that as a whole is no faster than rounding counts as at rest.
     """
     problems = FAMILIES[index]
     omega = resolved(index)[:, :2]
     slips = omega @ W.T
-    free = np.abs(slips) <= 2.0 * rounding(problems, omega)[:, None]
+    free = (slips == 0.0) | (np.hypot(*omega.T) <= rounding(problems, omega))[:, None]
     moved = np.where(free, 0.0, problems.c * np.sign(slips)) @ W
     left_a = problems.p_a - problems.m11 * omega[:, 0] - problems.m12 * omega[:, 1] - moved[:, 0]
     left_b = problems.p_b - problems.m12 * omega[:, 0] - problems.m22 * omega[:, 1] - moved[:, 1]
