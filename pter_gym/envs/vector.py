@@ -154,7 +154,8 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
 
     def close_extras(self) -> None:
         """Stop the threads."""
-        self.batch.close()
+        if hasattr(self, "batch"):  # Gymnasium closes what could not be made, too
+            self.batch.close()
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
