@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,16 @@ def actions(steps: int = 250, count: int = COUNT) -> np.ndarray:
     rng = np.random.default_rng(11)
     drawn = rng.uniform(-1.0, 1.0, (steps, count, 4))
     return np.where(rng.random((steps, count, 1)) < 0.5, -1.0, drawn).astype(np.float32)
+
+
+@pytest.fixture
+def one_torch_thread() -> Iterator[None]:
+    """Networks as small as these are slower with more threads."""
+    torch = pytest.importorskip("torch")
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
 
 
 def test_same_episodes_as_stable_baselines_own_vec_env_of_single_environments() -> None:
@@ -179,6 +190,7 @@ def test_vec_monitor_and_vec_normalize(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("one_torch_thread")
 def test_ppo_learns_and_is_evaluated() -> None:
     evaluate = pytest.importorskip("stable_baselines3.common.evaluation").evaluate_policy
     env = vec_env.VecNormalize(vec_env.VecMonitor(make()), norm_obs=False)
@@ -198,6 +210,7 @@ def test_ppo_learns_and_is_evaluated() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("one_torch_thread")
 def test_sac_learns() -> None:
     model = algorithms.SAC(
         "MlpPolicy",
