@@ -15,6 +15,10 @@ class ActionError(PterError, gymnasium.error.InvalidAction, ValueError):
     """An action has a wrong shape or type, is not finite, or lies outside the action space."""
 
 
+class DivergenceError(PterError, ArithmeticError):
+    """A motion has left the numbers that a computer can hold; a smaller substep keeps it within them."""
+
+
 class ResetNeededError(PterError, gymnasium.error.ResetNeeded):
     """A step was asked for before the first reset or after the end of an episode."""
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._jit import compile_kernel
-from pter_gym.errors import ParameterError
+from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine
 from pter_gym.physics.arm import Load, kinetic_energy, tip_position, tip_velocity
 from pter_gym.physics.clutch import PerClutch, relax, relax_torques, steady_torques
@@ -194,6 +194,8 @@ def simulate(
     ------
     ParameterError
         If shapes disagree, a number is not finite, a voltage is out of range, or an argument is missing.
+    DivergenceError
+        If the motion diverges: the substep is too long for so fast a motion.
     """
     if hand_target is None and machine.hand.stiffness > 0.0:
         raise ParameterError("hand_target is needed: the hand has a stiffness")
@@ -211,6 +213,9 @@ def simulate(
         machine.substep,
         record,
     )
+    diverged = ~np.isfinite(record).all(axis=1)
+    if diverged.any():
+        raise DivergenceError(f"the motion diverged in substep {int(diverged.argmax())}: make machine.substep smaller")
     return _trajectory(record, machine.substep, state, _unpack(packed))
 
 

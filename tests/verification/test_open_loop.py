@@ -1,0 +1,68 @@
+"""What `simulate` makes of its inputs."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pter_gym import BASELINE, Hand, initial_state, simulate
+from pter_gym.errors import DivergenceError, ParameterError
+
+START = initial_state(BASELINE, (0.4, 2.0))
+
+
+def test_rows_and_constants_mean_the_same() -> None:
+    constant = simulate(BASELINE, START, (5.0, 2.0, 0.0, 1.0), (20.0, 5.0), (0.5, -0.5), duration=0.05)
+    rows = simulate(
+        BASELINE,
+        START,
+        np.tile((5.0, 2.0, 0.0, 1.0), (50, 1)),
+        np.tile((20.0, 5.0), (50, 1)),
+        np.tile((0.5, -0.5), (50, 1)),
+    )
+    assert constant.theta.tobytes() == rows.theta.tobytes()
+    assert constant.time[-1] == pytest.approx(0.05)
+    assert constant.mode.dtype == np.int8
+    np.testing.assert_array_equal(constant.power, constant.torque * constant.slip_velocity)
+
+
+def test_a_diverging_motion_is_told() -> None:
+    coarse = replace(BASELINE, substep=0.01)
+    with pytest.raises(DivergenceError, match="substep"):
+        simulate(coarse, initial_state(coarse, (0.0, 0.3), (400.0, -400.0)), (0.0,) * 4, (0.0, 0.0), duration=5.0)
+
+
+BAD: dict[str, tuple[tuple[Any, ...], dict[str, Any], str]] = {
+    "volts out of range": (((0.0, 0.0, 0.0, 25.0), (0.0, 0.0)), {"duration": 0.1}, "volts"),
+    "volts not finite": (((0.0, np.nan, 0.0, 0.0), (0.0, 0.0)), {"duration": 0.1}, "volts"),
+    "three volts": (((0.0,) * 3, (0.0, 0.0)), {"duration": 0.1}, "volts"),
+    "force in three dimensions": (((0.0,) * 4, (0.0,) * 3), {"duration": 0.1}, "hand_force"),
+    "force as text": (((0.0,) * 4, ("a", "b")), {"duration": 0.1}, "hand_force"),
+    "no duration": (((0.0,) * 4, (0.0, 0.0)), {}, "duration"),
+    "two durations": ((np.zeros((5, 4)), np.zeros((6, 2))), {}, "5, 6"),
+    "negative duration": (((0.0,) * 4, (0.0, 0.0)), {"duration": -1.0}, "duration"),
+    "joint torque": (((0.0,) * 4, (0.0, 0.0), (np.inf, 0.0)), {"duration": 0.1}, "joint_torque"),
+}
+
+
+@pytest.mark.parametrize(("inputs", "keywords", "named"), BAD.values(), ids=BAD)
+def test_bad_inputs_are_named(inputs: tuple[Any, ...], keywords: dict[str, Any], named: str) -> None:
+    with pytest.raises(ParameterError, match=named):
+        simulate(BASELINE, START, *inputs, **keywords)
+
+
+def test_a_spring_needs_a_target() -> None:
+    held = replace(BASELINE, hand=Hand(mass=1.0, damping=10.0, stiffness=300.0))
+    with pytest.raises(ParameterError, match="hand_target"):
+        simulate(held, START, (0.0,) * 4, (0.0, 0.0), duration=0.1)
+    target = (0.1, 0.5)
+    motion = simulate(held, START, (0.0,) * 4, (0.0, 0.0), hand_target=target, duration=20.0)
+    np.testing.assert_allclose(motion.tip_position[-1], target, atol=1e-3)
+
+
+@pytest.mark.parametrize("part", ["theta", "omega", "torque_breakaway", "torque_dynamic", "lagged_volts"])
+def test_a_bad_state_is_named(part: str) -> None:
+    broken = replace(START, **{part: np.full(7, 1.0)})
+    with pytest.raises(ParameterError, match=rf"state\.{part}"):
+        simulate(BASELINE, broken, (0.0,) * 4, (0.0, 0.0), duration=0.1)
