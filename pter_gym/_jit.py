@@ -18,12 +18,24 @@ from numba.core.dispatcher import Dispatcher
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+_INLINED: Any = {"forceinline": True, "error_model": "numpy"}
+_WITHOUT_ARRAYS: Any = {**_INLINED, "_nrt": False}
+
 _CONSTANTS = (bool, int, float, str, tuple, np.generic)
 
 
 def device(function: Function) -> Function:
-    """Compile a scalar function so that it is always inlined into the kernel that calls it."""
-    return cast(Function, numba.njit(forceinline=True, error_model="numpy")(function))
+    """Compile a scalar function so that it is always inlined into the kernel that calls it.
+
+    It may read and write the arrays that it gets and makes none of its own: numba then counts no references to arrays,
+    which would cost more than the arithmetic and keep loops from being vectorised.
+    """
+    return cast(Function, numba.njit(**_WITHOUT_ARRAYS)(function))
+
+
+def inlined(function: Function) -> Function:
+    """Compile a user's scalar function as ``device`` does, but let it make arrays."""
+    return cast(Function, numba.njit(**_INLINED)(function))
 
 
 def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Function:
@@ -80,8 +92,8 @@ def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:
 
 
 def _digest(kernel: FunctionType) -> str:
-    """Hash the sources of all functions that the kernel reaches and the constants that they name."""
-    sources: set[bytes] = set()
+    """Hash this file, the sources of all functions that the kernel reaches and the constants that they name."""
+    sources = {Path(__file__).read_bytes()}
     constants: set[str] = set()
     seen: set[int] = set()
     pending: list[Any] = [kernel]

@@ -224,11 +224,11 @@ def _build(digest: str) -> Any:
         p: Any, s: Any, volts: Any, hand_force: Any, joint_torque: Any, hand_target: Any, h: float, record: Any
     ) -> None:
         _ = digest
-        arm = linkage(p, 0)
+        arm = linkage(p, 0, 0)
         for k in range(record.shape[0]):
             command = PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3])
             lagged = relax(load_four(s, LAGGED_VOLTS, 0), command, p[VOLTAGE_DECAY, 0])
-            target = steady_torques(breakaway_curve(p, 0), dynamic_curve(p, 0), lagged)
+            target = steady_torques(breakaway_curve(p, 0, 0), dynamic_curve(p, 0, 0), lagged)
             torques = relax_torques(load_torques(s, BREAKAWAY, 0), target, p[TORQUE_DECAY, 0])
             load = Load(
                 hand_force[k, 0],

@@ -1,6 +1,6 @@
 """Control laws: an observation in, four clutch voltages out."""
 
-from pter_gym._jit import device
+from pter_gym._jit import inlined as device
 from pter_gym.controllers.base import Controller, Policy
 from pter_gym.controllers.impedance import Impedance, TorqueFeedback
 from pter_gym.controllers.simple import Free, Locked, Random

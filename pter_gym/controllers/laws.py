@@ -15,9 +15,6 @@ from pter_gym.controllers.allocation import allocate, passive_high, passive_low
 from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.friction import between, slip_velocities
 
-EXTERNAL = 0.0
-"""Kind of law that takes the voltages from an array of actions."""
-
 CONSTANT = 1.0
 RANDOM = 2.0
 IMPEDANCE = 3.0

@@ -10,16 +10,16 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.controllers.laws import EXTERNAL, MEMORY
+from pter_gym.controllers.laws import MEMORY
 from pter_gym.envs.kernels import advance_kernel, reset_kernel
 from pter_gym.envs.world import (
     ALIVE,
     CHANGING_ROWS,
+    FLAGS,
     LANES,
     NEXT_STEP,
     PARAM,
     REFUSE,
-    RESULTS,
     SAME_STEP,
     SKIP,
     WORLD_ROWS,
@@ -43,32 +43,35 @@ ActionUnit = Literal["volt", "normalised"]
 
 NO_LIMIT = float("inf")
 
+RECORDED = len(TELEMETRY)
+"""Entries of a telemetry row."""
+
 INLINE_BLOCKS = 16
 """Batches of fewer blocks are stepped by the caller's thread alone: waking another one costs more than it saves."""
 
-_EXTERNAL = np.array([EXTERNAL])
+_NO_MEMORY = np.empty((0, MEMORY))
 
 
 class Returns(NamedTuple):
-    """What a step or a reset returns: fresh arrays, world by world.
+    """What a step returns: fresh arrays.
 
     Attributes
     ----------
     obs
-        Observations, float32 (N, len(layout)).
-    results
-        float64 (N, 4): reward, terminated, truncated, success.
+        Observations, float32 (1 or 2, N, len(layout)). With ``SAME_STEP`` there is a second layer: the last ones of the
+        worlds that ended and were reset in this step; other rows hold anything.
+    rewards
+        float64 (N,).
+    flags
+        bool (FLAGS, N): terminated, truncated, success.
     telemetry
-        float64 (N, len(TELEMETRY)), or (0, …) without telemetry.
-    final_obs, final_telemetry
-        The last ones of the worlds that ended and were reset in this step; other rows hold anything.
+        float64 (1 or 2, N, len(TELEMETRY)), in layers as the observations; (0, …) without telemetry.
     """
 
     obs: Observations
-    results: Array
+    rewards: Array
+    flags: NDArray[np.bool_]
     telemetry: Array
-    final_obs: Observations
-    final_telemetry: Array
 
 
 class Batch:
@@ -141,16 +144,16 @@ class Batch:
                 self.machine.substep,
                 substeps(self.task, self.machine),
                 NO_LIMIT if max_steps is None else max_steps,
+                *self.layout.scales,
+                *(1.0 / self.layout.scales),
             ]
         )
         self._worlds = _pack(*_parameters(listed_machines, listed_tasks))
         self._words = np.zeros((self.num_worlds, 2), np.uint64)
         self._seeded = np.zeros(self.num_worlds, np.bool_)
-        self._scales = np.array([self.layout.scales, 1.0 / self.layout.scales])
-        self._memory = np.zeros((self.num_worlds, MEMORY))
-        self._rows = 1 if telemetry else 0
-        self._no_obs = np.empty((1, len(self.layout)), np.float32)
-        self._no_telemetry = np.empty((1, len(TELEMETRY)))
+        self._actions = np.empty((self.num_worlds, 4))
+        self._telemetry = telemetry
+        self._entries = len(self.layout)
         self._advance = advance_kernel()
         self._num_threads = num_threads
         self._pool: ThreadPoolExecutor | None = None
@@ -177,12 +180,12 @@ class Batch:
         """
         chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
         words = self._next_words(seeds, chosen)
-        obs = np.empty((self.num_worlds, len(self.layout)), np.float32)
-        telemetry = np.empty((self.num_worlds * self._rows, len(TELEMETRY)))
+        obs = np.empty((1, self.num_worlds, len(self.layout)), np.float32)
+        telemetry = np.empty((int(self._telemetry), self.num_worlds, len(TELEMETRY)))
         kernel = reset_kernel()
         self._words, self._seeded = words, self._seeded | chosen
-        kernel(self._worlds, words, chosen, self._scales, obs, telemetry)
-        return obs, telemetry
+        kernel(self._worlds, words, chosen, obs, telemetry, self._config)
+        return obs[0], telemetry.reshape(-1, len(TELEMETRY))
 
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
         """Advance all worlds by one control period.
@@ -203,35 +206,26 @@ class Batch:
         ResetNeededError
             If a world was never reset, or its episode has ended with ``REFUSE`` or ``SAME_STEP``; no world has moved.
         """
-        numbers = self._numbers(actions)
+        self._take(actions)
         if ended == NEXT_STEP and not self._seeded.all():
             raise ResetNeededError(f"world {self._seeded.argmin()} needs a reset: it was never reset")
         n = self.num_worlds
-        make = np.zeros if ended == SKIP else np.empty
-        obs = make((n, len(self.layout)), np.float32)
-        results = make((n, RESULTS))
-        telemetry = np.empty((self._rows, n, len(TELEMETRY)))
+        layers = 2 if ended == SAME_STEP else 1
+        obs = np.empty((layers, n, self._entries), np.float32)
+        rewards = np.empty(n)
+        flags = np.empty((FLAGS, n), np.bool_)
+        telemetry = np.empty((layers if self._telemetry else 0, n, RECORDED))
         if ended == SKIP:
+            obs.fill(0.0)
+            rewards.fill(0.0)
+            flags.fill(False)
             telemetry.fill(np.nan)
-        same = ended == SAME_STEP
-        final_obs = np.empty_like(obs) if same else self._no_obs
-        final_telemetry = np.empty((n, len(TELEMETRY))) if same and self._rows else self._no_telemetry
         refused = self._run(
-            self._advance,
-            _EXTERNAL,
-            self._memory,
-            numbers,
-            obs,
-            results,
-            telemetry,
-            final_obs,
-            final_telemetry,
-            ended,
-            1,
+            self._advance, self._actions, _NO_MEMORY, obs, rewards, flags, telemetry, self._config, ended, 1
         )
         if refused >= 0:
-            self._refuse(refused, numbers[refused])
-        return Returns(obs, results, telemetry[0] if self._rows else self._no_telemetry[:0], final_obs, final_telemetry)
+            self._refuse(refused)
+        return Returns(obs, rewards, flags, telemetry)
 
     def rollout(self, obs: Observations, law: Any, gains: Array, steps: int) -> tuple[Observations, Array]:
         """Run a compiled control law in all worlds, from their present state, for at most ``steps`` control periods.
@@ -250,26 +244,24 @@ class Batch:
         observations, telemetry
             The last observations, and float64 (steps, N, len(TELEMETRY)); NaN after the end of an episode.
         """
-        obs = obs.copy()
+        obs = obs[None].copy()
         n = self.num_worlds
-        telemetry = np.full((steps, n, len(TELEMETRY)), np.nan)
+        telemetry = np.full((steps, n, RECORDED), np.nan)
         memory = np.zeros((n, MEMORY))
         memory[:, -1] = np.arange(n)
-        results = np.zeros((n, RESULTS))
         self._run(
             advance_kernel(law),
-            gains,
+            self._actions,
             memory,
-            np.empty((0, 4)),
             obs,
-            results,
+            np.empty(n),
+            np.empty((FLAGS, n), np.bool_),
             telemetry,
-            self._no_obs,
-            self._no_telemetry,
+            np.concatenate([self._config, gains]),
             SKIP,
             steps,
         )
-        return obs, telemetry
+        return obs[0], telemetry
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
@@ -297,11 +289,10 @@ class Batch:
         self._seeded[:] = state["seeded"]
 
     def device_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays that a kernel on another device needs: worlds, words, scales, config, and who has begun."""
+        """Return the arrays that a kernel on another device needs: worlds, words, config, and who has begun."""
         return {
             "worlds": self._worlds,
             "words": self._words,
-            "scales": self._scales,
             "config": self._config,
             "seeded": self._seeded,
         }
@@ -309,33 +300,31 @@ class Batch:
     @property
     def nbytes(self) -> int:
         """Bytes that the worlds take between steps."""
-        return self._worlds.nbytes + self._words.nbytes + self._seeded.nbytes + self._memory.nbytes
+        return self._worlds.nbytes + self._words.nbytes + self._seeded.nbytes + self._actions.nbytes
 
     def _run(
         self,
         kernel: Any,
-        gains: Array,
-        memory: Array,
         actions: Array,
+        memory: Array,
         obs: Observations,
-        results: Array,
+        rewards: Array,
+        flags: NDArray[np.bool_],
         telemetry: Array,
-        final_obs: Observations,
-        final_telemetry: Array,
+        config: Array,
         ended: int,
         steps: int,
     ) -> int:
         """Run the kernel over all blocks, in this thread or in several; return the first refused world or −1."""
-        arguments = (self._worlds, self._words, actions, gains, memory, self._scales, obs, results, telemetry)
-        options = (final_obs, final_telemetry, self._config, ended)
+        arguments = (self._worlds, self._words, actions, memory, obs, rewards, flags, telemetry, config, ended)
         blocks = len(self._worlds)
         if self._num_threads == 1 or blocks < INLINE_BLOCKS:
-            return kernel(*arguments, *options, steps, 0, blocks)
-        refused = kernel(*arguments, *options, 0, 0, 0)
+            return kernel(*arguments, steps, 0, blocks)
+        refused = kernel(*arguments, 0, 0, 0)
         if refused < 0:
             share = -(-blocks // self._num_threads)
             shares = [(first, min(first + share, blocks)) for first in range(0, blocks, share)]
-            self._share_out(partial(kernel, *arguments, *options, steps), shares)
+            self._share_out(partial(kernel, *arguments, steps), shares)
         return refused
 
     def _share_out(self, call: Callable[[int, int], Any], shares: list[tuple[int, int]]) -> None:
@@ -393,24 +382,25 @@ class Batch:
         words[fresh, 0] = np.frombuffer(os.urandom(8 * int(fresh.sum())), np.uint64)
         return words
 
-    def _numbers(self, actions: ArrayLike) -> Array:
+    def _take(self, actions: ArrayLike) -> None:
+        """Copy the actions to where the kernel reads them."""
         try:
             array = np.asarray(actions)
         except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that is not plain CPU memory
             raise ActionError(f"action must be an array of numbers: {error}") from None
-        if array.shape != (self.num_worlds, 4):
-            raise ActionError(f"action must have the shape {(self.num_worlds, 4)}, got {array.shape}")
+        if array.shape != self._actions.shape:
+            raise ActionError(f"action must have the shape {self._actions.shape}, got {array.shape}")
         if array.dtype.kind not in "fiu":
             raise ActionError(f"action must hold real numbers, got dtype {array.dtype}")
-        return np.ascontiguousarray(array, np.float64)
+        self._actions[...] = array
 
-    def _refuse(self, world: int, action: Array) -> None:
+    def _refuse(self, world: int) -> None:
         width = self._worlds.shape[2]
         if self._worlds[world // width, ALIVE, world % width] == 0.0:
             raise ResetNeededError(f"world {world} needs a reset: it was never reset or its episode has ended")
         raise ActionError(
             f"action of world {world} must be finite and within [{self.action_low:g}, {self.action_high:g}], "
-            f"got {action.tolist()}"
+            f"got {self._actions[world].tolist()}"
         )
 
 

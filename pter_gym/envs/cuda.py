@@ -15,13 +15,13 @@ from gymnasium.vector import AutoresetMode
 from numba import cuda as numba_cuda
 from numpy.typing import NDArray
 
+from pter_gym.envs.kernels import SCALES
 from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.envs.world import (
     ALIVE,
     CHANGING_ROWS,
+    FLAGS,
     PARAM,
-    RESULTS,
-    REWARD,
     SCRATCH_ROWS,
     SUCCESS,
     TERMINATED,
@@ -33,12 +33,14 @@ from pter_gym.envs.world import (
     find_velocity,
     given_volts,
     is_refused,
+    judge_step,
     move_arm,
     observe_world,
     push_tip,
     sense_torques,
     start_episode,
     take_command,
+    write_observation,
 )
 from pter_gym.errors import ActionError, DependencyError, ResetNeededError
 from pter_gym.physics.model import VOLTAGE_DECAY, VOLTAGE_MAX
@@ -61,19 +63,16 @@ def _advance(
     worlds: Any,
     words: Any,
     actions: Any,
-    scales: Any,
     obs: Any,
-    results: Any,
+    rewards: Any,
     flags: Any,
     telemetry: Any,
-    final_obs: Any,
-    final_telemetry: Any,
     config: Any,
     ended: int,
     refused: Any,
 ) -> None:
     world = cuda.grid(1)
-    if world >= obs.shape[0]:
+    if world >= obs.shape[1]:
         return
     width = worlds.shape[2]
     b = world // width
@@ -81,7 +80,7 @@ def _advance(
     low, high, slack, h, count, limit = config[0], config[1], config[2], config[3], int(config[4]), config[5]
     if is_refused(worlds, actions, low - slack, high + slack, ended, world):
         cuda.atomic.min(refused, 0, world)
-        results[world, REWARD] = np.nan
+        rewards[world] = np.nan
         return
     w = cuda.local.array((SCRATCH_ROWS, 1), np.float64)
     for row in range(WORLD_ROWS):
@@ -97,20 +96,18 @@ def _advance(
             catch_crossing(w, 0, h)
             move_arm(w, 0, h)
         sense_torques(w, 0, h)
-    end_step(
-        w, 0, world, words, scales[1], obs, results, telemetry, final_obs, final_telemetry, h * count, limit, ended
-    )
-    flags[0, world] = results[world, TERMINATED] != 0.0
-    flags[1, world] = results[world, TRUNCATED] != 0.0
-    flags[2, world] = results[world, SUCCESS] != 0.0
+    judge_step(w, 0, h * count, limit)
+    observe_world(w, 0)
+    inverse_scales = config[SCALES + obs.shape[2] :]
+    end_step(w, 0, world, words, inverse_scales, obs, rewards, flags, telemetry, 0, h * count, ended)
     for row in range(CHANGING_ROWS):
         worlds[b, row, lane] = w[row, 0]
 
 
 @cuda.jit
-def _reset(worlds: Any, words: Any, chosen: Any, seeded: Any, scales: Any, obs: Any) -> None:
+def _reset(worlds: Any, words: Any, chosen: Any, seeded: Any, obs: Any, config: Any) -> None:
     world = cuda.grid(1)
-    if world >= obs.shape[0]:
+    if world >= obs.shape[1]:
         return
     width = worlds.shape[2]
     b = world // width
@@ -124,7 +121,8 @@ def _reset(worlds: Any, words: Any, chosen: Any, seeded: Any, scales: Any, obs: 
         start_episode(w, 0, words[world, 0], words[world, 1])
         for row in range(CHANGING_ROWS):
             worlds[b, row, lane] = w[row, 0]
-    observe_world(w, 0, scales[1], obs, world)
+    observe_world(w, 0)
+    write_observation(w, 0, config[SCALES + obs.shape[2] :], obs, 0, world)
 
 
 class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
@@ -161,16 +159,16 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
                 words[world] = seeds[world] if seeds is not None and given[world] else drawn[world], 0
             self._device["words"] = to_device(words)
         self._begun |= chosen
-        obs = self._empty((self.num_envs, len(self.observation_layout)), np.float32)
+        obs = self._empty((1, self.num_envs, len(self.observation_layout)), np.float32)
         _reset[self._grid](
             self._device["worlds"],
             self._device["words"],
             to_device(chosen),
             to_device(seeded),
-            self._device["scales"],
             self._view(obs),
+            self._device["config"],
         )
-        return obs, {}
+        return obs[0], {}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Advance all worlds by one control period, without waiting for the device.
@@ -187,39 +185,33 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
         """
         self._check_open()
         n = self.num_envs
-        entries = len(self.observation_layout)
         same = self.autoreset_mode == AutoresetMode.SAME_STEP
-        rows = n if self._records else 0
-        obs = self._empty((n, entries), np.float32)
-        results = self._empty((n, RESULTS), np.float64)
-        flags = self._empty((3, n), np.bool_)
-        telemetry = self._empty((min(rows, 1), n, len(TELEMETRY)), np.float64)
-        final_obs = self._empty((n if same else 1, entries), np.float32)
-        final_telemetry = self._empty((rows if same and rows else 1, len(TELEMETRY)), np.float64)
+        layers = 2 if same else 1
+        obs = self._empty((layers, n, len(self.observation_layout)), np.float32)
+        rewards = self._empty((n,), np.float64)
+        flags = self._empty((FLAGS, n), np.bool_)
+        telemetry = self._empty((layers if self._records else 0, n, len(TELEMETRY)), np.float64)
         view = self._view
         _advance[self._grid](
             self._device["worlds"],
             self._device["words"],
             self._on_device(actions),
-            self._device["scales"],
             view(obs),
-            view(results),
+            view(rewards),
             view(flags),
             view(telemetry),
-            view(final_obs),
-            view(final_telemetry),
             self._device["config"],
             self._ended,
             self._device["refused"],
         )
-        infos: dict[str, Any] = {"is_success": flags[2]}
-        if rows:
+        infos: dict[str, Any] = {"is_success": flags[SUCCESS]}
+        if self._records:
             infos["telemetry"] = telemetry[0]
         if same:
-            infos |= {"final_obs": final_obs, "_final_obs": self._either(flags)}
-            if rows:
-                infos["final_info"] = {"telemetry": final_telemetry}
-        return obs, results[:, REWARD], flags[0], flags[1], infos
+            infos |= {"final_obs": obs[1], "_final_obs": self._either(flags)}
+            if self._records:
+                infos["final_info"] = {"telemetry": telemetry[1]}
+        return obs[0], rewards, flags[TERMINATED], flags[TRUNCATED], infos
 
     def check(self) -> None:
         """Wait for the device and raise if a step was refused since the last look.
@@ -271,9 +263,9 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
 
     def _either(self, flags: Any) -> Any:
         if self._torch is not None:
-            return flags[0] | flags[1]
+            return flags[TERMINATED] | flags[TRUNCATED]
         host = flags.copy_to_host()
-        return cuda.to_device(host[0] | host[1])
+        return cuda.to_device(host[TERMINATED] | host[TRUNCATED])
 
     def _on_device(self, actions: Any) -> Any:
         if not hasattr(actions, "__cuda_array_interface__"):

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from pter_gym._jit import compile_kernel, device
-from pter_gym.controllers.laws import EXTERNAL, built_in
+from pter_gym.controllers.laws import built_in
 from pter_gym.envs.world import (
     ALIVE,
     CHANGING_ROWS,
+    CROSSING,
     LANES,
     NEXT_STEP,
     PARAM,
@@ -24,7 +25,9 @@ from pter_gym.envs.world import (
     end_step,
     find_velocity,
     given_volts,
+    has_begun,
     is_refused,
+    judge_step,
     move_arm,
     observe_world,
     push_tip,
@@ -32,8 +35,12 @@ from pter_gym.envs.world import (
     sense_torques,
     start_episode,
     take_command,
+    write_observation,
 )
 from pter_gym.physics.model import VOLTAGE_DECAY, VOLTAGE_MAX
+
+SCALES = 6
+"""Where the scales of the observation begin in the configuration of a kernel; their inverses and gains follow."""
 
 law: Any = built_in
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
@@ -49,23 +56,31 @@ def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: in
 
 
 @device
-def _gather(w: Any, block: Any) -> None:
+def _gather(w: Any, worlds: Any, b: int) -> None:
+    """Read all lanes of a block."""
     for row in range(WORLD_ROWS):
-        for i in range(block.shape[1]):
-            w[row, i] = block[row, i]
+        for i in range(worlds.shape[2]):
+            w[row, i] = worlds[b, row, i]
 
 
 @device
-def _scatter(w: Any, i: int, block: Any) -> None:
+def _scatter(w: Any, i: int, worlds: Any, b: int) -> None:
+    """Write lane i back to its block."""
     for row in range(CHANGING_ROWS):
-        block[row, i] = w[row, i]
+        worlds[b, row, i] = w[row, i]
 
 
 @device
-def _scatter_alive(w: Any, lanes: int, block: Any) -> None:
-    for row in range(CHANGING_ROWS):
+def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
+    """Write the lanes that are alive back to their block."""
+    if _count(w, ALIVE, lanes) == lanes:
+        for row in range(CHANGING_ROWS):
+            for i in range(lanes):
+                worlds[b, row, i] = w[row, i]
+    else:
         for i in range(lanes):
-            block[row, i] = w[row, i] if w[ALIVE, i] != 0.0 else block[row, i]
+            if w[ALIVE, i] != 0.0:
+                _scatter(w, i, worlds, b)
 
 
 @device
@@ -87,8 +102,9 @@ def _substep(w: Any, lanes: int, h: float, aims: bool) -> None:
         push_tip(w, i)
     for i in range(lanes):
         find_velocity(w, i, h)
-    for i in range(lanes):
-        catch_crossing(w, i, h)
+    if _count(w, CROSSING, lanes) > 0:  # rare: in a few blocks out of a hundred
+        for i in range(lanes):
+            catch_crossing(w, i, h)
     for i in range(lanes):
         move_arm(w, i, h)
 
@@ -103,47 +119,36 @@ def _goes_on(w: Any, lanes: int, ended: int) -> bool:
 def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high: float) -> None:
     """Begin a control step with the actions of the worlds from ``begin`` on."""
     for i in range(lanes):
-        if w[ALIVE, i] != 0.0:
-            take_command(w, i, given_volts(actions, begin + i, low, w[PARAM + VOLTAGE_MAX, i] / (high - low)))
+        take_command(w, i, given_volts(actions, begin + i, low, w[PARAM + VOLTAGE_MAX, i] / (high - low)))
 
 
 @device
 def _close(
     w: Any,
-    block: Any,
+    worlds: Any,
+    b: int,
     lanes: int,
-    begin: int,
     words: Any,
     inverse_scales: Any,
     obs: Any,
-    results: Any,
+    rewards: Any,
+    flags: Any,
     telemetry: Any,
-    final_obs: Any,
-    final_telemetry: Any,
+    t: int,
     period: float,
     limit: float,
     ended: int,
 ) -> None:
-    """End a control step of a block and write back the worlds that ended. ``telemetry`` is (1 or 0, N, K)."""
+    """End a control step of a block and write back the worlds that ended."""
+    begin = b * worlds.shape[2]
+    for i in range(worlds.shape[2]):
+        judge_step(w, i, period, limit)
+    for i in range(worlds.shape[2]):
+        observe_world(w, i)
     for i in range(lanes):
-        was_alive = w[ALIVE, i] != 0.0
-        end_step(
-            w,
-            i,
-            begin + i,
-            words,
-            inverse_scales,
-            obs,
-            results,
-            telemetry,
-            final_obs,
-            final_telemetry,
-            period,
-            limit,
-            ended,
-        )
-        if was_alive and w[ALIVE, i] == 0.0:
-            _scatter(w, i, block)
+        end_step(w, i, begin + i, words, inverse_scales, obs, rewards, flags, telemetry, t, period, ended)
+        if has_begun(w, i) and w[ALIVE, i] == 0.0:
+            _scatter(w, i, worlds, b)
 
 
 def _build_advance(digest: str) -> Any:
@@ -151,14 +156,11 @@ def _build_advance(digest: str) -> Any:
         worlds: Any,
         words: Any,
         actions: Any,
-        gains: Any,
         memory: Any,
-        scales: Any,
         obs: Any,
-        results: Any,
+        rewards: Any,
+        flags: Any,
         telemetry: Any,
-        final_obs: Any,
-        final_telemetry: Any,
         config: Any,
         ended: int,
         steps: int,
@@ -167,18 +169,21 @@ def _build_advance(digest: str) -> Any:
     ) -> int:
         _ = digest
         low, high, slack, h, count, limit = config[0], config[1], config[2], config[3], int(config[4]), config[5]
-        external = gains[0] == EXTERNAL
+        entries = obs.shape[2]
+        scales = config[SCALES : SCALES + entries]
+        inverse_scales = config[SCALES + entries : SCALES + 2 * entries]
+        gains = config[SCALES + 2 * entries :]
+        external = memory.shape[0] == 0
         looks = external and first == 0 and (last == 0 or last == worlds.shape[0])
         refused = _first_refused(worlds, actions, low - slack, high + slack, ended) if looks else -1
         if refused >= 0:
             return refused
         w = np.empty((SCRATCH_ROWS, LANES))
         width = worlds.shape[2]
-        records = telemetry.shape[0] > 0
         for b in range(first, last):
             begin = b * width
-            lanes = min(width, obs.shape[0] - begin)
-            _gather(w, worlds[b])
+            lanes = min(width, obs.shape[1] - begin)
+            _gather(w, worlds, b)
             lags_voltage = _count(w, PARAM + VOLTAGE_DECAY, lanes) > 0
             t = 0
             while t < steps and _goes_on(w, lanes, ended):
@@ -187,51 +192,52 @@ def _build_advance(digest: str) -> Any:
                 else:
                     for i in range(lanes):
                         if w[ALIVE, i] != 0.0:
-                            take_command(w, i, law(obs[begin + i], scales[0], gains, memory[begin + i]))
+                            take_command(w, i, law(obs[0, begin + i], scales, gains, memory[begin + i]))
                 for k in range(count):
                     _substep(w, width, h, lags_voltage | (k == 0))
                 for i in range(width):
                     sense_torques(w, i, h)
-                rows = telemetry[t if records else 0 : t + 1 if records else 0]
                 _close(
                     w,
-                    worlds[b],
+                    worlds,
+                    b,
                     lanes,
-                    begin,
                     words,
-                    scales[1],
+                    inverse_scales,
                     obs,
-                    results,
-                    rows,
-                    final_obs,
-                    final_telemetry,
+                    rewards,
+                    flags,
+                    telemetry,
+                    t,
                     h * count,
                     limit,
                     ended,
                 )
                 t += 1
-            _scatter_alive(w, lanes, worlds[b])
+            _scatter_alive(w, lanes, worlds, b)
         return -1
 
     return advance
 
 
 def _build_reset(digest: str) -> Any:
-    def reset(worlds: Any, words: Any, chosen: Any, scales: Any, obs: Any, telemetry: Any) -> None:
+    def reset(worlds: Any, words: Any, chosen: Any, obs: Any, telemetry: Any, config: Any) -> None:
         _ = digest
         w = np.empty((SCRATCH_ROWS, LANES))
         width = worlds.shape[2]
-        for world in range(obs.shape[0]):
-            block = worlds[world // width]
+        inverse_scales = config[SCALES + obs.shape[2] :]
+        for world in range(obs.shape[1]):
+            b = world // width
             i = world % width
             for row in range(WORLD_ROWS):
-                w[row, i] = block[row, i]
+                w[row, i] = worlds[b, row, i]
             if chosen[world]:
                 start_episode(w, i, words[world, 0], words[world, 1])
-                _scatter(w, i, block)
-            observe_world(w, i, scales[1], obs, world)
+                _scatter(w, i, worlds, b)
+            observe_world(w, i)
+            write_observation(w, i, inverse_scales, obs, 0, world)
             if telemetry.shape[0] > 0:
-                record_reset(w, i, telemetry[world])
+                record_reset(w, i, telemetry, 0, world)
 
     return reset
 
@@ -240,16 +246,17 @@ def _build_reset(digest: str) -> Any:
 def advance_kernel(inlined: Any = built_in) -> Any:
     """Return the compiled ``advance`` with a control law inside.
 
-    ``advance(worlds (B, WORLD_ROWS, lanes), words (N, 2), actions (N, 4), gains, memory (N, M), scales (2, O),
-    obs (N, O), results (N, 4), telemetry (T, N, K), final_obs, final_telemetry, config, ended, steps, first, last)``
-    runs ``steps`` control steps of the worlds in the blocks first … last − 1.
+    ``advance(worlds (B, WORLD_ROWS, lanes), words (N, 2), actions (N, 4), memory (N or 0, M), obs (1 or 2, N, O),
+    rewards (N,), flags (FLAGS, N), telemetry (T, N, K), config, ended, steps, first, last)`` runs ``steps`` control
+    steps of the worlds in the blocks first … last − 1.
 
-    With ``gains[0] == EXTERNAL`` the voltages come from ``actions``, otherwise from the law. A call for all blocks or
-    for none looks at the actions of all worlds first; the number of the first that is refused is returned before
-    anything is touched, −1 when all went well. A call for some blocks does not look.
-    ``config`` holds low, high and slack of an action, the substep [s], the substeps in a control step, and the time
-    limit in control steps. ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP. T may be 0, for no telemetry;
-    ``final_obs`` and ``final_telemetry`` are written with SAME_STEP only.
+    Without memory the voltages come from ``actions``, otherwise from the law. A call for all blocks or for none looks
+    at the actions of all worlds first; the number of the first that is refused is returned before anything is touched,
+    −1 when all went well. A call for some blocks does not look.
+    ``config`` holds low, high and slack of an action, the substep [s], the substeps in a control step, the time limit
+    in control steps, the O scales of the observation, their inverses, and the law's gains. ``ended`` is REFUSE, SKIP,
+    NEXT_STEP or SAME_STEP. T may be 0, for no telemetry; with SAME_STEP the observations and the telemetry have a
+    second layer for the last ones of an episode.
     """
     return compile_kernel(_build_advance, law=inlined)
 
@@ -258,7 +265,7 @@ def advance_kernel(inlined: Any = built_in) -> Any:
 def reset_kernel() -> Any:
     """Return the compiled ``reset``.
 
-    ``reset(worlds, words (N, 2), chosen (N,), scales (2, O), obs (N, O), telemetry (N or 0, K))`` starts new episodes
-    of the chosen worlds from their seeds and episode counts, and writes the present observation of all worlds.
+    ``reset(worlds, words (N, 2), chosen (N,), obs (1, N, O), telemetry (1 or 0, N, K), config)`` starts new episodes of
+    the chosen worlds from their seeds and episode counts, and writes the present observation of all worlds.
     """
     return compile_kernel(_build_reset)

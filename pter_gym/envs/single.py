@@ -139,11 +139,11 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             Before the first reset and after the end of an episode.
         """
         returns = self.batch.step(as_row(action))
-        reward, terminated, _, success = returns.results[0].tolist()
-        row = returns.telemetry[0]
+        (terminated,), _, (success,) = returns.flags.tolist()
+        row = returns.telemetry[0, 0]
         if self.render_mode is not None:
             self._show(row)
-        return returns.obs[0], reward, terminated != 0.0, False, {"telemetry": row, "is_success": success != 0.0}
+        return returns.obs[0, 0], returns.rewards.item(), terminated, False, {"telemetry": row, "is_success": success}
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture (height, width, 3) in the mode ``rgb_array``; ``human`` shows each step by itself."""

@@ -15,7 +15,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from pter_gym.envs import world
-from pter_gym.envs.batch import ActionUnit, Array, Batch, Observations, Returns
+from pter_gym.envs.batch import RECORDED, ActionUnit, Array, Batch, Observations, Returns
 from pter_gym.envs.single import find_machine
 from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.layout import Layout
@@ -143,14 +143,11 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         """
         self._check_open()
         returns = self.batch.step(actions, self._ended)
-        results = returns.results
-        terminated = results[:, world.TERMINATED] != 0.0
-        truncated = results[:, world.TRUNCATED] != 0.0
-        success = results[:, world.SUCCESS] != 0.0
-        infos = self._infos(np.ones(self.num_envs, np.bool_), returns.telemetry, success)
+        terminated, truncated, success = returns.flags
+        infos = self._infos(np.ones(self.num_envs, np.bool_), returns.telemetry[:1].reshape(-1, RECORDED), success)
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             self._add_final(infos, returns, terminated | truncated)
-        return returns.obs, results[:, world.REWARD].copy(), terminated, truncated, infos
+        return returns.obs[0], returns.rewards, terminated, truncated, infos
 
     def close_extras(self) -> None:
         """Stop the threads."""
@@ -178,11 +175,11 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         success = infos["is_success"]
         infos["is_success"] = success & ~ended
         final_obs = np.full(self.num_envs, None, object)
-        for index in np.flatnonzero(ended):
-            final_obs[index] = returns.final_obs[index].copy()
-        telemetry = returns.telemetry
+        for index, row in zip(np.flatnonzero(ended).tolist(), returns.obs[1, ended], strict=True):
+            final_obs[index] = row
+        telemetry = returns.telemetry[1:].reshape(-1, RECORDED)
         if len(telemetry):
-            telemetry = np.where(ended[:, None], returns.final_telemetry, 0.0)
+            telemetry = np.where(ended[:, None], telemetry, 0.0)
         infos |= {
             "final_obs": final_obs,
             "_final_obs": ended,

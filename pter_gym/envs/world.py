@@ -36,6 +36,7 @@ from pter_gym.physics.model import (
 from pter_gym.physics.step import Impact, clutch_load, energy_terms, first_velocity, free_motion, second_velocity
 from pter_gym.tasks.path_following import (
     AMPLITUDE,
+    ENTRIES,
     ERROR_MAX,
     PACE,
     PARAM_ROWS,
@@ -64,6 +65,7 @@ from pter_gym.tasks.path_following import (
     TURN,
     WEIGHT_FAILURE,
     left_workspace,
+    limited,
     line_of,
     observe,
     reached_end,
@@ -94,12 +96,15 @@ _TARGET = WORLD_ROWS
 _IMPACT = _TARGET + 8
 _OMEGA = _IMPACT + 9
 _LIMIT = _OMEGA + 2
-_CROSSING = _LIMIT + 4
-_ENERGY = _CROSSING + 1
-_ACROSS = _ENERGY + 4
-_FORCE = _ACROSS + 1
+CROSSING = _LIMIT + 4
+_ENERGY = CROSSING + 1
+_FORCE = _ENERGY + 4
 _START_VELOCITY = _FORCE + 2
-SCRATCH_ROWS = _START_VELOCITY + 2
+_BEGAN = _START_VELOCITY + 2
+_REWARD = _BEGAN + 1
+_END = _REWARD + 6
+_SEEN = _END + 3
+SCRATCH_ROWS = _SEEN + ENTRIES
 
 REFUSE, SKIP, NEXT_STEP, SAME_STEP = range(4)
 """What to do with a world that has ended: refuse to step, leave it out, reset it at the next step or at once.
@@ -107,10 +112,10 @@ REFUSE, SKIP, NEXT_STEP, SAME_STEP = range(4)
 With SAME_STEP no world stays ended, so that one which is not alive was never reset and is refused.
 """
 
-REWARD, TERMINATED, TRUNCATED, SUCCESS = range(4)
-"""Columns of the results."""
+TERMINATED, TRUNCATED, SUCCESS = range(3)
+"""Rows of the flags (FLAGS, N)."""
 
-RESULTS = 4
+FLAGS = 3
 
 _RESET_STREAM = np.uint64(0x5245534554)
 _FIRST_DRAWS = np.uint64(0)
@@ -191,9 +196,8 @@ def store_impact(w: Any, i: int, impact: Impact) -> None:
 @device
 def take_command(w: Any, i: int, volts: PerClutch) -> None:
     """Take the command of a control step, note the tip's velocity and clear the step's energies."""
-    p = w[PARAM:_TARGET]
-    store_four(w, COMMAND, i, clipped_volts(volts, p[VOLTAGE_MAX, i]))
-    w[_START_VELOCITY, i], w[_START_VELOCITY + 1, i] = tip_velocity(linkage(p, i), load_motion(w, i))
+    store_four(w, COMMAND, i, clipped_volts(volts, w[PARAM + VOLTAGE_MAX, i]))
+    w[_START_VELOCITY, i], w[_START_VELOCITY + 1, i] = tip_velocity(linkage(w, PARAM, i), load_motion(w, i))
     for term in range(4):
         w[_ENERGY + term, i] = 0.0
 
@@ -201,43 +205,40 @@ def take_command(w: Any, i: int, volts: PerClutch) -> None:
 @device
 def aim_torques(w: Any, i: int) -> None:
     """Find the torques that the clutches tend to, behind a lag of the voltage if there is one."""
-    p = w[PARAM:_TARGET]
-    lagged = relax(load_four(w, LAGGED_VOLTS, i), load_four(w, COMMAND, i), p[VOLTAGE_DECAY, i])
+    lagged = relax(load_four(w, LAGGED_VOLTS, i), load_four(w, COMMAND, i), w[PARAM + VOLTAGE_DECAY, i])
     store_four(w, LAGGED_VOLTS, i, lagged)
-    store_torques(w, _TARGET, i, steady_torques(breakaway_curve(p, i), dynamic_curve(p, i), lagged))
+    store_torques(w, _TARGET, i, steady_torques(breakaway_curve(w, PARAM, i), dynamic_curve(w, PARAM, i), lagged))
 
 
 @device
 def push_tip(w: Any, i: int) -> None:
     """Find the hand's force [N] and move its sines on by a substep."""
-    p = w[PARAM:_TARGET]
     across = force_across(w, i)
     advance_sines(w, SINE, PARAM + TURN, i)
-    line = line_of(p, i)
-    w[_FORCE, i] = p[PUSH, i] * line.heading_cos - across * line.heading_sin
-    w[_FORCE + 1, i] = p[PUSH, i] * line.heading_sin + across * line.heading_cos
+    line = line_of(w, PARAM, i)
+    w[_FORCE, i] = w[PARAM + PUSH, i] * line.heading_cos - across * line.heading_sin
+    w[_FORCE + 1, i] = w[PARAM + PUSH, i] * line.heading_sin + across * line.heading_cos
 
 
 @device
 def find_velocity(w: Any, i: int, h: float) -> None:
     """Advance the torques' lag and find the velocities after friction."""
-    p = w[PARAM:_TARGET]
-    torques = relax_torques(load_torques(w, BREAKAWAY, i), load_torques(w, _TARGET, i), p[TORQUE_DECAY, i])
+    torques = relax_torques(load_torques(w, BREAKAWAY, i), load_torques(w, _TARGET, i), w[PARAM + TORQUE_DECAY, i])
     store_torques(w, BREAKAWAY, i, torques)
     q = load_motion(w, i)
-    impact = free_motion(q, linkage(p, i), Load(w[_FORCE, i], w[_FORCE + 1, i], 0.0, 0.0, 0.0, 0.0), h)
-    omega_a, omega_b, limit, crossing = first_velocity(q, impact, torques, p[SLIP_THRESHOLD, i], h)
+    impact = free_motion(q, linkage(w, PARAM, i), Load(w[_FORCE, i], w[_FORCE + 1, i], 0.0, 0.0, 0.0, 0.0), h)
+    omega_a, omega_b, limit, crossing = first_velocity(q, impact, torques, w[PARAM + SLIP_THRESHOLD, i], h)
     store_impact(w, i, impact)
     w[_OMEGA, i] = omega_a
     w[_OMEGA + 1, i] = omega_b
     store_four(w, _LIMIT, i, limit)
-    w[_CROSSING, i] = 1.0 if crossing else 0.0
+    w[CROSSING, i] = 1.0 if crossing else 0.0
 
 
 @device
 def catch_crossing(w: Any, i: int, h: float) -> None:
     """Apply the crossing rule, if a slip velocity has jumped over the stick band."""
-    if w[_CROSSING, i] != 0.0:
+    if w[CROSSING, i] != 0.0:
         w[_OMEGA, i], w[_OMEGA + 1, i], limit = second_velocity(
             load_motion(w, i),
             load_impact(w, i),
@@ -255,7 +256,7 @@ def catch_crossing(w: Any, i: int, h: float) -> None:
 def move_arm(w: Any, i: int, h: float) -> None:
     """Advance the position and add up the energies."""
     before = load_motion(w, i)
-    arm = linkage(w[PARAM:_TARGET], i)
+    arm = linkage(w, PARAM, i)
     after = advance_position(before, w[_OMEGA, i], w[_OMEGA + 1, i], h)
     energy = energy_terms(before, after, arm, load_impact(w, i), load_four(w, _LIMIT, i), h)
     store_motion(w, i, after)
@@ -274,66 +275,76 @@ def force_across(w: Any, i: int) -> float:
 @device
 def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64) -> None:
     """Start an episode: the arm at rest at the start of the path, clutches released, draws from seed and episode."""
-    p = w[PARAM:_TARGET]
     for row in range(CHANGING_ROWS):
         w[row, i] = 0.0
     u0, u1, u2, u3 = uniform4(seed, _RESET_STREAM, _FIRST_DRAWS, episode)
     v0, v1, _, _ = uniform4(seed, _RESET_STREAM, _SECOND_DRAWS, episode)
     draws = (u1, u2, u3, v0, v1)
     for k in range(SINES):
-        angle = 2.0 * np.pi * draws[k] if p[RANDOM_PHASES, i] != 0.0 else p[PHASE + k, i]
+        angle = 2.0 * np.pi * draws[k] if w[PARAM + RANDOM_PHASES, i] != 0.0 else w[PARAM + PHASE + k, i]
         w[SINE + 2 * k, i], w[SINE + 2 * k + 1, i] = unit_vector(angle)
-    store_motion(w, i, start_motion(linkage(p, i), line_of(p, i), p[START_OFFSET, i] * (2.0 * u0 - 1.0)))
+    store_motion(
+        w, i, start_motion(linkage(w, PARAM, i), line_of(w, PARAM, i), w[PARAM + START_OFFSET, i] * (2.0 * u0 - 1.0))
+    )
     w[ALIVE, i] = 1.0
 
 
 @device
-def observe_world(w: Any, i: int, inverse_scales: Any, obs: Any, world: int) -> None:
-    """Write the present observation to a row of the observations."""
-    p = w[PARAM:_TARGET]
-    line = line_of(p, i)
+def observe_world(w: Any, i: int) -> None:
+    """Find what the sensors see now."""
+    line = line_of(w, PARAM, i)
     q = load_motion(w, i)
     observe(
-        obs,
-        world,
-        inverse_scales,
+        w,
+        _SEEN,
+        i,
         q,
-        situation(line, linkage(p, i), q),
+        situation(line, linkage(w, PARAM, i), q),
         line,
-        p[PACE, i],
+        w[PARAM + PACE, i],
         load_four(w, COMMAND, i),
         load_four(w, TORQUE, i),
-        p[PUSH, i],
+        w[PARAM + PUSH, i],
         force_across(w, i),
     )
 
 
 @device
-def record_reset(w: Any, i: int, row: Any) -> None:
-    """Write the telemetry row of a world that is not stepping: its pose, the rest zero."""
-    for column in range(row.shape[0]):
-        row[column] = 0.0
-    record_pose(w, i, row, 0.0)
+def write_observation(w: Any, i: int, inverse_scales: Any, obs: Any, layer: int, world: int) -> None:
+    """Write what the sensors saw to a row of the observations (layers, N, entries)."""
+    for k in range(obs.shape[2]):
+        obs[layer, world, k] = limited(w[_SEEN + k, i] * inverse_scales[k])
 
 
 @device
-def record_pose(w: Any, i: int, row: Any, time: float) -> None:
-    """Write what a telemetry row says of the pose."""
-    p = w[PARAM:_TARGET]
-    arm = linkage(p, i)
+def record_reset(w: Any, i: int, telemetry: Any, t: int, world: int) -> None:
+    """Write the telemetry (T, N, K) of a world that is not stepping: its pose, the rest zero."""
+    for column in range(telemetry.shape[2]):
+        telemetry[t, world, column] = 0.0
+    record_pose(w, i, telemetry, t, world, 0.0)
+
+
+@device
+def record_pose(w: Any, i: int, telemetry: Any, t: int, world: int, time: float) -> None:
+    """Write what the telemetry (T, N, K) says of the pose."""
+    arm = linkage(w, PARAM, i)
     q = load_motion(w, i)
-    at = situation(line_of(p, i), arm, q)
-    row[T_TIME] = time
-    row[T_THETA] = q.theta_a
-    row[T_THETA + 1] = q.theta_b
-    row[T_TIP], row[T_TIP + 1] = tip_position(arm, q)
-    row[T_VELOCITY], row[T_VELOCITY + 1] = tip_velocity(arm, q)
-    row[T_ARC_LENGTH] = at.arc_length
-    row[T_ERROR] = at.normal_error
-    row[T_MODE] = mode_of(q.omega_a, q.omega_b)
-    row[T_KINETIC] = kinetic_energy(arm, q)
+    at = situation(line_of(w, PARAM, i), arm, q)
+    x, y = tip_position(arm, q)
+    v_x, v_y = tip_velocity(arm, q)
+    telemetry[t, world, T_TIME] = time
+    telemetry[t, world, T_THETA] = q.theta_a
+    telemetry[t, world, T_THETA + 1] = q.theta_b
+    telemetry[t, world, T_TIP] = x
+    telemetry[t, world, T_TIP + 1] = y
+    telemetry[t, world, T_VELOCITY] = v_x
+    telemetry[t, world, T_VELOCITY + 1] = v_y
+    telemetry[t, world, T_ARC_LENGTH] = at.arc_length
+    telemetry[t, world, T_ERROR] = at.normal_error
+    telemetry[t, world, T_MODE] = mode_of(q.omega_a, q.omega_b)
+    telemetry[t, world, T_KINETIC] = kinetic_energy(arm, q)
     for clutch in range(4):
-        row[T_VOLTS + clutch] = w[COMMAND + clutch, i]
+        telemetry[t, world, T_VOLTS + clutch] = w[COMMAND + clutch, i]
 
 
 @device
@@ -348,71 +359,84 @@ def sense_torques(w: Any, i: int, h: float) -> None:
 @device
 def tip_acceleration(w: Any, i: int, period: float) -> tuple[float, float]:
     """Return the mean acceleration of the tip over a control step [m/s²]."""
-    v_x, v_y = tip_velocity(linkage(w[PARAM:_TARGET], i), load_motion(w, i))
+    v_x, v_y = tip_velocity(linkage(w, PARAM, i), load_motion(w, i))
     return (v_x - w[_START_VELOCITY, i]) / period, (v_y - w[_START_VELOCITY + 1, i]) / period
 
 
 @device
-def judge_step(w: Any, i: int, results: Any, world: int, period: float, limit: float) -> tuple[float, ...]:
-    """Count the step, write reward and ends to a row of the results, and return the reward terms."""
-    p = w[PARAM:_TARGET]
+def judge_step(w: Any, i: int, period: float, limit: float) -> None:
+    """Count the step, and find the reward and whether the episode ends. A world that had ended stays so."""
+    began = w[ALIVE, i] != 0.0
+    w[_BEGAN, i] = w[ALIVE, i]
     w[STEP, i] += 1.0
-    line = line_of(p, i)
+    line = line_of(w, PARAM, i)
     q = load_motion(w, i)
-    at = situation(line, linkage(p, i), q)
+    at = situation(line, linkage(w, PARAM, i), q)
     success = reached_end(line, at)
-    failure = (not success) & left_workspace(at, q, p[ERROR_MAX, i], p[SINGULARITY_MARGIN, i])
+    failure = (not success) & left_workspace(at, q, w[PARAM + ERROR_MAX, i], w[PARAM + SINGULARITY_MARGIN, i])
     a_x, a_y = tip_acceleration(w, i, period)
     error, pace, acceleration, effort = reward_terms(
-        p, i, at, math.sqrt(a_x * a_x + a_y * a_y), load_four(w, COMMAND, i), p[VOLTAGE_MAX, i], period
+        w,
+        PARAM,
+        i,
+        at,
+        math.sqrt(a_x * a_x + a_y * a_y),
+        load_four(w, COMMAND, i),
+        w[PARAM + VOLTAGE_MAX, i],
+        period,
     )
-    penalty = -p[WEIGHT_FAILURE, i] if failure else 0.0
+    penalty = -w[PARAM + WEIGHT_FAILURE, i] if failure else 0.0
     terminated = success | failure
     truncated = w[STEP, i] >= limit
-    w[ALIVE, i] = 0.0 if terminated | truncated else 1.0
-    results[world, REWARD] = error + pace + acceleration + effort + penalty
-    results[world, TERMINATED] = 1.0 if terminated else 0.0
-    results[world, TRUNCATED] = 1.0 if truncated else 0.0
-    results[world, SUCCESS] = 1.0 if success else 0.0
-    return error, pace, acceleration, effort, penalty
+    w[ALIVE, i] = 1.0 if began & (not terminated) & (not truncated) else 0.0
+    w[_REWARD, i] = error
+    w[_REWARD + 1, i] = pace
+    w[_REWARD + 2, i] = acceleration
+    w[_REWARD + 3, i] = effort
+    w[_REWARD + 4, i] = penalty
+    w[_REWARD + 5, i] = error + pace + acceleration + effort + penalty
+    w[_END + TERMINATED, i] = 1.0 if terminated else 0.0
+    w[_END + TRUNCATED, i] = 1.0 if truncated else 0.0
+    w[_END + SUCCESS, i] = 1.0 if success else 0.0
 
 
 @device
-def record_step(w: Any, i: int, row: Any, terms: Any, result: Any, period: float) -> None:
-    """Write the telemetry row of a control step."""
+def has_begun(w: Any, i: int) -> bool:
+    """Tell whether a world that ``judge_step`` has judged was alive before the step."""
+    return w[_BEGAN, i] != 0.0
+
+
+@device
+def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: float) -> None:
+    """Write the telemetry (T, N, K) of a control step."""
     q = load_motion(w, i)
     slip = slip_velocities(q.omega_a, q.omega_b)
-    record_pose(w, i, row, w[STEP, i] * period)
-    row[T_ACCELERATION], row[T_ACCELERATION + 1] = tip_acceleration(w, i, period)
-    row[T_FORCE] = w[_FORCE, i]
-    row[T_FORCE + 1] = w[_FORCE + 1, i]
+    record_pose(w, i, telemetry, t, world, w[STEP, i] * period)
+    a_x, a_y = tip_acceleration(w, i, period)
+    telemetry[t, world, T_ACCELERATION] = a_x
+    telemetry[t, world, T_ACCELERATION + 1] = a_y
+    telemetry[t, world, T_FORCE] = w[_FORCE, i]
+    telemetry[t, world, T_FORCE + 1] = w[_FORCE + 1, i]
     for clutch in range(4):
-        row[T_TORQUE + clutch] = w[TORQUE + clutch, i]
-        row[T_POWER + clutch] = w[TORQUE + clutch, i] * slip[clutch]
+        telemetry[t, world, T_TORQUE + clutch] = w[TORQUE + clutch, i]
+        telemetry[t, world, T_POWER + clutch] = w[TORQUE + clutch, i] * slip[clutch]
     for term in range(4):
-        row[T_ENERGY + term] = w[_ENERGY + term, i]
-    for term in range(5):
-        row[T_REWARD + term] = terms[term]
-    row[T_REWARD + 5] = result[REWARD]
-    row[T_SUCCESS] = result[SUCCESS]
-    row[T_TERMINATED] = result[TERMINATED]
+        telemetry[t, world, T_ENERGY + term] = w[_ENERGY + term, i]
+    for term in range(6):
+        telemetry[t, world, T_REWARD + term] = w[_REWARD + term, i]
+    telemetry[t, world, T_SUCCESS] = w[_END + SUCCESS, i]
+    telemetry[t, world, T_TERMINATED] = w[_END + TERMINATED, i]
 
 
 @device
-def next_episode(w: Any, i: int, words: Any, inverse_scales: Any, obs: Any, telemetry: Any, world: int) -> None:
-    """Start the next episode of a world's seed; ``telemetry`` is (1 or 0, N, K)."""
+def next_episode(w: Any, i: int, world: int, words: Any, inverse_scales: Any, obs: Any, telemetry: Any, t: int) -> None:
+    """Start the next episode of a world's seed, and write its first observation and telemetry."""
     words[world, 1] += _ONE
     start_episode(w, i, words[world, 0], words[world, 1])
-    observe_world(w, i, inverse_scales, obs, world)
+    observe_world(w, i)
+    write_observation(w, i, inverse_scales, obs, 0, world)
     if telemetry.shape[0] > 0:
-        record_reset(w, i, telemetry[0, world])
-
-
-@device
-def copy_row(source: Any, target: Any) -> None:
-    """Copy an array (K,)."""
-    for k in range(source.shape[0]):
-        target[k] = source[k]
+        record_reset(w, i, telemetry, t, world)
 
 
 @device
@@ -423,31 +447,34 @@ def end_step(
     words: Any,
     inverse_scales: Any,
     obs: Any,
-    results: Any,
+    rewards: Any,
+    flags: Any,
     telemetry: Any,
-    final_obs: Any,
-    final_telemetry: Any,
+    t: int,
     period: float,
-    limit: float,
     ended: int,
 ) -> None:
-    """End a control step of one world, and begin its next episode as ``ended`` says.
+    """Write what a control step of one world returns, and begin its next episode as ``ended`` says.
 
-    Writes the world's row of the observations, the results and the telemetry, which is (1 or 0, N, K); with SAME_STEP
-    also of the final ones.
+    The world was judged and observed. Its row of the observations (1 or 2, N, entries), the rewards (N,), the flags
+    (FLAGS, N) and row (t, world) of the telemetry (T, N, K) are written, where T may be 0. With SAME_STEP the second
+    layer of the observations, and of the telemetry, gets the last ones of a world that has ended.
     """
     records = telemetry.shape[0] > 0
-    if w[ALIVE, i] != 0.0:
-        observe_world(w, i, inverse_scales, obs, world)
-        terms = judge_step(w, i, results, world, period, limit)
+    if has_begun(w, i):
+        write_observation(w, i, inverse_scales, obs, 0, world)
+        rewards[world] = w[_REWARD + 5, i]
+        for flag in range(FLAGS):
+            flags[flag, world] = w[_END + flag, i] != 0.0
         if records:
-            record_step(w, i, telemetry[0, world], terms, results[world], period)
+            record_step(w, i, telemetry, t, world, period)
         if w[ALIVE, i] == 0.0 and ended == SAME_STEP:
-            copy_row(obs[world], final_obs[world])
+            write_observation(w, i, inverse_scales, obs, 1, world)
             if records:
-                copy_row(telemetry[0, world], final_telemetry[world])
-            next_episode(w, i, words, inverse_scales, obs, telemetry, world)
+                record_step(w, i, telemetry, t + 1, world, period)
+            next_episode(w, i, world, words, inverse_scales, obs, telemetry, t)
     elif ended == NEXT_STEP:
-        next_episode(w, i, words, inverse_scales, obs, telemetry, world)
-        for column in range(RESULTS):
-            results[world, column] = 0.0
+        next_episode(w, i, world, words, inverse_scales, obs, telemetry, t)
+        rewards[world] = 0.0
+        for flag in range(FLAGS):
+            flags[flag, world] = False

@@ -63,21 +63,21 @@ def model_of(machine: Machine) -> Model:
 
 
 @device
-def linkage(p: Any, i: int) -> Linkage:
-    """Read the arm of world i."""
-    return Linkage(p[0, i], p[1, i], p[2, i], p[3, i], p[4, i], p[5, i], p[6, i])
+def linkage(p: Any, row: int, i: int) -> Linkage:
+    """Read the arm of world i; its parameters begin at ``row``."""
+    return Linkage(p[row, i], p[row + 1, i], p[row + 2, i], p[row + 3, i], p[row + 4, i], p[row + 5, i], p[row + 6, i])
 
 
 @device
-def breakaway_curve(p: Any, i: int) -> Curve:
-    """Read the breakaway curve of world i."""
-    return Curve(p[7, i], p[8, i], p[9, i])
+def breakaway_curve(p: Any, row: int, i: int) -> Curve:
+    """Read the breakaway curve of world i; its parameters begin at ``row``."""
+    return Curve(p[row + 7, i], p[row + 8, i], p[row + 9, i])
 
 
 @device
-def dynamic_curve(p: Any, i: int) -> Curve:
-    """Read the dynamic curve of world i."""
-    return Curve(p[10, i], p[11, i], p[12, i])
+def dynamic_curve(p: Any, row: int, i: int) -> Curve:
+    """Read the dynamic curve of world i; its parameters begin at ``row``."""
+    return Curve(p[row + 10, i], p[row + 11, i], p[row + 12, i])
 
 
 VOLTAGE_DECAY = Model._fields.index("voltage_decay")

@@ -15,7 +15,7 @@ from pter_gym.paths import Line, LineModel, line_model, project
 from pter_gym.physics.arm import Linkage, Motion, sin_difference, tip_position, tip_velocity
 from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.friction import between
-from pter_gym.physics.model import MODEL_ROWS
+from pter_gym.physics.model import MODEL_ROWS, store_four
 
 Sensors = Literal["encoders", "torque", "force"]
 
@@ -27,6 +27,9 @@ FORCE_SCALE = 200.0
 CURVATURE_SCALE = 20.0
 ERROR_UNIT = 0.01
 ACCELERATION_UNIT = 10.0
+
+ENTRIES = 24
+"""Largest number of entries of an observation."""
 
 _PATH_SAMPLES = 257
 
@@ -214,10 +217,14 @@ def task_model(task: PathFollowing, machine: Machine) -> TaskModel:
 
 
 @device
-def line_of(p: Any, i: int) -> LineModel:
-    """Read the path of world i."""
+def line_of(p: Any, row: int, i: int) -> LineModel:
+    """Read the path of world i; its parameters begin at ``row``."""
     return LineModel(
-        p[MODEL_ROWS, i], p[MODEL_ROWS + 1, i], p[MODEL_ROWS + 2, i], p[MODEL_ROWS + 3, i], p[MODEL_ROWS + 4, i]
+        p[row + MODEL_ROWS, i],
+        p[row + MODEL_ROWS + 1, i],
+        p[row + MODEL_ROWS + 2, i],
+        p[row + MODEL_ROWS + 3, i],
+        p[row + MODEL_ROWS + 4, i],
     )
 
 
@@ -348,9 +355,9 @@ def limited(value: float) -> np.float32:
 
 @device
 def observe(
-    obs: Any,
-    world: int,
-    inverse_scales: Any,
+    s: Any,
+    row: int,
+    i: int,
     q: Motion,
     at: Situation,
     line: LineModel,
@@ -360,35 +367,25 @@ def observe(
     force_along: float,
     force_across: float,
 ) -> None:
-    """Write a world's row of the observations (N, entries) in the order of ``observation_layout``."""
-    values = (
-        q.cos_a,
-        q.sin_a,
-        q.cos_b,
-        q.sin_b,
-        q.omega_a,
-        q.omega_b,
-        at.normal_error,
-        at.arc_length / line.path_length,
-        line.heading_cos,
-        line.heading_sin,
-        0.0,
-        at.speed_along,
-        at.speed_across,
-        pace,
-        volts.x1,
-        volts.x2,
-        volts.x3,
-        volts.x4,
-        torques.x1,
-        torques.x2,
-        torques.x3,
-        torques.x4,
-        force_along,
-        force_across,
-    )
-    for k in range(obs.shape[1]):
-        obs[world, k] = limited(values[k] * inverse_scales[k])
+    """Write all entries that ``observation_layout`` may hold, in its order and in their units, from ``row`` on."""
+    s[row, i] = q.cos_a
+    s[row + 1, i] = q.sin_a
+    s[row + 2, i] = q.cos_b
+    s[row + 3, i] = q.sin_b
+    s[row + 4, i] = q.omega_a
+    s[row + 5, i] = q.omega_b
+    s[row + 6, i] = at.normal_error
+    s[row + 7, i] = at.arc_length / line.path_length
+    s[row + 8, i] = line.heading_cos
+    s[row + 9, i] = line.heading_sin
+    s[row + 10, i] = 0.0
+    s[row + 11, i] = at.speed_along
+    s[row + 12, i] = at.speed_across
+    s[row + 13, i] = pace
+    store_four(s, row + 14, i, volts)
+    store_four(s, row + 18, i, torques)
+    s[row + 22, i] = force_along
+    s[row + 23, i] = force_across
 
 
 @device
@@ -406,15 +403,25 @@ def left_workspace(at: Situation, q: Motion, error_max: float, singularity_margi
 
 @device
 def reward_terms(
-    p: Any, i: int, at: Situation, acceleration: float, volts: PerClutch, voltage_max: float, period: float
+    p: Any,
+    row: int,
+    i: int,
+    at: Situation,
+    acceleration: float,
+    volts: PerClutch,
+    voltage_max: float,
+    period: float,
 ) -> tuple[float, float, float, float]:
-    """Return the running reward terms of a control step: error, pace, acceleration, effort. None is positive."""
+    """Return the running reward terms of a control step: error, pace, acceleration, effort. None is positive.
+
+    The parameters of world i begin at ``row``.
+    """
     mean_square = 0.25 * (volts.x1 * volts.x1 + volts.x2 * volts.x2 + volts.x3 * volts.x3 + volts.x4 * volts.x4)
     return (
-        -period * p[WEIGHT_ERROR, i] * abs(at.normal_error) / ERROR_UNIT,
-        -period * p[WEIGHT_PACE, i] * abs(at.speed_along - p[PACE, i]) / p[PACE, i],
-        -period * p[WEIGHT_ACCELERATION, i] * acceleration / ACCELERATION_UNIT,
-        -period * p[WEIGHT_EFFORT, i] * mean_square / (voltage_max * voltage_max),
+        -period * p[row + WEIGHT_ERROR, i] * abs(at.normal_error) / ERROR_UNIT,
+        -period * p[row + WEIGHT_PACE, i] * abs(at.speed_along - p[row + PACE, i]) / p[row + PACE, i],
+        -period * p[row + WEIGHT_ACCELERATION, i] * acceleration / ACCELERATION_UNIT,
+        -period * p[row + WEIGHT_EFFORT, i] * mean_square / (voltage_max * voltage_max),
     )
 
 
