@@ -226,7 +226,7 @@ def _value(item: "Field[Any]", value: object, where: str) -> Value:
         return _number(item, value, where)
     if not isinstance(value, list):
         raise ParameterError(f"{where} must be a list of numbers, got {value!r}")
-    return tuple(_number(item, entry, where) for entry in cast(list[object], value))
+    return tuple(_number(item, entry, where) for entry in cast("list[object]", value))
 
 
 def _number(item: "Field[Any]", value: object, where: str) -> float:
@@ -237,7 +237,11 @@ def _number(item: "Field[Any]", value: object, where: str) -> float:
         if math.isfinite(bound)
     ]
     wrong = ParameterError(f"{where} must be {' and '.join(['a finite number', *bounds])}, got {value!r}")
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, (int, float))
+        or not -sys.float_info.max <= value <= sys.float_info.max
+    ):
         raise wrong
     if not (above < value < below and at_least <= value <= at_most):
         raise wrong
