@@ -260,7 +260,9 @@ def test_what_only_machine_and_task_together_show() -> None:
     with pytest.raises(ParameterError, match="path must be within reach"):
         Batch(BASELINE, PathFollowing(path=Line(x=0.0, y=1.01 * reach, length=0.01)))
     with pytest.raises(ParameterError, match="path must be within reach"):
-        Batch(BASELINE, PathFollowing(path=Line(x=0.0, y=0.99 * reach, length=0.01)))
+        Batch(BASELINE, PathFollowing(path=Line(x=0.0, y=0.997 * reach, length=0.01)))
+    with pytest.raises(ParameterError, match=r"hand\.stiffness"):
+        Batch(replace(BASELINE, hand=Hand(stiffness=100.0)), PathFollowing())
     with pytest.raises(ParameterError, match="substep"):
         Batch([BASELINE, replace(BASELINE, substep=0.0005)], PathFollowing())
     with pytest.raises(ParameterError, match="num_worlds"):

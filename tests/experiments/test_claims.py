@@ -15,7 +15,6 @@ from pter_gym.reproduce.figures import PRODUCTS
 STRUCTURE = (
     "passive",
     "disturbance",
-    "jump-similar",
     "stuck-cancels",
     "first-order",
     "six-modes",
