@@ -75,14 +75,14 @@ def make(worlds: int, telemetry: bool) -> Batch:
 
 def ended(returns: Returns) -> np.ndarray:
     """Which worlds ended in a step, (N,)."""
-    return returns.results[:, TERMINATED : TRUNCATED + 1].any(axis=1)
+    return returns.flags[TERMINATED] | returns.flags[TRUNCATED]
 
 
 def look_at_returns(findings: Findings, returns: Returns) -> None:
     """Count steps, ends and numbers that are not finite."""
-    findings.steps += len(returns.obs)
+    findings.steps += len(returns.rewards)
     findings.episodes += int(ended(returns).sum())
-    for part in (returns.obs, returns.results, returns.telemetry):
+    for part in (returns.obs[0], returns.rewards, *returns.telemetry[:1]):
         findings.not_finite += part.size - int(np.isfinite(part).sum())
 
 
@@ -99,7 +99,7 @@ def look_at_state(findings: Findings, batch: Batch) -> None:
 def look_at_energy(findings: Findings, one: Returns, two: Returns) -> None:
     """Compare the kinetic energy of two successive steps with work, losses and residual, relative to the largest."""
     on = ~(ended(one) | ended(two))
-    before, after = one.telemetry[on], two.telemetry[on]
+    before, after = one.telemetry[0][on], two.telemetry[0][on]
     work, dissipated, lost, residual = after[:, T_ENERGY : T_ENERGY + 4].T
     change = after[:, T_KINETIC] - before[:, T_KINETIC]
     terms = np.abs([after[:, T_KINETIC], before[:, T_KINETIC], work, dissipated, lost, residual]).max(axis=0)

@@ -15,6 +15,7 @@ PACKAGE = Path(pter_gym.__file__).parent
 # from the foundation up: a room imports from itself and from the rows before its own, never from its neighbours
 ORDER = (
     ("_version", "errors", "units", "layout", "files", "palette", "_jit", "vector_checker"),
+    ("preset",),
     ("_philox", "params", "terminal"),
     ("physics",),
     ("operators", "paths", "controllers", "open_loop"),
