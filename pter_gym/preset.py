@@ -178,7 +178,7 @@ def _lines(preset: Preset, title: str) -> Iterator[str]:
         yield f"[{name}]"
         for item in fields(kind):
             value = getattr(getattr(preset, name), item.name)
-            written = f"[{', '.join(map(repr, value))}]" if isinstance(value, tuple) else repr(value)
+            written = repr(list(cast("tuple[float, ...]", value))) if isinstance(value, tuple) else repr(value)
             origin = preset.provenance[f"{name}.{item.name}"]
             yield f'{item.name} = {{ value = {written}, unit = "{item.metadata["unit"]}", from = "{origin}" }}'
 
@@ -195,7 +195,7 @@ def _check_names(found: Mapping[str, object], known: Mapping[str, object], origi
 def _section(kind: type[Any], section: str, table: object, origin: str, provenance: dict[str, str]) -> Any:
     if not isinstance(table, dict):
         raise ParameterError(f"preset {origin}: {section} must be a table")
-    items = {item.name: item for item in fields(kind)}
+    items: dict[str, Field[Any]] = {item.name: item for item in fields(kind)}
     entries = cast(dict[str, object], table)
     _check_names(entries, items, f"{origin}, section {section}", "field")
     values: dict[str, Value] = {}
@@ -204,7 +204,7 @@ def _section(kind: type[Any], section: str, table: object, origin: str, provenan
         entry = entries[name]
         if not isinstance(entry, dict):
             raise ParameterError(f"{where} must be a table with value, unit and from")
-        entry = cast(dict[str, object], entry)
+        entry = cast("dict[str, object]", entry)
         _check_names(entry, {"value": 0, "unit": 0, "from": 0}, f"{origin}, field {section}.{name}", "entry")
         if entry["unit"] != item.metadata["unit"]:
             raise ParameterError(f"{where}.unit must be {item.metadata['unit']!r}, got {entry['unit']!r}")

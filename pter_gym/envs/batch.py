@@ -28,6 +28,7 @@ from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import Machine
 from pter_gym.physics.model import model_of
 from pter_gym.tasks.path_following import (
+    ENTRIES,
     TELEMETRY,
     PathFollowing,
     Sensors,
@@ -144,8 +145,9 @@ class Batch:
                 self.machine.substep,
                 substeps(self.task, self.machine),
                 NO_LIMIT if max_steps is None else max_steps,
-                *self.layout.scales,
                 *(1.0 / self.layout.scales),
+                *np.zeros(ENTRIES - len(self.layout)),
+                *self.layout.scales,
             ]
         )
         self._worlds = _pack(*_parameters(listed_machines, listed_tasks))

@@ -15,14 +15,19 @@ from gymnasium.vector import AutoresetMode
 from numba import cuda as numba_cuda
 from numpy.typing import NDArray
 
-from pter_gym.envs.kernels import SCALES
 from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.envs.world import (
     ALIVE,
     CHANGING_ROWS,
     FLAGS,
+    HIGH,
+    LIMIT,
+    LOW,
     PARAM,
     SCRATCH_ROWS,
+    SLACK,
+    SUBSTEP,
+    SUBSTEPS,
     SUCCESS,
     TERMINATED,
     TRUNCATED,
@@ -77,7 +82,7 @@ def _advance(
     width = worlds.shape[2]
     b = world // width
     lane = world % width
-    low, high, slack, h, count, limit = config[0], config[1], config[2], config[3], int(config[4]), config[5]
+    low, high, slack, h, count = config[LOW], config[HIGH], config[SLACK], config[SUBSTEP], int(config[SUBSTEPS])
     if is_refused(worlds, actions, low - slack, high + slack, ended, world):
         cuda.atomic.min(refused, 0, world)
         rewards[world] = np.nan
@@ -96,10 +101,9 @@ def _advance(
             catch_crossing(w, 0, h)
             move_arm(w, 0, h)
         sense_torques(w, 0, h)
-    judge_step(w, 0, h * count, limit)
-    observe_world(w, 0)
-    inverse_scales = config[SCALES + obs.shape[2] :]
-    end_step(w, 0, world, words, inverse_scales, obs, rewards, flags, telemetry, 0, h * count, ended)
+    judge_step(w, 0, h * count, config[LIMIT])
+    observe_world(w, 0, config)
+    end_step(w, 0, world, words, obs, rewards, flags, telemetry, 0, h * count, ended, config)
     for row in range(CHANGING_ROWS):
         worlds[b, row, lane] = w[row, 0]
 
@@ -121,8 +125,8 @@ def _reset(worlds: Any, words: Any, chosen: Any, seeded: Any, obs: Any, config: 
         start_episode(w, 0, words[world, 0], words[world, 1])
         for row in range(CHANGING_ROWS):
             worlds[b, row, lane] = w[row, 0]
-    observe_world(w, 0)
-    write_observation(w, 0, config[SCALES + obs.shape[2] :], obs, 0, world)
+    observe_world(w, 0, config)
+    write_observation(w, 0, obs, 0, world)
 
 
 class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):

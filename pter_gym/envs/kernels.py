@@ -9,16 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym._jit import compile_kernel, device
+from pter_gym._jit import compile_kernel, device, inlined
 from pter_gym.controllers.laws import built_in
 from pter_gym.envs.world import (
     ALIVE,
     CHANGING_ROWS,
     CROSSING,
+    HIGH,
     LANES,
+    LIMIT,
+    LOW,
     NEXT_STEP,
     PARAM,
+    SCALES,
     SCRATCH_ROWS,
+    SLACK,
+    SUBSTEP,
+    SUBSTEPS,
     WORLD_ROWS,
     aim_torques,
     catch_crossing,
@@ -39,11 +46,15 @@ from pter_gym.envs.world import (
 )
 from pter_gym.physics.model import VOLTAGE_DECAY, VOLTAGE_MAX
 
-SCALES = 6
-"""Where the scales of the observation begin in the configuration of a kernel; their inverses and gains follow."""
-
 law: Any = built_in
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
+
+
+@inlined
+def _scratch() -> Any:
+    """Return room for a block whose rows begin at cache lines: across two, eight numbers take twice as long."""
+    room = np.empty((SCRATCH_ROWS, LANES + 8))
+    return room[:, -room.ctypes.data % 64 // 8 :]
 
 
 @device
@@ -129,24 +140,23 @@ def _close(
     b: int,
     lanes: int,
     words: Any,
-    inverse_scales: Any,
     obs: Any,
     rewards: Any,
     flags: Any,
     telemetry: Any,
     t: int,
-    period: float,
-    limit: float,
     ended: int,
+    config: Any,
 ) -> None:
     """End a control step of a block and write back the worlds that ended."""
     begin = b * worlds.shape[2]
+    period = config[SUBSTEP] * config[SUBSTEPS]
     for i in range(worlds.shape[2]):
-        judge_step(w, i, period, limit)
+        judge_step(w, i, period, config[LIMIT])
     for i in range(worlds.shape[2]):
-        observe_world(w, i)
+        observe_world(w, i, config)
     for i in range(lanes):
-        end_step(w, i, begin + i, words, inverse_scales, obs, rewards, flags, telemetry, t, period, ended)
+        end_step(w, i, begin + i, words, obs, rewards, flags, telemetry, t, period, ended, config)
         if has_begun(w, i) and w[ALIVE, i] == 0.0:
             _scatter(w, i, worlds, b)
 
@@ -168,17 +178,15 @@ def _build_advance(digest: str) -> Any:
         last: int,
     ) -> int:
         _ = digest
-        low, high, slack, h, count, limit = config[0], config[1], config[2], config[3], int(config[4]), config[5]
-        entries = obs.shape[2]
-        scales = config[SCALES : SCALES + entries]
-        inverse_scales = config[SCALES + entries : SCALES + 2 * entries]
-        gains = config[SCALES + 2 * entries :]
+        low, high, slack, h, count = config[LOW], config[HIGH], config[SLACK], config[SUBSTEP], int(config[SUBSTEPS])
+        scales = config[SCALES : SCALES + obs.shape[2]]
+        gains = config[SCALES + obs.shape[2] :]
         external = memory.shape[0] == 0
         looks = external and first == 0 and (last == 0 or last == worlds.shape[0])
         refused = _first_refused(worlds, actions, low - slack, high + slack, ended) if looks else -1
         if refused >= 0:
             return refused
-        w = np.empty((SCRATCH_ROWS, LANES))
+        w = _scratch()
         width = worlds.shape[2]
         for b in range(first, last):
             begin = b * width
@@ -197,22 +205,7 @@ def _build_advance(digest: str) -> Any:
                     _substep(w, width, h, lags_voltage | (k == 0))
                 for i in range(width):
                     sense_torques(w, i, h)
-                _close(
-                    w,
-                    worlds,
-                    b,
-                    lanes,
-                    words,
-                    inverse_scales,
-                    obs,
-                    rewards,
-                    flags,
-                    telemetry,
-                    t,
-                    h * count,
-                    limit,
-                    ended,
-                )
+                _close(w, worlds, b, lanes, words, obs, rewards, flags, telemetry, t, ended, config)
                 t += 1
             _scatter_alive(w, lanes, worlds, b)
         return -1
@@ -225,7 +218,6 @@ def _build_reset(digest: str) -> Any:
         _ = digest
         w = np.empty((SCRATCH_ROWS, LANES))
         width = worlds.shape[2]
-        inverse_scales = config[SCALES + obs.shape[2] :]
         for world in range(obs.shape[1]):
             b = world // width
             i = world % width
@@ -234,8 +226,8 @@ def _build_reset(digest: str) -> Any:
             if chosen[world]:
                 start_episode(w, i, words[world, 0], words[world, 1])
                 _scatter(w, i, worlds, b)
-            observe_world(w, i)
-            write_observation(w, i, inverse_scales, obs, 0, world)
+            observe_world(w, i, config)
+            write_observation(w, i, obs, 0, world)
             if telemetry.shape[0] > 0:
                 record_reset(w, i, telemetry, 0, world)
 
@@ -253,10 +245,9 @@ def advance_kernel(inlined: Any = built_in) -> Any:
     Without memory the voltages come from ``actions``, otherwise from the law. A call for all blocks or for none looks
     at the actions of all worlds first; the number of the first that is refused is returned before anything is touched,
     −1 when all went well. A call for some blocks does not look.
-    ``config`` holds low, high and slack of an action, the substep [s], the substeps in a control step, the time limit
-    in control steps, the O scales of the observation, their inverses, and the law's gains. ``ended`` is REFUSE, SKIP,
-    NEXT_STEP or SAME_STEP. T may be 0, for no telemetry; with SAME_STEP the observations and the telemetry have a
-    second layer for the last ones of an episode.
+    The entries of ``config`` are named in ``pter_gym.envs.world``; the O scales of the observation and the law's gains
+    follow. ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP. T may be 0, for no telemetry; with SAME_STEP the
+    observations and the telemetry have a second layer for the last ones of an episode.
     """
     return compile_kernel(_build_advance, law=inlined)
 

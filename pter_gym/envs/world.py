@@ -65,7 +65,6 @@ from pter_gym.tasks.path_following import (
     TURN,
     WEIGHT_FAILURE,
     left_workspace,
-    limited,
     line_of,
     observe,
     reached_end,
@@ -111,6 +110,19 @@ REFUSE, SKIP, NEXT_STEP, SAME_STEP = range(4)
 
 With SAME_STEP no world stays ended, so that one which is not alive was never reset and is refused.
 """
+
+LOW, HIGH, SLACK, SUBSTEP, SUBSTEPS, LIMIT = range(6)
+"""Entries of a kernel's configuration.
+
+Bounds of an action and how far beyond them it is clipped, the substep [s], the substeps in a control step, and the time
+limit in control steps.
+"""
+
+INVERSE_SCALES = 6
+"""Where the inverse scales of the observation, as many as it may have entries, begin in the configuration."""
+
+SCALES = INVERSE_SCALES + ENTRIES
+"""Where the scales of the observation begin in the configuration; a law's gains follow them."""
 
 TERMINATED, TRUNCATED, SUCCESS = range(3)
 """Rows of the flags (FLAGS, N)."""
@@ -290,8 +302,8 @@ def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64) -> None:
 
 
 @device
-def observe_world(w: Any, i: int) -> None:
-    """Find what the sensors see now."""
+def observe_world(w: Any, i: int, config: Any) -> None:
+    """Find the present observation."""
     line = line_of(w, PARAM, i)
     q = load_motion(w, i)
     observe(
@@ -307,13 +319,16 @@ def observe_world(w: Any, i: int) -> None:
         w[PARAM + PUSH, i],
         force_across(w, i),
     )
+    for k in range(ENTRIES):
+        w[_SEEN + k, i] = between(w[_SEEN + k, i] * config[INVERSE_SCALES + k], -1.0, 1.0)
 
 
 @device
-def write_observation(w: Any, i: int, inverse_scales: Any, obs: Any, layer: int, world: int) -> None:
-    """Write what the sensors saw to a row of the observations (layers, N, entries)."""
-    for k in range(obs.shape[2]):
-        obs[layer, world, k] = limited(w[_SEEN + k, i] * inverse_scales[k])
+def write_observation(w: Any, i: int, obs: Any, layer: int, world: int) -> None:
+    """Write what ``observe_world`` found to a row of the observations (layers, N, entries)."""
+    for k in range(ENTRIES):  # not over the entries: compilers unroll what they can count
+        if k < obs.shape[2]:
+            obs[layer, world, k] = w[_SEEN + k, i]
 
 
 @device
@@ -429,12 +444,12 @@ def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: floa
 
 
 @device
-def next_episode(w: Any, i: int, world: int, words: Any, inverse_scales: Any, obs: Any, telemetry: Any, t: int) -> None:
+def next_episode(w: Any, i: int, world: int, words: Any, obs: Any, telemetry: Any, t: int, config: Any) -> None:
     """Start the next episode of a world's seed, and write its first observation and telemetry."""
     words[world, 1] += _ONE
     start_episode(w, i, words[world, 0], words[world, 1])
-    observe_world(w, i)
-    write_observation(w, i, inverse_scales, obs, 0, world)
+    observe_world(w, i, config)
+    write_observation(w, i, obs, 0, world)
     if telemetry.shape[0] > 0:
         record_reset(w, i, telemetry, t, world)
 
@@ -445,7 +460,6 @@ def end_step(
     i: int,
     world: int,
     words: Any,
-    inverse_scales: Any,
     obs: Any,
     rewards: Any,
     flags: Any,
@@ -453,6 +467,7 @@ def end_step(
     t: int,
     period: float,
     ended: int,
+    config: Any,
 ) -> None:
     """Write what a control step of one world returns, and begin its next episode as ``ended`` says.
 
@@ -462,19 +477,19 @@ def end_step(
     """
     records = telemetry.shape[0] > 0
     if has_begun(w, i):
-        write_observation(w, i, inverse_scales, obs, 0, world)
+        write_observation(w, i, obs, 0, world)
         rewards[world] = w[_REWARD + 5, i]
         for flag in range(FLAGS):
             flags[flag, world] = w[_END + flag, i] != 0.0
         if records:
             record_step(w, i, telemetry, t, world, period)
         if w[ALIVE, i] == 0.0 and ended == SAME_STEP:
-            write_observation(w, i, inverse_scales, obs, 1, world)
+            write_observation(w, i, obs, 1, world)
             if records:
                 record_step(w, i, telemetry, t + 1, world, period)
-            next_episode(w, i, world, words, inverse_scales, obs, telemetry, t)
+            next_episode(w, i, world, words, obs, telemetry, t, config)
     elif ended == NEXT_STEP:
-        next_episode(w, i, world, words, inverse_scales, obs, telemetry, t)
+        next_episode(w, i, world, words, obs, telemetry, t, config)
         rewards[world] = 0.0
         for flag in range(FLAGS):
             flags[flag, world] = False

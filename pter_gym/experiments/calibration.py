@@ -25,6 +25,7 @@ from pter_gym.experiments.feedback import BEST_GAIN
 from pter_gym.experiments.measures import PLATEAU_FROM, SATURATED, rank_correlation
 from pter_gym.experiments.setup import ErrorAverage, Setup
 from pter_gym.experiments.time_constants import PAPER_TABLE, standard_runs
+from pter_gym.experiments.time_constants import TIME_CONSTANTS as SWEPT
 from pter_gym.files import write_text_atomic
 from pter_gym.operators import eq5
 from pter_gym.params import (
@@ -84,7 +85,7 @@ SPACE: tuple[Free, ...] = (
     Free("knee", "V", 8.0, 22.0, "the linear segment holds the small voltages"),
     Free("top_torque", "N·m", 15.0, 70.0, "dynamic torque at 24 V of clutches of this kind"),
     Free("breakaway_ratio", "1", 1.12, 1.5, "T_s/T_k: Fig. 9 shows a clear jump"),
-    Free("delrin_ratio", "1", 1.12, 1.5, "T_s/T_k: Fig. 9 shows a similar jump"),
+    Free("delrin_ratio", "1", 1.12, 1.24, "T_s/T_k: Fig. 9 shows a jump similar to the present clutches'"),
     Free("delrin_scale", "1", 0.5, 0.95, "experimental Delrin has less friction than the present clutches"),
     Free("path_height", "1", 0.0, 0.8, "between the inner and the outer limit of reach, |sin(θA − θB)| ≥ 0.4"),
     Free("path_length", "m", 0.4, 1.2, "across the workspace of such an arm"),
@@ -412,9 +413,6 @@ def at(machine: Machine, time_constant: float, substep: float = 1e-3) -> Machine
     return replace(machine, clutch=replace(machine.clutch, time_constant=time_constant), substep=substep)
 
 
-SWEEP = tuple(np.linspace(0.01, 0.2, 16).tolist())
-"""Time constants at which the search looks at the trends [s]; Figs. 7 and 8 are checked at 20."""
-
 GAINS = (0.0, 0.015, 0.03, 0.045, 0.06, 0.1, 0.125, 0.15, 0.175, 0.2, 0.225, 0.25)
 """Gains at which the search looks at Fig. 10 [V/(in·lbf)]."""
 
@@ -485,12 +483,12 @@ def _trends(setups: Sequence[Setup], weights: Weights) -> Array:
     """Return the penalty for rank correlations below 0.97: error, path length, speed, and falling peak acceleration."""
     if weights.trends == 0.0:
         return np.zeros(len(setups))
-    out = run_cases([Case(at(setup.baseline, tau), setup) for setup in setups for tau in SWEEP])
+    out = run_cases([Case(at(setup.baseline, tau), setup) for setup in setups for tau in SWEPT])
     found: list[float] = []
     for k in range(len(setups)):
-        part = slice(k * len(SWEEP), (k + 1) * len(SWEEP))
+        part = slice(k * len(SWEPT), (k + 1) * len(SWEPT))
         series = (out.error[part], out.path_length[part], out.speed[part], -out.peak[part])
-        short = [max(0.0, 0.97 - rank_correlation(SWEEP, values)) for values in series]
+        short = [max(0.0, 0.97 - rank_correlation(SWEPT, values)) for values in series]
         found.append(float(np.mean(short)) + float((~out.completed[part]).mean()))
     return weights.trends * np.array(found)
 

@@ -4,8 +4,6 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args
 
-import numpy as np
-
 from pter_gym._jit import device
 from pter_gym.errors import ParameterError
 from pter_gym.layout import Field, Layout
@@ -14,7 +12,6 @@ from pter_gym.params import Machine, quantity, require, require_number
 from pter_gym.paths import Line, LineModel, line_model, project
 from pter_gym.physics.arm import Linkage, Motion, sin_difference, tip_position, tip_velocity
 from pter_gym.physics.clutch import PerClutch
-from pter_gym.physics.friction import between
 from pter_gym.physics.model import MODEL_ROWS, store_four
 
 Sensors = Literal["encoders", "torque", "force"]
@@ -349,12 +346,6 @@ def situation(line: LineModel, arm: Linkage, q: Motion) -> Situation:
         v_x * line.heading_cos + v_y * line.heading_sin,
         v_y * line.heading_cos - v_x * line.heading_sin,
     )
-
-
-@device
-def limited(value: float) -> np.float32:
-    """Return a stored observation entry: limited to [−1, 1], as float32."""
-    return np.float32(between(value, -1.0, 1.0))
 
 
 @device
