@@ -439,7 +439,7 @@ STATEMENTS: tuple[Statement, ...] = (
             measure=partial(measures.equal_peak_ratio, model=model, column=column),
             at_most=1.0 - CLEAR,
             note="The paper calls it likely; here the material's torques are scaled up and the runs repeated.",
-            reason="Raising this material's peak torque leaves the acceleration as it is; T_s/T_k makes the difference.",
+            reason="Raising its peak torque leaves the acceleration as it is; T_s/T_k makes the difference.",
         )
         for model in (EXPERIMENTAL, THEORETICAL)
         for column, (name, _) in enumerate(COLUMNS)
