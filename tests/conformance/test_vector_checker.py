@@ -21,9 +21,9 @@ NEXT_STEP, SAME_STEP, DISABLED = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STE
 # weak clutches and a short path: episodes end at different times, some at the end of the path, some by the limit
 MACHINE = replace(BASELINE, clutch=with_friction(BASELINE.clutch, 0.1, 0.1))
 TASK = PathFollowing(
-    path=Line(x=-0.1, length=0.2), start_offset=0.02, hand=MultiSineHand(push=50.0, random_phases=True)
+    path=Line(x=-0.1, length=0.2), start_offset=0.02, hand=MultiSineHand(push=80.0, random_phases=True)
 )
-LIMIT = 25
+LIMIT = 18
 
 
 def check(kind: type[PathFollowingVectorEnv], *modes: AutoresetMode, **keywords: Any) -> Report:
