@@ -23,8 +23,8 @@ vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
 
 ID = "PTER/PathFollowing-v0"
 COUNT = 6
-LIMIT = 40
-TASK = PathFollowing(path=Line(length=0.5), start_offset=0.02, hand=MultiSineHand(random_phases=True))
+LIMIT = 19
+TASK = PathFollowing(path=Line(length=0.55), start_offset=0.02, hand=MultiSineHand(random_phases=True))
 
 
 def make(count: int = COUNT, **options: Any) -> Any:
