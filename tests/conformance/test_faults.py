@@ -369,6 +369,7 @@ def factory(constant):
         return kernel
     return build
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background ignores interrupts
 rng = np.random.default_rng(0)
 interrupts = 0
 for constant in range(12):
@@ -407,6 +408,7 @@ def make():
 def bits(env):
     return [part.tobytes() for part in env.get_state().values()]
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background ignores interrupts
 count, rng = int(sys.argv[1]), np.random.default_rng(0)
 row = np.full((count, 4), 2.0, np.float32)
 env, reference = make(), make()
