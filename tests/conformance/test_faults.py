@@ -387,6 +387,7 @@ print(interrupts)
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
 def test_a_kernel_works_after_an_interrupt_of_its_compilation(tmp_path: Path) -> None:
     settings = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
@@ -434,6 +435,7 @@ print(interrupts)
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
 @pytest.mark.parametrize("count", [64, THREADED])
 def test_an_interrupted_step_is_done_or_not_begun(count: int) -> None:
