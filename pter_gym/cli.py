@@ -67,6 +67,24 @@ def benchmark(
         console.print(f"wrote {path}", highlight=False)
 
 
+def fit(seed: int = 0, budget: int = 60_000, held_out: bool = False, out: Path = Path("pter-preset.toml")) -> None:
+    """Search for values that the paper does not print, by its Table I and its trends, and write them as a preset.
+
+    Args:
+        seed: Seed of the search, at least 0; the same seed and budget give the same result.
+        budget: Evaluated candidates, at least 300.
+        held_out: Fit Table I alone and keep the trends held out.
+        out: File for the preset; its folder must exist.
+    """
+    from pter_gym.experiments.calibration import FitArguments
+    from pter_gym.experiments.calibration import fit as search
+
+    result = search(FitArguments(seed=seed, budget=budget, held_out=held_out, out=out))
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(f"misfit {result.misfit:.4f}; Table I in the paper's units: {result.table.round(3).tolist()}")
+    console.print(f"wrote {out}")
+
+
 def speed() -> None:
     """Measure the simulator's speed: one env.step beside CartPole's, and the block kernel on one thread.
 
@@ -166,7 +184,12 @@ def numbers(field: str, text: str) -> list[float]:
 
 def commands() -> dict[str, Callable[..., Any]]:
     """Return all commands by name: the built-in ones and those of installed packages."""
-    found: dict[str, Callable[..., Any]] = {"benchmark": benchmark, "reproduce": reproduce, "speed": speed}
+    found: dict[str, Callable[..., Any]] = {
+        "benchmark": benchmark,
+        "fit": fit,
+        "reproduce": reproduce,
+        "speed": speed,
+    }
     for entry in entry_points(group=GROUP):
         found[entry.name] = entry.load()
     return found

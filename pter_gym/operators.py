@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from pter_gym._jit import device
-from pter_gym.params import quantity, require, require_flag, require_number, require_numbers
+from pter_gym.params import preset, quantity, require, require_flag, require_number, require_numbers
+from pter_gym.preset import PRESET
 
 SINES = 5
 """Number of sines in the disturbance (paper Eq. 5)."""
@@ -21,8 +22,12 @@ class MultiSineHand:
     The default is Eq. 5: equal amplitudes Fmax/5, frequencies 2ⁿ/2 Hz, phases 0. Neither force is printed in the paper.
     """
 
-    push: float = quantity("N", "plausible: the constant tangential force of section IV-A", default=64.0)
-    amplitudes: tuple[float, ...] = quantity("N", "plausible: Fmax/5 each with Fmax = 64 N", default=(12.8,) * SINES)
+    push: float = preset("hand", "push")
+    amplitudes: tuple[float, ...] = quantity(
+        "N",
+        f"Fmax/5 each, by Eq. 5; Fmax is {PRESET.provenance['hand.force_max']}",
+        default=(PRESET.hand.force_max / SINES,) * SINES,
+    )
     frequencies: tuple[float, ...] = quantity("Hz", "published: Eq. 5", default=EQ5_FREQUENCIES)
     phases: tuple[float, ...] = quantity("rad", "published: Eq. 5", default=(0.0,) * SINES)
     random_phases: bool = quantity("1", "chosen: False is Eq. 5; True draws the phases at each reset", default=False)

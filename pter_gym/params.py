@@ -1,8 +1,8 @@
 """Parameters of the machine: frozen dataclasses in SI.
 
 Each field names its unit and where its value comes from: ``published`` in the paper, ``derived`` from published values,
-``chosen`` by us for numerical reasons, or ``plausible``, an engineering value for something that the paper does not
-print. A plausible value is not a fact about PTER.
+``fitted`` to the paper's results, or ``chosen`` by us. A fitted value is not a fact about PTER. The values that the
+paper does not print stand in one file, ``presets/pter.toml``.
 """
 
 import math
@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Literal, cast, get_args
 
 from pter_gym.errors import ParameterError
+from pter_gym.preset import PRESET
 from pter_gym.units import from_inch_pounds
 
 Lag = Literal["normal_force", "voltage"]
@@ -17,7 +18,7 @@ Lag = Literal["normal_force", "voltage"]
 BREAKAWAY_SMALL_VOLTAGE = from_inch_pounds(63.5)
 """Breakaway torque of clutch 1 at the small voltage of Figs. 3 and 4 [N·m] (paper section III-B)."""
 
-TIME_CONSTANT = 0.105
+TIME_CONSTANT = PRESET.clutch.time_constant
 """Time constant of the clutches by their manufacturer [s] (paper section IV-C.3)."""
 
 MU_STATIC_PRESENT = 0.45
@@ -33,6 +34,13 @@ MU_DYNAMIC_DELRIN = 0.35
 def quantity(unit: str, provenance: str, **options: Any) -> Any:
     """Declare a field with its unit and where its value comes from."""
     return field(metadata={"unit": unit, "provenance": provenance}, **options)
+
+
+def preset(section: str, name: str) -> Any:
+    """Declare a field with unit, provenance and value from the preset that the package ships."""
+    values = getattr(PRESET, section)
+    unit = next(item.metadata["unit"] for item in fields(values) if item.name == name)
+    return quantity(unit, PRESET.provenance[f"{section}.{name}"], default=getattr(values, name))
 
 
 def require(condition: bool, owner: object, name: str, value: object, accepted: str) -> None:
@@ -86,11 +94,11 @@ class Arm:
     Angles are absolute; M12 = coupling·cos(θA − θB). Link lengths and inertias are in no source that we could reach.
     """
 
-    length_a: float = quantity("m", "plausible: PTER's links were of the order of half a metre", default=0.47)
-    length_b: float = quantity("m", "plausible: PTER's links were of the order of half a metre", default=0.43)
-    inertia_a: float = quantity("kg·m²", "plausible: M11, link A with rotors and gears", default=1.2)
-    inertia_b: float = quantity("kg·m²", "plausible: M22, link B with rotors and gears", default=0.4)
-    coupling: float = quantity("kg·m²", "plausible: c, between the axes", default=-0.2)
+    length_a: float = preset("arm", "length_a")
+    length_b: float = preset("arm", "length_b")
+    inertia_a: float = preset("arm", "inertia_a")
+    inertia_b: float = preset("arm", "inertia_b")
+    coupling: float = preset("arm", "coupling")
 
     def __post_init__(self) -> None:
         """Check that the mass matrix is positive definite in every pose."""
@@ -109,9 +117,9 @@ class TorqueCurve:
     ``T(v) = slope·v + curvature·max(v − knee, 0)²``: zero without voltage, as the paper assumes.
     """
 
-    slope: float = quantity("N·m/V", "plausible: linear segment")
-    knee: float = quantity("V", "plausible: where the quadratic segment begins")
-    curvature: float = quantity("N·m/V²", "plausible: quadratic segment")
+    slope: float = quantity("N·m/V", PRESET.provenance["clutch.slope"])
+    knee: float = quantity("V", PRESET.provenance["clutch.knee"])
+    curvature: float = quantity("N·m/V²", PRESET.provenance["clutch.curvature"])
 
     def __post_init__(self) -> None:
         """Check the numbers; whether the curve is monotone depends on the clutch's largest voltage."""
@@ -144,10 +152,10 @@ class Clutch:
     The dynamic torque is constant at a given voltage, which is our choice: the paper allows any g(ω, v) (Eq. 2).
     """
 
-    breakaway: TorqueCurve = quantity("N·m", "plausible: 63.5 in·lbf (published) is reached between 4 and 8 V")
-    dynamic: TorqueCurve = quantity("N·m", "plausible: T_s/T_k ≥ 1.12 for the present clutches")
-    time_constant: float = quantity("s", "published: section IV-C.3", default=TIME_CONSTANT)
-    voltage_max: float = quantity("V", "plausible: a common supply for such clutches", default=24.0)
+    breakaway: TorqueCurve = quantity("N·m", PRESET.provenance["clutch.breakaway_ratio"])
+    dynamic: TorqueCurve = quantity("N·m", "see TorqueCurve")
+    time_constant: float = preset("clutch", "time_constant")
+    voltage_max: float = preset("clutch", "voltage_max")
     lag: Lag = quantity("1", "published: section II-B, from voltage to normal force", default="normal_force")
 
     def __post_init__(self) -> None:
@@ -216,19 +224,13 @@ def tip_mass(arm: Arm) -> float:
     return smallest / (arm.length_a**2 + arm.length_b**2)
 
 
-BREAKAWAY_RATIO = 1.15
-"""T_s/T_k of the present clutches: plausible (Fig. 9 shows a clear jump, so that it is at least 1.12)."""
+DYNAMIC_CURVE = TorqueCurve(slope=PRESET.clutch.slope, knee=PRESET.clutch.knee, curvature=PRESET.clutch.curvature)
+"""Dynamic torque of the present clutches (fitted)."""
 
-DYNAMIC_CURVE = TorqueCurve(slope=1.04, knee=12.0, curvature=0.174)
-"""Dynamic torque of the present clutches: plausible. It reaches 50 N·m at 24 V."""
-
-DELRIN_EXPERIMENTAL_SCALE = (0.80, 0.79)
-"""Factors on T_s and T_k for the Delrin of the paper's testbed: plausible (lower peak friction, similar stick-slip)."""
-
-MU_DYNAMIC_PRESENT = MU_STATIC_PRESENT / BREAKAWAY_RATIO
+MU_DYNAMIC_PRESENT = MU_STATIC_PRESENT / PRESET.clutch.breakaway_ratio
 """Dynamic friction coefficient of the present clutches: derived from the published static one."""
 
-PRESENT_CLUTCH = Clutch(breakaway=DYNAMIC_CURVE.scaled(BREAKAWAY_RATIO), dynamic=DYNAMIC_CURVE)
+PRESENT_CLUTCH = Clutch(breakaway=DYNAMIC_CURVE.scaled(PRESET.clutch.breakaway_ratio), dynamic=DYNAMIC_CURVE)
 
 
 def with_friction(clutch: Clutch, breakaway: float, dynamic: float) -> Clutch:
@@ -245,7 +247,13 @@ def with_friction(clutch: Clutch, breakaway: float, dynamic: float) -> Clutch:
 BASELINE = Machine(clutch=PRESENT_CLUTCH)
 """PTER with its present clutches (paper section IV-B.1)."""
 
-DELRIN_EXPERIMENTAL = Machine(clutch=with_friction(PRESENT_CLUTCH, *DELRIN_EXPERIMENTAL_SCALE))
+DELRIN_EXPERIMENTAL = Machine(
+    clutch=with_friction(
+        PRESENT_CLUTCH,
+        PRESET.delrin.dynamic_scale * PRESET.delrin.breakaway_ratio / PRESET.clutch.breakaway_ratio,
+        PRESET.delrin.dynamic_scale,
+    )
+)
 """PTER with Delrin clutches as measured on the testbed (paper section IV-B.2)."""
 
 DELRIN_THEORETICAL = Machine(

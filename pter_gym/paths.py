@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from pter_gym._jit import device
-from pter_gym.params import quantity, require_number
+from pter_gym.params import preset, require_number
 
 
 class Path(Protocol):
@@ -33,10 +33,10 @@ class Path(Protocol):
 class Line:
     """A straight path (paper section IV-A: "spanning the width of the workspace")."""
 
-    x: float = quantity("m", "plausible: start of the path, from the axis of the drive", default=-0.245)
-    y: float = quantity("m", "plausible: start of the path, from the axis of the drive", default=0.54)
-    direction: float = quantity("rad", "chosen: along the x axis", default=0.0)
-    length: float = quantity("m", "plausible: about the width of the workspace", default=0.49)
+    x: float = preset("path", "x")
+    y: float = preset("path", "y")
+    direction: float = preset("path", "direction")
+    length: float = preset("path", "length")
 
     def __post_init__(self) -> None:
         """Check that the numbers are finite and the length positive."""

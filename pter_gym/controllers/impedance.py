@@ -10,8 +10,7 @@ from pter_gym.controllers.base import Policy
 from pter_gym.controllers.laws import IMPEDANCE, TORQUE, ImpedanceGains
 from pter_gym.errors import ParameterError
 from pter_gym.layout import Layout
-from pter_gym.params import Machine, quantity, require, require_flag, require_number, require_numbers
-from pter_gym.units import INCH_POUND
+from pter_gym.params import Machine, preset, quantity, require, require_flag, require_number, require_numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,13 +22,11 @@ class Impedance:
     paper could not measure, the table is extrapolated to (0 V, 0 N·m).
     """
 
-    stiffness: float = quantity("N/m", "plausible: spring normal to the path", default=720.0)
-    damping_normal: float = quantity("N·s/m", "plausible: damper normal to the path", default=120.0)
-    damping_tangential: float = quantity("N·s/m", "plausible: damper along the path", default=110.0)
-    table_volts: tuple[float, ...] = quantity(
-        "V", "plausible: five knots; 4 V published", default=(0.0, 4.0, 10.0, 17.0, 24.0)
-    )
-    slip_threshold: float = quantity("rad/s", "chosen: a slower clutch counts as stuck", default=1e-3)
+    stiffness: float = preset("controller", "stiffness")
+    damping_normal: float = preset("controller", "damping_normal")
+    damping_tangential: float = preset("controller", "damping_tangential")
+    table_volts: tuple[float, ...] = preset("controller", "table_volts")
+    slip_threshold: float = preset("controller", "slip_threshold")
     tip_space: bool = quantity("1", "chosen: allocate for tip force, not joint torque", default=False)
 
     def __post_init__(self) -> None:
@@ -79,9 +76,7 @@ class Impedance:
 class TorqueFeedback(Impedance):
     """The impedance controller with a proportional torque loop around each clutch (Fig. 6)."""
 
-    feedback: float = quantity(
-        "V/(N·m)", "published: Kp = 0.06 (section IV-C.3), read as V per in·lbf", default=0.06 / INCH_POUND
-    )
+    feedback: float = preset("controller", "feedback")
     hold_when_stuck: bool = quantity("1", "chosen: leave the loop out where it has no effect", default=False)
 
     def __post_init__(self) -> None:

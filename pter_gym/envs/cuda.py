@@ -187,8 +187,12 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
         ------
         ActionError
             If the actions have a wrong shape or type.
+        ResetNeededError
+            If a world was never reset.
         """
         self._check_open()
+        if not self._begun.all():
+            raise ResetNeededError(f"world {self._begun.argmin()} needs a reset: it was never reset")
         n = self.num_envs
         same = self.autoreset_mode == AutoresetMode.SAME_STEP
         entries = len(self.observation_layout)

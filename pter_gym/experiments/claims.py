@@ -148,6 +148,13 @@ COLUMNS = (("position error", "in"), ("tip speed", "in/s"), ("tip acceleration",
 """The columns of Table I with the paper's units."""
 
 
+TRADE_OFF = (
+    "No set of values was found that meets all of Table I and the trends; docs/calibration.md shows the trade-off."
+)
+
+FITTED_TREND = "Part of the calibration's objective, so that its holding is no evidence."
+
+
 def _table_statements() -> tuple[Statement, ...]:
     return tuple(
         Statement(
@@ -162,6 +169,7 @@ def _table_statements() -> tuple[Statement, ...]:
             at_most=PAPER_TABLE[model][column] * (1.0 + TABLE_TOLERANCE),
             given=True,
             note=f"Fitted; {TABLE_TOLERANCE:.0%} off counts as met.",
+            reason=TRADE_OFF,
         )
         for model in PAPER_TABLE
         for column, (name, unit) in enumerate(COLUMNS)
@@ -178,6 +186,9 @@ def _trend(quantity: str, figure: str, claim: str, *, rises: bool = True) -> Sta
         measure=partial(measures.trend_over_time_constant, quantity=quantity),
         at_least=TREND if rises else -math.inf,
         at_most=math.inf if rises else -TREND,
+        given=True,
+        note=FITTED_TREND,
+        reason=TRADE_OFF,
     )
 
 
@@ -428,6 +439,7 @@ STATEMENTS: tuple[Statement, ...] = (
             measure=partial(measures.equal_peak_ratio, model=model, column=column),
             at_most=1.0 - CLEAR,
             note="The paper calls it likely; here the material's torques are scaled up and the runs repeated.",
+            reason="Raising its peak torque leaves the acceleration as it is; T_s/T_k makes the difference.",
         )
         for model in (EXPERIMENTAL, THEORETICAL)
         for column, (name, _) in enumerate(COLUMNS)
@@ -458,6 +470,7 @@ STATEMENTS: tuple[Statement, ...] = (
         at_most=2.0,
         given=True,
         note="T_s/T_k of both materials is put into the model.",
+        reason="The fit to Table I put T_s/T_k at 1.43 for experimental Delrin and at 1.12 for the present clutches.",
     ),
     Statement(
         id="jump-theoretical",
@@ -487,6 +500,8 @@ STATEMENTS: tuple[Statement, ...] = (
         measured="rank correlation of error and gain up to 0.06",
         measure=measures.error_fall,
         at_most=-TREND,
+        given=True,
+        note=FITTED_TREND,
     ),
     Statement(
         id="feedback-gains",
@@ -496,6 +511,8 @@ STATEMENTS: tuple[Statement, ...] = (
         measured="error at Kp = 0.06 relative to that without feedback",
         measure=measures.error_at_best_gain,
         at_most=0.9,
+        given=True,
+        note=FITTED_TREND,
     ),
     Statement(
         id="feedback-plateau",
@@ -505,6 +522,8 @@ STATEMENTS: tuple[Statement, ...] = (
         measured="largest deviation from the mean error above 0.1, relative",
         measure=measures.plateau_width,
         at_most=0.1,
+        given=True,
+        note=FITTED_TREND,
     ),
     Statement(
         id="saturation-small",
@@ -514,6 +533,8 @@ STATEMENTS: tuple[Statement, ...] = (
         measured="fraction of clutch commands at the largest voltage",
         measure=measures.saturated_at_best_gain,
         at_most=SATURATED,
+        given=True,
+        note=FITTED_TREND,
     ),
     Statement(
         id="saturation-grows",
@@ -523,6 +544,8 @@ STATEMENTS: tuple[Statement, ...] = (
         measured="rank correlation of saturated fraction and gain above 0.1",
         measure=measures.saturation_trend,
         at_least=TREND,
+        given=True,
+        note=FITTED_TREND,
     ),
     Statement(
         id="best-gain",
@@ -532,6 +555,9 @@ STATEMENTS: tuple[Statement, ...] = (
         measured=f"error at 0.06 relative to the smallest one with at most {SATURATED:.0%} of the commands saturated",
         measure=measures.best_gain_optimality,
         at_most=1.0 + CLEAR,
+        given=True,
+        note=FITTED_TREND,
+        reason="With the calibrated values the error falls on beyond 0.06, by a sixth, before saturation is large.",
     ),
     Statement(
         id="line-following",
@@ -541,6 +567,8 @@ STATEMENTS: tuple[Statement, ...] = (
         measured="position error relative to that without feedback",
         measure=measures.line_following_ratio,
         at_most=1.0 - CLEAR,
+        given=True,
+        note=FITTED_TREND,
     ),
 )
 """Every sentence that can be checked, in the order of the paper."""

@@ -98,7 +98,8 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
     ------
     ParameterError
         If a point of the path lies outside the arm's reach or too near to a singular pose, the substep does not divide
-        the control period, or a sine is too fast for the substep.
+        the control period, a sine is too fast for the substep, or the machine's hand has a spring, which would need a
+        target.
     """
     substeps(task, machine)
     fastest = max(task.hand.frequencies)
@@ -108,6 +109,9 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
         "hand.frequencies",
         task.hand.frequencies,
         f"≤ {0.1 / machine.substep:g} Hz, a tenth of the substep's rate",
+    )
+    require(
+        machine.hand.stiffness == 0.0, machine, "hand.stiffness", machine.hand.stiffness, "0: this hand has no intent"
     )
     path = task.path
     for k in range(_PATH_SAMPLES):

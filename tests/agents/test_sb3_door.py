@@ -13,6 +13,7 @@ import pytest
 import pter_gym  # noqa: F401  (registers the environment)
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.operators import MultiSineHand
+from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
 
 pytestmark = pytest.mark.agents
@@ -22,8 +23,8 @@ vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
 
 ID = "PTER/PathFollowing-v0"
 COUNT = 6
-LIMIT = 40
-TASK = PathFollowing(start_offset=0.02, hand=MultiSineHand(random_phases=True))
+LIMIT = 19
+TASK = PathFollowing(path=Line(length=0.55), start_offset=0.02, hand=MultiSineHand(random_phases=True))
 
 
 def make(count: int = COUNT, **options: Any) -> Any:

@@ -17,10 +17,11 @@ from pter_gym.envs.batch import Batch
 from pter_gym.envs.world import SKIP, TERMINATED
 from pter_gym.operators import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
+from pter_gym.paths import Line
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 STEPS = 200
-TASK = PathFollowing(start_offset=0.01, hand=MultiSineHand(random_phases=True))
+TASK = PathFollowing(path=Line(length=0.2), start_offset=0.01, hand=MultiSineHand(random_phases=True))
 
 
 def machines(count: int) -> list[Machine]:

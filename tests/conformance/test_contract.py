@@ -254,12 +254,15 @@ def test_a_bad_parameter_is_named(field: str, build: Any) -> None:
 def test_what_only_machine_and_task_together_show() -> None:
     from pter_gym.envs.batch import Batch
 
+    reach = BASELINE.arm.length_a + BASELINE.arm.length_b
     with pytest.raises(ParameterError, match="control_period"):
         Batch(replace(BASELINE, substep=0.003), PathFollowing())
     with pytest.raises(ParameterError, match="path must be within reach"):
-        Batch(BASELINE, PathFollowing(path=Line(y=0.95)))
+        Batch(BASELINE, PathFollowing(path=Line(x=0.0, y=1.01 * reach, length=0.01)))
     with pytest.raises(ParameterError, match="path must be within reach"):
-        Batch(BASELINE, PathFollowing(path=Line(y=0.89)))
+        Batch(BASELINE, PathFollowing(path=Line(x=0.0, y=0.997 * reach, length=0.01)))
+    with pytest.raises(ParameterError, match=r"hand\.stiffness"):
+        Batch(replace(BASELINE, hand=Hand(stiffness=100.0)), PathFollowing())
     with pytest.raises(ParameterError, match="substep"):
         Batch([BASELINE, replace(BASELINE, substep=0.0005)], PathFollowing())
     with pytest.raises(ParameterError, match="num_worlds"):

@@ -1,6 +1,5 @@
 """The vector checker: nothing wrong with ours, what is known of Gymnasium's, and each rule that a mutant breaks."""
 
-from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -11,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 from pter_gym.envs import world as kernel
 from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.operators import MultiSineHand
-from pter_gym.params import BASELINE, with_friction
+from pter_gym.params import Arm, Clutch, Machine, TorqueCurve
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.vector_checker import Outcome, Report, check_vector_env
@@ -19,9 +18,15 @@ from pter_gym.vector_checker import Outcome, Report, check_vector_env
 NEXT_STEP, SAME_STEP, DISABLED = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
 
 # weak clutches and a short path: episodes end at different times, some at the end of the path, some by the limit
-MACHINE = replace(BASELINE, clutch=with_friction(BASELINE.clutch, 0.1, 0.1))
+DYNAMIC = TorqueCurve(slope=0.104, knee=12.0, curvature=0.0174)
+MACHINE = Machine(
+    arm=Arm(length_a=0.47, length_b=0.43, inertia_a=1.2, inertia_b=0.4, coupling=-0.2),
+    clutch=Clutch(dynamic=DYNAMIC, breakaway=DYNAMIC.scaled(1.15)),
+)
 TASK = PathFollowing(
-    path=Line(x=-0.1, length=0.2), start_offset=0.02, hand=MultiSineHand(push=50.0, random_phases=True)
+    path=Line(x=-0.1, y=0.54, length=0.2),
+    start_offset=0.02,
+    hand=MultiSineHand(push=50.0, amplitudes=(12.8,) * 5, random_phases=True),
 )
 LIMIT = 25
 

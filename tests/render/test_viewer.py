@@ -112,7 +112,7 @@ class TestPicture:
     def test_path_and_workspace(self, viewer: Viewer, view: View):
         picture = self.draw(viewer)
         path = TASK.path
-        assert colour_at(picture, view.pixels(path.point(path.length))) == rgb(style.PATH)
+        assert colour_at(picture, view.pixels(path.point(0.1 * path.length))) == rgb(style.PATH)
         x, y = path.point(0.1 * path.length)
         assert colour_at(picture, view.pixels((x, y + 0.9 * TASK.error_max))) == rgb(style.WORKSPACE)
         assert colour_at(picture, view.pixels((x, y + 1.1 * TASK.error_max))) == rgb(style.BACKGROUND)

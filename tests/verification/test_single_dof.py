@@ -88,7 +88,7 @@ def test_it_then_drops_to_the_dynamic_torque(small, held):
 @pytest.mark.parametrize(("small", "held"), PAIRS)
 def test_the_tip_stays_on_the_line_of_the_locked_clutch(small, held):
     run, _ = ramp(small, held)
-    assert np.ptp(run.theta @ SLIPS[small]) > 0.05
+    assert np.ptp(run.theta @ SLIPS[small]) > 0.01
     assert np.abs(off_the_line(held, run.tip_position, run.initial.theta)).max() <= 1e-9
 
 
@@ -229,7 +229,7 @@ def test_reversals_that_must_stick_do_stick_on_one_axis():
         load = np.zeros(2)
         load[link] = -np.sign(speed[link]) * share * breakaway / share_of_ramp(small, held)
         theta = rng.uniform(-np.pi, np.pi, 2)
-        run = simulate(BASELINE, initial_state(BASELINE, theta, speed, volts), volts, NO_FORCE, load, duration=1.0)
+        run = simulate(BASELINE, initial_state(BASELINE, theta, speed, volts), volts, NO_FORCE, load, duration=4.0)
         before = np.sign(run.initial.omega @ SLIPS[small])
         missed += bool(np.any(run.slip_velocity[:, small] * before < 0.0) or run.mode[-1] != ClutchMode.ZERO_DOF)
     assert missed == 0
