@@ -151,6 +151,6 @@ def _episodes(batch: Batch, policy: AnyPolicy, seed: int) -> Array:
     telemetry = [first]
     while len(telemetry) <= MAX_STEPS and not np.nan_to_num(telemetry[-1][:, T_TERMINATED], nan=1.0).all():
         returns = batch.step(policy(obs), SKIP)
-        obs = returns.obs[0]
+        obs = returns.obs
         telemetry.append(returns.telemetry[0])
     return np.stack(telemetry)

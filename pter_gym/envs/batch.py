@@ -16,13 +16,15 @@ from pter_gym.envs.world import (
     ALIVE,
     CHANGING_ROWS,
     FLAGS,
+    HAS_LAW,
     LANES,
     NEXT_STEP,
     PARAM,
     REFUSE,
+    REPEATS,
     SAME_STEP,
     SKIP,
-    WORLD_ROWS,
+    STORED_ROWS,
 )
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import Machine
@@ -50,26 +52,28 @@ RECORDED = len(TELEMETRY)
 INLINE_BLOCKS = 16
 """Batches of fewer blocks are stepped by the caller's thread alone: waking another one costs more than it saves."""
 
-_NO_MEMORY = np.empty((0, MEMORY))
-
 
 class Returns(NamedTuple):
-    """What a step returns: fresh arrays.
+    """What a step returns: fresh arrays, but for ``final_obs``.
 
     Attributes
     ----------
     obs
-        Observations, float32 (1 or 2, N, len(layout)). With ``SAME_STEP`` there is a second layer: the last ones of the
-        worlds that ended and were reset in this step; other rows hold anything.
+        Observations, float32 (N, len(layout)).
+    final_obs
+        With ``SAME_STEP``, the last observations of the worlds that ended and were reset in this step, float32
+        (N, len(layout)); other rows hold anything, and the next step changes all.
     rewards
         float64 (N,).
     flags
         bool (FLAGS, N): terminated, truncated, success.
     telemetry
-        float64 (1 or 2, N, len(TELEMETRY)), in layers as the observations; (0, …) without telemetry.
+        float64 (1, N, len(TELEMETRY)), or (0, …) without telemetry; with ``SAME_STEP`` a second layer holds the last
+        ones of the worlds that ended.
     """
 
     obs: Observations
+    final_obs: Observations
     rewards: Array
     flags: NDArray[np.bool_]
     telemetry: Array
@@ -145,6 +149,7 @@ class Batch:
                 self.machine.substep,
                 substeps(self.task, self.machine),
                 NO_LIMIT if max_steps is None else max_steps,
+                0.0,
                 *(1.0 / self.layout.scales),
                 *np.zeros(ENTRIES - len(self.layout)),
                 *self.layout.scales,
@@ -154,8 +159,10 @@ class Batch:
         self._words = np.zeros((self.num_worlds, 2), np.uint64)
         self._seeded = np.zeros(self.num_worlds, np.bool_)
         self._actions = np.empty((self.num_worlds, 4))
-        self._telemetry = telemetry
-        self._entries = len(self.layout)
+        self._records = int(telemetry)
+        self._final_obs = np.empty((0, len(self.layout)), np.float32)
+        self._shape = (self.num_worlds, len(self.layout))
+        self._alone = np.empty(1), np.empty((FLAGS, 1), np.bool_)
         self._advance = advance_kernel()
         self._num_threads = num_threads
         self._pool: ThreadPoolExecutor | None = None
@@ -182,12 +189,12 @@ class Batch:
         """
         chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
         words = self._next_words(seeds, chosen)
-        obs = np.empty((1, self.num_worlds, len(self.layout)), np.float32)
-        telemetry = np.empty((int(self._telemetry), self.num_worlds, len(TELEMETRY)))
+        obs = np.empty((self.num_worlds, len(self.layout)), np.float32)
+        telemetry = np.empty((self._records, self.num_worlds, len(TELEMETRY)))
         kernel = reset_kernel()
         self._words, self._seeded = words, self._seeded | chosen
         kernel(self._worlds, words, chosen, obs, telemetry, self._config)
-        return obs[0], telemetry.reshape(-1, len(TELEMETRY))
+        return obs, telemetry.reshape(-1, len(TELEMETRY))
 
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
         """Advance all worlds by one control period.
@@ -208,26 +215,64 @@ class Batch:
         ResetNeededError
             If a world was never reset, or its episode has ended with ``REFUSE`` or ``SAME_STEP``; no world has moved.
         """
-        self._take(actions)
-        if ended == NEXT_STEP and not self._seeded.all():
-            raise ResetNeededError(f"world {self._seeded.argmin()} needs a reset: it was never reset")
+        self._take(actions, self._actions.shape)
         n = self.num_worlds
-        layers = 2 if ended == SAME_STEP else 1
-        obs = np.empty((layers, n, self._entries), np.float32)
+        obs = np.empty((n, len(self.layout)), np.float32)
         rewards = np.empty(n)
         flags = np.empty((FLAGS, n), np.bool_)
-        telemetry = np.empty((layers if self._telemetry else 0, n, RECORDED))
+        telemetry = np.empty((self._records * (2 if ended == SAME_STEP else 1), n, RECORDED))
+        if ended == NEXT_STEP and not self._seeded.all():
+            raise ResetNeededError(f"world {self._seeded.argmin()} needs a reset: it was never reset")
+        if ended == SAME_STEP and not len(self._final_obs):
+            self._final_obs = np.empty_like(obs)
         if ended == SKIP:
             obs.fill(0.0)
             rewards.fill(0.0)
             flags.fill(False)
             telemetry.fill(np.nan)
-        refused = self._run(
-            self._advance, self._actions, _NO_MEMORY, obs, rewards, flags, telemetry, self._config, ended, 1
+        refused = self._run(self._advance, self._actions, obs, rewards, flags, telemetry, self._config, ended, 1)
+        if refused >= 0:
+            self._refuse(refused)
+        return Returns(obs, self._final_obs, rewards, flags, telemetry)
+
+    def step_alone(self, action: ArrayLike) -> tuple[Observations, Array, float, bool, bool]:
+        """Advance a batch of one world, as ``step`` with ``REFUSE`` does, with less around it.
+
+        Parameters
+        ----------
+        action
+            Shape (4,).
+
+        Returns
+        -------
+        observation, telemetry
+            Fresh arrays (len(layout),) and (len(TELEMETRY),).
+        reward, terminated, success
+            As Python has them.
+        """
+        self._take(action, (4,))
+        obs = np.empty(self._shape, np.float32)
+        telemetry = np.empty((1, 1, RECORDED))
+        rewards, flags = self._alone
+        refused = self._advance(
+            self._worlds,
+            self._words,
+            self._actions,
+            obs,
+            self._final_obs,
+            rewards,
+            flags,
+            telemetry,
+            self._config,
+            REFUSE,
+            1,
+            0,
+            1,
         )
         if refused >= 0:
             self._refuse(refused)
-        return Returns(obs, rewards, flags, telemetry)
+        (terminated,), _, (success,) = flags.tolist()
+        return obs[0], telemetry[0, 0], rewards.item(), terminated, success
 
     def rollout(self, obs: Observations, law: Any, gains: Array, steps: int) -> tuple[Observations, Array]:
         """Run a compiled control law in all worlds, from their present state, for at most ``steps`` control periods.
@@ -246,24 +291,17 @@ class Batch:
         observations, telemetry
             The last observations, and float64 (steps, N, len(TELEMETRY)); NaN after the end of an episode.
         """
-        obs = obs[None].copy()
+        obs = obs.copy()
         n = self.num_worlds
         telemetry = np.full((steps, n, RECORDED), np.nan)
         memory = np.zeros((n, MEMORY))
         memory[:, -1] = np.arange(n)
-        self._run(
-            advance_kernel(law),
-            self._actions,
-            memory,
-            obs,
-            np.empty(n),
-            np.empty((FLAGS, n), np.bool_),
-            telemetry,
-            np.concatenate([self._config, gains]),
-            SKIP,
-            steps,
-        )
-        return obs[0], telemetry
+        config = np.concatenate([self._config, gains])
+        config[HAS_LAW] = 1.0
+        rewards = np.empty(n)
+        flags = np.empty((FLAGS, n), np.bool_)
+        self._run(advance_kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
+        return obs, telemetry
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
@@ -302,13 +340,18 @@ class Batch:
     @property
     def nbytes(self) -> int:
         """Bytes that the worlds take between steps."""
-        return self._worlds.nbytes + self._words.nbytes + self._seeded.nbytes + self._actions.nbytes
+        return (
+            self._worlds.nbytes
+            + self._words.nbytes
+            + self._seeded.nbytes
+            + self._actions.nbytes
+            + self._final_obs.nbytes
+        )
 
     def _run(
         self,
         kernel: Any,
-        actions: Array,
-        memory: Array,
+        given: Array,
         obs: Observations,
         rewards: Array,
         flags: NDArray[np.bool_],
@@ -318,7 +361,7 @@ class Batch:
         steps: int,
     ) -> int:
         """Run the kernel over all blocks, in this thread or in several; return the first refused world or −1."""
-        arguments = (self._worlds, self._words, actions, memory, obs, rewards, flags, telemetry, config, ended)
+        arguments = (self._worlds, self._words, given, obs, self._final_obs, rewards, flags, telemetry, config, ended)
         blocks = len(self._worlds)
         if self._num_threads == 1 or blocks < INLINE_BLOCKS:
             return kernel(*arguments, steps, 0, blocks)
@@ -384,14 +427,14 @@ class Batch:
         words[fresh, 0] = np.frombuffer(os.urandom(8 * int(fresh.sum())), np.uint64)
         return words
 
-    def _take(self, actions: ArrayLike) -> None:
-        """Copy the actions to where the kernel reads them."""
+    def _take(self, actions: ArrayLike, shape: tuple[int, ...]) -> None:
+        """Copy actions of a shape to where the kernel reads them."""
         try:
             array = np.asarray(actions)
         except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that is not plain CPU memory
             raise ActionError(f"action must be an array of numbers: {error}") from None
-        if array.shape != self._actions.shape:
-            raise ActionError(f"action must have the shape {self._actions.shape}, got {array.shape}")
+        if array.shape != shape:
+            raise ActionError(f"action must have the shape {shape}, got {array.shape}")
         if array.dtype.kind not in "fiu":
             raise ActionError(f"action must hold real numbers, got dtype {array.dtype}")
         self._actions[...] = array
@@ -444,7 +487,8 @@ def _pack(table: Array, index: NDArray[np.intp]) -> Array:
     width = min(LANES, -(-n // 8) * 8)
     blocks = -(-n // width)
     lanes = np.concatenate([index, np.repeat(index[-1:], blocks * width - n)]).reshape(blocks, width)
-    worlds = np.zeros((blocks, WORLD_ROWS, width))
+    worlds = np.zeros((blocks, STORED_ROWS, width))
     for row, values in enumerate(table.T):
         worlds[:, PARAM + row] = values[lanes]
+    worlds[1:, REPEATS, 0] = (lanes[1:] == lanes[:-1]).all(axis=1)
     return worlds

@@ -69,6 +69,7 @@ def _advance(
     words: Any,
     actions: Any,
     obs: Any,
+    final_obs: Any,
     rewards: Any,
     flags: Any,
     telemetry: Any,
@@ -77,13 +78,13 @@ def _advance(
     refused: Any,
 ) -> None:
     world = cuda.grid(1)
-    if world >= obs.shape[1]:
+    if world >= obs.shape[0]:
         return
     width = worlds.shape[2]
     b = world // width
     lane = world % width
     low, high, slack, h, count = config[LOW], config[HIGH], config[SLACK], config[SUBSTEP], int(config[SUBSTEPS])
-    if is_refused(worlds, actions, low - slack, high + slack, ended, world):
+    if is_refused(worlds[b, ALIVE, lane], actions, low - slack, high + slack, ended, world):
         cuda.atomic.min(refused, 0, world)
         rewards[world] = np.nan
         return
@@ -103,7 +104,7 @@ def _advance(
         sense_torques(w, 0, h)
     judge_step(w, 0, h * count, config[LIMIT])
     observe_world(w, 0, config)
-    end_step(w, 0, world, words, obs, rewards, flags, telemetry, 0, h * count, ended, config)
+    end_step(w, 0, world, words, obs, final_obs, rewards, flags, telemetry, 0, h * count, ended, config)
     for row in range(CHANGING_ROWS):
         worlds[b, row, lane] = w[row, 0]
 
@@ -111,7 +112,7 @@ def _advance(
 @cuda.jit
 def _reset(worlds: Any, words: Any, chosen: Any, seeded: Any, obs: Any, config: Any) -> None:
     world = cuda.grid(1)
-    if world >= obs.shape[1]:
+    if world >= obs.shape[0]:
         return
     width = worlds.shape[2]
     b = world // width
@@ -126,7 +127,7 @@ def _reset(worlds: Any, words: Any, chosen: Any, seeded: Any, obs: Any, config: 
         for row in range(CHANGING_ROWS):
             worlds[b, row, lane] = w[row, 0]
     observe_world(w, 0, config)
-    write_observation(w, 0, obs, 0, world)
+    write_observation(w, 0, obs, world)
 
 
 class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
@@ -163,7 +164,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
                 words[world] = seeds[world] if seeds is not None and given[world] else drawn[world], 0
             self._device["words"] = to_device(words)
         self._begun |= chosen
-        obs = self._empty((1, self.num_envs, len(self.observation_layout)), np.float32)
+        obs = self._empty((self.num_envs, len(self.observation_layout)), np.float32)
         _reset[self._grid](
             self._device["worlds"],
             self._device["words"],
@@ -172,7 +173,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
             self._view(obs),
             self._device["config"],
         )
-        return obs[0], {}
+        return obs, {}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Advance all worlds by one control period, without waiting for the device.
@@ -194,17 +195,19 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
             raise ResetNeededError(f"world {self._begun.argmin()} needs a reset: it was never reset")
         n = self.num_envs
         same = self.autoreset_mode == AutoresetMode.SAME_STEP
-        layers = 2 if same else 1
-        obs = self._empty((layers, n, len(self.observation_layout)), np.float32)
+        entries = len(self.observation_layout)
+        obs = self._empty((n, entries), np.float32)
+        final_obs = self._empty((n if same else 0, entries), np.float32)
         rewards = self._empty((n,), np.float64)
         flags = self._empty((FLAGS, n), np.bool_)
-        telemetry = self._empty((layers if self._records else 0, n, len(TELEMETRY)), np.float64)
+        telemetry = self._empty((self._records * (2 if same else 1), n, len(TELEMETRY)), np.float64)
         view = self._view
         _advance[self._grid](
             self._device["worlds"],
             self._device["words"],
             self._on_device(actions),
             view(obs),
+            view(final_obs),
             view(rewards),
             view(flags),
             view(telemetry),
@@ -216,10 +219,10 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
         if self._records:
             infos["telemetry"] = telemetry[0]
         if same:
-            infos |= {"final_obs": obs[1], "_final_obs": self._either(flags)}
+            infos |= {"final_obs": final_obs, "_final_obs": self._either(flags)}
             if self._records:
                 infos["final_info"] = {"telemetry": telemetry[1]}
-        return obs[0], rewards, flags[TERMINATED], flags[TRUNCATED], infos
+        return obs, rewards, flags[TERMINATED], flags[TRUNCATED], infos
 
     def check(self) -> None:
         """Wait for the device and raise if a step was refused since the last look.

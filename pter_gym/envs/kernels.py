@@ -15,12 +15,14 @@ from pter_gym.envs.world import (
     ALIVE,
     CHANGING_ROWS,
     CROSSING,
+    HAS_LAW,
     HIGH,
     LANES,
     LIMIT,
     LOW,
     NEXT_STEP,
     PARAM,
+    REPEATS,
     SCALES,
     SCRATCH_ROWS,
     SLACK,
@@ -60,16 +62,24 @@ def _scratch() -> Any:
 @device
 def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: int) -> int:
     """Return the first world whose step is refused, or −1."""
-    for world in range(actions.shape[0]):
-        if is_refused(worlds, actions, low, high, ended, world):
-            return world
+    width = worlds.shape[2]
+    for b in range(worlds.shape[0]):
+        begin = b * width
+        lanes = min(width, actions.shape[0] - begin)
+        count = 0
+        for i in range(lanes):
+            count += 1 if is_refused(worlds[b, ALIVE, i], actions, low, high, ended, begin + i) else 0
+        if count > 0:
+            for i in range(lanes):
+                if is_refused(worlds[b, ALIVE, i], actions, low, high, ended, begin + i):
+                    return begin + i
     return -1
 
 
 @device
-def _gather(w: Any, worlds: Any, b: int) -> None:
-    """Read all lanes of a block."""
-    for row in range(WORLD_ROWS):
+def _gather(w: Any, worlds: Any, b: int, rows: int) -> None:
+    """Read the first rows of all lanes of a block."""
+    for row in range(rows):
         for i in range(worlds.shape[2]):
             w[row, i] = worlds[b, row, i]
 
@@ -141,6 +151,7 @@ def _close(
     lanes: int,
     words: Any,
     obs: Any,
+    final_obs: Any,
     rewards: Any,
     flags: Any,
     telemetry: Any,
@@ -156,7 +167,7 @@ def _close(
     for i in range(worlds.shape[2]):
         observe_world(w, i, config)
     for i in range(lanes):
-        end_step(w, i, begin + i, words, obs, rewards, flags, telemetry, t, period, ended, config)
+        end_step(w, i, begin + i, words, obs, final_obs, rewards, flags, telemetry, t, period, ended, config)
         if has_begun(w, i) and w[ALIVE, i] == 0.0:
             _scatter(w, i, worlds, b)
 
@@ -165,9 +176,9 @@ def _build_advance(digest: str) -> Any:
     def advance(
         worlds: Any,
         words: Any,
-        actions: Any,
-        memory: Any,
+        given: Any,
         obs: Any,
+        final_obs: Any,
         rewards: Any,
         flags: Any,
         telemetry: Any,
@@ -179,33 +190,34 @@ def _build_advance(digest: str) -> Any:
     ) -> int:
         _ = digest
         low, high, slack, h, count = config[LOW], config[HIGH], config[SLACK], config[SUBSTEP], int(config[SUBSTEPS])
-        scales = config[SCALES : SCALES + obs.shape[2]]
-        gains = config[SCALES + obs.shape[2] :]
-        external = memory.shape[0] == 0
-        looks = external and first == 0 and (last == 0 or last == worlds.shape[0])
-        refused = _first_refused(worlds, actions, low - slack, high + slack, ended) if looks else -1
+        scales = config[SCALES : SCALES + obs.shape[1]]
+        gains = config[SCALES + obs.shape[1] :]
+        has_law = config[HAS_LAW] != 0.0
+        looks = (not has_law) and first == 0 and (last == 0 or last == worlds.shape[0])
+        refused = _first_refused(worlds, given, low - slack, high + slack, ended) if looks else -1
         if refused >= 0:
             return refused
         w = _scratch()
         width = worlds.shape[2]
         for b in range(first, last):
             begin = b * width
-            lanes = min(width, obs.shape[1] - begin)
-            _gather(w, worlds, b)
+            lanes = min(width, obs.shape[0] - begin)
+            known = b > first and worlds[b, REPEATS, 0] != 0.0
+            _gather(w, worlds, b, PARAM if known else WORLD_ROWS)
             lags_voltage = _count(w, PARAM + VOLTAGE_DECAY, lanes) > 0
             t = 0
             while t < steps and _goes_on(w, lanes, ended):
-                if external:
-                    _begin_given(w, lanes, actions, begin, low, high)
-                else:
+                if has_law:
                     for i in range(lanes):
                         if w[ALIVE, i] != 0.0:
-                            take_command(w, i, law(obs[0, begin + i], scales, gains, memory[begin + i]))
+                            take_command(w, i, law(obs[begin + i], scales, gains, given[begin + i]))
+                else:
+                    _begin_given(w, lanes, given, begin, low, high)
                 for k in range(count):
                     _substep(w, width, h, lags_voltage | (k == 0))
                 for i in range(width):
                     sense_torques(w, i, h)
-                _close(w, worlds, b, lanes, words, obs, rewards, flags, telemetry, t, ended, config)
+                _close(w, worlds, b, lanes, words, obs, final_obs, rewards, flags, telemetry, t, ended, config)
                 t += 1
             _scatter_alive(w, lanes, worlds, b)
         return -1
@@ -218,7 +230,7 @@ def _build_reset(digest: str) -> Any:
         _ = digest
         w = np.empty((SCRATCH_ROWS, LANES))
         width = worlds.shape[2]
-        for world in range(obs.shape[1]):
+        for world in range(obs.shape[0]):
             b = world // width
             i = world % width
             for row in range(WORLD_ROWS):
@@ -227,7 +239,7 @@ def _build_reset(digest: str) -> Any:
                 start_episode(w, i, words[world, 0], words[world, 1])
                 _scatter(w, i, worlds, b)
             observe_world(w, i, config)
-            write_observation(w, i, obs, 0, world)
+            write_observation(w, i, obs, world)
             if telemetry.shape[0] > 0:
                 record_reset(w, i, telemetry, 0, world)
 
@@ -238,16 +250,16 @@ def _build_reset(digest: str) -> Any:
 def advance_kernel(inlined: Any = built_in) -> Any:
     """Return the compiled ``advance`` with a control law inside.
 
-    ``advance(worlds (B, WORLD_ROWS, lanes), words (N, 2), actions (N, 4), memory (N or 0, M), obs (1 or 2, N, O),
-    rewards (N,), flags (FLAGS, N), telemetry (T, N, K), config, ended, steps, first, last)`` runs ``steps`` control
-    steps of the worlds in the blocks first … last − 1.
+    ``advance(worlds (B, STORED_ROWS, lanes), words (N, 2), given, obs (N, O), final_obs (N or 0, O), rewards (N,),
+    flags (FLAGS, N), telemetry (T, N, K), config, ended, steps, first, last)`` runs ``steps`` control steps of the
+    worlds in the blocks first … last − 1.
 
-    Without memory the voltages come from ``actions``, otherwise from the law. A call for all blocks or for none looks
-    at the actions of all worlds first; the number of the first that is refused is returned before anything is touched,
-    −1 when all went well. A call for some blocks does not look.
+    ``given`` holds the actions (N, 4), or where the voltages come from the law its memory (N, M). A call for all blocks
+    or for none looks at the actions of all worlds first; the number of the first that is refused is returned before
+    anything is touched, −1 when all went well. A call for some blocks does not look.
     The entries of ``config`` are named in ``pter_gym.envs.world``; the O scales of the observation and the law's gains
-    follow. ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP. T may be 0, for no telemetry; with SAME_STEP the
-    observations and the telemetry have a second layer for the last ones of an episode.
+    follow. ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP. T may be 0, for no telemetry. With SAME_STEP the last
+    observation of an episode goes to ``final_obs`` and its last telemetry to a second layer.
     """
     return compile_kernel(_build_advance, law=inlined)
 
@@ -256,7 +268,7 @@ def advance_kernel(inlined: Any = built_in) -> Any:
 def reset_kernel() -> Any:
     """Return the compiled ``reset``.
 
-    ``reset(worlds, words (N, 2), chosen (N,), obs (1, N, O), telemetry (1 or 0, N, K), config)`` starts new episodes of
+    ``reset(worlds, words (N, 2), chosen (N,), obs (N, O), telemetry (1 or 0, N, K), config)`` starts new episodes of
     the chosen worlds from their seeds and episode counts, and writes the present observation of all worlds.
     """
     return compile_kernel(_build_reset)

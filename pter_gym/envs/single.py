@@ -8,7 +8,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from pter_gym.envs.batch import ActionUnit, Batch
-from pter_gym.errors import ActionError, ParameterError
+from pter_gym.errors import ParameterError
 from pter_gym.layout import Layout
 from pter_gym.params import MACHINES, Machine
 from pter_gym.tasks.path_following import T_TIP, TELEMETRY, PathFollowing, Sensors
@@ -138,12 +138,10 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         ResetNeededError
             Before the first reset and after the end of an episode.
         """
-        returns = self.batch.step(as_row(action))
-        (terminated,), _, (success,) = returns.flags.tolist()
-        row = returns.telemetry[0, 0]
+        obs, row, reward, terminated, success = self.batch.step_alone(action)
         if self.render_mode is not None:
             self._show(row)
-        return returns.obs[0, 0], returns.rewards.item(), terminated, False, {"telemetry": row, "is_success": success}
+        return obs, reward, terminated, False, {"telemetry": row, "is_success": success}
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture (height, width, 3) in the mode ``rgb_array``; ``human`` shows each step by itself."""
@@ -173,17 +171,6 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             mode: RenderMode = "human" if self.render_mode == "human" else "rgb_array"
             self._viewer = Viewer(self.machine, self.task, mode)
         return self._viewer.draw(self._shown, np.array(self._trail))
-
-
-def as_row(action: Any) -> NDArray[Any]:
-    """Return an action as a batch of one, or raise an ActionError."""
-    try:
-        array = np.asarray(action)
-    except ValueError:
-        raise ActionError("action must be an array of numbers") from None
-    if array.shape != (4,):
-        raise ActionError(f"action must have the shape (4,), got {array.shape}")
-    return array[None]
 
 
 def find_machine(machine: Machine | str) -> Machine:

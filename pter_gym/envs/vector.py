@@ -147,7 +147,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         infos = self._infos(np.ones(self.num_envs, np.bool_), returns.telemetry[:1].reshape(-1, RECORDED), success)
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             self._add_final(infos, returns, terminated | truncated)
-        return returns.obs[0], returns.rewards, terminated, truncated, infos
+        return returns.obs, returns.rewards, terminated, truncated, infos
 
     def close_extras(self) -> None:
         """Stop the threads."""
@@ -175,7 +175,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         success = infos["is_success"]
         infos["is_success"] = success & ~ended
         final_obs = np.full(self.num_envs, None, object)
-        for index, row in zip(np.flatnonzero(ended).tolist(), returns.obs[1, ended], strict=True):
+        for index, row in zip(np.flatnonzero(ended).tolist(), returns.final_obs[ended], strict=True):
             final_obs[index] = row
         telemetry = returns.telemetry[1:].reshape(-1, RECORDED)
         if len(telemetry):

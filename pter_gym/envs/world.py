@@ -91,6 +91,8 @@ PARAM = CHANGING_ROWS
 """First row of a world's parameters."""
 
 WORLD_ROWS = PARAM + PARAM_ROWS
+REPEATS = WORLD_ROWS
+STORED_ROWS = REPEATS + 1
 _TARGET = WORLD_ROWS
 _IMPACT = _TARGET + 8
 _OMEGA = _IMPACT + 9
@@ -111,14 +113,14 @@ REFUSE, SKIP, NEXT_STEP, SAME_STEP = range(4)
 With SAME_STEP no world stays ended, so that one which is not alive was never reset and is refused.
 """
 
-LOW, HIGH, SLACK, SUBSTEP, SUBSTEPS, LIMIT = range(6)
+LOW, HIGH, SLACK, SUBSTEP, SUBSTEPS, LIMIT, HAS_LAW = range(7)
 """Entries of a kernel's configuration.
 
-Bounds of an action and how far beyond them it is clipped, the substep [s], the substeps in a control step, and the time
-limit in control steps.
+Bounds of an action and how far beyond them it is clipped, the substep [s], the substeps in a control step, the time
+limit in control steps, and 1 for voltages from a law or 0 for given ones.
 """
 
-INVERSE_SCALES = 6
+INVERSE_SCALES = 7
 """Where the inverse scales of the observation, as many as it may have entries, begin in the configuration."""
 
 SCALES = INVERSE_SCALES + ENTRIES
@@ -153,15 +155,12 @@ def clipped_volts(volts: PerClutch, voltage_max: float) -> PerClutch:
 
 
 @device
-def is_refused(worlds: Any, actions: Any, low: float, high: float, ended: int, world: int) -> bool:
+def is_refused(alive: float, actions: Any, low: float, high: float, ended: int, world: int) -> bool:
     """Tell whether a world has ended and may not, or its action is not a number within the bounds."""
-    width = worlds.shape[2]
-    if worlds[world // width, ALIVE, world % width] == 0.0:
-        return (ended == REFUSE) | (ended == SAME_STEP)
     refused = False
     for clutch in range(4):
         refused |= not ((actions[world, clutch] >= low) & (actions[world, clutch] <= high))
-    return refused
+    return ((ended == REFUSE) | (ended == SAME_STEP)) if alive == 0.0 else refused
 
 
 @device
@@ -324,11 +323,11 @@ def observe_world(w: Any, i: int, config: Any) -> None:
 
 
 @device
-def write_observation(w: Any, i: int, obs: Any, layer: int, world: int) -> None:
-    """Write what ``observe_world`` found to a row of the observations (layers, N, entries)."""
+def write_observation(w: Any, i: int, obs: Any, world: int) -> None:
+    """Write what ``observe_world`` found to a row of the observations (N, entries)."""
     for k in range(ENTRIES):  # not over the entries: compilers unroll what they can count
-        if k < obs.shape[2]:
-            obs[layer, world, k] = w[_SEEN + k, i]
+        if k < obs.shape[1]:
+            obs[world, k] = w[_SEEN + k, i]
 
 
 @device
@@ -449,7 +448,7 @@ def next_episode(w: Any, i: int, world: int, words: Any, obs: Any, telemetry: An
     words[world, 1] += _ONE
     start_episode(w, i, words[world, 0], words[world, 1])
     observe_world(w, i, config)
-    write_observation(w, i, obs, 0, world)
+    write_observation(w, i, obs, world)
     if telemetry.shape[0] > 0:
         record_reset(w, i, telemetry, t, world)
 
@@ -461,6 +460,7 @@ def end_step(
     world: int,
     words: Any,
     obs: Any,
+    final_obs: Any,
     rewards: Any,
     flags: Any,
     telemetry: Any,
@@ -471,20 +471,20 @@ def end_step(
 ) -> None:
     """Write what a control step of one world returns, and begin its next episode as ``ended`` says.
 
-    The world was judged and observed. Its row of the observations (1 or 2, N, entries), the rewards (N,), the flags
-    (FLAGS, N) and row (t, world) of the telemetry (T, N, K) are written, where T may be 0. With SAME_STEP the second
-    layer of the observations, and of the telemetry, gets the last ones of a world that has ended.
+    The world was judged and observed. Its row of the observations (N, entries), the rewards (N,), the flags (FLAGS, N)
+    and row (t, world) of the telemetry (T, N, K) are written, where T may be 0. With SAME_STEP the final observations
+    and the second layer of the telemetry get the last ones of a world that has ended.
     """
     records = telemetry.shape[0] > 0
     if has_begun(w, i):
-        write_observation(w, i, obs, 0, world)
+        write_observation(w, i, obs, world)
         rewards[world] = w[_REWARD + 5, i]
         for flag in range(FLAGS):
             flags[flag, world] = w[_END + flag, i] != 0.0
         if records:
             record_step(w, i, telemetry, t, world, period)
         if w[ALIVE, i] == 0.0 and ended == SAME_STEP:
-            write_observation(w, i, obs, 1, world)
+            write_observation(w, i, final_obs, world)
             if records:
                 record_step(w, i, telemetry, t + 1, world, period)
             next_episode(w, i, world, words, obs, telemetry, t, config)

@@ -46,7 +46,7 @@ def live(batch: Batch, seeds: list[int], actions: np.ndarray) -> list[np.ndarray
     out = [obs.copy(), telemetry.copy()]
     for rows in actions:
         returns = batch.step(rows)
-        out += list(returns)
+        out += [returns.obs, returns.rewards, returns.flags, returns.telemetry]
         ended = returns.flags[TERMINATED]
         if ended.any():
             obs, telemetry = batch.reset(chosen=ended)
@@ -77,7 +77,7 @@ def test_a_row_of_a_batch_has_the_bits_of_a_single_world(count: int) -> None:
     for rows in actions:
         returns = batch.step(rows)
         for k in range(count):
-            records[k].append((returns.obs[0, k], returns.telemetry[0, k]))
+            records[k].append((returns.obs[k], returns.telemetry[0, k]))
         ended = returns.flags[TERMINATED]
         episodes += ended
         if ended.any():
@@ -112,7 +112,7 @@ def digest() -> str:
     for policy in policies:
         for _ in range(10):
             returns = batch.step(policy(obs))
-            obs = returns.obs[0]
+            obs = returns.obs
             content.update(obs.tobytes() + returns.telemetry.tobytes())
     return content.hexdigest()
 
@@ -140,7 +140,7 @@ def test_a_compiled_rollout_has_the_bits_of_stepping_from_python(policy: TorqueF
     last, telemetry = one.rollout(obs, bound.law, bound.gains, 120)
     obs, _ = two.reset(seeds)
     for row in telemetry:
-        (obs,), _, _, (rows,) = two.step(bound(obs), SKIP)
+        obs, _, _, _, (rows,) = two.step(bound(obs), SKIP)
         assert row.tobytes() == rows.tobytes()
         running = np.isfinite(rows[:, 0])
         assert running.sum() == np.isfinite(row[:, 0]).sum()
@@ -158,7 +158,7 @@ def test_plain_python_calls_the_law_with_the_same_bits() -> None:
         law = getattr(bound.law, "py_func", bound.law)
         plain = law(obs[2], batch.layout.scales, bound.gains, np.zeros(2))
         assert np.array(plain, np.float32).tobytes() == volts[2].tobytes()
-        (obs,) = batch.step(volts).obs
+        obs = batch.step(volts).obs
 
 
 def test_same_seed_same_episode_and_other_seed_another() -> None:
