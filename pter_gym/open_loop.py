@@ -11,12 +11,13 @@ from pter_gym._jit import compile_kernel
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine
 from pter_gym.physics.arm import Load, kinetic_energy, tip_position, tip_velocity
-from pter_gym.physics.clutch import PerClutch, relax, relax_torques, steady_torques
+from pter_gym.physics.clutch import PerClutch, relax, relax_torques, scaled, steady_torques
 from pter_gym.physics.friction import generated_torques, mode_of, slip_velocities
 from pter_gym.physics.model import (
     BREAKAWAY,
     DYNAMIC,
     LAGGED_VOLTS,
+    SCALE,
     SLIP_THRESHOLD,
     STATE_ROWS,
     TORQUE_DECAY,
@@ -147,11 +148,12 @@ def initial_state(
     """
     settled = _volts(machine, volts, 1)[0]
     clutch = machine.clutch
+    scale = np.array(machine.clutch_scale)
     return State(
         theta=_vector("theta", theta, 2),
         omega=_vector("omega", omega, 2),
-        torque_breakaway=np.array([clutch.breakaway.torque(float(v)) for v in settled]),
-        torque_dynamic=np.array([clutch.dynamic.torque(float(v)) for v in settled]),
+        torque_breakaway=scale * [clutch.breakaway.torque(float(v)) for v in settled],
+        torque_dynamic=scale * [clutch.dynamic.torque(float(v)) for v in settled],
         lagged_volts=settled,
     )
 
@@ -228,7 +230,8 @@ def _build(digest: str) -> Any:
         for k in range(record.shape[0]):
             command = PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3])
             lagged = relax(load_four(s, LAGGED_VOLTS, 0), command, p[VOLTAGE_DECAY, 0])
-            target = steady_torques(breakaway_curve(p, 0, 0), dynamic_curve(p, 0, 0), lagged)
+            steady = steady_torques(breakaway_curve(p, 0, 0), dynamic_curve(p, 0, 0), lagged)
+            target = scaled(steady, load_four(p, SCALE, 0), 1.0)
             torques = relax_torques(load_torques(s, BREAKAWAY, 0), target, p[TORQUE_DECAY, 0])
             load = Load(
                 hand_force[k, 0],

@@ -72,6 +72,13 @@ def require_number(
     )
 
 
+def require_kind(owner: object, name: str, *kinds: type) -> None:
+    """Raise a ParameterError unless the field is of one of these types."""
+    value = getattr(owner, name)
+    accepted = " or ".join(kind.__name__ for kind in kinds)
+    require(isinstance(value, kinds), owner, name, value, f"of type {accepted}")
+
+
 def require_flag(owner: object, name: str) -> None:
     """Raise a ParameterError unless the field is True or False."""
     value = getattr(owner, name)
@@ -194,13 +201,19 @@ class Machine:
     arm: Arm = quantity("1", "see Arm", default=Arm())
     clutch: Clutch = quantity("1", "see Clutch")
     hand: Hand = quantity("1", "see Hand", default=Hand())
+    clutch_scale: tuple[float, ...] = quantity(
+        "1", "chosen: each clutch's torques over those of its curves, which are never known exactly", default=(1.0,) * 4
+    )
     slip_threshold: float = quantity("rad/s", "chosen: δω of Karnopp's model (Eq. 2)", default=1e-3)
     substep: float = quantity("s", "chosen: integrator step", default=1e-3)
 
     def __post_init__(self) -> None:
         """Check the numbers of the friction model and that the hand's explicit spring is stable."""
         for name, kind in (("arm", Arm), ("clutch", Clutch), ("hand", Hand)):
-            require(isinstance(getattr(self, name), kind), self, name, getattr(self, name), f"of type {kind.__name__}")
+            require_kind(self, name, kind)
+        accepted = "a tuple of 4 finite numbers > 0"
+        require_numbers(self, "clutch_scale", accepted, count=4)
+        require(min(self.clutch_scale) > 0.0, self, "clutch_scale", self.clutch_scale, accepted)
         require_number(self, "slip_threshold", above=0.0)
         require_number(self, "substep", above=0.0, at_most=0.01)
         mass = self.hand.mass + tip_mass(self.arm)

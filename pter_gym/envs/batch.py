@@ -14,35 +14,44 @@ from pter_gym.controllers.laws import MEMORY
 from pter_gym.envs.kernels import advance_kernel, reset_kernel
 from pter_gym.envs.world import (
     ALIVE,
+    BASIC_ROWS,
     CHANGING_ROWS,
+    CONTEXT_AT,
+    DRAWS,
+    DRAWS_FROM,
     FLAGS,
     HAS_LAW,
     LANES,
     NEXT_STEP,
-    PARAM,
     REFUSE,
-    REPEATS,
     SAME_STEP,
+    SEGMENT,
     SKIP,
-    STORED_ROWS,
 )
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
+from pter_gym.operators import HumanArm, RecordedForces
 from pter_gym.params import Machine
-from pter_gym.physics.model import model_of
+from pter_gym.paths import Path
 from pter_gym.tasks.path_following import (
+    CONTEXT,
+    CONTEXT_ROWS,
     ENTRIES,
+    IDEAL_SENSING,
+    PARAM_ROWS,
+    PATH_COUNT,
     TELEMETRY,
     PathFollowing,
     Sensors,
     check_machine,
+    context_rows,
     observation_layout,
     substeps,
-    task_model,
 )
 
 Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
 ActionUnit = Literal["volt", "normalised"]
+Pair = tuple[Machine, PathFollowing]
 
 NO_LIMIT = float("inf")
 
@@ -89,8 +98,13 @@ class Batch:
         tasks the control period.
     num_worlds
         N; may be left out where ``machines`` or ``tasks`` is a sequence.
+    draws
+        Whether each world draws one of the given pairs of machine and task at each reset, by its seed and episode
+        alone. Otherwise each world keeps its own.
     sensors
         What the observation holds; see ``observation_layout``.
+    observe_context
+        Whether the observation ends with what is told of machine and task.
     action_unit
         ``"volt"``: actions within [0, voltage_max]; ``"normalised"``: within [−1, 1] for the same voltages.
     max_steps
@@ -103,7 +117,9 @@ class Batch:
     Attributes
     ----------
     machine, task
-        Those of the first world.
+        The first ones given.
+    pairs
+        The distinct pairs of machine and task; ``context`` holds their numbers.
     layout
         Layout of the observations.
     action_low, action_high
@@ -121,7 +137,9 @@ class Batch:
         tasks: PathFollowing | Sequence[PathFollowing],
         num_worlds: int | None = None,
         *,
+        draws: bool = False,
         sensors: Sensors = "torque",
+        observe_context: bool = False,
         action_unit: ActionUnit = "volt",
         max_steps: int | None = None,
         telemetry: bool = True,
@@ -133,14 +151,16 @@ class Batch:
             raise ParameterError(f"num_threads must be ≥ 1, got {num_threads!r}")
         if max_steps is not None and max_steps < 1:
             raise ParameterError(f"max_steps must be ≥ 1 or None, got {max_steps!r}")
-        self.num_worlds = _number_of_worlds(machines, tasks, num_worlds)
-        listed_machines = [machines] * self.num_worlds if isinstance(machines, Machine) else list(machines)
-        listed_tasks = [tasks] * self.num_worlds if isinstance(tasks, PathFollowing) else list(tasks)
+        pairs = _number_of_pairs(machines, tasks, None if draws else num_worlds)
+        self.num_worlds = _number_drawing(num_worlds) if draws else pairs
+        listed_machines = [machines] * pairs if isinstance(machines, Machine) else list(machines)
+        listed_tasks = [tasks] * pairs if isinstance(tasks, PathFollowing) else list(tasks)
         self.machine = listed_machines[0]
         self.task = listed_tasks[0]
-        self.layout = observation_layout(self.machine, sensors)
+        self.layout = observation_layout(self.machine, sensors, observe_context)
         voltage_max = self.machine.clutch.voltage_max
         self.action_low, self.action_high = (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
+        plain = len(self.layout) - (len(CONTEXT) if observe_context else 0)
         self._config = np.array(
             [
                 self.action_low,
@@ -150,12 +170,20 @@ class Batch:
                 substeps(self.task, self.machine),
                 NO_LIMIT if max_steps is None else max_steps,
                 0.0,
-                *(1.0 / self.layout.scales),
-                *np.zeros(ENTRIES - len(self.layout)),
+                plain,
+                *(1.0 / self.layout.scales[:plain]),
+                *np.zeros(ENTRIES - plain),
                 *self.layout.scales,
             ]
         )
-        self._worlds = _pack(*_parameters(listed_machines, listed_tasks))
+        self.pairs, numbers = _distinct(listed_machines, listed_tasks)
+        _check_shared(self.pairs)
+        self._constants = _constants(self.pairs)
+        self._worlds = _blocks(
+            np.zeros(self.num_worlds) if draws else CONTEXT_ROWS * numbers,
+            len(self.pairs) if draws else 1,
+            BASIC_ROWS if all(_is_plain(task) for _, task in self.pairs) else CHANGING_ROWS,
+        )
         self._words = np.zeros((self.num_worlds, 2), np.uint64)
         self._seeded = np.zeros(self.num_worlds, np.bool_)
         self._actions = np.empty((self.num_worlds, 4))
@@ -193,7 +221,7 @@ class Batch:
         telemetry = np.empty((self._records, self.num_worlds, len(TELEMETRY)))
         kernel = reset_kernel()
         self._words, self._seeded = words, self._seeded | chosen
-        kernel(self._worlds, words, chosen, obs, telemetry, self._config)
+        kernel(self._worlds, words, chosen, obs, telemetry, self._config, self._constants)
         return obs, telemetry.reshape(-1, len(TELEMETRY))
 
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
@@ -264,6 +292,7 @@ class Batch:
             flags,
             telemetry,
             self._config,
+            self._constants,
             REFUSE,
             1,
             0,
@@ -306,7 +335,7 @@ class Batch:
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
         return {
-            "worlds": self._worlds[:, :CHANGING_ROWS].copy(),
+            "worlds": self._worlds.copy(),
             "words": self._words.copy(),
             "seeded": self._seeded.copy(),
         }
@@ -317,23 +346,48 @@ class Batch:
         Raises
         ------
         ParameterError
-            If a part is missing or has another shape or type; nothing has changed.
+            If a part is missing, has another shape or type, or belongs to other machines or tasks; nothing has changed.
         """
-        own = self.get_state()
+        own = {"worlds": self._worlds, "words": self._words, "seeded": self._seeded}
         for name, mine in own.items():
             part = state.get(name)
             if not isinstance(part, np.ndarray) or part.shape != mine.shape or part.dtype != mine.dtype:
                 raise ParameterError(f"state[{name!r}] must be an array of {mine.dtype} with the shape {mine.shape}")
-        self._worlds[:, :CHANGING_ROWS] = state["worlds"]
+        worlds = state["worlds"]
+        if not self._fits(worlds):
+            raise ParameterError("state['worlds'] must be of an environment with the same machines and tasks")
+        self._worlds[:] = worlds
         self._words[:] = state["words"]
         self._seeded[:] = state["seeded"]
 
+    def _fits(self, worlds: Array) -> bool:
+        """Tell whether worlds from elsewhere point at constants and arcs that there are."""
+        same = np.array_equal(worlds[:, DRAWS_FROM : DRAWS + 1], self._worlds[:, DRAWS_FROM : DRAWS + 1])
+        numbers = (worlds[:, CONTEXT_AT] - worlds[:, DRAWS_FROM]) / CONTEXT_ROWS
+        if not same or not np.isin(numbers, np.arange(int(worlds[:, DRAWS].max()))).all():
+            return False
+        arcs = self._constants[worlds[:, CONTEXT_AT].astype(np.intp) + PATH_COUNT]
+        return bool(np.isin(worlds[:, SEGMENT], np.arange(int(arcs.max()))).all() and (worlds[:, SEGMENT] < arcs).all())
+
+    @property
+    def contexts(self) -> Array:
+        """What is told of each of ``pairs``, in the order of ``CONTEXT`` and its units, shape (K, len(CONTEXT))."""
+        table = self._constants[: len(self.pairs) * CONTEXT_ROWS].reshape(-1, CONTEXT_ROWS)
+        return table[:, PARAM_ROWS:].copy()
+
+    @property
+    def context(self) -> NDArray[np.intp]:
+        """The number of each world's present pair of machine and task in ``pairs``, (N,)."""
+        numbers = self._worlds[:, CONTEXT_AT].reshape(-1)[: self.num_worlds] / CONTEXT_ROWS
+        return numbers.astype(np.intp)
+
     def device_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays that a kernel on another device needs: worlds, words, config, and who has begun."""
+        """Return the arrays that a kernel on another device needs: worlds, words, config, constants, who has begun."""
         return {
             "worlds": self._worlds,
             "words": self._words,
             "config": self._config,
+            "constants": self._constants,
             "seeded": self._seeded,
         }
 
@@ -342,6 +396,7 @@ class Batch:
         """Bytes that the worlds take between steps."""
         return (
             self._worlds.nbytes
+            + self._constants.nbytes
             + self._words.nbytes
             + self._seeded.nbytes
             + self._actions.nbytes
@@ -361,7 +416,8 @@ class Batch:
         steps: int,
     ) -> int:
         """Run the kernel over all blocks, in this thread or in several; return the first refused world or −1."""
-        arguments = (self._worlds, self._words, given, obs, self._final_obs, rewards, flags, telemetry, config, ended)
+        outputs = (obs, self._final_obs, rewards, flags, telemetry)
+        arguments = (self._worlds, self._words, given, *outputs, config, self._constants, ended)
         blocks = len(self._worlds)
         if self._num_threads == 1 or blocks < INLINE_BLOCKS:
             return kernel(*arguments, steps, 0, blocks)
@@ -449,7 +505,13 @@ class Batch:
         )
 
 
-def _number_of_worlds(
+def _number_drawing(num_worlds: int | None) -> int:
+    if num_worlds is None or num_worlds < 1:
+        raise ParameterError(f"num_worlds must be ≥ 1 where worlds draw their machines and tasks, got {num_worlds!r}")
+    return num_worlds
+
+
+def _number_of_pairs(
     machines: Machine | Sequence[Machine], tasks: PathFollowing | Sequence[PathFollowing], num_worlds: int | None
 ) -> int:
     lengths = {len(items) for items in (machines, tasks) if not isinstance(items, (Machine, PathFollowing))}
@@ -461,34 +523,69 @@ def _number_of_worlds(
     return lengths.pop()
 
 
-def _parameters(machines: Sequence[Machine], tasks: Sequence[PathFollowing]) -> tuple[Array, NDArray[np.intp]]:
-    """Return the parameters of each pair of machine and task, (K, PARAM_ROWS), and the number of each world's, (N,)."""
-    first, task = machines[0], tasks[0]
-    known: dict[tuple[int, int], int] = {}
-    table: list[tuple[float, ...]] = []
+def _is_plain(task: PathFollowing) -> bool:
+    """Tell whether a task does with the rows that every world stores."""
+    return not isinstance(task.hand, (HumanArm, RecordedForces)) and task.sensing == IDEAL_SENSING
+
+
+def _distinct(machines: Sequence[Machine], tasks: Sequence[PathFollowing]) -> tuple[list[Pair], NDArray[np.intp]]:
+    """Return the pairs of machine and task without repeats, and the number of each world's, (N,)."""
+    numbers: dict[tuple[int, int], int] = {}
+    pairs: list[Pair] = []
     index = np.empty(len(machines), np.intp)
-    for world, (machine, goal) in enumerate(zip(machines, tasks, strict=True)):
-        pair = id(machine), id(goal)
-        if pair not in known:
-            if (machine.substep, machine.clutch.voltage_max) != (first.substep, first.clutch.voltage_max):
-                raise ParameterError("machines of one batch must share substep and clutch.voltage_max")
-            if goal.control_period != task.control_period:
-                raise ParameterError("tasks of one batch must share control_period")
-            check_machine(goal, machine)
-            known[pair] = len(table)
-            table.append((*model_of(machine), *task_model(goal, machine)))
-        index[world] = known[pair]
-    return np.array(table), index
+    for world, pair in enumerate(zip(machines, tasks, strict=True)):
+        key = id(pair[0]), id(pair[1])
+        if key not in numbers:
+            numbers[key] = len(pairs)
+            pairs.append(pair)
+        index[world] = numbers[key]
+    return pairs, index
 
 
-def _pack(table: Array, index: NDArray[np.intp]) -> Array:
-    """Return blocks of worlds (B, WORLD_ROWS, lanes) that have not begun, with the rows ``index`` of the parameters."""
-    n = len(index)
+def _constants(pairs: Sequence[Pair]) -> Array:
+    """Return the flat array of constants: a context for each pair, then the arcs of paths and recorded forces."""
+    shared: list[Array] = []
+    begins: dict[Path | RecordedForces, tuple[int, int]] = {}
+    end = CONTEXT_ROWS * len(pairs)
+    period = pairs[0][1].control_period
+    for _, task in pairs:
+        for item in (task.path, task.hand):
+            if item in begins or not isinstance(item, (Path, RecordedForces)):
+                continue
+            table = item.arcs.table if isinstance(item, Path) else item.sampled(period)
+            begins[item] = end, len(table)
+            shared.append(table.ravel())
+            end += table.size
+    rows = [
+        context_rows(
+            task,
+            machine,
+            begins[task.path],
+            begins[task.hand] if isinstance(task.hand, RecordedForces) else (0, 0),
+        )
+        for machine, task in pairs
+    ]
+    return np.concatenate([np.array(rows).ravel(), *shared])
+
+
+def _check_shared(pairs: Sequence[Pair]) -> None:
+    """Check that machines and tasks fit together and share what the worlds of a batch must share."""
+    first, goal = pairs[0]
+    for machine, task in pairs:
+        if (machine.substep, machine.clutch.voltage_max) != (first.substep, first.clutch.voltage_max):
+            raise ParameterError("machines of one batch must share substep and clutch.voltage_max")
+        if task.control_period != goal.control_period:
+            raise ParameterError("tasks of one batch must share control_period")
+        check_machine(task, machine)
+
+
+def _blocks(contexts: Array, draws: int, rows: int) -> Array:
+    """Return blocks of worlds (B, rows, lanes) that have not begun, whose constants begin at ``contexts`` (N,)."""
+    n = len(contexts)
     width = min(LANES, -(-n // 8) * 8)
     blocks = -(-n // width)
-    lanes = np.concatenate([index, np.repeat(index[-1:], blocks * width - n)]).reshape(blocks, width)
-    worlds = np.zeros((blocks, STORED_ROWS, width))
-    for row, values in enumerate(table.T):
-        worlds[:, PARAM + row] = values[lanes]
-    worlds[1:, REPEATS, 0] = (lanes[1:] == lanes[:-1]).all(axis=1)
+    worlds = np.zeros((blocks, rows, width))
+    worlds[:, CONTEXT_AT] = np.concatenate([contexts, np.repeat(contexts[-1:], blocks * width - n)]).reshape(-1, width)
+    worlds[:, DRAWS_FROM] = worlds[:, CONTEXT_AT]
+    worlds[:, DRAWS] = draws
     return worlds

@@ -15,9 +15,11 @@ from gymnasium.vector import AutoresetMode
 from numba import cuda as numba_cuda
 from numpy.typing import NDArray
 
+from pter_gym._jit import device
 from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.envs.world import (
     ALIVE,
+    BASIC_ROWS,
     CHANGING_ROWS,
     FLAGS,
     HIGH,
@@ -31,25 +33,30 @@ from pter_gym.envs.world import (
     SUCCESS,
     TERMINATED,
     TRUNCATED,
-    WORLD_ROWS,
     aim_torques,
     catch_crossing,
     end_step,
     find_velocity,
     given_volts,
+    guide_tip,
     is_refused,
     judge_step,
+    locate,
     move_arm,
-    observe_world,
+    plan_hand,
+    plans,
     push_tip,
+    see,
     sense_torques,
     start_episode,
     take_command,
+    take_context,
+    take_reading,
     write_observation,
 )
 from pter_gym.errors import ActionError, DependencyError, ResetNeededError
 from pter_gym.physics.model import VOLTAGE_DECAY, VOLTAGE_MAX
-from pter_gym.tasks.path_following import TELEMETRY
+from pter_gym.tasks.path_following import SENSES_IDEALLY, TELEMETRY
 
 cuda: Any = numba_cuda
 
@@ -63,6 +70,24 @@ NONE_REFUSED = np.iinfo(np.int64).max
 _ONE = np.uint64(1)
 
 
+@device
+def _move(w: Any, actions: Any, world: int, config: Any, guides: bool) -> None:
+    """Move one world through a control step."""
+    low, high, h, count = config[LOW], config[HIGH], config[SUBSTEP], int(config[SUBSTEPS])
+    take_command(w, 0, given_volts(actions, world, low, w[PARAM + VOLTAGE_MAX, 0] / (high - low)))
+    lags_voltage = w[PARAM + VOLTAGE_DECAY, 0] != 0.0
+    for k in range(count):
+        if lags_voltage | (k == 0):
+            aim_torques(w, 0, h * count)
+        push_tip(w, 0)
+        if guides:
+            guide_tip(w, 0, h)
+        find_velocity(w, 0, h)
+        catch_crossing(w, 0, h)
+        move_arm(w, 0, h)
+    sense_torques(w, 0, h)
+
+
 @cuda.jit
 def _advance(
     worlds: Any,
@@ -74,6 +99,7 @@ def _advance(
     flags: Any,
     telemetry: Any,
     config: Any,
+    constants: Any,
     ended: int,
     refused: Any,
 ) -> None:
@@ -83,34 +109,31 @@ def _advance(
     width = worlds.shape[2]
     b = world // width
     lane = world % width
-    low, high, slack, h, count = config[LOW], config[HIGH], config[SLACK], config[SUBSTEP], int(config[SUBSTEPS])
+    low, high, slack, period = config[LOW], config[HIGH], config[SLACK], config[SUBSTEP] * config[SUBSTEPS]
     if is_refused(worlds[b, ALIVE, lane], actions, low - slack, high + slack, ended, world):
         cuda.atomic.min(refused, 0, world)
         rewards[world] = np.nan
         return
     w = cuda.local.array((SCRATCH_ROWS, 1), np.float64)
-    for row in range(WORLD_ROWS):
-        w[row, 0] = worlds[b, row, lane]
-    if w[ALIVE, 0] != 0.0:
-        take_command(w, 0, given_volts(actions, world, low, w[PARAM + VOLTAGE_MAX, 0] / (high - low)))
-        lags_voltage = w[PARAM + VOLTAGE_DECAY, 0] != 0.0
-        for k in range(count):
-            if lags_voltage | (k == 0):
-                aim_torques(w, 0)
-            push_tip(w, 0)
-            find_velocity(w, 0, h)
-            catch_crossing(w, 0, h)
-            move_arm(w, 0, h)
-        sense_torques(w, 0, h)
-    judge_step(w, 0, h * count, config[LIMIT])
-    observe_world(w, 0, config)
-    end_step(w, 0, world, words, obs, final_obs, rewards, flags, telemetry, 0, h * count, ended, config)
     for row in range(CHANGING_ROWS):
+        w[row, 0] = worlds[b, row, lane] if row < worlds.shape[1] else 0.0
+    take_context(w, 0, constants)
+    if w[ALIVE, 0] != 0.0:
+        _move(w, actions, world, config, worlds.shape[1] > BASIC_ROWS)
+    locate(w, 0, constants)
+    judge_step(w, 0, period, config[LIMIT])
+    if plans(w, 0):
+        plan_hand(w, 0, constants, period, config[SUBSTEPS])
+    if w[PARAM + SENSES_IDEALLY, 0] == 0.0:
+        take_reading(w, 0, words[world, 0], words[world, 1])
+    see(w, 0, config, constants)
+    end_step(w, 0, world, words, obs, final_obs, rewards, flags, telemetry, 0, period, ended, config, constants)
+    for row in range(worlds.shape[1]):
         worlds[b, row, lane] = w[row, 0]
 
 
 @cuda.jit
-def _reset(worlds: Any, words: Any, chosen: Any, seeded: Any, obs: Any, config: Any) -> None:
+def _reset(worlds: Any, words: Any, chosen: Any, seeded: Any, obs: Any, config: Any, constants: Any) -> None:
     world = cuda.grid(1)
     if world >= obs.shape[0]:
         return
@@ -118,16 +141,18 @@ def _reset(worlds: Any, words: Any, chosen: Any, seeded: Any, obs: Any, config: 
     b = world // width
     lane = world % width
     w = cuda.local.array((SCRATCH_ROWS, 1), np.float64)
-    for row in range(WORLD_ROWS):
-        w[row, 0] = worlds[b, row, lane]
+    for row in range(CHANGING_ROWS):
+        w[row, 0] = worlds[b, row, lane] if row < worlds.shape[1] else 0.0
+    take_context(w, 0, constants)
     if chosen[world]:
         if not seeded[world]:
             words[world, 1] += _ONE
-        start_episode(w, 0, words[world, 0], words[world, 1])
-        for row in range(CHANGING_ROWS):
+        count = config[SUBSTEPS]
+        start_episode(w, 0, words[world, 0], words[world, 1], constants, config[SUBSTEP] * count, count)
+        for row in range(worlds.shape[1]):
             worlds[b, row, lane] = w[row, 0]
-    observe_world(w, 0, config)
-    write_observation(w, 0, obs, world)
+    see(w, 0, config, constants)
+    write_observation(w, 0, obs, world, config, constants)
 
 
 class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
@@ -172,6 +197,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
             to_device(seeded),
             self._view(obs),
             self._device["config"],
+            self._device["constants"],
         )
         return obs, {}
 
@@ -212,6 +238,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
             view(flags),
             view(telemetry),
             self._device["config"],
+            self._device["constants"],
             self._ended,
             self._device["refused"],
         )
@@ -249,7 +276,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies on the host of all that changes; fits ``set_state`` of the CPU's environment too."""
         return {
-            "worlds": self._device["worlds"].copy_to_host()[:, :CHANGING_ROWS].copy(),
+            "worlds": self._device["worlds"].copy_to_host(),
             "words": self._device["words"].copy_to_host(),
             "seeded": self._begun.copy(),
         }

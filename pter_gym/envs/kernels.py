@@ -1,7 +1,8 @@
 """The block kernel: whole control steps of many worlds on a CPU.
 
 Worlds are stored in blocks of up to 64 lanes, (blocks, rows, lanes). A block is copied into one scratch array, whose
-innermost loops over lanes are vectorised, and back. Lanes without a world hold zeros and a copy of valid parameters.
+innermost loops over lanes are vectorised, and back; the constants of its worlds are read from where they stand once for
+all worlds that share them. Lanes without a world hold zeros and the constants of another.
 """
 
 from functools import cache
@@ -13,8 +14,11 @@ from pter_gym._jit import compile_kernel, device, inlined
 from pter_gym.controllers.laws import built_in
 from pter_gym.envs.world import (
     ALIVE,
+    BASIC_ROWS,
     CHANGING_ROWS,
+    CONTEXT_AT,
     CROSSING,
+    DRAWS,
     HAS_LAW,
     HIGH,
     LANES,
@@ -22,31 +26,38 @@ from pter_gym.envs.world import (
     LOW,
     NEXT_STEP,
     PARAM,
-    REPEATS,
     SCALES,
     SCRATCH_ROWS,
     SLACK,
     SUBSTEP,
     SUBSTEPS,
-    WORLD_ROWS,
     aim_torques,
     catch_crossing,
     end_step,
     find_velocity,
     given_volts,
+    guide_tip,
     has_begun,
     is_refused,
     judge_step,
+    locate,
     move_arm,
+    observe_reading,
     observe_world,
+    plan_hand,
+    plans,
     push_tip,
     record_reset,
+    see,
     sense_torques,
     start_episode,
     take_command,
+    take_context,
+    take_reading,
     write_observation,
 )
 from pter_gym.physics.model import VOLTAGE_DECAY, VOLTAGE_MAX
+from pter_gym.tasks.path_following import PARAM_ROWS, SENSES_IDEALLY
 
 law: Any = built_in
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
@@ -77,17 +88,45 @@ def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: in
 
 
 @device
-def _gather(w: Any, worlds: Any, b: int, rows: int) -> None:
-    """Read the first rows of all lanes of a block."""
-    for row in range(rows):
+def _gather(w: Any, worlds: Any, b: int) -> None:
+    """Read the stored rows of all lanes of a block."""
+    for row in range(worlds.shape[1]):
         for i in range(worlds.shape[2]):
             w[row, i] = worlds[b, row, i]
 
 
 @device
+def _clear(w: Any, worlds: Any) -> None:
+    """Set the rows that are not stored to zero."""
+    for row in range(worlds.shape[1], CHANGING_ROWS):
+        for i in range(worlds.shape[2]):
+            w[row, i] = 0.0
+
+
+@device
+def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
+    """Read the constants of all lanes; those of ``present`` are there. Return whose they are, or −1 for several."""
+    first = w[CONTEXT_AT, 0]
+    others = 0
+    for i in range(width):
+        others += 1 if w[CONTEXT_AT, i] != first else 0
+    if others > 0:
+        for i in range(width):
+            take_context(w, i, constants)
+        return -1.0
+    if first != present:
+        begin = int(first)
+        for row in range(PARAM_ROWS):
+            value = constants[begin + row]
+            for i in range(width):
+                w[PARAM + row, i] = value
+    return first
+
+
+@device
 def _scatter(w: Any, i: int, worlds: Any, b: int) -> None:
     """Write lane i back to its block."""
-    for row in range(CHANGING_ROWS):
+    for row in range(worlds.shape[1]):
         worlds[b, row, i] = w[row, i]
 
 
@@ -95,7 +134,7 @@ def _scatter(w: Any, i: int, worlds: Any, b: int) -> None:
 def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
     """Write the lanes that are alive back to their block."""
     if _count(w, ALIVE, lanes) == lanes:
-        for row in range(CHANGING_ROWS):
+        for row in range(worlds.shape[1]):
             for i in range(lanes):
                 worlds[b, row, i] = w[row, i]
     else:
@@ -114,13 +153,28 @@ def _count(w: Any, row: int, lanes: int) -> int:
 
 
 @device
-def _substep(w: Any, lanes: int, h: float, aims: bool) -> None:
-    """Advance all lanes by one substep; ``aims`` says that the steady torques may have changed."""
+def _most(w: Any, row: int, lanes: int) -> float:
+    """Return the largest number of a row."""
+    most = w[row, 0]
+    for i in range(lanes):
+        most = w[row, i] if w[row, i] > most else most
+    return most
+
+
+@device
+def _substep(w: Any, lanes: int, h: float, period: float, aims: bool, guides: bool) -> None:
+    """Advance all lanes by one substep.
+
+    ``aims`` says that the steady torques may have changed, ``guides`` that hands have more than a push and sines.
+    """
     if aims:
         for i in range(lanes):
-            aim_torques(w, i)
+            aim_torques(w, i, period)
     for i in range(lanes):
         push_tip(w, i)
+    if guides:
+        for i in range(lanes):
+            guide_tip(w, i, h)
     for i in range(lanes):
         find_velocity(w, i, h)
     if _count(w, CROSSING, lanes) > 0:  # rare: in a few blocks out of a hundred
@@ -144,6 +198,23 @@ def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high:
 
 
 @device
+def _plan(w: Any, lanes: int, constants: Any, config: Any) -> None:
+    """Say what the hands of all lanes do by themselves in the next control step."""
+    for i in range(lanes):
+        if plans(w, i):
+            plan_hand(w, i, constants, config[SUBSTEP] * config[SUBSTEPS], config[SUBSTEPS])
+
+
+@device
+def _read(w: Any, lanes: int, words: Any, begin: int, config: Any, constants: Any) -> None:
+    """Find the observations of all lanes whose sensors are not ideal."""
+    for i in range(lanes):
+        if w[PARAM + SENSES_IDEALLY, i] == 0.0:
+            take_reading(w, i, words[begin + i, 0], words[begin + i, 1])
+            observe_reading(w, i, config, constants)
+
+
+@device
 def _close(
     w: Any,
     worlds: Any,
@@ -158,16 +229,25 @@ def _close(
     t: int,
     ended: int,
     config: Any,
+    constants: Any,
 ) -> None:
     """End a control step of a block and write back the worlds that ended."""
-    begin = b * worlds.shape[2]
+    width = worlds.shape[2]
+    begin = b * width
     period = config[SUBSTEP] * config[SUBSTEPS]
-    for i in range(worlds.shape[2]):
+    for i in range(width):
+        locate(w, i, constants)
+    for i in range(width):
         judge_step(w, i, period, config[LIMIT])
-    for i in range(worlds.shape[2]):
+    with_extras = worlds.shape[1] > BASIC_ROWS
+    if with_extras:
+        _plan(w, lanes, constants, config)
+    for i in range(width):
         observe_world(w, i, config)
+    if with_extras:
+        _read(w, lanes, words, begin, config, constants)
     for i in range(lanes):
-        end_step(w, i, begin + i, words, obs, final_obs, rewards, flags, telemetry, t, period, ended, config)
+        end_step(w, i, begin + i, words, obs, final_obs, rewards, flags, telemetry, t, period, ended, config, constants)
         if has_begun(w, i) and w[ALIVE, i] == 0.0:
             _scatter(w, i, worlds, b)
 
@@ -183,6 +263,7 @@ def _build_advance(digest: str) -> Any:
         flags: Any,
         telemetry: Any,
         config: Any,
+        constants: Any,
         ended: int,
         steps: int,
         first: int,
@@ -198,12 +279,15 @@ def _build_advance(digest: str) -> Any:
         if refused >= 0:
             return refused
         w = _scratch()
+        _clear(w, worlds)
+        present = -1.0
+        period = h * count
         width = worlds.shape[2]
         for b in range(first, last):
             begin = b * width
             lanes = min(width, obs.shape[0] - begin)
-            known = b > first and worlds[b, REPEATS, 0] != 0.0
-            _gather(w, worlds, b, PARAM if known else WORLD_ROWS)
+            _gather(w, worlds, b)
+            present = _take_contexts(w, width, constants, present)
             lags_voltage = _count(w, PARAM + VOLTAGE_DECAY, lanes) > 0
             t = 0
             while t < steps and _goes_on(w, lanes, ended):
@@ -214,32 +298,39 @@ def _build_advance(digest: str) -> Any:
                 else:
                     _begin_given(w, lanes, given, begin, low, high)
                 for k in range(count):
-                    _substep(w, width, h, lags_voltage | (k == 0))
+                    _substep(w, width, h, period, lags_voltage | (k == 0), worlds.shape[1] > BASIC_ROWS)
                 for i in range(width):
                     sense_torques(w, i, h)
-                _close(w, worlds, b, lanes, words, obs, final_obs, rewards, flags, telemetry, t, ended, config)
+                _close(
+                    w, worlds, b, lanes, words, obs, final_obs, rewards, flags, telemetry, t, ended, config, constants
+                )
                 t += 1
             _scatter_alive(w, lanes, worlds, b)
+            present = present if _most(w, DRAWS, lanes) == 1.0 else -1.0
         return -1
 
     return advance
 
 
 def _build_reset(digest: str) -> Any:
-    def reset(worlds: Any, words: Any, chosen: Any, obs: Any, telemetry: Any, config: Any) -> None:
+    def reset(worlds: Any, words: Any, chosen: Any, obs: Any, telemetry: Any, config: Any, constants: Any) -> None:
         _ = digest
         w = np.empty((SCRATCH_ROWS, LANES))
+        _clear(w, worlds)
         width = worlds.shape[2]
+        period = config[SUBSTEP] * config[SUBSTEPS]
         for world in range(obs.shape[0]):
             b = world // width
             i = world % width
-            for row in range(WORLD_ROWS):
+            for row in range(worlds.shape[1]):
                 w[row, i] = worlds[b, row, i]
             if chosen[world]:
-                start_episode(w, i, words[world, 0], words[world, 1])
+                start_episode(w, i, words[world, 0], words[world, 1], constants, period, config[SUBSTEPS])
                 _scatter(w, i, worlds, b)
-            observe_world(w, i, config)
-            write_observation(w, i, obs, world)
+            else:
+                take_context(w, i, constants)
+            see(w, i, config, constants)
+            write_observation(w, i, obs, world, config, constants)
             if telemetry.shape[0] > 0:
                 record_reset(w, i, telemetry, 0, world)
 
@@ -250,16 +341,17 @@ def _build_reset(digest: str) -> Any:
 def advance_kernel(inlined: Any = built_in) -> Any:
     """Return the compiled ``advance`` with a control law inside.
 
-    ``advance(worlds (B, STORED_ROWS, lanes), words (N, 2), given, obs (N, O), final_obs (N or 0, O), rewards (N,),
-    flags (FLAGS, N), telemetry (T, N, K), config, ended, steps, first, last)`` runs ``steps`` control steps of the
-    worlds in the blocks first … last − 1.
+    ``advance(worlds (B, BASIC_ROWS or CHANGING_ROWS, lanes), words (N, 2), given, obs (N, O), final_obs (N or 0, O),
+    rewards (N,), flags (FLAGS, N), telemetry (T, N, K), config, constants, ended, steps, first, last)`` runs ``steps``
+    control steps of the worlds in the blocks first … last − 1.
 
     ``given`` holds the actions (N, 4), or where the voltages come from the law its memory (N, M). A call for all blocks
     or for none looks at the actions of all worlds first; the number of the first that is refused is returned before
     anything is touched, −1 when all went well. A call for some blocks does not look.
     The entries of ``config`` are named in ``pter_gym.envs.world``; the O scales of the observation and the law's gains
-    follow. ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP. T may be 0, for no telemetry. With SAME_STEP the last
-    observation of an episode goes to ``final_obs`` and its last telemetry to a second layer.
+    follow. ``constants`` holds what does not change: contexts, arcs of paths, recorded forces. ``ended`` is REFUSE,
+    SKIP, NEXT_STEP or SAME_STEP. T may be 0, for no telemetry. With SAME_STEP the last observation of an episode goes
+    to ``final_obs`` and its last telemetry to a second layer.
     """
     return compile_kernel(_build_advance, law=inlined)
 
@@ -268,7 +360,7 @@ def advance_kernel(inlined: Any = built_in) -> Any:
 def reset_kernel() -> Any:
     """Return the compiled ``reset``.
 
-    ``reset(worlds, words (N, 2), chosen (N,), obs (N, O), telemetry (1 or 0, N, K), config)`` starts new episodes of
-    the chosen worlds from their seeds and episode counts, and writes the present observation of all worlds.
+    ``reset(worlds, words (N, 2), chosen (N,), obs (N, O), telemetry (1 or 0, N, K), config, constants)`` starts new
+    episodes of the chosen worlds from their seeds and episode counts, and writes the present observation of all worlds.
     """
     return compile_kernel(_build_reset)

@@ -1,5 +1,6 @@
 """The Gymnasium environment: a batch of one world."""
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import gymnasium
@@ -11,7 +12,8 @@ from pter_gym.envs.batch import ActionUnit, Batch
 from pter_gym.errors import ParameterError
 from pter_gym.layout import Layout
 from pter_gym.params import MACHINES, Machine
-from pter_gym.tasks.path_following import T_TIP, TELEMETRY, PathFollowing, Sensors
+from pter_gym.randomisation import Randomisation
+from pter_gym.tasks.path_following import CONTEXT, T_TIP, TELEMETRY, PathFollowing, Sensors
 
 RenderMode = Literal["human", "rgb_array"]
 
@@ -74,7 +76,11 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Arguments
     - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
-    - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, start, reward weights.
+    - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, start, sensing, reward weights.
+    - `randomisation`: a `Randomisation` from which each episode draws machine and task, instead of these two.
+    - `observe_context`: whether the observation ends with what is told of machine and task (time constant, torque and
+      drift of the clutches, what the hand adds); `info["context"]` holds it always, in the order and units of
+      `env.unwrapped.context_layout`.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"volt"` (default) or `"normalised"`.
     - `render_mode`: `"human"` or `"rgb_array"` (needs the extra `render`).
@@ -91,14 +97,23 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         task: PathFollowing | None = None,
         sensors: Sensors = "torque",
         action_unit: ActionUnit = "volt",
+        randomisation: Randomisation | None = None,
+        observe_context: bool = False,
         render_mode: RenderMode | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ParameterError(f"render_mode must be one of human, rgb_array or None, got {render_mode!r}")
-        self.task = PathFollowing() if task is None else task
-        self.machine = find_machine(machine)
-        self.batch = Batch(self.machine, self.task, sensors=sensors, action_unit=action_unit)
-        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.task.control_period)}
+        machines, tasks = find_pairs(machine, task, randomisation)
+        self.batch = Batch(
+            machines,
+            tasks,
+            1,
+            draws=randomisation is not None,
+            sensors=sensors,
+            action_unit=action_unit,
+            observe_context=observe_context,
+        )
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.batch.task.control_period)}
         self.render_mode = render_mode
         self.action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
         self.observation_space = spaces.Box(-1.0, 1.0, (len(self.batch.layout),), np.float32)
@@ -110,6 +125,21 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def observation_layout(self) -> Layout:
         """Names, units and scales of the observation's entries."""
         return self.batch.layout
+
+    @property
+    def machine(self) -> Machine:
+        """The machine of the present episode."""
+        return self.batch.pairs[self.batch.context[0]][0]
+
+    @property
+    def task(self) -> PathFollowing:
+        """The task of the present episode."""
+        return self.batch.pairs[self.batch.context[0]][1]
+
+    @property
+    def context_layout(self) -> Layout:
+        """Names and units of the entries of ``info["context"]``."""
+        return CONTEXT
 
     @property
     def telemetry_layout(self) -> Layout:
@@ -125,8 +155,11 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         super().reset(seed=seed)
         obs, telemetry = self.batch.reset([seed])
         self._trail = []
+        if len(self.batch.pairs) > 1:
+            self.close()
         self._show(telemetry[0])
-        return obs[0], {"telemetry": telemetry[0], "is_success": False}
+        context = self.batch.contexts[self.batch.context[0]]
+        return obs[0], {"telemetry": telemetry[0], "is_success": False, "context": context}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Advance by one control period.
@@ -186,3 +219,25 @@ def find_machine(machine: Machine | str) -> Machine:
     if machine not in MACHINES:
         raise ParameterError(f"machine must be a Machine or one of {', '.join(MACHINES)}, got {machine!r}")
     return MACHINES[machine]
+
+
+def find_pairs(
+    machine: Machine | str | Sequence[Machine | str],
+    task: PathFollowing | Sequence[PathFollowing] | None,
+    randomisation: Randomisation | None,
+) -> tuple[Machine | list[Machine], PathFollowing | Sequence[PathFollowing]]:
+    """Return machines and tasks as a ``Batch`` takes them, from the arguments of an environment.
+
+    Raises
+    ------
+    ParameterError
+        If a randomisation is given together with a task or another machine than the default, or a name is unknown.
+    """
+    if randomisation is not None:
+        if task is not None or machine != "baseline":
+            raise ParameterError("randomisation must stand alone: it brings machine and task")
+        machines, tasks = zip(*randomisation.pairs(), strict=True)
+        return list(machines), tasks
+    goal = PathFollowing() if task is None else task
+    single = isinstance(machine, (Machine, str))
+    return find_machine(machine) if single else [find_machine(each) for each in machine], goal

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from pter_gym.envs import world
 from pter_gym.envs.batch import RECORDED, ActionUnit, Array, Batch, Observations, Returns
-from pter_gym.envs.single import find_machine
+from pter_gym.envs.single import find_pairs
 from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.layout import Layout
 from pter_gym.params import Machine
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
+from pter_gym.randomisation import Randomisation
+from pter_gym.tasks.path_following import CONTEXT, TELEMETRY, PathFollowing, Sensors
 
 Device = Literal["cpu", "cuda"]
 Mask = NDArray[np.bool_]
@@ -45,7 +46,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         N.
     machine, task
         One for all worlds, or a sequence with one for each; see ``PathFollowingEnv``.
-    sensors, action_unit
+    sensors, action_unit, randomisation, observe_context
         See ``PathFollowingEnv``.
     autoreset_mode
         What happens to a world whose episode has ended; an ``AutoresetMode`` or its value.
@@ -69,6 +70,8 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         task: PathFollowing | Sequence[PathFollowing] | None = None,
         sensors: Sensors = "torque",
         action_unit: ActionUnit = "volt",
+        randomisation: Randomisation | None = None,
+        observe_context: bool = False,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = 1000,
         telemetry: bool = True,
@@ -81,13 +84,13 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         self.metadata = {"render_modes": [], "render_fps": 100, "autoreset_mode": self.autoreset_mode}
         self.num_envs = whole_number("num_envs", num_envs)
         check_memory(self.num_envs, telemetry)
-        single = isinstance(machine, (Machine, str))
         self.batch = Batch(
-            find_machine(machine) if single else [find_machine(each) for each in machine],
-            PathFollowing() if task is None else task,
+            *find_pairs(machine, task, randomisation),
             self.num_envs,
+            draws=randomisation is not None,
             sensors=sensors,
             action_unit=action_unit,
+            observe_context=observe_context,
             max_steps=None if max_episode_steps is None else whole_number("max_episode_steps", max_episode_steps),
             telemetry=telemetry,
             num_threads=available_cores() if num_threads is None else whole_number("num_threads", num_threads),
@@ -103,6 +106,19 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
     def observation_layout(self) -> Layout:
         """Names, units and scales of the observation's entries."""
         return self.batch.layout
+
+    @property
+    def context_layout(self) -> Layout:
+        """Names and units of the entries of ``contexts``."""
+        return CONTEXT
+
+    @property
+    def contexts(self) -> Array:
+        """What is told of each pair of machine and task, (K, len(context_layout)).
+
+        A world's row is ``infos["telemetry"][world, telemetry_layout.index("context")]``.
+        """
+        return self.batch.contexts
 
     @property
     def telemetry_layout(self) -> Layout:

@@ -11,15 +11,19 @@ import numpy as np
 
 from pter_gym._jit import device
 from pter_gym._philox import uniform4
-from pter_gym.operators import SINES, advance_sines, renew_sines, sum_of_sines, unit_vector
-from pter_gym.physics.arm import Load, advance_position, kinetic_energy, tip_position, tip_velocity
-from pter_gym.physics.clutch import PerClutch, relax, relax_torques, steady_torques
+from pter_gym.operators import SINES, advance_sines, intent_speed, renew_sines, sum_of_sines, unit_vector
+from pter_gym.paths.projection import point_at, project
+from pter_gym.physics.arm import Load, Motion, advance_position, kinetic_energy, tip_position, tip_velocity
+from pter_gym.physics.clutch import PerClutch, relax, relax_torques, scaled, steady_torques
 from pter_gym.physics.friction import between, generated_torques, mode_of, slip_velocities
 from pter_gym.physics.model import (
     BREAKAWAY,
+    DAMPING,
     LAGGED_VOLTS,
+    SCALE,
     SLIP_THRESHOLD,
     STATE_ROWS,
+    STIFFNESS,
     TORQUE_DECAY,
     VOLTAGE_DECAY,
     VOLTAGE_MAX,
@@ -36,23 +40,40 @@ from pter_gym.physics.model import (
 from pter_gym.physics.step import Impact, clutch_load, energy_terms, first_velocity, free_motion, second_velocity
 from pter_gym.tasks.path_following import (
     AMPLITUDE,
+    ANGLE_RESOLUTION,
+    CONTEXT_ROWS,
+    DELAY,
     ENTRIES,
     ERROR_MAX,
+    FORCE_NOISE,
+    FRICTION_DRIFT,
+    INTENT_LEAD,
+    INTENT_RISE,
+    INTENT_SPEED,
+    MAX_DELAY,
     PACE,
     PARAM_ROWS,
+    PATH_COUNT,
+    PATH_FIRST,
+    PATH_LENGTH,
     PHASE,
     PUSH,
     RANDOM_PHASES,
+    RECORD_COUNT,
+    RECORD_FIRST,
+    SENSES_IDEALLY,
     SINGULARITY_MARGIN,
     START_OFFSET,
     T_ACCELERATION,
     T_ARC_LENGTH,
+    T_CONTEXT,
     T_ENERGY,
     T_ERROR,
     T_FORCE,
     T_KINETIC,
     T_MODE,
     T_POWER,
+    T_REACHED,
     T_REWARD,
     T_SUCCESS,
     T_TERMINATED,
@@ -62,15 +83,17 @@ from pter_gym.tasks.path_following import (
     T_TORQUE,
     T_VELOCITY,
     T_VOLTS,
+    TORQUE_NOISE,
     TURN,
+    VELOCITY_NOISE,
     WEIGHT_FAILURE,
+    Situation,
     left_workspace,
-    line_of,
+    motion_at,
     observe,
     reached_end,
     reward_terms,
     situation,
-    start_motion,
 )
 
 LANES = 64
@@ -81,20 +104,42 @@ TORQUE = COMMAND + 4
 SINE = TORQUE + 4
 STEP = SINE + 2 * SINES
 ALIVE = STEP + 1
-CHANGING_ROWS = ALIVE + 1
+ARC_LENGTH = ALIVE + 1
+ERROR = ARC_LENGTH + 1
+HEADING = ERROR + 1
+CURVATURE = HEADING + 2
+SEGMENT = CURVATURE + 1
+REACHED = SEGMENT + 1
+CONTEXT_AT = REACHED + 1
+DRAWS_FROM = CONTEXT_AT + 1
+DRAWS = DRAWS_FROM + 1
+BASIC_ROWS = DRAWS + 1
+"""Rows that every world stores.
+
+Physical state, last command, last generated torques, unit vectors of the sines, step count, alive flag; projection of
+the tip on the path (arc length, normal error, heading, curvature, number of the arc, largest arc length); where its
+constants stand, and from where and how many it draws.
+"""
+
+DRIVE = BASIC_ROWS
+TARGET = DRIVE + 4
+INTENT = TARGET + 4
+READING = INTENT + 1
+READINGS = 10
+CHANGING_ROWS = READING + READINGS * (1 + MAX_DELAY)
 """Rows of a world that change.
 
-Physical state, last command, last generated torques, unit vectors of the sines, step count, alive flag.
+Those behind ``BASIC_ROWS`` are stored where a hand or sensors need them: recorded forces along and across and their
+change in a substep, the point that the hand means to be at and its velocity, the intent's arc length, and what the
+sensors read now and earlier (angles, angular velocities, generated torques, force along and across).
 """
 
 PARAM = CHANGING_ROWS
-"""First row of a world's parameters."""
+"""First row of a world's constants."""
 
 WORLD_ROWS = PARAM + PARAM_ROWS
-REPEATS = WORLD_ROWS
-STORED_ROWS = REPEATS + 1
-_TARGET = WORLD_ROWS
-_IMPACT = _TARGET + 8
+_STEADY = WORLD_ROWS
+_IMPACT = _STEADY + 8
 _OMEGA = _IMPACT + 9
 _LIMIT = _OMEGA + 2
 CROSSING = _LIMIT + 4
@@ -113,14 +158,15 @@ REFUSE, SKIP, NEXT_STEP, SAME_STEP = range(4)
 With SAME_STEP no world stays ended, so that one which is not alive was never reset and is refused.
 """
 
-LOW, HIGH, SLACK, SUBSTEP, SUBSTEPS, LIMIT, HAS_LAW = range(7)
+LOW, HIGH, SLACK, SUBSTEP, SUBSTEPS, LIMIT, HAS_LAW, PLAIN_ENTRIES = range(8)
 """Entries of a kernel's configuration.
 
 Bounds of an action and how far beyond them it is clipped, the substep [s], the substeps in a control step, the time
-limit in control steps, and 1 for voltages from a law or 0 for given ones.
+limit in control steps, 1 for voltages from a law or 0 for given ones, and the entries of an observation before those of
+the context.
 """
 
-INVERSE_SCALES = 7
+INVERSE_SCALES = 8
 """Where the inverse scales of the observation, as many as it may have entries, begin in the configuration."""
 
 SCALES = INVERSE_SCALES + ENTRIES
@@ -131,6 +177,7 @@ TERMINATED, TRUNCATED, SUCCESS = range(3)
 
 FLAGS = 3
 
+_NOISE_STREAM = np.uint64(0x4E4F495345)
 _RESET_STREAM = np.uint64(0x5245534554)
 _FIRST_DRAWS = np.uint64(0)
 _SECOND_DRAWS = np.uint64(1)
@@ -214,30 +261,54 @@ def take_command(w: Any, i: int, volts: PerClutch) -> None:
 
 
 @device
-def aim_torques(w: Any, i: int) -> None:
+def aim_torques(w: Any, i: int, period: float) -> None:
     """Find the torques that the clutches tend to, behind a lag of the voltage if there is one."""
     lagged = relax(load_four(w, LAGGED_VOLTS, i), load_four(w, COMMAND, i), w[PARAM + VOLTAGE_DECAY, i])
     store_four(w, LAGGED_VOLTS, i, lagged)
-    store_torques(w, _TARGET, i, steady_torques(breakaway_curve(w, PARAM, i), dynamic_curve(w, PARAM, i), lagged))
+    steady = steady_torques(breakaway_curve(w, PARAM, i), dynamic_curve(w, PARAM, i), lagged)
+    drifted = between(1.0 + w[PARAM + FRICTION_DRIFT, i] * period * w[STEP, i], 0.1, 10.0)
+    store_torques(w, _STEADY, i, scaled(steady, load_four(w, PARAM + SCALE, i), drifted))
 
 
 @device
 def push_tip(w: Any, i: int) -> None:
-    """Find the hand's force [N] and move its sines on by a substep."""
-    across = force_across(w, i)
+    """Find the hand's push and disturbance [N], and move its sines on by a substep.
+
+    The directions along and across the path are those at the control instant.
+    """
+    along = w[PARAM + PUSH, i]
+    across = sum_of_sines(w, SINE, PARAM + AMPLITUDE, i)
     advance_sines(w, SINE, PARAM + TURN, i)
-    line = line_of(w, PARAM, i)
-    w[_FORCE, i] = w[PARAM + PUSH, i] * line.heading_cos - across * line.heading_sin
-    w[_FORCE + 1, i] = w[PARAM + PUSH, i] * line.heading_sin + across * line.heading_cos
+    cos = w[HEADING, i]
+    sin = w[HEADING + 1, i]
+    w[_FORCE, i] = along * cos - across * sin
+    w[_FORCE + 1, i] = along * sin + across * cos
+
+
+@device
+def guide_tip(w: Any, i: int, h: float) -> None:
+    """Add recorded forces and the pull of the damper towards a moving target [N], and move both on by a substep."""
+    along = w[DRIVE, i]
+    across = w[DRIVE + 1, i]
+    w[DRIVE, i] += w[DRIVE + 2, i]
+    w[DRIVE + 1, i] += w[DRIVE + 3, i]
+    cos = w[HEADING, i]
+    sin = w[HEADING + 1, i]
+    damping = w[PARAM + DAMPING, i]
+    w[_FORCE, i] += along * cos - across * sin + damping * w[TARGET + 2, i]
+    w[_FORCE + 1, i] += along * sin + across * cos + damping * w[TARGET + 3, i]
+    w[TARGET, i] += h * w[TARGET + 2, i]
+    w[TARGET + 1, i] += h * w[TARGET + 3, i]
 
 
 @device
 def find_velocity(w: Any, i: int, h: float) -> None:
     """Advance the torques' lag and find the velocities after friction."""
-    torques = relax_torques(load_torques(w, BREAKAWAY, i), load_torques(w, _TARGET, i), w[PARAM + TORQUE_DECAY, i])
+    torques = relax_torques(load_torques(w, BREAKAWAY, i), load_torques(w, _STEADY, i), w[PARAM + TORQUE_DECAY, i])
     store_torques(w, BREAKAWAY, i, torques)
     q = load_motion(w, i)
-    impact = free_motion(q, linkage(w, PARAM, i), Load(w[_FORCE, i], w[_FORCE + 1, i], 0.0, 0.0, 0.0, 0.0), h)
+    load = Load(w[_FORCE, i], w[_FORCE + 1, i], 0.0, 0.0, w[TARGET, i], w[TARGET + 1, i])
+    impact = free_motion(q, linkage(w, PARAM, i), load, h)
     omega_a, omega_b, limit, crossing = first_velocity(q, impact, torques, w[PARAM + SLIP_THRESHOLD, i], h)
     store_impact(w, i, impact)
     w[_OMEGA, i] = omega_a
@@ -278,56 +349,234 @@ def move_arm(w: Any, i: int, h: float) -> None:
 
 
 @device
-def force_across(w: Any, i: int) -> float:
-    """Return the present disturbance [N] (paper Eq. 5)."""
-    return sum_of_sines(w, SINE, PARAM + AMPLITUDE, i)
+def take_context(w: Any, i: int, constants: Any) -> None:
+    """Read the constants of a world, where the world says that they stand."""
+    first = int(w[CONTEXT_AT, i])
+    for row in range(PARAM_ROWS):
+        w[PARAM + row, i] = constants[first + row]
 
 
 @device
-def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64) -> None:
+def locate(w: Any, i: int, constants: Any) -> None:
+    """Project the tip onto the path."""
+    x, y = tip_position(linkage(w, PARAM, i), load_motion(w, i))
+    foot = project(constants, int(w[PARAM + PATH_FIRST, i]), int(w[PARAM + PATH_COUNT, i]), int(w[SEGMENT, i]), x, y)
+    w[ARC_LENGTH, i] = foot.arc_length
+    w[ERROR, i] = foot.normal_error
+    w[HEADING, i] = foot.heading_cos
+    w[HEADING + 1, i] = foot.heading_sin
+    w[CURVATURE, i] = foot.curvature
+    w[SEGMENT, i] = foot.segment
+    w[REACHED, i] = foot.arc_length if foot.arc_length > w[REACHED, i] else w[REACHED, i]
+
+
+@device
+def situated(w: Any, i: int) -> Situation:
+    """Return where a world is with respect to its path."""
+    v_x, v_y = tip_velocity(linkage(w, PARAM, i), load_motion(w, i))
+    return situation(w[ARC_LENGTH, i], w[ERROR, i], w[HEADING, i], w[HEADING + 1, i], w[CURVATURE, i], v_x, v_y)
+
+
+@device
+def plans(w: Any, i: int) -> bool:
+    """Tell whether the hand of a world has a recording or an intent."""
+    return (w[PARAM + RECORD_COUNT, i] > 0.0) | (w[PARAM + INTENT_SPEED, i] > 0.0)
+
+
+@device
+def plan_hand(w: Any, i: int, constants: Any, period: float, count: float) -> None:
+    """Say what the hand does by itself in the next control step of ``count`` substeps."""
+    if w[PARAM + RECORD_COUNT, i] > 0.0:
+        last = int(w[PARAM + RECORD_COUNT, i]) - 1
+        now = int(w[STEP, i])
+        begin = int(w[PARAM + RECORD_FIRST, i]) + 2 * (now if now < last else last)
+        end = begin + (2 if now < last else 0)
+        for part in range(2):
+            w[DRIVE + part, i] = constants[begin + part]
+            w[DRIVE + 2 + part, i] = (constants[end + part] - constants[begin + part]) / count
+    speed = w[PARAM + INTENT_SPEED, i]
+    if speed > 0.0:
+        at = w[INTENT, i]
+        moved = at + period * intent_speed(period * (w[STEP, i] + 0.5), w[PARAM + INTENT_RISE, i], speed)
+        leash = w[ARC_LENGTH, i] + w[PARAM + INTENT_LEAD, i]
+        moved = moved if moved < leash else leash
+        moved = moved if moved > at else at
+        first = int(w[PARAM + PATH_FIRST, i])
+        arcs = int(w[PARAM + PATH_COUNT, i])
+        x, y = point_at(constants, first, arcs, at)
+        to_x, to_y = point_at(constants, first, arcs, moved)
+        w[INTENT, i] = moved
+        w[TARGET, i] = x
+        w[TARGET + 1, i] = y
+        w[TARGET + 2, i] = (to_x - x) / period
+        w[TARGET + 3, i] = (to_y - y) / period
+
+
+@device
+def hand_force(w: Any, i: int) -> tuple[float, float]:
+    """Return the force of the hand on the tip along and across the path at a control instant [N]."""
+    arm = linkage(w, PARAM, i)
+    q = load_motion(w, i)
+    x, y = tip_position(arm, q)
+    v_x, v_y = tip_velocity(arm, q)
+    stiffness = w[PARAM + STIFFNESS, i]
+    damping = w[PARAM + DAMPING, i]
+    pull_x = stiffness * (w[TARGET, i] - x) + damping * (w[TARGET + 2, i] - v_x)
+    pull_y = stiffness * (w[TARGET + 1, i] - y) + damping * (w[TARGET + 3, i] - v_y)
+    cos = w[HEADING, i]
+    sin = w[HEADING + 1, i]
+    return (
+        w[PARAM + PUSH, i] + w[DRIVE, i] + (pull_x * cos + pull_y * sin),
+        sum_of_sines(w, SINE, PARAM + AMPLITUDE, i) + w[DRIVE + 1, i] + (pull_y * cos - pull_x * sin),
+    )
+
+
+@device
+def start_episode(
+    w: Any, i: int, seed: np.uint64, episode: np.uint64, constants: Any, period: float, count: float
+) -> None:
     """Start an episode: the arm at rest at the start of the path, clutches released, draws from seed and episode."""
-    for row in range(CHANGING_ROWS):
+    for row in range(CONTEXT_AT):
+        w[row, i] = 0.0
+    for row in range(BASIC_ROWS, CHANGING_ROWS):
         w[row, i] = 0.0
     u0, u1, u2, u3 = uniform4(seed, _RESET_STREAM, _FIRST_DRAWS, episode)
-    v0, v1, _, _ = uniform4(seed, _RESET_STREAM, _SECOND_DRAWS, episode)
+    v0, v1, v2, _ = uniform4(seed, _RESET_STREAM, _SECOND_DRAWS, episode)
+    w[CONTEXT_AT, i] = w[DRAWS_FROM, i] + CONTEXT_ROWS * math.floor(v2 * w[DRAWS, i])
+    take_context(w, i, constants)
     draws = (u1, u2, u3, v0, v1)
     for k in range(SINES):
         angle = 2.0 * np.pi * draws[k] if w[PARAM + RANDOM_PHASES, i] != 0.0 else w[PARAM + PHASE + k, i]
         w[SINE + 2 * k, i], w[SINE + 2 * k + 1, i] = unit_vector(angle)
-    store_motion(
-        w, i, start_motion(linkage(w, PARAM, i), line_of(w, PARAM, i), w[PARAM + START_OFFSET, i] * (2.0 * u0 - 1.0))
-    )
+    first = int(w[PARAM + PATH_FIRST, i])
+    offset = w[PARAM + START_OFFSET, i] * (2.0 * u0 - 1.0)
+    x = constants[first] - offset * constants[first + 3]
+    y = constants[first + 1] + offset * constants[first + 2]
+    store_motion(w, i, motion_at(linkage(w, PARAM, i), x, y))
     w[ALIVE, i] = 1.0
+    locate(w, i, constants)
+    if plans(w, i):
+        plan_hand(w, i, constants, period, count)
+    if w[PARAM + SENSES_IDEALLY, i] == 0.0:
+        for _ in range(1 + MAX_DELAY):
+            take_reading(w, i, seed, episode)
+
+
+@device
+def gaussians(seed: np.uint64, episode: np.uint64, draw: int) -> tuple[float, float, float, float]:
+    """Return four independent standard normal numbers (Box and Muller)."""
+    u0, u1, u2, u3 = uniform4(seed, _NOISE_STREAM, np.uint64(draw), episode)
+    r = math.sqrt(-2.0 * math.log(1.0 - u0))
+    s = math.sqrt(-2.0 * math.log(1.0 - u2))
+    return (
+        r * math.cos(2.0 * np.pi * u1),
+        r * math.sin(2.0 * np.pi * u1),
+        s * math.cos(2.0 * np.pi * u3),
+        s * math.sin(2.0 * np.pi * u3),
+    )
+
+
+@device
+def take_reading(w: Any, i: int, seed: np.uint64, episode: np.uint64) -> None:
+    """Let the sensors of a world read, and keep what they read before."""
+    for age in range(MAX_DELAY, 0, -1):
+        for entry in range(READINGS):
+            w[READING + READINGS * age + entry, i] = w[READING + READINGS * (age - 1) + entry, i]
+    step = int(w[STEP, i])
+    for angle in range(2):
+        w[READING + angle, i] = quantised(w[angle, i], w[PARAM + ANGLE_RESOLUTION, i])
+    g0, g1, g2, g3 = gaussians(seed, episode, 2 * step)
+    n0, n1, n2, n3 = gaussians(seed, episode, 2 * step + 1)
+    along, across = hand_force(w, i)
+    w[READING + 2, i] = w[2, i] + w[PARAM + VELOCITY_NOISE, i] * g0
+    w[READING + 3, i] = w[3, i] + w[PARAM + VELOCITY_NOISE, i] * g1
+    w[READING + 4, i] = w[TORQUE, i] + w[PARAM + TORQUE_NOISE, i] * n0
+    w[READING + 5, i] = w[TORQUE + 1, i] + w[PARAM + TORQUE_NOISE, i] * n1
+    w[READING + 6, i] = w[TORQUE + 2, i] + w[PARAM + TORQUE_NOISE, i] * n2
+    w[READING + 7, i] = w[TORQUE + 3, i] + w[PARAM + TORQUE_NOISE, i] * n3
+    w[READING + 8, i] = along + w[PARAM + FORCE_NOISE, i] * g2
+    w[READING + 9, i] = across + w[PARAM + FORCE_NOISE, i] * g3
+
+
+@device
+def quantised(value: float, resolution: float) -> float:
+    """Return the nearest multiple of a resolution, or the value where there is none."""
+    return resolution * math.floor(value / resolution + 0.5) if resolution > 0.0 else value
 
 
 @device
 def observe_world(w: Any, i: int, config: Any) -> None:
-    """Find the present observation."""
-    line = line_of(w, PARAM, i)
-    q = load_motion(w, i)
+    """Find the present observation as ideal sensors see it."""
+    along, across = hand_force(w, i)
+    observe(
+        w,
+        _SEEN,
+        i,
+        load_motion(w, i),
+        situated(w, i),
+        w[PARAM + PATH_LENGTH, i],
+        w[PARAM + PACE, i],
+        load_four(w, COMMAND, i),
+        load_four(w, TORQUE, i),
+        along,
+        across,
+    )
+    scale_entries(w, i, config)
+
+
+@device
+def observe_reading(w: Any, i: int, config: Any, constants: Any) -> None:
+    """Find the present observation from what the sensors read, now or earlier."""
+    row = READING + READINGS * int(w[PARAM + DELAY, i])
+    cos_a, sin_a = unit_vector(w[row, i])
+    cos_b, sin_b = unit_vector(w[row + 1, i])
+    q = Motion(w[row, i], w[row + 1, i], w[row + 2, i], w[row + 3, i], cos_a, sin_a, cos_b, sin_b)
+    arm = linkage(w, PARAM, i)
+    x, y = tip_position(arm, q)
+    v_x, v_y = tip_velocity(arm, q)
+    foot = project(constants, int(w[PARAM + PATH_FIRST, i]), int(w[PARAM + PATH_COUNT, i]), int(w[SEGMENT, i]), x, y)
     observe(
         w,
         _SEEN,
         i,
         q,
-        situation(line, linkage(w, PARAM, i), q),
-        line,
+        situation(foot.arc_length, foot.normal_error, foot.heading_cos, foot.heading_sin, foot.curvature, v_x, v_y),
+        w[PARAM + PATH_LENGTH, i],
         w[PARAM + PACE, i],
         load_four(w, COMMAND, i),
-        load_four(w, TORQUE, i),
-        w[PARAM + PUSH, i],
-        force_across(w, i),
+        load_four(w, row + 4, i),
+        w[row + 8, i],
+        w[row + 9, i],
     )
+    scale_entries(w, i, config)
+
+
+@device
+def scale_entries(w: Any, i: int, config: Any) -> None:
+    """Bring the entries of an observation from their units into [−1, 1]."""
     for k in range(ENTRIES):
         w[_SEEN + k, i] = between(w[_SEEN + k, i] * config[INVERSE_SCALES + k], -1.0, 1.0)
 
 
 @device
-def write_observation(w: Any, i: int, obs: Any, world: int) -> None:
-    """Write what ``observe_world`` found to a row of the observations (N, entries)."""
+def write_observation(w: Any, i: int, obs: Any, world: int, config: Any, constants: Any) -> None:
+    """Write what was observed, and what is told of the context, to a row of the observations (N, entries)."""
+    plain = int(config[PLAIN_ENTRIES])
     for k in range(ENTRIES):  # not over the entries: compilers unroll what they can count
-        if k < obs.shape[1]:
+        if k < plain:
             obs[world, k] = w[_SEEN + k, i]
+    told = int(w[CONTEXT_AT, i]) + PARAM_ROWS - plain
+    for k in range(plain, obs.shape[1]):
+        obs[world, k] = between(constants[told + k] / config[SCALES + k], -1.0, 1.0)
+
+
+@device
+def see(w: Any, i: int, config: Any, constants: Any) -> None:
+    """Find the present observation of a world with any sensors."""
+    if w[PARAM + SENSES_IDEALLY, i] != 0.0:
+        observe_world(w, i, config)
+    else:
+        observe_reading(w, i, config, constants)
 
 
 @device
@@ -343,7 +592,6 @@ def record_pose(w: Any, i: int, telemetry: Any, t: int, world: int, time: float)
     """Write what the telemetry (T, N, K) says of the pose."""
     arm = linkage(w, PARAM, i)
     q = load_motion(w, i)
-    at = situation(line_of(w, PARAM, i), arm, q)
     x, y = tip_position(arm, q)
     v_x, v_y = tip_velocity(arm, q)
     telemetry[t, world, T_TIME] = time
@@ -353,8 +601,10 @@ def record_pose(w: Any, i: int, telemetry: Any, t: int, world: int, time: float)
     telemetry[t, world, T_TIP + 1] = y
     telemetry[t, world, T_VELOCITY] = v_x
     telemetry[t, world, T_VELOCITY + 1] = v_y
-    telemetry[t, world, T_ARC_LENGTH] = at.arc_length
-    telemetry[t, world, T_ERROR] = at.normal_error
+    telemetry[t, world, T_ARC_LENGTH] = w[ARC_LENGTH, i]
+    telemetry[t, world, T_REACHED] = w[REACHED, i]
+    telemetry[t, world, T_ERROR] = w[ERROR, i]
+    telemetry[t, world, T_CONTEXT] = w[CONTEXT_AT, i] / CONTEXT_ROWS
     telemetry[t, world, T_MODE] = mode_of(q.omega_a, q.omega_b)
     telemetry[t, world, T_KINETIC] = kinetic_energy(arm, q)
     for clutch in range(4):
@@ -383,11 +633,11 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     began = w[ALIVE, i] != 0.0
     w[_BEGAN, i] = w[ALIVE, i]
     w[STEP, i] += 1.0
-    line = line_of(w, PARAM, i)
-    q = load_motion(w, i)
-    at = situation(line, linkage(w, PARAM, i), q)
-    success = reached_end(line, at)
-    failure = (not success) & left_workspace(at, q, w[PARAM + ERROR_MAX, i], w[PARAM + SINGULARITY_MARGIN, i])
+    at = situated(w, i)
+    success = reached_end(at.arc_length, w[PARAM + PATH_LENGTH, i])
+    failure = (not success) & left_workspace(
+        at.arc_length, at.normal_error, load_motion(w, i), w[PARAM + ERROR_MAX, i], w[PARAM + SINGULARITY_MARGIN, i]
+    )
     a_x, a_y = tip_acceleration(w, i, period)
     error, pace, acceleration, effort = reward_terms(
         w,
@@ -429,8 +679,12 @@ def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: floa
     a_x, a_y = tip_acceleration(w, i, period)
     telemetry[t, world, T_ACCELERATION] = a_x
     telemetry[t, world, T_ACCELERATION + 1] = a_y
-    telemetry[t, world, T_FORCE] = w[_FORCE, i]
-    telemetry[t, world, T_FORCE + 1] = w[_FORCE + 1, i]
+    x, y = tip_position(linkage(w, PARAM, i), q)
+    v_x, v_y = tip_velocity(linkage(w, PARAM, i), q)
+    stiffness = w[PARAM + STIFFNESS, i]
+    damping = w[PARAM + DAMPING, i]
+    telemetry[t, world, T_FORCE] = w[_FORCE, i] + stiffness * (w[TARGET, i] - x) - damping * v_x
+    telemetry[t, world, T_FORCE + 1] = w[_FORCE + 1, i] + stiffness * (w[TARGET + 1, i] - y) - damping * v_y
     for clutch in range(4):
         telemetry[t, world, T_TORQUE + clutch] = w[TORQUE + clutch, i]
         telemetry[t, world, T_POWER + clutch] = w[TORQUE + clutch, i] * slip[clutch]
@@ -443,12 +697,15 @@ def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: floa
 
 
 @device
-def next_episode(w: Any, i: int, world: int, words: Any, obs: Any, telemetry: Any, t: int, config: Any) -> None:
+def next_episode(
+    w: Any, i: int, world: int, words: Any, obs: Any, telemetry: Any, t: int, config: Any, constants: Any
+) -> None:
     """Start the next episode of a world's seed, and write its first observation and telemetry."""
     words[world, 1] += _ONE
-    start_episode(w, i, words[world, 0], words[world, 1])
-    observe_world(w, i, config)
-    write_observation(w, i, obs, world)
+    period = config[SUBSTEP] * config[SUBSTEPS]
+    start_episode(w, i, words[world, 0], words[world, 1], constants, period, config[SUBSTEPS])
+    see(w, i, config, constants)
+    write_observation(w, i, obs, world, config, constants)
     if telemetry.shape[0] > 0:
         record_reset(w, i, telemetry, t, world)
 
@@ -468,6 +725,7 @@ def end_step(
     period: float,
     ended: int,
     config: Any,
+    constants: Any,
 ) -> None:
     """Write what a control step of one world returns, and begin its next episode as ``ended`` says.
 
@@ -477,19 +735,19 @@ def end_step(
     """
     records = telemetry.shape[0] > 0
     if has_begun(w, i):
-        write_observation(w, i, obs, world)
+        write_observation(w, i, obs, world, config, constants)
         rewards[world] = w[_REWARD + 5, i]
         for flag in range(FLAGS):
             flags[flag, world] = w[_END + flag, i] != 0.0
         if records:
             record_step(w, i, telemetry, t, world, period)
         if w[ALIVE, i] == 0.0 and ended == SAME_STEP:
-            write_observation(w, i, final_obs, world)
+            write_observation(w, i, final_obs, world, config, constants)
             if records:
                 record_step(w, i, telemetry, t + 1, world, period)
-            next_episode(w, i, world, words, obs, telemetry, t, config)
+            next_episode(w, i, world, words, obs, telemetry, t, config, constants)
     elif ended == NEXT_STEP:
-        next_episode(w, i, world, words, obs, telemetry, t, config)
+        next_episode(w, i, world, words, obs, telemetry, t, config, constants)
         rewards[world] = 0.0
         for flag in range(FLAGS):
             flags[flag, world] = False

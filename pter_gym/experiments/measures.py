@@ -122,7 +122,7 @@ def weakest_slips(study: Study) -> float:
 
 def disturbance_deviation(study: Study) -> float:
     """Largest difference of the hand's force across the path from Eq. 5 within 10 s, relative to Fmax."""
-    hand = study.setup.task.hand
+    hand = study.setup.hand
     force_max = sum(hand.amplitudes)
     times = np.linspace(0.0, 10.0, 1001)
     wanted = sum(np.sin(2.0**n * np.pi * times) for n in range(5)) / 5.0

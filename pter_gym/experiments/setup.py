@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 from pter_gym.benchmark.metrics import Score
 from pter_gym.benchmark.standard import TIME_CONSTANTS
 from pter_gym.controllers import TorqueFeedback
+from pter_gym.operators import MultiSineHand
 from pter_gym.params import MACHINES, Machine, quantity, require, require_flag, require_numbers
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -31,6 +32,7 @@ class Setup:
     def __post_init__(self) -> None:
         """Check the choices; machines, task and controller have checked themselves."""
         require(bool(self.machines), self, "machines", self.machines, "at least one machine by name")
+        require(isinstance(self.task.hand, MultiSineHand), self, "task.hand", self.task.hand, "a MultiSineHand")
         require_flag(self, "own_table")
         accepted = ", ".join(get_args(ErrorAverage))
         require(self.error_average in get_args(ErrorAverage), self, "error_average", self.error_average, accepted)
@@ -42,6 +44,11 @@ class Setup:
     def baseline(self) -> Machine:
         """The machine with the present clutches."""
         return next(iter(self.machines.values()))
+
+    @property
+    def hand(self) -> MultiSineHand:
+        """The hand of the task."""
+        return cast(MultiSineHand, self.task.hand)
 
     def with_gain(self, feedback: float) -> TorqueFeedback:
         """Return the controller with another gain of its torque loops [V/(N·m)]; 0 is plain impedance control."""

@@ -55,6 +55,21 @@ def steady_torques(breakaway: Curve, dynamic: Curve, volts: PerClutch) -> Torque
 
 
 @device
+def scaled(torques: Torques, scale: PerClutch, factor: float) -> Torques:
+    """Return torque limits [N·m] times a factor for each clutch and one for all."""
+    s1 = scale.x1 * factor
+    s2 = scale.x2 * factor
+    s3 = scale.x3 * factor
+    s4 = scale.x4 * factor
+    ts = torques.breakaway
+    tk = torques.dynamic
+    return Torques(
+        PerClutch(ts.x1 * s1, ts.x2 * s2, ts.x3 * s3, ts.x4 * s4),
+        PerClutch(tk.x1 * s1, tk.x2 * s2, tk.x3 * s3, tk.x4 * s4),
+    )
+
+
+@device
 def relax(value: PerClutch, target: PerClutch, decay: float) -> PerClutch:
     """Advance a first-order lag by one substep, exactly: ``decay = exp(−h/τ)``, or 0 for no lag."""
     return PerClutch(

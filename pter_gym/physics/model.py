@@ -29,6 +29,10 @@ class Model(NamedTuple):
     torque_decay: float
     voltage_max: float
     slip_threshold: float
+    scale_1: float
+    scale_2: float
+    scale_3: float
+    scale_4: float
 
 
 MODEL_ROWS = len(Model._fields)
@@ -59,6 +63,7 @@ def model_of(machine: Machine) -> Model:
         0.0 if lags_voltage else decay,
         clutch.voltage_max,
         machine.slip_threshold,
+        *machine.clutch_scale,
     )
 
 
@@ -84,6 +89,9 @@ VOLTAGE_DECAY = Model._fields.index("voltage_decay")
 TORQUE_DECAY = Model._fields.index("torque_decay")
 VOLTAGE_MAX = Model._fields.index("voltage_max")
 SLIP_THRESHOLD = Model._fields.index("slip_threshold")
+SCALE = Model._fields.index("scale_1")
+DAMPING = Model._fields.index("damping")
+STIFFNESS = Model._fields.index("stiffness")
 
 BREAKAWAY = len(Motion._fields)
 """First row of the breakaway torques in the state array; the rows of Motion come before."""

@@ -1,18 +1,30 @@
 """Follow a path while a hand pushes along it and disturbs across it (paper section IV-A)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pter_gym._jit import device
 from pter_gym.errors import ParameterError
 from pter_gym.layout import Field, Layout
-from pter_gym.operators import MultiSineHand
-from pter_gym.params import Machine, quantity, require, require_number
-from pter_gym.paths import Line, LineModel, line_model, project
-from pter_gym.physics.arm import Linkage, Motion, sin_difference, tip_position, tip_velocity
+from pter_gym.operators import (
+    NO_HAND,
+    MultiSineHand,
+    Operator,
+    OperatorModel,
+    RecordedForces,
+    impedance_of,
+    operator_model,
+)
+from pter_gym.params import PRESENT_CLUTCH, Machine, quantity, require, require_kind, require_number
+from pter_gym.paths import Line, Path
+from pter_gym.physics.arm import Linkage, Motion, sin_difference
 from pter_gym.physics.clutch import PerClutch
-from pter_gym.physics.model import MODEL_ROWS, store_four
+from pter_gym.physics.model import MODEL_ROWS, Model, model_of, store_four
 
 Sensors = Literal["encoders", "torque", "force"]
 
@@ -26,7 +38,13 @@ ERROR_UNIT = 0.01
 ACCELERATION_UNIT = 10.0
 
 ENTRIES = 24
-"""Largest number of entries of an observation."""
+"""Largest number of entries of an observation without those of the context."""
+
+MAX_DELAY = 2
+"""Largest delay of the sensors in control steps."""
+
+SHARPEST = 0.9
+"""Largest ratio of the workspace's half-width to a path's radius of curvature: further in, a foot is not unique."""
 
 _PATH_SAMPLES = 257
 
@@ -48,27 +66,58 @@ class RewardWeights:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Sensing:
+    """What stands between the machine and the observation; nothing by default.
+
+    Noise is Gaussian, drawn at each control instant from the world's seed. All but the command is delayed.
+    """
+
+    angle_resolution: float = quantity("rad", "chosen: step of the joint encoders", default=0.0)
+    velocity_noise: float = quantity("rad/s", "chosen: standard deviation", default=0.0)
+    torque_noise: float = quantity("N·m", "chosen: standard deviation", default=0.0)
+    force_noise: float = quantity("N", "chosen: standard deviation", default=0.0)
+    delay: int = quantity("1", f"chosen: control steps from measurement to observation, at most {MAX_DELAY}", default=0)
+
+    def __post_init__(self) -> None:
+        """Check that nothing is negative and the delay a whole number of control steps."""
+        require_number(self, "angle_resolution", at_least=0.0, at_most=0.1)
+        for name in ("velocity_noise", "torque_noise", "force_noise"):
+            require_number(self, name, at_least=0.0)
+        require_number(self, "delay", at_least=0, at_most=MAX_DELAY)
+        require(self.delay == int(self.delay), self, "delay", self.delay, "a whole number")
+
+
+IDEAL_SENSING = Sensing()
+"""Exact sensors without delay."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class PathFollowing:
     """The task: path, hand, commanded pace, workspace, start and reward."""
 
-    path: Line = quantity("1", "see Line", default=Line())
-    hand: MultiSineHand = quantity("1", "see MultiSineHand", default=MultiSineHand())
+    path: Path = quantity("1", "see Line", default=Line())
+    hand: Operator = quantity("1", "see MultiSineHand", default=MultiSineHand())
     pace: float = quantity("m/s", "derived: the baseline's mean tip speed in Table I, 19.69 in/s", default=0.5)
     control_period: float = quantity("s", "chosen: 100 Hz control", default=0.01)
     error_max: float = quantity("m", "chosen: the workspace ends this far from the path", default=0.25)
     singularity_margin: float = quantity("1", "chosen: smallest |sin(θA − θB)| of the workspace", default=0.2)
     start_offset: float = quantity("m", "chosen: half-range of the start's normal offset, drawn at reset", default=0.0)
+    friction_drift: float = quantity("1/s", "chosen: relative change of all clutch torques in a second", default=0.0)
+    sensing: Sensing = quantity("1", "see Sensing", default=IDEAL_SENSING)
     reward: RewardWeights = quantity("1", "see RewardWeights", default=RewardWeights())
 
     def __post_init__(self) -> None:
         """Check each number by itself; ``check_machine`` checks the task against a machine."""
-        for name, kind in (("path", Line), ("hand", MultiSineHand), ("reward", RewardWeights)):
-            require(isinstance(getattr(self, name), kind), self, name, getattr(self, name), f"of type {kind.__name__}")
+        require_kind(self, "path", Path)
+        require_kind(self, "hand", *get_args(Operator))
+        require_kind(self, "reward", RewardWeights)
+        require_kind(self, "sensing", Sensing)
         require_number(self, "pace", above=0.0, at_most=SPEED_SCALE)
         require_number(self, "control_period", above=0.0, at_most=1.0)
         require_number(self, "error_max", above=0.0, at_most=ERROR_SCALE)
         require_number(self, "singularity_margin", above=0.0, below=1.0)
         require_number(self, "start_offset", at_least=0.0, below=self.error_max)
+        require_number(self, "friction_drift", at_least=-1.0, at_most=1.0)
 
 
 def substeps(task: PathFollowing, machine: Machine) -> int:
@@ -91,146 +140,215 @@ def substeps(task: PathFollowing, machine: Machine) -> int:
     return count
 
 
+def held_machine(task: PathFollowing, machine: Machine) -> Machine:
+    """Return the machine with what the task's hand adds to it at the tip.
+
+    Raises
+    ------
+    ParameterError
+        If both the machine and the task bring a hand, or the explicit spring of the hand is too stiff for the machine.
+    """
+    impedance = impedance_of(task.hand)
+    if impedance == NO_HAND:
+        return machine
+    require(machine.hand == NO_HAND, machine, "hand", machine.hand, "none, since the task's hand brings its own")
+    return replace(machine, hand=impedance)
+
+
 def check_machine(task: PathFollowing, machine: Machine) -> None:
     """Check that a machine can do the task.
 
     Raises
     ------
     ParameterError
-        If a point of the path lies outside the arm's reach or too near to a singular pose, the substep does not divide
-        the control period, a sine is too fast for the substep, or the machine's hand has a spring, which would need a
-        target.
+        If a point of the path lies outside the arm's reach or too near to a singular pose, the path bends so much that
+        its centre of curvature is within the workspace, the substep does not divide the control period, a sine is too
+        fast for the substep, or the machine's hand has a spring, which would need an intent.
     """
     substeps(task, machine)
-    fastest = max(task.hand.frequencies)
-    require(
-        fastest * machine.substep <= 0.1,
-        task,
-        "hand.frequencies",
-        task.hand.frequencies,
-        f"≤ {0.1 / machine.substep:g} Hz, a tenth of the substep's rate",
-    )
+    if not isinstance(task.hand, RecordedForces):
+        require(
+            max(task.hand.frequencies) * machine.substep <= 0.1,
+            task,
+            "hand.frequencies",
+            task.hand.frequencies,
+            f"≤ {0.1 / machine.substep:g} Hz, a tenth of the substep's rate",
+        )
     require(
         machine.hand.stiffness == 0.0, machine, "hand.stiffness", machine.hand.stiffness, "0: this hand has no intent"
     )
-    path = task.path
-    for k in range(_PATH_SAMPLES):
-        x, y = path.point(path.length * k / (_PATH_SAMPLES - 1))
-        require(
-            sin_elbow(machine.arm.length_a, machine.arm.length_b, x, y) > task.singularity_margin,
-            task,
-            "path",
-            path,
-            f"within reach with |sin(θA − θB)| > {task.singularity_margin:g}, but ({x:.4g}, {y:.4g}) m is not",
+    held_machine(task, machine)
+    _check_path(task.path, task.error_max, task.singularity_margin, machine.arm.length_a, machine.arm.length_b)
+
+
+@lru_cache(maxsize=4096)
+def _check_path(path: Path, error_max: float, margin: float, length_a: float, length_b: float) -> None:
+    bend = path.max_curvature
+    if bend * error_max > SHARPEST:
+        raise ParameterError(
+            f"PathFollowing.error_max must be ≤ {SHARPEST / bend:.4g} m, {SHARPEST:g} of the smallest radius of "
+            f"{type(path).__name__}, got {error_max!r}"
+        )
+    points = path.sampled(_PATH_SAMPLES)
+    outside = sin_elbow(length_a, length_b, points) <= margin
+    if outside.any():
+        x, y = points[outside.argmax()]
+        raise ParameterError(
+            f"PathFollowing.path must be within reach with |sin(θA − θB)| > {margin:g}, but ({x:.4g}, {y:.4g}) m "
+            f"is not: {path!r:.400}"
         )
 
 
-def sin_elbow(length_a: float, length_b: float, x: float, y: float) -> float:
-    """Return |sin(θA − θB)| with the tip at (x, y) [m], or −1 where the arm cannot reach."""
-    cos = (x * x + y * y - length_a**2 - length_b**2) / (2.0 * length_a * length_b)
-    return math.sqrt(1.0 - cos * cos) if abs(cos) <= 1.0 else -1.0
+def sin_elbow(length_a: float, length_b: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return |sin(θA − θB)| with the tip at points (K, 2) [m], or −1 where the arm cannot reach; shape (K,)."""
+    cos = ((points**2).sum(axis=1) - length_a**2 - length_b**2) / (2.0 * length_a * length_b)
+    return np.where(np.abs(cos) <= 1.0, np.sqrt(np.maximum(1.0 - cos * cos, 0.0)), -1.0)
 
 
 class TaskModel(NamedTuple):
-    """Constants of one world's task as the kernels see them: rows of the parameter array after those of Model."""
+    """Constants of one world's task as the kernels see them."""
 
-    start_x: float
-    start_y: float
-    heading_cos: float
-    heading_sin: float
+    path_first: float
+    path_count: float
     path_length: float
     pace: float
     error_max: float
     singularity_margin: float
     start_offset: float
+    friction_drift: float
     weight_error: float
     weight_pace: float
     weight_acceleration: float
     weight_effort: float
     weight_failure: float
-    push: float
-    random_phases: float
-    amplitude_0: float
-    amplitude_1: float
-    amplitude_2: float
-    amplitude_3: float
-    amplitude_4: float
-    phase_0: float
-    phase_1: float
-    phase_2: float
-    phase_3: float
-    phase_4: float
-    turn_0_cos: float
-    turn_0_sin: float
-    turn_1_cos: float
-    turn_1_sin: float
-    turn_2_cos: float
-    turn_2_sin: float
-    turn_3_cos: float
-    turn_3_sin: float
-    turn_4_cos: float
-    turn_4_sin: float
+    angle_resolution: float
+    velocity_noise: float
+    torque_noise: float
+    force_noise: float
+    delay: float
+    senses_ideally: float
 
 
-def _row(name: str) -> int:
-    return MODEL_ROWS + TaskModel._fields.index(name)
+_FIELDS = (*Model._fields, *OperatorModel._fields, *TaskModel._fields)
+
+PARAM_ROWS = len(_FIELDS)
+"""Numbers of a context that the kernels work with: those of Model, OperatorModel and TaskModel in turn."""
+
+OPERATOR = MODEL_ROWS
+"""First row of the hand's constants."""
+
+PATH_FIRST = _FIELDS.index("path_first")
+PATH_COUNT = _FIELDS.index("path_count")
+PATH_LENGTH = _FIELDS.index("path_length")
+PACE = _FIELDS.index("pace")
+ERROR_MAX = _FIELDS.index("error_max")
+SINGULARITY_MARGIN = _FIELDS.index("singularity_margin")
+START_OFFSET = _FIELDS.index("start_offset")
+FRICTION_DRIFT = _FIELDS.index("friction_drift")
+WEIGHT_ERROR = _FIELDS.index("weight_error")
+WEIGHT_PACE = _FIELDS.index("weight_pace")
+WEIGHT_ACCELERATION = _FIELDS.index("weight_acceleration")
+WEIGHT_EFFORT = _FIELDS.index("weight_effort")
+WEIGHT_FAILURE = _FIELDS.index("weight_failure")
+ANGLE_RESOLUTION = _FIELDS.index("angle_resolution")
+VELOCITY_NOISE = _FIELDS.index("velocity_noise")
+TORQUE_NOISE = _FIELDS.index("torque_noise")
+FORCE_NOISE = _FIELDS.index("force_noise")
+DELAY = _FIELDS.index("delay")
+SENSES_IDEALLY = _FIELDS.index("senses_ideally")
+PUSH = _FIELDS.index("push")
+RANDOM_PHASES = _FIELDS.index("random_phases")
+INTENT_SPEED = _FIELDS.index("intent_speed")
+INTENT_RISE = _FIELDS.index("intent_rise")
+INTENT_LEAD = _FIELDS.index("intent_lead")
+RECORD_FIRST = _FIELDS.index("record_first")
+RECORD_COUNT = _FIELDS.index("record_count")
+AMPLITUDE = _FIELDS.index("amplitude_0")
+PHASE = _FIELDS.index("phase_0")
+TURN = _FIELDS.index("turn_0_cos")
 
 
-PARAM_ROWS = MODEL_ROWS + len(TaskModel._fields)
-PACE = _row("pace")
-ERROR_MAX = _row("error_max")
-SINGULARITY_MARGIN = _row("singularity_margin")
-START_OFFSET = _row("start_offset")
-WEIGHT_ERROR = _row("weight_error")
-WEIGHT_PACE = _row("weight_pace")
-WEIGHT_ACCELERATION = _row("weight_acceleration")
-WEIGHT_EFFORT = _row("weight_effort")
-WEIGHT_FAILURE = _row("weight_failure")
-PUSH = _row("push")
-RANDOM_PHASES = _row("random_phases")
-AMPLITUDE = _row("amplitude_0")
-PHASE = _row("phase_0")
-TURN = _row("turn_0_cos")
+def context_rows(
+    task: PathFollowing, machine: Machine, arcs: tuple[int, int], recording: tuple[int, int]
+) -> tuple[float, ...]:
+    """Return the constants of a task on a machine for the kernels, and what an observation may tell of them.
 
-
-def task_model(task: PathFollowing, machine: Machine) -> TaskModel:
-    """Return the constants of a task on a machine for the kernels."""
-    weights = task.reward
-    angles = [2.0 * math.pi * f * machine.substep for f in task.hand.frequencies]
-    turns = [part for angle in angles for part in (math.cos(angle), math.sin(angle))]
-    return TaskModel(
-        *line_model(task.path),
+    Parameters
+    ----------
+    task, machine
+        What fits together by ``check_machine``.
+    arcs, recording
+        Where the arcs of the path and the hand's recording begin in the array of constants, and how many there are.
+    """
+    weights, sensing = task.reward, task.sensing
+    model = TaskModel(
+        *arcs,
+        task.path.length,
         task.pace,
         task.error_max,
         task.singularity_margin,
         task.start_offset,
+        task.friction_drift,
         weights.error,
         weights.pace,
         weights.acceleration,
         weights.effort,
         weights.failure,
-        task.hand.push,
-        float(task.hand.random_phases),
-        *task.hand.amplitudes,
-        *task.hand.phases,
-        *turns,
+        sensing.angle_resolution,
+        sensing.velocity_noise,
+        sensing.torque_noise,
+        sensing.force_noise,
+        sensing.delay,
+        float(sensing == IDEAL_SENSING),
+    )
+    return (
+        *model_of(held_machine(task, machine)),
+        *operator_model(task.hand, task.pace, machine.substep, recording),
+        *model,
+        *context_values(task, machine),
     )
 
 
-@device
-def line_of(p: Any, row: int, i: int) -> LineModel:
-    """Read the path of world i; its parameters begin at ``row``."""
-    return LineModel(
-        p[row + MODEL_ROWS, i],
-        p[row + MODEL_ROWS + 1, i],
-        p[row + MODEL_ROWS + 2, i],
-        p[row + MODEL_ROWS + 3, i],
-        p[row + MODEL_ROWS + 4, i],
+CONTEXT = Layout(
+    (
+        Field("time_constant", "s", "of the clutches", 0.5),
+        Field("breakaway_factor", "1", "largest breakaway torque over that of the present clutches", 2.0),
+        Field("dynamic_factor", "1", "largest dynamic torque over that of the present clutches", 2.0),
+        Field("friction_drift", "1/s", "relative change of the clutch torques in a second", 0.5),
+        Field("hand_mass", "kg", "of the hand at the tip", 5.0),
+        Field("hand_damping", "N·s/m", "of the hand at the tip", 100.0),
+        Field("hand_stiffness", "N/m", "of the hand towards its intent", 1000.0),
+        Field("hand_push", "N", "constant force along the path", FORCE_SCALE),
+    )
+)
+"""What an observation tells of a context if it is asked to, and ``info`` always."""
+
+
+def context_values(task: PathFollowing, machine: Machine) -> tuple[float, ...]:
+    """Return the entries of ``CONTEXT`` in their units."""
+    clutch, hand = machine.clutch, held_machine(task, machine).hand
+    top = clutch.voltage_max
+    scale = math.fsum(machine.clutch_scale) / len(machine.clutch_scale)
+    return (
+        clutch.time_constant,
+        scale * clutch.breakaway.torque(top) / PRESENT_CLUTCH.breakaway.torque(top),
+        scale * clutch.dynamic.torque(top) / PRESENT_CLUTCH.dynamic.torque(top),
+        task.friction_drift,
+        hand.mass,
+        hand.damping,
+        hand.stiffness,
+        task.hand.push if isinstance(task.hand, MultiSineHand) else 0.0,
     )
 
 
-def observation_layout(machine: Machine, sensors: Sensors) -> Layout:
+CONTEXT_ROWS = PARAM_ROWS + len(CONTEXT)
+"""Numbers of a context in the array of constants: those that kernels work with, then the entries of ``CONTEXT``."""
+
+
+def observation_layout(machine: Machine, sensors: Sensors, observe_context: bool = False) -> Layout:
     """Return the layout of the observation; each entry is stored relative to its scale and limited to [−1, 1].
+
+    With ``observe_context`` it ends with the entries of ``CONTEXT``.
 
     Raises
     ------
@@ -265,7 +383,7 @@ def observation_layout(machine: Machine, sensors: Sensors) -> Layout:
             Field("force_along", "N", "hand's force along the path", FORCE_SCALE),
             Field("force_across", "N", "hand's force across the path, positive to its left", FORCE_SCALE),
         ]
-    return Layout(tuple(layout))
+    return Layout((*layout, *(CONTEXT.fields if observe_context else ())))
 
 
 _CLUTCHES = range(1, 5)
@@ -282,6 +400,7 @@ TELEMETRY = Layout(
         Field("acceleration_x", "m/s²", "tip acceleration, mean over the control period"),
         Field("acceleration_y", "m/s²", "tip acceleration, mean over the control period"),
         Field("arc_length", "m", "projection of the tip on the path"),
+        Field("reached", "m", "largest arc length so far"),
         Field("normal_error", "m", "distance from the path, positive to its left"),
         Field("force_x", "N", "hand's force in the last substep"),
         Field("force_y", "N", "hand's force in the last substep"),
@@ -301,6 +420,7 @@ TELEMETRY = Layout(
         Field("reward_failure", "1", "reward term"),
         Field("reward", "1", "sum of the reward terms"),
         Field("is_success", "1", "1 once the end of the path is reached"),
+        Field("context", "1", "number of the drawn machine and task"),
         Field("terminated", "1", "1 at the end of the path and on leaving the workspace"),
     )
 )
@@ -312,6 +432,7 @@ T_TIP = TELEMETRY.index("tip_x")
 T_VELOCITY = TELEMETRY.index("tip_velocity_x")
 T_ACCELERATION = TELEMETRY.index("acceleration_x")
 T_ARC_LENGTH = TELEMETRY.index("arc_length")
+T_REACHED = TELEMETRY.index("reached")
 T_ERROR = TELEMETRY.index("normal_error")
 T_FORCE = TELEMETRY.index("force_x")
 T_MODE = TELEMETRY.index("mode")
@@ -322,29 +443,41 @@ T_KINETIC = TELEMETRY.index("kinetic_energy")
 T_ENERGY = TELEMETRY.index("hand_work")
 T_REWARD = TELEMETRY.index("reward_error")
 T_SUCCESS = TELEMETRY.index("is_success")
+T_CONTEXT = TELEMETRY.index("context")
 T_TERMINATED = TELEMETRY.index("terminated")
 
 
 class Situation(NamedTuple):
-    """Where a world is with respect to its path at a control instant [m, m/s]."""
+    """Where a world is with respect to its path at a control instant [m, 1/m, m/s]."""
 
     arc_length: float
     normal_error: float
+    heading_cos: float
+    heading_sin: float
+    curvature: float
     speed_along: float
     speed_across: float
 
 
 @device
-def situation(line: LineModel, arm: Linkage, q: Motion) -> Situation:
-    """Return where a world is with respect to its path."""
-    x, y = tip_position(arm, q)
-    v_x, v_y = tip_velocity(arm, q)
-    arc_length, normal_error = project(line, x, y)
+def situation(
+    arc_length: float,
+    normal_error: float,
+    heading_cos: float,
+    heading_sin: float,
+    curvature: float,
+    v_x: float,
+    v_y: float,
+) -> Situation:
+    """Return where a world is from the projection of its tip and the tip's velocity [m/s]."""
     return Situation(
         arc_length,
         normal_error,
-        v_x * line.heading_cos + v_y * line.heading_sin,
-        v_y * line.heading_cos - v_x * line.heading_sin,
+        heading_cos,
+        heading_sin,
+        curvature,
+        v_x * heading_cos + v_y * heading_sin,
+        v_y * heading_cos - v_x * heading_sin,
     )
 
 
@@ -355,7 +488,7 @@ def observe(
     i: int,
     q: Motion,
     at: Situation,
-    line: LineModel,
+    path_length: float,
     pace: float,
     volts: PerClutch,
     torques: PerClutch,
@@ -370,10 +503,10 @@ def observe(
     s[row + 4, i] = q.omega_a
     s[row + 5, i] = q.omega_b
     s[row + 6, i] = at.normal_error
-    s[row + 7, i] = at.arc_length / line.path_length
-    s[row + 8, i] = line.heading_cos
-    s[row + 9, i] = line.heading_sin
-    s[row + 10, i] = 0.0
+    s[row + 7, i] = at.arc_length / path_length
+    s[row + 8, i] = at.heading_cos
+    s[row + 9, i] = at.heading_sin
+    s[row + 10, i] = at.curvature
     s[row + 11, i] = at.speed_along
     s[row + 12, i] = at.speed_across
     s[row + 13, i] = pace
@@ -384,15 +517,17 @@ def observe(
 
 
 @device
-def reached_end(line: LineModel, at: Situation) -> bool:
+def reached_end(arc_length: float, path_length: float) -> bool:
     """Tell whether the tip has reached the end of the path."""
-    return at.arc_length >= line.path_length
+    return arc_length >= path_length
 
 
 @device
-def left_workspace(at: Situation, q: Motion, error_max: float, singularity_margin: float) -> bool:
+def left_workspace(
+    arc_length: float, normal_error: float, q: Motion, error_max: float, singularity_margin: float
+) -> bool:
     """Tell whether the tip is too far from the path, has backed off its start, or the pose is near a singular one."""
-    far = (abs(at.normal_error) > error_max) | (at.arc_length < -error_max)
+    far = (abs(normal_error) > error_max) | (arc_length < -error_max)
     return far | (abs(sin_difference(q)) < singularity_margin)
 
 
@@ -421,10 +556,8 @@ def reward_terms(
 
 
 @device
-def start_motion(arm: Linkage, line: LineModel, offset: float) -> Motion:
-    """Return the arm at rest with the tip at the start of the path, off it by a normal offset [m]; θB leads θA."""
-    x = line.start_x - offset * line.heading_sin
-    y = line.start_y + offset * line.heading_cos
+def motion_at(arm: Linkage, x: float, y: float) -> Motion:
+    """Return the arm at rest with the tip at (x, y) [m]; θB leads θA."""
     cos = (x * x + y * y - arm.length_a * arm.length_a - arm.length_b * arm.length_b) / (
         2.0 * arm.length_a * arm.length_b
     )

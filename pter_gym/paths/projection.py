@@ -1,0 +1,109 @@
+"""Projection of a moving point onto a chain of arcs, for the kernels.
+
+The chain stands in the flat array of constants, ``SEGMENT_ROWS`` numbers for each arc in the order of ``ArcSegment``.
+A point keeps the arc that it was on and walks to a neighbour when its foot leaves that arc. Neighbours share a normal
+at their joint, so the foot moves continuously as long as the point stays nearer to the path than its centre of
+curvature.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from pter_gym._jit import device
+from pter_gym.paths.arcs import ArcSegment
+
+SEGMENT_ROWS = len(ArcSegment._fields)
+
+
+class Foot(NamedTuple):
+    """Projection of a point: arc length and normal error [m], heading and curvature [1/m] there, number of the arc."""
+
+    arc_length: float
+    normal_error: float
+    heading_cos: float
+    heading_sin: float
+    curvature: float
+    segment: int
+
+
+@device
+def segment_at(constants: Any, first: int, segment: int) -> ArcSegment:
+    """Read an arc of the chain that begins at ``first`` in the constants."""
+    row = first + segment * SEGMENT_ROWS
+    return ArcSegment(
+        constants[row],
+        constants[row + 1],
+        constants[row + 2],
+        constants[row + 3],
+        constants[row + 4],
+        constants[row + 5],
+        constants[row + 6],
+    )
+
+
+@device
+def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
+    """Return the projection of a point (x, y) [m] onto an arc that goes on beyond its ends."""
+    from_x = x - arc.x
+    from_y = y - arc.y
+    along = from_x * arc.heading_cos + from_y * arc.heading_sin
+    left = from_y * arc.heading_cos - from_x * arc.heading_sin
+    k = arc.curvature
+    if k == 0.0:
+        return Foot(arc.start + along, left, arc.heading_cos, arc.heading_sin, k, segment)
+    radial = 1.0 - k * left
+    tangential = k * along
+    reach = math.sqrt(radial * radial + tangential * tangential)
+    cos = radial / reach if reach > 0.0 else 1.0
+    sin = tangential / reach if reach > 0.0 else 0.0
+    return Foot(
+        arc.start + math.atan2(tangential, radial) / k,
+        (2.0 * left - k * (along * along + left * left)) / (1.0 + reach),
+        arc.heading_cos * cos - arc.heading_sin * sin,
+        arc.heading_sin * cos + arc.heading_cos * sin,
+        k,
+        segment,
+    )
+
+
+@device
+def project(constants: Any, first: int, count: int, segment: int, x: float, y: float) -> Foot:
+    """Return the projection of a point (x, y) [m] onto a chain of ``count`` arcs, from the arc that it was on.
+
+    Beyond the ends of the chain its first and last arc go on.
+    """
+    foot = foot_on(segment_at(constants, first, segment), segment, x, y)
+    direction = 0
+    for _ in range(count):
+        arc = segment_at(constants, first, segment)
+        ahead = foot.arc_length > arc.start + arc.length and segment < count - 1 and direction >= 0
+        behind = foot.arc_length < arc.start and segment > 0 and direction <= 0
+        if not (ahead or behind):
+            break
+        direction = 1 if ahead else -1
+        segment += direction
+        foot = foot_on(segment_at(constants, first, segment), segment, x, y)
+    return foot
+
+
+@device
+def point_at(constants: Any, first: int, count: int, s: float) -> tuple[float, float]:
+    """Return the point (x, y) [m] of a chain at an arc length [m]; beyond the ends its first and last arc go on."""
+    low = 0
+    high = count - 1
+    while low < high:
+        middle = (low + high + 1) // 2
+        if constants[first + middle * SEGMENT_ROWS + 5] <= s:
+            low = middle
+        else:
+            high = middle - 1
+    arc = segment_at(constants, first, low)
+    along = s - arc.start
+    half = 0.5 * arc.curvature * along
+    chord = along * (math.sin(half) / half if half != 0.0 else 1.0)
+    cos = math.cos(half)
+    sin = math.sin(half)
+    return (
+        arc.x + chord * (arc.heading_cos * cos - arc.heading_sin * sin),
+        arc.y + chord * (arc.heading_sin * cos + arc.heading_cos * sin),
+    )

@@ -1,0 +1,233 @@
+"""Distributions over machines and tasks: what varies from episode to episode.
+
+``Vary(base, field=distribution, …)`` is a frozen dataclass ``base`` some of whose fields are drawn; a field may vary
+in turn. ``Randomisation`` draws a list of pairs of machine and task from one seed; a world draws one of them at each
+reset.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Generic, Protocol, TypeVar, cast
+
+import numpy as np
+
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE, Machine, require, require_number
+from pter_gym.tasks.path_following import PathFollowing, check_machine
+
+Drawn = TypeVar("Drawn")
+Tags = tuple[str, ...]
+
+TRIES = 200
+"""Draws of one pair of machine and task before a randomisation is refused, because its paths leave the arm's reach."""
+
+
+class Distribution(Protocol):
+    """What a value is drawn from."""
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Return a value."""
+        ...
+
+    def extremes(self) -> Sequence[Any]:
+        """Return values at the ends of what can be drawn."""
+        ...
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """An even draw from [low, high]."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        """Check that both are finite and in order."""
+        require_number(self, "low")
+        require_number(self, "high", at_least=self.low)
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """Return a number."""
+        return float(rng.uniform(self.low, self.high))
+
+    def extremes(self) -> Sequence[float]:
+        """Return both ends."""
+        return self.low, self.high
+
+
+@dataclass(frozen=True)
+class LogUniform:
+    """A draw from [low, high] whose logarithm is even."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        """Check that both are finite, positive and in order."""
+        require_number(self, "low", above=0.0)
+        require_number(self, "high", at_least=self.low)
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """Return a number."""
+        return math.exp(rng.uniform(math.log(self.low), math.log(self.high)))
+
+    def extremes(self) -> Sequence[float]:
+        """Return both ends."""
+        return self.low, self.high
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """A tuple of independent draws."""
+
+    of: Distribution
+    count: int
+
+    def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
+        """Return a tuple."""
+        return tuple(self.of.draw(rng) for _ in range(self.count))
+
+    def extremes(self) -> Sequence[tuple[Any, ...]]:
+        """Return tuples of one extreme each."""
+        return [(extreme,) * self.count for extreme in self.of.extremes()]
+
+
+@dataclass(frozen=True)
+class Shared:
+    """A tuple of products: one factor that all share, times one of their own."""
+
+    common: Distribution
+    own: Distribution
+    count: int
+
+    def draw(self, rng: np.random.Generator) -> tuple[float, ...]:
+        """Return a tuple."""
+        factor = self.common.draw(rng)
+        return tuple(factor * self.own.draw(rng) for _ in range(self.count))
+
+    def extremes(self) -> Sequence[tuple[float, ...]]:
+        """Return tuples of the products of extremes."""
+        return [(a * b,) * self.count for a in self.common.extremes() for b in self.own.extremes()]
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """One of several values or distributions, each as likely."""
+
+    options: tuple[Any, ...]
+
+    def __post_init__(self) -> None:
+        """Check that there is an option."""
+        require(len(self.options) > 0, self, "options", self.options, "at least one option")
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Return an option, or a draw from it."""
+        return drawn(self.options[int(rng.integers(len(self.options)))], rng)
+
+    def extremes(self) -> Sequence[Any]:
+        """Return the extremes of all options."""
+        return [extreme for option in self.options for extreme in extremes(option)]
+
+
+class Vary(Generic[Drawn]):
+    """A frozen dataclass some of whose fields are drawn.
+
+    Parameters
+    ----------
+    base
+        What the other fields are taken from.
+    **fields
+        Distributions, by the name of the field.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such field, or a value at the end of what can be drawn is refused by the dataclass itself: each
+        field alone, and all at their first and at their last ends together. The message names the field.
+    """
+
+    def __init__(self, base: Drawn, **fields: Distribution) -> None:
+        self.base = base
+        self.fields = fields
+        known = getattr(base, "__dataclass_fields__", {})
+        for name in fields:
+            if name not in known:
+                raise ParameterError(f"{type(base).__name__} has no field {name!r}; it has {', '.join(known)}")
+        self.extremes()
+
+    def draw(self, rng: np.random.Generator) -> Drawn:
+        """Return a draw."""
+        return cast(Drawn, replace(cast(Any, self.base), **{k: v.draw(rng) for k, v in self.fields.items()}))
+
+    def extremes(self) -> Sequence[Drawn]:
+        """Return draws with one field at an end, and with all at their first and at their last ends."""
+        ends = {name: field.extremes() for name, field in self.fields.items()}
+        changes = [{name: end} for name, values in ends.items() for end in values]
+        changes += [{name: values[place] for name, values in ends.items()} for place in (0, -1)]
+        return [cast(Drawn, replace(cast(Any, self.base), **change)) for change in changes]
+
+    def __repr__(self) -> str:
+        """Return the call that makes this."""
+        fields = "".join(f", {name}={field!r}" for name, field in self.fields.items())
+        return f"Vary({self.base!r}{fields})"
+
+
+def drawn(value: Any, rng: np.random.Generator) -> Any:
+    """Return a draw from a distribution, or the value itself."""
+    return value.draw(rng) if hasattr(value, "draw") else value
+
+
+def extremes(value: Any) -> Sequence[Any]:
+    """Return the extremes of a distribution, or the value itself."""
+    return value.extremes() if hasattr(value, "extremes") else [value]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Randomisation:
+    """Pairs of machine and task to train on.
+
+    Attributes
+    ----------
+    machine, task
+        What is drawn, or what stays.
+    contexts
+        Number of pairs in the list that worlds draw from.
+    seed
+        Seed ≥ 0 of the list.
+    """
+
+    machine: Machine | Vary[Machine] = BASELINE
+    task: PathFollowing | Vary[PathFollowing]
+    contexts: int = 512
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the numbers; distributions have checked themselves."""
+        for name, at_least in (("contexts", 1), ("seed", 0)):
+            require_number(self, name, at_least=at_least)
+            require(getattr(self, name) == int(getattr(self, name)), self, name, getattr(self, name), "a whole number")
+
+    def pairs(self) -> list[tuple[Machine, PathFollowing]]:
+        """Return the list, the same for the same seed.
+
+        Raises
+        ------
+        ParameterError
+            If hardly any draw is a task that its machine can do.
+        """
+        rng = np.random.default_rng([self.seed, 0x5452])
+        return [self.draw(rng) for _ in range(self.contexts)]
+
+    def draw(self, rng: np.random.Generator) -> tuple[Machine, PathFollowing]:
+        """Return a pair that fits together; draws whose path leaves the arm's reach are drawn again."""
+        for attempt in range(TRIES):
+            machine, task = drawn(self.machine, rng), drawn(self.task, rng)
+            try:
+                check_machine(task, machine)
+            except ParameterError:
+                if attempt == TRIES - 1:
+                    raise
+            else:
+                return machine, task
+        raise AssertionError("unreachable")
