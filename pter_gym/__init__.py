@@ -57,6 +57,17 @@ gymnasium.register(
     max_episode_steps=1000,
 )
 
+_SCENARIOS = ("Standard-v0", "Paths-v0", "Hands-v0", "Materials-v0", "Everything-v0")
+
+for _scenario in _SCENARIOS:
+    gymnasium.register(
+        id=f"PTER/{_scenario}",
+        entry_point="pter_gym.envs.scenario:make_env",
+        vector_entry_point="pter_gym.envs.scenario:make_vec",
+        max_episode_steps=1000,
+        kwargs={"scenario": _scenario.partition("-")[0].lower()},
+    )
+
 
 def __getattr__(name: str) -> Any:
     """Import a public name on first use."""

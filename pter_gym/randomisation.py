@@ -94,6 +94,22 @@ class Repeat:
 
 
 @dataclass(frozen=True)
+class Tuple:
+    """A tuple of independent draws from several distributions."""
+
+    of: tuple[Distribution, ...]
+
+    def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
+        """Return a tuple."""
+        return tuple(each.draw(rng) for each in self.of)
+
+    def extremes(self) -> Sequence[tuple[Any, ...]]:
+        """Return tuples of all first and of all last extremes."""
+        ends = [each.extremes() for each in self.of]
+        return [tuple(values[place] for values in ends) for place in (0, -1)]
+
+
+@dataclass(frozen=True)
 class Shared:
     """A tuple of products: one factor that all share, times one of their own."""
 

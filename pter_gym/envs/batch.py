@@ -37,7 +37,6 @@ from pter_gym.tasks.path_following import (
     CONTEXT_ROWS,
     ENTRIES,
     IDEAL_SENSING,
-    PARAM_ROWS,
     PATH_COUNT,
     TELEMETRY,
     PathFollowing,
@@ -151,10 +150,10 @@ class Batch:
             raise ParameterError(f"num_threads must be ≥ 1, got {num_threads!r}")
         if max_steps is not None and max_steps < 1:
             raise ParameterError(f"max_steps must be ≥ 1 or None, got {max_steps!r}")
-        pairs = _number_of_pairs(machines, tasks, None if draws else num_worlds)
-        self.num_worlds = _number_drawing(num_worlds) if draws else pairs
-        listed_machines = [machines] * pairs if isinstance(machines, Machine) else list(machines)
-        listed_tasks = [tasks] * pairs if isinstance(tasks, PathFollowing) else list(tasks)
+        given = _number_of_pairs(machines, tasks, None if draws else num_worlds)
+        self.num_worlds = _number_drawing(num_worlds) if draws else given
+        listed_machines = [machines] * given if isinstance(machines, Machine) else list(machines)
+        listed_tasks = [tasks] * given if isinstance(tasks, PathFollowing) else list(tasks)
         self.machine = listed_machines[0]
         self.task = listed_tasks[0]
         self.layout = observation_layout(self.machine, sensors, observe_context)
@@ -180,7 +179,7 @@ class Batch:
         _check_shared(self.pairs)
         self._constants = _constants(self.pairs)
         self._worlds = _blocks(
-            np.zeros(self.num_worlds) if draws else CONTEXT_ROWS * numbers,
+            np.zeros(self.num_worlds) if draws else float(CONTEXT_ROWS) * numbers,
             len(self.pairs) if draws else 1,
             BASIC_ROWS if all(_is_plain(task) for _, task in self.pairs) else CHANGING_ROWS,
         )
@@ -370,16 +369,10 @@ class Batch:
         return bool(np.isin(worlds[:, SEGMENT], np.arange(int(arcs.max()))).all() and (worlds[:, SEGMENT] < arcs).all())
 
     @property
-    def contexts(self) -> Array:
-        """What is told of each of ``pairs``, in the order of ``CONTEXT`` and its units, shape (K, len(CONTEXT))."""
-        table = self._constants[: len(self.pairs) * CONTEXT_ROWS].reshape(-1, CONTEXT_ROWS)
-        return table[:, PARAM_ROWS:].copy()
-
-    @property
-    def context(self) -> NDArray[np.intp]:
-        """The number of each world's present pair of machine and task in ``pairs``, (N,)."""
+    def context(self) -> list[int]:
+        """The number of each world's present pair of machine and task in ``pairs``."""
         numbers = self._worlds[:, CONTEXT_AT].reshape(-1)[: self.num_worlds] / CONTEXT_ROWS
-        return numbers.astype(np.intp)
+        return numbers.astype(np.intp).tolist()
 
     def device_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that a kernel on another device needs: worlds, words, config, constants, who has begun."""
@@ -528,11 +521,11 @@ def _is_plain(task: PathFollowing) -> bool:
     return not isinstance(task.hand, (HumanArm, RecordedForces)) and task.sensing == IDEAL_SENSING
 
 
-def _distinct(machines: Sequence[Machine], tasks: Sequence[PathFollowing]) -> tuple[list[Pair], NDArray[np.intp]]:
+def _distinct(machines: Sequence[Machine], tasks: Sequence[PathFollowing]) -> tuple[list[Pair], Array]:
     """Return the pairs of machine and task without repeats, and the number of each world's, (N,)."""
     numbers: dict[tuple[int, int], int] = {}
     pairs: list[Pair] = []
-    index = np.empty(len(machines), np.intp)
+    index = np.empty(len(machines))
     for world, pair in enumerate(zip(machines, tasks, strict=True)):
         key = id(pair[0]), id(pair[1])
         if key not in numbers:

@@ -332,7 +332,7 @@ def _build_reset(digest: str) -> Any:
             see(w, i, config, constants)
             write_observation(w, i, obs, world, config, constants)
             if telemetry.shape[0] > 0:
-                record_reset(w, i, telemetry, 0, world)
+                record_reset(w, i, telemetry, 0, world, constants)
 
     return reset
 

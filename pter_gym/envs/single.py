@@ -13,7 +13,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.layout import Layout
 from pter_gym.params import MACHINES, Machine
 from pter_gym.randomisation import Randomisation
-from pter_gym.tasks.path_following import CONTEXT, T_TIP, TELEMETRY, PathFollowing, Sensors
+from pter_gym.tasks.path_following import T_TIP, TELEMETRY, PathFollowing, Sensors
 
 RenderMode = Literal["human", "rgb_array"]
 
@@ -79,8 +79,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, start, sensing, reward weights.
     - `randomisation`: a `Randomisation` from which each episode draws machine and task, instead of these two.
     - `observe_context`: whether the observation ends with what is told of machine and task (time constant, torque and
-      drift of the clutches, what the hand adds); `info["context"]` holds it always, in the order and units of
-      `env.unwrapped.context_layout`.
+      drift of the clutches, what the hand adds). The telemetry tells it always.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"volt"` (default) or `"normalised"`.
     - `render_mode`: `"human"` or `"rgb_array"` (needs the extra `render`).
@@ -137,11 +136,6 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self.batch.pairs[self.batch.context[0]][1]
 
     @property
-    def context_layout(self) -> Layout:
-        """Names and units of the entries of ``info["context"]``."""
-        return CONTEXT
-
-    @property
     def telemetry_layout(self) -> Layout:
         """Names and units of the entries of ``info["telemetry"]``."""
         return TELEMETRY
@@ -158,8 +152,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if len(self.batch.pairs) > 1:
             self.close()
         self._show(telemetry[0])
-        context = self.batch.contexts[self.batch.context[0]]
-        return obs[0], {"telemetry": telemetry[0], "is_success": False, "context": context}
+        return obs[0], {"telemetry": telemetry[0], "is_success": False}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Advance by one control period.

@@ -21,7 +21,7 @@ from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.layout import Layout
 from pter_gym.params import Machine
 from pter_gym.randomisation import Randomisation
-from pter_gym.tasks.path_following import CONTEXT, TELEMETRY, PathFollowing, Sensors
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
 
 Device = Literal["cpu", "cuda"]
 Mask = NDArray[np.bool_]
@@ -106,19 +106,6 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
     def observation_layout(self) -> Layout:
         """Names, units and scales of the observation's entries."""
         return self.batch.layout
-
-    @property
-    def context_layout(self) -> Layout:
-        """Names and units of the entries of ``contexts``."""
-        return CONTEXT
-
-    @property
-    def contexts(self) -> Array:
-        """What is told of each pair of machine and task, (K, len(context_layout)).
-
-        A world's row is ``infos["telemetry"][world, telemetry_layout.index("context")]``.
-        """
-        return self.batch.contexts
 
     @property
     def telemetry_layout(self) -> Layout:

@@ -80,9 +80,11 @@ from pter_gym.tasks.path_following import (
     T_THETA,
     T_TIME,
     T_TIP,
+    T_TOLD,
     T_TORQUE,
     T_VELOCITY,
     T_VOLTS,
+    TOLD,
     TORQUE_NOISE,
     TURN,
     VELOCITY_NOISE,
@@ -580,16 +582,16 @@ def see(w: Any, i: int, config: Any, constants: Any) -> None:
 
 
 @device
-def record_reset(w: Any, i: int, telemetry: Any, t: int, world: int) -> None:
+def record_reset(w: Any, i: int, telemetry: Any, t: int, world: int, constants: Any) -> None:
     """Write the telemetry (T, N, K) of a world that is not stepping: its pose, the rest zero."""
     for column in range(telemetry.shape[2]):
         telemetry[t, world, column] = 0.0
-    record_pose(w, i, telemetry, t, world, 0.0)
+    record_pose(w, i, telemetry, t, world, 0.0, constants)
 
 
 @device
-def record_pose(w: Any, i: int, telemetry: Any, t: int, world: int, time: float) -> None:
-    """Write what the telemetry (T, N, K) says of the pose."""
+def record_pose(w: Any, i: int, telemetry: Any, t: int, world: int, time: float, constants: Any) -> None:
+    """Write what the telemetry (T, N, K) says of the pose, of machine and task."""
     arm = linkage(w, PARAM, i)
     q = load_motion(w, i)
     x, y = tip_position(arm, q)
@@ -604,11 +606,14 @@ def record_pose(w: Any, i: int, telemetry: Any, t: int, world: int, time: float)
     telemetry[t, world, T_ARC_LENGTH] = w[ARC_LENGTH, i]
     telemetry[t, world, T_REACHED] = w[REACHED, i]
     telemetry[t, world, T_ERROR] = w[ERROR, i]
-    telemetry[t, world, T_CONTEXT] = w[CONTEXT_AT, i] / CONTEXT_ROWS
+    telemetry[t, world, T_CONTEXT] = (w[CONTEXT_AT, i] - w[DRAWS_FROM, i]) / CONTEXT_ROWS
     telemetry[t, world, T_MODE] = mode_of(q.omega_a, q.omega_b)
     telemetry[t, world, T_KINETIC] = kinetic_energy(arm, q)
     for clutch in range(4):
         telemetry[t, world, T_VOLTS + clutch] = w[COMMAND + clutch, i]
+    told = int(w[CONTEXT_AT, i]) + PARAM_ROWS
+    for entry in range(TOLD):
+        telemetry[t, world, T_TOLD + entry] = constants[told + entry]
 
 
 @device
@@ -671,11 +676,11 @@ def has_begun(w: Any, i: int) -> bool:
 
 
 @device
-def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: float) -> None:
+def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: float, constants: Any) -> None:
     """Write the telemetry (T, N, K) of a control step."""
     q = load_motion(w, i)
     slip = slip_velocities(q.omega_a, q.omega_b)
-    record_pose(w, i, telemetry, t, world, w[STEP, i] * period)
+    record_pose(w, i, telemetry, t, world, w[STEP, i] * period, constants)
     a_x, a_y = tip_acceleration(w, i, period)
     telemetry[t, world, T_ACCELERATION] = a_x
     telemetry[t, world, T_ACCELERATION + 1] = a_y
@@ -707,7 +712,7 @@ def next_episode(
     see(w, i, config, constants)
     write_observation(w, i, obs, world, config, constants)
     if telemetry.shape[0] > 0:
-        record_reset(w, i, telemetry, t, world)
+        record_reset(w, i, telemetry, t, world, constants)
 
 
 @device
@@ -740,11 +745,11 @@ def end_step(
         for flag in range(FLAGS):
             flags[flag, world] = w[_END + flag, i] != 0.0
         if records:
-            record_step(w, i, telemetry, t, world, period)
+            record_step(w, i, telemetry, t, world, period, constants)
         if w[ALIVE, i] == 0.0 and ended == SAME_STEP:
             write_observation(w, i, final_obs, world, config, constants)
             if records:
-                record_step(w, i, telemetry, t + 1, world, period)
+                record_step(w, i, telemetry, t + 1, world, period, constants)
             next_episode(w, i, world, words, obs, telemetry, t, config, constants)
     elif ended == NEXT_STEP:
         next_episode(w, i, world, words, obs, telemetry, t, config, constants)

@@ -205,6 +205,21 @@ def sin_elbow(length_a: float, length_b: float, points: NDArray[np.float64]) -> 
     return np.where(np.abs(cos) <= 1.0, np.sqrt(np.maximum(1.0 - cos * cos, 0.0)), -1.0)
 
 
+CONTEXT = Layout(
+    (
+        Field("time_constant", "s", "of the clutches", 0.5),
+        Field("breakaway_factor", "1", "largest breakaway torque over that of the present clutches", 2.0),
+        Field("dynamic_factor", "1", "largest dynamic torque over that of the present clutches", 2.0),
+        Field("friction_drift", "1/s", "relative change of the clutch torques in a second", 0.5),
+        Field("hand_mass", "kg", "of the hand at the tip", 5.0),
+        Field("hand_damping", "N·s/m", "of the hand at the tip", 100.0),
+        Field("hand_stiffness", "N/m", "of the hand towards its intent", 1000.0),
+        Field("hand_push", "N", "constant force along the path", FORCE_SCALE),
+    )
+)
+"""What the telemetry tells of machine and task, and the observation if it is asked to."""
+
+
 class TaskModel(NamedTuple):
     """Constants of one world's task as the kernels see them."""
 
@@ -309,21 +324,6 @@ def context_rows(
     )
 
 
-CONTEXT = Layout(
-    (
-        Field("time_constant", "s", "of the clutches", 0.5),
-        Field("breakaway_factor", "1", "largest breakaway torque over that of the present clutches", 2.0),
-        Field("dynamic_factor", "1", "largest dynamic torque over that of the present clutches", 2.0),
-        Field("friction_drift", "1/s", "relative change of the clutch torques in a second", 0.5),
-        Field("hand_mass", "kg", "of the hand at the tip", 5.0),
-        Field("hand_damping", "N·s/m", "of the hand at the tip", 100.0),
-        Field("hand_stiffness", "N/m", "of the hand towards its intent", 1000.0),
-        Field("hand_push", "N", "constant force along the path", FORCE_SCALE),
-    )
-)
-"""What an observation tells of a context if it is asked to, and ``info`` always."""
-
-
 def context_values(task: PathFollowing, machine: Machine) -> tuple[float, ...]:
     """Return the entries of ``CONTEXT`` in their units."""
     clutch, hand = machine.clutch, held_machine(task, machine).hand
@@ -420,8 +420,9 @@ TELEMETRY = Layout(
         Field("reward_failure", "1", "reward term"),
         Field("reward", "1", "sum of the reward terms"),
         Field("is_success", "1", "1 once the end of the path is reached"),
-        Field("context", "1", "number of the drawn machine and task"),
+        Field("context", "1", "number of the drawn machine and task, 0 where none is drawn"),
         Field("terminated", "1", "1 at the end of the path and on leaving the workspace"),
+        *(replace(field, scale=1.0) for field in CONTEXT.fields),
     )
 )
 """Layout of the telemetry row that each control step writes; all entries in their units."""
@@ -445,6 +446,8 @@ T_REWARD = TELEMETRY.index("reward_error")
 T_SUCCESS = TELEMETRY.index("is_success")
 T_CONTEXT = TELEMETRY.index("context")
 T_TERMINATED = TELEMETRY.index("terminated")
+T_TOLD = TELEMETRY.index(CONTEXT.names[0])
+TOLD = len(CONTEXT)
 
 
 class Situation(NamedTuple):

@@ -16,10 +16,12 @@ PACKAGE = Path(pter_gym.__file__).parent
 ORDER = (
     ("_version", "errors", "units", "layout", "files", "palette", "_jit", "vector_checker"),
     ("preset",),
-    ("_philox", "params", "terminal"),
+    ("_philox", "params", "tables", "terminal"),
     ("physics",),
     ("operators", "paths", "controllers", "open_loop"),
     ("tasks",),
+    ("randomisation",),
+    ("scenarios",),
     ("render",),
     ("envs",),
     ("benchmark", "sb3"),
