@@ -37,14 +37,12 @@ def worst_difference(mode: AutoresetMode, steps: int, worlds: int) -> float:
 
     Each step begins from equal states, so that differences do not grow through stick-slip.
     """
-    from pter_gym.operators import MultiSineHand
-    from pter_gym.params import MACHINES
-    from pter_gym.tasks.path_following import PathFollowing
+    from pter_gym.scenarios import SCENARIOS
 
     keywords = {
         "num_envs": worlds,
-        "machine": [list(MACHINES)[k % 3] for k in range(worlds)],
-        "task": PathFollowing(start_offset=0.01, hand=MultiSineHand(random_phases=True)),
+        "randomisation": SCENARIOS["everything"].randomisation(contexts=20),
+        "observe_context": True,
         "autoreset_mode": mode,
         "max_episode_steps": 25,
     }

@@ -16,10 +16,10 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
 import pter_gym  # noqa: F401  (registers the environment)
-from pter_gym.operators import MultiSineHand
+from pter_gym.operators import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
-from pter_gym.paths import Line
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.paths import Arc, Line, Sine
+from pter_gym.tasks.path_following import PathFollowing, Sensing
 
 ID = "PTER/PathFollowing-v0"
 NEXT_STEP, SAME_STEP, DISABLED = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
@@ -51,6 +51,18 @@ def tasks(count: int) -> list[PathFollowing]:
         PathFollowing(start_offset=0.005, path=Line(x=-0.1, y=0.5, direction=0.1, length=0.2)),
         PathFollowing(start_offset=0.03, error_max=0.04, hand=MultiSineHand(random_phases=True)),
         PathFollowing(hand=MultiSineHand(push=30.0)),
+        PathFollowing(
+            path=Arc(x=-0.3, y=0.6, radius=0.3, angle=-1.0),
+            hand=HumanArm(random_phases=True),
+            error_max=0.1,
+            sensing=Sensing(angle_resolution=1e-3, velocity_noise=0.01, torque_noise=0.1, force_noise=0.1, delay=1),
+        ),
+        PathFollowing(
+            path=Sine(x=-0.5, y=0.65, extent=0.8, amplitude=0.04),
+            hand=RecordedForces(times=(0.0, 0.013, 0.3), along=(40.0, 60.0, 80.0), across=(0.0, 9.0, -9.0)),
+            error_max=0.1,
+            friction_drift=0.1,
+        ),
     ]
     return [kinds[k % len(kinds)] for k in range(count)]
 

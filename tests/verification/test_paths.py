@@ -1,0 +1,188 @@
+"""Paths against closed forms and the curves that they are fitted to; projections against where a point was put."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path as File
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pter_gym.envs.batch import Batch
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.paths import Arc, Circle, Line, Path, Polyline, Sine, Spline, read_path
+from pter_gym.paths.arcs import TOLERANCE
+from pter_gym.paths.projection import point_at, project
+from pter_gym.tasks.path_following import PathFollowing
+
+WAYPOINTS = ((-0.5, 0.7), (-0.2, 0.6), (0.1, 0.8), (0.3, 0.6))
+KINDS = [
+    Line(x=0.1, y=0.3, direction=2.0, length=0.4),
+    Arc(x=-0.3, y=0.6, direction=0.4, radius=0.3, angle=-1.7),
+    Arc(radius=0.2, angle=5.0),
+    Circle(),
+    Circle(radius=0.2, start=1.0, clockwise=True),
+    Sine(amplitude=0.05, periods=1.5, direction=0.3),
+    Spline(points=WAYPOINTS),
+    Polyline(points=WAYPOINTS, radius=0.06),
+]
+
+
+def name_of(path: Path) -> str:
+    return type(path).__name__
+
+
+@pytest.mark.parametrize("path", KINDS, ids=name_of)
+def test_arcs_join_with_one_point_and_one_heading(path: Path) -> None:
+    table = path.arcs.table
+    for row, following in pairwise(table):
+        x, y, cos, sin, curvature, start, length = row
+        turn = curvature * length
+        chord = length * np.sinc(0.5 * turn / np.pi)
+        end = complex(x, y) + complex(cos, sin) * np.exp(0.5j * turn) * chord
+        assert abs(end - complex(*following[:2])) < 1e-12
+        assert abs(complex(cos, sin) * np.exp(1j * turn) - complex(*following[2:4])) < 1e-9
+        assert start + length == pytest.approx(following[5], abs=1e-14)
+        assert abs(turn) <= 1.5
+
+
+@pytest.mark.parametrize("path", KINDS, ids=name_of)
+def test_arc_length_heading_and_curvature_belong_together(path: Path) -> None:
+    """Central differences over 1e-6 m, away from joints, where the curvature may jump: second order, 1e-6 relative."""
+    h = 1e-6
+    joints = path.arcs.table[:, 5]
+    for s in np.linspace(1e-4, path.length - 1e-4, 97):
+        if np.abs(joints - s).min() < 2.0 * h:
+            continue
+        (x0, y0), (x1, y1) = path.point(s - h), path.point(s + h)
+        assert math.hypot(x1 - x0, y1 - y0) == pytest.approx(2.0 * h, rel=1e-6)
+        assert math.remainder(math.atan2(y1 - y0, x1 - x0) - path.heading(s), math.tau) == pytest.approx(0.0, abs=1e-6)
+        bend = math.remainder(path.heading(s + h) - path.heading(s - h), math.tau) / (2.0 * h)
+        assert bend == pytest.approx(path.curvature(s), abs=1e-6)
+
+
+def test_closed_forms() -> None:
+    circle = Circle(center_x=0.1, center_y=0.5, radius=0.2, start=0.3)
+    assert circle.length == pytest.approx(2.0 * math.pi * 0.2, rel=1e-15)
+    for s in np.linspace(0.0, circle.length, 23):
+        angle = 0.3 + s / 0.2
+        assert circle.point(s) == pytest.approx((0.1 + 0.2 * math.cos(angle), 0.5 + 0.2 * math.sin(angle)), abs=1e-14)
+    arc = Arc(x=0.0, y=0.0, direction=0.0, radius=2.0, angle=-math.pi / 2.0)
+    assert arc.point(arc.length) == pytest.approx((2.0, -2.0), abs=1e-14)
+    corner = Polyline(points=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), radius=0.25)
+    assert corner.length == pytest.approx(2.0 * 0.75 + 0.25 * math.pi / 2.0, rel=1e-14)
+    assert corner.point(corner.length) == pytest.approx((1.0, 1.0), abs=1e-14)
+    straight = Spline(points=((0.0, 0.5), (0.3, 0.9)))
+    assert straight.length == pytest.approx(0.5, rel=1e-14)
+
+
+@pytest.mark.parametrize("path", KINDS[5:7], ids=name_of)
+def test_fitted_arcs_stay_with_their_curve(path: Path) -> None:
+    """The fit looks at five points of each pair of arcs; between them a smooth distance can be a little larger."""
+    from scipy.interpolate import CubicSpline
+
+    t = np.linspace(0.0, 1.0, 3001)
+    if isinstance(path, Sine):
+        along = path.extent * t
+        local = along + 1j * path.amplitude * np.sin(2.0 * math.pi * path.periods * t)
+        points = complex(path.x, path.y) + np.exp(1j * path.direction) * local
+    else:
+        assert isinstance(path, Spline)
+        given = np.array(path.points) @ [1.0, 1.0j]
+        knots = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(given)))])
+        points = CubicSpline(knots, given, bc_type="natural")(knots[-1] * t)
+    table, segment, worst = path.arcs.table, 0, 0.0
+    for point in points:
+        foot = project(table.ravel(), 0, len(table), segment, point.real, point.imag)
+        segment, worst = foot.segment, max(worst, abs(foot.normal_error))
+    assert worst <= 1.5 * TOLERANCE
+    assert path.length == pytest.approx(np.abs(np.diff(points)).sum(), rel=1e-5)
+
+
+@pytest.mark.parametrize("path", KINDS, ids=name_of)
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=15, deadline=None)
+def test_the_foot_of_a_moving_point_is_the_nearest_one_nearby(path: Path, seed: int) -> None:
+    """A point wanders within the tube; its foot moves continuously and gives back arc length and normal error."""
+    rng = np.random.default_rng(seed)
+    bound = 0.9 / max(path.max_curvature, 4.0)
+    table, segment, s, e = path.arcs.table, 0, 0.0, 0.0
+    constants = table.ravel()
+    for _ in range(300):
+        s = float(np.clip(s + rng.uniform(-0.02, 0.04), 0.0, path.length))
+        e = float(np.clip(e + rng.uniform(-0.02, 0.02), -bound, bound))
+        (x, y), heading = path.point(s), path.heading(s)
+        foot = project(constants, 0, len(table), segment, x - e * math.sin(heading), y + e * math.cos(heading))
+        segment = foot.segment
+        assert foot.arc_length == pytest.approx(s, abs=1e-10)
+        assert foot.normal_error == pytest.approx(e, abs=1e-10)
+        assert math.remainder(math.atan2(foot.heading_sin, foot.heading_cos) - heading, math.tau) == pytest.approx(
+            0.0, abs=1e-8
+        )
+        assert point_at(constants, 0, len(table), s) == pytest.approx((x, y), abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("make", "field"),
+    [
+        (lambda: Line(length=0.0), "Line.length"),
+        (lambda: Arc(radius=0.0), "Arc.radius"),
+        (lambda: Arc(angle=0.0), "Arc.angle"),
+        (lambda: Arc(angle=7.0), "Arc.angle"),
+        (lambda: Circle(radius=-1.0), "Circle.radius"),
+        (lambda: Circle(clockwise=1), "Circle.clockwise"),  # pyright: ignore[reportArgumentType]
+        (lambda: Sine(extent=0.0), "Sine.extent"),
+        (lambda: Sine(amplitude=math.nan), "Sine.amplitude"),
+        (lambda: Spline(points=((0.0, 0.5),)), "Spline.points"),
+        (lambda: Spline(points=((0.0, 0.5), (0.0, 0.5))), "Spline.points"),
+        (lambda: Spline(points=((0.0, 0.5), (math.nan, 0.6))), "Spline.points"),
+        (lambda: Spline(points=[(0.0, 0.5), (0.1, 0.6)]), "Spline.points"),  # pyright: ignore[reportArgumentType]
+        (lambda: Polyline(points=((0.0, 0.5), (0.1, 0.5), (0.1, 0.6)), radius=0.2), "Polyline.radius"),
+        (lambda: Polyline(points=((0.0, 0.5), (0.1, 0.5), (0.0, 0.5))), "Polyline.radius"),
+    ],
+)
+def test_bad_paths_are_named(make: object, field: str) -> None:
+    with pytest.raises(ParameterError, match=rf"{field} must be"):
+        make()  # pyright: ignore[reportCallIssue]
+
+
+def test_a_path_that_bends_within_the_workspace_is_refused() -> None:
+    task = PathFollowing(path=Circle(radius=0.15), error_max=0.136)
+    with pytest.raises(ParameterError, match=r"error_max must be ≤ 0\.135 m"):
+        Batch(BASELINE, task)
+    Batch(BASELINE, replace(task, error_max=0.134))
+
+
+def test_a_path_out_of_reach_is_refused_with_the_point() -> None:
+    with pytest.raises(ParameterError, match=r"within reach .* but \("):
+        Batch(BASELINE, PathFollowing(path=Spline(points=((-0.5, 0.7), (0.0, 1.4), (0.4, 0.7))), error_max=0.05))
+
+
+def test_paths_from_csv(tmp_path: File) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text("y, x ,note\n0.7,-0.5,a\n0.6,-0.2,b\n0.8,0.1,c\n0.6,0.3,d\n")
+    assert read_path(file) == Spline(points=WAYPOINTS)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no column x, y"),
+        ("x\n1\n2\n", "no column y"),
+        ("x,y\n0.1,0.5\n", "at least 2 points"),
+        ("x,y\n0.1,0.5\n0.1,0.5\n", "none twice in a row"),
+        ("x,y\n0.1,0.5\n0.2,nan\n", "line 3: y must be a finite number"),
+        ("x,y\n0.1,0.5\n0.2\n", "line 3: y must be a finite number"),
+        ("x,y\n0.1,0.5\nleft,0.5\n", "line 3: x must be a finite number, got 'left'"),
+    ],
+)
+def test_bad_csv_paths_are_refused(tmp_path: File, text: str, message: str) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text(text)
+    with pytest.raises(ParameterError, match=message):
+        read_path(file)
+    with pytest.raises(ParameterError, match="cannot be read"):
+        read_path(tmp_path / "missing.csv")
