@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from mujoco import rollout
 
-from peer.mujoco_arm import RATIOS, ArmNumbers, build, to_joint_torque, to_joints, to_links
+from pter_gym.benchmark.speed.mujoco_arm import RATIOS, ArmNumbers, build, to_joint_torque, to_joints, to_links
 from pter_gym.open_loop import initial_state, simulate
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Clutch
 
