@@ -96,7 +96,7 @@ def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pt
         max_worlds: Largest number of worlds; a CPU gets at most 1,000,000.
         out: Folder for the results; made if need be.
     """
-    from pter_gym.benchmark.speed import make_plan, measure, tables
+    from pter_gym.benchmark.speed import make_plan, measure, notes, tables
     from pter_gym.files import write_text_atomic
     from pter_gym.plots import save
     from pter_gym.plots.speed import cost_figure
@@ -109,6 +109,8 @@ def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pt
     for table in tables(found):
         console.print(table)
         console.print()
+    for note in notes(found):
+        console.print(note, highlight=False)
     write_text_atomic(out / "speed.json", json.dumps(found.as_json(), indent=2) + "\n")
     save(cost_figure(found), out / "speed.png")
     for name in ("speed.json", "speed.png"):

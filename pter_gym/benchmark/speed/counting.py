@@ -37,7 +37,7 @@ _STEPS = 5
 
 @dataclass(frozen=True)
 class Count:
-    """Operations of one function of ``pter_gym.envs.world``: a mean call, calls in a control step, all the same?"""
+    """Operations of one function: of a mean call, its calls in a control step of one world, whether calls differ."""
 
     operations: float
     calls_per_step: float

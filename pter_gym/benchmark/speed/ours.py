@@ -110,7 +110,6 @@ def sweep(sizes: Sequence[int], threads: int, effort: Effort) -> Sweep:
     """Measure whole control steps per second for each number of worlds."""
     rows: list[Throughput] = []
     skipped: list[Skipped] = []
-    size = 0.0
     for worlds in sizes:
         try:
             load = vector_load(worlds, threads)
@@ -119,8 +118,7 @@ def sweep(sizes: Sequence[int], threads: int, effort: Effort) -> Sweep:
             continue
         rows.append(throughput(worlds, threads, rate(load, effort)))
         load.close()
-        size = bytes_per_world(worlds)
-    return Sweep(tuple(rows), tuple(skipped), size)
+    return Sweep(tuple(rows), tuple(skipped), bytes_per_world(rows[-1].worlds))
 
 
 def throughput(worlds: int, threads: int, steps_per_second: float) -> Throughput:

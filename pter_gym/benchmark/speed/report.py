@@ -184,17 +184,21 @@ def _rate_texts(rate: float) -> tuple[str, str]:
 
 
 def _peers(speed: Speed) -> Table:
-    table = _table("Beside peers, in turn", "peer", "version", "worlds", "peer [1/s]", "ours [1/s]", "ratio")
+    table = _table("Beside peers, in turn", "", "worlds", "peer [1/s]", "ours [1/s]", "ratio")
     for row in speed.peers:
         table.add_row(
-            f"{row.name}: {row.one_step}",
-            f"{row.package} {row.version}",
+            f"{row.name} ({row.version}){', substeps' if row.per_substep else ''}",
             f"{row.worlds:,}",
             f"{row.steps_per_second:,.0f}",
-            f"{row.our_steps_per_second:,.0f}" + (" substeps" if row.per_substep else ""),
-            f"{row.ratio:.1f}",
+            f"{row.our_steps_per_second:,.0f}",
+            f"{row.ratio:.3g}",
         )
     return table
+
+
+def notes(speed: Speed) -> list[str]:
+    """Return what each peer does in one step, for a reader who compares."""
+    return [f"{row.name}: {row.one_step}." for row in speed.peers]
 
 
 def _singles(speed: Speed) -> Table:
@@ -206,13 +210,12 @@ def _singles(speed: Speed) -> Table:
 
 def _roofline(roofline: Roofline) -> Table:
     table = _table("The substep loop on one thread", "", "")
-    table.add_row(
-        "operations of a substep, of an env-step",
-        f"{roofline.operations_per_substep:.0f}, {roofline.operations_per_step:.0f}",
-    )
+    counts = f"{roofline.operations_per_substep:.0f}, {roofline.operations_per_step:.0f}"
+    table.add_row("operations of a substep, of an env-step", counts)
     table.add_row("time of a substep of one world [ns]", f"{roofline.nanoseconds_per_substep:.2f}")
     table.add_row("peak without FMA [Gop/s]", f"{roofline.peak / 1e9:.1f}, {roofline.peak_width} numbers in a vector")
     table.add_row("share of the peak", f"{100.0 * roofline.share:.1f} %")
+    table.add_row("the same for a whole env-step", f"{100.0 * roofline.share_of_step:.1f} %")
     if roofline.widths:
         table.add_row(
             "loops of the kernel that LLVM vectorised",

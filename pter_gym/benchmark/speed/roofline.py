@@ -16,12 +16,12 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 
-from pter_gym.benchmark.speed.counting import Counts, count_operations
+from pter_gym.benchmark.speed.counting import count_operations
 from pter_gym.benchmark.speed.ours import make_vec, random_actions, substeps_per_step
 from pter_gym.benchmark.speed.timing import seconds_of
 from pter_gym.tasks.path_following import PathFollowing
@@ -49,8 +49,8 @@ class Roofline:
         Numbers in a vector of the loop that measured the peak; 1 if it was not vectorised.
     nanoseconds_per_substep
         Of one world.
-    share
-        Of the peak, in the substep loop: median of alternating blocks.
+    share, share_of_step
+        Of the peak, in the substep loop and in the whole control step: median of alternating blocks.
     widths
         Width of each loop that LLVM vectorised in the block kernel, by its own report; empty if it was not asked.
     """
@@ -61,6 +61,7 @@ class Roofline:
     peak_width: int
     nanoseconds_per_substep: float
     share: float
+    share_of_step: float
     widths: tuple[int, ...]
 
 
@@ -79,30 +80,34 @@ def measure_roofline(rounds: int, *, compile_anew: bool = True) -> Roofline:
     return Roofline(
         operations_per_substep=counts.substep,
         operations_per_step=counts.step,
-        peak=statistics.median(peak for peak, _ in found),
+        peak=statistics.median(each.peak for each in found),
         peak_width=min(vectorised_loops("peak_kernel"), default=1),  # loops over bytes are wider
-        nanoseconds_per_substep=1e9 * statistics.median(seconds for _, seconds in found),
-        share=_share(counts, found),
+        nanoseconds_per_substep=1e9 * statistics.median(each.substep for each in found),
+        share=statistics.median(counts.substep / (each.substep * each.peak) for each in found),
+        share_of_step=statistics.median(counts.step / (each.step * each.peak) for each in found),
         widths=tuple(sorted(vectorised_loops("one_step"))) if compile_anew else (),
     )
 
 
-def _share(counts: Counts, rounds: list[tuple[float, float]]) -> float:
-    return statistics.median(counts.substep / (seconds * peak) for peak, seconds in rounds)
+class _Round(NamedTuple):
+    """Peak [1/s], and the time of a substep and of a whole control step of one world [s], measured in turn."""
+
+    peak: float
+    substep: float
+    step: float
 
 
-def _rounds(count: int) -> list[tuple[float, float]]:
-    """Return peak [1/s] and time of a substep of one world [s], measured in turn."""
+def _rounds(count: int) -> list[_Round]:
     numbers = np.ones((2 * _CHAINS, _LANES))
     kernel = peak_kernel()
     short, long = _stepper(1), _stepper(_MORE)
     substeps = _WORLDS * (_MORE - 1) * substeps_per_step()
     operations = _CALLS * _LANES * 2 * _CHAINS * _UNROLLED
-    found: list[tuple[float, float]] = []
+    found: list[_Round] = []
     for _ in range(count):
         peak = operations / min(seconds_of(partial(kernel, numbers, 1.0, 0.0, _CALLS)) for _ in range(3))
-        seconds = min(long() for _ in range(5)) - min(short() for _ in range(5))
-        found.append((peak, seconds / substeps))
+        one, more = min(short() for _ in range(5)), min(long() for _ in range(5))
+        found.append(_Round(peak, (more - one) / substeps, one / _WORLDS))
     return found
 
 

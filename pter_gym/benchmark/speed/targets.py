@@ -95,18 +95,18 @@ def _cuda_overhead(speed: "Speed") -> float | None:
 _Rule = tuple[str, str, bool, float, Callable[["Speed"], float | None]]
 
 _CPU: tuple[_Rule, ...] = (
-    (f"whole env-steps, {REFERENCE_WORLDS:,} worlds, all cores", "1/s", True, 8e6, _at_reference),
+    (f"env-steps, {REFERENCE_WORLDS:,} worlds, all cores", "1/s", True, 8e6, _at_reference),
     (f"env-steps over {peers.REACHER}", "", True, 300.0, _ratio(peers.REACHER)),
     (f"env-steps over {peers.ENVPOOL}", "", True, 120.0, _ratio(peers.ENVPOOL)),
     (f"substeps over {peers.ROLLOUT}", "", True, 400.0, _ratio(peers.ROLLOUT)),
-    (f"time per env-step from {FLAT_FROM:,} to {FLAT_TO:,} worlds: most over least, less 1", "", False, 0.25, flatness),
+    (f"spread of the time per env-step, {FLAT_FROM:,} to {FLAT_TO:,} worlds", "", False, 0.25, flatness),
     ("memory of a world", "B", False, 1024.0, lambda speed: speed.all_threads.bytes_per_world),
     (f"single env.step over {CARTPOLE}", "", False, 1.0, _single),
-    ("substep loop's share of the peak without FMA", "", True, 0.35, lambda speed: speed.roofline.share),
+    ("substep loop's share of the non-FMA peak", "", True, 0.35, lambda speed: speed.roofline.share),
 )
 
 _CUDA: tuple[_Rule, ...] = (
-    (f"GPU: whole env-steps, {FLAT_TO:,} worlds or more", "1/s", True, 1e9, _cuda_rate),
+    (f"GPU: env-steps, ≥ {FLAT_TO:,} worlds", "1/s", True, 1e9, _cuda_rate),
     ("GPU: time to compile", "s", False, 5.0, _cuda_compiling),
-    ("GPU: time of a step that nobody waits for, few worlds", "µs", False, 30.0, _cuda_overhead),
+    ("GPU: overhead of a step", "µs", False, 30.0, _cuda_overhead),
 )
