@@ -30,7 +30,7 @@ def cost_figure(speed: Speed) -> Figure:
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+        axis.set_major_formatter(FuncFormatter(plain_number))
     label(axes, "worlds [1]", "time per env-step of one world [ns]")
     axes.set_title(f"Cost of an env-step: {speed.substeps_per_step} substeps, observation, reward, reset")
     figure.legend(loc="outside lower center", ncols=2)
@@ -40,3 +40,8 @@ def cost_figure(speed: Speed) -> Figure:
 def draw_rows(axes: Axes, rows: Sequence[Throughput], name: str) -> None:
     """Draw the cost over the number of worlds."""
     axes.plot([row.worlds for row in rows], [row.nanoseconds_per_step for row in rows], marker="o", label=name)
+
+
+def plain_number(value: float, _: int | None) -> str:
+    """Return a tick's label without exponents."""
+    return f"{value:,.10g}"

@@ -5,8 +5,8 @@ Comparisons, absolute values, changes of sign, choices between two values, conve
 Code without branches computes both values of a choice in every lane; the source computes one, so a count is a lower
 bound where they differ. In the substep loop they do not: every world there costs the same, ``Count.varies`` says so.
 
-Sine and cosine, with which an episode starts, count one. The crossing rule, which runs in few blocks, is left out of
-the substep loop, and so are the steady torques, which are found once in a control step.
+Sine and cosine, with which an episode starts, count one. In the substep loop are the functions that run in every
+substep: not the crossing rule, which runs in few blocks, nor the steady torques, found once in a control step.
 
 Compiled functions cannot count, so this runs in a process of its own with ``NUMBA_DISABLE_JIT=1``:
 ``python -m pter_gym.benchmark.speed.counting`` prints the counts as JSON.
@@ -21,12 +21,9 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import wraps
 from types import FunctionType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-
-SUBSTEP_LOOP = ("push_tip", "find_velocity", "move_arm")
-"""The functions of ``pter_gym.envs.world`` that run once in every substep."""
 
 _COUNTED = ("add", "radd", "sub", "rsub", "mul", "rmul", "truediv", "rtruediv")
 _FREE = ("neg", "abs")
@@ -81,6 +78,7 @@ def count_operations() -> Counts:
 
 def count_here() -> Counts:
     """Return the counts of some random control steps; with ``NUMBA_DISABLE_JIT=1`` only."""
+    from pter_gym.benchmark.speed.ours import substeps_per_step
     from pter_gym.envs import kernels
 
     teach_to_count()
@@ -95,7 +93,7 @@ def count_here() -> Counts:
         if each
     }
     return Counts(
-        substep=sum(functions[name].operations for name in SUBSTEP_LOOP),
+        substep=sum(count.operations for count in functions.values() if count.calls_per_step == substeps_per_step()),
         step=sum(count.operations * count.calls_per_step for count in functions.values()),
         functions=functions,
     )
@@ -154,9 +152,9 @@ def counted(value: Any) -> Any:
     """Return a number or array that counts, in place of one that does not."""
     if isinstance(value, np.ndarray):
         return View(value)
-    if isinstance(value, (float, np.floating)) and not isinstance(value, Counted):
-        return Counted(value)
-    return value
+    if isinstance(value, Counted) or not isinstance(value, (float, np.floating)):
+        return value
+    return Counted(cast(float, value))
 
 
 def observed(function: Callable[..., Any], calls: list[int]) -> Callable[..., Any]:

@@ -16,7 +16,8 @@ from gymnasium.vector import AutoresetMode
 from pter_gym.benchmark.speed.timing import Effort, Load, rate, seconds_of
 from pter_gym.envs.vector import available_cores
 from pter_gym.errors import DependencyError, ParameterError
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.params import BASELINE
+from pter_gym.tasks.path_following import PathFollowing, substeps
 
 ID = "PTER/PathFollowing-v0"
 
@@ -197,6 +198,7 @@ def cuda(sizes: Sequence[int], effort: Effort) -> Cuda | Skipped:
     skipped: list[Skipped] = []
     for worlds in sizes:
         try:
+            _check_device_memory(worlds, env.batch.nbytes / env.num_envs)
             load = _cuda_load(worlds)
         except ParameterError as error:
             skipped.append(Skipped(f"{worlds:,} worlds on the CUDA device", str(error)))
@@ -224,6 +226,16 @@ def _steps_seconds(env: Any, actions: list[Any], *, wait: bool) -> float:
     return (time.perf_counter() if wait else asked) - begin
 
 
+def _check_device_memory(worlds: int, size: float) -> None:
+    """Raise a ParameterError if worlds of a size [B], with as much again for what steps return, do not fit."""
+    from numba import cuda as numba_cuda
+
+    driver: Any = numba_cuda
+    free = driver.current_context().get_memory_info().free
+    if 2.0 * size * worlds > free:
+        raise ParameterError(f"num_envs must be ≤ {int(free / (2.0 * size))}, which fit into the device, got {worlds}")
+
+
 def _cuda_load(worlds: int) -> Load:
     env = make_vec(worlds, device="cuda")
     actions = _device_actions(env)
@@ -232,11 +244,11 @@ def _cuda_load(worlds: int) -> Load:
 
 
 def _device_actions(env: Any) -> list[Any]:
-    """Return random actions on the device: PyTorch's tensors where the environment returns such."""
+    """Return random actions on the device."""
     from numba import cuda as numba_cuda
 
-    to_device: Any = numba_cuda.to_device  # pyright: ignore[reportUnknownVariableType]
-    return [to_device(action) for action in random_actions(env)]
+    driver: Any = numba_cuda
+    return [driver.to_device(action) for action in random_actions(env)]
 
 
 def _device_name() -> str:
@@ -254,7 +266,4 @@ def all_threads() -> int:
 
 def substeps_per_step() -> int:
     """Return the number of substeps in one control step of the measured environment."""
-    from pter_gym.params import BASELINE
-    from pter_gym.tasks.path_following import substeps
-
     return substeps(PathFollowing(), BASELINE)

@@ -26,7 +26,7 @@ from pter_gym.benchmark.speed.peers import Ratio, measure_peer, peers
 from pter_gym.benchmark.speed.roofline import Roofline, measure_roofline
 from pter_gym.benchmark.speed.targets import CARTPOLE, REACHER, REFERENCE_WORLDS, targets
 from pter_gym.benchmark.speed.timing import Effort
-from pter_gym.errors import ParameterError
+from pter_gym.envs.vector import whole_number
 
 
 @dataclass(frozen=True)
@@ -81,10 +81,9 @@ def make_plan(*, quick: bool = False, max_worlds: int = CUDA_SIZES[-1]) -> Plan:
     Raises
     ------
     ParameterError
-        If ``max_worlds`` is below 1.
+        If ``max_worlds`` is no whole number of at least 1.
     """
-    if max_worlds < 1:
-        raise ParameterError(f"max_worlds must be ≥ 1, got {max_worlds}")
+    max_worlds = whole_number("max_worlds", max_worlds)
     most = min(max_worlds, REFERENCE_WORLDS) if quick else max_worlds
     return Plan(
         quick=quick,
