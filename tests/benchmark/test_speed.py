@@ -137,6 +137,23 @@ def test_without_a_device_cuda_is_named(monkeypatch: pytest.MonkeyPatch):
     assert found.what == "CUDA device"
 
 
+@pytest.mark.gpu
+def test_a_device_is_measured(monkeypatch: pytest.MonkeyPatch):
+    """In numba's simulator: whether it runs."""
+    pytest.importorskip("numba_cuda")
+    program = """
+from pter_gym.benchmark.speed import ours
+ours._CUDA_STEPS = 2
+found = ours.measure_device([1, 3, 10**9], ours.Effort(0.0, 1))
+print([row.worlds for row in found.rows], found.compile_seconds > 0.0, found.overhead_microseconds > 0.0)
+print([row.what for row in found.skipped])
+"""
+    monkeypatch.setenv("NUMBA_ENABLE_CUDASIM", "1")
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert found.stdout == "[1, 3] True True\n['1,000,000,000 worlds on the CUDA device']\n"
+
+
 @pytest.mark.parametrize("worlds", [0, -1, 2.5, True, "many"])
 def test_bad_number_of_worlds(worlds: Any):
     with pytest.raises(ParameterError, match="max_worlds must be a whole number ≥ 1"):
@@ -248,7 +265,7 @@ def made_up(**changes: Any) -> Speed:
     ratio = Ratio(REACHER, "gymnasium", "1.4.0", "two steps", False, 64, 2e4, 16_384, 9e6, 450.0)
     speed = Speed(
         plan=plan,
-        machine={"cores": 2},
+        machine={"cores": 2, "load_average_at_start": 0.5},
         versions={},
         substeps_per_step=10,
         all_threads=Sweep(rows, (), 900.0),

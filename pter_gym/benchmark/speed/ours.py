@@ -27,6 +27,7 @@ CUDA_SIZES = (1, 1_024, 65_536, 262_144, 1_000_000, 4_000_000)
 _PREPARED = 4
 _WARM_UP = 10
 _CUDA_STEPS = 200
+_CUDA_BLOCK = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -183,22 +184,29 @@ def _step_seconds(env: Any, actions: list[Any]) -> float:
 
 
 def cuda(sizes: Sequence[int], effort: Effort) -> Cuda | Skipped:
-    """Measure the CUDA device, if there is one; actions are on the device, and each block ends by waiting for it."""
+    """Measure the CUDA device, if there is one."""
     if os.environ.get("NUMBA_ENABLE_CUDASIM") == "1":
         return Skipped("CUDA device", "numba's simulator is on, whose times mean nothing")
     try:
-        env = make_vec(sizes[0], device="cuda")
+        make_vec(1, device="cuda").close()
     except DependencyError as error:
         return Skipped("CUDA device", str(error))
+    return measure_device(sizes, effort)
+
+
+def measure_device(sizes: Sequence[int], effort: Effort) -> Cuda:
+    """Measure the CUDA device; actions are on the device, and each block ends by waiting for it."""
+    env = make_vec(sizes[0], device="cuda")
     actions = _device_actions(env)
     compiling = seconds_of(partial(_begin, env, actions[0]))
-    overhead = min(_steps_seconds(env, actions, wait=False) for _ in range(effort.rounds)) / _CUDA_STEPS
+    overhead = min(_steps_seconds(env, actions, _CUDA_STEPS, wait=False) for _ in range(effort.rounds)) / _CUDA_STEPS
+    size = env.batch.nbytes / env.num_envs
     env.close()
     rows: list[Throughput] = []
     skipped: list[Skipped] = []
     for worlds in sizes:
         try:
-            _check_device_memory(worlds, env.batch.nbytes / env.num_envs)
+            _check_device_memory(worlds, size)
             load = _cuda_load(worlds)
         except ParameterError as error:
             skipped.append(Skipped(f"{worlds:,} worlds on the CUDA device", str(error)))
@@ -215,11 +223,11 @@ def _begin(env: Any, action: Any) -> None:
     env.check()
 
 
-def _steps_seconds(env: Any, actions: list[Any], *, wait: bool) -> float:
+def _steps_seconds(env: Any, actions: list[Any], steps: int, *, wait: bool) -> float:
     """Return how long some steps take to ask for [s], or to be done."""
     given = cycle(actions)
     begin = time.perf_counter()
-    for _ in range(_CUDA_STEPS):
+    for _ in range(steps):
         env.step(next(given))
     asked = time.perf_counter()
     env.check()
@@ -240,7 +248,8 @@ def _cuda_load(worlds: int) -> Load:
     env = make_vec(worlds, device="cuda")
     actions = _device_actions(env)
     _begin(env, actions[0])
-    return Load(lambda: _steps_seconds(env, actions, wait=True), _CUDA_STEPS * worlds, env.close)
+    steps = max(_CUDA_STEPS // 10, min(_CUDA_STEPS, _CUDA_BLOCK // worlds))
+    return Load(lambda: _steps_seconds(env, actions, steps, wait=True), steps * worlds, env.close)
 
 
 def _device_actions(env: Any) -> list[Any]:
@@ -255,7 +264,7 @@ def _device_name() -> str:
     from numba import cuda as numba_cuda
 
     driver: Any = numba_cuda
-    name = driver.get_current_device().name
+    name = getattr(driver.get_current_device(), "name", "simulated device")
     return name.decode() if isinstance(name, bytes) else str(name)
 
 

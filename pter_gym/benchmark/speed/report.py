@@ -168,7 +168,7 @@ def _throughput(speed: Speed) -> Table:
         "one thread [M/s]",
         "[ns]",
         caption=f"{speed.substeps_per_step} substeps each; {speed.machine['cores']} threads at most; "
-        f"{speed.all_threads.bytes_per_world:.0f} bytes a world",
+        f"{speed.all_threads.bytes_per_world:.0f} bytes a world; load average {speed.machine['load_average_at_start']}",
     )
     for every, one in zip(speed.all_threads.rows, speed.one_thread.rows, strict=True):
         rates = [text for row in (every, one) for text in _rate_texts(row.steps_per_second)]
