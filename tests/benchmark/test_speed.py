@@ -218,7 +218,6 @@ def test_median_ignores_one_slow_block(clock: Clock):
     assert rate(Load(call, 1, nothing), Effort(0.0, 3)) == 4.0
 
 
-@pytest.mark.slow
 def test_operations_are_the_same_each_time():
     first = count_operations()
     assert first == count_operations()
