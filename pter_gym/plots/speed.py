@@ -8,6 +8,7 @@ from matplotlib.ticker import FuncFormatter
 
 from pter_gym.benchmark.speed import Speed
 from pter_gym.benchmark.speed.ours import Throughput
+from pter_gym.benchmark.speed.peers import Kind
 from pter_gym.plots.style import REFERENCE, WIDTH, label, styled
 
 MARKERS = ("s", "D", "^", "v")
@@ -23,7 +24,7 @@ def cost_figure(speed: Speed) -> Figure:
     draw_rows(axes, speed.all_threads.rows, f"ours, {cores} threads")
     if speed.cuda is not None:
         draw_rows(axes, speed.cuda.rows, f"ours, {speed.cuda.device}")
-    rows = [row for row in speed.peers if not row.per_substep]
+    rows = [row for row in speed.peers if row.kind == Kind.ENV_STEPS]
     for marker, row in zip(MARKERS, rows, strict=False):
         name = f"{row.name} {row.version}" if row.package not in row.name.lower() else f"{row.name} ({row.version})"
         axes.plot(row.worlds, 1e9 / row.steps_per_second, linestyle="none", marker=marker, label=name, color=REFERENCE)

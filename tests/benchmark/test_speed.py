@@ -25,7 +25,18 @@ from pter_gym.benchmark.speed.ours import (
     sweep,
     throughput,
 )
-from pter_gym.benchmark.speed.peers import ENVPOOL, REACHER, ROLLOUT, ROLLOUT_SOFT, Ratio, measure_peer, peers
+from pter_gym.benchmark.speed.peers import (
+    ENVPOOL,
+    REACHER,
+    ROLLOUT,
+    ROLLOUT_SOFT,
+    ROLLOUT_WHOLE,
+    Kind,
+    Ratio,
+    measure_peer,
+    our_loads,
+    peers,
+)
 from pter_gym.benchmark.speed.roofline import Roofline, peak_kernel
 from pter_gym.benchmark.speed.targets import flatness, targets
 from pter_gym.benchmark.speed.timing import Effort, Load, block_rate, compare, rate
@@ -55,7 +66,7 @@ def nothing() -> None:
     """What a load without work does."""
 
 
-OURS = Load(nothing, 1, nothing)
+OURS = dict.fromkeys(Kind, Load(nothing, 1, nothing))
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +103,7 @@ def test_quick_run_names_peers_and_what_is_skipped(quick: tuple[Path, dict[str, 
     assert "not installed" in skipped[ENVPOOL]
     assert skipped["1,000,000 worlds"] == "a quick run"
     found = {row["name"]: row for row in content["peers"]}
-    assert {ROLLOUT, ROLLOUT_SOFT, REACHER} <= set(found)
+    assert {ROLLOUT, ROLLOUT_WHOLE, ROLLOUT_SOFT, REACHER} <= set(found)
     for row in found.values():
         assert row["version"][0].isdigit()
         assert row["our_worlds"] == 256
@@ -109,11 +120,24 @@ def test_missing_peer_is_named(monkeypatch: pytest.MonkeyPatch, module: str):
     missing = [peer for peer in peers(quick=True) if module in peer.modules]
     assert missing
     for peer in missing:
-        found = measure_peer(peer, OURS, SHORT)
+        found = measure_peer(peer, OURS, 1, SHORT)
         assert isinstance(found, Skipped)
         assert found.what == peer.name
         assert "not installed" in found.why
         assert module in found.why
+
+
+def test_our_side_of_the_comparisons():
+    loads = our_loads(3)
+    assert {kind: load.steps for kind, load in loads.items()} == {
+        Kind.ENV_STEPS: 3,
+        Kind.SUBSTEPS: 750,
+        Kind.SUBSTEPS_OF_ENV_STEPS: 30,
+    }
+    for load in loads.values():
+        load.call()
+    for load in loads.values():
+        load.close()
 
 
 def test_missing_single_environment_is_named():
@@ -261,7 +285,7 @@ def made_up(**changes: Any) -> Speed:
     rates = (10e6, 9e6, 8e6)
     plan: Plan = make_plan()
     rows = tuple(throughput(n, 2, r) for n, r in zip(sizes, rates, strict=True))
-    ratio = Ratio(REACHER, "gymnasium", "1.4.0", "two steps", False, 64, 2e4, 16_384, 9e6, 450.0)
+    ratio = Ratio(REACHER, "gymnasium", "1.4.0", "two steps", Kind.ENV_STEPS, 64, 2e4, 16_384, 9e6, 450.0)
     speed = Speed(
         plan=plan,
         machine={"cores": 2, "load_average_at_start": 0.5},

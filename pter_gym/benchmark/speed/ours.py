@@ -98,9 +98,9 @@ def random_actions(env: Any, seed: int = 0) -> list[Any]:
     return [rng.uniform(space.low, space.high, (env.num_envs, 4)).astype(np.float32) for _ in range(_PREPARED)]
 
 
-def vector_load(worlds: int, threads: int | None = None) -> Load:
+def vector_load(worlds: int, threads: int | None = None, **keywords: Any) -> Load:
     """Return the load of ``worlds`` worlds that have begun; raises ParameterError if they do not fit the memory."""
-    env = make_vec(worlds, threads)
+    env = make_vec(worlds, threads, **keywords)
     env.reset(seed=0)
     actions = cycle(random_actions(env))
     for _ in range(_WARM_UP):

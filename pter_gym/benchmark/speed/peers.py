@@ -6,8 +6,9 @@ with two motors, a target and no clutch; one of its steps is two substeps of 10 
 
 import importlib
 import importlib.metadata
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from itertools import cycle
 from typing import Any
 
@@ -15,13 +16,27 @@ import gymnasium
 import numpy as np
 
 from pter_gym.benchmark.speed.mujoco_arm import ArmNumbers, build
-from pter_gym.benchmark.speed.ours import ID, Skipped, all_threads, substeps_per_step
+from pter_gym.benchmark.speed.ours import ID, Skipped, all_threads, substeps_per_step, vector_load
 from pter_gym.benchmark.speed.timing import Comparison, Effort, Load, compare, rate
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
 
 _PREPARED = 4
-_ROLLOUT_SUBSTEPS = 250
+ROLLOUT_SUBSTEPS = 250
+"""Substeps for which a rollout holds the voltages: a quarter of a second."""
+
+
+class Kind(StrEnum):
+    """Our steps that a peer's are compared with."""
+
+    ENV_STEPS = "env-steps"
+    """Whole control steps."""
+
+    SUBSTEPS = "substeps"
+    """Substeps of control steps that hold the voltages for 250 substeps, as a rollout does."""
+
+    SUBSTEPS_OF_ENV_STEPS = "substeps of env-steps"
+    """Substeps of whole control steps of the usual length."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +51,8 @@ class Peer:
         What must be importable.
     one_step
         What it does in one step, and on how many threads.
-    per_substep
-        Whether its steps compare with our substeps or with our whole control steps.
+    kind
+        Which of our steps compare with its own.
     worlds
         Numbers of worlds to try; the fastest one is compared.
     load
@@ -48,7 +63,7 @@ class Peer:
     package: str
     modules: tuple[str, ...]
     one_step: str
-    per_substep: bool
+    kind: Kind
     worlds: tuple[int, ...]
     load: Callable[[int], Load]
 
@@ -61,7 +76,7 @@ class Ratio:
     package: str
     version: str
     one_step: str
-    per_substep: bool
+    kind: Kind
     worlds: int
     steps_per_second: float
     our_worlds: int
@@ -69,7 +84,18 @@ class Ratio:
     ratio: float
 
 
-def measure_peer(peer: Peer, ours: Load, effort: Effort) -> Ratio | Skipped:
+def our_loads(worlds: int) -> dict[Kind, Load]:
+    """Return our side of the comparisons with as many worlds, all threads."""
+    whole = vector_load(worlds)
+    held = vector_load(worlds, task=PathFollowing(control_period=ROLLOUT_SUBSTEPS * BASELINE.substep))
+    return {
+        Kind.ENV_STEPS: whole,
+        Kind.SUBSTEPS: Load(held.call, worlds * ROLLOUT_SUBSTEPS, held.close),
+        Kind.SUBSTEPS_OF_ENV_STEPS: Load(whole.call, worlds * substeps_per_step(), whole.close),
+    }
+
+
+def measure_peer(peer: Peer, ours: Mapping[Kind, Load], our_worlds: int, effort: Effort) -> Ratio | Skipped:
     """Compare a peer at its fastest number of worlds with ours, or say that it is not installed."""
     try:
         for module in peer.modules:
@@ -78,13 +104,9 @@ def measure_peer(peer: Peer, ours: Load, effort: Effort) -> Ratio | Skipped:
         load = peer.load(worlds)
     except (ImportError, gymnasium.error.Error) as error:
         return Skipped(peer.name, f"not installed: {error}")
-    found = compare(_in_substeps(ours) if peer.per_substep else ours, load, effort)
+    found = compare(ours[peer.kind], load, effort)
     load.close()
-    return _ratio(peer, worlds, ours.steps, found)
-
-
-def _in_substeps(ours: Load) -> Load:
-    return Load(ours.call, ours.steps * substeps_per_step(), ours.close)
+    return _ratio(peer, worlds, our_worlds, found)
 
 
 def _fastest(peer: Peer, effort: Effort) -> int:
@@ -102,7 +124,7 @@ def _ratio(peer: Peer, worlds: int, our_worlds: int, found: Comparison) -> Ratio
         package=peer.package,
         version=importlib.metadata.version(peer.package),
         one_step=peer.one_step,
-        per_substep=peer.per_substep,
+        kind=peer.kind,
         worlds=worlds,
         steps_per_second=found.peer_rate,
         our_worlds=our_worlds,
@@ -112,6 +134,7 @@ def _ratio(peer: Peer, worlds: int, our_worlds: int, found: Comparison) -> Ratio
 
 
 ROLLOUT = "mujoco.rollout"
+ROLLOUT_WHOLE = "mujoco.rollout beside env-steps"
 ROLLOUT_SOFT = "mujoco.rollout, soft friction"
 REACHER = "Gymnasium Reacher-v5, sync"
 ENVPOOL = "EnvPool Reacher-v5"
@@ -122,8 +145,8 @@ def peers(quick: bool) -> tuple[Peer, ...]:
     """Return all peers; a quick run tries one number of worlds each."""
     threads = all_threads()
     mechanism = (
-        f"one physics step of 1 ms of the same arm and clutches, voltages held, the hand's force given; no "
-        f"observation, reward or reset; {threads} threads"
+        f"one physics step of 1 ms of the same arm and clutches, voltages held for {ROLLOUT_SUBSTEPS} steps as in ours "
+        f"beside it, the hand's force given; no observation, reward or reset; {threads} threads"
     )
     reacher = "two physics steps of 10 ms of a two-link arm with motors, observation and reward"
     return (
@@ -132,7 +155,16 @@ def peers(quick: bool) -> tuple[Peer, ...]:
             "mujoco",
             ("mujoco", "mujoco.rollout"),
             f"{mechanism}; friction as hard as ours (no-slip iterations), which agrees with ours to 1e-8",
-            True,
+            Kind.SUBSTEPS,
+            (64,) if quick else (64, 256),
+            lambda worlds: _rollout(worlds, threads, soft=False),
+        ),
+        Peer(
+            ROLLOUT_WHOLE,
+            "mujoco",
+            ("mujoco", "mujoco.rollout"),
+            "the same beside the substeps of our usual env-steps, ten each, which observe, reward and reset too",
+            Kind.SUBSTEPS_OF_ENV_STEPS,
             (64,) if quick else (64, 256),
             lambda worlds: _rollout(worlds, threads, soft=False),
         ),
@@ -141,7 +173,7 @@ def peers(quick: bool) -> tuple[Peer, ...]:
             "mujoco",
             ("mujoco", "mujoco.rollout"),
             f"{mechanism}; friction as soft as by default, which lets a stuck clutch creep",
-            True,
+            Kind.SUBSTEPS,
             (64,) if quick else (64, 256),
             lambda worlds: _rollout(worlds, threads, soft=True),
         ),
@@ -150,7 +182,7 @@ def peers(quick: bool) -> tuple[Peer, ...]:
             "gymnasium",
             ("mujoco",),
             f"{reacher}; one thread, worlds one after another",
-            False,
+            Kind.ENV_STEPS,
             (64,) if quick else (16, 64, 256),
             lambda worlds: _gymnasium(gymnasium.make_vec("Reacher-v5", worlds, "sync")),
         ),
@@ -159,7 +191,7 @@ def peers(quick: bool) -> tuple[Peer, ...]:
             "envpool",
             ("envpool",),
             f"{reacher}; {threads} threads in C++",
-            False,
+            Kind.ENV_STEPS,
             (256,) if quick else (16, 64, 256, 1024),
             lambda worlds: _envpool(worlds, threads),
         ),
@@ -168,7 +200,7 @@ def peers(quick: bool) -> tuple[Peer, ...]:
             "gymnasium",
             (),
             "one Euler step of 20 ms of a cart and pole in NumPy, observation and reward; one thread",
-            False,
+            Kind.ENV_STEPS,
             (16_384,) if quick else (1_024, 4_096, 16_384, 65_536),
             lambda worlds: _gymnasium(gymnasium.make_vec("CartPole-v1", worlds, "vector_entry_point")),
         ),
@@ -203,9 +235,9 @@ def _rollout(worlds: int, threads: int, *, soft: bool) -> Load:
     state = np.zeros((worlds, mujoco.mj_stateSize(models[0], mujoco.mjtState.mjSTATE_FULLPHYSICS)))
     angle_a, angle_b = _start_angles()
     state[:, 1], state[:, 2] = angle_a, angle_b - angle_a
-    forces = np.broadcast_to(_hand_forces(_ROLLOUT_SUBSTEPS), (worlds, _ROLLOUT_SUBSTEPS, 2)).copy()
+    forces = np.broadcast_to(_hand_forces(ROLLOUT_SUBSTEPS), (worlds, ROLLOUT_SUBSTEPS, 2)).copy()
     pool = rollout.Rollout(nthread=threads)
-    return Load(lambda: pool.rollout(models, data, state, forces), worlds * _ROLLOUT_SUBSTEPS, pool.close)
+    return Load(lambda: pool.rollout(models, data, state, forces), worlds * ROLLOUT_SUBSTEPS, pool.close)
 
 
 def _torques(volts: Sequence[float]) -> list[float]:

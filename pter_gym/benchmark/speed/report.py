@@ -20,9 +20,8 @@ from pter_gym.benchmark.speed.ours import (
     single_steps,
     substeps_per_step,
     sweep,
-    vector_load,
 )
-from pter_gym.benchmark.speed.peers import Ratio, measure_peer, peers
+from pter_gym.benchmark.speed.peers import Kind, Ratio, measure_peer, our_loads, peers
 from pter_gym.benchmark.speed.roofline import Roofline, measure_roofline
 from pter_gym.benchmark.speed.targets import CARTPOLE, REACHER, REFERENCE_WORLDS, targets
 from pter_gym.benchmark.speed.timing import Effort
@@ -130,12 +129,14 @@ def measure(plan: Plan, on_progress: Callable[[str], object] = lambda _: None) -
 
 
 def _beside_peers(plan: Plan, on_progress: Callable[[str], object]) -> tuple[list[Ratio], list[Skipped]]:
-    ours = vector_load(min(REFERENCE_WORLDS, plan.cpu_sizes[-1]))
+    worlds = min(REFERENCE_WORLDS, plan.cpu_sizes[-1])
+    ours = our_loads(worlds)
     found: list[Ratio | Skipped] = []
     for peer in peers(plan.quick):
         on_progress(f"{peer.name} and ours in turn")
-        found.append(measure_peer(peer, ours, plan.comparisons))
-    ours.close()
+        found.append(measure_peer(peer, ours, worlds, plan.comparisons))
+    for load in ours.values():
+        load.close()
     return [row for row in found if isinstance(row, Ratio)], [row for row in found if isinstance(row, Skipped)]
 
 
@@ -186,7 +187,7 @@ def _peers(speed: Speed) -> Table:
     table = _table("Beside peers, in turn", "", "worlds", "peer [1/s]", "ours [1/s]", "ratio")
     for row in speed.peers:
         table.add_row(
-            f"{row.name} ({row.version}){', substeps' if row.per_substep else ''}",
+            f"{row.name} ({row.version}){'' if row.kind == Kind.ENV_STEPS else ', substeps'}",
             f"{row.worlds:,}",
             f"{row.steps_per_second:,.0f}",
             f"{row.our_steps_per_second:,.0f}",
