@@ -8,8 +8,7 @@ bound where they differ. In the substep loop they do not: every world there cost
 Sine and cosine, with which an episode starts, count one. In the substep loop are the functions that run in every
 substep: not the crossing rule, which runs in few blocks, nor the steady torques, found once in a control step.
 
-Compiled functions cannot count, so this runs in a process of its own with ``NUMBA_DISABLE_JIT=1``:
-``python -m pter_gym.benchmark.speed.counting`` prints the counts as JSON.
+Compiled functions cannot count, so this runs in a process of its own with ``NUMBA_DISABLE_JIT=1``.
 """
 
 import json
@@ -65,7 +64,7 @@ class Counted(float):
 def count_operations() -> Counts:
     """Return the counts, from a process of its own; equal each time."""
     found = subprocess.run(
-        [sys.executable, "-m", __name__],
+        [sys.executable, "-c", f"from {__name__} import print_counts; print_counts()"],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
         capture_output=True,
         text=True,
@@ -97,6 +96,11 @@ def count_here() -> Counts:
         step=sum(count.operations * count.calls_per_step for count in functions.values()),
         functions=functions,
     )
+
+
+def print_counts() -> None:
+    """Print what ``count_here`` returns, as JSON."""
+    sys.stdout.write(json.dumps(asdict(count_here())))
 
 
 def _take_steps(calls: dict[str, list[int]]) -> None:
@@ -168,7 +172,3 @@ def observed(function: Callable[..., Any], calls: list[int]) -> Callable[..., An
         return found
 
     return counting
-
-
-if __name__ == "__main__":
-    sys.stdout.write(json.dumps(asdict(count_here())))
