@@ -13,7 +13,7 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from pter_gym.benchmark.speed.timing import Effort, Load, rate, seconds_of
+from pter_gym.benchmark.speed.timing import Effort, Load, block_rate, rate, seconds_of
 from pter_gym.envs.vector import available_cores
 from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.params import BASELINE
@@ -109,18 +109,20 @@ def vector_load(worlds: int, threads: int | None = None, **keywords: Any) -> Loa
 
 
 def sweep(sizes: Sequence[int], threads: int, effort: Effort) -> Sweep:
-    """Measure whole control steps per second for each number of worlds."""
-    rows: list[Throughput] = []
+    """Measure whole control steps per second for each number of worlds, block by block in turn over the sizes."""
+    loads: dict[int, Load] = {}
     skipped: list[Skipped] = []
     for worlds in sizes:
         try:
-            load = vector_load(worlds, threads)
+            loads[worlds] = vector_load(worlds, threads)
         except ParameterError as error:  # more than the memory holds
             skipped.append(Skipped(f"{worlds:,} worlds", str(error)))
-            continue
-        rows.append(throughput(worlds, threads, rate(load, effort)))
+    rounds = [[block_rate(load, effort.seconds) for load in loads.values()] for _ in range(effort.rounds)]
+    for load in loads.values():
         load.close()
-    return Sweep(tuple(rows), tuple(skipped), bytes_per_world(rows[-1].worlds))
+    medians = map(statistics.median, zip(*rounds, strict=True))
+    rows = [throughput(worlds, threads, found) for worlds, found in zip(loads, medians, strict=True)]
+    return Sweep(tuple(rows), tuple(skipped), bytes_per_world(max(loads)))
 
 
 def throughput(worlds: int, threads: int, steps_per_second: float) -> Throughput:
