@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from pter_gym.benchmark.speed.timing import Effort, Load, block_rate, rate, seconds_of
-from pter_gym.envs.vector import available_cores
+from pter_gym.envs.vector import available_cores, available_memory
 from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing, substeps
@@ -26,6 +26,7 @@ CUDA_SIZES = (1, 1_024, 65_536, 262_144, 1_000_000, 4_000_000)
 
 _PREPARED = 4
 _WARM_UP = 10
+_BYTES_PER_WORLD = 2_500  # measured: its state, spaces and prepared actions, and what steps return
 _CUDA_STEPS = 200
 _CUDA_BLOCK = 100_000_000
 
@@ -99,7 +100,7 @@ def random_actions(env: Any, seed: int = 0) -> list[Any]:
 
 
 def vector_load(worlds: int, threads: int | None = None, **keywords: Any) -> Load:
-    """Return the load of ``worlds`` worlds that have begun; raises ParameterError if they do not fit the memory."""
+    """Return the load of ``worlds`` worlds that have begun; keywords as for ``make_vec``."""
     env = make_vec(worlds, threads, **keywords)
     env.reset(seed=0)
     actions = cycle(random_actions(env))
@@ -113,10 +114,12 @@ def sweep(sizes: Sequence[int], threads: int, effort: Effort) -> Sweep:
     loads: dict[int, Load] = {}
     skipped: list[Skipped] = []
     for worlds in sizes:
-        try:
+        needed, most = _BYTES_PER_WORLD * (worlds + sum(loads)), available_memory()
+        if needed > most:
+            why = f"{needed / 2**30:.3g} GiB are more than the {most / 2**30:.3g} GiB of this machine's memory"
+            skipped.append(Skipped(f"{worlds:,} worlds", why))
+        else:
             loads[worlds] = vector_load(worlds, threads)
-        except ParameterError as error:  # more than the memory holds
-            skipped.append(Skipped(f"{worlds:,} worlds", str(error)))
     rounds = [[block_rate(load, effort.seconds) for load in loads.values()] for _ in range(effort.rounds)]
     for load in loads.values():
         load.close()
