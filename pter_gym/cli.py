@@ -85,28 +85,36 @@ def fit(seed: int = 0, budget: int = 60_000, held_out: bool = False, out: Path =
     console.print(f"wrote {out}")
 
 
-def speed() -> None:
-    """Measure the simulator's speed: one env.step beside CartPole's, and the block kernel on one thread.
+def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pter-speed")) -> None:
+    """Measure the simulator's speed beside its peers, in one run of a few minutes.
 
-    Also compiles the block kernel anew and shows which of its loops LLVM vectorised.
+    Prints tables, and writes speed.json and speed.png. Peers that are not installed (MuJoCo, EnvPool) and a GPU that is
+    not there are skipped and named. The machine should have nothing else to do.
+
+    Args:
+        quick: Half a minute, small batches: whether it works, not how fast it is.
+        max_worlds: Largest number of worlds; a CPU gets at most 1,000,000.
+        out: Folder for the results; made if need be.
     """
-    from pter_gym.benchmark import speed as measure
+    from pter_gym.benchmark.speed import make_plan, measure, notes, tables
+    from pter_gym.files import write_text_atomic
+    from pter_gym.plots import save
+    from pter_gym.plots.speed import cost_figure
 
-    console = Console(highlight=False, soft_wrap=True)
-    single = measure.single_step()
-    console.print(
-        f"one env.step: {1e6 * single.seconds:.2f} µs; {measure.PEER}: {1e6 * single.peer_seconds:.2f} µs; "
-        f"ratio {single.ratio:.2f} (median of pairs)"
-    )
-    count = measure.substeps_per_step()
-    for worlds in (64, 1024, 16384):
-        found = measure.throughput(worlds)
-        console.print(
-            f"block kernel, one thread, {worlds} worlds: {found.steps_per_second / 1e6:.2f} M control steps/s of "
-            f"{count} substeps each"
-        )
-    widths = measure.vectorised_loops()
-    console.print(f"vectorised loops: {len(widths)}, widths {', '.join(map(str, sorted(widths)))}")
+    plan = make_plan(quick=quick, max_worlds=max_worlds)
+    make_folder(out)
+    console = Console()
+    with console.status("speed") as status:
+        found = measure(plan, lambda what: status.update(f"measuring {what}"))
+    for table in tables(found):
+        console.print(table)
+        console.print()
+    for note in notes(found):
+        console.print(note, highlight=False)
+    write_text_atomic(out / "speed.json", json.dumps(found.as_json(), indent=2) + "\n")
+    save(cost_figure(found), out / "speed.png")
+    for name in ("speed.json", "speed.png"):
+        console.print(f"wrote {out / name}", highlight=False)
 
 
 def scores_table(result: "Result") -> Table:

@@ -7,6 +7,7 @@ start.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -14,9 +15,13 @@ import numpy as np
 import pytest
 from mujoco import rollout
 
-from peer.mujoco_arm import RATIOS, ArmNumbers, build, to_joint_torque, to_joints, to_links
+from pter_gym.benchmark.speed.mujoco_arm import RATIOS, ArmNumbers, build, to_joint_torque, to_joints, to_links
+from pter_gym.envs.batch import Batch
+from pter_gym.envs.world import SKIP
 from pter_gym.open_loop import initial_state, simulate
-from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Clutch
+from pter_gym.operators import MultiSineHand
+from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Clutch, Hand
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 STEPS = 2000
 SEEDS = range(20)
@@ -85,26 +90,31 @@ def roll(machine, case: Case) -> np.ndarray:
 
 def karnopp(case: Case, threshold: float) -> np.ndarray:
     """Angles (T, 2), each loss switched every step by MuJoCo's own slip, and the crossing rule replayed."""
-    breakaway = np.array([BASELINE.clutch.breakaway.torque(v) for v in case.volts])
-    dynamic = np.array([BASELINE.clutch.dynamic.torque(v) for v in case.volts])
     model = build(ARM, STEP)
     data = at_start(model, case)
     data.qfrc_applied[:] = to_joint_torque(case.torque)
+    breakaway = np.array([BASELINE.clutch.breakaway.torque(v) for v in case.volts])
+    dynamic = np.array([BASELINE.clutch.dynamic.torque(v) for v in case.volts])
     angles = np.empty((STEPS, 2))
     for k, force in enumerate(case.force):
-        data.ctrl[:] = force
-        start = data.qpos.copy(), data.qvel.copy()
-        slip = RATIOS @ start[1]
-        moving = np.abs(slip) >= threshold
-        model.tendon_frictionloss[:] = np.where(moving, dynamic, breakaway)
-        mujoco.mj_step(model, data)
-        crossed = moving & (slip * (RATIOS @ data.qvel) < 0.0)
-        if crossed.any():
-            data.qpos[:], data.qvel[:] = start
-            model.tendon_frictionloss[crossed] = breakaway[crossed]
-            mujoco.mj_step(model, data)
+        karnopp_step(model, data, force, breakaway, dynamic, threshold)
         angles[k] = data.qpos
     return to_links(angles)
+
+
+def karnopp_step(model, data, force, breakaway, dynamic, threshold: float) -> None:
+    """One step of MuJoCo with the losses that its own slip asks for; again from its start if a slip crossed zero."""
+    data.ctrl[:] = force
+    start = data.qpos.copy(), data.qvel.copy()
+    slip = RATIOS @ start[1]
+    moving = np.abs(slip) >= threshold
+    model.tendon_frictionloss[:] = np.where(moving, dynamic, np.maximum(breakaway, dynamic))
+    mujoco.mj_step(model, data)
+    crossed = moving & (slip * (RATIOS @ data.qvel) < 0.0)
+    if crossed.any():
+        data.qpos[:], data.qvel[:] = start
+        model.tendon_frictionloss[crossed] = np.maximum(breakaway, dynamic)[crossed]
+        mujoco.mj_step(model, data)
 
 
 def test_acceleration_is_that_of_the_closed_form():
@@ -166,3 +176,79 @@ def test_breakaway_above_dynamic(subset):
 def test_the_cases_visit_every_mode_often():
     modes = np.concatenate([ours(BASELINE, draw(subset, 0)).mode for subset in range(16)])
     assert np.all(np.bincount(modes, minlength=6) > 0.03 * len(modes))
+
+
+VOLTS = np.array(
+    [[21.5, 3, 0, 5], [2, 21.5, 9, 0], [0, 0, 0, 0], [9, 0, 22, 4], [5, 0, 2, 22], [24, 24, 24, 24], [19, 19.5, 0, 8]]
+)
+"""Held voltages of seven worlds, exact in float32: the paper's modes occur, but for a stuck clutch 1 alone."""
+
+MACHINES = (
+    BASELINE,
+    EQUAL,
+    DELRIN_EXPERIMENTAL,
+    DELRIN_THEORETICAL,
+    replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=0.02)),
+    replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=0.2)),
+    replace(BASELINE, hand=Hand(mass=0.7)),
+)
+
+THETA = TELEMETRY.index("theta_a")
+
+TASKS = tuple(
+    PathFollowing(
+        hand=MultiSineHand(
+            push=push, phases=(0.1 * world, 0.2, 0.4, 0.8 * world, 1.6), amplitudes=(9.0, 22.0, 15.0, 8.0, 3.0)
+        )
+    )
+    for world, push in enumerate((40.0, 30.0, 15.0, 50.0, 35.0, 45.0, 35.0))
+)
+
+
+def test_batch_moves_as_mujoco_does():
+    """Whole control steps of seven machines, voltages and hands in one batch; MuJoCo gets the hand's force alone.
+
+    From rest with released clutches, so that their torques rise with their lag. The tolerance is that of the single
+    runs above: both solve each step to rounding, which stick-slip carries on.
+    """
+    batch = Batch(MACHINES, TASKS)
+    _, first = batch.reset(list(range(len(MACHINES))))
+    steps = [batch.step(VOLTS, SKIP).telemetry[0] for _ in range(60)]
+    telemetry = np.stack([first, *steps], axis=1)
+    for world in range(len(MACHINES)):
+        rows = telemetry[world][np.isfinite(telemetry[world, :, 0])]
+        mine = rows[:, THETA : THETA + 2]
+        assert len(mine) >= 20
+        assert np.abs(mine - batch_peer(world, mine[0], len(mine) - 1)).max() <= 1e-8
+    modes = telemetry[:, 1:, TELEMETRY.index("mode")]
+    assert {0, 2, 3, 4, 5} <= set(modes[np.isfinite(modes)])
+
+
+def batch_peer(world: int, start: np.ndarray, steps: int) -> np.ndarray:
+    """Angles (steps + 1, 2) of one world in MuJoCo, at the ends of its control steps."""
+    machine, task = MACHINES[world], TASKS[world]
+    a, b = machine.arm.length_a, machine.arm.length_b
+    mass = machine.hand.mass
+    arm = ArmNumbers(
+        a,
+        b,
+        machine.arm.inertia_a + mass * a * a,
+        machine.arm.inertia_b + mass * b * b,
+        machine.arm.coupling + mass * a * b,
+    )
+    heading = task.path.heading(0.0)
+    turn = np.array([[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]])
+    breakaway = np.array([machine.clutch.breakaway.torque(v) for v in VOLTS[world]])
+    dynamic = np.array([machine.clutch.dynamic.torque(v) for v in VOLTS[world]])
+    model = build(arm, STEP)
+    data = mujoco.MjData(model)
+    data.qpos[:] = to_joints(start)
+    angles = [start]
+    count = round(task.control_period / STEP)
+    for k in range(steps * count):
+        force = turn @ [task.hand.push, task.hand.normal_force(k * STEP)]
+        risen = -math.expm1(-(k + 1) * STEP / machine.clutch.time_constant)
+        karnopp_step(model, data, force, risen * breakaway, risen * dynamic, machine.slip_threshold)
+        if (k + 1) % count == 0:
+            angles.append(to_links(data.qpos))
+    return np.array(angles)

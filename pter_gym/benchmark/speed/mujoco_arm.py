@@ -8,15 +8,19 @@ and with a point-like second link of mass m whose centre lies r beyond the elbow
 
 A clutch is a fixed tendon with friction loss: its slip as a ratio of the joint rates, A' = (1, 0), B' = (1, 1), A' −
 B' = (0, −1), A' + B' = (2, 1).
+
+It takes plain numbers and knows nothing of this package's physics: the tests use it as an independent peer. MuJoCo is
+imported when a model is built.
 """
 
-from __future__ import annotations
-
+import importlib
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-import mujoco
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 RATIOS = np.array([[1, 0], [1, 1], [0, -1], [2, 1]])
 """Slip of clutch x per rate of the joints (A, B − A)."""
@@ -33,28 +37,39 @@ class ArmNumbers:
     coupling: float
 
 
-def build(arm: ArmNumbers, step: float, torque=(0.0, 0.0, 0.0, 0.0)) -> mujoco.MjModel:
-    """A model with two force actuators at the tip (world x and y) and the clutch torques as friction losses.
+def build(arm: ArmNumbers, step: float, torque: Sequence[float] = (0.0, 0.0, 0.0, 0.0), *, soft: bool = False) -> Any:
+    """Return a model with two force actuators at the tip (world x and y) and clutch torques as friction losses.
 
-    Friction loss is a soft constraint in MuJoCo. In the direct form `solreffriction = (−stiffness, −damping)` a
+    Friction loss is a soft constraint in MuJoCo. In the direct form ``solreffriction = (−stiffness, −damping)`` a
     damping of 0.9999/step over an impedance of 0.9999 asks for zero slip after exactly one step, and the no-slip
     iterations remove what softness is left.
+
+    Parameters
+    ----------
+    arm, step
+        The mechanism, and the time step [s].
+    torque
+        Friction loss of each clutch [N·m].
+    soft
+        Leave the constraint and the solver as MuJoCo has them by default: faster, and a stuck clutch creeps.
     """
+    mujoco: Any = importlib.import_module("mujoco")
     mass = abs(arm.coupling) / arm.length_a**2 * math.sqrt(arm.inertia_a / arm.inertia_b) if arm.coupling else 1e-3
     centre = arm.coupling / (mass * arm.length_a)
     link_a = arm.inertia_a - mass * arm.length_a**2
     link_b = arm.inertia_b - mass * centre**2
-    soft = f'solreffriction="-1 {-0.9999 / step!r}" solimpfriction="0.9999 0.9999 0.001 0.5 2"'
+    hardness = "" if soft else f'solreffriction="-1 {-0.9999 / step!r}" solimpfriction="0.9999 0.9999 0.001 0.5 2"'
+    hard_solver = 'iterations="100" tolerance="1e-12" noslip_iterations="200" noslip_tolerance="1e-20"'
     tendons = "".join(
-        f'<fixed name="clutch{x + 1}" frictionloss="{float(loss)!r}" {soft}>'
+        f'<fixed name="clutch{x + 1}" frictionloss="{float(loss)!r}" {hardness}>'
         f'<joint joint="a" coef="{ratio[0]}"/><joint joint="ba" coef="{ratio[1]}"/></fixed>'
         for x, (ratio, loss) in enumerate(zip(RATIOS, np.maximum(torque, 1e-300), strict=True))
     )
     model = mujoco.MjModel.from_xml_string(f"""
     <mujoco>
       <compiler angle="radian" boundmass="0" boundinertia="0"/>
-      <option timestep="{step!r}" gravity="0 0 0" integrator="Euler" solver="Newton" iterations="100" tolerance="1e-12"
-              noslip_iterations="200" noslip_tolerance="1e-20">
+      <option timestep="{step!r}" gravity="0 0 0" integrator="Euler" solver="Newton"
+              {"" if soft else hard_solver}>
         <flag eulerdamp="disable" contact="disable" warmstart="enable"/>
       </option>
       <worldbody>
@@ -79,19 +94,19 @@ def build(arm: ArmNumbers, step: float, torque=(0.0, 0.0, 0.0, 0.0)) -> mujoco.M
     return model
 
 
-def to_joints(angles) -> np.ndarray:
-    """(A, B) to (A, B − A), for angles and rates alike; last axis of length two."""
+def to_joints(angles: ArrayLike) -> NDArray[np.float64]:
+    """Return (A, B − A) from (A, B), for angles and rates alike; the last axis has length two."""
     angles = np.asarray(angles, float)
     return np.stack([angles[..., 0], angles[..., 1] - angles[..., 0]], axis=-1)
 
 
-def to_links(joints) -> np.ndarray:
-    """(A, B − A) to (A, B)."""
+def to_links(joints: ArrayLike) -> NDArray[np.float64]:
+    """Return (A, B) from (A, B − A)."""
     joints = np.asarray(joints, float)
     return np.stack([joints[..., 0], joints[..., 0] + joints[..., 1]], axis=-1)
 
 
-def to_joint_torque(torque) -> np.ndarray:
-    """Torques on the links A and B to generalised forces on (A, B − A): the same power."""
+def to_joint_torque(torque: ArrayLike) -> NDArray[np.float64]:
+    """Return generalised forces on (A, B − A) from torques on the links A and B: the same power."""
     torque = np.asarray(torque, float)
     return np.stack([torque[..., 0] + torque[..., 1], torque[..., 1]], axis=-1)
