@@ -60,7 +60,8 @@ def test_locked_never_arrives_and_free_feels_no_clutch(result: Result) -> None:
     assert not any(run.score.completed for run in result.runs["locked"])
     free = result.runs["free"]
     assert all(run.score.dissipated_j == 0.0 for run in free)
-    assert free[0].telemetry.tobytes() == free[2].telemetry.tobytes()
+    moves = [run.telemetry[:, :T_TOLD] for run in free]  # what is told of the clutches differs
+    assert moves[0].tobytes() == moves[2].tobytes()
 
 
 def test_integrator_error_on_the_standard_test(result: Result) -> None:

@@ -18,6 +18,7 @@ import numpy as np
 from pter_gym.benchmark.speed.mujoco_arm import ArmNumbers, build
 from pter_gym.benchmark.speed.ours import ID, Skipped, all_threads, substeps_per_step, vector_load
 from pter_gym.benchmark.speed.timing import Comparison, Effort, Load, compare, rate
+from pter_gym.operators import MultiSineHand
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -255,9 +256,9 @@ def _start_angles() -> tuple[float, float]:
 
 def _hand_forces(count: int) -> Any:
     """Return the hand's force on the tip at the start of each substep [N], (count, 2), at the path's first heading."""
-    task = PathFollowing()
-    heading = task.path.heading(0.0)
+    hand = MultiSineHand()
+    heading = PathFollowing().path.heading(0.0)
     along = np.array([np.cos(heading), np.sin(heading)])
     across = np.array([-along[1], along[0]])
-    waves = np.array([task.hand.normal_force(BASELINE.substep * k) for k in range(count)])
-    return task.hand.push * along + waves[:, None] * across
+    waves = np.array([hand.normal_force(BASELINE.substep * k) for k in range(count)])
+    return hand.push * along + waves[:, None] * across
