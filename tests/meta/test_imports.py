@@ -20,7 +20,7 @@ ORDER = (
     ("physics",),
     ("operators", "paths", "controllers", "open_loop"),
     ("tasks",),
-    ("render",),
+    ("codec", "render"),
     ("envs",),
     ("benchmark", "sb3"),
     ("experiments",),
