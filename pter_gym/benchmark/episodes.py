@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from pter_gym.benchmark.pacing import find_pace
 from pter_gym.codec import from_plain, to_plain
 from pter_gym.errors import DataError, ParameterError, unknown_name
 from pter_gym.files import write_bytes_atomic, write_text_atomic
@@ -23,9 +24,6 @@ FOLDER = Path(__file__).parents[1] / "episodes"
 """Where the package keeps its evaluation episodes."""
 
 CHECKSUMS = "checksums.json"
-
-PACES = {"slow": 0.12, "medium": 0.25, "brisk": 0.5}
-"""Commanded mean speeds along the path [m/s] at which each scenario is scored."""
 
 
 @dataclass(frozen=True)
@@ -79,13 +77,6 @@ class Episodes:
 def scenarios(folder: Path = FOLDER) -> tuple[str, ...]:
     """Return the names of the scenarios that have stored episodes."""
     return tuple(sorted(_checksums(folder)))
-
-
-def find_pace(name: str) -> float:
-    """Return a commanded pace [m/s] by name, or raise a ParameterError with the nearest names."""
-    if name not in PACES:
-        raise unknown_name("paces", name, PACES)
-    return PACES[name]
 
 
 def load_episodes(scenario: str, pace: str, *, folder: Path = FOLDER) -> Episodes:

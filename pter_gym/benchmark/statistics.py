@@ -166,7 +166,7 @@ def resample(
 def _times_drawn(chosen: NDArray[np.intp]) -> Array:
     """Return how often each episode is in each bootstrap sample, shape (resamples, size)."""
     samples, size = len(chosen), chosen[0].size
-    places = chosen + np.arange(0, chosen.size, size, np.intp)[:, None]
+    places: NDArray[np.intp] = np.add(chosen, size * np.arange(samples)[:, None])
     return np.bincount(places.ravel(), minlength=chosen.size).reshape(samples, size).astype(np.float64)
 
 

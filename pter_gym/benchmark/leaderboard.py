@@ -1,0 +1,211 @@
+"""Who guides the hand best at a commanded pace: policies by path error, if they arrive and keep the pace."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich.table import Table
+
+from pter_gym.benchmark.metrics import SCORES
+from pter_gym.benchmark.pacing import PACES
+from pter_gym.benchmark.runs import ScenarioRun
+from pter_gym.benchmark.statistics import (
+    Interval,
+    bootstrap_interval,
+    difference_interval,
+    interquartile_mean,
+    mean,
+    probability_of_improvement,
+)
+
+COMPLETION = 0.99
+"""Smallest fraction of completed episodes of a policy with a rank."""
+
+PACE_ERROR = 0.15
+"""Largest pace errors of a policy with a rank, as means over the episodes."""
+
+FULL = 200
+"""Fewest episodes for a rank that is not provisional."""
+
+MEANS = ("completed", "mean_pace_error", "segment_pace_error", "saturated", "stuck")
+"""Scores whose mean over the episodes counts; of the others it is the interquartile mean."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """One policy on a leaderboard.
+
+    Attributes
+    ----------
+    policy
+        Its name.
+    rank
+        From 1 on, or None below the line.
+    reason
+        Why it has no rank, in words.
+    scores
+        Of all episodes together, under the names of ``Score``.
+    difference
+        Path error less that of the best policy on the same episodes [m]; None without a best one.
+    probability
+        Of a smaller path error than the best policy's on the same episode; None without a best one.
+    """
+
+    policy: str
+    rank: int | None
+    reason: str | None
+    scores: dict[str, Interval]
+    difference: Interval | None = None
+    probability: Interval | None = None
+
+
+@dataclass(frozen=True)
+class Leaderboard:
+    """The policies on the same episodes at one pace, the best first, those below the line last."""
+
+    scenario: str
+    pace: str
+    episodes: int
+    data: str
+    standings: tuple[Standing, ...]
+
+    @property
+    def provisional(self) -> bool:
+        """Whether there are too few episodes for ranks that count."""
+        return self.episodes < FULL
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``benchmark.json`` holds of this leaderboard, in SI."""
+        return {
+            "scenario": self.scenario,
+            "pace": self.pace,
+            "pace_m_s": PACES[self.pace],
+            "episodes": self.episodes,
+            "episodes_sha256": self.data,
+            "provisional": self.provisional,
+            "policies": {standing.policy: _standing_json(standing) for standing in self.standings},
+        }
+
+
+def leaderboards(runs: Sequence[ScenarioRun]) -> tuple[Leaderboard, ...]:
+    """Return a leaderboard for each scenario, pace and set of episodes among runs of the same code."""
+    groups: dict[tuple[str, float, int, str], list[ScenarioRun]] = {}
+    for run in runs:
+        at = run.conditions
+        groups.setdefault((at.scenario, PACES[at.pace], at.episodes, at.data), []).append(run)
+    return tuple(rank(groups[place]) for place in sorted(groups))
+
+
+def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
+    """Return the leaderboard of runs on the same episodes at the same pace."""
+    judged = [_judge(run) for run in runs]
+    order = sorted(range(len(runs)), key=lambda k: _place(judged[k]))
+    best = runs[order[0]] if judged[order[0]].reason is None else None
+    standings: list[Standing] = []
+    for place, k in enumerate(order):
+        found = judged[k]
+        against = {} if best is None or best is runs[k] else _against(runs[k], best)
+        standings.append(
+            Standing(found.policy, None if found.reason else place + 1, found.reason, found.scores, **against)
+        )
+    at = runs[0].conditions
+    return Leaderboard(at.scenario, at.pace, at.episodes, at.data, tuple(standings))
+
+
+def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
+    """Return in words why a policy with these scores at a pace [m/s] has no rank, or None if it has one."""
+    reasons: list[str] = []
+    completed = scores["completed"].value
+    if completed < COMPLETION:
+        reasons.append(f"completes {100 * completed:.3g} % of the episodes, less than {100 * COMPLETION:g} %")
+    if scores["mean_pace_error"].value > PACE_ERROR:
+        speed = scores["mean_pace_m_s"].value
+        reasons.append(
+            f"is too {'fast' if speed > pace else 'slow'}: {_percent(scores['mean_pace_error'])} off the mean pace "
+            f"({speed:.2g} for {pace:g} m/s), more than {100 * PACE_ERROR:g} %"
+        )
+    if scores["segment_pace_error"].value > PACE_ERROR:
+        reasons.append(
+            f"is uneven: {_percent(scores['segment_pace_error'])} off the pace in segments, "
+            f"more than {100 * PACE_ERROR:g} %"
+        )
+    return "; ".join(reasons) or None
+
+
+def table(board: Leaderboard) -> Table:
+    """Return a leaderboard for a terminal of 80 columns: intervals of 95 %, and below it why others have no rank."""
+    kind = "provisional, " if board.provisional else ""
+    shown = Table(
+        title=f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} episodes",
+        caption=_caption(board),
+        caption_justify="left",
+        box=None,
+        padding=(0, 1),
+        collapse_padding=True,
+        pad_edge=False,
+    )
+    shown.add_column("rank", justify="right")
+    shown.add_column("policy", no_wrap=True)
+    for header in (
+        "path error\n\\[mm]",
+        "at the\nend\n\\[%]",
+        "mean\npace\n\\[±%]",
+        "segment\npace\n\\[±%]",
+        "rms acc.\n\\[m/s²]",
+        "smooth-\nness",
+        "brake\nwork\n\\[J]",
+    ):
+        shown.add_column(header, justify="right", no_wrap=True)
+    for standing in board.standings:
+        s = standing.scores
+        shown.add_row(
+            "–" if standing.rank is None else str(standing.rank),
+            standing.policy,
+            "{:.1f} ({:.1f}…{:.1f})".format(*(1000 * x for x in s["path_error_m"])),
+            f"{100 * s['completed'].value:.3g}",
+            f"{100 * s['mean_pace_error'].value:.3g}",
+            f"{100 * s['segment_pace_error'].value:.3g}",
+            f"{s['rms_acceleration_m_s2'].value:.2f}",
+            f"{s['smoothness'].value:.1f}",
+            f"{s['dissipated_j'].value:.1f}",
+        )
+    return shown
+
+
+def _caption(board: Leaderboard) -> str:
+    lines = [f"– {standing.policy}: {standing.reason}" for standing in board.standings if standing.reason]
+    return "\n".join(lines)
+
+
+def _judge(run: ScenarioRun) -> Standing:
+    scores = {
+        name: bootstrap_interval(run.scores[name], mean if name in MEANS else interquartile_mean, strata=run.strata)
+        for name in SCORES
+    }
+    return Standing(run.conditions.policy, None, reason_below(scores, PACES[run.conditions.pace]), scores)
+
+
+def _place(standing: Standing) -> tuple[bool, float, str]:
+    return standing.reason is not None, standing.scores["path_error_m"].value, standing.policy
+
+
+def _against(run: ScenarioRun, best: ScenarioRun) -> dict[str, Interval]:
+    errors = run.scores["path_error_m"], best.scores["path_error_m"]
+    return {
+        "difference": difference_interval(*errors, strata=run.strata),
+        "probability": probability_of_improvement(*errors, strata=run.strata),
+    }
+
+
+def _standing_json(standing: Standing) -> dict[str, Any]:
+    return {
+        "rank": standing.rank,
+        "reason": standing.reason,
+        **{name: interval._asdict() for name, interval in standing.scores.items()},
+        "difference_to_best_m": standing.difference and standing.difference._asdict(),
+        "probability_of_improvement": standing.probability and standing.probability._asdict(),
+    }
+
+
+def _percent(interval: Interval) -> str:
+    return f"{100 * interval.value:.3g} %"

@@ -1,0 +1,148 @@
+"""One policy on the episodes of one scenario at one pace: its scores, and the file that holds them."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._version import __version__
+from pter_gym.benchmark.metrics import SCORES, Scores
+from pter_gym.files import write_text_atomic
+
+Array = NDArray[np.float64]
+
+PACKAGE = Path(__file__).parents[1]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One episode as it is drawn, at some of its control instants.
+
+    Attributes
+    ----------
+    episode
+        Its number in the scenario.
+    tip
+        Tip position [m], shape (K, 2).
+    theta
+        Absolute link angles [rad], shape (K, 2).
+    """
+
+    episode: int
+    tip: Array
+    theta: Array
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """All that the scores of a run depend on.
+
+    Attributes
+    ----------
+    scenario, pace, policy
+        Names.
+    episodes
+        How many of the scenario's episodes were run, from the first on.
+    data
+        SHA-256 of the stored episodes.
+    identity
+        What the policy is, gains and law included; None if nobody can tell, as of a plain function.
+    version
+        Of the package.
+    code
+        SHA-256 of the package's sources.
+    """
+
+    scenario: str
+    pace: str
+    policy: str
+    episodes: int
+    data: str
+    identity: str | None
+    version: str
+    code: str
+
+    @property
+    def key(self) -> str | None:
+        """Hash of all of them, or None if the policy is unknown: then no earlier run is known to be the same."""
+        if self.identity is None:
+            return None
+        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class ScenarioRun:
+    """The scores of one policy on the episodes of one scenario at one pace.
+
+    Attributes
+    ----------
+    conditions
+        What was run.
+    strata
+        One label per episode.
+    scores
+        One entry per episode under each name.
+    samples
+        Some episodes to draw.
+    """
+
+    conditions: Conditions
+    strata: tuple[str, ...]
+    scores: Scores
+    samples: tuple[Sample, ...]
+
+
+def run_path(folder: Path, conditions: Conditions) -> Path:
+    """Return the file of a run in a folder of results."""
+    name = "-".join((conditions.scenario, conditions.pace, conditions.policy, str(conditions.episodes)))
+    return folder / "runs" / f"{name}.json"
+
+
+def write_run(folder: Path, run: ScenarioRun) -> None:
+    """Write a run to its file, whole or not at all."""
+    path = run_path(folder, run.conditions)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    content = {
+        "key": run.conditions.key,
+        **asdict(run.conditions),
+        "strata": run.strata,
+        "scores": {name: values.tolist() for name, values in run.scores.items()},
+        "samples": [
+            {"episode": sample.episode, "tip_m": sample.tip.tolist(), "theta_rad": sample.theta.tolist()}
+            for sample in run.samples
+        ],
+    }
+    write_text_atomic(path, json.dumps(content, allow_nan=False) + "\n")
+
+
+def read_run(path: Path) -> ScenarioRun | None:
+    """Return the run in a file, or None if there is no whole run in it."""
+    try:
+        content: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        conditions = Conditions(**{name: content[name] for name in Conditions.__dataclass_fields__})
+        scores = {name: np.array(content["scores"][name]) for name in SCORES}
+        samples = [
+            Sample(sample["episode"], np.array(sample["tip_m"]), np.array(sample["theta_rad"]))
+            for sample in content["samples"]
+        ]
+        if content["key"] != conditions.key or any(len(v) != conditions.episodes for v in scores.values()):
+            return None
+        return ScenarioRun(conditions, tuple(content["strata"]), scores, tuple(samples))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+@cache
+def code_digest() -> str:
+    """Return a SHA-256 of the package's sources and presets: with other code, an earlier run is not the same run."""
+    content = hashlib.sha256(__version__.encode())
+    for path in sorted(path for pattern in ("*.py", "*.toml") for path in PACKAGE.rglob(pattern)):
+        content.update(path.relative_to(PACKAGE).as_posix().encode())
+        content.update(path.read_bytes())
+    return content.hexdigest()
