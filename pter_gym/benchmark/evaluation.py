@@ -1,7 +1,7 @@
 """Policies on the evaluation episodes of a scenario, at each commanded pace."""
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -31,8 +31,8 @@ CHUNK = 64
 SAMPLES = 4
 """Episodes of a run that are kept to be drawn: the first of each stratum, then the first ones."""
 
-SAMPLE_EVERY = 4
-"""Control steps between the instants that are kept."""
+INSTANTS = 200
+"""Largest number of instants that are kept of such an episode."""
 
 
 def run_scenario(
@@ -140,16 +140,13 @@ def evaluate(policy: AnyPolicy, batches: Batches, num_threads: int) -> tuple[Sco
 
 def sample_numbers(strata: Sequence[str]) -> list[int]:
     """Return the numbers of the episodes that are kept to be drawn."""
-    return sorted([*_first_of_each(strata), *range(len(strata))][:SAMPLES])
-
-
-def _first_of_each(strata: Sequence[str]) -> Iterator[int]:
-    return iter({stratum: strata.index(stratum) for stratum in strata}.values())
+    first_of_each = (strata.index(stratum) for stratum in dict.fromkeys(strata))
+    return sorted(list(dict.fromkeys([*first_of_each, *range(len(strata))]))[:SAMPLES])
 
 
 def _sample(number: int, telemetry: Array) -> Sample:
     finished = telemetry[np.isfinite(column(telemetry, "time"))]
-    shown = np.unique([*range(0, len(finished), SAMPLE_EVERY), len(finished) - 1])
+    shown = np.unique(np.linspace(0, len(finished) - 1, INSTANTS).round().astype(int))
     theta = np.stack([column(finished, "theta_a"), column(finished, "theta_b")], axis=-1)
     return Sample(number, vector(finished, "tip")[shown].round(5), theta[shown].round(5))
 
