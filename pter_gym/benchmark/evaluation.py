@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import is_dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -82,12 +83,15 @@ def run_scenario(
             raise ParameterError(f"{field} must hold at least one name")
     sets = {pace: load_episodes(scenario, pace, folder=data) for pace in paces}
     sets = {pace: full if episodes is None else full.first(episodes) for pace, full in sets.items()}
+    if results:
+        results.make()
     runs: list[ScenarioRun] = []
     for pace, chosen in sets.items():
         batches = Batches(chosen)
         for name, policy in named.items():
-            ready = batches.bind(policy.at(pace) if isinstance(policy, PerPace) else policy)
-            conditions = _conditions(chosen, pace, name, ready)
+            here = policy.at(pace) if isinstance(policy, PerPace) else policy
+            ready = batches.bind(here)
+            conditions = _conditions(chosen, pace, name, identity(here, ready))
             run = results and results.find(conditions)
             if not run:
                 scores, samples = evaluate(ready, batches, num_threads)
@@ -151,22 +155,26 @@ def _sample(number: int, telemetry: Array) -> Sample:
     return Sample(number, vector(finished, "tip")[shown].round(5), theta[shown].round(5))
 
 
-def _conditions(episodes: Episodes, pace: str, name: str, policy: AnyPolicy) -> Conditions:
+def _conditions(episodes: Episodes, pace: str, name: str, identity: str | None) -> Conditions:
     return Conditions(
         scenario=episodes.scenario,
         pace=pace,
         policy=name,
         episodes=len(episodes),
         data=episodes.checksum,
-        identity=identity(policy),
+        identity=identity,
         version=__version__,
         code=code_digest(),
     )
 
 
-def identity(policy: AnyPolicy) -> str | None:
-    """Return what a policy is, so that a run need not be repeated: law and gains, or what it says itself, or None."""
-    if not isinstance(policy, Policy):
-        said: Any = getattr(policy, "identity", None)
-        return said if isinstance(said, str) else None
-    return hashlib.sha256(policy.gains.tobytes() + digest_of(policy.law).encode()).hexdigest()
+def identity(policy: Controller | AnyPolicy, bound: AnyPolicy) -> str | None:
+    """Return what a policy is, so that a run need not be repeated, or None if nobody can tell.
+
+    That is what it says itself in ``identity``; of a controller, its gains in words and a hash of gains and law.
+    """
+    if isinstance(bound, Policy):
+        name = repr(policy) if is_dataclass(policy) else type(policy).__qualname__
+        return f"{name} {hashlib.sha256(bound.gains.tobytes() + digest_of(bound.law).encode()).hexdigest()}"
+    said: Any = getattr(policy, "identity", None)
+    return said if isinstance(said, str) else None

@@ -1,11 +1,12 @@
 """Who guides the hand best at a commanded pace: policies by path error, if they arrive and keep the pace."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rich.table import Table
 
+from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import SCORES
 from pter_gym.benchmark.pacing import PACES
 from pter_gym.benchmark.runs import ScenarioRun
@@ -39,6 +40,8 @@ class Standing:
     ----------
     policy
         Its name.
+    identity
+        What it is, if anybody can tell.
     rank
         From 1 on, or None below the line.
     reason
@@ -52,6 +55,7 @@ class Standing:
     """
 
     policy: str
+    identity: str | None
     rank: int | None
     reason: str | None
     scores: dict[str, Interval]
@@ -61,18 +65,36 @@ class Standing:
 
 @dataclass(frozen=True)
 class Leaderboard:
-    """The policies on the same episodes at one pace, the best first, those below the line last."""
+    """The policies on the same episodes at one pace, the best first, those below the line last.
+
+    Attributes
+    ----------
+    scenario, pace
+        Names.
+    episodes, data
+        How many of the stored episodes were run, and the SHA-256 of the stored ones.
+    config_hash
+        SHA-256 of all that the scores depend on besides the policies.
+    standings
+        One per policy.
+    """
 
     scenario: str
     pace: str
     episodes: int
     data: str
+    config_hash: str
     standings: tuple[Standing, ...]
 
     @property
     def provisional(self) -> bool:
         """Whether there are too few episodes for ranks that count."""
         return self.episodes < FULL
+
+    def has_episodes_of(self, run: ScenarioRun) -> bool:
+        """Tell whether a run, at whatever pace, had the same episodes."""
+        at = run.conditions
+        return (self.scenario, self.episodes, self.data) == (at.scenario, at.episodes, at.data)
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``benchmark.json`` holds of this leaderboard, in SI."""
@@ -82,6 +104,8 @@ class Leaderboard:
             "pace_m_s": PACES[self.pace],
             "episodes": self.episodes,
             "episodes_sha256": self.data,
+            "version": __version__,
+            "config_hash": self.config_hash,
             "provisional": self.provisional,
             "policies": {standing.policy: _standing_json(standing) for standing in self.standings},
         }
@@ -105,30 +129,25 @@ def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
     for place, k in enumerate(order):
         found = judged[k]
         against = {} if best is None or best is runs[k] else _against(runs[k], best)
-        standings.append(
-            Standing(found.policy, None if found.reason else place + 1, found.reason, found.scores, **against)
-        )
+        standings.append(replace(found, rank=None if found.reason else place + 1, **against))
     at = runs[0].conditions
-    return Leaderboard(at.scenario, at.pace, at.episodes, at.data, tuple(standings))
+    return Leaderboard(at.scenario, at.pace, at.episodes, at.data, at.config_hash, tuple(standings))
 
 
 def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
     """Return in words why a policy with these scores at a pace [m/s] has no rank, or None if it has one."""
     reasons: list[str] = []
+    limit = f"limit {100 * PACE_ERROR:g} %"
     completed = scores["completed"].value
     if completed < COMPLETION:
-        reasons.append(f"completes {100 * completed:.3g} % of the episodes, less than {100 * COMPLETION:g} %")
+        reasons.append(f"arrives in {100 * completed:.3g} % of the episodes ({100 * COMPLETION:g} % needed)")
     if scores["mean_pace_error"].value > PACE_ERROR:
         speed = scores["mean_pace_m_s"].value
-        reasons.append(
-            f"is too {'fast' if speed > pace else 'slow'}: {_percent(scores['mean_pace_error'])} off the mean pace "
-            f"({speed:.2g} for {pace:g} m/s), more than {100 * PACE_ERROR:g} %"
-        )
+        way = "fast" if speed > pace else "slow"
+        off = _percent(scores["mean_pace_error"])
+        reasons.append(f"too {way}: mean pace {speed:.2g} for {pace:g} m/s, {off} off ({limit})")
     if scores["segment_pace_error"].value > PACE_ERROR:
-        reasons.append(
-            f"is uneven: {_percent(scores['segment_pace_error'])} off the pace in segments, "
-            f"more than {100 * PACE_ERROR:g} %"
-        )
+        reasons.append(f"uneven: segments {_percent(scores['segment_pace_error'])} off the pace ({limit})")
     return "; ".join(reasons) or None
 
 
@@ -144,7 +163,7 @@ def table(board: Leaderboard) -> Table:
         collapse_padding=True,
         pad_edge=False,
     )
-    shown.add_column("rank", justify="right")
+    shown.add_column("#", justify="right")
     shown.add_column("policy", no_wrap=True)
     for header in (
         "path error\n\\[mm]",
@@ -182,7 +201,8 @@ def _judge(run: ScenarioRun) -> Standing:
         name: bootstrap_interval(run.scores[name], mean if name in MEANS else interquartile_mean, strata=run.strata)
         for name in SCORES
     }
-    return Standing(run.conditions.policy, None, reason_below(scores, PACES[run.conditions.pace]), scores)
+    at = run.conditions
+    return Standing(at.policy, at.identity, None, reason_below(scores, PACES[at.pace]), scores)
 
 
 def _place(standing: Standing) -> tuple[bool, float, str]:
@@ -201,6 +221,7 @@ def _standing_json(standing: Standing) -> dict[str, Any]:
     return {
         "rank": standing.rank,
         "reason": standing.reason,
+        "identity": standing.identity,
         **{name: interval._asdict() for name, interval in standing.scores.items()},
         "difference_to_best_m": standing.difference and standing.difference._asdict(),
         "probability_of_improvement": standing.probability and standing.probability._asdict(),

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from pter_gym._version import __version__
 from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
 from pter_gym.benchmark.runs import Conditions, ScenarioRun, code_digest, read_run, run_path, write_run
 from pter_gym.benchmark.statistics import LEVEL, RESAMPLES, SEED
 from pter_gym.files import write_text_atomic
+from pter_gym.terminal import make_folder
 
 SUMMARY = "benchmark.json"
 LOCK = ".lock"
@@ -22,7 +22,7 @@ LOCK = ".lock"
 
 @dataclass(frozen=True)
 class ResultsFolder:
-    """A folder of results, made if need be.
+    """A folder of results.
 
     Attributes
     ----------
@@ -31,6 +31,15 @@ class ResultsFolder:
     """
 
     path: Path
+
+    @property
+    def summary(self) -> Path:
+        """The file with all leaderboards."""
+        return self.path / SUMMARY
+
+    def make(self) -> None:
+        """Make the folder if need be, or raise a ParameterError if it cannot be written to."""
+        make_folder(self.path / "runs")
 
     def find(self, conditions: Conditions) -> ScenarioRun | None:
         """Return the finished run under just these conditions, or None."""
@@ -50,17 +59,14 @@ class ResultsFolder:
 
     def summarise(self) -> tuple[Leaderboard, ...]:
         """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
-        self.path.mkdir(parents=True, exist_ok=True)
         with FileLock(self.path / LOCK):
             runs = self.runs()
             boards = leaderboards(runs)
             used = {path.name for path in (run_path(self.path, run.conditions) for run in runs)}
             content = {
-                "version": __version__,
-                "config_hash": code_digest(),
                 "bootstrap": {"level": LEVEL, "resamples": RESAMPLES, "seed": SEED},
                 "leaderboards": [board.as_json() for board in boards],
                 "left_out": sorted(p.name for p in (self.path / "runs").glob("*.json") if p.name not in used),
             }
-            write_text_atomic(self.path / SUMMARY, json.dumps(content, indent=2, allow_nan=False) + "\n")
+            write_text_atomic(self.summary, json.dumps(content, indent=2, allow_nan=False) + "\n")
         return boards

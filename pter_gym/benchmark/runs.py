@@ -73,7 +73,12 @@ class Conditions:
         """Hash of all of them, or None if the policy is unknown: then no earlier run is known to be the same."""
         if self.identity is None:
             return None
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
+        return _hash(asdict(self))
+
+    @property
+    def config_hash(self) -> str:
+        """Hash of all of them but the policy."""
+        return _hash({name: part for name, part in asdict(self).items() if name not in ("policy", "identity")})
 
 
 @dataclass(frozen=True)
@@ -107,7 +112,6 @@ def run_path(folder: Path, conditions: Conditions) -> Path:
 def write_run(folder: Path, run: ScenarioRun) -> None:
     """Write a run to its file, whole or not at all."""
     path = run_path(folder, run.conditions)
-    path.parent.mkdir(parents=True, exist_ok=True)
     content = {
         "key": run.conditions.key,
         **asdict(run.conditions),
@@ -136,6 +140,10 @@ def read_run(path: Path) -> ScenarioRun | None:
         return ScenarioRun(conditions, tuple(content["strata"]), scores, tuple(samples))
     except (OSError, ValueError, KeyError, TypeError):
         return None
+
+
+def _hash(parts: Mapping[str, object]) -> str:
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 @cache
