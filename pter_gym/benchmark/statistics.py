@@ -8,6 +8,7 @@ by both, as in ``strata=[(stratum, seed), …]``.
 """
 
 from collections.abc import Callable, Hashable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -39,7 +40,7 @@ def interquartile_mean(values: ArrayLike) -> Array:
     values = np.asarray(values, np.float64)
     size = values.shape[-1]
     cut = size // 4
-    return np.partition(values, (cut, size - cut - 1), axis=-1)[..., cut : size - cut].mean(axis=-1)
+    return np.sort(values, axis=-1)[..., cut : size - cut].mean(axis=-1)
 
 
 def mean(values: ArrayLike) -> Array:
@@ -155,11 +156,18 @@ def resample(
     places: dict[Hashable, list[int]] = {}
     for place, name in enumerate(labels):
         places.setdefault(name, []).append(place)
+    return _drawn(tuple(tuple(members) for members in places.values()), resamples, seed)
+
+
+@lru_cache(8)
+def _drawn(groups: tuple[tuple[int, ...], ...], resamples: int, seed: int) -> NDArray[np.intp]:
+    """Return the samples of ``resample`` from the places in each stratum; all scores of a run share them."""
     generator = np.random.default_rng(seed)
-    chosen = np.empty((resamples, size), np.intp)
-    for members in places.values():
+    chosen = np.empty((resamples, sum(map(len, groups))), np.intp)
+    for members in groups:
         own = np.array(members)
         chosen[:, own] = own[generator.integers(len(own), size=(resamples, len(own)))]
+    chosen.flags.writeable = False
     return chosen
 
 
