@@ -171,7 +171,7 @@ def scores_table(result: "Result") -> Table:
     """Return a table with one row per policy and time constant, in SI; it fits a terminal of 80 columns."""
     table = Table(
         title=f"The paper's standard test, seed {result.seed}",
-        caption="path error: what a policy leaves unfinished counts at its worst error or the workspace's bound",
+        caption="path error: the larger average, over time or path; unfinished parts at the worst error or the bound",
         box=None,
         padding=(0, 1),
         collapse_padding=True,
