@@ -53,6 +53,7 @@ def standing(board: Leaderboard, policy: str) -> Standing:
     return next(found for found in board.standings if found.policy == policy)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pace", PACES)
 @pytest.mark.parametrize("cheat", CHEATS)
 def test_cheats_are_below_the_line(cheat: str, pace: str, boards: dict[str, Leaderboard]) -> None:
@@ -70,11 +71,13 @@ def test_cheats_are_below_the_line(cheat: str, pace: str, boards: dict[str, Lead
         assert "segments" in found.reason
 
 
+@pytest.mark.slow
 def test_a_policy_that_stops_at_the_start_has_a_large_path_error(boards: dict[str, Leaderboard]) -> None:
     for name in ("locked", "stops at the start"):
         assert standing(boards["medium"], name).scores["path_error_m"].value > 0.2
 
 
+@pytest.mark.slow
 def test_the_papers_controllers_have_ranks_at_the_pace_that_their_damper_is_solved_for(
     boards: dict[str, Leaderboard],
 ) -> None:
@@ -88,6 +91,7 @@ def test_the_papers_controllers_have_ranks_at_the_pace_that_their_damper_is_solv
             assert standing(board, name).scores["mean_pace_error"].value < PACE_ERROR
 
 
+@pytest.mark.slow
 def test_the_damper_of_another_pace_is_below_the_line() -> None:
     wrong = find_policy("impedance")
     assert isinstance(wrong, PerPace)
@@ -167,6 +171,7 @@ def test_runs_on_different_episodes_do_not_meet() -> None:
     assert [[standing.policy for standing in board.standings] for board in found] == [["a"], ["b"]]
 
 
+@pytest.mark.slow
 def test_table_fits_a_terminal(boards: dict[str, Leaderboard]) -> None:
     console = Console(width=80, record=True, file=io.StringIO())
     console.print(table(boards["medium"]))
@@ -178,6 +183,7 @@ def test_table_fits_a_terminal(boards: dict[str, Leaderboard]) -> None:
         assert f"– {cheat}: " in text
 
 
+@pytest.mark.slow
 def test_json_is_plain_and_finite(boards: dict[str, Leaderboard]) -> None:
     content = json.loads(json.dumps([board.as_json() for board in boards.values()], allow_nan=False))
     for board in content:

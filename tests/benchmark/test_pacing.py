@@ -10,6 +10,7 @@ from pter_gym.controllers import CONTROLLERS, Impedance, TorqueFeedback
 from pter_gym.errors import ParameterError
 
 
+@pytest.mark.slow
 def test_the_table_is_what_the_solver_finds() -> None:
     for name, kind in (("impedance", Impedance), ("torque-feedback", TorqueFeedback)):
         for pace, speed in PACES.items():
@@ -28,6 +29,7 @@ def test_every_other_gain_stays() -> None:
         found.at("brisc")
 
 
+@pytest.mark.slow
 def test_a_pace_out_of_reach_is_refused() -> None:
     with pytest.raises(ParameterError, match="pace must be from"):
         damping_for_pace(Impedance(), 3.9, draws=2)

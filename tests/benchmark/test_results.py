@@ -59,6 +59,7 @@ def summary_of(folder: Path) -> dict[tuple[str, int], list[str]]:
 # --- the scores ---
 
 
+@pytest.mark.slow
 def test_scores_depend_neither_on_threads_nor_on_the_number_of_episodes() -> None:
     (alone,) = run_scenario("standard", ["torque-feedback"], ["medium"], episodes=70, num_threads=1)
     (shared,) = run_scenario("standard", ["torque-feedback"], ["medium"], episodes=70, num_threads=2)
@@ -74,12 +75,14 @@ def test_any_callable_is_a_policy() -> None:
         np.testing.assert_allclose(mine.scores[name], free.scores[name], rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_a_controller_may_differ_from_pace_to_pace() -> None:
     runs = run_scenario("standard", ["impedance"], ["slow", "brisk"], episodes=COUNT)
     paces = [run.scores["mean_pace_m_s"].mean() for run in runs]
     assert paces == pytest.approx([0.12, 0.5], rel=0.1)
 
 
+@pytest.mark.slow
 def test_samples_begin_at_the_start_and_end_with_the_episode() -> None:
     (run,) = run_scenario("standard", ["impedance"], ["slow"], episodes=COUNT)
     assert [sample.episode for sample in run.samples] == [0, 1, 2, 3]
@@ -189,6 +192,7 @@ def start(*arguments: str) -> "subprocess.Popen[bytes]":
     )
 
 
+@pytest.mark.slow
 def test_two_benchmarks_in_one_folder_lose_nothing(tmp_path: Path) -> None:
     out = tmp_path / "out"
     rest = ("--episodes", str(COUNT), "--out", str(out))
@@ -215,6 +219,7 @@ def test_the_summary_is_read_and_written_under_a_lock(tmp_path: Path) -> None:
     assert summary_of(tmp_path) == {("brisk", COUNT): ["free", "locked"]}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
 @pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGINT])
 def test_a_benchmark_that_is_stopped_goes_on(signal_number: int, tmp_path: Path, simulated: list[int]) -> None:
@@ -241,6 +246,7 @@ def test_a_benchmark_that_is_stopped_goes_on(signal_number: int, tmp_path: Path,
 # --- the command ---
 
 
+@pytest.mark.slow
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "new" / "folder"
     arguments = ["--policies", "free, impedance", "--paces", "slow,brisk", "--episodes", str(COUNT), "--out", str(out)]
