@@ -16,7 +16,7 @@ from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.tasks import path_following
 
 MODULES: tuple[ModuleType, ...] = (params, operators, paths, path_following)
-"""Where the dataclasses are defined that can be stored."""
+"""Modules and packages that define the dataclasses that can be stored."""
 
 TYPE = "type"
 
@@ -70,11 +70,16 @@ def known_types() -> dict[str, type[Any]]:
     found: dict[str, type[Any]] = {}
     for module in MODULES:
         for name, kind in vars(module).items():
-            if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module.__name__:
+            if isinstance(kind, type) and is_dataclass(kind) and _belongs(kind, module):
                 if name in found:
                     raise TypeError(f"two dataclasses are called {name}")
                 found[name] = kind
     return found
+
+
+def _belongs(kind: type[Any], module: ModuleType) -> bool:
+    """Tell whether a class is defined in a module, or in one of a package's."""
+    return f"{kind.__module__}.".startswith(f"{module.__name__}.")
 
 
 def _dataclass_from(data: Mapping[str, object]) -> Any:
