@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +107,7 @@ class ScenarioRun:
 def run_path(folder: Path, conditions: Conditions) -> Path:
     """Return the file of a run in a folder of results."""
     name = "-".join((conditions.scenario, conditions.pace, conditions.policy, str(conditions.episodes)))
-    return folder / "runs" / f"{name}.json"
+    return folder / "runs" / f"{quote(name, safe=' ')}.json"
 
 
 def write_run(folder: Path, run: ScenarioRun) -> None:
@@ -128,18 +129,31 @@ def write_run(folder: Path, run: ScenarioRun) -> None:
 def read_run(path: Path) -> ScenarioRun | None:
     """Return the run in a file, or None if there is no whole run in it."""
     try:
-        content: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        content: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
         conditions = Conditions(**{name: content[name] for name in Conditions.__dataclass_fields__})
-        scores = {name: np.array(content["scores"][name]) for name in SCORES}
-        samples = [
-            Sample(sample["episode"], np.array(sample["tip_m"]), np.array(sample["theta_rad"]))
-            for sample in content["samples"]
-        ]
-        if content["key"] != conditions.key or any(len(v) != conditions.episodes for v in scores.values()):
-            return None
-        return ScenarioRun(conditions, tuple(content["strata"]), scores, tuple(samples))
+        run = ScenarioRun(
+            conditions,
+            tuple(content["strata"]),
+            {name: np.array(content["scores"][name]) for name in SCORES},
+            tuple(
+                Sample(sample["episode"], np.array(sample["tip_m"]), np.array(sample["theta_rad"]))
+                for sample in content["samples"]
+            ),
+        )
     except (OSError, ValueError, KeyError, TypeError):
         return None
+    return run if content["key"] == conditions.key and _is_whole(run) else None
+
+
+def _is_whole(run: ScenarioRun) -> bool:
+    """Tell whether there is a number for each episode under each name."""
+    count = run.conditions.episodes
+    numbers = all(values.shape == (count,) and values.dtype.kind in "bif" for values in run.scores.values())
+    return numbers and len(run.strata) == count
+
+
+def _refuse(constant: str) -> float:
+    raise ValueError(f"scores are finite, and not {constant}")
 
 
 def _hash(parts: Mapping[str, object]) -> str:

@@ -1,6 +1,7 @@
 """Folders of results: reused, resumed, shared, and whole whatever happens."""
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -143,6 +144,16 @@ def test_other_conditions_are_other_runs(tmp_path: Path, simulated: list[int], m
     assert times_simulated(Named()) == 1
 
 
+def test_a_policy_may_have_any_name(tmp_path: Path) -> None:
+    folder = ResultsFolder(tmp_path / "out")
+    names = ["../../escaped", "a/b", "größer als ÷", "a%2Fb", "."]
+    run_scenario("standard", {name: Free() for name in names}, ["brisk"], episodes=1, results=folder)
+    folder.summarise()
+    assert summary_of(folder.path)["brisk", 1] == sorted(names)
+    assert len(list((folder.path / "runs").iterdir())) == len(names)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
 def test_runs_of_other_code_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = ResultsFolder(tmp_path)
     monkeypatch.setattr(evaluation_module, "code_digest", lambda: "other code")
@@ -174,7 +185,10 @@ def test_a_run_with_other_scores_than_it_should_have_is_refused(tmp_path: Path) 
     (run,) = run_scenario("standard", ["free"], ["brisk"], episodes=COUNT, results=folder)
     path = run_path(tmp_path, run.conditions)
     content = json.loads(path.read_text())
-    for change in ({"episodes": 4}, {"identity": "another"}, {"scores": {}}):
+    scores = content["scores"]
+    nonsense = ([math.nan] * COUNT, [0.0], "12345", ["0"] * COUNT, [[0.0]] * COUNT, None)
+    changes = [{"scores": {**scores, "effort": values}} for values in nonsense]
+    for change in ({"episodes": 4}, {"identity": "another"}, {"scores": {}}, {"strata": []}, {"key": None}, *changes):
         path.write_text(json.dumps({**content, **change}))
         assert read_run(path) is None
     path.write_text(json.dumps(content))
