@@ -4,7 +4,7 @@
 and ``results`` keeps what came out; ``standard`` is the paper's test.
 """
 
-from pter_gym.benchmark.evaluation import run_scenario
+from pter_gym.benchmark.evaluation import PerSeed, run_scenario
 from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
 from pter_gym.benchmark.metrics import Score, score, score_episodes
 from pter_gym.benchmark.pacing import PACES, PerPace, find_policy
@@ -15,6 +15,7 @@ __all__ = [
     "PACES",
     "Leaderboard",
     "PerPace",
+    "PerSeed",
     "Result",
     "ResultsFolder",
     "Run",

@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import is_dataclass
+from dataclasses import dataclass, is_dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -36,9 +36,16 @@ INSTANTS = 200
 """Largest number of instants that are kept of such an episode."""
 
 
+@dataclass(frozen=True)
+class PerSeed:
+    """One policy as it came out of several training seeds; they share a line of the leaderboard."""
+
+    policies: tuple[Controller | AnyPolicy | PerPace, ...]
+
+
 def run_scenario(
     scenario: str,
-    policies: Mapping[str, Controller | AnyPolicy | PerPace] | Sequence[str],
+    policies: Mapping[str, Controller | AnyPolicy | PerPace | PerSeed] | Sequence[str],
     paces: Sequence[str] = tuple(PACES),
     *,
     episodes: int | None = None,
@@ -55,8 +62,9 @@ def run_scenario(
         Its name.
     policies
         By name: controllers, which are bound to the nominal machine, any ``policy(observations) -> volts``, float32
-        (N, entries) to (N, 4), or one of these for each pace; or names of built-in controllers alone. What a callable
-        is, its attribute ``identity`` may say (a string); without one, it is run again each time.
+        (N, entries) to (N, 4), or one of these for each pace, or any of these for each training seed; or names of
+        built-in controllers alone. What a callable is, its attribute ``identity`` may say (a string); without one, it
+        is run again each time.
     paces
         Names of commanded paces.
     episodes
@@ -89,16 +97,17 @@ def run_scenario(
     for pace, chosen in sets.items():
         batches = Batches(chosen)
         for name, policy in named.items():
-            here = policy.at(pace) if isinstance(policy, PerPace) else policy
-            ready = batches.bind(here)
-            conditions = _conditions(chosen, pace, name, identity(here, ready))
-            run = results and results.find(conditions)
-            if not run:
-                scores, samples = evaluate(ready, batches, num_threads)
-                run = ScenarioRun(conditions, chosen.strata, scores, samples)
-                if results:
-                    results.add(run)
-            runs.append(run)
+            for seed, trained in enumerate(policy.policies if isinstance(policy, PerSeed) else (policy,)):
+                here = trained.at(pace) if isinstance(trained, PerPace) else trained
+                ready = batches.bind(here)
+                conditions = _conditions(chosen, pace, name, seed, identity(here, ready))
+                run = results and results.find(conditions)
+                if not run:
+                    scores, samples = evaluate(ready, batches, num_threads)
+                    run = ScenarioRun(conditions, chosen.strata, scores, samples)
+                    if results:
+                        results.add(run)
+                runs.append(run)
             on_progress(f"{name}, {pace}")
     return tuple(runs)
 
@@ -155,11 +164,12 @@ def _sample(number: int, telemetry: Array) -> Sample:
     return Sample(number, vector(finished, "tip")[shown].round(5), theta[shown].round(5))
 
 
-def _conditions(episodes: Episodes, pace: str, name: str, identity: str | None) -> Conditions:
+def _conditions(episodes: Episodes, pace: str, name: str, seed: int, identity: str | None) -> Conditions:
     return Conditions(
         scenario=episodes.scenario,
         pace=pace,
         policy=name,
+        seed=seed,
         episodes=len(episodes),
         data=episodes.checksum,
         identity=identity,

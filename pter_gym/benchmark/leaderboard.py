@@ -9,7 +9,7 @@ from rich.table import Table
 from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import SCORES
 from pter_gym.benchmark.pacing import PACES
-from pter_gym.benchmark.runs import ScenarioRun
+from pter_gym.benchmark.runs import ScenarioRun, join_seeds
 from pter_gym.benchmark.statistics import (
     Interval,
     bootstrap_interval,
@@ -121,7 +121,11 @@ def leaderboards(runs: Sequence[ScenarioRun]) -> tuple[Leaderboard, ...]:
 
 
 def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
-    """Return the leaderboard of runs on the same episodes at the same pace."""
+    """Return the leaderboard of runs on the same episodes at the same pace; a policy's training seeds count as one."""
+    seeds: dict[str, list[ScenarioRun]] = {}
+    for run in runs:
+        seeds.setdefault(run.conditions.policy, []).append(run)
+    runs = [join_seeds(each) for each in seeds.values()]
     judged = [_judge(run) for run in runs]
     order = sorted(range(len(runs)), key=lambda k: _place(judged[k]))
     best = runs[order[0]] if judged[order[0]].reason is None else None
@@ -210,10 +214,13 @@ def _place(standing: Standing) -> tuple[bool, float, str]:
 
 
 def _against(run: ScenarioRun, best: ScenarioRun) -> dict[str, Interval]:
-    errors = run.scores["path_error_m"], best.scores["path_error_m"]
+    """Compare path errors on the same episodes; of several seeds it is their mean on an episode that counts."""
+    count = run.conditions.episodes
+    mine, other = (r.scores["path_error_m"].reshape(-1, count).mean(axis=0) for r in (run, best))
+    strata = run.strata[:count]
     return {
-        "difference": difference_interval(*errors, strata=run.strata),
-        "probability": probability_of_improvement(*errors, strata=run.strata),
+        "difference": difference_interval(mine, other, strata=strata),
+        "probability": probability_of_improvement(mine, other, strata=strata),
     }
 
 

@@ -2,8 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -48,6 +48,8 @@ class Conditions:
     ----------
     scenario, pace, policy
         Names.
+    seed
+        Number of the training seed, for a policy that was trained with several; 0 otherwise.
     episodes
         How many of the scenario's episodes were run, from the first on.
     data
@@ -63,6 +65,7 @@ class Conditions:
     scenario: str
     pace: str
     policy: str
+    seed: int
     episodes: int
     data: str
     identity: str | None
@@ -79,7 +82,7 @@ class Conditions:
     @property
     def config_hash(self) -> str:
         """Hash of all of them but the policy."""
-        return _hash({name: part for name, part in asdict(self).items() if name not in ("policy", "identity")})
+        return _hash({name: part for name, part in asdict(self).items() if name not in ("policy", "seed", "identity")})
 
 
 @dataclass(frozen=True)
@@ -104,9 +107,22 @@ class ScenarioRun:
     samples: tuple[Sample, ...]
 
 
+def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
+    """Return the runs of one policy's training seeds on the same episodes as one run; seeds are a further stratum."""
+    if len(runs) == 1:
+        return runs[0]
+    return ScenarioRun(
+        conditions=replace(runs[0].conditions, identity="; ".join(str(run.conditions.identity) for run in runs)),
+        strata=tuple(f"{stratum}, seed {run.conditions.seed}" for run in runs for stratum in run.strata),
+        scores={name: np.concatenate([run.scores[name] for run in runs]) for name in SCORES},
+        samples=runs[0].samples,
+    )
+
+
 def run_path(folder: Path, conditions: Conditions) -> Path:
     """Return the file of a run in a folder of results."""
     name = "-".join((conditions.scenario, conditions.pace, conditions.policy, str(conditions.episodes)))
+    name += f"-seed{conditions.seed}" if conditions.seed else ""
     return folder / "runs" / f"{quote(name, safe=' ')}.json"
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pter_gym.benchmark.episodes import Episodes
 from pter_gym.benchmark.leaderboard import PACE_ERROR, Leaderboard, Standing
 from pter_gym.benchmark.pacing import PACES
-from pter_gym.benchmark.runs import Sample, ScenarioRun
+from pter_gym.benchmark.runs import Sample, ScenarioRun, join_seeds
 from pter_gym.benchmark.statistics import performance_profile
 from pter_gym.plots.benchmark import MILLIMETRE
 from pter_gym.plots.style import COLOURS, DASHES, REFERENCE, WIDTH, label, styled
@@ -233,9 +233,8 @@ def _by_policy(boards: Sequence[Leaderboard]) -> dict[str, list[Standing]]:
 
 def _run_of(standing: Standing, board: Leaderboard, runs: Sequence[ScenarioRun]) -> ScenarioRun:
     wanted = (board.scenario, board.pace, board.episodes, board.data, standing.policy)
-    return next(
-        run for run in runs if (c := run.conditions) and (c.scenario, c.pace, c.episodes, c.data, c.policy) == wanted
-    )
+    conditions = ((run, run.conditions) for run in runs)
+    return join_seeds([run for run, c in conditions if (c.scenario, c.pace, c.episodes, c.data, c.policy) == wanted])
 
 
 def _pace(board: Leaderboard) -> str:

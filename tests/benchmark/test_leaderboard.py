@@ -103,9 +103,11 @@ def test_the_damper_of_another_pace_is_below_the_line() -> None:
 # --- made-up episodes ---
 
 
-def run_of(policy: str, scores: Scores, strata: Sequence[str] | None = None, pace: str = "brisk") -> ScenarioRun:
+def run_of(
+    policy: str, scores: Scores, strata: Sequence[str] | None = None, pace: str = "brisk", seed: int = 0
+) -> ScenarioRun:
     count = len(scores["path_error_m"])
-    conditions = Conditions("standard", pace, policy, count, "data", None, "0", "code")
+    conditions = Conditions("standard", pace, policy, seed, count, "data", None, "0", "code")
     return ScenarioRun(conditions, tuple(strata or count * ["one"]), scores, ())
 
 
@@ -159,6 +161,20 @@ def test_stop_and_go_at_the_right_mean_pace_is_below_the_line() -> None:
     reason = board.standings[0].reason
     assert reason is not None
     assert reason.startswith("uneven: segments")
+
+
+def test_training_seeds_share_a_line_and_are_a_stratum() -> None:
+    seeds = [run_of("agent", with_error("agent", error).scores, seed=k) for k, error in enumerate((0.02, 0.03, 0.04))]
+    board = rank([*seeds, with_error("other", 0.025)])
+    assert [(found.policy, found.rank) for found in board.standings] == [("other", 1), ("agent", 2)]
+    agent = board.standings[1]
+    error = agent.scores["path_error_m"]
+    assert error.value == pytest.approx(0.03, rel=0.01)
+    assert error.high - error.low < 0.002, "the spread between seeds is no spread within strata"
+    assert agent.difference is not None
+    assert agent.difference.value == pytest.approx(0.005, rel=0.01)
+    assert agent.probability == (0.0, 0.0, 0.0)
+    assert board.episodes == 40
 
 
 def test_few_episodes_are_provisional() -> None:

@@ -16,7 +16,7 @@ from filelock import FileLock
 from numpy.typing import NDArray
 
 from pter_gym import cli
-from pter_gym.benchmark import ResultsFolder, run_scenario
+from pter_gym.benchmark import PerSeed, ResultsFolder, run_scenario
 from pter_gym.benchmark import evaluation as evaluation_module
 from pter_gym.benchmark import runs as runs_module
 from pter_gym.benchmark.evaluation import sample_numbers
@@ -142,6 +142,20 @@ def test_other_conditions_are_other_runs(tmp_path: Path, simulated: list[int], m
     assert times_simulated(Named()) == 0
     monkeypatch.setattr(evaluation_module, "code_digest", lambda: "other code")
     assert times_simulated(Named()) == 1
+
+
+def test_training_seeds_have_runs_of_their_own(tmp_path: Path, simulated: list[int]) -> None:
+    folder = ResultsFolder(tmp_path)
+    trained = PerSeed((Random(seed=1), Random(seed=2)))
+    first = run_scenario("standard", {"agent": trained}, ["brisk"], episodes=COUNT, results=folder)
+    assert [run.conditions.seed for run in first] == [0, 1]
+    assert first[0].scores["path_error_m"].tolist() != first[1].scores["path_error_m"].tolist()
+    run_scenario("standard", {"agent": trained}, ["brisk"], episodes=COUNT, results=folder)
+    assert len(simulated) == 2
+    (board,) = folder.summarise()
+    assert [standing.policy for standing in board.standings] == ["agent"]
+    both = np.sort(np.concatenate([run.scores["path_error_m"] for run in first]))
+    assert board.standings[0].scores["path_error_m"].value == pytest.approx(both[2:-2].mean())
 
 
 def test_a_policy_may_have_any_name(tmp_path: Path) -> None:
