@@ -64,6 +64,11 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     return cast(Function, kernel)
 
 
+def digest_of(function: Callable[..., Any]) -> str:
+    """Return a hash of all sources and constants that a function reaches, compiled or not."""
+    return _digest(getattr(function, "py_func", function))
+
+
 def _compile_apart(kernel: Any) -> None:
     """Let a kernel compile in a thread of its own: an interrupt (Ctrl-C) within LLVM would break the process."""
     compile_here = kernel.compile

@@ -1,5 +1,8 @@
 """Typed errors. Each message names the field and the accepted range; no state has changed when one is raised."""
 
+import difflib
+from collections.abc import Iterable
+
 import gymnasium
 
 
@@ -25,3 +28,15 @@ class ResetNeededError(PterError, gymnasium.error.ResetNeeded):
 
 class DependencyError(PterError, gymnasium.error.DependencyNotInstalled):
     """An optional package is needed; the message says which extra brings it."""
+
+
+class DataError(PterError, RuntimeError):
+    """A stored file is missing, or is not what was stored."""
+
+
+def unknown_name(field: str, name: object, known: Iterable[str]) -> ParameterError:
+    """Return the error for an unknown name, which lists the known ones and points to the nearest."""
+    known = list(known)
+    near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5)
+    hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+    return ParameterError(f"{field} must be among {', '.join(known)}, got {name!r}{hint}")

@@ -5,12 +5,10 @@ compared are stored data; see ``pter_gym.benchmark``.
 """
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from types import MappingProxyType
 
-from pter_gym.errors import ParameterError
+from pter_gym.errors import unknown_name
 from pter_gym.operators import EQ5_FREQUENCIES, NORMAL, RELAXED, SINES, TENSE, HumanArm, MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
@@ -82,7 +80,7 @@ def find_pace(pace: float | str) -> float:
     if not isinstance(pace, str):
         return pace
     if pace not in PACES:
-        raise ParameterError(unknown("pace", pace, PACES))
+        raise unknown_name("pace", pace, PACES)
     return PACES[pace]
 
 
@@ -95,15 +93,8 @@ def find_scenario(name: str) -> Scenario:
         If there is no such scenario; it tells the nearest.
     """
     if name not in SCENARIOS:
-        raise ParameterError(unknown("scenario", name, SCENARIOS))
+        raise unknown_name("scenario", name, SCENARIOS)
     return SCENARIOS[name]
-
-
-def unknown(field: str, name: str, known: Iterable[str]) -> str:
-    """Return the message for a name that is not known, with the nearest ones."""
-    near: list[str] = get_close_matches(name, list(known), n=3, cutoff=0.5)
-    hint = f"; did you mean {' or '.join(near)}?" if near else ""
-    return f"{field} must be one of {', '.join(known)}, got {name!r}{hint}"
 
 
 EQ5 = MultiSineHand(random_phases=True)

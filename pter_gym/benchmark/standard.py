@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 
 from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import Score, score
-from pter_gym.controllers import CONTROLLERS, Controller, Policy, Random
+from pter_gym.benchmark.simulation import AnyPolicy, bind, simulate
+from pter_gym.controllers import CONTROLLERS, Controller, Random
 from pter_gym.envs.batch import Batch
-from pter_gym.envs.world import SKIP
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine
-from pter_gym.tasks.path_following import T_TERMINATED, T_TIME, PathFollowing
+from pter_gym.tasks.path_following import T_TIME, PathFollowing
 
 Array = NDArray[np.float64]
-AnyPolicy = Callable[[NDArray[np.float32]], Any]
 
 TIME_CONSTANTS = (0.01, 0.03, 0.06, 0.105, 0.15, 0.2)
 """Time constants of the clutches [s] that a run covers; 0.105 is the manufacturer's (paper section IV-C.3)."""
@@ -116,8 +115,7 @@ def run_standard_test(
     runs: dict[str, tuple[Run, ...]] = {}
     for name, policy in policies.items():
         batch = Batch(machines, task)
-        ready = policy.bind(machine, batch.layout) if isinstance(policy, Controller) else policy
-        telemetry = _episodes(batch, ready, seed)
+        telemetry = simulate(batch, bind(policy, machine, batch), [seed] * len(machines), MAX_STEPS)
         runs[name] = tuple(_run(tau, telemetry[:, world], task) for world, tau in enumerate(time_constants))
         on_progress(name)
     return Result(task=task, machine=machine, seed=seed, runs=runs)
@@ -132,7 +130,7 @@ def find_controller(name: str, seed: int = 0) -> Controller:
         If there is no controller of that name.
     """
     if name not in CONTROLLERS:
-        raise ParameterError(f"policies must be among {', '.join(CONTROLLERS)}, got {name!r}")
+        raise unknown_name("policies", name, CONTROLLERS)
     kind = CONTROLLERS[name]
     return Random(seed=seed) if kind is Random else kind()
 
@@ -140,17 +138,3 @@ def find_controller(name: str, seed: int = 0) -> Controller:
 def _run(time_constant: float, telemetry: Array, task: PathFollowing) -> Run:
     finished = telemetry[np.isfinite(telemetry[:, T_TIME])]
     return Run(time_constant=time_constant, score=score(finished, task), telemetry=finished)
-
-
-def _episodes(batch: Batch, policy: AnyPolicy, seed: int) -> Array:
-    """Return telemetry (steps + 1, N, len(TELEMETRY)), NaN after the end of an episode."""
-    obs, first = batch.reset([seed] * batch.num_worlds)
-    if isinstance(policy, Policy):
-        _, rows = batch.rollout(obs, policy.law, policy.gains, MAX_STEPS)
-        return np.concatenate([first[None], rows])
-    telemetry = [first]
-    while len(telemetry) <= MAX_STEPS and not np.nan_to_num(telemetry[-1][:, T_TERMINATED], nan=1.0).all():
-        returns = batch.step(policy(obs), SKIP)
-        obs = returns.obs
-        telemetry.append(returns.telemetry[0])
-    return np.stack(telemetry)

@@ -56,4 +56,4 @@ class Setup:
 
     def position_error(self, score: Score) -> float:
         """Return the average position error of a run [m]."""
-        return score.mean_error_m if self.error_average == "time" else score.path_error_m
+        return score.mean_error_m if self.error_average == "time" else score.path_average_error_m

@@ -1,75 +1,170 @@
 """Scores against episodes whose scores are known."""
 
 import math
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from pter_gym.benchmark.metrics import CUTOFF, START_UP, low_pass, path_error, score
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from benchmark.handmade import LENGTH, METRE, PERIOD, TASK, Array, episode, padded, travel
+from pter_gym.benchmark.metrics import (
+    CUTOFF,
+    SCORES,
+    START_UP,
+    Score,
+    low_pass,
+    path_averages,
+    score,
+    score_episodes,
+)
+from pter_gym.params import BASELINE
+from pter_gym.paths import Line
+from pter_gym.physics.friction import ClutchMode
+from pter_gym.tasks.path_following import TELEMETRY
 
-TASK = PathFollowing()
-LENGTH = TASK.path.length
-Array = NDArray[np.float64]
+
+def path_average(arc_length: Array, error: Array, length: float, error_max: float) -> float:
+    one = [np.asarray(a, float)[:, None] for a in (arc_length, error)]
+    return path_averages(*one, np.array([length]), np.array([error_max]))[0]
 
 
-def episode(steps: int, **columns: Array | float) -> Array:
-    """Telemetry (steps + 1, fields) with given columns, the rest zero, time running."""
-    rows = np.zeros((steps + 1, len(TELEMETRY)))
-    rows[:, TELEMETRY.index("time")] = TASK.control_period * np.arange(steps + 1)
-    for name, values in columns.items():
-        rows[:, TELEMETRY.index(name)] = values
-    return rows
+def test_one_name_for_each_score() -> None:
+    rows = travel(np.linspace(0.0, 1.0, 201))
+    assert set(score_episodes(rows[:, None], [METRE])) == set(SCORES) == {item.name for item in fields(Score)}
 
 
 def test_constant_error_at_constant_speed() -> None:
     steps = 98
     s = np.linspace(0.0, LENGTH, steps + 1)
-    rows = episode(steps, arc_length=s, normal_error=-0.02, tip_x=s, tip_velocity_x=0.5, dissipated=0.1)
+    rows = episode(steps, arc_length=s, normal_error=-0.02, tip_x=s, tip_velocity_x=0.5, dissipated=0.1, hand_work=0.3)
     rows[-1, TELEMETRY.index("is_success")] = 1.0
     found = score(rows, TASK)
     assert found.path_error_m == pytest.approx(0.02)
+    assert found.path_average_error_m == pytest.approx(0.02)
     assert found.mean_error_m == pytest.approx(0.02)
     assert found.mean_speed_m_s == pytest.approx(0.5)
     assert found.path_length_m == pytest.approx(LENGTH)
     assert found.duration_s == pytest.approx(0.98)
-    assert found.dissipated_j == pytest.approx(0.1 * (steps + 1))
+    assert found.dissipated_j == pytest.approx(0.1 * steps)
+    assert found.hand_work_j == pytest.approx(0.3 * steps)
     assert found.completed is True
     assert found.peak_acceleration_m_s2 == 0.0
+    assert found.smoothness == 0.0
 
 
-def test_path_error_of_a_triangle() -> None:
+# --- path error ---
+
+
+def test_path_average_of_a_triangle() -> None:
     s = np.linspace(0.0, 1.0, 10_001)
     error = np.where(s < 0.5, s, 1.0 - s)
-    assert path_error(s, error, 1.0, 0.25) == pytest.approx(0.25, abs=1e-4)
+    assert path_average(s, error, 1.0, 0.25) == pytest.approx(0.25, abs=1e-4)
 
 
 def test_a_policy_that_stops_pays_for_the_rest() -> None:
     s = np.array([0.0, 0.1, 0.1, 0.1])
-    assert path_error(s, np.zeros(4), 0.5, 0.25) == pytest.approx((0.4 * 0.25) / 0.5)
-    assert path_error(s, np.array([0.0, 0.0, 0.3, 0.0]), 0.5, 0.25) == pytest.approx((0.4 * 0.3) / 0.5)
+    assert path_average(s, np.zeros(4), 0.5, 0.25) == pytest.approx((0.4 * 0.25) / 0.5)
+    assert path_average(s, np.array([0.0, 0.0, 0.3, 0.0]), 0.5, 0.25) == pytest.approx((0.4 * 0.3) / 0.5)
 
 
 def test_an_excursion_at_a_standstill_and_a_step_back_are_not_free() -> None:
     s = np.array([0.0, 0.5, 0.5, 0.5, 1.0])
-    calm = path_error(s, np.zeros(5), 1.0, 0.25)
-    standing = path_error(s, np.array([0.0, 0.0, 0.2, 0.0, 0.0]), 1.0, 0.25)
-    back = path_error(np.array([0.0, 0.5, 0.4, 0.5, 1.0]), np.array([0.0, 0.0, 0.2, 0.0, 0.0]), 1.0, 0.25)
+    calm = path_average(s, np.zeros(5), 1.0, 0.25)
+    standing = path_average(s, np.array([0.0, 0.0, 0.2, 0.0, 0.0]), 1.0, 0.25)
+    back = path_average(np.array([0.0, 0.5, 0.4, 0.5, 1.0]), np.array([0.0, 0.0, 0.2, 0.0, 0.0]), 1.0, 0.25)
     assert calm == 0.0
     assert standing == back == pytest.approx(0.1)
 
 
-def test_start_up_is_left_out_of_accelerations_but_not_of_raw_ones() -> None:
+def test_the_larger_average_counts() -> None:
+    """Half of the time at the start with an error of 0.1, then exactly along the path; and the other way round."""
+    waits = np.concatenate([np.zeros(100), np.linspace(0.0, 1.0, 101)])
+    beside = np.concatenate([np.full(100, 0.1), np.zeros(101)])
+    waiting = score(travel(waits, normal_error=beside), METRE)
+    assert waiting.mean_error_m == pytest.approx(0.1 * 99 / 200)
+    assert waiting.path_average_error_m == pytest.approx(0.1 * 0.01)
+    assert waiting.path_error_m == waiting.mean_error_m
+    hasty = score(travel(np.linspace(0.0, 1.0, 101)[[0, 1, *range(90, 101)]], normal_error=0.1 * np.eye(13)[2]), METRE)
+    assert hasty.path_average_error_m == pytest.approx(0.1 * 0.89)
+    assert hasty.path_error_m == hasty.path_average_error_m > hasty.mean_error_m
+
+
+# --- pace ---
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 1.25, 4.0])
+def test_constant_pace(factor: float) -> None:
+    """A whole number of steps per segment is not needed: crossings are interpolated."""
+    s = 0.5 * factor * PERIOD * np.arange(round(200 / factor) + 2)
+    found = score(travel(s), METRE)
+    assert found.mean_pace_error == pytest.approx(abs(1.0 / factor - 1.0), abs=1e-12)
+    assert found.segment_pace_error == pytest.approx(abs(1.0 / factor - 1.0), abs=1e-12)
+    assert found.mean_pace_m_s == pytest.approx(0.5 * factor)
+
+
+def test_the_first_segment_is_left_out() -> None:
+    s = np.concatenate([np.full(300, 0.0), np.linspace(0.0, 1.0, 201)])
+    found = score(travel(s), METRE)
+    assert found.mean_pace_error == pytest.approx(0.0, abs=1e-12)
+    assert found.segment_pace_error == pytest.approx(0.0, abs=1e-12)
+
+
+def test_stop_and_go_keeps_the_mean_pace_but_not_that_of_the_segments() -> None:
+    """Nine tenths: one in 5 steps, the next in 35, and so on, and the last as commanded."""
+    ends = [0.0, 0.2, *np.cumsum([0.05, 0.35] * 4 + [0.2]) + 0.2]
+    s = np.interp(PERIOD * np.arange(201), ends, np.linspace(0.0, 1.0, 11))
+    found = score(travel(s), METRE)
+    assert found.mean_pace_error == pytest.approx(0.0, abs=1e-9)
+    assert found.segment_pace_error == pytest.approx(0.75 * 8 / 9, abs=1e-9)
+
+
+def test_a_segment_that_is_not_finished_counts_as_one_at_least() -> None:
+    def stopped(at: float, steps: int) -> Score:
+        return score(travel(np.minimum(0.5 * PERIOD * np.arange(steps + 1), at)), METRE)
+
+    assert stopped(0.0, 100).segment_pace_error == 1.0
+    assert stopped(0.0, 100).mean_pace_error == 1.0
+    assert stopped(0.0, 100).mean_pace_m_s == 0.0
+    half = stopped(0.5, 120)
+    assert half.segment_pace_error == pytest.approx(5 / 9)
+    assert half.mean_pace_error == 1.0
+    long = stopped(0.5, 2100)
+    assert long.segment_pace_error == pytest.approx((100.0 - 1.0 + 4.0) / 9)
+    assert long.mean_pace_error == pytest.approx((2080 / 180) - 1.0)
+    assert long.mean_pace_m_s == pytest.approx(0.4 / 20.8)
+
+
+def test_a_step_back_does_not_make_a_segment_shorter() -> None:
+    s = np.concatenate([np.linspace(0.0, 0.5, 101), np.linspace(0.49, 0.3, 20), np.linspace(0.31, 1.0, 138)])
+    found = score(travel(s), METRE)
+    direct = np.concatenate([np.linspace(0.0, 0.5, 101), np.full(58, 0.5), np.linspace(0.505, 1.0, 100)])
+    assert found.segment_pace_error == pytest.approx(score(travel(direct), METRE).segment_pace_error, abs=0.02)
+    assert found.segment_pace_error > 0.3
+
+
+# --- acceleration, effort ---
+
+
+def test_start_up_is_left_out_of_accelerations() -> None:
     steps = 100
     acceleration = np.zeros(steps + 1)
     acceleration[5] = 100.0
     acceleration[60:] = 3.0
     found = score(episode(steps, acceleration_x=acceleration, arc_length=0.0), TASK)
-    assert found.raw_peak_acceleration_m_s2 == 100.0
+    after = acceleration[1 + round(START_UP / PERIOD) :]
+    assert found.raw_peak_acceleration_m_s2 == 3.0
+    assert found.raw_mean_acceleration_m_s2 == pytest.approx(after.mean())
+    assert found.raw_rms_acceleration_m_s2 == pytest.approx(math.sqrt((after**2).mean()))
     assert found.peak_acceleration_m_s2 == pytest.approx(3.0, rel=1e-6)
-    settled = low_pass(acceleration[1:, None], TASK.control_period)[round(START_UP / TASK.control_period) :]
+    settled = low_pass(acceleration[1:, None], PERIOD)[round(START_UP / PERIOD) :]
     assert found.mean_acceleration_m_s2 == pytest.approx(np.abs(settled).mean())
+    assert found.rms_acceleration_m_s2 == pytest.approx(math.sqrt((settled**2).mean()))
+
+
+def test_an_episode_shorter_than_the_start_up_counts_whole() -> None:
+    assert score(episode(5, acceleration_y=2.0), TASK).raw_peak_acceleration_m_s2 == 2.0
 
 
 def test_low_pass_is_first_order() -> None:
@@ -79,6 +174,86 @@ def test_low_pass_is_first_order() -> None:
     np.testing.assert_allclose(response, 1.0 - np.exp(-2.0 * math.pi * CUTOFF * time), atol=1e-12)
 
 
+def test_smoothness_of_a_sine() -> None:
+    """v = V·sin(ωt) over whole periods: ∫jerk² dt = V²·ω⁴·T/2, so D = (ωT)⁴/2, whatever the size V."""
+    time = PERIOD * np.arange(1021)
+    start = START_UP + PERIOD
+    omega, duration = math.pi, 10.0
+    found = []
+    for size in (0.1, 1.0):
+        speed = size * np.sin(omega * (time - start))
+        acceleration = size * omega * np.cos(omega * (time - start))
+        rows = episode(1020, tip_velocity_x=np.abs(speed), acceleration_x=acceleration, arc_length=0.0)
+        found.append(score(rows, TASK).smoothness)
+    assert found[0] == pytest.approx(-math.log((omega * duration) ** 4 / 2.0), abs=0.01)
+    assert found[1] == pytest.approx(found[0])
+
+
+def test_effort_saturation_and_sticking() -> None:
+    steps = 100
+    top = BASELINE.clutch.voltage_max
+    volts = np.where(np.arange(steps + 1) <= 25, top, 0.0)
+    mode = np.where(np.arange(steps + 1) <= 40, ClutchMode.ZERO_DOF, ClutchMode.STUCK_1)
+    found = score(episode(steps, volts_1=volts, volts_2=volts, mode=mode), TASK)
+    assert found.effort == pytest.approx(0.25 * 0.5)
+    assert found.saturated == pytest.approx(0.25)
+    assert found.stuck == pytest.approx(0.4)
+    other = score(episode(steps, volts_1=volts, volts_2=volts), TASK, voltage_max=2.0 * top)
+    assert other.saturated == 0.0
+    assert other.effort == pytest.approx(0.25 * 0.5 / 4.0)
+
+
+# --- many at once ---
+
+
+@st.composite
+def wanderings(draw: st.DrawFn) -> Array:
+    """An episode of any length that wanders along and beside a path of one metre."""
+    steps = draw(st.integers(1, 60))
+    generator = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    drift = draw(st.sampled_from([-0.01, 0.0, 0.02, 0.2]))
+    s = np.concatenate([[0.0], np.cumsum(drift + 0.03 * generator.standard_normal(steps))])
+    done = np.flatnonzero(s >= 1.0)
+    s = s[: done[0] + 1] if len(done) else s
+    rows = travel(s, normal_error=0.2 * generator.standard_normal(len(s)))
+    for name in ("acceleration_x", "acceleration_y", "tip_velocity_x", "tip_velocity_y", "tip_x", "volts_1"):
+        rows[:, TELEMETRY.index(name)] = np.abs(generator.standard_normal(len(s)))
+    return rows
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(wanderings(), min_size=1, max_size=5), st.randoms(use_true_random=False))
+def test_properties(episodes: list[Array], random: object) -> None:
+    found = score_episodes(padded(episodes), [METRE] * len(episodes))
+    assert all(np.isfinite(values).all() for values in found.values())
+    assert (found["path_error_m"] >= found["mean_error_m"]).all()
+    assert (found["path_error_m"] >= found["path_average_error_m"]).all()
+    worst = np.array([max(np.abs(rows[:, TELEMETRY.index("normal_error")]).max(), 0.25) for rows in episodes])
+    assert (found["path_error_m"] <= worst * (1.0 + 1e-12)).all()
+    assert (found["mean_pace_error"][~found["completed"]] >= 1.0).all()
+    order = list(range(len(episodes)))
+    random.shuffle(order)  # type: ignore[attr-defined]
+    again = score_episodes(padded([episodes[k] for k in order]), [METRE] * len(episodes))
+    for name, values in found.items():
+        assert again[name].tolist() == values[order].tolist(), name
+    alone = score(episodes[0], METRE)
+    for name, values in found.items():
+        assert getattr(alone, name) == pytest.approx(values[0].item(), rel=1e-12, abs=1e-300), name
+
+
+def test_each_episode_has_its_own_path_and_pace() -> None:
+    paths = [Line(length=length) for length in (0.5, 0.8)]
+    tasks = [replace(TASK, path=path, pace=pace) for path, pace in zip(paths, (0.1, 0.2), strict=True)]
+    rows = [episode(500, arc_length=0.1 * PERIOD * np.arange(501)), episode(400, arc_length=0.002 * np.arange(401))]
+    found = score_episodes(padded(rows), tasks)
+    np.testing.assert_allclose(found["mean_pace_error"], 0.0, atol=1e-9)
+    np.testing.assert_allclose(found["path_error_m"], 0.0, atol=1e-9)
+
+
 def test_nothing_to_score() -> None:
     with pytest.raises(ValueError, match="at least one step"):
         score(episode(0), TASK)
+    nothing = episode(3)
+    nothing[1:] = np.nan
+    with pytest.raises(ValueError, match="episode 0 has none"):
+        score(nothing, TASK)

@@ -59,7 +59,7 @@ def test_which_average_the_position_error_is():
     over_time, over_path = (time_constant_sweep(Setup(error_average=way), TAUS) for way in ("time", "path"))
     runs = run_standard_test({"": Impedance()}, time_constants=TAUS, task=Setup().task).runs[""]
     assert over_time["baseline"].position_error.tolist() == [run.score.mean_error_m for run in runs]
-    assert over_path["baseline"].position_error.tolist() == [run.score.path_error_m for run in runs]
+    assert over_path["baseline"].position_error.tolist() == [run.score.path_average_error_m for run in runs]
 
 
 def test_equal_peaks_change_the_size_of_the_torques_alone():

@@ -22,7 +22,7 @@ ORDER = (
     ("tasks",),
     ("randomisation",),
     ("scenarios",),
-    ("render",),
+    ("codec", "render"),
     ("envs",),
     ("benchmark", "sb3"),
     ("experiments",),

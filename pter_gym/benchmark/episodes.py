@@ -1,0 +1,192 @@
+"""The fixed evaluation episodes: stored as data with a checksum, so that no random stream decides what they are.
+
+``pter_gym/episodes`` holds one file for each scenario and one with their checksums. ``.ci/store_episodes.py`` makes
+them; nothing that runs does.
+"""
+
+import gzip
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pter_gym.codec import from_plain, to_plain
+from pter_gym.errors import DataError, ParameterError, unknown_name
+from pter_gym.files import write_bytes_atomic, write_text_atomic
+from pter_gym.params import Machine
+from pter_gym.scenarios import find_pace
+from pter_gym.tasks.path_following import PathFollowing
+
+FOLDER = Path(__file__).parents[1] / "episodes"
+"""Where the package keeps its evaluation episodes."""
+
+CHECKSUMS = "checksums.json"
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """Evaluation episodes, one entry each.
+
+    Attributes
+    ----------
+    scenario
+        Name of the scenario.
+    checksum
+        SHA-256 of the file that they stand in.
+    machines, tasks
+        What to simulate; the tasks command the pace that was asked for.
+    seeds
+        Seeds of the resets.
+    strata
+        Label of the group in which an episode is drawn anew for intervals.
+    """
+
+    scenario: str
+    checksum: str
+    machines: tuple[Machine, ...]
+    tasks: tuple[PathFollowing, ...]
+    seeds: tuple[int, ...]
+    strata: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """Return the number of episodes."""
+        return len(self.seeds)
+
+    def first(self, count: int) -> "Episodes":
+        """Return the first ``count`` episodes.
+
+        Raises
+        ------
+        ParameterError
+            If there are not so many.
+        """
+        if not 1 <= count <= len(self):
+            raise ParameterError(f"episodes must be from 1 to {len(self)} for {self.scenario}, got {count!r}")
+        return replace(
+            self,
+            machines=self.machines[:count],
+            tasks=self.tasks[:count],
+            seeds=self.seeds[:count],
+            strata=self.strata[:count],
+        )
+
+
+def scenarios(folder: Path = FOLDER) -> tuple[str, ...]:
+    """Return the names of the scenarios that have stored episodes."""
+    return tuple(sorted(_checksums(folder)))
+
+
+def load_episodes(scenario: str, pace: str, *, folder: Path = FOLDER) -> Episodes:
+    """Return the evaluation episodes of a scenario at a pace.
+
+    Parameters
+    ----------
+    scenario
+        Name of the scenario.
+    pace
+        ``slow``, ``medium`` or ``brisk``.
+    folder
+        Where the files are.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such scenario or pace.
+    DataError
+        If a file is missing or not what was stored.
+    """
+    speed = find_pace(pace)
+    sums = _checksums(folder)
+    if scenario not in sums:
+        raise unknown_name("scenario", scenario, sorted(sums))
+    stored = _read(folder / f"{scenario}.json.gz", sums[scenario])
+    paced = {id(task): replace(task, pace=speed) for task in stored.tasks}
+    return replace(stored, tasks=tuple(paced[id(task)] for task in stored.tasks))
+
+
+def store_episodes(
+    scenario: str,
+    machines: Sequence[Machine],
+    tasks: Sequence[PathFollowing],
+    seeds: Sequence[int],
+    strata: Sequence[str],
+    *,
+    version: int,
+    folder: Path = FOLDER,
+) -> Path:
+    """Write the evaluation episodes of a scenario and their checksum; the same episodes give the same bytes.
+
+    Parameters
+    ----------
+    scenario
+        Name of the scenario.
+    machines, tasks, seeds, strata
+        One entry per episode, as in ``Episodes``; the tasks' pace is set when they are read.
+    version
+        Version of the scenario.
+    folder
+        Where to write; made if need be.
+    """
+    parts: dict[str, int] = {}
+
+    def number(part: object) -> int:
+        return parts.setdefault(json.dumps(to_plain(part), sort_keys=True, ensure_ascii=False), len(parts))
+
+    entries = [
+        {"machine": number(machine), "task": number(task), "seed": seed, "stratum": stratum}
+        for machine, task, seed, stratum in zip(machines, tasks, seeds, strata, strict=True)
+    ]
+    content = {
+        "scenario": scenario,
+        "version": version,
+        "parts": [json.loads(part) for part in parts],
+        "episodes": entries,
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    data = gzip.compress(json.dumps(content, ensure_ascii=False, allow_nan=False).encode(), mtime=0)
+    sums = _checksums(folder) if (folder / CHECKSUMS).exists() else {}
+    path = folder / f"{scenario}.json.gz"
+    write_bytes_atomic(path, data)
+    sums[scenario] = hashlib.sha256(data).hexdigest()
+    write_text_atomic(folder / CHECKSUMS, json.dumps(dict(sorted(sums.items())), indent=2) + "\n")
+    return path
+
+
+def _checksums(folder: Path) -> dict[str, str]:
+    try:
+        return dict(json.loads(_bytes(folder / CHECKSUMS)))
+    except (ValueError, TypeError) as error:
+        raise DataError(f"evaluation data {folder / CHECKSUMS} were changed: {error}") from None
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise DataError(f"evaluation data {path} cannot be read: {error}") from None
+
+
+def _read(path: Path, expected: str) -> Episodes:
+    data = _bytes(path)
+    found = hashlib.sha256(data).hexdigest()
+    if found != expected:
+        raise DataError(f"evaluation data {path} were changed: SHA-256 is {found}, stored was {expected}")
+    return _decode(data, found)
+
+
+@cache
+def _decode(data: bytes, checksum: str) -> Episodes:
+    content: dict[str, Any] = json.loads(gzip.decompress(data))
+    parts = [from_plain(part) for part in content["parts"]]
+    entries: list[dict[str, Any]] = content["episodes"]
+    return Episodes(
+        scenario=content["scenario"],
+        checksum=checksum,
+        machines=tuple(parts[entry["machine"]] for entry in entries),
+        tasks=tuple(parts[entry["task"]] for entry in entries),
+        seeds=tuple(entry["seed"] for entry in entries),
+        strata=tuple(entry["stratum"] for entry in entries),
+    )

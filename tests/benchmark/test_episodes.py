@@ -1,0 +1,118 @@
+"""The stored evaluation episodes, and what happens when somebody changes them."""
+
+import gzip
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from pter_gym.benchmark.episodes import CHECKSUMS, FOLDER, load_episodes, scenarios, store_episodes
+from pter_gym.benchmark.pacing import PACES
+from pter_gym.errors import DataError, ParameterError
+from pter_gym.operators import MultiSineHand
+from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
+from pter_gym.paths import Line
+from pter_gym.tasks.path_following import PathFollowing
+
+TASKS = [PathFollowing(), PathFollowing(path=Line(length=0.5)), PathFollowing()]
+
+
+def store(folder: Path, version: int = 1) -> Path:
+    machines = [BASELINE, DELRIN_EXPERIMENTAL, BASELINE]
+    return store_episodes("mine", machines, TASKS, [3, 1, 2], ["a", "b", "a"], version=version, folder=folder)
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(FOLDER, tmp_path / "episodes"))
+
+
+@pytest.mark.parametrize("scenario", scenarios())
+def test_the_package_has_whole_episodes(scenario: str) -> None:
+    for pace, speed in PACES.items():
+        episodes = load_episodes(scenario, pace)
+        assert len(episodes) >= 200
+        assert {task.pace for task in episodes.tasks} == {speed}
+        assert len(episodes.machines) == len(episodes.tasks) == len(episodes.strata) == len(episodes)
+
+
+def test_ranks_on_the_standard_scenario_use_many_phase_sets() -> None:
+    tasks = load_episodes("standard", "medium").tasks
+    hands = {task.hand for task in tasks}
+    assert len(hands) >= 200
+    assert all(isinstance(hand, MultiSineHand) and not hand.random_phases for hand in hands)
+
+
+def test_what_was_stored_is_read(tmp_path: Path) -> None:
+    path = store(tmp_path)
+    episodes = load_episodes("mine", "brisk", folder=tmp_path)
+    assert [task.path for task in episodes.tasks] == [task.path for task in TASKS]
+    assert episodes.machines[1] == DELRIN_EXPERIMENTAL
+    assert episodes.machines[0] is episodes.machines[2]
+    assert episodes.tasks[0] is episodes.tasks[2]
+    assert (episodes.seeds, episodes.strata) == ((3, 1, 2), ("a", "b", "a"))
+    assert len(json.loads(gzip.decompress(path.read_bytes()))["parts"]) == 4
+    assert scenarios(tmp_path) == ("mine",)
+
+
+def test_the_same_episodes_are_the_same_bytes(tmp_path: Path) -> None:
+    first, second = (store(tmp_path / name).read_bytes() for name in ("a", "b"))
+    assert first == second
+    assert store(tmp_path / "c", version=2).read_bytes() != first
+
+
+def test_some_of_them() -> None:
+    episodes = load_episodes("standard", "slow")
+    few = episodes.first(3)
+    assert (len(few), few.checksum) == (3, episodes.checksum)
+    assert few.tasks == episodes.tasks[:3]
+    for count in (0, -1, len(episodes) + 1):
+        with pytest.raises(ParameterError, match="episodes must be from 1 to"):
+            episodes.first(count)
+
+
+def test_changed_episodes_are_refused(copy: Path) -> None:
+    path = copy / "standard.json.gz"
+    content = json.loads(gzip.decompress(path.read_bytes()))
+    content["episodes"][0]["seed"] += 1
+    path.write_bytes(gzip.compress(json.dumps(content).encode()))
+    with pytest.raises(DataError, match=r"standard\.json\.gz were changed: SHA-256 is [0-9a-f]{64}, stored was"):
+        load_episodes("standard", "slow", folder=copy)
+
+
+@pytest.mark.parametrize("damage", [b"", b"\x00", b"not gzip"])
+def test_damaged_episodes_are_refused(damage: bytes, copy: Path) -> None:
+    (copy / "standard.json.gz").write_bytes(damage)
+    with pytest.raises(DataError, match="were changed"):
+        load_episodes("standard", "slow", folder=copy)
+
+
+def test_one_bit(copy: Path) -> None:
+    path = copy / "standard.json.gz"
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(DataError, match="were changed"):
+        load_episodes("standard", "slow", folder=copy)
+
+
+@pytest.mark.parametrize("name", ["standard.json.gz", CHECKSUMS])
+def test_missing_files_are_named(name: str, copy: Path) -> None:
+    (copy / name).unlink()
+    with pytest.raises(DataError, match=f"{name} cannot be read"):
+        load_episodes("standard", "slow", folder=copy)
+
+
+@pytest.mark.parametrize("text", ["", "{", "3"])
+def test_damaged_checksums_are_refused(text: str, copy: Path) -> None:
+    (copy / CHECKSUMS).write_text(text)
+    with pytest.raises(DataError, match="checksums"):
+        load_episodes("standard", "slow", folder=copy)
+
+
+def test_unknown_names_are_refused_with_the_nearest() -> None:
+    with pytest.raises(ParameterError, match=r"scenario must be among .* did you mean 'standard'"):
+        load_episodes("standart", "slow")
+    with pytest.raises(ParameterError, match=r"paces must be among slow, medium, brisk, .* did you mean 'medium'"):
+        load_episodes("standard", "mediun")

@@ -1,0 +1,334 @@
+"""Folders of results: reused, resumed, shared, and whole whatever happens."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from filelock import FileLock
+from numpy.typing import NDArray
+
+from pter_gym import cli
+from pter_gym.benchmark import PerSeed, ResultsFolder, run_scenario
+from pter_gym.benchmark import evaluation as evaluation_module
+from pter_gym.benchmark import runs as runs_module
+from pter_gym.benchmark.evaluation import sample_numbers
+from pter_gym.benchmark.metrics import SCORES
+from pter_gym.benchmark.results import LOCK
+from pter_gym.benchmark.runs import read_run, run_path
+from pter_gym.controllers import Free, Impedance, Random
+
+COUNT = 5
+MAIN = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background ignores interrupts
+from pter_gym.cli import main
+sys.exit(main())
+"""
+
+
+@pytest.fixture
+def simulated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Grows by one with each run that is simulated rather than taken from the folder."""
+    calls: list[int] = []
+    evaluate = evaluation_module.evaluate
+
+    def counted(*arguments: object) -> object:
+        calls.append(1)
+        return evaluate(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(evaluation_module, "evaluate", counted)
+    return calls
+
+
+def release(obs: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.zeros((len(obs), 4), np.float32)
+
+
+def summary_of(folder: Path) -> dict[tuple[str, int], list[str]]:
+    boards = json.loads((folder / "benchmark.json").read_text())["leaderboards"]
+    return {(board["pace"], board["episodes"]): sorted(board["policies"]) for board in boards}
+
+
+# --- the scores ---
+
+
+@pytest.mark.slow
+def test_scores_depend_neither_on_threads_nor_on_the_number_of_episodes() -> None:
+    (alone,) = run_scenario("standard", ["torque-feedback"], ["medium"], episodes=70, num_threads=1)
+    (shared,) = run_scenario("standard", ["torque-feedback"], ["medium"], episodes=70, num_threads=2)
+    (few,) = run_scenario("standard", ["torque-feedback"], ["medium"], episodes=3)
+    for name in SCORES:
+        assert alone.scores[name].tolist() == shared.scores[name].tolist()
+        np.testing.assert_allclose(few.scores[name], alone.scores[name][:3], rtol=1e-12)
+
+
+def test_any_callable_is_a_policy() -> None:
+    mine, free = run_scenario("standard", {"mine": release, "free": Free()}, ["brisk"], episodes=COUNT)
+    for name in SCORES:
+        np.testing.assert_allclose(mine.scores[name], free.scores[name], rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.slow
+def test_a_controller_may_differ_from_pace_to_pace() -> None:
+    runs = run_scenario("standard", ["impedance"], ["slow", "brisk"], episodes=COUNT)
+    paces = [run.scores["mean_pace_m_s"].mean() for run in runs]
+    assert paces == pytest.approx([0.12, 0.5], rel=0.1)
+
+
+@pytest.mark.slow
+def test_samples_begin_at_the_start_and_end_with_the_episode() -> None:
+    (run,) = run_scenario("standard", ["impedance"], ["slow"], episodes=COUNT)
+    assert [sample.episode for sample in run.samples] == [0, 1, 2, 3]
+    for sample in run.samples:
+        assert len(sample.tip) == len(sample.theta) <= 200
+        assert np.ptp(sample.tip[:, 0]) > 0.9
+
+
+def test_samples_come_from_each_stratum_first() -> None:
+    assert sample_numbers(["a"] * 10) == [0, 1, 2, 3]
+    assert sample_numbers(["a", "a", "b", "c", "c", "b"]) == [0, 1, 2, 3]
+    assert sample_numbers(["a"] * 5 + ["b"] * 5 + ["c"] * 5) == [0, 1, 5, 10]
+    assert sample_numbers(list("aabbccddee")) == [0, 2, 4, 6]
+    assert sample_numbers(["a"]) == [0]
+
+
+# --- reuse ---
+
+
+def test_finished_runs_are_reused(tmp_path: Path, simulated: list[int]) -> None:
+    folder = ResultsFolder(tmp_path)
+    first = run_scenario("standard", ["free", "locked"], ["brisk"], episodes=COUNT, results=folder)
+    assert len(simulated) == 2
+    again = run_scenario("standard", ["free", "locked", "impedance"], ["brisk"], episodes=COUNT, results=folder)
+    assert len(simulated) == 3
+    for one, two in zip(first, again, strict=False):
+        assert one.conditions == two.conditions
+        assert all(one.scores[name].tolist() == two.scores[name].tolist() for name in SCORES)
+        np.testing.assert_array_equal(one.samples[0].tip, two.samples[0].tip)
+
+
+def test_other_conditions_are_other_runs(tmp_path: Path, simulated: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = ResultsFolder(tmp_path)
+
+    def times_simulated(policy: object, episodes: int = COUNT) -> int:
+        before = len(simulated)
+        run_scenario("standard", {"policy": policy}, ["brisk"], episodes=episodes, results=folder)  # type: ignore[dict-item]
+        return len(simulated) - before
+
+    assert times_simulated(Impedance()) == 1
+    assert times_simulated(Impedance()) == 0
+    assert times_simulated(Impedance(stiffness=1.0)) == 1
+    assert times_simulated(Impedance(stiffness=1.0), episodes=2) == 1
+    assert times_simulated(Random(seed=1)) == 1
+    assert times_simulated(Random(seed=2)) == 1
+    assert times_simulated(release) == 1
+    assert times_simulated(release) == 1, "nobody can tell whether a plain function is still the same"
+
+    class Named:
+        identity = "agent 7"
+
+        def __call__(self, obs: NDArray[np.float32]) -> NDArray[np.float32]:
+            return release(obs)
+
+    assert times_simulated(Named()) == 1
+    assert times_simulated(Named()) == 0
+    monkeypatch.setattr(evaluation_module, "code_digest", lambda: "other code")
+    assert times_simulated(Named()) == 1
+
+
+def test_training_seeds_have_runs_of_their_own(tmp_path: Path, simulated: list[int]) -> None:
+    folder = ResultsFolder(tmp_path)
+    trained = PerSeed((Random(seed=1), Random(seed=2)))
+    first = run_scenario("standard", {"agent": trained}, ["brisk"], episodes=COUNT, results=folder)
+    assert [run.conditions.seed for run in first] == [0, 1]
+    assert first[0].scores["path_error_m"].tolist() != first[1].scores["path_error_m"].tolist()
+    run_scenario("standard", {"agent": trained}, ["brisk"], episodes=COUNT, results=folder)
+    assert len(simulated) == 2
+    (board,) = folder.summarise()
+    assert [standing.policy for standing in board.standings] == ["agent"]
+    both = np.sort(np.concatenate([run.scores["path_error_m"] for run in first]))
+    assert board.standings[0].scores["path_error_m"].value == pytest.approx(both[2:-2].mean())
+
+
+def test_a_policy_may_have_any_name(tmp_path: Path) -> None:
+    folder = ResultsFolder(tmp_path / "out")
+    names = ["../../escaped", "a/b", "größer als ÷", "a%2Fb", "."]
+    run_scenario("standard", {name: Free() for name in names}, ["brisk"], episodes=1, results=folder)
+    folder.summarise()
+    assert summary_of(folder.path)["brisk", 1] == sorted(names)
+    assert len(list((folder.path / "runs").iterdir())) == len(names)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_runs_of_other_code_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = ResultsFolder(tmp_path)
+    monkeypatch.setattr(evaluation_module, "code_digest", lambda: "other code")
+    (old,) = run_scenario("standard", ["locked"], ["brisk"], episodes=COUNT, results=folder)
+    monkeypatch.undo()
+    run_scenario("standard", ["free"], ["brisk"], episodes=COUNT, results=folder)
+    folder.summarise()
+    assert summary_of(tmp_path) == {("brisk", COUNT): ["free"]}
+    left_out = json.loads(folder.summary.read_text())["left_out"]
+    assert left_out == [run_path(tmp_path, old.conditions).name]
+
+
+@pytest.mark.parametrize("damage", ["", "{", "[]", "{}", '{"key": null}'])
+def test_a_damaged_run_is_run_again(damage: str, tmp_path: Path, simulated: list[int]) -> None:
+    folder = ResultsFolder(tmp_path)
+    (run,) = run_scenario("standard", ["free"], ["brisk"], episodes=COUNT, results=folder)
+    path = run_path(tmp_path, run.conditions)
+    path.write_text(damage)
+    assert read_run(path) is None
+    folder.summarise()
+    assert summary_of(tmp_path) == {}
+    run_scenario("standard", ["free"], ["brisk"], episodes=COUNT, results=folder)
+    assert len(simulated) == 2
+    assert read_run(path) is not None
+
+
+def test_a_run_with_other_scores_than_it_should_have_is_refused(tmp_path: Path) -> None:
+    folder = ResultsFolder(tmp_path)
+    (run,) = run_scenario("standard", ["free"], ["brisk"], episodes=COUNT, results=folder)
+    path = run_path(tmp_path, run.conditions)
+    content = json.loads(path.read_text())
+    scores = content["scores"]
+    nonsense = ([math.nan] * COUNT, [0.0], "12345", ["0"] * COUNT, [[0.0]] * COUNT, None)
+    changes = [{"scores": {**scores, "effort": values}} for values in nonsense]
+    for change in ({"episodes": 4}, {"identity": "another"}, {"scores": {}}, {"strata": []}, {"key": None}, *changes):
+        path.write_text(json.dumps({**content, **change}))
+        assert read_run(path) is None
+    path.write_text(json.dumps(content))
+    assert read_run(path) is not None
+
+
+# --- several at once, and interrupts ---
+
+
+def start(*arguments: str) -> "subprocess.Popen[bytes]":
+    return subprocess.Popen(
+        [sys.executable, "-c", MAIN, "benchmark", "--scenario", "standard", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+
+
+@pytest.mark.slow
+def test_two_benchmarks_in_one_folder_lose_nothing(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    rest = ("--episodes", str(COUNT), "--out", str(out))
+    both = [start("--policies", names, *rest) for names in ("free,random", "locked,impedance")]
+    for process in both:
+        _, error = process.communicate(timeout=120)
+        assert process.returncode == 0, error.decode()
+    everybody = ["free", "impedance", "locked", "random"]
+    assert summary_of(out) == {(pace, COUNT): everybody for pace in ("slow", "medium", "brisk")}
+
+
+def test_the_summary_is_read_and_written_under_a_lock(tmp_path: Path) -> None:
+    """A run that another benchmark adds while a summary waits is in it: none is written from older runs."""
+    folder = ResultsFolder(tmp_path)
+    run_scenario("standard", ["free"], ["brisk"], episodes=COUNT, results=folder)
+    with FileLock(tmp_path / LOCK):
+        other = threading.Thread(target=folder.summarise)
+        other.start()
+        other.join(0.5)
+        assert other.is_alive()
+        assert not folder.summary.exists()
+        run_scenario("standard", ["locked"], ["brisk"], episodes=COUNT, results=folder)
+    other.join(30.0)
+    assert summary_of(tmp_path) == {("brisk", COUNT): ["free", "locked"]}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
+@pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGINT])
+def test_a_benchmark_that_is_stopped_goes_on(signal_number: int, tmp_path: Path, simulated: list[int]) -> None:
+    out = tmp_path / "out"
+    policies = "impedance,torque-feedback,free,locked,random"
+    arguments = ["--policies", policies, "--episodes", "150", "--out", str(out)]
+    process = start(*arguments)
+    while not list(out.glob("runs/*.json")):
+        assert process.poll() is None
+        time.sleep(0.005)
+    process.send_signal(signal_number)
+    process.communicate(timeout=60)
+    finished = list(out.glob("runs/*.json"))
+    assert 0 < len(finished) < 15
+    assert process.returncode in (-signal_number, cli.INTERRUPTED)
+    assert all(read_run(path) is not None for path in finished)
+    before = {path: path.read_bytes() for path in finished}
+    assert cli.main(["benchmark", "--scenario", "standard", *arguments]) == 0
+    assert len(simulated) == 15 - len(finished)
+    assert {path: path.read_bytes() for path in finished} == before
+    assert all(len(names) == 5 for names in summary_of(out).values())
+
+
+# --- the command ---
+
+
+@pytest.mark.slow
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "new" / "folder"
+    arguments = ["--policies", "free, impedance", "--paces", "slow,brisk", "--episodes", str(COUNT), "--out", str(out)]
+    assert cli.main(["benchmark", "--scenario", "standard", *arguments]) == 0
+    shown = capsys.readouterr().out
+    assert "provisional, 5 episodes" in shown
+    assert "too fast" in shown
+    pictures = {"profiles", "error-against-pace", "error-against-smoothness", "trajectories-slow", "trajectories-brisk"}
+    assert {path.name for path in out.iterdir()} == {
+        "runs",
+        "benchmark.json",
+        LOCK,
+        *(f"standard-{name}.png" for name in pictures),
+    }
+    for picture in out.glob("*.png"):
+        assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+WRONG = {
+    "scenario": (["--scenario", "standerd"], "did you mean 'standard'"),
+    "policy": (["--scenario", "standard", "--policies", "impedence"], "did you mean 'impedance'"),
+    "pace": (["--scenario", "standard", "--paces", "slo"], "did you mean 'slow'"),
+    "no pace": (["--scenario", "standard", "--paces", ","], "paces must hold at least one name"),
+    "no policy": (["--scenario", "standard", "--policies", ","], "policies must hold at least one name"),
+    "too many episodes": (["--scenario", "standard", "--episodes", "100000"], "episodes must be from 1 to"),
+    "no episodes": (["--scenario", "standard", "--episodes", "0"], "episodes must be from 1 to"),
+    "seed": (["--scenario", "standard", "--policies", "random", "--seed=-1"], "seed"),
+    "machine": (["--scenario", "standard", "--machine", "delrin_experimental"], "machine needs no --scenario"),
+    "time constants": (["--scenario", "standard", "--time-constants", "0.1"], "time_constants needs no --scenario"),
+    "paces alone": (["--paces", "slow"], "paces needs --scenario"),
+    "episodes alone": (["--episodes", "5"], "episodes needs --scenario"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "accepted"), WRONG.values(), ids=WRONG)
+def test_a_wrong_argument_names_what_is_accepted(
+    arguments: list[str], accepted: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["benchmark", *arguments, "--out", str(tmp_path / "out")]) == 2
+    assert accepted in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_written_to_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("in the way")
+    assert cli.main(["benchmark", "--scenario", "standard", "--out", str(tmp_path / "file")]) == 2
+    assert "out must be a folder" in capsys.readouterr().err
+
+
+def test_code_digest_is_that_of_the_sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.py").write_text("x = 1")
+    monkeypatch.setattr(runs_module, "PACKAGE", tmp_path)
+    digest = runs_module.code_digest.__wrapped__
+    before = digest()
+    assert digest() == before
+    (tmp_path / "a.py").write_text("x = 2")
+    assert digest() != before
