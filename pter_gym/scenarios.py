@@ -186,7 +186,7 @@ CLUTCHES = OneOf(
 TORQUE_ERRORS = Shared(LogUniform(0.75, 1.33), LogUniform(0.9, 1.11), 4)
 """Clutch torques over those of the curves: temperature and humidity for all, and each clutch's own."""
 
-DRIFT = Uniform(-0.04, 0.04)
+DRIFT = Uniform(-0.015, 0.015)
 """Change of the clutch torques in a second of an episode."""
 
 ARMS = Vary(BASELINE.arm, inertia_a=Uniform(0.36, 0.6), inertia_b=Uniform(0.8, 1.3))
