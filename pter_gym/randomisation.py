@@ -22,6 +22,9 @@ Tags = tuple[str, ...]
 TRIES = 200
 """Draws of one pair of machine and task before a randomisation is refused, because its paths leave the arm's reach."""
 
+ROOM = 1.5
+"""A drawn path keeps so many times the workspace's margin from singular poses, lest an episode end as it begins."""
+
 
 class Distribution(Protocol):
     """What a value is drawn from."""
@@ -236,11 +239,11 @@ class Randomisation:
         return [self.draw(rng) for _ in range(self.contexts)]
 
     def draw(self, rng: np.random.Generator) -> tuple[Machine, PathFollowing]:
-        """Return a pair that fits together; draws whose path leaves the arm's reach are drawn again."""
+        """Return a pair that fits together; a path without room in the workspace is drawn again."""
         for attempt in range(TRIES):
             machine, task = drawn(self.machine, rng), drawn(self.task, rng)
             try:
-                check_machine(task, machine)
+                check_machine(replace(task, singularity_margin=ROOM * task.singularity_margin), machine)
             except ParameterError:
                 if attempt == TRIES - 1:
                     raise

@@ -5,15 +5,19 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pter_gym.benchmark.episodes import CHECKSUMS, FOLDER, load_episodes, scenarios, store_episodes
 from pter_gym.benchmark.pacing import PACES
+from pter_gym.controllers import Free
+from pter_gym.envs.batch import Batch
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.operators import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.paths import Line
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.scenarios import SCENARIOS
+from pter_gym.tasks.path_following import T_VELOCITY, PathFollowing
 
 TASKS = [PathFollowing(), PathFollowing(path=Line(length=0.5)), PathFollowing()]
 
@@ -114,5 +118,28 @@ def test_damaged_checksums_are_refused(text: str, copy: Path) -> None:
 def test_unknown_names_are_refused_with_the_nearest() -> None:
     with pytest.raises(ParameterError, match=r"scenario must be among .* did you mean 'standard'"):
         load_episodes("standart", "slow")
-    with pytest.raises(ParameterError, match=r"paces must be among slow, medium, brisk, .* did you mean 'medium'"):
+    with pytest.raises(ParameterError, match=r"pace must be among slow, medium, brisk, .* did you mean 'medium'"):
         load_episodes("standard", "mediun")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", SCENARIOS)
+@pytest.mark.parametrize("pace", PACES)
+def test_every_hand_can_go_faster_than_the_pace(scenario: str, pace: str) -> None:
+    """Braking is all that a clutch can do: without it, the tip gets past 1.15 times the commanded pace."""
+    episodes = load_episodes(scenario, pace)
+    batch = Batch(episodes.machines, episodes.tasks)
+    policy = Free().bind(BASELINE, batch.layout)
+    obs, _ = batch.reset(list(episodes.seeds))
+    _, rows = batch.rollout(obs, policy.law, policy.gains, 1000)
+    speed = np.nanmax(np.hypot(rows[..., T_VELOCITY], rows[..., T_VELOCITY + 1]), axis=0)
+    assert (speed / [task.pace for task in episodes.tasks]).min() > 1.15
+
+
+def test_no_stored_episode_is_among_the_training_draws() -> None:
+    for name, scenario in SCENARIOS.items():
+        drawn = scenario.randomisation("medium").pairs()
+        kept = load_episodes(name, "medium")
+        assert not {repr(pair) for pair in zip(kept.machines, kept.tasks, strict=True)} & {repr(p) for p in drawn}
+        phases = [getattr(task.hand, "phases", None) for task in kept.tasks]
+        assert len(set(phases)) == len(phases)

@@ -144,11 +144,11 @@ def test_a_randomisation_whose_paths_all_leave_the_reach_is_refused() -> None:
 
 
 def test_unknown_names_are_told_the_nearest() -> None:
-    with pytest.raises(ParameterError, match=r"did you mean materials\?"):
+    with pytest.raises(ParameterError, match=r"did you mean 'materials'\?"):
         find_scenario("material")
-    with pytest.raises(ParameterError, match=r"did you mean medium\?"):
+    with pytest.raises(ParameterError, match=r"did you mean 'medium'\?"):
         find_pace("mediums")
-    with pytest.raises(ParameterError, match="scenario must be one of"):
+    with pytest.raises(ParameterError, match="scenario must be among"):
         gymnasium.make("PTER/Paths-v0", scenario="path")
     assert find_pace("slow") == PACES["slow"]
 
