@@ -4,10 +4,11 @@ from pter_gym.benchmark.pacing import TABLE, solve_table
 from pter_gym.files import write_text_atomic
 
 lines = [
-    "# Dampers along the path [N·s/m] with which the paper's controllers keep the commanded paces on random phases of",
-    "# Eq. 5; their other gains are those of pter.toml. derived: made by `python .ci/solve_paces.py`.",
+    "# Dampers along the path [N·s/m] with which the paper's controllers keep the commanded paces on the training draws of",
+    "# each scenario; their other gains are those of pter.toml. derived: made by `python .ci/solve_paces.py`.",
 ]
-for name, dampers in solve_table().items():
-    lines += ["", f"[{name}]", *(f"{pace} = {damping!r}" for pace, damping in dampers.items())]
+for scenario, controllers in solve_table().items():
+    for name, dampers in controllers.items():
+        lines += ["", f"[{scenario}.{name}]", *(f"{pace} = {damping!r}" for pace, damping in dampers.items())]
 write_text_atomic(TABLE, "\n".join(lines) + "\n")
 print("\n".join(lines))

@@ -112,7 +112,7 @@ def scenario_benchmark(
         task = progress.add_task(scenario, total=len(names) * len(paces))
         runs = run_scenario(
             scenario,
-            {name: find_policy(name, seed) for name in names},
+            {name: find_policy(name, seed, scenario) for name in names},
             paces,
             episodes=episodes,
             results=results,

@@ -5,31 +5,35 @@ from dataclasses import replace
 import pytest
 
 from pter_gym.benchmark import PACES, PerPace, find_policy
-from pter_gym.benchmark.pacing import damping_for_pace, damping_table
+from pter_gym.benchmark.pacing import LOWEST, damping_for_pace, damping_table
 from pter_gym.controllers import CONTROLLERS, Impedance, TorqueFeedback
 from pter_gym.errors import ParameterError
+from pter_gym.scenarios import SCENARIOS
 
 
 @pytest.mark.slow
-def test_the_table_is_what_the_solver_finds() -> None:
+@pytest.mark.parametrize("scenario", ["standard", "everything"])
+def test_the_table_is_what_the_solver_finds(scenario: str) -> None:
     for name, kind in (("impedance", Impedance), ("torque-feedback", TorqueFeedback)):
         for pace, speed in PACES.items():
-            assert damping_table()[name][pace] == pytest.approx(damping_for_pace(kind(), speed), rel=1e-3)
+            solved = damping_for_pace(kind(), speed, scenario)
+            assert damping_table()[scenario][name][pace] == pytest.approx(solved, rel=1e-3)
 
 
 def test_every_other_gain_stays() -> None:
-    assert set(damping_table()) == {"impedance", "torque-feedback"}
-    for name, dampers in damping_table().items():
-        found = find_policy(name)
-        assert isinstance(found, PerPace)
-        assert set(dampers) == set(PACES)
-        for pace, damping in dampers.items():
-            assert found.at(pace) == replace(CONTROLLERS[name](), damping_tangential=damping)  # type: ignore[call-arg]
+    assert set(damping_table()) == set(SCENARIOS)
+    for scenario, controllers in damping_table().items():
+        assert set(controllers) == {"impedance", "torque-feedback"}
+        for name, dampers in controllers.items():
+            found = find_policy(name, scenario=scenario)
+            assert isinstance(found, PerPace)
+            assert set(dampers) == set(PACES)
+            for pace, damping in dampers.items():
+                expected = replace(CONTROLLERS[name](), damping_tangential=damping)  # type: ignore[call-arg]
+                assert found.at(pace) == expected
     with pytest.raises(ParameterError, match="did you mean 'brisk'"):
         found.at("brisc")
 
 
-@pytest.mark.slow
-def test_a_pace_out_of_reach_is_refused() -> None:
-    with pytest.raises(ParameterError, match="pace must be from"):
-        damping_for_pace(Impedance(), 3.9, draws=2)
+def test_a_pace_out_of_reach_gives_the_end_of_the_range() -> None:
+    assert damping_for_pace(Impedance(), 3.9, draws=2) == pytest.approx(LOWEST, rel=1e-3)
