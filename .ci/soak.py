@@ -20,6 +20,7 @@ from pter_gym.envs.world import SAME_STEP, SINE, TERMINATED, TRUNCATED
 from pter_gym.operators import SINES, MultiSineHand
 from pter_gym.params import BASELINE, Hand, Machine, with_friction
 from pter_gym.physics.arm import Motion
+from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import T_ENERGY, T_KINETIC, PathFollowing
 
 KINDS = 256
@@ -59,13 +60,14 @@ def random_task(rng: np.random.Generator) -> PathFollowing:
 
 
 def make(worlds: int, telemetry: bool) -> Batch:
-    """Worlds of all kinds; the same at each call."""
+    """Worlds of all kinds, half of them from the scenario ``everything``; the same at each call."""
     rng = np.random.default_rng(0)
-    machines = [random_machine(rng) for _ in range(KINDS)]
-    tasks = [random_task(rng) for _ in range(KINDS)]
+    kinds = [(random_machine(rng), random_task(rng)) for _ in range(KINDS // 2)]
+    kinds += SCENARIOS["everything"].randomisation(contexts=KINDS // 2).pairs()
+    machines, tasks = map(list, zip(*(kinds[k % KINDS] for k in range(worlds)), strict=True))
     return Batch(
-        [machines[k % KINDS] for k in range(worlds)],
-        [tasks[k % KINDS] for k in range(worlds)],
+        machines,
+        tasks,
         sensors="force",
         max_steps=1000,
         telemetry=telemetry,
@@ -82,7 +84,7 @@ def look_at_returns(findings: Findings, returns: Returns) -> None:
     """Count steps, ends and numbers that are not finite."""
     findings.steps += len(returns.rewards)
     findings.episodes += int(ended(returns).sum())
-    for part in (returns.obs[0], returns.rewards, *returns.telemetry[:1]):
+    for part in (returns.obs, returns.rewards, *returns.telemetry[:1]):
         findings.not_finite += part.size - int(np.isfinite(part).sum())
 
 
