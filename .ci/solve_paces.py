@@ -4,8 +4,8 @@ from pter_gym.benchmark.pacing import TABLE, solve_table
 from pter_gym.files import write_text_atomic
 
 lines = [
-    "# Dampers along the path [N·s/m] with which the paper's controllers keep the commanded paces on the training draws",
-    "# of each scenario; their other gains are those of pter.toml. derived: made by `python .ci/solve_paces.py`.",
+    "# Dampers along the path [N·s/m] with which the paper's controllers keep the commanded paces on the training",
+    "# draws of each scenario; their other gains are those of pter.toml. derived: made by `python .ci/solve_paces.py`.",
 ]
 for scenario, controllers in solve_table().items():
     for name, dampers in controllers.items():

@@ -71,7 +71,7 @@ def damping_table() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
 def damping_for_pace(
     controller: Impedance, pace: float, scenario: str = "standard", *, draws: int = DRAWS, seed: int = SEED
 ) -> float:
-    """Return the damper along the path [N·s/m] with which a controller keeps a mean pace on a scenario's training draws.
+    """Return the damper along the path [N·s/m] with which a controller keeps a mean pace on training draws.
 
     Where no damper from 10 to 3000 N·s/m gives that pace, it is the end of this range that comes nearest.
 
@@ -87,7 +87,8 @@ def damping_for_pace(
         Number and seed of the training draws over which the pace is averaged.
     """
     drawn = find_scenario(scenario).randomisation(pace, contexts=draws, seed=seed)
-    batch = Batch(*map(list, zip(*drawn.pairs(), strict=True)))
+    machines, tasks = zip(*drawn.pairs(), strict=True)
+    batch = Batch(machines, tasks)
     low, high = math.log(LOWEST), math.log(HIGHEST)
     while high - low > 1e-4:
         middle = 0.5 * (low + high)
