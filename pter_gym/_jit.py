@@ -6,6 +6,7 @@ alone.
 """
 
 import hashlib
+import inspect
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -56,7 +57,7 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     digest = _digest(_bind(template, inlined))
     function = _bind(cast(FunctionType, build(digest)), inlined)
     try:
-        kernel = numba.njit(nogil=True, error_model="numpy", cache=True)(function)
+        kernel = numba.njit(nogil=True, error_model="numpy", cache=all(map(_has_module, inlined.values())))(function)
     except RuntimeError:  # numba found no folder that it may write to
         kernel = numba.njit(nogil=True, error_model="numpy")(function)
     if hasattr(kernel, "compile"):  # not with NUMBA_DISABLE_JIT=1
@@ -67,6 +68,12 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
 def digest_of(function: Callable[..., Any]) -> str:
     """Return a hash of all sources and constants that a function reaches, compiled or not."""
     return _digest(getattr(function, "py_func", function))
+
+
+def _has_module(value: object) -> bool:
+    """Tell whether a function is in a module: what is not, as after ``exec``, could not be loaded from a cache."""
+    function = getattr(value, "py_func", value)
+    return not isinstance(function, FunctionType) or inspect.getmodule(function) is not None
 
 
 def _compile_apart(kernel: Any) -> None:

@@ -1,0 +1,53 @@
+"""What trains or tunes never reads the stored evaluation episodes."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pter_gym.benchmark.episodes import FOLDER
+
+GUARD = f"""
+import sys
+
+def guard(event, arguments):
+    if event == "open" and {str(FOLDER)!r} in str(arguments[0]):
+        raise RuntimeError("evaluation episodes were read")
+
+sys.addaudithook(guard)
+"""
+
+DOORS = {
+    "the randomisation of each scenario": """
+from pter_gym.scenarios import SCENARIOS
+for scenario in SCENARIOS.values():
+    scenario.randomisation("slow", contexts=3).pairs()
+""",
+    "the environments": """
+import gymnasium, pter_gym
+gymnasium.make("PTER/Everything-v0", contexts=3).reset(seed=0)
+gymnasium.make_vec("PTER/Everything-v0", num_envs=3, contexts=3).reset(seed=0)
+""",
+    "the damper of a pace": """
+from pter_gym.benchmark.pacing import damping_for_pace
+from pter_gym.controllers import Impedance
+damping_for_pace(Impedance(), 0.5, "everything", draws=2)
+""",
+}
+
+
+def run(code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", GUARD + code], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_training_draws_come_without_the_evaluation_episodes(door: str) -> None:
+    found = run(DOORS[door])
+    assert found.returncode == 0, found.stderr
+
+
+def test_the_guard_sees_what_it_should() -> None:
+    found = run('from pter_gym.benchmark.episodes import load_episodes; load_episodes("standard", "slow")')
+    assert "evaluation episodes were read" in found.stderr
+    assert Path(FOLDER).is_dir()
