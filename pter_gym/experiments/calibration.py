@@ -580,17 +580,15 @@ def fit(arguments: FitArguments | None = None, start: Array | None = None) -> Fi
     Raises
     ------
     ParameterError
-        If scipy is missing, or an argument is out of its range. Nothing has been written.
+        If an argument is out of its range. Nothing has been written.
     """
     arguments = FitArguments() if arguments is None else arguments
     if arguments.seed < 0 or arguments.budget < 3 * POPULATION:
         raise ParameterError(f"fit needs seed ≥ 0 and budget ≥ {3 * POPULATION}, got {arguments}")
     if not arguments.out.resolve().parent.is_dir():
         raise ParameterError(f"out must be a file in a folder that exists, got {str(arguments.out)!r}")
-    try:
-        from scipy import optimize
-    except ImportError:
-        raise ParameterError("pter fit needs scipy: install pter-gym[fit]") from None
+    from scipy import optimize
+
     weights = TABLE_ONLY if arguments.held_out else Weights()
     generations = arguments.budget // POPULATION - 2
     with progress_bar(Console(stderr=True)) as progress:
