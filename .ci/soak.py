@@ -56,7 +56,7 @@ def random_task(rng: np.random.Generator) -> PathFollowing:
     """The task with a hand of any strength, from starts off the path."""
     amplitudes = tuple(rng.uniform(0.0, 30.0, SINES).tolist())
     hand = MultiSineHand(push=rng.uniform(0.0, 120.0), amplitudes=amplitudes, random_phases=True)
-    return PathFollowing(start_offset=0.05, hand=hand)
+    return PathFollowing(start_offset=0.015, hand=hand)
 
 
 def make(worlds: int, telemetry: bool) -> Batch:

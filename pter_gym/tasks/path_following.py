@@ -20,7 +20,7 @@ from pter_gym.operators import (
     impedance_of,
     operator_model,
 )
-from pter_gym.params import PRESENT_CLUTCH, Machine, quantity, require, require_kind, require_number
+from pter_gym.params import PRESENT_CLUTCH, Arm, Machine, quantity, require, require_kind, require_number
 from pter_gym.paths import Line, Path
 from pter_gym.physics.arm import Linkage, Motion, sin_difference
 from pter_gym.physics.clutch import PerClutch
@@ -161,9 +161,9 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
     Raises
     ------
     ParameterError
-        If a point of the path lies outside the arm's reach or too near to a singular pose, the path bends so much that
-        its centre of curvature is within the workspace, the substep does not divide the control period, a sine is too
-        fast for the substep, or the machine's hand has a spring, which would need an intent.
+        If a point of the path or a start off it lies outside the arm's reach or too near to a singular pose, the path
+        bends so much that its centre of curvature is within the workspace, the substep does not divide the control
+        period, a sine is too fast for the substep, or the machine's hand has a spring, which would need an intent.
     """
     substeps(task, machine)
     if not isinstance(task.hand, RecordedForces):
@@ -178,7 +178,9 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
         machine.hand.stiffness == 0.0, machine, "hand.stiffness", machine.hand.stiffness, "0: this hand has no intent"
     )
     held_machine(task, machine)
-    _check_path(task.path, task.error_max, task.singularity_margin, machine.arm.length_a, machine.arm.length_b)
+    arm = machine.arm
+    _check_path(task.path, task.error_max, task.singularity_margin, arm.length_a, arm.length_b)
+    _check_start(task, arm)
 
 
 @lru_cache(maxsize=4096)
@@ -197,6 +199,22 @@ def _check_path(path: Path, error_max: float, margin: float, length_a: float, le
             f"PathFollowing.path must be within reach with |sin(θA − θB)| > {margin:g}, but ({x:.4g}, {y:.4g}) m "
             f"is not: {path!r:.400}"
         )
+
+
+def _check_start(task: PathFollowing, arm: Arm) -> None:
+    (x, y), heading = task.path.point(0.0), task.path.heading(0.0)
+    ends = [
+        (x - offset * math.sin(heading), y + offset * math.cos(heading))
+        for offset in (-task.start_offset, task.start_offset)
+    ]
+    elbows = sin_elbow(arm.length_a, arm.length_b, np.array(ends))
+    require(
+        float(elbows.min()) > task.singularity_margin,
+        task,
+        "start_offset",
+        task.start_offset,
+        f"so small that all starts are within reach with |sin(θA − θB)| > {task.singularity_margin:g}",
+    )
 
 
 def sin_elbow(length_a: float, length_b: float, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -261,6 +261,8 @@ def test_what_only_machine_and_task_together_show() -> None:
         Batch(BASELINE, PathFollowing(path=Line(x=0.0, y=1.01 * reach, length=0.01)))
     with pytest.raises(ParameterError, match="path must be within reach"):
         Batch(BASELINE, PathFollowing(path=Line(x=0.0, y=0.997 * reach, length=0.01)))
+    with pytest.raises(ParameterError, match=r"start_offset must be so small .* got 0\.03"):
+        Batch(BASELINE, PathFollowing(start_offset=0.03))
     with pytest.raises(ParameterError, match=r"hand\.stiffness"):
         Batch(replace(BASELINE, hand=Hand(stiffness=100.0)), PathFollowing())
     with pytest.raises(ParameterError, match="substep"):

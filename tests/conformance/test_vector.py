@@ -49,7 +49,7 @@ def tasks(count: int) -> list[PathFollowing]:
         PathFollowing(start_offset=0.01, hand=MultiSineHand(random_phases=True)),
         PathFollowing(start_offset=0.02, hand=MultiSineHand(push=90.0, random_phases=True)),
         PathFollowing(start_offset=0.005, path=Line(x=-0.1, y=0.5, direction=0.1, length=0.2)),
-        PathFollowing(start_offset=0.03, error_max=0.04, hand=MultiSineHand(random_phases=True)),
+        PathFollowing(start_offset=0.015, error_max=0.02, hand=MultiSineHand(random_phases=True)),
         PathFollowing(hand=MultiSineHand(push=30.0)),
         PathFollowing(
             path=Arc(x=-0.3, y=0.6, radius=0.3, angle=-1.0),
