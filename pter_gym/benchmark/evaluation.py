@@ -85,7 +85,9 @@ def run_scenario(
     DataError
         If the stored episodes were changed.
     """
-    named = policies if isinstance(policies, Mapping) else {name: find_policy(name) for name in policies}
+    named = (
+        policies if isinstance(policies, Mapping) else {name: find_policy(name, scenario=scenario) for name in policies}
+    )
     for field, given in (("policies", named), ("paces", paces)):
         if not given:
             raise ParameterError(f"{field} must hold at least one name")

@@ -77,12 +77,11 @@ class PaceSchedule:
     def __post_init__(self) -> None:
         """Check that the knots rise and go together."""
         accepted = "pairs of a pace > 0 and a guiding controller, by rising pace"
-        given = cast(Any, self.knots)
-        pairs = isinstance(given, tuple) and len(self.knots) > 0 and all(_is_knot(knot) for knot in self.knots)
-        require(pairs, self, "knots", given, accepted)
-        require(all(a < b for (a, _), (b, _) in pairwise(self.knots)), self, "knots", given, accepted)
-        alike = {(type(controller), controller.table_volts) for _, controller in self.knots}
-        require(len(alike) == 1, self, "knots", given, "controllers of one kind with one table_volts")
+        knots = self.knots
+        require(_are_knots(knots), self, "knots", knots, accepted)
+        require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", knots, accepted)
+        alike = {(type(controller), controller.table_volts) for _, controller in knots}
+        require(len(alike) == 1, self, "knots", knots, "controllers of one kind with one table_volts")
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a nominal machine; raises as the controllers' own ``bind``."""
@@ -90,12 +89,19 @@ class PaceSchedule:
         return bind_rows(self.knots[0][1], rows, machine, layout)
 
 
-def _is_knot(knot: Any) -> bool:
-    """Tell whether something is a pair of a finite pace > 0 and a guiding controller."""
-    if not (isinstance(knot, tuple) and len(cast(Any, knot)) == 2):
-        return False
-    pace, controller = cast(Any, knot)
-    return isinstance(pace, (int, float)) and 0.0 < pace < float("inf") and isinstance(controller, Guided)
+def _are_knots(knots: Any) -> bool:
+    """Tell whether something is a tuple of pairs of a finite pace > 0 and a guiding controller."""
+    pairs = isinstance(knots, tuple) and all(
+        isinstance(knot, tuple) and len(cast(Any, knot)) == 2 for knot in cast(Any, knots)
+    )
+    return (
+        pairs
+        and len(knots) > 0
+        and all(
+            isinstance(pace, (int, float)) and 0.0 < pace < float("inf") and isinstance(controller, Guided)
+            for pace, controller in knots
+        )
+    )
 
 
 def bind_rows(first: Guided, rows: list[tuple[float, Gains]], machine: Machine, layout: Layout) -> Policy:
