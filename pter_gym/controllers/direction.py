@@ -18,20 +18,21 @@ from pter_gym.params import quantity, require_flag, require_number
 class Steering(Guided, ABC):
     """A damper along the path for the pace, and a law that turns the tip's velocity u·t towards a wanted direction.
 
-    With the distance e from the path, its tangent t and normal n, the wanted direction is t − approach·e·n. The torque
-    loop is that of ``TorqueFeedback``.
+    With the distance e from the path, its tangent t, normal n and curvature κ, and the speed v along it, the wanted
+    direction is t + (lead·κ·v − approach·e)·n. The torque loop is that of ``TorqueFeedback``.
     """
 
     approach: float = quantity("1/m", "chosen: this inverse distance turns the tip back by 45 degrees")
     strength: float = quantity("N·m", "chosen: torque against a velocity at right angles to the wanted direction")
     slow: float = quantity("m/s or rad/s", "chosen: a slower tip is turned less, in proportion to its speed")
+    lead: float = quantity("s", "chosen: the wanted direction is turned so much ahead of the path", default=0.0)
     feedback: float = quantity("V/(N·m)", "chosen: gain of the torque loop", default=0.0)
     hold_when_stuck: bool = quantity("1", "chosen: leave the torque loop out where it has no effect", default=False)
 
     def __post_init__(self) -> None:
         """Check the gains."""
         super().__post_init__()
-        for name in ("approach", "strength", "feedback"):
+        for name in ("approach", "strength", "lead", "feedback"):
             require_number(self, name, at_least=0.0)
         require_number(self, "slow", above=0.0)
         require_flag(self, "hold_when_stuck")
@@ -45,6 +46,7 @@ class Steering(Guided, ABC):
             hold_when_stuck=float(self.hold_when_stuck),
             slip_threshold=self.slip_threshold,
             approach=self.approach,
+            lead=self.lead,
             strength=self.strength,
             slow=self.slow,
         )

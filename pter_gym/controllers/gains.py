@@ -41,6 +41,7 @@ class Gains(NamedTuple):
     tip_space: float = 0.0
     slip_threshold: float = 0.0
     approach: float = 0.0
+    lead: float = 0.0
     strength: float = 0.0
     slow: float = 0.0
     reluctance: float = 0.0
@@ -121,6 +122,7 @@ def read_gains(gains: Any, pace: float) -> Gains:
         blend(gains, here + 9, there + 9, part),
         blend(gains, here + 10, there + 10, part),
         blend(gains, here + 11, there + 11, part),
+        blend(gains, here + 12, there + 12, part),
     )
 
 

@@ -91,17 +91,16 @@ class PaceSchedule:
 
 def _are_knots(knots: Any) -> bool:
     """Tell whether something is a tuple of pairs of a finite pace > 0 and a guiding controller."""
-    pairs = isinstance(knots, tuple) and all(
-        isinstance(knot, tuple) and len(cast(Any, knot)) == 2 for knot in cast(Any, knots)
-    )
-    return (
-        pairs
-        and len(knots) > 0
-        and all(
-            isinstance(pace, (int, float)) and 0.0 < pace < float("inf") and isinstance(controller, Guided)
-            for pace, controller in knots
-        )
-    )
+    given = cast("tuple[Any, ...]", knots) if isinstance(knots, tuple) else ()
+    return len(given) > 0 and all(_is_knot(knot) for knot in given)
+
+
+def _is_knot(knot: Any) -> bool:
+    """Tell whether something is a pair of a finite pace > 0 and a guiding controller."""
+    pair = cast("tuple[Any, ...]", knot) if isinstance(knot, tuple) else ()
+    if len(pair) != 2 or not isinstance(pair[0], (int, float)):
+        return False
+    return 0.0 < pair[0] < float("inf") and isinstance(pair[1], Guided)
 
 
 def bind_rows(first: Guided, rows: list[tuple[float, Gains]], machine: Machine, layout: Layout) -> Policy:

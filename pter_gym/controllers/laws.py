@@ -29,6 +29,7 @@ MEMORY = 2
 COS_A, SIN_A, COS_B, SIN_B, OMEGA_A, OMEGA_B, NORMAL_ERROR = range(7)
 HEADING_COS = 8
 HEADING_SIN = 9
+CURVATURE = 10
 PACE = 13
 TORQUE = 18
 """Positions in the observation; a test holds them against ``observation_layout``."""
@@ -59,6 +60,7 @@ def see_tip(obs: Any, scales: Any, gains: Any) -> Tip:
         float(obs[HEADING_COS]),
         float(obs[HEADING_SIN]),
         obs[NORMAL_ERROR] * scales[NORMAL_ERROR],
+        obs[CURVATURE] * scales[CURVATURE],
     )
 
 

@@ -1,8 +1,9 @@
 """Steering by the direction of the tip: what the single-DOF and the velocity-ratio law ask of the clutches.
 
-Both want the tip to move in a direction that leads back to the path: along the heading, turned towards the path by
-atan(approach·e) at a distance e. They differ in how clutches turn the tip's velocity there. Passive clutches cannot
-choose a speed, so the damper along the path has that for itself.
+Both want the tip to move in a direction that leads back to the path: along t + (lead·κ·v − approach·e)·n, with the
+path's tangent t, normal n and curvature κ at the tip's foot, its distance e from it and its speed v along it. ``lead``
+is a time: the clutches lag, so the tip has to turn before the path does. The laws differ in how clutches turn the tip's
+velocity there. Passive clutches cannot choose a speed, so the damper along the path has that for itself.
 """
 
 import math
@@ -28,12 +29,14 @@ class Tip(NamedTuple):
     heading_cos: float
     heading_sin: float
     error: float
+    curvature: float
 
 
 @device
 def wanted_direction(g: Gains, tip: Tip) -> tuple[float, float]:
-    """Return the unit vector in which the tip should move: (t − approach·e·n)/|…| with tangent t and normal n."""
-    back = -g.approach * tip.error
+    """Return the unit vector in which the tip should move, (t + (lead·κ·v − approach·e)·n)/|…|."""
+    speed = tip.v_x * tip.heading_cos + tip.v_y * tip.heading_sin
+    back = g.lead * tip.curvature * speed - g.approach * tip.error
     size = math.sqrt(1.0 + back * back)
     return (
         (tip.heading_cos - back * tip.heading_sin) / size,

@@ -1,10 +1,13 @@
 """The search for gains: an Optuna study in an SQLite file, which can be stopped, resumed and shared."""
 
 import os
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock
 
 from pter_gym.benchmark.pacing import PerPace, find_policy
 from pter_gym.benchmark.tuned import TUNABLE
@@ -139,22 +142,25 @@ def _open(storage: Path, name: str, seed: int) -> Any:
         raise ParameterError("pter tune needs Optuna: install pter-gym[tune]") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     try:
-        file = optuna.storages.RDBStorage(
-            f"sqlite:///{storage.resolve()}", engine_kwargs={"connect_args": {"timeout": WAIT}}
-        )
-        event.listen(file.engine, "connect", _write_ahead)
-        file.engine.dispose()
-        study = optuna.create_study(storage=file, study_name=name, load_if_exists=True)
+        with FileLock(storage.with_name(f".{storage.name}.lock")):  # two that make its tables at once would fail
+            file = optuna.storages.RDBStorage(
+                f"sqlite:///{storage.resolve()}", engine_kwargs={"connect_args": {"timeout": WAIT}}
+            )
+            event.listen(file.engine, "connect", _write_ahead)
+            file.engine.dispose()
+            study = optuna.create_study(storage=file, study_name=name, load_if_exists=True)
     except SQLAlchemyError as error:
         raise ParameterError(f"storage must be an SQLite file of Optuna's: {error}") from None
     begun = study.get_trials(deepcopy=False)
     shared = any(not trial.state.is_finished() for trial in begun)
-    study.sampler = optuna.samplers.TPESampler(
-        n_startup_trials=STARTUP,
-        multivariate=True,
-        constant_liar=True,
-        seed=(seed + 1000003 * len(begun) + (os.getpid() if shared else 0)) % 2**32,
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        study.sampler = optuna.samplers.TPESampler(
+            n_startup_trials=STARTUP,
+            multivariate=True,
+            constant_liar=True,
+            seed=(seed + 1000003 * len(begun) + (os.getpid() if shared else 0)) % 2**32,
+        )
     return study
 
 

@@ -38,7 +38,13 @@ _IMPEDANCE: Space = {
     "tip_space": SWITCH,
 }
 
-_STEERING: Space = {**_SHARED, **_LOOP, "approach": Range(1.0, 100.0), "strength": Range(3.0, 300.0)}
+_STEERING: Space = {
+    **_SHARED,
+    **_LOOP,
+    "approach": Range(1.0, 100.0),
+    "lead": Range(0.0, 0.4, log=False),
+    "strength": Range(3.0, 300.0),
+}
 
 SPACES: Mapping[str, Space] = MappingProxyType(
     {

@@ -115,7 +115,8 @@ def steering_reference(gains: SingleDof | VelocityRatio, obs: Array) -> Array:
     tangent = np.array([physical["heading_cos"], physical["heading_sin"]])
     velocity = jacobian @ omega
     joint_torque = jacobian.T @ (brake(gains, float(velocity @ tangent), physical["pace"]) * tangent)
-    heading = np.arctan2(tangent[1], tangent[0]) - np.arctan(gains.approach * physical["normal_error"])
+    turn = gains.lead * physical["curvature"] * (velocity @ tangent) - gains.approach * physical["normal_error"]
+    heading = np.arctan2(tangent[1], tangent[0]) + np.arctan(turn)
     if isinstance(gains, VelocityRatio):
         ratio = np.linalg.solve(jacobian, [np.cos(heading), np.sin(heading)])
         off = np.arctan2(omega[1], omega[0]) - np.arctan2(ratio[1], ratio[0])
@@ -214,9 +215,9 @@ def test_torque_feedback(hold: bool) -> None:
 @pytest.mark.parametrize(
     "gains",
     [
-        SingleDof(strength=15.0, approach=5.0, reluctance=0.0),
+        SingleDof(strength=15.0, approach=5.0, lead=0.1, reluctance=0.0),
         SingleDof(strength=40.0, slow=0.5, reluctance=0.0, feedback=0.3, pace_fraction=0.4),
-        VelocityRatio(strength=15.0, approach=5.0),
+        VelocityRatio(strength=15.0, approach=5.0, lead=0.1),
         VelocityRatio(strength=40.0, slow=2.0, tip_space=True, feedback=0.3, hold_when_stuck=True),
     ],
     ids=lambda gains: type(gains).__name__,
@@ -322,6 +323,7 @@ def test_positions_in_the_observation() -> None:
         "NORMAL_ERROR",
         "HEADING_COS",
         "HEADING_SIN",
+        "CURVATURE",
         "PACE",
     ):
         assert getattr(laws, name) == LAYOUT.index(name.lower())
@@ -364,6 +366,7 @@ def test_bad_gains_are_named(field: str, keywords: dict[str, object]) -> None:
     [
         ("approach", {"approach": -1.0}),
         ("strength", {"strength": float("nan")}),
+        ("lead", {"lead": -0.1}),
         ("slow", {"slow": 0.0}),
         ("feedback", {"feedback": -0.1}),
         ("hold_when_stuck", {"hold_when_stuck": 1}),
