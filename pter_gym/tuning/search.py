@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from filelock import FileLock
 
 from pter_gym.benchmark.pacing import PerPace, find_policy
@@ -15,6 +16,7 @@ from pter_gym.controllers import CONTROLLERS, Guided
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.scenarios import find_pace, find_scenario
 from pter_gym.tuning.examination import Examination, Verdict
+from pter_gym.tuning.offspring import offspring
 from pter_gym.tuning.spaces import SPACES, Range, gains_at, point_at
 
 TRIALS = 2000
@@ -27,7 +29,10 @@ FINALISTS = 10
 """The best trials, which are judged once more on other draws; the best of them there is the result."""
 
 STARTUP = 64
-"""Trials at random before a model of the scores guides the search."""
+"""Trials at random, before every other one comes from a model of the scores, and the rest from the best trials."""
+
+PARENTS = 20
+"""Best trials from which others come."""
 
 WAIT = 120.0
 """Seconds to wait for the storage while others write to it."""
@@ -96,19 +101,22 @@ def tune(
     """
     _check(controller, scenario, pace, trials, episodes, seed, storage)
     study = _open(storage, f"{scenario}-v{find_scenario(scenario).version} {controller} {pace} {episodes} {seed}", seed)
+    rng = np.random.default_rng(_stream(study, seed))
     study.enqueue_trial(default_point(controller, pace), skip_if_exists=True)
     speed = find_pace(pace)
     search = Examination(scenario, pace, episodes, 2 * seed)
     finished = _finished(study)
     while len(finished) < trials:
+        if len(finished) >= STARTUP and len(finished) % 2:
+            best = sorted(finished, key=_place)[:PARENTS]
+            study.enqueue_trial(offspring(controller, [trial.params for trial in best], rng))
         trial = study.ask()
         gains = gains_at(_suggest(trial, controller), speed)
         study.tell(trial, search.judge(make(controller, gains)).value)
         finished = _finished(study)
         on_trial(len(finished), min(trial.value for trial in finished))
     final = Examination(scenario, pace, episodes, 2 * seed + 1)
-    best = sorted(finished, key=lambda trial: (trial.value, trial.number))[:FINALISTS]
-    last = [gains_at(trial.params, speed) for trial in best]
+    last = [gains_at(trial.params, speed) for trial in sorted(finished, key=_place)[:FINALISTS]]
     judged = [(final.judge(make(controller, gains)), gains) for gains in last]
     verdict, gains = min(judged, key=lambda pair: pair[0].value)
     return Study(controller, scenario, pace, gains, verdict, len(finished), episodes, seed)
@@ -151,17 +159,26 @@ def _open(storage: Path, name: str, seed: int) -> Any:
             study = optuna.create_study(storage=file, study_name=name, load_if_exists=True)
     except SQLAlchemyError as error:
         raise ParameterError(f"storage must be an SQLite file of Optuna's: {error}") from None
-    begun = study.get_trials(deepcopy=False)
-    shared = any(not trial.state.is_finished() for trial in begun)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         study.sampler = optuna.samplers.TPESampler(
             n_startup_trials=STARTUP,
             multivariate=True,
             constant_liar=True,
-            seed=(seed + 1000003 * len(begun) + (os.getpid() if shared else 0)) % 2**32,
+            seed=_stream(study, seed),
         )
     return study
+
+
+def _stream(study: Any, seed: int) -> int:
+    """Return a seed of random numbers for what is left of a study, another one for each tuner that works on it."""
+    begun = study.get_trials(deepcopy=False)
+    shared = any(trial.state.name == "RUNNING" for trial in begun)
+    return (seed + 1000003 * len(begun) + (os.getpid() if shared else 0)) % 2**32
+
+
+def _place(trial: Any) -> tuple[float, int]:
+    return trial.value, trial.number
 
 
 def _write_ahead(connection: Any, _: Any) -> None:

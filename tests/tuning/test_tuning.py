@@ -21,6 +21,7 @@ from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
 from pter_gym.tuning import SPACES, Examination, Study, Verdict, add_study, tune
+from pter_gym.tuning.offspring import offspring
 from pter_gym.tuning.spaces import Range, gains_at, point_at
 
 optuna = pytest.importorskip("optuna")
@@ -87,26 +88,51 @@ def test_points_and_gains_go_both_ways(name: str) -> None:
     assert again.damping_tangential == pytest.approx(default.damping_tangential, rel=1e-3)  # type: ignore[attr-defined]
 
 
-def test_a_study_is_repeatable_resumable_and_starts_with_the_papers_gains(tmp_path: Path) -> None:
+def test_a_study_is_repeatable_resumable_and_starts_with_the_papers_gains(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pter_gym.tuning.search.STARTUP", 4)
     calls: list[tuple[int, float]] = []
     whole = tune(
         "impedance",
         "standard",
         "brisk",
-        trials=3,
+        trials=9,
         episodes=4,
         storage=tmp_path / "a.db",
         on_trial=lambda *c: calls.append(c),
     )
-    again = tune("impedance", "standard", "brisk", trials=3, episodes=4, storage=tmp_path / "b.db")
+    again = tune("impedance", "standard", "brisk", trials=9, episodes=4, storage=tmp_path / "b.db")
     assert whole == again
-    assert [count for count, _ in calls] == [1, 2, 3]
+    assert [count for count, _ in calls] == list(range(1, 10))
     exam = Examination("standard", "brisk", 4, seed=0)
     paper = find_policy("impedance").at("brisk")  # type: ignore[union-attr]
     assert calls[0][1] == pytest.approx(exam.judge(paper).value, rel=1e-3)
-    more = tune("impedance", "standard", "brisk", trials=5, episodes=4, storage=tmp_path / "a.db")
-    assert more.trials == 5
-    assert finished(tmp_path / "a.db") == [0, 1, 2, 3, 4]
+    more = tune("impedance", "standard", "brisk", trials=12, episodes=4, storage=tmp_path / "a.db")
+    assert more.trials == 12
+    assert finished(tmp_path / "a.db") == list(range(12))
+
+
+@pytest.mark.parametrize("name", TUNABLE)
+def test_offspring_stay_within_the_ranges_and_come_from_their_parents(name: str) -> None:
+    rng = np.random.default_rng(0)
+    default = point_at(name, CONTROLLERS[name](), 0.25)
+    low = {gain: space.low if isinstance(space, Range) else False for gain, space in SPACES[name].items()}
+    high = {gain: space.high if isinstance(space, Range) else True for gain, space in SPACES[name].items()}
+    for parents in ([default, low, high], [default] * 3):
+        children = [offspring(name, parents, rng) for _ in range(200)]
+        for gain, space in SPACES[name].items():
+            values = np.array([child[gain] for child in children], float)
+            if not isinstance(space, Range):
+                assert 0.0 < values.mean() < 1.0
+            else:
+                assert space.low <= values.min() <= values.max() <= space.high
+                spread = (
+                    np.log(values).std() / np.log(space.high / space.low)
+                    if space.log
+                    else values.std() / (space.high - space.low)
+                )
+                assert spread > 0.15 if parents[1] is low else spread < 0.02
 
 
 @pytest.mark.slow
