@@ -151,7 +151,7 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 WRONG = {
-    "policy": (["--policies", "pid"], "impedance, torque-feedback, free, locked, random"),
+    "policy": (["--policies", "pid"], "impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random"),
     "time constant": (["--time-constants", "fast"], "numbers"),
     "no time constant": (["--time-constants", ","], "time_constants"),
     "machine": (["--machine", "steel"], "baseline, delrin_experimental, delrin_theoretical"),
