@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pter_gym._jit import device
 from pter_gym.controllers import Controller, PerClutch
+from pter_gym.controllers.laws import KEPT, WORLD
 from pter_gym.envs.batch import Batch
 from pter_gym.params import BASELINE, Machine, quantity, require, require_number
 from pter_gym.tasks.path_following import (
@@ -69,13 +70,13 @@ class Predictive:
 @device
 def play(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:  # noqa: ARG001
     """Return the voltages of a world's own plan: gains hold the knots' distance and number, then the plans."""
-    step = memory[0]
-    memory[0] = step + 1.0
+    step = memory[KEPT]
+    memory[KEPT] = step + 1.0
     count = int(gains[1])
     place = step / gains[0]
     knot = min(int(place), count - 2)
     part = min(place - knot, 1.0)
-    at = 2 + (int(memory[1]) * count + knot) * 4
+    at = 2 + (int(memory[WORLD]) * count + knot) * 4
     return PerClutch(
         gains[at] + part * (gains[at + 4] - gains[at]),
         gains[at + 1] + part * (gains[at + 5] - gains[at + 1]),

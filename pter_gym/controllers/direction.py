@@ -42,6 +42,7 @@ class Steering(Guided, ABC):
         return Gains(
             damping_tangential=self.damping_tangential,
             pace_fraction=self.pace_fraction,
+            pace_integral=self.pace_integral,
             feedback=self.feedback,
             hold_when_stuck=float(self.hold_when_stuck),
             slip_threshold=self.slip_threshold,

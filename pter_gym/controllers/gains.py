@@ -36,6 +36,7 @@ class Gains(NamedTuple):
     damping_normal: float = 0.0
     damping_tangential: float = 0.0
     pace_fraction: float = 0.0
+    pace_integral: float = 0.0
     feedback: float = 0.0
     hold_when_stuck: float = 0.0
     tip_space: float = 0.0
@@ -123,6 +124,7 @@ def read_gains(gains: Any, pace: float) -> Gains:
         blend(gains, here + 10, there + 10, part),
         blend(gains, here + 11, there + 11, part),
         blend(gains, here + 12, there + 12, part),
+        blend(gains, here + 13, there + 13, part),
     )
 
 

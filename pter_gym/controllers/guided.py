@@ -26,12 +26,15 @@ class Guided(ABC):
     pace_fraction: float = quantity(
         "1", "chosen: the damper along the path leaves this fraction of the commanded pace alone; paper: 0", default=0.0
     )
+    pace_integral: float = quantity(
+        "N·s/m", "chosen: braking force that a control step adds for each m/s above the pace; paper: 0", default=0.0
+    )
     table_volts: tuple[float, ...] = preset("controller", "table_volts")
     slip_threshold: float = preset("controller", "slip_threshold")
 
     def __post_init__(self) -> None:
         """Check gains and table."""
-        for name in ("damping_tangential", "slip_threshold"):
+        for name in ("damping_tangential", "pace_integral", "slip_threshold"):
             require_number(self, name, at_least=0.0)
         require_number(self, "pace_fraction", at_least=0.0, at_most=1.0)
         accepted = "a tuple of rising voltages from 0"

@@ -35,6 +35,7 @@ class Impedance(Guided):
             damping_normal=self.damping_normal,
             damping_tangential=self.damping_tangential,
             pace_fraction=self.pace_fraction,
+            pace_integral=self.pace_integral,
             tip_space=float(self.tip_space),
             slip_threshold=self.slip_threshold,
         )

@@ -23,16 +23,33 @@ IMPEDANCE = 3.0
 SINGLE_DOF = 4.0
 VELOCITY_RATIO = 5.0
 
-MEMORY = 2
-"""Entries of a law's memory for each world: what the law keeps, and the number of the world."""
+MEMORY = 3
+"""Entries of a law's memory for each world: two that the law keeps, and the number of the world."""
+
+KEPT = 0
+"""What a law keeps besides the next: the clutch engaged last, or a counter."""
+
+BRAKE = 1
+"""The force along the path that the pace's integral has come to [N]."""
+
+BRAKE_LIMIT = 200.0
+"""Largest magnitude of that force [N]."""
+
+WORLD = MEMORY - 1
+"""The number of the world."""
 
 COS_A, SIN_A, COS_B, SIN_B, OMEGA_A, OMEGA_B, NORMAL_ERROR = range(7)
 HEADING_COS = 8
 HEADING_SIN = 9
 CURVATURE = 10
+PROGRESS = 7
 PACE = 13
+VOLTS = 14
 TORQUE = 18
 """Positions in the observation; a test holds them against ``observation_layout``."""
+
+BEGINNING = 0.02
+"""Part of the path on which voltages of zero say that an episode has just begun."""
 
 _RANDOM_STREAM = np.uint64(0x52414E444F4D)
 
@@ -65,13 +82,16 @@ def see_tip(obs: Any, scales: Any, gains: Any) -> Tip:
 
 
 @device
-def wanted_force(g: Gains, tip: Tip, pace: float) -> tuple[float, float]:
-    """Return the tip force [N] of a spring and a damper normal to the path and a damper along it.
+def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[float, float]:
+    """Return the tip force [N] of a spring and a damper normal to the path and a brake along it.
 
-    The damper along the path acts on what the speed exceeds a fraction of the commanded pace by; it never pushes.
+    The brake is a damper on what the speed exceeds a fraction of the commanded pace by, and ``integral`` [N]. It never
+    pushes. Backwards it is a plain damper.
     """
     speed = tip.v_x * tip.heading_cos + tip.v_y * tip.heading_sin
-    along = -g.damping_tangential * (speed - between(speed, 0.0, g.pace_fraction * pace))
+    brake = g.damping_tangential * (speed - g.pace_fraction * pace) + integral
+    brake = brake if brake > 0.0 else 0.0
+    along = -brake if speed > 0.0 else -g.damping_tangential * speed
     across = -g.stiffness * tip.error - g.damping_normal * (tip.v_y * tip.heading_cos - tip.v_x * tip.heading_sin)
     return (
         along * tip.heading_cos - across * tip.heading_sin,
@@ -80,10 +100,23 @@ def wanted_force(g: Gains, tip: Tip, pace: float) -> tuple[float, float]:
 
 
 @device
+def pace_integral(obs: Any, g: Gains, tip: Tip, pace: float, memory: Any) -> float:
+    """Return the integral of the pace [N] and let it go on: ``pace_integral``·(speed − pace) more at each control step.
+
+    It begins at zero, also where the policy is not told that an episode has begun.
+    """
+    volts = obs[VOLTS] + obs[VOLTS + 1] + obs[VOLTS + 2] + obs[VOLTS + 3]
+    before = 0.0 if (volts == 0.0) & (obs[PROGRESS] < BEGINNING) else memory[BRAKE]
+    speed = tip.v_x * tip.heading_cos + tip.v_y * tip.heading_sin
+    memory[BRAKE] = between(before + g.pace_integral * (speed - pace), -BRAKE_LIMIT, BRAKE_LIMIT)
+    return memory[BRAKE]
+
+
+@device
 def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of a guiding law: impedance, single-DOF lines or velocity ratio.
 
-    All want a force at the tip (of the latter two only the damper along the path is left); Jᵀ takes it to the joints.
+    All want a force at the tip (of the latter two only the brake along the path is left); Jᵀ takes it to the joints.
     The velocity-ratio law adds joint torques; the allocation then finds the closest torques that passive clutches can
     exert (paper section III-A). The single-DOF law adds a torque of one clutch to what was found. The table and, where
     it has a gain, the torque loop make voltages of them.
@@ -93,7 +126,7 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     tip = see_tip(obs, scales, gains)
     length_a = gains[LENGTH_A]
     length_b = gains[LENGTH_B]
-    force_x, force_y = wanted_force(g, tip, pace)
+    force_x, force_y = wanted_force(g, tip, pace, pace_integral(obs, g, tip, pace, memory))
     want_a = length_a * (tip.cos_a * force_y - tip.sin_a * force_x)
     want_b = length_b * (tip.cos_b * force_y - tip.sin_b * force_x)
     if gains[0] == VELOCITY_RATIO:
@@ -140,9 +173,9 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 @device
 def random_volts(gains: Any, memory: Any) -> PerClutch:
     """Return voltages drawn evenly from [0, voltage_max]; gains hold the seed and voltage_max."""
-    draw = np.uint64(memory[0])
-    memory[0] += 1.0
-    u1, u2, u3, u4 = uniform4(np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[1]))
+    draw = np.uint64(memory[KEPT])
+    memory[KEPT] += 1.0
+    u1, u2, u3, u4 = uniform4(np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[WORLD]))
     return PerClutch(gains[2] * u1, gains[2] * u2, gains[2] * u3, gains[2] * u4)
 
 

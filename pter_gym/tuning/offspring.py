@@ -35,12 +35,12 @@ def offspring(controller: str, best: Sequence[Point], rng: np.random.Generator) 
     parent, one, two = (int(k) for k in rng.integers(len(best), size=3))
     x, a, b, top = (_relative(controller, best[k]) for k in (parent, one, two, 0))
     towards, along = rng.uniform(0.0, 1.0, 2)
-    moved = x + towards * (top - x) + along * (a - b) + rng.normal(0.0, JITTER, len(x))
-    inside = np.where(moved < 0.0, -moved, np.where(moved > 1.0, 2.0 - moved, moved)).tolist()
+    moved: NDArray[np.float64] = x + towards * (top - x) + along * (a - b) + rng.normal(0.0, JITTER, len(x))
+    inside = 1.0 - np.abs(1.0 - np.abs(moved))  # reflected at both ends
     flips = (rng.uniform(size=len(x)) < FLIP).tolist()
     return {
         name: _absolute(space, part) if isinstance(space, Range) else bool(best[parent][name]) != flip
-        for (name, space), part, flip in zip(SPACES[controller].items(), inside, flips, strict=True)
+        for (name, space), part, flip in zip(SPACES[controller].items(), inside.tolist(), flips, strict=True)
     }
 
 

@@ -26,6 +26,7 @@ Space = Mapping[str, Range | tuple[bool, bool]]
 _SHARED: Space = {
     "braking": Range(10.0, 300.0),
     "pace_fraction": Range(0.0, 0.95, log=False),
+    "pace_integral": Range(0.05, 30.0),
     "slip_threshold": Range(1e-3, 0.2),
 }
 

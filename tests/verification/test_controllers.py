@@ -249,6 +249,34 @@ def test_the_damper_along_the_path_leaves_a_fraction_of_the_pace_alone() -> None
     assert (found != Impedance().bind(BASELINE, LAYOUT)(obs)).any()
 
 
+def test_the_integral_of_the_pace_adds_to_the_brake_and_begins_anew() -> None:
+    """What a damper and the integral give together, another damper gives alone at that speed."""
+    row = observations(400)[(observations(400)[:, LAYOUT.index("speed_along")] > 0.0)][7].copy()
+    jacobian = jacobian_of(dict(zip(LAYOUT.names, row * LAYOUT.scales, strict=True)))
+    tangent = np.array([row[LAYOUT.index("heading_cos")], row[LAYOUT.index("heading_sin")]])
+    forward = np.linalg.solve(jacobian, 0.5 * tangent) / 10.0
+    row[LAYOUT.index("omega_a") : LAYOUT.index("omega_b") + 1] = forward
+    row[LAYOUT.index("pace")] = 0.3 / LAYOUT.scales[LAYOUT.index("pace")]
+    volts = slice(LAYOUT.index("volts_1"), LAYOUT.index("volts_4") + 1)
+    row[volts] = 0.1
+    policy = Impedance(damping_tangential=100.0, pace_integral=10.0).bind(BASELINE, LAYOUT)
+    for steps in range(1, 6):
+        braking = 100.0 * 0.5 + 10.0 * 0.2 * steps
+        alone = Impedance(damping_tangential=braking / 0.5).bind(BASELINE, LAYOUT)
+        np.testing.assert_allclose(policy(row), alone(row), rtol=1e-4, atol=1e-4)
+    row[volts] = 0.0
+    row[LAYOUT.index("progress")] = 0.0
+    first = Impedance(damping_tangential=(100.0 * 0.5 + 2.0) / 0.5).bind(BASELINE, LAYOUT)
+    np.testing.assert_allclose(policy(row), first(row), rtol=1e-4, atol=1e-4)
+    row[volts] = 0.1
+    row[LAYOUT.index("pace")] = 3.0 / LAYOUT.scales[LAYOUT.index("pace")]
+    for _ in range(200):
+        volts_given = policy(row)
+    np.testing.assert_allclose(
+        volts_given, Impedance(damping_tangential=0.0).bind(BASELINE, LAYOUT)(row), rtol=1e-4, atol=1e-4
+    )
+
+
 def test_a_schedule_is_linear_between_its_knots_and_flat_beyond() -> None:
     slow = TorqueFeedback(stiffness=200.0, damping_tangential=600.0, feedback=0.1)
     brisk = TorqueFeedback(stiffness=1000.0, damping_tangential=100.0, feedback=0.5)
@@ -325,9 +353,11 @@ def test_positions_in_the_observation() -> None:
         "HEADING_SIN",
         "CURVATURE",
         "PACE",
+        "PROGRESS",
     ):
         assert getattr(laws, name) == LAYOUT.index(name.lower())
     assert LAYOUT.index("torque_1") == laws.TORQUE
+    assert LAYOUT.index("volts_1") == laws.VOLTS
 
 
 def test_simple_policies() -> None:
@@ -372,6 +402,7 @@ def test_bad_gains_are_named(field: str, keywords: dict[str, object]) -> None:
         ("hold_when_stuck", {"hold_when_stuck": 1}),
         ("reluctance", {"reluctance": 1.0}),
         ("pace_fraction", {"pace_fraction": 1.5}),
+        ("pace_integral", {"pace_integral": -1.0}),
     ],
 )
 def test_bad_gains_of_steering_are_named(field: str, keywords: dict[str, object]) -> None:
