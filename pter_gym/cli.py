@@ -50,7 +50,8 @@ def benchmark(
     and pictures. Runs that stand in the folder already are not repeated; several benchmarks may share a folder.
 
     Args:
-        policies: Controllers, separated by commas: impedance, torque-feedback, free, locked, random.
+        policies: Controllers, separated by commas: impedance, torque-feedback, single-dof, velocity-ratio, free,
+            locked, random; on a scenario also impedance-tuned and so on.
         scenario: Scenario whose stored evaluation episodes are run; the paper's standard test by default.
         paces: Commanded paces of a scenario, separated by commas: slow, medium, brisk.
         episodes: How many of the scenario's episodes to run; all by default. Ranks need 200.
@@ -175,6 +176,61 @@ def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pt
         console.print(f"wrote {out / name}", highlight=False)
 
 
+def tune(
+    controller: Annotated[str, tyro.conf.Positional],
+    scenario: Annotated[str, tyro.conf.arg(metavar="NAME")] = "standard",
+    pace: Annotated[str, tyro.conf.arg(metavar="NAME")] = "medium",
+    trials: int = 2000,
+    episodes: int = 200,
+    storage: Path = Path("pter-tune.db"),
+    seed: int = 0,
+    out: Path | None = None,
+) -> None:
+    """Search for a controller's gains on training draws of a scenario, at a commanded pace.
+
+    The trials are kept in an SQLite file: a search that was stopped goes on where it was, and several may share the
+    work. The best gains are those with the smallest path error of all that arrive and keep the pace. Needs Optuna:
+    install pter-gym[tune].
+
+    Args:
+        controller: impedance, torque-feedback, single-dof or velocity-ratio.
+        scenario: Scenario whose training draws are used; its evaluation episodes are never read.
+        pace: Commanded pace: slow, medium or brisk.
+        trials: Gains to try, at least 1.
+        episodes: Training draws for each trial, at least 1.
+        storage: SQLite file of the trials; its folder must exist.
+        seed: Seed of the draws and the search, at least 0.
+        out: File for the best gains, whose other entries stay; they are only printed by default.
+    """
+    from pter_gym.tuning import add_study
+    from pter_gym.tuning import tune as search
+
+    if out is not None and not out.parent.is_dir():
+        raise ParameterError(f"out must be a file in a folder that exists, got {str(out)!r}")
+    console = Console(highlight=False, soft_wrap=True)
+    with progress_bar(console) as progress:
+        task = progress.add_task(f"{controller}, {scenario}, {pace}", total=trials)
+
+        def show(finished: int, best: float) -> None:
+            progress.update(
+                task, completed=finished, description=f"{controller}, {scenario}, {pace}: {1000 * best:.1f} mm"
+            )
+
+        study = search(
+            controller, scenario, pace, trials=trials, episodes=episodes, storage=storage, seed=seed, on_trial=show
+        )
+    found = study.verdict
+    for name, gain in study.gains.items():
+        console.print(f"{name} = {gain!r}")
+    console.print(
+        f"path error {1000 * found.path_error_m:.1f} mm, at the end {100 * found.completed:.3g} %, mean pace "
+        f"±{100 * found.mean_pace_error:.3g} %, segment pace ±{100 * found.segment_pace_error:.3g} % on other draws"
+    )
+    if out is not None:
+        add_study(study, out)
+        console.print(f"wrote {out}")
+
+
 def scores_table(result: "Result") -> Table:
     """Return a table with one row per policy and time constant, in SI; it fits a terminal of 80 columns."""
     table = Table(
@@ -275,6 +331,7 @@ def commands() -> dict[str, Callable[..., Any]]:
         "fit": fit,
         "reproduce": reproduce,
         "speed": speed,
+        "tune": tune,
     }
     for entry in entry_points(group=GROUP):
         found[entry.name] = entry.load()

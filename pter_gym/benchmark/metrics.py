@@ -139,29 +139,47 @@ def score_episodes(
     if not alive[0].all():
         raise ValueError(f"an episode needs its reset and at least one step, episode {alive[0].argmin()} has none")
     period = tasks[0].control_period
-    length = np.array([task.path.length for task in tasks])
-    pace = np.array([task.pace for task in tasks])
-    errors = np.abs(column(telemetry, "normal_error"))
-    arc_length = column(telemetry, "arc_length")
-    mean_error = mean_over(errors[1:], alive)
-    path_average = path_averages(arc_length, errors, length, np.array([task.error_max for task in tasks]))
-    progress = find_progress(arc_length, column(telemetry, "time"), length)
+    arc_length, errors = column(telemetry, "arc_length"), column(telemetry, "normal_error")
+    ranked = ranked_scores(column(telemetry, "time"), arc_length, errors, column(telemetry, "is_success"), tasks)
     volts = four(steps, "volts")
-    return {
-        "path_error_m": np.maximum(mean_error, path_average),
-        "mean_error_m": mean_error,
-        "path_average_error_m": path_average,
-        **pace_scores(progress, length, pace),
+    found = {
+        **ranked,
         "mean_speed_m_s": mean_over(norm(vector(steps, "tip_velocity")), alive),
         **acceleration_scores(steps, alive, period),
         "path_length_m": np.nansum(norm(np.diff(vector(telemetry, "tip"), axis=0)), axis=0),
-        "completed": (column(steps, "is_success") == 1.0).any(axis=0),
-        "duration_s": progress.end,
         "effort": mean_over((volts**2).mean(axis=-1), alive) / voltage_max**2,
         "dissipated_j": np.nansum(column(steps, "dissipated"), axis=0),
         "hand_work_j": np.nansum(column(steps, "hand_work"), axis=0),
         "saturated": mean_over((volts >= (1.0 - 1e-6) * voltage_max).any(axis=-1), alive),
         "stuck": mean_over(column(steps, "mode") == ClutchMode.ZERO_DOF, alive),
+    }
+    return {name: found[name] for name in SCORES}
+
+
+def ranked_scores(
+    time: Array, arc_length: Array, errors: Array, success: Array, tasks: Sequence[PathFollowing]
+) -> Scores:
+    """Return the scores by which policies are ranked, and what they are made of: path errors, pace, completion.
+
+    Parameters
+    ----------
+    time, arc_length, errors, success
+        These fields of the telemetry of N episodes, from the reset on, shape (T + 1, N); NaN after their ends.
+    tasks
+        The tasks that were followed, N of them.
+    """
+    length = np.array([task.path.length for task in tasks])
+    errors = np.abs(errors)
+    mean_error = mean_over(errors[1:], np.isfinite(time[1:]))
+    path_average = path_averages(arc_length, errors, length, np.array([task.error_max for task in tasks]))
+    progress = find_progress(arc_length, time, length)
+    return {
+        "path_error_m": np.maximum(mean_error, path_average),
+        "mean_error_m": mean_error,
+        "path_average_error_m": path_average,
+        **pace_scores(progress, length, np.array([task.pace for task in tasks])),
+        "completed": (success[1:] == 1.0).any(axis=0),
+        "duration_s": progress.end,
     }
 
 

@@ -15,6 +15,7 @@ from pter_gym.benchmark.metrics import score_episodes
 from pter_gym.benchmark.runs import PACKAGE
 from pter_gym.benchmark.simulation import AnyPolicy, bind, simulate, time_limit
 from pter_gym.benchmark.standard import find_controller
+from pter_gym.benchmark.tuned import SUFFIX, find_tuned
 from pter_gym.controllers import CONTROLLERS, Controller
 from pter_gym.controllers.impedance import Impedance, TorqueFeedback
 from pter_gym.envs.batch import Batch
@@ -48,13 +49,24 @@ class PerPace:
 
 
 def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Controller | PerPace:
-    """Return a built-in controller by name, with the damper for each pace of a scenario where the table has one.
+    """Return a built-in controller by name, with the damper for each pace where the table has one, or a tuned one.
+
+    Parameters
+    ----------
+    name
+        In ``CONTROLLERS``, or one of those with gains and ``-tuned`` after its name.
+    seed
+        Of the random policy.
+    scenario
+        For which dampers were solved and gains tuned; see ``pter_gym.benchmark.tuned.find_tuned``.
 
     Raises
     ------
     ParameterError
-        If there is no controller of that name.
+        If there is no controller of that name, or no gains for it.
     """
+    if name.endswith(SUFFIX):
+        return find_tuned(name, scenario)
     controller = find_controller(name, seed)
     dampers = damping_table().get(scenario, {}).get(name)
     if dampers is None or not isinstance(controller, Impedance):

@@ -2,6 +2,8 @@
 
 from pter_gym._jit import inlined as device
 from pter_gym.controllers.base import Controller, Policy
+from pter_gym.controllers.direction import SingleDof, VelocityRatio
+from pter_gym.controllers.guided import Guided, PaceSchedule
 from pter_gym.controllers.impedance import Impedance, TorqueFeedback
 from pter_gym.controllers.simple import Free, Locked, Random
 from pter_gym.physics.clutch import PerClutch
@@ -9,6 +11,8 @@ from pter_gym.physics.clutch import PerClutch
 CONTROLLERS: dict[str, type[Controller]] = {
     "impedance": Impedance,
     "torque-feedback": TorqueFeedback,
+    "single-dof": SingleDof,
+    "velocity-ratio": VelocityRatio,
     "free": Free,
     "locked": Locked,
     "random": Random,
@@ -19,11 +23,15 @@ __all__ = [
     "CONTROLLERS",
     "Controller",
     "Free",
+    "Guided",
     "Impedance",
     "Locked",
+    "PaceSchedule",
     "PerClutch",
     "Policy",
     "Random",
+    "SingleDof",
     "TorqueFeedback",
+    "VelocityRatio",
     "device",
 ]

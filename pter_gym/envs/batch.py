@@ -302,7 +302,9 @@ class Batch:
         (terminated,), _, (success,) = flags.tolist()
         return obs[0], telemetry[0, 0], rewards.item(), terminated, success
 
-    def rollout(self, obs: Observations, law: Any, gains: Array, steps: int) -> tuple[Observations, Array]:
+    def rollout(
+        self, obs: Observations, law: Any, gains: Array, steps: int, memory: Array | None = None
+    ) -> tuple[Observations, Array]:
         """Run a compiled control law in all worlds, from their present state, for at most ``steps`` control periods.
 
         Parameters
@@ -313,6 +315,9 @@ class Batch:
             A law as in ``pter_gym.controllers.laws`` and its gains, shape (G,).
         steps
             Number of control periods.
+        memory
+            What the law keeps, from ``empty_memory``; it is changed, so that a further rollout may go on with it. Empty
+            by default.
 
         Returns
         -------
@@ -322,14 +327,19 @@ class Batch:
         obs = obs.copy()
         n = self.num_worlds
         telemetry = np.full((steps, n, RECORDED), np.nan)
-        memory = np.zeros((n, MEMORY))
-        memory[:, -1] = np.arange(n)
+        memory = self.empty_memory() if memory is None else memory
         config = np.concatenate([self._config, gains])
         config[HAS_LAW] = 1.0
         rewards = np.empty(n)
         flags = np.empty((FLAGS, n), np.bool_)
         self._run(advance_kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
         return obs, telemetry
+
+    def empty_memory(self) -> Array:
+        """Return the memory of a law at the start of an episode, (N, MEMORY)."""
+        memory = np.zeros((self.num_worlds, MEMORY))
+        memory[:, -1] = np.arange(self.num_worlds)
+        return memory
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""

@@ -18,7 +18,7 @@ from pter_gym._jit import device
 from pter_gym.benchmark.metrics import START_UP, column, low_pass, vector
 from pter_gym.benchmark.standard import TIME_CONSTANTS, Run
 from pter_gym.controllers import TorqueFeedback
-from pter_gym.controllers.laws import IMPEDANCE, impedance
+from pter_gym.controllers.laws import IMPEDANCE, WORLD, guide
 from pter_gym.envs.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.experiments.feedback import BEST_GAIN
@@ -346,8 +346,8 @@ def _entries(run: Run, setup: Setup, reading: Reading) -> Array:
 def own_impedance(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of the impedance law with gains of each world's own, (kind, count, gains of world 0, …)."""
     count = int(gains[1])
-    first = 2 + int(memory[1]) * count
-    return impedance(obs, scales, gains[first : first + count])
+    first = 2 + int(memory[WORLD]) * count
+    return guide(obs, scales, gains[first : first + count], memory)
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ def test_file(result: Result) -> None:
     content = json.loads(json.dumps(result.as_json(), allow_nan=False))
     assert set(content) == {"scenario", "seed", "version", "config_hash", "policies"}
     assert content["scenario"] == "standard"
-    assert list(content["policies"]) == ["impedance", "torque-feedback", "free", "locked", "random"]
+    assert list(content["policies"]) == list(CONTROLLERS)
     for runs in content["policies"].values():
         assert [run["time_constant_s"] for run in runs] == [0.01, 0.105, 0.2]
         for run in runs:
@@ -151,7 +151,7 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 WRONG = {
-    "policy": (["--policies", "pid"], "impedance, torque-feedback, free, locked, random"),
+    "policy": (["--policies", "pid"], "impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random"),
     "time constant": (["--time-constants", "fast"], "numbers"),
     "no time constant": (["--time-constants", ","], "time_constants"),
     "machine": (["--machine", "steel"], "baseline, delrin_experimental, delrin_theoretical"),

@@ -25,7 +25,7 @@ ORDER = (
     ("codec", "render"),
     ("envs",),
     ("benchmark", "sb3"),
-    ("experiments",),
+    ("experiments", "predictive", "tuning"),
     ("plots",),
     ("reproduce",),
     ("cli",),

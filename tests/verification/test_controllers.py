@@ -7,7 +7,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pter_gym.controllers import Free, Impedance, Locked, Policy, Random, TorqueFeedback, laws
+from pter_gym.controllers import (
+    Free,
+    Guided,
+    Impedance,
+    Locked,
+    PaceSchedule,
+    Policy,
+    Random,
+    SingleDof,
+    TorqueFeedback,
+    VelocityRatio,
+    laws,
+)
+from pter_gym.controllers.gains import table_voltage
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import observation_layout
@@ -38,33 +51,111 @@ def allocate(want: Array, low: Array, high: Array, metric: Array) -> Array:
     return best[2]
 
 
+def jacobian_of(physical: dict[str, float]) -> Array:
+    """Of the tip, from the angles themselves."""
+    arm = BASELINE.arm
+    a, b = (np.arctan2(physical[f"sin_{x}"], physical[f"cos_{x}"]) for x in "ab")
+    return np.array(
+        [[-arm.length_a * np.sin(a), -arm.length_b * np.sin(b)], [arm.length_a * np.cos(a), arm.length_b * np.cos(b)]]
+    )
+
+
+def allocated(gains: Guided, joint_torque: Array, omega: Array, metric: Array) -> Array:
+    """Magnitudes of the clutch torques nearest to a wanted joint torque."""
+    limit = BASELINE.clutch.dynamic.torque(24.0)
+    slip = W @ omega
+    low = np.where(slip < -gains.slip_threshold, 0.0, -limit)
+    high = np.where(slip > gains.slip_threshold, 0.0, limit)
+    return np.abs(allocate(joint_torque, low, high, metric))
+
+
+def metric_of(jacobian: Array, tip_space: bool) -> Array:
+    """Of the joint torques: distances in tip force or in joint torque."""
+    return np.asarray(np.linalg.inv(jacobian.T @ jacobian) if tip_space else np.eye(2), np.float64)
+
+
+def voltages(gains: Guided, wanted: Array, physical: dict[str, float], feedback: float, hold: bool) -> Array:
+    """The table and the torque loop."""
+    slip = W @ np.array([physical["omega_a"], physical["omega_b"]])
+    knots = np.array(gains.table_volts)
+    volts = np.interp(wanted, [BASELINE.clutch.dynamic.torque(v) for v in knots], knots)
+    error = wanted - np.abs([physical[f"torque_{x}"] for x in range(1, 5)])
+    idle = hold & (np.abs(slip) <= gains.slip_threshold) & (error > 0.0)
+    return np.clip(volts + np.where(idle, 0.0, feedback * error), 0.0, 24.0)
+
+
+def brake(gains: Guided, speed: float, pace: float) -> float:
+    """Force along the path: none between standstill and the fraction of the pace, a damper outside."""
+    free = gains.pace_fraction * pace
+    excess = speed if speed < 0.0 else max(speed - free, 0.0)
+    return -gains.damping_tangential * excess
+
+
 def reference(gains: Impedance, obs: Array, feedback: float = 0.0, hold: bool = False) -> Array:
     """The two controllers as the paper words them, in plain numpy."""
-    arm = BASELINE.arm
     physical = dict(zip(LAYOUT.names, obs * LAYOUT.scales, strict=True))
-    a, b = ((physical[f"cos_{x}"], physical[f"sin_{x}"]) for x in "ab")
     omega = np.array([physical["omega_a"], physical["omega_b"]])
-    jacobian = np.array([[-arm.length_a * a[1], -arm.length_b * b[1]], [arm.length_a * a[0], arm.length_b * b[0]]])
+    jacobian = jacobian_of(physical)
     tangent = np.array([physical["heading_cos"], physical["heading_sin"]])
     normal = np.array([-tangent[1], tangent[0]])
     velocity = jacobian @ omega
     force = (
         -(gains.stiffness * physical["normal_error"] + gains.damping_normal * (velocity @ normal)) * normal
-        - gains.damping_tangential * (velocity @ tangent) * tangent
+        + brake(gains, float(velocity @ tangent), physical["pace"]) * tangent
     )
-    limit = BASELINE.clutch.dynamic.torque(24.0)
-    slip = W @ omega
-    low = np.where(slip < -gains.slip_threshold, 0.0, -limit)
-    high = np.where(slip > gains.slip_threshold, 0.0, limit)
-    metric = np.linalg.inv(jacobian @ jacobian.T) if gains.tip_space else np.eye(2)
-    metric = np.linalg.inv(jacobian.T @ jacobian) if gains.tip_space else metric
-    wanted = np.abs(allocate(jacobian.T @ force, low, high, metric))
-    knots = np.array(gains.table_volts)
-    volts = np.interp(wanted, [BASELINE.clutch.dynamic.torque(v) for v in knots], knots)
-    generated = np.abs([physical[f"torque_{x}"] for x in range(1, 5)])
-    error = wanted - generated
-    idle = hold & (np.abs(slip) <= gains.slip_threshold) & (error > 0.0)
-    return np.clip(volts + np.where(idle, 0.0, feedback * error), 0.0, 24.0)
+    wanted = allocated(gains, jacobian.T @ force, omega, metric_of(jacobian, gains.tip_space))
+    return voltages(gains, wanted, physical, feedback, hold)
+
+
+def steering_reference(gains: SingleDof | VelocityRatio, obs: Array) -> Array:
+    """The two steering laws by angles and by simulated turns, where the laws use products."""
+    physical = dict(zip(LAYOUT.names, obs * LAYOUT.scales, strict=True))
+    omega = np.array([physical["omega_a"], physical["omega_b"]])
+    jacobian = jacobian_of(physical)
+    tangent = np.array([physical["heading_cos"], physical["heading_sin"]])
+    velocity = jacobian @ omega
+    joint_torque = jacobian.T @ (brake(gains, float(velocity @ tangent), physical["pace"]) * tangent)
+    turn = gains.lead * physical["curvature"] * (velocity @ tangent) - gains.approach * physical["normal_error"]
+    heading = np.arctan2(tangent[1], tangent[0]) + np.arctan(turn)
+    if isinstance(gains, VelocityRatio):
+        ratio = np.linalg.solve(jacobian, [np.cos(heading), np.sin(heading)])
+        off = np.arctan2(omega[1], omega[0]) - np.arctan2(ratio[1], ratio[0])
+        normal = np.array([-ratio[1], ratio[0]]) / np.linalg.norm(ratio)
+        size = np.linalg.norm(omega)
+        joint_torque = joint_torque - gains.strength * np.sin(off) * min(size / gains.slow, 1.0) * normal
+        wanted = allocated(gains, joint_torque, omega, metric_of(jacobian, gains.tip_space))
+    else:
+        wanted = allocated(gains, joint_torque, omega, np.eye(2))
+        wanted = wanted + engaged(gains, heading, physical, omega, jacobian)
+    return voltages(gains, wanted, physical, gains.feedback, gains.hold_when_stuck)
+
+
+def engaged(gains: SingleDof, heading: float, physical: dict[str, float], omega: Array, jacobian: Array) -> Array:
+    """Torque of the clutch with the best line: brake with each for a moment and see which way the tip turns."""
+    arm = BASELINE.arm
+    m12 = arm.coupling * np.cos(
+        np.arctan2(physical["sin_a"], physical["cos_a"]) - np.arctan2(physical["sin_b"], physical["cos_b"])
+    )
+    mass = np.array([[arm.inertia_a, m12], [m12, arm.inertia_b]])
+    velocity = jacobian @ omega
+    if not velocity.any():
+        return np.zeros(4)
+    off = np.angle(np.exp(1j * (heading - np.arctan2(velocity[1], velocity[0]))))
+    best, chosen = -1.0, -1
+    for x in range(4):
+        torque = -1.0 if W[x] @ omega >= 0.0 else 1.0
+        change = np.asarray(np.linalg.solve(mass, W[x] * torque), np.float64)
+        after = jacobian @ (omega + 1e-6 * change)
+        turned = np.angle(np.exp(1j * (np.arctan2(after[1], after[0]) - np.arctan2(velocity[1], velocity[0]))))
+        free = np.linalg.svd(W[x : x + 1])[2][1]
+        line = jacobian @ free
+        match = np.cos(np.arctan2(line[1], line[0]) - heading) ** 2
+        if turned * np.sin(off) > 0.0 and match > best:
+            best, chosen = match, x
+    torques = np.zeros(4)
+    if chosen >= 0:
+        torques[chosen] = gains.strength * abs(np.sin(off)) * min(np.linalg.norm(velocity) / gains.slow, 1.0)
+    return torques
 
 
 def observations(count: int) -> NDArray[np.float32]:
@@ -91,6 +182,7 @@ def observations(count: int) -> NDArray[np.float32]:
     obs[stuck == 2, omega.start + 1] = 0.0
     obs[stuck == 3, omega.start] = obs[stuck == 3, omega.start + 1]
     obs[stuck == 4, omega.start] = -obs[stuck == 4, omega.start + 1]
+    obs[:, LAYOUT.index("pace")] = rng.uniform(0.0, 0.2, count)
     torque = slice(LAYOUT.index("torque_1"), LAYOUT.index("torque_4") + 1)
     obs[:, torque] *= 0.3
     return obs.astype(np.float32)
@@ -120,6 +212,109 @@ def test_torque_feedback(hold: bool) -> None:
         assert (plain != found).any()
 
 
+@pytest.mark.parametrize(
+    "gains",
+    [
+        SingleDof(strength=15.0, approach=5.0, lead=0.1, reluctance=0.0),
+        SingleDof(strength=40.0, slow=0.5, reluctance=0.0, feedback=0.3, pace_fraction=0.4),
+        VelocityRatio(strength=15.0, approach=5.0, lead=0.1),
+        VelocityRatio(strength=40.0, slow=2.0, tip_space=True, feedback=0.3, hold_when_stuck=True),
+    ],
+    ids=lambda gains: type(gains).__name__,
+)
+def test_steering(gains: SingleDof | VelocityRatio) -> None:
+    obs = observations(400)
+    found = np.array([gains.bind(BASELINE, LAYOUT)(row) for row in obs])
+    expected = np.array([steering_reference(gains, row.astype(float)) for row in obs])
+    np.testing.assert_allclose(found, expected, rtol=2e-6, atol=5e-5)
+    assert (found > 0.0).mean() > 0.2
+
+
+def test_the_engaged_clutch_is_kept_with_reluctance() -> None:
+    obs = observations(400)
+    fickle, stubborn = (
+        SingleDof(damping_tangential=0.0, reluctance=reluctance).bind(BASELINE, LAYOUT) for reluctance in (0.0, 0.99)
+    )
+    engaged_by = [np.array([policy(row) for row in obs]).argmax(axis=1) for policy in (fickle, stubborn)]
+    changes = [(np.diff(engaged) != 0).sum() for engaged in engaged_by]
+    assert changes[1] < 0.8 * changes[0]
+
+
+def test_the_damper_along_the_path_leaves_a_fraction_of_the_pace_alone() -> None:
+    obs = observations(400)
+    gains = Impedance(pace_fraction=0.5)
+    found = gains.bind(BASELINE, LAYOUT)(obs)
+    expected = np.array([reference(gains, row.astype(float)) for row in obs])
+    np.testing.assert_allclose(found, expected, rtol=2e-6, atol=2e-5)
+    assert (found != Impedance().bind(BASELINE, LAYOUT)(obs)).any()
+
+
+def test_the_integral_of_the_pace_adds_to_the_brake_and_begins_anew() -> None:
+    """What a damper and the integral give together, another damper gives alone at that speed."""
+    row = observations(400)[(observations(400)[:, LAYOUT.index("speed_along")] > 0.0)][7].copy()
+    jacobian = jacobian_of(dict(zip(LAYOUT.names, row * LAYOUT.scales, strict=True)))
+    tangent = np.array([row[LAYOUT.index("heading_cos")], row[LAYOUT.index("heading_sin")]])
+    forward = np.linalg.solve(jacobian, 0.5 * tangent) / 10.0
+    row[LAYOUT.index("omega_a") : LAYOUT.index("omega_b") + 1] = forward
+    row[LAYOUT.index("pace")] = 0.3 / LAYOUT.scales[LAYOUT.index("pace")]
+    volts = slice(LAYOUT.index("volts_1"), LAYOUT.index("volts_4") + 1)
+    row[volts] = 0.1
+    policy = Impedance(damping_tangential=100.0, pace_integral=10.0).bind(BASELINE, LAYOUT)
+    for steps in range(1, 6):
+        braking = 100.0 * 0.5 + 10.0 * 0.2 * steps
+        alone = Impedance(damping_tangential=braking / 0.5).bind(BASELINE, LAYOUT)
+        np.testing.assert_allclose(policy(row), alone(row), rtol=1e-4, atol=1e-4)
+    row[volts] = 0.0
+    row[LAYOUT.index("progress")] = 0.0
+    first = Impedance(damping_tangential=(100.0 * 0.5 + 2.0) / 0.5).bind(BASELINE, LAYOUT)
+    np.testing.assert_allclose(policy(row), first(row), rtol=1e-4, atol=1e-4)
+    row[volts] = 0.1
+    row[LAYOUT.index("pace")] = 3.0 / LAYOUT.scales[LAYOUT.index("pace")]
+    for _ in range(200):
+        volts_given = policy(row)
+    np.testing.assert_allclose(
+        volts_given, Impedance(damping_tangential=0.0).bind(BASELINE, LAYOUT)(row), rtol=1e-4, atol=1e-4
+    )
+
+
+def test_a_schedule_is_linear_between_its_knots_and_flat_beyond() -> None:
+    slow = TorqueFeedback(stiffness=200.0, damping_tangential=600.0, feedback=0.1)
+    brisk = TorqueFeedback(stiffness=1000.0, damping_tangential=100.0, feedback=0.5)
+    schedule = PaceSchedule(((0.125, slow), (0.25, TorqueFeedback()), (0.5, brisk))).bind(BASELINE, LAYOUT)
+    between = TorqueFeedback(
+        stiffness=0.5 * (1000.0 + TorqueFeedback().stiffness),
+        damping_tangential=0.5 * (100.0 + TorqueFeedback().damping_tangential),
+        feedback=0.5 * (0.5 + TorqueFeedback().feedback),
+    )
+    obs = observations(100)
+    for pace, gains in ((0.0625, slow), (0.125, slow), (0.25, TorqueFeedback()), (0.375, between), (1.0, brisk)):
+        obs[:, LAYOUT.index("pace")] = pace / LAYOUT.scales[LAYOUT.index("pace")]
+        np.testing.assert_allclose(schedule(obs), gains.bind(BASELINE, LAYOUT)(obs), rtol=1e-6, atol=1e-5)
+
+
+def test_a_schedule_with_one_knot_is_its_controller() -> None:
+    obs = observations(50)
+    one = PaceSchedule(((0.25, TorqueFeedback()),)).bind(BASELINE, LAYOUT)
+    np.testing.assert_array_equal(one(obs), TorqueFeedback().bind(BASELINE, LAYOUT)(obs))
+
+
+@pytest.mark.parametrize(
+    "knots",
+    [
+        (),
+        ((0.25, Impedance()), (0.125, Impedance())),
+        ((0.0, Impedance()),),
+        ((0.25, Free()),),
+        ((0.25,),),
+        ((0.125, Impedance()), (0.25, TorqueFeedback())),
+        ((0.125, Impedance()), (0.25, Impedance(table_volts=(0.0, 24.0)))),
+    ],
+)
+def test_a_bad_schedule_is_refused(knots: tuple[tuple[float, Impedance], ...]) -> None:
+    with pytest.raises(ParameterError, match=r"PaceSchedule\.knots must be"):
+        PaceSchedule(knots)
+
+
 def test_feedback_gain_is_the_papers() -> None:
     assert pytest.approx(0.531, abs=5e-4) == TorqueFeedback().feedback
     assert pytest.approx(0.06) == TorqueFeedback().feedback * INCH_POUND
@@ -134,7 +329,7 @@ def test_without_feedback_both_laws_are_one() -> None:
 
 def test_table_is_clamped_and_zero_torque_is_zero_volts() -> None:
     gains = Impedance().bind(BASELINE, LAYOUT).gains
-    table = getattr(laws.table_voltage, "py_func", laws.table_voltage)
+    table = getattr(table_voltage, "py_func", table_voltage)
     dynamic = BASELINE.clutch.dynamic
     assert table(gains, 0.0) == 0.0
     assert table(gains, 1e6) == 24.0
@@ -156,9 +351,13 @@ def test_positions_in_the_observation() -> None:
         "NORMAL_ERROR",
         "HEADING_COS",
         "HEADING_SIN",
+        "CURVATURE",
+        "PACE",
+        "PROGRESS",
     ):
         assert getattr(laws, name) == LAYOUT.index(name.lower())
     assert LAYOUT.index("torque_1") == laws.TORQUE
+    assert LAYOUT.index("volts_1") == laws.VOLTS
 
 
 def test_simple_policies() -> None:
@@ -190,6 +389,27 @@ def test_simple_policies() -> None:
 def test_bad_gains_are_named(field: str, keywords: dict[str, object]) -> None:
     with pytest.raises(ParameterError, match=rf"\.{field} must be"):
         TorqueFeedback(**keywords)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    ("field", "keywords"),
+    [
+        ("approach", {"approach": -1.0}),
+        ("strength", {"strength": float("nan")}),
+        ("lead", {"lead": -0.1}),
+        ("slow", {"slow": 0.0}),
+        ("feedback", {"feedback": -0.1}),
+        ("hold_when_stuck", {"hold_when_stuck": 1}),
+        ("reluctance", {"reluctance": 1.0}),
+        ("pace_fraction", {"pace_fraction": 1.5}),
+        ("pace_integral", {"pace_integral": -1.0}),
+    ],
+)
+def test_bad_gains_of_steering_are_named(field: str, keywords: dict[str, object]) -> None:
+    with pytest.raises(ParameterError, match=rf"\.{field} must be"):
+        SingleDof(**keywords)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ParameterError, match="tip_space must be"):
+        VelocityRatio(tip_space="no")  # pyright: ignore[reportArgumentType]
 
 
 def test_what_does_not_fit_is_refused() -> None:

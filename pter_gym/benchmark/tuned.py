@@ -1,0 +1,113 @@
+"""Controllers with gains that ``pter tune`` found on training draws, as the package ships them.
+
+``pter_gym/presets/tuned.toml`` has a table for each scenario, controller and pace: the gains, the command that found
+them, and their scores on training draws that the search had not seen.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, cast
+
+from pter_gym.benchmark.runs import PACKAGE
+from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
+from pter_gym.errors import DataError, ParameterError, unknown_name
+from pter_gym.scenarios import PACES
+
+TABLE = PACKAGE / "presets" / "tuned.toml"
+
+SUFFIX = "-tuned"
+
+FALLBACK = "everything"
+"""The scenario whose gains serve where there are none for another."""
+
+TUNABLE: tuple[str, ...] = tuple(name for name, kind in CONTROLLERS.items() if issubclass(kind, Guided))
+"""Names of the controllers that have gains."""
+
+TUNED = tuple(name + SUFFIX for name in TUNABLE)
+"""Names under which they are found with tuned gains."""
+
+Table = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
+
+
+def find_tuned(name: str, scenario: str | None = None, *, path: Path = TABLE) -> PaceSchedule:
+    """Return a controller whose tuned gains follow the commanded pace.
+
+    Parameters
+    ----------
+    name
+        Such as ``torque-feedback-tuned``.
+    scenario
+        Whose gains to take; without them, or by default, those of ``everything``.
+    path
+        File of the gains.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such controller, or no gains for it.
+    DataError
+        If the file is not as ``pter tune`` writes it.
+    """
+    if name not in TUNED:
+        raise unknown_name("policies", name, TUNED)
+    controller = name.removesuffix(SUFFIX)
+    table = read_table(path)
+    known = next((table[s] for s in (scenario or FALLBACK, FALLBACK) if s in table and table[s].get(controller)), None)
+    if known is None:
+        raise ParameterError(
+            f"policies: there are no tuned gains of {controller!r} for {scenario or FALLBACK!r} or {FALLBACK!r}; "
+            f"`pter tune {controller}` finds some"
+        )
+    knots = [(PACES[pace], controller_of(controller, entry, path)) for pace, entry in known[controller].items()]
+    return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])))
+
+
+def read_table(path: Path = TABLE) -> Table:
+    """Return the tuned gains by scenario, controller and pace; empty if there is no file.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read or names a controller or pace that there is none of.
+    """
+    try:
+        table: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    except (OSError, ValueError) as error:
+        raise DataError(f"tuned gains {path} cannot be read: {error}") from None
+    for scenario, controllers in table.items():
+        for controller, paces in _table(controllers, scenario, path).items():
+            if controller not in TUNABLE:
+                raise DataError(f"tuned gains {path}: {scenario}.{controller} is no controller with gains")
+            for pace, entry in _table(paces, f"{scenario}.{controller}", path).items():
+                if pace not in PACES:
+                    raise DataError(f"tuned gains {path}: {scenario}.{controller}.{pace} is no pace")
+                _table(_table(entry, pace, path).get("gains"), f"{scenario}.{controller}.{pace}.gains", path)
+    return table
+
+
+def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
+    """Return a controller with the gains of an entry; those that it does not name are the paper's.
+
+    Raises
+    ------
+    DataError
+        If a gain is unknown or refused.
+    """
+    kind: Any = CONTROLLERS[name]
+    gains: dict[str, Any] = entry["gains"]
+    known = [field.name for field in fields(kind)]
+    for gain in gains:
+        if gain not in known:
+            raise DataError(f"tuned gains {path}: {name} has no gain {gain!r}; it has {', '.join(known)}")
+    try:
+        return kind(**gains)
+    except ParameterError as error:
+        raise DataError(f"tuned gains {path}: {error}") from None
+
+
+def _table(value: object, where: str, path: Path) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise DataError(f"tuned gains {path}: {where} must be a table")
+    return cast("dict[str, Any]", value)

@@ -1,0 +1,117 @@
+"""What all guiding controllers share: a damper along the path, a torque table, and gains that may follow the pace."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, cast
+
+from pter_gym.controllers.base import Policy
+from pter_gym.controllers.gains import Gains, gains_array
+from pter_gym.controllers.laws import TORQUE
+from pter_gym.errors import ParameterError
+from pter_gym.layout import Layout
+from pter_gym.params import Machine, preset, quantity, require, require_number, require_numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guided(ABC):
+    """A controller that wants a tip force, finds clutch torques for it, and their voltages in a table.
+
+    The controller knows the nominal machine that it is bound to: its link lengths and inertias, and the dynamic torque
+    curve at ``table_volts``. Between these it interpolates, so that its table is not the plant's curve. Below 4 V,
+    where the paper could not measure, the table is extrapolated to (0 V, 0 N·m).
+    """
+
+    damping_tangential: float = preset("controller", "damping_tangential")
+    pace_fraction: float = quantity(
+        "1", "chosen: the damper along the path leaves this fraction of the commanded pace alone; paper: 0", default=0.0
+    )
+    pace_integral: float = quantity(
+        "N·s/m", "chosen: braking force that a control step adds for each m/s above the pace; paper: 0", default=0.0
+    )
+    table_volts: tuple[float, ...] = preset("controller", "table_volts")
+    slip_threshold: float = preset("controller", "slip_threshold")
+
+    def __post_init__(self) -> None:
+        """Check gains and table."""
+        for name in ("damping_tangential", "pace_integral", "slip_threshold"):
+            require_number(self, name, at_least=0.0)
+        require_number(self, "pace_fraction", at_least=0.0, at_most=1.0)
+        accepted = "a tuple of rising voltages from 0"
+        require_numbers(self, "table_volts", accepted)
+        rising = all(a < b for a, b in pairwise(self.table_volts))
+        require(rising and self.table_volts[:1] == (0.0,), self, "table_volts", self.table_volts, accepted)
+
+    @property
+    @abstractmethod
+    def kind(self) -> float:
+        """Number of the law."""
+
+    @abstractmethod
+    def gains(self) -> Gains:
+        """Return the gains as the law reads them."""
+
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        """Return the policy for a nominal machine.
+
+        Raises
+        ------
+        ParameterError
+            If the table does not end at the machine's largest voltage, or there is a torque loop and the observation
+            has no torque sensors.
+        """
+        return bind_rows(self, [(1.0, self.gains())], machine, layout)
+
+
+@dataclass(frozen=True)
+class PaceSchedule:
+    """One controller for all paces: gains piecewise linear in the commanded pace, between those of its knots.
+
+    Below the first pace and above the last, the gains of that knot stay. A switch is that of the nearer knot.
+
+    Attributes
+    ----------
+    knots
+        Commanded pace [m/s] and controller, by rising pace. The controllers are of one kind with one torque table.
+    """
+
+    knots: tuple[tuple[float, Guided], ...]
+
+    def __post_init__(self) -> None:
+        """Check that the knots rise and go together."""
+        accepted = "pairs of a pace > 0 and a guiding controller, by rising pace"
+        knots = self.knots
+        require(_are_knots(knots), self, "knots", knots, accepted)
+        require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", knots, accepted)
+        alike = {(type(controller), controller.table_volts) for _, controller in knots}
+        require(len(alike) == 1, self, "knots", knots, "controllers of one kind with one table_volts")
+
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        """Return the policy for a nominal machine; raises as the controllers' own ``bind``."""
+        rows = [(pace, controller.gains()) for pace, controller in self.knots]
+        return bind_rows(self.knots[0][1], rows, machine, layout)
+
+
+def _are_knots(knots: Any) -> bool:
+    """Tell whether something is a tuple of pairs of a finite pace > 0 and a guiding controller."""
+    given = cast("tuple[Any, ...]", knots) if isinstance(knots, tuple) else ()
+    return len(given) > 0 and all(_is_knot(knot) for knot in given)
+
+
+def _is_knot(knot: Any) -> bool:
+    """Tell whether something is a pair of a finite pace > 0 and a guiding controller."""
+    pair = cast("tuple[Any, ...]", knot) if isinstance(knot, tuple) else ()
+    if len(pair) != 2 or not isinstance(pair[0], (int, float)):
+        return False
+    return 0.0 < pair[0] < float("inf") and isinstance(pair[1], Guided)
+
+
+def bind_rows(first: Guided, rows: list[tuple[float, Gains]], machine: Machine, layout: Layout) -> Policy:
+    """Return the policy of rows of gains by pace; the law and the table are those of the first controller."""
+    top = machine.clutch.voltage_max
+    volts = first.table_volts
+    require(volts[-1:] == (top,), first, "table_volts", volts, f"up to voltage_max = {top:g} V")
+    feeds_back = any(gains.feedback != 0.0 for _, gains in rows)
+    if feeds_back and ("torque_1" not in layout.names or layout.index("torque_1") != TORQUE):
+        raise ParameterError('torque feedback needs torque sensors: sensors="torque" or sensors="force"')
+    return Policy(gains_array(first.kind, machine, volts, rows), layout)

@@ -1,0 +1,108 @@
+"""How good a controller is on training draws of a scenario: one number that is finite and ranks all gains."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.benchmark.leaderboard import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.metrics import Scores, ranked_scores
+from pter_gym.benchmark.simulation import time_limit
+from pter_gym.benchmark.statistics import interquartile_mean
+from pter_gym.controllers import Controller, Policy
+from pter_gym.envs.batch import Batch
+from pter_gym.params import BASELINE
+from pter_gym.scenarios import find_scenario
+from pter_gym.tasks.path_following import T_ARC_LENGTH, T_ERROR, T_SUCCESS, T_TERMINATED, T_TIME
+
+Array = NDArray[np.float64]
+
+RESERVE = 0.9
+"""Part of the leaderboard's limits on what is missing and on pace errors that the search keeps to, lest gains that just
+keep the limits on its draws miss them on others."""
+
+PENALTY = 1.0
+"""Path error [m] that counts for each unit over a limit."""
+
+SEGMENT = 128
+"""Control steps that are simulated at a time."""
+
+COLUMNS = (T_TIME, T_ARC_LENGTH, T_ERROR, T_SUCCESS)
+"""What ranked scores need of the telemetry."""
+
+
+class Verdict(NamedTuple):
+    """What counts of a controller's scores.
+
+    Attributes
+    ----------
+    path_error_m
+        Interquartile mean of the path error.
+    completed, mean_pace_error, segment_pace_error
+        Means.
+    """
+
+    path_error_m: float
+    completed: float
+    mean_pace_error: float
+    segment_pace_error: float
+
+    @property
+    def value(self) -> float:
+        """What the search makes small: the path error [m], and a penalty for each limit that is not kept."""
+        over = max(0.0, (1.0 - self.completed) - RESERVE * (1.0 - COMPLETION))
+        over += max(0.0, self.mean_pace_error - RESERVE * PACE_ERROR)
+        over += max(0.0, self.segment_pace_error - RESERVE * PACE_ERROR)
+        return self.path_error_m + PENALTY * over
+
+
+class Examination:
+    """Training draws of a scenario on which controllers are scored; the same draws for all of them.
+
+    Parameters
+    ----------
+    scenario, pace
+        Names.
+    episodes
+        Number of draws.
+    seed
+        Of the draws, ≥ 0.
+    """
+
+    def __init__(self, scenario: str, pace: str, episodes: int, seed: int) -> None:
+        pairs = find_scenario(scenario).randomisation(pace, contexts=episodes, seed=seed).pairs()
+        pairs.sort(key=lambda pair: time_limit(pair[1]))  # blocks of worlds then end at about one time
+        self.tasks = [task for _, task in pairs]
+        self.limits = np.array([time_limit(task) for task in self.tasks])
+        self.seeds = [seed * episodes + k for k in range(episodes)]
+        self.batch = Batch([machine for machine, _ in pairs], self.tasks)
+
+    def judge(self, controller: Controller) -> Verdict:
+        """Return what counts of a controller's scores."""
+        scores = self.scores(controller)
+        return Verdict(
+            float(interquartile_mean(scores["path_error_m"])),
+            *(float(scores[name].mean()) for name in Verdict._fields[1:]),
+        )
+
+    def scores(self, controller: Controller) -> Scores:
+        """Return the ranked scores of a controller on all draws, as the benchmark has them."""
+        columns = self._run(controller.bind(BASELINE, self.batch.layout))
+        beyond = np.arange(len(columns[0]))[:, None] > self.limits
+        time, arc_length, errors, success = (np.where(beyond, np.nan, column) for column in columns)
+        return ranked_scores(time, arc_length, errors, success, self.tasks)
+
+    def _run(self, policy: Policy) -> list[Array]:
+        """Return ``COLUMNS`` of the telemetry until all episodes have ended or run out of time, (T + 1, N) each."""
+        obs, first = self.batch.reset(self.seeds)
+        memory = self.batch.empty_memory()
+        parts = [first[None][..., COLUMNS]]
+        ended = np.zeros(len(self.seeds), np.bool_)
+        steps = 0
+        while steps < self.limits.max() and not ended.all():
+            obs, rows = self.batch.rollout(obs, policy.law, policy.gains, SEGMENT, memory)
+            parts.append(rows[..., COLUMNS])
+            ended |= (rows[..., T_TERMINATED] == 1.0).any(axis=0)
+            steps += SEGMENT
+            ended |= self.limits <= steps
+        return list(np.moveaxis(np.concatenate(parts), -1, 0))

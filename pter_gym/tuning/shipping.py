@@ -1,0 +1,75 @@
+"""Tuned gains as a file: a table for each scenario, controller and pace, which several tuners may write to."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, cast
+
+from filelock import FileLock
+
+from pter_gym.benchmark.tuned import Table, read_table
+from pter_gym.files import write_text_atomic
+from pter_gym.scenarios import PACES, SCENARIOS
+from pter_gym.tuning.search import Study
+
+HEADING = (
+    "Gains of controllers in SI, found by `pter tune` on training draws; the others are those of pter.toml. Each entry",
+    "holds the command that made it, the trials of its study, the training draws of each trial, and the scores on as",
+    "many draws that the search had not seen: interquartile mean of the path error [m], means of the others.",
+)
+
+
+def command_of(study: Study) -> str:
+    """Return the command that repeats a study."""
+    return (
+        f"pter tune {study.controller} --scenario {study.scenario} --pace {study.pace} --trials {study.trials} "
+        f"--episodes {study.episodes} --seed {study.seed}"
+    )
+
+
+def entry_of(study: Study) -> dict[str, Any]:
+    """Return what a file holds of a study."""
+    return {
+        "command": command_of(study),
+        "trials": study.trials,
+        "episodes": study.episodes,
+        **study.verdict._asdict(),
+        "gains": study.gains,
+    }
+
+
+def add_study(study: Study, path: Path) -> None:
+    """Write the gains of a study to a file, in the place of earlier ones for the same; its other entries stay.
+
+    Raises
+    ------
+    DataError
+        If there is a file that is not as this function writes it.
+    """
+    with FileLock(path.with_name(f".{path.name}.lock")):
+        table: dict[str, Any] = dict(read_table(path))
+        table.setdefault(study.scenario, {}).setdefault(study.controller, {})[study.pace] = entry_of(study)
+        write_text_atomic(path, format_table(table))
+
+
+def format_table(table: Table) -> str:
+    """Return tuned gains as TOML, in the order of scenarios, controllers and paces."""
+    return "\n".join(_lines(table)) + "\n"
+
+
+def _lines(table: Table) -> Iterator[str]:
+    yield from (f"# {line}" for line in HEADING)
+    for scenario in sorted(table, key=list(SCENARIOS).index):
+        for controller, paces in table[scenario].items():
+            for pace in sorted(paces, key=list(PACES).index):
+                yield from ("", f"[{scenario}.{controller}.{pace}]")
+                yield from (f"{name} = {_value(value)}" for name, value in paces[pace].items())
+
+
+def _value(value: object) -> str:
+    """Return a number, a switch, a string of ours or a table of these as TOML has it."""
+    if isinstance(value, Mapping):
+        parts = cast("Mapping[str, object]", value).items()
+        return "{ " + ", ".join(f"{name} = {_value(part)}" for name, part in parts) + " }"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) else repr(value)

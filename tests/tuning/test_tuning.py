@@ -1,0 +1,305 @@
+"""The search for gains: what it scores, what it keeps, and what it never reads."""
+
+import os
+import sqlite3
+import subprocess
+import sys
+import time
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pter_gym.benchmark.metrics import score_episodes
+from pter_gym.benchmark.pacing import find_policy
+from pter_gym.benchmark.simulation import simulate
+from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, find_tuned, read_table
+from pter_gym.controllers import CONTROLLERS, Controller, Free, Impedance, Locked, PaceSchedule, SingleDof
+from pter_gym.errors import DataError, ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.scenarios import PACES
+from pter_gym.tuning import SPACES, Examination, Study, Verdict, add_study, tune
+from pter_gym.tuning.offspring import offspring
+from pter_gym.tuning.spaces import Range, gains_at, point_at
+
+optuna = pytest.importorskip("optuna")
+
+
+def finished(storage: Path) -> list[int]:
+    """Numbers of the finished trials of the one study in a storage."""
+    (name,) = optuna.get_all_study_names(f"sqlite:///{storage}")
+    study = optuna.load_study(study_name=name, storage=f"sqlite:///{storage}")
+    return [trial.number for trial in study.get_trials(deepcopy=False) if trial.value is not None]
+
+
+def command(storage: Path, *arguments: str) -> list[str]:
+    given = ["tune", "impedance", "--pace", "brisk", "--episodes", "4", "--storage", str(storage), *arguments]
+    return [sys.executable, "-m", "pter_gym.cli", *given]
+
+
+@pytest.mark.parametrize("controller", [Impedance(), SingleDof(), Locked()], ids=lambda c: type(c).__name__)
+def test_scores_are_the_benchmarks(controller: Controller) -> None:
+    exam = Examination("everything", "brisk", 24, seed=3)
+    found = exam.scores(controller)
+    bound = controller.bind(BASELINE, exam.batch.layout)
+    telemetry = simulate(exam.batch, bound, exam.seeds, int(exam.limits.max()))
+    for world, limit in enumerate(exam.limits):
+        telemetry[limit + 1 :, world] = np.nan
+    expected = score_episodes(telemetry, exam.tasks)
+    assert found["completed"].any() or isinstance(controller, Locked)
+    for name, values in found.items():
+        np.testing.assert_array_equal(values, expected[name], err_msg=name)
+
+
+def test_every_controller_has_a_finite_value_and_useless_ones_a_bad_one() -> None:
+    exam = Examination("standard", "medium", 16, seed=1)
+    paper = find_policy("impedance").at("medium")  # type: ignore[union-attr]
+    values = [exam.judge(controller).value for controller in (paper, Free(), Locked(), Impedance(stiffness=1e12))]
+    assert np.isfinite(values).all()
+    assert values[0] < 0.1
+    assert min(values[1:3]) > 0.5
+
+
+def test_penalties_grow_without_a_jump() -> None:
+    good = Verdict(0.02, 1.0, 0.05, 0.1)
+    assert good.value == 0.02
+    for field, at_limit, step in (
+        ("completed", 0.991, -0.01),
+        ("mean_pace_error", 0.135, 0.01),
+        ("segment_pace_error", 0.135, 0.01),
+    ):
+        assert good._replace(**{field: at_limit}).value == pytest.approx(0.02, abs=1e-9)
+        assert good._replace(**{field: at_limit + step}).value == pytest.approx(0.03, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", TUNABLE)
+def test_points_and_gains_go_both_ways(name: str) -> None:
+    kind = CONTROLLERS[name]
+    default = replace(kind(), pace_fraction=0.5)  # type: ignore[call-arg]
+    point = point_at(name, default, 0.25)
+    again = kind(**gains_at(point, 0.25))
+    assert set(point) == set(SPACES[name])
+    for gain, space in SPACES[name].items():
+        if gain != "braking" and isinstance(space, Range):
+            wanted = min(max(getattr(default, gain), space.low), space.high)
+            assert getattr(again, gain) == pytest.approx(wanted, rel=1e-3)
+    assert again.damping_tangential == pytest.approx(default.damping_tangential, rel=1e-3)  # type: ignore[attr-defined]
+
+
+def test_a_study_is_repeatable_resumable_and_starts_with_the_papers_gains(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pter_gym.tuning.search.STARTUP", 4)
+    calls: list[tuple[int, float]] = []
+    whole = tune(
+        "impedance",
+        "standard",
+        "brisk",
+        trials=9,
+        episodes=4,
+        storage=tmp_path / "a.db",
+        on_trial=lambda *c: calls.append(c),
+    )
+    again = tune("impedance", "standard", "brisk", trials=9, episodes=4, storage=tmp_path / "b.db")
+    assert whole == again
+    assert [count for count, _ in calls] == list(range(1, 10))
+    exam = Examination("standard", "brisk", 4, seed=0)
+    paper = find_policy("impedance").at("brisk")  # type: ignore[union-attr]
+    assert calls[0][1] == pytest.approx(exam.judge(paper).value, rel=1e-3)
+    more = tune("impedance", "standard", "brisk", trials=12, episodes=4, storage=tmp_path / "a.db")
+    assert more.trials == 12
+    assert finished(tmp_path / "a.db") == list(range(12))
+
+
+@pytest.mark.parametrize("name", TUNABLE)
+def test_offspring_stay_within_the_ranges_and_come_from_their_parents(name: str) -> None:
+    rng = np.random.default_rng(0)
+    default = point_at(name, CONTROLLERS[name](), 0.25)
+    low = {gain: space.low if isinstance(space, Range) else False for gain, space in SPACES[name].items()}
+    high = {gain: space.high if isinstance(space, Range) else True for gain, space in SPACES[name].items()}
+    for parents in ([default, low, high], [default] * 3):
+        children = [offspring(name, parents, rng) for _ in range(200)]
+        for gain, space in SPACES[name].items():
+            values = np.array([child[gain] for child in children], float)
+            if not isinstance(space, Range):
+                assert 0.0 < values.mean() < 1.0
+            else:
+                assert space.low <= values.min() <= values.max() <= space.high
+                spread = (
+                    np.log(values).std() / np.log(space.high / space.low)
+                    if space.log
+                    else values.std() / (space.high - space.low)
+                )
+                assert spread > 0.15 if parents[1] is low else spread < 0.02
+
+
+@pytest.mark.slow
+def test_a_killed_tuner_loses_the_running_trial_at_most(tmp_path: Path) -> None:
+    storage = tmp_path / "trials.db"
+    tuner = subprocess.Popen(command(storage, "--trials", "100000"), stdout=subprocess.DEVNULL)
+    try:
+        deadline = time.monotonic() + 120.0
+        while not (storage.exists() and begun(storage) >= 12):
+            assert time.monotonic() < deadline
+            assert tuner.poll() is None
+            time.sleep(0.2)
+    finally:
+        tuner.kill()
+        tuner.wait()
+    kept = finished(storage)
+    assert len(kept) >= begun(storage) - 1
+    study = tune("impedance", "standard", "brisk", trials=len(kept) + 2, episodes=4, storage=storage)
+    assert study.trials == len(kept) + 2
+    assert set(kept) < set(finished(storage))
+
+
+def begun(storage: Path) -> int:
+    """Number of the trials that were begun, as soon as there is a study."""
+    with closing(sqlite3.connect(storage)) as connection:
+        try:
+            return connection.execute("SELECT count(*) FROM trials WHERE state <> 'WAITING'").fetchone()[0]
+        except sqlite3.OperationalError:
+            return 0
+
+
+@pytest.mark.slow
+def test_two_tuners_share_the_work(tmp_path: Path) -> None:
+    storage = tmp_path / "trials.db"
+    tuners = [subprocess.Popen(command(storage, "--trials", "40"), stdout=subprocess.DEVNULL) for _ in range(2)]
+    assert [tuner.wait(timeout=240) for tuner in tuners] == [0, 0]
+    numbers = finished(storage)
+    assert len(numbers) in (40, 41)
+    assert numbers == sorted(set(numbers))
+
+
+@pytest.mark.slow
+def test_the_search_opens_no_evaluation_episodes(tmp_path: Path) -> None:
+    watch = (
+        "import sys\n"
+        "opened = []\n"
+        "sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event == 'open' else None)\n"
+        "from pter_gym.cli import main\n"
+        f"assert main({command(tmp_path / 'trials.db', '--trials', '2')[3:]!r}) == 0\n"
+        "assert any(name.endswith('trials.db') or name.endswith('.py') for name in opened)\n"
+        "assert not [name for name in opened if 'episodes' in name.replace(chr(92), '/').split('/')], opened\n"
+    )
+    subprocess.run([sys.executable, "-c", watch], check=True, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("impedence", "standard", "brisk"), "did you mean 'impedance'"),
+        (("impedance", "standart", "brisk"), "did you mean 'standard'"),
+        (("impedance", "standard", "brisc"), "did you mean 'brisk'"),
+        (("free", "standard", "brisk"), "controller"),
+    ],
+)
+def test_unknown_names_are_refused(arguments: tuple[str, str, str], message: str, tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match=message):
+        tune(*arguments, storage=tmp_path / "trials.db")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("trials", 0), ("episodes", 0), ("seed", -1), ("storage", Path("/nowhere/trials.db"))]
+)
+def test_bad_numbers_and_storages_are_refused(name: str, value: object, tmp_path: Path) -> None:
+    given: dict[str, object] = {"storage": tmp_path / "trials.db", name: value}
+    with pytest.raises(ParameterError, match=name):
+        tune("impedance", "standard", "brisk", **given)  # type: ignore[arg-type]
+
+
+def test_a_storage_that_is_none_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "trials.db").write_text("no database, but a long enough text to be looked at" * 100)
+    with pytest.raises(ParameterError, match="storage must be an SQLite file"):
+        tune("impedance", "standard", "brisk", storage=tmp_path / "trials.db")
+
+
+def test_without_optuna_there_is_a_hint(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "optuna", None)
+    with pytest.raises(ParameterError, match=r"install pter-gym\[tune\]"):
+        tune("impedance", "standard", "brisk", storage=tmp_path / "trials.db")
+
+
+STUDY = Study(
+    controller="impedance",
+    scenario="standard",
+    pace="slow",
+    gains={"stiffness": 123.4, "tip_space": True},
+    verdict=Verdict(0.0123, 1.0, 0.05, 0.1),
+    trials=7,
+    episodes=8,
+    seed=9,
+)
+
+
+def test_gains_are_written_beside_others_and_found(tmp_path: Path) -> None:
+    path = tmp_path / "tuned.toml"
+    add_study(replace(STUDY, scenario="everything", pace="brisk"), path)
+    add_study(replace(STUDY, gains={"stiffness": 1.0}), path)
+    add_study(STUDY, path)
+    table = read_table(path)
+    assert list(table) == ["standard", "everything"]
+    assert table["standard"]["impedance"]["slow"] == {
+        "command": "pter tune impedance --scenario standard --pace slow --trials 7 --episodes 8 --seed 9",
+        "trials": 7,
+        "episodes": 8,
+        "path_error_m": 0.0123,
+        "completed": 1.0,
+        "mean_pace_error": 0.05,
+        "segment_pace_error": 0.1,
+        "gains": {"stiffness": 123.4, "tip_space": True},
+    }
+    tuned = Impedance(stiffness=123.4, tip_space=True)
+    assert find_tuned("impedance-tuned", "standard", path=path) == PaceSchedule(((PACES["slow"], tuned),))
+    fallback = PaceSchedule(((PACES["brisk"], tuned),))
+    assert find_tuned("impedance-tuned", "paths", path=path) == fallback
+    assert find_tuned("impedance-tuned", path=path) == fallback
+    with pytest.raises(ParameterError, match="no tuned gains of 'single-dof'"):
+        find_tuned("single-dof-tuned", "standard", path=path)
+    with pytest.raises(ParameterError, match="did you mean 'impedance-tuned'"):
+        find_tuned("impedence-tuned", "standard", path=path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[standard", "cannot be read"),
+        ("standard = 1", "must be a table"),
+        ("[standard.free.slow]\ngains = {}", "no controller with gains"),
+        ("[standard.impedance.fast]\ngains = {}", "no pace"),
+        ("[standard.impedance.slow]\ncommand = ''", "gains must be a table"),
+        ("[standard.impedance.slow]\ngains = { stifness = 1.0 }", "no gain 'stifness'"),
+        ("[standard.impedance.slow]\ngains = { stiffness = -1.0 }", "stiffness must be"),
+    ],
+)
+def test_a_broken_table_is_refused(text: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "tuned.toml"
+    path.write_text(text)
+    with pytest.raises(DataError, match=message):
+        find_tuned("impedance-tuned", "standard", path=path)
+
+
+@pytest.mark.slow
+def test_shipped_gains_have_their_published_scores_bit_for_bit() -> None:
+    for scenario, controllers in read_table().items():
+        for name, paces in controllers.items():
+            for pace, entry in paces.items():
+                words = entry["command"].split()
+                seed = int(words[words.index("--seed") + 1])
+                exam = Examination(scenario, pace, entry["episodes"], 2 * seed + 1)
+                found = exam.judge(controller_of(name, entry, TABLE))
+                assert found._asdict() == {score: entry[score] for score in Verdict._fields}, (scenario, name, pace)
+
+
+def test_shipped_gains_cover_all_controllers_and_paces_of_standard() -> None:
+    table = read_table()
+    assert set(table["standard"]) == set(TUNABLE)
+    for name in TUNABLE:
+        assert set(table["standard"][name]) == set(PACES)
+        schedule = find_policy(f"{name}-tuned", scenario="standard")
+        assert isinstance(schedule, PaceSchedule)
+        assert [pace for pace, _ in schedule.knots] == sorted(PACES.values())
