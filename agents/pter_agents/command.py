@@ -41,7 +41,7 @@ def train(
         steps: Control steps of all worlds together.
         seed: Seed of weights, worlds, draws and actions, at least 0.
         out: Folder of the run; made if need be. It may hold no other run.
-        resume: Go on from the newest checkpoint in the folder; the other arguments must be as before, but for the steps.
+        resume: Go on from the newest checkpoint in the folder; other arguments but the steps must be as before.
         config: TOML file with hyper-parameters in place of the usual ones.
         smoke: A run of some seconds that shows that training works.
     """

@@ -10,6 +10,10 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
+from pter_agents.checkpoints import load_weights
+from pter_agents.settings import PLAIN
+from pter_agents.training import PROGRESS, Arguments, RunFolder, make_model
+from pter_agents.worlds import InterfaceVecEnv, make_worlds, training_draws
 from pter_gym import __version__
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError
@@ -18,11 +22,6 @@ from pter_gym.policies import Card, Interface, load_policy, write_policy
 from pter_gym.policies.cards import fields_of
 from pter_gym.scenarios import find_scenario
 from pter_gym.terminal import make_folder
-
-from pter_agents.checkpoints import load_weights
-from pter_agents.settings import PLAIN
-from pter_agents.training import PROGRESS, Arguments, RunFolder, make_model
-from pter_agents.worlds import InterfaceVecEnv, make_worlds, training_draws
 
 SAME = 1e-6
 """Largest difference between a run's policy and the exported one, relative to the largest voltage."""
@@ -161,8 +160,7 @@ def model_card(card: Card) -> str:
         "",
         f"- Command: `{about['command']}` ({about['steps']} control steps)",
         f"- Versions: {', '.join(f'{name} {number}' for name, number in about['versions'].items())}",
-        f"- Network: {len(card.interface.inputs)} inputs, hidden layers of {', '.join(map(str, card.hidden))} with "
-        "tanh, 4 outputs",
+        f"- Network: {len(card.interface.inputs)} inputs, tanh layers of {', '.join(map(str, card.hidden))}, 4 outputs",
         f"- An output of ±1 is ±{card.interface.reach:g} V, limited to 0…{card.voltage_max:g} V",
         f"- Observations: {', '.join(name for name, _, _ in card.observation)}",
         "",

@@ -7,19 +7,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
-
-from pter_gym.benchmark import PACES
-from pter_gym.errors import DataError, ParameterError, unknown_name
-from pter_gym.files import write_text_atomic
-from pter_gym.params import require, require_number
-from pter_gym.policies.interface import Interface
-from pter_gym.scenarios import SCENARIOS
-from pter_gym.terminal import make_folder
 
 from pter_agents.checkpoints import checkpoints, resume_from, save_checkpoint
 from pter_agents.errors import TrainingDivergedError
@@ -27,6 +18,14 @@ from pter_agents.prepare import make_interface
 from pter_agents.settings import ALGORITHMS, Settings, require_whole, settings_from
 from pter_agents.validation import Validation, network_of
 from pter_agents.worlds import ALL, InterfaceVecEnv, make_worlds, training_draws
+from pter_gym.benchmark import PACES
+from pter_gym.errors import DataError, ParameterError, unknown_name
+from pter_gym.files import write_text_atomic
+from pter_gym.params import require, require_number
+from pter_gym.policies.cards import read_interface
+from pter_gym.policies.interface import Interface
+from pter_gym.scenarios import SCENARIOS
+from pter_gym.terminal import make_folder
 
 RUN = "run.json"
 """File in a run's folder that says what is trained; checkpoints and logs stand beside it."""
@@ -120,7 +119,7 @@ class RunFolder:
         except (OSError, ValueError) as error:
             raise DataError(f"{self.path / RUN} cannot be read: {error}") from None
         try:
-            interface = interface_from(content.pop("interface"))
+            interface = read_interface(content.pop("interface"))
             settings = settings_from(content.pop("settings"))
             return Arguments(settings=settings, **content), interface
         except (KeyError, TypeError, ValueError) as error:
@@ -250,8 +249,9 @@ def train(
             watch.init_callback(model)
         return watch.finish()
     except FloatingPointError as error:
+        good = folder.newest()
         raise TrainingDivergedError(
-            f"training stopped after {model.num_timesteps} steps: {error}; the last good checkpoint is {folder.newest()}"
+            f"training stopped after {model.num_timesteps} steps: {error}; the last good checkpoint is {good}"
         ) from error
     finally:
         model.logger.close()
@@ -312,10 +312,3 @@ def plain(arguments: Arguments) -> Mapping[str, Any]:
     """Return arguments and hyper-parameters by name."""
     values = asdict(arguments)
     return {**values.pop("settings"), **values}
-
-
-def interface_from(content: Mapping[str, Any]) -> Interface:
-    """Return an interface from plain data."""
-    from pter_gym.policies.cards import read_interface
-
-    return read_interface(content)

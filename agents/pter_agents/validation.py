@@ -11,13 +11,12 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
+from pter_agents.worlds import training_draws
 from pter_gym.benchmark import score_episodes
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.envs.batch import Batch
 from pter_gym.policies.interface import BoundInterface
-
-from pter_agents.worlds import training_draws
 
 Array = NDArray[np.float64]
 Net = Callable[[Array], Array]

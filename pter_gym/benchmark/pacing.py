@@ -52,12 +52,12 @@ class PerPace:
 
 
 def find_policy(name: str, seed: int = 0) -> Controller | PerPace:
-    """Return a built-in controller by name, with the damper for each pace where the table has one.
+    """Return a built-in controller by name, with the damper for each pace where the table has one, or a trained policy.
 
     Raises
     ------
     ParameterError
-        If there is no controller of that name.
+        If there is neither of that name.
     """
     controller = find_controller(name, seed)
     dampers = damping_table().get(name)

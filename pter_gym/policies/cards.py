@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from itertools import pairwise
 from typing import Any, cast
 
 from pter_gym.errors import DataError, ParameterError
@@ -67,7 +68,7 @@ class Card:
         """Names and shapes of the tensors that belong to it."""
         sizes = (len(self.interface.inputs), *self.hidden, OUTPUTS)
         found: dict[str, tuple[int, ...]] = {}
-        for k, (before, after) in enumerate(zip(sizes[:-1], sizes[1:], strict=True)):
+        for k, (before, after) in enumerate(pairwise(sizes)):
             found[f"layer_{k}.weight"] = (after, before)
             found[f"layer_{k}.bias"] = (after,)
         return found

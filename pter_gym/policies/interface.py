@@ -6,18 +6,19 @@ A network sees quantities of the observation and a few derived from it, each shi
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.layout import Layout
-from pter_gym.params import Machine, require, require_number
+from pter_gym.params import Machine, require, require_kind, require_number
 
 if TYPE_CHECKING:
-    from pter_gym.controllers import Policy
+    from pter_gym.controllers import Controller
 
 Array = NDArray[np.float64]
 Quantities = dict[str, Array]
@@ -74,7 +75,7 @@ class Input:
 
     def __post_init__(self) -> None:
         """Check the numbers; a bound interface has checked the name."""
-        require(isinstance(self.name, str), self, "name", self.name, "a string")
+        require_kind(self, "name", str)
         require_number(self, "center")
         require_number(self, "scale", above=0.0)
 
@@ -101,15 +102,12 @@ class Base:
 
     def __post_init__(self) -> None:
         """Check names and numbers by making the controllers."""
-        rising = all(
-            isinstance(pace, (int, float)) and 0.0 < pace < np.inf and (k == 0 or pace > self.paces[k - 1])
-            for k, pace in enumerate(self.paces)
-        )
+        rising = all(low < high for low, high in pairwise((0.0, *self.paces, np.inf)))
         require(rising and len(self.paces) > 0, self, "paces", self.paces, "rising numbers > 0")
         require(len(self.gains) == len(self.paces), self, "gains", self.gains, "one set for each pace")
         self.controllers()
 
-    def controllers(self) -> tuple[Any, ...]:
+    def controllers(self) -> "tuple[Controller, ...]":
         """Return the controllers, one for each pace."""
         from pter_gym.controllers import CONTROLLERS
 
@@ -121,7 +119,12 @@ class Base:
             for name in gains:
                 if name not in known:
                     raise unknown_name("base.gains", name, known)
-        return tuple(kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in g.items()}) for g in self.gains)
+        return tuple(kind(**{name: _plain(value) for name, value in gains.items()}) for gains in self.gains)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as dataclasses have it: JSON knows no tuples."""
+    return tuple(cast(list[Any], value)) if isinstance(value, list) else value
 
 
 class BoundBase:
@@ -129,7 +132,7 @@ class BoundBase:
 
     def __init__(self, base: Base, machine: Machine, layout: Layout) -> None:
         self._layout = layout
-        self._policies: tuple[Policy, ...] = tuple(each.bind(machine, layout) for each in base.controllers())
+        self._policies = tuple(each.bind(machine, layout) for each in base.controllers())
         self._borders = np.sqrt(np.array(base.paces[1:]) * np.array(base.paces[:-1]))
 
     def __call__(self, obs: NDArray[np.float32]) -> Array:

@@ -4,6 +4,7 @@ import hashlib
 import json
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +34,7 @@ class Neural:
     @cached_property
     def identity(self) -> str:
         """Name and SHA-256 of the card, which holds that of the weights."""
-        content = {**self.card.as_json(), "about": {}}
+        content: dict[str, Any] = {**self.card.as_json(), "about": None}
         return f"{self.card.name} {hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()}"
 
     def bind(self, machine: Machine, layout: Layout) -> "NeuralPolicy":
