@@ -85,13 +85,14 @@ def resume_from(model: PPO, worlds: InterfaceVecEnv, path: Path) -> None:
 
 def _state(model: PPO, worlds: InterfaceVecEnv) -> State:
     """Return all that a run's future depends on besides networks and optimiser."""
-    _, keys, position, has_gauss, gauss = np.random.get_state(legacy=True)  # noqa: NPY002 (Stable-Baselines3 draws from it)
+    drawn: Any = np.random.get_state(legacy=True)  # noqa: NPY002 (Stable-Baselines3 draws from it)
+    _, keys, position, has_gauss, gauss = drawn
     own: Any = model
     return {
         **worlds.get_state(),
         "last_obs": own._last_obs,
         "starts": own._last_episode_starts,
-        "counts": np.array([model.num_timesteps, model._n_updates, position, has_gauss]),
+        "counts": np.array([model.num_timesteps, own._n_updates, position, has_gauss]),
         "numpy_keys": keys,
         "numpy_gauss": np.array(gauss),
         "torch": torch.get_rng_state().numpy(),

@@ -94,9 +94,10 @@ def make_card(
 
 def tensors_of(model: PPO) -> Tensors:
     """Return the weights of a model's policy by the names that a policy's file has."""
-    linear = [layer for layer in model.policy.mlp_extractor.policy_net if isinstance(layer, torch.nn.Linear)]
+    policy: Any = model.policy
+    linear = [layer for layer in policy.mlp_extractor.policy_net if isinstance(layer, torch.nn.Linear)]
     found: Tensors = {}
-    for k, layer in enumerate([*linear, model.policy.action_net]):
+    for k, layer in enumerate([*linear, policy.action_net]):
         found[f"layer_{k}.weight"] = layer.weight.detach().numpy().astype(np.float32)
         found[f"layer_{k}.bias"] = layer.bias.detach().numpy().astype(np.float32)
     return found
@@ -111,7 +112,7 @@ def compare(model: PPO, worlds: InterfaceVecEnv, name: str, folder: Path) -> flo
     policy = load_policy(name, folder).bind(BASELINE, layout)
     worlds.venv.seed(0)
     obs: Any = worlds.venv.reset()
-    exact = model.policy.double()
+    exact: Any = model.policy.double()
     largest = 0.0
     for _ in range(TRIES):
         inputs, base = worlds.interface.see(obs)
@@ -120,7 +121,7 @@ def compare(model: PPO, worlds: InterfaceVecEnv, name: str, folder: Path) -> flo
         theirs = worlds.interface.volts(base, outputs)
         mine = policy(obs)
         largest = max(largest, float(np.abs(mine - theirs).max()))
-        obs, _, _, _ = worlds.venv.step(mine)
+        obs = worlds.venv.step(mine)[0]
     model.policy.float()
     return largest / BASELINE.clutch.voltage_max
 

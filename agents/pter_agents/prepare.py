@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -57,13 +58,13 @@ def sample_inputs(plain: Interface, settings: Settings, draws: Randomisation, se
     residual = plain.base is not None
     rng = np.random.default_rng(seed)
     worlds.seed(seed)
-    obs = worlds.reset()
+    obs: Any = worlds.reset()
     seen: list[np.ndarray] = []
     for _ in range(SAMPLE_STEPS):
         _, base = bound.see(obs)
         seen.append(quantities(obs * layout.scales, base, layout, residual=residual))
         actions = settings.start + settings.deviation * rng.standard_normal((SAMPLE_WORLDS, 4))
-        obs, _, _, _ = worlds.step(bound.volts(base, actions))  # type: ignore[assignment]
+        obs = worlds.step(bound.volts(base, actions))[0]
     worlds.close()
     values = np.concatenate(seen)
     names = available(layout, residual=residual)

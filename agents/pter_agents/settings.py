@@ -3,7 +3,7 @@
 import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.errors import ParameterError, unknown_name
@@ -96,8 +96,8 @@ class Settings:
         for name in ("worlds", "steps", "minibatch", "epochs", "episode", "contexts"):
             require_whole(self, name)
         for name in ("hidden", "value_hidden"):
-            sizes = getattr(self, name)
-            whole = isinstance(sizes, tuple) and all(type(size) is int and 1 <= size <= 1024 for size in sizes)
+            sizes: tuple[Any, ...] = getattr(self, name)
+            whole = type(sizes) is tuple and all(type(size) is int and 1 <= size <= 1024 for size in sizes)
             require(whole and len(sizes) > 0, self, name, sizes, "whole numbers from 1 to 1024")
         require(
             self.worlds * self.steps % self.minibatch == 0,
@@ -153,8 +153,13 @@ def settings_from(values: dict[str, Any]) -> Settings:
             raise ParameterError(f"config must hold {name}")
         if kind is str and not isinstance(values[name], str):
             raise ParameterError(f"Settings.{name} must be a string, got {values[name]!r}")
-    plain = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+    plain: dict[str, Any] = {name: _plain(value) for name, value in values.items()}
     return Settings(**plain)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as the dataclass has it: files know no tuples."""
+    return tuple(cast(list[Any], value)) if isinstance(value, list) else value
 
 
 def read_table(file: Path) -> dict[str, Any]:

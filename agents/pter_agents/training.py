@@ -282,8 +282,9 @@ def make_model(settings: Settings, worlds: InterfaceVecEnv, arguments: Arguments
         seed=arguments.seed,
         device="cpu",
     )
+    policy: Any = model.policy
     with torch.no_grad():
-        model.policy.action_net.bias.fill_(settings.start)
+        policy.action_net.bias.fill_(settings.start)
     return model
 
 

@@ -102,7 +102,8 @@ class InterfaceVecEnv(VecEnvWrapper):
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Advance all worlds by one control period."""
-        obs, rewards, done, infos = self.venv.step_wait()
+        venv: Any = self.venv
+        obs, rewards, done, infos = venv.step_wait()
         found = np.asarray(rewards, np.float32)
         self._returns += found
         self._lengths += 1
