@@ -130,7 +130,7 @@ def read_card(data: bytes, what: str) -> Card:
         if content["environment"] != ENVIRONMENT:
             raise ValueError(f"it is made for {content['environment']!r}, this is {ENVIRONMENT!r}")
         return _card(content)
-    except (ValueError, TypeError, RecursionError) as error:
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
         raise DataError(f"policy card {what} is refused: {error}") from None
 
 
