@@ -50,7 +50,7 @@ def train(
     settings = load_settings(algo, config)
     try:
         from pter_agents import training
-    except ModuleNotFoundError as error:
+    except ImportError as error:
         raise DependencyError(MISSING) from error
     from dataclasses import asdict
 
@@ -91,7 +91,7 @@ def export(
     """
     try:
         from pter_agents.exporting import export_run
-    except ModuleNotFoundError as error:
+    except ImportError as error:
         raise DependencyError(MISSING) from error
     console = Console()
     path, difference = export_run(run, out, name=name)

@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import configure
+from stable_baselines3.common.logger import Logger, make_output_format
 
 from pter_agents.checkpoints import checkpoints, resume_from, save_checkpoint
 from pter_agents.errors import TrainingDivergedError
@@ -236,10 +236,10 @@ def train(
         folder.begin(arguments, interface)
     worlds = InterfaceVecEnv(make_worlds(draws, settings.worlds, settings.episode), interface)
     model = make_model(settings, worlds, arguments)
-    model.set_logger(configure(str(out), ["csv", "tensorboard"]))
     newest = folder.newest() if resume else None
     if newest is not None:
         resume_from(model, worlds, newest)
+    model.set_logger(make_logger(out, model.num_timesteps))
     watch = Watch(arguments, worlds, folder, on_progress)
     try:
         remaining = arguments.steps - model.num_timesteps
@@ -286,6 +286,12 @@ def make_model(settings: Settings, worlds: InterfaceVecEnv, arguments: Arguments
     with torch.no_grad():
         policy.action_net.bias.fill_(settings.start)
     return model
+
+
+def make_logger(out: Path, steps: int) -> Logger:
+    """Return what writes progress.csv and for TensorBoard; after a resume, to files of its own."""
+    suffix = f"-{steps}" if steps else ""
+    return Logger(str(out), [make_output_format(kind, str(out), suffix) for kind in ("csv", "tensorboard")])
 
 
 @dataclass(frozen=True)

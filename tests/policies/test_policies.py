@@ -161,7 +161,9 @@ def test_other_observations_are_refused_with_both_named(folder: Path) -> None:
         policy.bind(BASELINE, LAYOUT)(np.zeros((2, 5), np.float32))
 
 
-@pytest.mark.parametrize("name", ["../tested", "tested/", "..", "", "a b", "Tested", "tested.json", "/etc/passwd", "a--b"])
+@pytest.mark.parametrize(
+    "name", ["../tested", "tested/", "..", "", "a b", "Tested", "tested.json", "/etc/passwd", "a--b"]
+)
 def test_a_name_is_never_a_path(name: str, folder: Path) -> None:
     with pytest.raises(ParameterError, match="names of small letters"):
         load_policy(name, folder)
