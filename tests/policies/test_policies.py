@@ -121,7 +121,7 @@ def test_a_residual_reaches_so_many_volts_from_its_base(tmp_path: Path) -> None:
     policy = load_policy("tested", tmp_path)
     obs = observations()
     _, base = policy.card.interface.bind(BASELINE, LAYOUT).see(obs)
-    expected = np.clip(base + [1.0, -1.0, 2.0, -2.0], 0.0, 24.0)
+    expected = np.clip(base + np.array([1.0, -1.0, 2.0, -2.0]), 0.0, 24.0)
     np.testing.assert_allclose(policy.bind(BASELINE, LAYOUT)(obs), expected, atol=1e-5)
 
 
