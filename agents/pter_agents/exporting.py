@@ -111,11 +111,12 @@ def compare(model: PPO, worlds: InterfaceVecEnv, name: str, folder: Path) -> flo
     layout = worlds.worlds.observation_layout
     policy = load_policy(name, folder).bind(BASELINE, layout)
     worlds.venv.seed(0)
-    obs: Any = worlds.venv.reset()
+    obs: Any = worlds.venv.reset()  # worlds that end begin anew without being forgotten, for both policies alike
     exact: Any = model.policy.double()
+    past = worlds.interface.begin(WORLDS)
     largest = 0.0
     for _ in range(TRIES):
-        inputs, base = worlds.interface.see(obs)
+        inputs, base = worlds.interface.see(obs, past)
         with torch.no_grad():
             outputs = exact.action_net(exact.mlp_extractor.forward_actor(torch.as_tensor(inputs))).numpy()
         theirs = worlds.interface.volts(base, outputs)
@@ -161,7 +162,7 @@ def model_card(card: Card) -> str:
         "",
         f"- Command: `{about['command']}` ({about['steps']} control steps)",
         f"- Versions: {', '.join(f'{name} {number}' for name, number in about['versions'].items())}",
-        f"- Network: {len(card.interface.inputs)} inputs, tanh layers of {', '.join(map(str, card.hidden))}, 4 outputs",
+        f"- Network: {card.interface.size} inputs, tanh layers of {', '.join(map(str, card.hidden))}, 4 outputs",
         f"- An output of ±1 is ±{card.interface.reach:g} V, limited to 0…{card.voltage_max:g} V",
         f"- Observations: {', '.join(name for name, _, _ in card.observation)}",
         "",

@@ -46,7 +46,7 @@ def make_interface(settings: Settings, draws: Randomisation, seed: int) -> Inter
         Of the run and its random actions.
     """
     base = find_base(settings.base)
-    plain = Interface(inputs=(Input("pace"),), reach=settings.reach, base=base)
+    plain = Interface(inputs=(Input("pace"),), reach=settings.reach, base=base, history=settings.history)
     return replace(plain, inputs=tuple(sample_inputs(plain, settings, draws, seed)))
 
 
@@ -59,9 +59,10 @@ def sample_inputs(plain: Interface, settings: Settings, draws: Randomisation, se
     rng = np.random.default_rng(seed)
     worlds.seed(seed)
     obs: Any = worlds.reset()
+    past = bound.begin(SAMPLE_WORLDS)
     seen: list[np.ndarray] = []
     for _ in range(SAMPLE_STEPS):
-        _, base = bound.see(obs)
+        _, base = bound.see(obs, past)
         seen.append(quantities(obs * layout.scales, base, layout, residual=residual))
         actions = settings.start + settings.deviation * rng.standard_normal((SAMPLE_WORLDS, 4))
         obs = worlds.step(bound.volts(base, actions))[0]

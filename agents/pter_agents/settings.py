@@ -33,6 +33,8 @@ class Settings:
         Action that the untrained policy takes on average.
     deviation
         Standard deviation of its actions at the beginning.
+    history
+        How many control steps ago the networks see their inputs besides those of now.
     hidden, value_hidden
         Units of the hidden layers of policy and value.
     worlds, steps
@@ -57,6 +59,7 @@ class Settings:
     reach: float
     start: float
     deviation: float
+    history: tuple[int, ...]
     hidden: tuple[int, ...]
     value_hidden: tuple[int, ...]
     worlds: int
@@ -99,6 +102,8 @@ class Settings:
             sizes: tuple[Any, ...] = getattr(self, name)
             whole = type(sizes) is tuple and all(type(size) is int and 1 <= size <= 1024 for size in sizes)
             require(whole and len(sizes) > 0, self, name, sizes, "whole numbers from 1 to 1024")
+        ages: tuple[Any, ...] = self.history
+        require(type(ages) is tuple and all(type(age) is int for age in ages), self, "history", ages, "whole numbers")
         require(
             self.worlds * self.steps % self.minibatch == 0,
             self,

@@ -291,7 +291,8 @@ def make_model(settings: Settings, worlds: InterfaceVecEnv, arguments: Arguments
 def make_logger(out: Path, steps: int) -> Logger:
     """Return what writes progress.csv and for TensorBoard; after a resume, to files of its own."""
     suffix = f"-{steps}" if steps else ""
-    return Logger(str(out), [make_output_format(kind, str(out), suffix) for kind in ("csv", "tensorboard")])
+    open_output: Any = make_output_format
+    return Logger(str(out), [open_output(kind, str(out), suffix) for kind in ("csv", "tensorboard")])
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from pter_gym.benchmark import score_episodes
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.envs.batch import Batch
-from pter_gym.policies.interface import BoundInterface
+from pter_gym.policies.interface import BoundInterface, Past
 
 Array = NDArray[np.float64]
 Net = Callable[[Array], Array]
@@ -62,12 +62,14 @@ class Validation:
             What it sees and does.
         """
 
-        def act(obs: NDArray[np.float32]) -> NDArray[np.float32]:
-            inputs, base = interface.see(obs)
-            return interface.volts(base, net(inputs))
-
         found: Scores = {}
         for pace, batch in self._batches.items():
+            past = interface.begin(len(self._seeds))
+
+            def act(obs: NDArray[np.float32], past: Past = past) -> NDArray[np.float32]:
+                inputs, base = interface.see(obs, past)
+                return interface.volts(base, net(inputs))
+
             tasks = self._tasks[pace]
             telemetry = simulate(batch, act, list(self._seeds), max(map(time_limit, tasks)))
             values = score_episodes(telemetry, tasks)

@@ -81,11 +81,12 @@ class InterfaceVecEnv(VecEnvWrapper):
     def __init__(self, venv: PterVecEnv, interface: Interface) -> None:
         super().__init__(
             venv,
-            observation_space=spaces.Box(-LIMIT, LIMIT, (len(interface.inputs),), np.float32),
+            observation_space=spaces.Box(-LIMIT, LIMIT, (interface.size,), np.float32),
             action_space=spaces.Box(-1.0, 1.0, (4,), np.float32),
         )
         self.worlds = venv.env
         self.interface = interface.bind(BASELINE, self.worlds.observation_layout)
+        self._past = self.interface.begin(venv.num_envs)
         self._base = np.zeros((venv.num_envs, 4))
         self._returns = np.zeros(venv.num_envs)
         self._lengths = np.zeros(venv.num_envs, np.int64)
@@ -94,6 +95,7 @@ class InterfaceVecEnv(VecEnvWrapper):
         """Start new episodes."""
         self._returns[:] = 0.0
         self._lengths[:] = 0
+        self._past.forget(np.ones(self.num_envs, np.bool_))
         return self._see(self.venv.reset())
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
@@ -109,9 +111,12 @@ class InterfaceVecEnv(VecEnvWrapper):
         self._lengths += 1
         ended = np.flatnonzero(done)
         if len(ended):
-            last, _ = self.interface.see(np.stack([infos[world]["terminal_observation"] for world in ended]))
-            for world, row in zip(map(int, ended), last.astype(np.float32), strict=True):
-                infos[world]["terminal_observation"] = row
+            final = np.array(obs)
+            final[ended] = [infos[world]["terminal_observation"] for world in ended]
+            last, _ = self.interface.see(final, self._past, passing=True)
+            self._past.forget(done)
+            for world in map(int, ended):
+                infos[world]["terminal_observation"] = last[world].astype(np.float32)
                 infos[world]["episode"] = {"r": float(self._returns[world]), "l": int(self._lengths[world])}
             self._returns[ended] = 0.0
             self._lengths[ended] = 0
@@ -120,15 +125,20 @@ class InterfaceVecEnv(VecEnvWrapper):
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes."""
         own = {"base": self._base, "returns": self._returns, "lengths": self._lengths}
-        return {**self.worlds.get_state(), **{name: part.copy() for name, part in own.items()}}
+        return {
+            **self.worlds.get_state(),
+            **self._past.get_state(),
+            **{name: part.copy() for name, part in own.items()},
+        }
 
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
         """Go on where ``get_state`` was called."""
         self.worlds.set_state(state)
+        self._past.set_state(state)
         self._base = state["base"]
         self._returns = state["returns"]
         self._lengths = state["lengths"]
 
     def _see(self, obs: Any) -> NDArray[np.float32]:
-        inputs, self._base = self.interface.see(obs)
+        inputs, self._base = self.interface.see(obs, self._past)
         return inputs.astype(np.float32)

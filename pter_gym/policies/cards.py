@@ -66,7 +66,7 @@ class Card:
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of the tensors that belong to it."""
-        sizes = (len(self.interface.inputs), *self.hidden, OUTPUTS)
+        sizes = (self.interface.size, *self.hidden, OUTPUTS)
         found: dict[str, tuple[int, ...]] = {}
         for k, (before, after) in enumerate(pairwise(sizes)):
             found[f"layer_{k}.weight"] = (after, before)
@@ -142,7 +142,7 @@ def read_interface(content: Any) -> Interface:
     ValueError
         If it is not one.
     """
-    _check_keys(content, ("inputs", "reach", "base"), "interface")
+    _check_keys(content, ("inputs", "reach", "base", "history"), "interface")
     entries = _list(content["inputs"], "inputs", MOST_INPUTS)
     for entry in entries:
         _check_keys(entry, ("name", "center", "scale"), "input")
@@ -151,6 +151,7 @@ def read_interface(content: Any) -> Interface:
         inputs=tuple(Input(**entry) for entry in entries),
         reach=_number(content["reach"], "reach"),
         base=None if base is None else _base(base),
+        history=tuple(_list(content["history"], "history", MOST_LAYERS, at_least=0)),
     )
 
 
@@ -191,9 +192,9 @@ def _check_keys(content: Any, keys: tuple[str, ...], what: str) -> None:
         raise ValueError(f"{what} must be an object with {', '.join(keys)}")
 
 
-def _list(value: Any, what: str, most: int) -> list[Any]:
-    if not isinstance(value, (list, tuple)) or not 1 <= len(cast(list[Any], value)) <= most:
-        raise ValueError(f"{what} must be a list of 1 to {most}")
+def _list(value: Any, what: str, most: int, *, at_least: int = 1) -> list[Any]:
+    if not isinstance(value, (list, tuple)) or not at_least <= len(cast(list[Any], value)) <= most:
+        raise ValueError(f"{what} must be a list of {at_least} to {most}")
     return list(cast(list[Any], value))
 
 

@@ -5,7 +5,7 @@ A network sees quantities of the observation and a few derived from it, each shi
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
@@ -27,6 +27,9 @@ LIMIT = 10.0
 """Inputs of a network are limited to ±LIMIT of their scales."""
 
 CLUTCHES = range(1, 5)
+
+LONGEST = 64
+"""How many control steps a network can look back at most."""
 
 BASE_INPUTS = tuple(f"base_{x}" for x in CLUTCHES)
 """Voltages of the base controller [V]."""
@@ -158,16 +161,28 @@ class Interface:
         Voltage of an output of 1, relative to the middle of the range or to the base controller [V].
     base
         What the outputs correct; None for the middle of the range.
+    history
+        How many control steps ago the network sees all inputs besides those of now, rising. Before the start of an
+        episode they are as they were at the start.
     """
 
     inputs: tuple[Input, ...]
     reach: float
-    base: Base | None = field(default=None)
+    base: Base | None = None
+    history: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         require(len(self.inputs) > 0, self, "inputs", self.inputs, "at least one input")
         require_number(self, "reach", above=0.0)
+        rising = all(low < high for low, high in pairwise((0, *self.history, LONGEST + 1)))
+        accepted = f"rising whole numbers from 1 to {LONGEST}"
+        require(rising and all(type(age) is int for age in self.history), self, "history", self.history, accepted)
+
+    @property
+    def size(self) -> int:
+        """Number of inputs of the network, those of earlier control steps included."""
+        return len(self.inputs) * (1 + len(self.history))
 
     def bind(self, machine: Machine, layout: Layout) -> "BoundInterface":
         """Return what translates for a nominal machine and a layout of observations.
@@ -196,19 +211,28 @@ class BoundInterface:
         self._columns = [names.index(each.name) for each in interface.inputs]
         self._center = np.array([each.center for each in interface.inputs])
         self._scale = np.array([each.scale for each in interface.inputs])
+        self.history = interface.history
 
-    def see(self, obs: NDArray[np.float32]) -> tuple[Array, Array]:
+    def begin(self, worlds: int) -> "Past":
+        """Return the empty past of so many worlds."""
+        return Past(worlds, len(self._columns), self.history)
+
+    def see(self, obs: NDArray[np.float32], past: "Past", *, passing: bool = False) -> tuple[Array, Array]:
         """Return what the network sees and the voltages that it corrects.
 
         Parameters
         ----------
         obs
             Observations, float32 (N, entries).
+        past
+            What the network saw before of the same worlds; the present is added to it, unless it is only passing.
+        passing
+            Whether these observations are only looked at.
 
         Returns
         -------
         inputs, volts
-            (N, inputs), each within ±LIMIT; (N, 4) [V].
+            (N, size), each within ±LIMIT; (N, 4) [V].
 
         Raises
         ------
@@ -220,12 +244,64 @@ class BoundInterface:
             raise ParameterError(f"observation must have {len(self.layout)} entries, got the shape {rows.shape}")
         base = np.full((len(rows), 4), 0.5 * self.voltage_max) if self.base is None else self.base(rows)
         values = quantities(rows * self._scales, base, self.layout, residual=self.base is not None)
-        return np.clip((values[:, self._columns] - self._center) / self._scale, -LIMIT, LIMIT), base
+        present = np.clip((values[:, self._columns] - self._center) / self._scale, -LIMIT, LIMIT)
+        return past.look(present) if passing else past.add(present), base
 
     def volts(self, base: Array, outputs: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return voltages [V], float32 (N, 4), for the outputs (N, 4) of a network; beyond [−1, 1] they are limited."""
         wanted = base + self.reach * np.clip(np.asarray(outputs, np.float64), -1.0, 1.0)
         return np.clip(wanted, 0.0, self.voltage_max).astype(np.float32)
+
+
+class Past:
+    """What a network saw of some worlds in the last control steps.
+
+    Parameters
+    ----------
+    worlds, inputs
+        Numbers of worlds and of inputs.
+    history
+        As in ``Interface``.
+    """
+
+    def __init__(self, worlds: int, inputs: int, history: tuple[int, ...]) -> None:
+        self.worlds = worlds
+        self._ages = np.array((0, *history))
+        self._rows = np.zeros((int(self._ages[-1]) + 1, worlds, inputs))
+        self._empty = np.ones(worlds, np.bool_)
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Begin anew for some worlds, (N,)."""
+        self._empty |= worlds
+
+    def add(self, present: Array) -> Array:
+        """Return inputs (N, inputs) with those of earlier steps behind them, (N, size), the latest first."""
+        if len(self._ages) == 1:
+            return present
+        found = self._with(present)
+        self._rows[:], self._empty[:] = found, False
+        return self._shown(found)
+
+    def look(self, present: Array) -> Array:
+        """Return what ``add`` would, and keep nothing."""
+        return present if len(self._ages) == 1 else self._shown(self._with(present))
+
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all that changes."""
+        return {"past_rows": self._rows.copy(), "past_empty": self._empty.copy()}
+
+    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on where ``get_state`` was called."""
+        self._rows[:] = state["past_rows"]
+        self._empty[:] = state["past_empty"]
+
+    def _with(self, present: Array) -> Array:
+        """Return the rows with the present in front; a world that begins has seen nothing else before."""
+        rows = np.concatenate([present[None], self._rows[:-1]])
+        return np.where(self._empty[:, None], present, rows)
+
+    def _shown(self, rows: Array) -> Array:
+        return rows[self._ages].transpose(1, 0, 2).reshape(rows.shape[1], -1)
 
 
 def available(layout: Layout, *, residual: bool) -> list[str]:

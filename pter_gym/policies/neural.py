@@ -52,11 +52,19 @@ class Neural:
 
 
 class NeuralPolicy:
-    """A trained policy that is ready to act: ``policy(observation) -> volts``."""
+    """A trained policy that is ready to act: ``policy(observation) -> volts``.
+
+    One with a history remembers; ``reset`` begins anew.
+    """
 
     def __init__(self, interface: BoundInterface, network: Network) -> None:
         self._interface = interface
         self._network = network
+        self._past = interface.begin(0)
+
+    def reset(self) -> None:
+        """Forget the past: new episodes begin."""
+        self._past = self._interface.begin(0)
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return clutch voltages [V].
@@ -76,6 +84,9 @@ class NeuralPolicy:
         ParameterError
             If the observation does not fit the layout.
         """
-        inputs, base = self._interface.see(np.atleast_2d(observation))
+        rows = np.atleast_2d(observation)
+        if self._past.worlds != len(rows):
+            self._past = self._interface.begin(len(rows))
+        inputs, base = self._interface.see(rows, self._past)
         volts = self._interface.volts(base, self._network(inputs))
         return volts[0] if np.ndim(observation) == 1 else volts

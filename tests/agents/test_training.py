@@ -144,7 +144,7 @@ def test_arguments_out_of_range_are_named(changes: dict[str, Any]) -> None:
 def test_worlds_show_the_interface_and_their_last_observation() -> None:
     from pter_agents.prepare import make_interface
 
-    settings = arguments().settings
+    settings = arguments(history=[1, 3]).settings
     draws = worlds.training_draws("standard", "all", contexts=4, seed=0, reward=settings.reward())
     interface = make_interface(settings, draws, 0)
     seen = worlds.InterfaceVecEnv(worlds.make_worlds(draws, 16, 20), interface)
@@ -152,7 +152,8 @@ def test_worlds_show_the_interface_and_their_last_observation() -> None:
     bound = interface.bind(BASELINE, plain.env.observation_layout)
     seen.seed(1)
     plain.seed(1)
-    inputs, base = bound.see(plain.reset())
+    past = bound.begin(16)
+    inputs, base = bound.see(plain.reset(), past)
     assert seen.reset().tobytes() == inputs.astype(np.float32).tobytes()
     rng = np.random.default_rng(0)
     returns = np.zeros(16)
@@ -161,14 +162,18 @@ def test_worlds_show_the_interface_and_their_last_observation() -> None:
         actions = rng.uniform(-1.0, 1.0, (16, 4)).astype(np.float32)
         got, rewards, done, infos = seen.step(actions)
         obs, their_rewards, their_done, their_infos = plain.step(bound.volts(base, actions))
-        inputs, base = bound.see(obs)
+        shown: dict[int, np.ndarray] = {}
+        for world in np.flatnonzero(done):
+            final = np.repeat(their_infos[world]["terminal_observation"][None], 16, axis=0)
+            shown[world] = bound.see(final, past, passing=True)[0][world]
+        past.forget(done)
+        inputs, base = bound.see(obs, past)
         assert got.tobytes() == inputs.astype(np.float32).tobytes()
         assert rewards.tobytes() == their_rewards.tobytes()
         returns += rewards
         for world in np.flatnonzero(done):
             ended += 1
-            last, _ = bound.see(their_infos[world]["terminal_observation"][None])
-            assert infos[world]["terminal_observation"].tobytes() == last.astype(np.float32).tobytes()
+            assert infos[world]["terminal_observation"].tobytes() == shown[world].astype(np.float32).tobytes()
             assert infos[world]["TimeLimit.truncated"] is their_infos[world]["TimeLimit.truncated"] is True
             assert infos[world]["episode"] == {"r": pytest.approx(returns[world]), "l": 20}
             returns[world] = 0.0
@@ -221,9 +226,10 @@ def test_the_newest_two_checkpoints_are_kept(tmp_path: Path) -> None:
     assert list(tmp_path.glob("events.out.tfevents*"))
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_a_resumed_run_ends_where_an_uninterrupted_one_does(algorithm: str, tmp_path: Path) -> None:
-    whole = training.train(arguments(algorithm), tmp_path / "whole")
+@pytest.mark.parametrize(("algorithm", "history"), [("ppo", []), ("residual", [1, 4])])
+def test_a_resumed_run_ends_where_an_uninterrupted_one_does(algorithm: str, history: list[int], tmp_path: Path) -> None:
+    given = arguments(algorithm, history=history)
+    whole = training.train(given, tmp_path / "whole")
     calls: list[int] = []
 
     def stop(steps: int) -> None:
@@ -232,12 +238,12 @@ def test_a_resumed_run_ends_where_an_uninterrupted_one_does(algorithm: str, tmp_
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        training.train(arguments(algorithm), tmp_path / "parts", on_progress=stop)
+        training.train(given, tmp_path / "parts", on_progress=stop)
     assert stored.checkpoints(tmp_path / "parts")[-1].name == "checkpoint-128.zip"
-    resumed = training.train(arguments(algorithm), tmp_path / "parts", resume=True)
+    resumed = training.train(given, tmp_path / "parts", resume=True)
     assert weights(resumed) == weights(whole)
     assert weights(resumed) != weights(stored.checkpoints(tmp_path / "parts")[0])
-    assert training.train(arguments(algorithm), tmp_path / "parts", resume=True) == resumed
+    assert training.train(given, tmp_path / "parts", resume=True) == resumed
     assert weights(resumed) == weights(whole)
 
 
@@ -368,7 +374,7 @@ def test_a_number_that_is_not_finite_stops_the_training(
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_an_exported_policy_acts_like_the_run(algorithm: str, tmp_path: Path) -> None:
-    training.train(arguments(algorithm, rollouts=2), tmp_path / "run")
+    training.train(arguments(algorithm, rollouts=2, history=[2]), tmp_path / "run")
     path, difference = exporting.export_run(tmp_path / "run", tmp_path / "out", name="mine")
     assert path.name == "mine.json"
     assert difference <= exporting.SAME

@@ -15,6 +15,7 @@ import pytest
 from safetensors.numpy import save as save_tensors
 
 from pter_gym.benchmark import PACES, find_policy
+from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import TorqueFeedback
 from pter_gym.envs.batch import Batch
 from pter_gym.errors import DataError, ParameterError
@@ -120,16 +121,52 @@ def test_a_residual_reaches_so_many_volts_from_its_base(tmp_path: Path) -> None:
     write_policy(card, tensors, "", tmp_path)
     policy = load_policy("tested", tmp_path)
     obs = observations()
-    _, base = policy.card.interface.bind(BASELINE, LAYOUT).see(obs)
+    bound = policy.card.interface.bind(BASELINE, LAYOUT)
+    _, base = bound.see(obs, bound.begin(len(obs)))
     expected = np.clip(base + np.array([1.0, -1.0, 2.0, -2.0]), 0.0, 24.0)
     np.testing.assert_allclose(policy.bind(BASELINE, LAYOUT)(obs), expected, atol=1e-5)
+
+
+def test_a_history_is_what_was_seen_some_steps_ago_and_the_start_before(tmp_path: Path) -> None:
+    interface = Interface(inputs=INPUTS[:2], reach=1.0, history=(1, 3))
+    assert interface.size == 6
+    bound = interface.bind(BASELINE, LAYOUT)
+    alone = replace(interface, history=()).bind(BASELINE, LAYOUT)
+    rows = [observations(5) * factor for factor in (1.0, 0.9, 0.8, 0.7, 0.6)]
+    plain = [alone.see(row, alone.begin(5))[0] for row in rows]
+    past = bound.begin(5)
+    for k, row in enumerate(rows):
+        shown, _ = bound.see(row, past, passing=True)
+        seen, _ = bound.see(row, past)
+        expected = np.concatenate([plain[max(k - age, 0)] for age in (0, 1, 3)], axis=1)
+        assert shown.tobytes() == seen.tobytes() == expected.tobytes()
+    past.forget(np.arange(5) == 2)
+    seen, _ = bound.see(rows[0], past)
+    assert seen[2].tobytes() == np.tile(plain[0][2], 3).tobytes()
+    assert seen[1, 2:4].tobytes() == plain[4][1].tobytes()
+    with pytest.raises(ParameterError, match="history must be rising"):
+        replace(interface, history=(3, 1))
+    with pytest.raises(ParameterError, match="history must be rising"):
+        replace(interface, history=(65,))
+
+
+def test_a_policy_with_a_history_begins_anew_in_each_benchmark(tmp_path: Path) -> None:
+    card = make_card(interface=Interface(inputs=INPUTS, reach=12.0, history=(2,)))
+    write_policy(card, make_tensors(card), "", tmp_path)
+    policy = load_policy("tested", tmp_path).bind(BASELINE, LAYOUT)
+    machines, tasks = zip(*find_scenario("standard").randomisation("brisk", contexts=3, seed=1).pairs(), strict=True)
+    batch = Batch(machines, tasks)
+    first, second = (simulate(batch, policy, [4, 5, 6], 40) for _ in range(2))
+    assert first.tobytes() == second.tobytes()
+    policy(np.zeros((7, len(LAYOUT)), np.float32))
+    assert simulate(batch, policy, [4, 5, 6], 40).tobytes() == first.tobytes()
 
 
 def test_inputs_are_limited_and_ended_worlds_give_numbers(folder: Path) -> None:
     bound = load_policy("tested", folder).card.interface.bind(BASELINE, LAYOUT)
     obs = np.ones((2, len(LAYOUT)), np.float32)
     obs[1] = 0.0
-    inputs, _ = bound.see(obs)
+    inputs, _ = bound.see(obs, bound.begin(2))
     assert inputs[0, 0] == LIMIT
     assert np.isfinite(inputs).all()
 
@@ -208,6 +245,9 @@ BROKEN: dict[str, tuple[Break, str]] = {
     "a nameless input": (_in_interface(inputs=[{"name": None, "center": 0, "scale": 1}]), "name"),
     "no inputs": (_in_interface(inputs=[]), "inputs"),
     "no reach": (_in_interface(reach=-1), "reach"),
+    "a history of fractions": (_in_interface(history=[1.5]), "history"),
+    "a long history": (_in_interface(history=[10**6]), "history"),
+    "a history that is no list": (_in_interface(history=3), "history"),
     "an unknown base": (_in_interface(base={"controller": "os", "paces": [1], "gains": [{}]}), "controller"),
     "an unknown gain": (
         _in_interface(base={"controller": "impedance", "paces": [1], "gains": [{"stifness": 1}]}),
