@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import Logger, make_output_format
+from stable_baselines3.common.logger import CSVOutputFormat, Logger, TensorBoardOutputFormat
 
 from pter_agents.checkpoints import checkpoints, resume_from, save_checkpoint
 from pter_agents.errors import TrainingDivergedError
@@ -239,7 +239,8 @@ def train(
     newest = folder.newest() if resume else None
     if newest is not None:
         resume_from(model, worlds, newest)
-    model.set_logger(make_logger(out, model.num_timesteps))
+    done: int = model.num_timesteps
+    model.set_logger(make_logger(out, done))
     watch = Watch(arguments, worlds, folder, on_progress)
     try:
         remaining = arguments.steps - model.num_timesteps
@@ -290,9 +291,8 @@ def make_model(settings: Settings, worlds: InterfaceVecEnv, arguments: Arguments
 
 def make_logger(out: Path, steps: int) -> Logger:
     """Return what writes progress.csv and for TensorBoard; after a resume, to files of its own."""
-    suffix = f"-{steps}" if steps else ""
-    open_output: Any = make_output_format
-    return Logger(str(out), [open_output(kind, str(out), suffix) for kind in ("csv", "tensorboard")])
+    name = f"progress-{steps}.csv" if steps else "progress.csv"
+    return Logger(str(out), [CSVOutputFormat(str(out / name)), TensorBoardOutputFormat(str(out))])
 
 
 @dataclass(frozen=True)
