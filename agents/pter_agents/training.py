@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 from stable_baselines3 import PPO
@@ -239,8 +239,7 @@ def train(
     newest = folder.newest() if resume else None
     if newest is not None:
         resume_from(model, worlds, newest)
-    done: int = model.num_timesteps
-    model.set_logger(make_logger(out, done))
+    model.set_logger(make_logger(out, cast(Any, model).num_timesteps))
     watch = Watch(arguments, worlds, folder, on_progress)
     try:
         remaining = arguments.steps - model.num_timesteps
