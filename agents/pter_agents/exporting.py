@@ -1,6 +1,7 @@
 """A run becomes a policy: weights without code, a card, and a model card in Markdown."""
 
 import json
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -61,7 +62,7 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
     settings = arguments.settings
     draws = training_draws(arguments.scenario, arguments.pace, contexts=WORLDS, seed=arguments.seed)
     worlds = InterfaceVecEnv(make_worlds(draws, WORLDS, settings.episode), interface)
-    model = make_model(settings, worlds, arguments)
+    model = make_model(replace(settings, worlds=WORLDS, steps=2, minibatch=2 * WORLDS), worlds, arguments)
     load_weights(model, newest)
     name = arguments.algorithm if name is None else name
     steps = int(newest.stem.split("-")[1])
