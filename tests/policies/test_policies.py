@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save as save_tensors
 
-from pter_gym.benchmark import PACES, find_policy
+from pter_gym.benchmark import PACES, ResultsFolder, find_policy, run_scenario
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import TorqueFeedback
 from pter_gym.envs.batch import Batch
@@ -177,6 +177,22 @@ def test_what_was_written_is_read(folder: Path) -> None:
     assert shipped_policies(folder) == ("tested",)
     for k, weight in enumerate(policy.network.weights):
         assert weight.astype(np.float32).tobytes() == make_tensors(policy.card)[f"layer_{k}.weight"].tobytes()
+
+
+def test_a_run_of_a_policy_is_not_repeated_unless_the_policy_changes(folder: Path, tmp_path: Path) -> None:
+    policy = load_policy("tested", folder)
+    results = ResultsFolder(tmp_path / "results")
+
+    def run(chosen: Neural) -> bool:
+        before = [file.stat().st_ino for file in results.path.glob("runs/*.json")]
+        (found,) = run_scenario("standard", {"tested": chosen}, ["brisk"], episodes=2, results=results)
+        assert found.conditions.identity == chosen.identity
+        return before != [file.stat().st_ino for file in results.path.glob("runs/*.json")]
+
+    assert run(policy)
+    assert not run(load_policy("tested", folder))
+    other = Neural(replace(policy.card, interface=replace(policy.card.interface, reach=11.0)), policy.network)
+    assert run(other)
 
 
 def test_the_identity_follows_what_acts_and_nothing_else(folder: Path) -> None:
