@@ -49,6 +49,9 @@ class Settings:
         Of PPO, as in Stable-Baselines3; a ``target_kl`` of 0 is none.
     error, pace, acceleration, effort, failure
         Weights of the reward, see ``RewardWeights``.
+    progress
+        Weight [1/s] of the sensed speed along the path over the commanded pace, which is added to the reward. Below
+        ``pace`` it leaves the commanded pace the best one, and makes it dearer to be slower than to be faster.
     episode
         Control steps after which a training episode is truncated.
     contexts
@@ -80,6 +83,7 @@ class Settings:
     acceleration: float
     effort: float
     failure: float
+    progress: float
     episode: int
     contexts: int
 
@@ -93,7 +97,7 @@ class Settings:
             require_number(self, name, above=0.0)
         for name in ("discount", "trace"):
             require_number(self, name, at_least=0.0, at_most=1.0)
-        for name in ("learning_rate_end", "entropy", "value_weight", "target_kl"):
+        for name in ("learning_rate_end", "entropy", "value_weight", "target_kl", "progress"):
             require_number(self, name, at_least=0.0)
         require_number(self, "clip", above=0.0, below=1.0)
         for name in ("worlds", "steps", "minibatch", "epochs", "episode", "contexts"):
