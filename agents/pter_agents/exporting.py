@@ -4,7 +4,7 @@ import json
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
 from pter_agents.checkpoints import load_weights
-from pter_agents.settings import PLAIN
+from pter_agents.settings import PLAIN, load_settings
 from pter_agents.training import PROGRESS, Arguments, RunFolder, make_model
+from pter_agents.validation import network_of
 from pter_agents.worlds import InterfaceVecEnv, make_worlds, training_draws
 from pter_gym import __version__
 from pter_gym.benchmark import PACES
@@ -105,26 +106,20 @@ def tensors_of(model: PPO) -> Tensors:
 
 
 def compare(model: PPO, worlds: InterfaceVecEnv, name: str, folder: Path) -> float:
-    """Return the largest difference between voltages of a model and of the policy in a folder, over the largest one.
-
-    The model's network sees what the policy sees to the last digit, so that weights and mapping are compared.
-    """
+    """Return the largest difference between voltages of a model and of the policy in a folder, over the largest one."""
     layout = worlds.worlds.observation_layout
     policy = load_policy(name, folder).bind(BASELINE, layout)
     worlds.venv.seed(0)
     obs: Any = worlds.venv.reset()  # worlds that end begin anew without being forgotten, for both policies alike
-    exact: Any = model.policy.double()
+    net = network_of(model)
     past = worlds.interface.begin(WORLDS)
     largest = 0.0
     for _ in range(TRIES):
         inputs, base = worlds.interface.see(obs, past)
-        with torch.no_grad():
-            outputs = exact.action_net(exact.mlp_extractor.forward_actor(torch.as_tensor(inputs))).numpy()
-        theirs = worlds.interface.volts(base, outputs)
+        theirs = worlds.interface.volts(base, net(inputs))
         mine = policy(obs)
         largest = max(largest, float(np.abs(mine - theirs).max()))
         obs = worlds.venv.step(mine)[0]
-    model.policy.float()
     return largest / BASELINE.clutch.voltage_max
 
 
@@ -134,14 +129,17 @@ def about_run(arguments: Arguments, run: Path, steps: int) -> dict[str, Any]:
     validation: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     scenario = find_scenario(arguments.scenario)
     settings = arguments.settings
+    usual = load_settings(arguments.algorithm)
+    changed = {name: value for name, value in vars(settings).items() if value != getattr(usual, name)}
     return {
         "algorithm": arguments.algorithm,
         "corrects": None if settings.base == PLAIN else settings.base,
         "scenario": scenario.id,
         "pace": arguments.pace,
         "command": f"pter train {arguments.algorithm} --scenario {arguments.scenario} --pace {arguments.pace} "
-        f"--steps {arguments.steps} --seed {arguments.seed}",
-        "settings": {name: value for name, value in vars(settings).items() if name != "base"},
+        f"--steps {arguments.steps} --seed {arguments.seed}{' --config FILE' if changed else ''}",
+        "config": changed,
+        "settings": vars(settings),
         "steps": steps,
         "seed": arguments.seed,
         "versions": {
@@ -150,6 +148,10 @@ def about_run(arguments: Arguments, run: Path, steps: int) -> dict[str, Any]:
         },
         "validation": validation.get(str(steps), {}),
     }
+
+
+def _toml(value: Any) -> str:
+    return json.dumps(list(cast(tuple[int, ...], value)) if isinstance(value, tuple) else value)
 
 
 def model_card(card: Card) -> str:
@@ -162,6 +164,7 @@ def model_card(card: Card) -> str:
         f"A policy that {what}, trained by `{about['algorithm']}` on the training draws of `{about['scenario']}`.",
         "",
         f"- Command: `{about['command']}` ({about['steps']} control steps)",
+        *(f"- In the file: `{name} = {_toml(value)}`" for name, value in about["config"].items()),
         f"- Versions: {', '.join(f'{name} {number}' for name, number in about['versions'].items())}",
         f"- Network: {card.interface.size} inputs, tanh layers of {', '.join(map(str, card.hidden))}, 4 outputs",
         f"- An output of ±1 is ±{card.interface.reach:g} V, limited to 0…{card.voltage_max:g} V",
