@@ -50,8 +50,8 @@ def benchmark(
     and pictures. Runs that stand in the folder already are not repeated; several benchmarks may share a folder.
 
     Args:
-        policies: Controllers, separated by commas: impedance, torque-feedback, single-dof, velocity-ratio, free,
-            locked, random; on a scenario also impedance-tuned and so on.
+        policies: Separated by commas: impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random;
+            on a scenario also impedance-tuned and so on; the trained ones: ppo, residual.
         scenario: Scenario whose stored evaluation episodes are run; the paper's standard test by default.
         paces: Commanded paces of a scenario, separated by commas: slow, medium, brisk.
         episodes: How many of the scenario's episodes to run; all by default. Ranks need 200.

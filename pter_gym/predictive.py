@@ -109,7 +109,7 @@ class Planner:
         self.top = machine.clutch.voltage_max
         self.batch = Batch(machine, task, settings.samples)
         self.one = Batch(machine, task, 1)
-        self.guide = guide.bind(BASELINE, self.one.layout)
+        self.guide: Any = guide.bind(BASELINE, self.one.layout)
         self.rng = np.random.default_rng(settings.seed)
         self.plan: Array | None = None
         self.latest = np.zeros((settings.knots, 4))

@@ -49,12 +49,12 @@ class PerPace:
 
 
 def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Controller | PerPace:
-    """Return a built-in controller by name, with the damper for each pace where the table has one, or a tuned one.
+    """Return a policy by name: a controller with the damper for each pace, with tuned gains, or a trained policy.
 
     Parameters
     ----------
     name
-        In ``CONTROLLERS``, or one of those with gains and ``-tuned`` after its name.
+        In ``CONTROLLERS``, one of those with gains and ``-tuned`` after its name, or a trained policy.
     seed
         Of the random policy.
     scenario
@@ -63,7 +63,7 @@ def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Control
     Raises
     ------
     ParameterError
-        If there is no controller of that name, or no gains for it.
+        If there is no policy of that name, or no gains for it.
     """
     if name.endswith(SUFFIX):
         return find_tuned(name, scenario)

@@ -31,7 +31,7 @@ def simulate(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: i
         N worlds.
     policy
         A bound controller, whose law runs compiled, or any ``policy(observations) -> volts``, float32 (N, entries) to
-        (N, 4).
+        (N, 4). If it has a method ``reset``, that is called first, so that it forgets earlier episodes.
     seeds
         Of the resets, N of them.
     max_steps
@@ -41,6 +41,9 @@ def simulate(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: i
     if isinstance(policy, Policy):
         _, rows = batch.rollout(obs, policy.law, policy.gains, max_steps)
         return np.concatenate([first[None], rows])
+    forget = getattr(policy, "reset", None)
+    if callable(forget):
+        forget()
     telemetry = [first]
     while len(telemetry) <= max_steps and not np.nan_to_num(telemetry[-1][:, T_TERMINATED], nan=1.0).all():
         returns = batch.step(policy(obs), SKIP)

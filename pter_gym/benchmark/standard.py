@@ -16,6 +16,7 @@ from pter_gym.controllers import CONTROLLERS, Controller, Random
 from pter_gym.envs.batch import Batch
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine
+from pter_gym.policies import load_policy, shipped_policies
 from pter_gym.tasks.path_following import T_TIME, PathFollowing
 
 Array = NDArray[np.float64]
@@ -122,15 +123,25 @@ def run_standard_test(
 
 
 def find_controller(name: str, seed: int = 0) -> Controller:
-    """Return a built-in controller with its default gains by name; ``seed`` is the random policy's.
+    """Return a built-in controller with its default gains, or a trained policy that the package ships, by name.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    seed
+        Of the random policy.
 
     Raises
     ------
     ParameterError
-        If there is no controller of that name.
+        If there is neither of that name; it tells the nearest.
     """
+    trained = shipped_policies()
+    if name in trained:
+        return load_policy(name)
     if name not in CONTROLLERS:
-        raise unknown_name("policies", name, CONTROLLERS)
+        raise unknown_name("policies", name, (*CONTROLLERS, *trained))
     kind = CONTROLLERS[name]
     return Random(seed=seed) if kind is Random else kind()
 

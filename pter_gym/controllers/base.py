@@ -22,10 +22,14 @@ law: Any = built_in
 
 @runtime_checkable
 class Controller(Protocol):
-    """A control law with its gains."""
+    """A control law with its gains, or anything else that acts once it is bound."""
 
-    def bind(self, machine: Machine, layout: Layout) -> "Policy":
-        """Return the policy for a nominal machine and the layout of the observations that it will get."""
+    def bind(self, machine: Machine, layout: Layout) -> Callable[[NDArray[np.float32]], Volts]:
+        """Return the policy for a nominal machine and the layout of the observations that it will get.
+
+        It takes observations, float32 (entries,) or (N, entries), and returns volts, (4,) or (N, 4). Where it is a
+        ``Policy``, its law runs compiled.
+        """
         ...
 
 

@@ -1,6 +1,6 @@
 """How good a controller is on training draws of a scenario: one number that is finite and ranks all gains."""
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,7 +87,7 @@ class Examination:
 
     def scores(self, controller: Controller) -> Scores:
         """Return the ranked scores of a controller on all draws, as the benchmark has them."""
-        columns = self._run(controller.bind(BASELINE, self.batch.layout))
+        columns = self._run(cast(Policy, controller.bind(BASELINE, self.batch.layout)))
         beyond = np.arange(len(columns[0]))[:, None] > self.limits
         time, arc_length, errors, success = (np.where(beyond, np.nan, column) for column in columns)
         return ranked_scores(time, arc_length, errors, success, self.tasks)

@@ -22,7 +22,7 @@ ORDER = (
     ("tasks",),
     ("randomisation",),
     ("scenarios",),
-    ("codec", "render"),
+    ("codec", "policies", "render"),
     ("envs",),
     ("benchmark", "sb3"),
     ("experiments", "predictive", "tuning"),

@@ -14,8 +14,8 @@ def names(paths: list[Path]) -> list[str]:
     return [path.stem for path in paths]
 
 
-def test_there_are_three():
-    assert names(NOTEBOOKS) == ["01_the_paper", "02_your_own_clutch", "03_your_own_controller"]
+def test_all_are_there():
+    assert names(NOTEBOOKS) == ["01_the_paper", "02_your_own_clutch", "03_your_own_controller", "04_train_an_agent"]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -33,7 +33,10 @@ def test_outputs_are_stripped(path):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*TCP without encryption.*")
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_it_runs_and_shows_pictures(path, tmp_path):
+def test_it_runs_and_shows_pictures(path, tmp_path, monkeypatch):
+    if "agent" in path.stem:
+        pytest.importorskip("stable_baselines3")
+    monkeypatch.setenv("PTER_TRAINING_STEPS", "100000")
     notebook = nbformat.read(path, as_version=4)
     NotebookClient(
         notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}

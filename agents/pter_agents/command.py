@@ -1,0 +1,99 @@
+"""``pter train`` and ``pter export``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from pter_gym.errors import DependencyError
+from pter_gym.terminal import progress_bar
+
+MISSING = 'training needs Stable-Baselines3: pip install "pter-gym[agents]"'
+
+SMOKE = {"worlds": 64, "steps": 32, "minibatch": 512, "epochs": 2, "contexts": 16}
+"""Hyper-parameters of a smoke run, which shows that training works, not that it learns."""
+
+SMOKE_STEPS = 3 * 64 * 32
+SMOKE_EPISODES = 8
+
+
+def train(
+    algo: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ALGO")],
+    scenario: str = "standard",
+    pace: str = "all",
+    steps: int = 20_000_000,
+    seed: int = 0,
+    out: Path = Path("pter-run"),
+    resume: bool = False,
+    config: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    smoke: bool = False,
+) -> None:
+    """Train a policy on a scenario's training draws.
+
+    The folder of the run gets two checkpoints, the newest ones; validation.json with the scores on drawn episodes that
+    are not trained on; progress.csv, and what TensorBoard shows.
+
+    Args:
+        algo: ppo (the clutch voltages) or residual (corrections to a controller).
+        scenario: Scenario whose draws are trained on: standard, paths, hands, materials or everything.
+        pace: Commanded pace: slow, medium, brisk, or all of them in turn.
+        steps: Control steps of all worlds together.
+        seed: Seed of weights, worlds, draws and actions, at least 0.
+        out: Folder of the run; made if need be. It may hold no other run.
+        resume: Go on from the newest checkpoint in the folder; other arguments but the steps must be as before.
+        config: TOML file with hyper-parameters in place of the usual ones.
+        smoke: A run of some seconds that shows that training works.
+    """
+    from pter_agents.settings import load_settings, settings_from
+
+    settings = load_settings(algo, config)
+    try:
+        from pter_agents import training
+    except ImportError as error:
+        raise DependencyError(MISSING) from error
+    from dataclasses import asdict
+
+    episodes = training.Arguments.validation_episodes
+    if smoke:
+        settings, steps, episodes = settings_from({**asdict(settings), **SMOKE}), SMOKE_STEPS, SMOKE_EPISODES
+    arguments = training.Arguments(
+        algorithm=algo,
+        scenario=scenario,
+        pace=pace,
+        steps=steps,
+        seed=seed,
+        settings=settings,
+        validation_episodes=episodes,
+    )
+    console = Console()
+    with progress_bar(console) as progress:
+        task = progress.add_task(f"{algo}, {scenario}", total=steps)
+        path = training.train(
+            arguments, out, resume=resume, on_progress=lambda done: progress.update(task, completed=done)
+        )
+    console.print(f"wrote {path}", highlight=False)
+
+
+def export(
+    run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")],
+    name: str | None = None,
+    out: Path = Path(),
+) -> None:
+    """Turn a run into a policy of three files: weights without code, a card, and a model card in Markdown.
+
+    It is checked that both act alike.
+
+    Args:
+        run: Folder of the run.
+        name: What the policy is called; its algorithm by default.
+        out: Folder for the files; made if need be.
+    """
+    try:
+        from pter_agents.exporting import export_run
+    except ImportError as error:
+        raise DependencyError(MISSING) from error
+    console = Console()
+    path, difference = export_run(run, out, name=name)
+    console.print(f"largest difference between both: {difference:.1e} of the largest voltage", highlight=False)
+    console.print(f"wrote {path}", highlight=False)

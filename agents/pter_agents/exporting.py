@@ -1,0 +1,190 @@
+"""A run becomes a policy: weights without code, a card, and a model card in Markdown."""
+
+import json
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3 import PPO
+
+from pter_agents.checkpoints import load_weights
+from pter_agents.settings import PLAIN, load_settings
+from pter_agents.training import PROGRESS, Arguments, RunFolder, make_model
+from pter_agents.validation import network_of
+from pter_agents.worlds import InterfaceVecEnv, make_worlds, training_draws
+from pter_gym import __version__
+from pter_gym.benchmark import PACES
+from pter_gym.errors import DataError
+from pter_gym.params import BASELINE
+from pter_gym.policies import Card, Interface, load_policy, write_policy
+from pter_gym.policies.cards import fields_of
+from pter_gym.scenarios import find_scenario
+from pter_gym.terminal import make_folder
+
+SAME = 1e-6
+"""Largest difference between a run's policy and the exported one, relative to the largest voltage."""
+
+TRIES = 100
+"""Control steps over which both are compared, each in all worlds."""
+
+WORLDS = 32
+
+Tensors = dict[str, NDArray[np.float32]]
+
+
+def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, float]:
+    """Write the newest checkpoint of a run as a policy; return its card's path and the largest difference.
+
+    Parameters
+    ----------
+    run
+        Folder of the run.
+    out
+        Folder for the policy; made if need be.
+    name
+        What it is called; the algorithm's name by default.
+
+    Raises
+    ------
+    ParameterError
+        If there is no run with a checkpoint, or the name is not a possible one.
+    DataError
+        If the run cannot be read, or both policies do not act alike.
+    """
+    folder = RunFolder(run)
+    arguments, interface = folder.read()
+    newest = folder.newest()
+    if newest is None:
+        raise DataError(f"there is no checkpoint in {run}")
+    settings = arguments.settings
+    draws = training_draws(arguments.scenario, arguments.pace, contexts=WORLDS, seed=arguments.seed)
+    worlds = InterfaceVecEnv(make_worlds(draws, WORLDS, settings.episode), interface)
+    model = make_model(replace(settings, worlds=WORLDS, steps=2, minibatch=2 * WORLDS), worlds, arguments)
+    load_weights(model, newest)
+    name = arguments.algorithm if name is None else name
+    steps = int(newest.stem.split("-")[1])
+    about = about_run(arguments, run, steps)
+    make_folder(out)
+    card = make_card(name, settings.hidden, interface, worlds, about)
+    path = write_policy(card, tensors_of(model), model_card(card), out)
+    difference = compare(model, worlds, name, out)
+    worlds.close()
+    if not difference <= SAME:
+        path.unlink()
+        raise DataError(f"the exported policy differs from the run's by {difference:.1e} of the largest voltage")
+    return path, difference
+
+
+def make_card(
+    name: str, hidden: tuple[int, ...], interface: Interface, worlds: InterfaceVecEnv, about: dict[str, Any]
+) -> Card:
+    """Return the card of a policy whose weights are not written yet."""
+    return Card(
+        name=name,
+        observation=fields_of(worlds.worlds.observation_layout),
+        voltage_max=BASELINE.clutch.voltage_max,
+        interface=interface,
+        hidden=hidden,
+        weights_sha256="",
+        about=about,
+    )
+
+
+def tensors_of(model: PPO) -> Tensors:
+    """Return the weights of a model's policy by the names that a policy's file has."""
+    policy: Any = model.policy
+    linear = [layer for layer in policy.mlp_extractor.policy_net if isinstance(layer, torch.nn.Linear)]
+    found: Tensors = {}
+    for k, layer in enumerate([*linear, policy.action_net]):
+        found[f"layer_{k}.weight"] = layer.weight.detach().numpy().astype(np.float32)
+        found[f"layer_{k}.bias"] = layer.bias.detach().numpy().astype(np.float32)
+    return found
+
+
+def compare(model: PPO, worlds: InterfaceVecEnv, name: str, folder: Path) -> float:
+    """Return the largest difference between voltages of a model and of the policy in a folder, over the largest one."""
+    layout = worlds.worlds.observation_layout
+    policy = load_policy(name, folder).bind(BASELINE, layout)
+    worlds.venv.seed(0)
+    obs: Any = worlds.venv.reset()  # worlds that end begin anew without being forgotten, for both policies alike
+    net = network_of(model)
+    past = worlds.interface.begin(WORLDS)
+    largest = 0.0
+    for _ in range(TRIES):
+        inputs, base = worlds.interface.see(obs, past)
+        theirs = worlds.interface.volts(base, net(inputs))
+        mine = policy(obs)
+        largest = max(largest, float(np.abs(mine - theirs).max()))
+        obs = worlds.venv.step(mine)[0]
+    return largest / BASELINE.clutch.voltage_max
+
+
+def about_run(arguments: Arguments, run: Path, steps: int) -> dict[str, Any]:
+    """Return what a card tells of the training."""
+    file = run / PROGRESS
+    validation: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    scenario = find_scenario(arguments.scenario)
+    settings = arguments.settings
+    usual = load_settings(arguments.algorithm)
+    changed = {name: value for name, value in vars(settings).items() if value != getattr(usual, name)}
+    return {
+        "algorithm": arguments.algorithm,
+        "corrects": None if settings.base == PLAIN else settings.base,
+        "scenario": scenario.id,
+        "pace": arguments.pace,
+        "command": f"pter train {arguments.algorithm} --scenario {arguments.scenario} --pace {arguments.pace} "
+        f"--steps {arguments.steps} --seed {arguments.seed}{' --config FILE' if changed else ''}",
+        "config": changed,
+        "settings": vars(settings),
+        "steps": steps,
+        "seed": arguments.seed,
+        "versions": {
+            "pter-gym": __version__,
+            **{package: version(package) for package in ("numpy", "stable-baselines3", "torch")},
+        },
+        "validation": validation.get(str(steps), {}),
+    }
+
+
+def _toml(value: Any) -> str:
+    return json.dumps(list(cast(tuple[int, ...], value)) if isinstance(value, tuple) else value)
+
+
+def model_card(card: Card) -> str:
+    """Return the model card in Markdown."""
+    about = card.about
+    what = f"corrects the controller `{about['corrects']}`" if about["corrects"] else "sets the clutch voltages"
+    lines = [
+        f"# {card.name}",
+        "",
+        f"A policy that {what}, trained by `{about['algorithm']}` on the training draws of `{about['scenario']}`.",
+        "",
+        f"- Command: `{about['command']}` ({about['steps']} control steps)",
+        *(f"- In the file: `{name} = {_toml(value)}`" for name, value in about["config"].items()),
+        f"- Versions: {', '.join(f'{name} {number}' for name, number in about['versions'].items())}",
+        f"- Network: {card.interface.size} inputs, tanh layers of {', '.join(map(str, card.hidden))}, 4 outputs",
+        f"- An output of ±1 is ±{card.interface.reach:g} V, limited to 0…{card.voltage_max:g} V",
+        f"- Observations: {', '.join(name for name, _, _ in card.observation)}",
+        "",
+        "It is made for the simulator. On a real machine its clutches, sensors and hand differ from what it has seen.",
+        "",
+    ]
+    validation: dict[str, dict[str, float]] = about["validation"]
+    if validation:
+        lines += [
+            "Scores on drawn validation episodes, which are neither trained on nor the benchmark's:",
+            "",
+            "| pace | path error [mm] | at the end [%] | mean pace error [%] | segment pace error [%] |",
+            "|---|---|---|---|---|",
+            *(
+                f"| {pace} ({PACES[pace]:g} m/s) | {1000 * s['path_error_m']:.1f} | {100 * s['completed']:.1f} | "
+                f"{100 * s['mean_pace_error']:.1f} | {100 * s['segment_pace_error']:.1f} |"
+                for pace, s in validation.items()
+            ),
+            "",
+        ]
+    return "\n".join(lines)

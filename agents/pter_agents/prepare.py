@@ -1,0 +1,84 @@
+"""Before training: the base controller at all paces, and the centres and scales of what a network sees."""
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from pter_agents.settings import PLAIN, Settings
+from pter_agents.worlds import make_worlds
+from pter_gym.benchmark import PACES, PerPace, find_policy
+from pter_gym.params import BASELINE
+from pter_gym.policies.interface import Base, Input, Interface, available, quantities
+from pter_gym.randomisation import Randomisation
+from pter_gym.sb3 import PterVecEnv
+
+FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
+"""Scales [m, 1, m/s] that are chosen: what a good policy leaves of these is small beside what a bad one meets."""
+
+SAMPLE_WORLDS, SAMPLE_STEPS = 256, 200
+
+DIGITS = 4
+"""Significant digits of centres and scales."""
+
+
+def find_base(name: str) -> Base | None:
+    """Return the base controller with its gains for each pace, or None."""
+    if name == PLAIN:
+        return None
+    policy = find_policy(name)
+    paces = {speed: policy.at(pace) if isinstance(policy, PerPace) else policy for pace, speed in PACES.items()}
+    gains = [{item.name: getattr(each, item.name) for item in fields(each)} for each in paces.values()]  # type: ignore[arg-type]
+    return Base(controller=name, paces=tuple(paces), gains=tuple(gains))
+
+
+def make_interface(settings: Settings, draws: Randomisation, seed: int) -> Interface:
+    """Return the interface of a policy, its scales taken from a short run without a network.
+
+    Parameters
+    ----------
+    settings
+        Hyper-parameters.
+    draws
+        Machines and tasks.
+    seed
+        Of the run and its random actions.
+    """
+    base = find_base(settings.base)
+    plain = Interface(inputs=(Input("pace"),), reach=settings.reach, base=base, history=settings.history)
+    return replace(plain, inputs=tuple(sample_inputs(plain, settings, draws, seed)))
+
+
+def sample_inputs(plain: Interface, settings: Settings, draws: Randomisation, seed: int) -> Sequence[Input]:
+    """Return all inputs, with the mean and the deviation of each where random actions lead."""
+    worlds: PterVecEnv = make_worlds(draws, SAMPLE_WORLDS, settings.episode)
+    layout = worlds.env.observation_layout
+    bound = plain.bind(BASELINE, layout)
+    residual = plain.base is not None
+    rng = np.random.default_rng(seed)
+    worlds.seed(seed)
+    obs: Any = worlds.reset()
+    past = bound.begin(SAMPLE_WORLDS)
+    seen: list[np.ndarray] = []
+    for _ in range(SAMPLE_STEPS):
+        _, base = bound.see(obs, past)
+        seen.append(quantities(obs * layout.scales, base, layout, residual=residual))
+        actions = settings.start + settings.deviation * rng.standard_normal((SAMPLE_WORLDS, 4))
+        obs = worlds.step(bound.volts(base, actions))[0]
+    worlds.close()
+    values = np.concatenate(seen)
+    names = available(layout, residual=residual)
+    return [_input(name, column) for name, column in zip(names, values.T, strict=True)]
+
+
+def _input(name: str, values: np.ndarray) -> Input:
+    if name in FIXED:
+        return Input(name, 0.0, FIXED[name])
+    spread = float(values.std())
+    scale = spread if spread > 1e-6 * (1.0 + float(np.abs(values).max())) else 1.0
+    return Input(name, _rounded(float(values.mean())), _rounded(scale))
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")

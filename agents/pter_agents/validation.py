@@ -1,0 +1,95 @@
+"""How good a policy is on drawn episodes that it was not trained on, by the benchmark's own scores.
+
+They come from a seed that no training draws use; the stored evaluation episodes stay unseen.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3 import PPO
+
+from pter_agents.worlds import training_draws
+from pter_gym.benchmark import score_episodes
+from pter_gym.benchmark.simulation import simulate, time_limit
+from pter_gym.benchmark.statistics import interquartile_mean
+from pter_gym.envs.batch import Batch
+from pter_gym.policies.interface import BoundInterface, Past
+
+Array = NDArray[np.float64]
+Net = Callable[[Array], Array]
+Scores = dict[str, dict[str, float]]
+
+SEED = 2**31 + 1
+"""Seed of the draws, above all that a run may have."""
+
+FIRST_RESET = 2**40
+"""Seed of the first episode's reset."""
+
+
+class Validation:
+    """Episodes of a scenario at some paces.
+
+    Parameters
+    ----------
+    scenario
+        Its name.
+    paces
+        Names of commanded paces.
+    episodes
+        Their number at each pace.
+    """
+
+    def __init__(self, scenario: str, paces: Sequence[str], episodes: int) -> None:
+        self._seeds = range(FIRST_RESET, FIRST_RESET + episodes)
+        self._tasks: dict[str, Any] = {}
+        self._batches: dict[str, Batch] = {}
+        for pace in paces:
+            machines, tasks = zip(*training_draws(scenario, pace, contexts=episodes, seed=SEED).pairs(), strict=True)
+            self._tasks[pace] = tasks
+            self._batches[pace] = Batch(machines, tasks)
+
+    def scores(self, net: Net, interface: BoundInterface) -> Scores:
+        """Return scores for each pace: the interquartile path error, the means of what a rank needs, and acceleration.
+
+        Parameters
+        ----------
+        net
+            Inputs (N, inputs) to outputs (N, 4).
+        interface
+            What it sees and does.
+        """
+
+        found: Scores = {}
+        for pace, batch in self._batches.items():
+            past = interface.begin(len(self._seeds))
+
+            def act(obs: NDArray[np.float32], past: Past = past) -> NDArray[np.float32]:
+                inputs, base = interface.see(obs, past)
+                return interface.volts(base, net(inputs))
+
+            tasks = self._tasks[pace]
+            telemetry = simulate(batch, act, list(self._seeds), max(map(time_limit, tasks)))
+            values = score_episodes(telemetry, tasks)
+            found[pace] = {
+                "path_error_m": float(interquartile_mean(values["path_error_m"])),
+                **{
+                    name: float(values[name].mean())
+                    for name in ("completed", "mean_pace_error", "segment_pace_error", "peak_acceleration_m_s2")
+                },
+            }
+        return found
+
+
+def network_of(model: PPO) -> Net:
+    """Return the mean action of a model's policy."""
+
+    def act(inputs: Array) -> Array:
+        with torch.no_grad():
+            seen = torch.as_tensor(inputs, dtype=torch.float32)
+            latent = model.policy.mlp_extractor.forward_actor(seen)
+            return model.policy.action_net(latent).numpy().astype(np.float64)
+
+    return act

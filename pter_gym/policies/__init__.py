@@ -1,0 +1,21 @@
+"""Trained policies as files that hold numbers alone, and what acts from them: numpy and safetensors, no torch."""
+
+from pter_gym.policies.cards import Card
+from pter_gym.policies.files import SHIPPED, load_policy, shipped_policies, write_policy
+from pter_gym.policies.interface import Base, Input, Interface
+from pter_gym.policies.network import Network
+from pter_gym.policies.neural import Neural, NeuralPolicy
+
+__all__ = [
+    "SHIPPED",
+    "Base",
+    "Card",
+    "Input",
+    "Interface",
+    "Network",
+    "Neural",
+    "NeuralPolicy",
+    "load_policy",
+    "shipped_policies",
+    "write_policy",
+]

@@ -1,0 +1,159 @@
+"""Policies as files: ``NAME.json`` is the card, ``NAME.safetensors`` the weights; ``NAME.md`` is for people.
+
+Nothing in such a file can be executed. Sizes, names, shapes, types and checksums are checked before a number is used.
+"""
+
+import hashlib
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load as load_tensors
+from safetensors.numpy import save as save_tensors
+
+from pter_gym.errors import DataError, ParameterError, unknown_name
+from pter_gym.files import write_bytes_atomic, write_text_atomic
+from pter_gym.policies.cards import Card, read_card
+from pter_gym.policies.network import Network
+from pter_gym.policies.neural import Neural
+
+SHIPPED = Path(__file__).parent / "shipped"
+"""Where the package keeps its trained policies."""
+
+NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
+"""What a policy may be called."""
+
+MOST_CARD, MOST_WEIGHTS = 1 << 20, 1 << 24
+"""Largest files [B]."""
+
+
+def shipped_policies(folder: Path = SHIPPED) -> tuple[str, ...]:
+    """Return the names of the trained policies in a folder; by default, of those that the package ships."""
+    return tuple(sorted(path.stem for path in folder.glob("*.json") if NAME.fullmatch(path.stem)))
+
+
+def load_policy(name: str, folder: Path = SHIPPED) -> Neural:
+    """Return a trained policy; by default, one that the package ships.
+
+    Parameters
+    ----------
+    name
+        Its name, which is that of its files.
+    folder
+        Where they are.
+
+    Raises
+    ------
+    ParameterError
+        If it is no possible name, or there is no such policy; it tells the nearest.
+    DataError
+        If a file is missing, too large, or not what it must be; nothing in it was executed.
+    """
+    check_name(name)
+    known = shipped_policies(folder)
+    if name not in known:
+        raise unknown_name("policies", name, known)
+    card = read_card(_read(folder / f"{name}.json", MOST_CARD), f"{name}.json")
+    if card.name != name:
+        raise DataError(f"policy card {name}.json is refused: it is that of {card.name!r}")
+    path = folder / f"{name}.safetensors"
+    data = _read(path, MOST_WEIGHTS)
+    found = hashlib.sha256(data).hexdigest()
+    if found != card.weights_sha256:
+        raise DataError(f"policy {path} is refused: SHA-256 is {found}, its card says {card.weights_sha256}")
+    return Neural(card, read_network(data, card, str(path)))
+
+
+def read_network(data: bytes, card: Card, what: str) -> Network:
+    """Return the network in the bytes of a file of weights.
+
+    Parameters
+    ----------
+    data
+        The file's content.
+    card
+        What it must fit.
+    what
+        The file's name, for messages.
+
+    Raises
+    ------
+    DataError
+        If a tensor is missing or too many, or has another shape or type, or a number that is not finite.
+    """
+    try:
+        tensors: dict[str, NDArray[Any]] = load_tensors(data)
+    except (SafetensorError, ValueError, KeyError, TypeError) as error:
+        raise DataError(f"policy {what} is refused: {error}") from None
+    shapes = card.shapes
+    if set(tensors) != set(shapes):
+        raise DataError(
+            f"policy {what} is refused: it must hold {', '.join(sorted(shapes))}, it holds {', '.join(sorted(tensors))}"
+        )
+    for name, shape in shapes.items():
+        tensor = tensors[name]
+        if tensor.dtype != np.float32 or tensor.shape != shape:
+            raise DataError(
+                f"policy {what} is refused: {name} must be float32 {shape}, it is {tensor.dtype} {tensor.shape}"
+            )
+        if not np.isfinite(tensor).all():
+            raise DataError(f"policy {what} is refused: {name} holds numbers that are not finite")
+    layers = range(len(shapes) // 2)
+    return Network(
+        tuple(tensors[f"layer_{k}.weight"].astype(np.float64) for k in layers),
+        tuple(tensors[f"layer_{k}.bias"].astype(np.float64) for k in layers),
+    )
+
+
+def write_policy(card: Card, tensors: dict[str, NDArray[np.float32]], text: str, folder: Path) -> Path:
+    """Write a policy and return the path of its card, which is written last.
+
+    Parameters
+    ----------
+    card
+        All but the checksum, which is set.
+    tensors
+        Weights under the names of ``Card.shapes``.
+    text
+        Model card in Markdown.
+    folder
+        Where to; it must exist.
+
+    Raises
+    ------
+    ParameterError
+        If its name is not a possible one.
+    DataError
+        If the weights do not fit the card.
+    """
+    check_name(card.name)
+    data = save_tensors({name: np.ascontiguousarray(tensors[name]) for name in sorted(tensors)})
+    card = replace(card, weights_sha256=hashlib.sha256(data).hexdigest())
+    content = json.dumps(card.as_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    read_network(data, read_card(content.encode(), card.name), card.name)
+    write_bytes_atomic(folder / f"{card.name}.safetensors", data)
+    write_text_atomic(folder / f"{card.name}.md", text)
+    write_text_atomic(folder / f"{card.name}.json", content)
+    return folder / f"{card.name}.json"
+
+
+def check_name(name: str) -> None:
+    """Raise a ParameterError unless a policy may have this name, which is never a path."""
+    if not NAME.fullmatch(name):
+        raise ParameterError(f"policies must have names of small letters, digits and single hyphens, got {name!r}")
+
+
+def _read(path: Path, most: int) -> bytes:
+    try:
+        with path.open("rb") as file:
+            data = file.read(most + 1)
+    except OSError as error:
+        raise DataError(f"policy file {path} cannot be read: {error}") from None
+    if len(data) > most:
+        raise DataError(f"policy file {path} is refused: it is larger than {most} bytes")
+    return data

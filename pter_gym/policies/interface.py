@@ -1,0 +1,330 @@
+"""What stands between an observation and a network, and between the network and the clutches.
+
+A network sees quantities of the observation and a few derived from it, each shifted and scaled; its four outputs within
+[−1, 1] are voltages relative to the middle of the range, or relative to those of a base controller (a residual policy).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.layout import Layout
+from pter_gym.params import Machine, require, require_kind, require_number
+
+if TYPE_CHECKING:
+    from pter_gym.controllers import Controller
+
+Array = NDArray[np.float64]
+Quantities = dict[str, Array]
+
+LIMIT = 10.0
+"""Inputs of a network are limited to ±LIMIT of their scales."""
+
+CLUTCHES = range(1, 5)
+
+LONGEST = 64
+"""How many control steps a network can look back at most."""
+
+BASE_INPUTS = tuple(f"base_{x}" for x in CLUTCHES)
+"""Voltages of the base controller [V]."""
+
+
+def _relative(q: Quantities) -> Quantities:
+    """Return cosine and sine of the angle from link A to the path's heading, and likewise of link B."""
+    found: Quantities = {}
+    for link in ("a", "b"):
+        cos, sin = q[f"cos_{link}"], q[f"sin_{link}"]
+        found[f"heading_{link}_cos"] = q["heading_cos"] * cos + q["heading_sin"] * sin
+        found[f"heading_{link}_sin"] = q["heading_sin"] * cos - q["heading_cos"] * sin
+    return found
+
+
+def _pace_error(q: Quantities) -> Quantities:
+    """Return the speed along the path relative to the commanded pace, less 1; −1 in the zeros of an ended episode."""
+    pace = q["pace"]
+    return {"pace_error": q["speed_along"] / np.where(pace > 0.0, pace, 1.0) - 1.0}
+
+
+DERIVED: Mapping[tuple[str, ...], Callable[[Quantities], Quantities]] = MappingProxyType(
+    {
+        ("heading_a_cos", "heading_a_sin", "heading_b_cos", "heading_b_sin"): _relative,
+        ("pace_error",): _pace_error,
+    }
+)
+"""Quantities that are derived from those of the observation, and how."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """One input of a network: (value − center) / scale, limited to ±LIMIT.
+
+    Attributes
+    ----------
+    name
+        A field of the observation, one of ``DERIVED`` or one of ``BASE_INPUTS``.
+    center, scale
+        In the unit of the quantity; the scale is positive.
+    """
+
+    name: str
+    center: float = 0.0
+    scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers; a bound interface has checked the name."""
+        require_kind(self, "name", str)
+        require_number(self, "center")
+        require_number(self, "scale", above=0.0)
+
+
+@dataclass(frozen=True)
+class Base:
+    """The controller that a residual policy corrects: one set of gains for each of some paces.
+
+    The gains of the pace that is nearest to the commanded one, by ratio, act.
+
+    Attributes
+    ----------
+    controller
+        Its name in ``pter_gym.controllers.CONTROLLERS``.
+    paces
+        Commanded paces [m/s], rising.
+    gains
+        For each pace, the fields of the controller in which it differs from its defaults.
+    """
+
+    controller: str
+    paces: tuple[float, ...]
+    gains: tuple[Mapping[str, Any], ...]
+
+    def __post_init__(self) -> None:
+        """Check names and numbers by making the controllers."""
+        rising = all(low < high for low, high in pairwise((0.0, *self.paces, np.inf)))
+        require(rising and len(self.paces) > 0, self, "paces", self.paces, "rising numbers > 0")
+        require(len(self.gains) == len(self.paces), self, "gains", self.gains, "one set for each pace")
+        self.controllers()
+
+    def controllers(self) -> "tuple[Controller, ...]":
+        """Return the controllers, one for each pace."""
+        from pter_gym.controllers import CONTROLLERS
+
+        if self.controller not in CONTROLLERS:
+            raise unknown_name("base.controller", self.controller, CONTROLLERS)
+        kind: Any = CONTROLLERS[self.controller]
+        known = kind.__dataclass_fields__
+        for gains in self.gains:
+            for name in gains:
+                if name not in known:
+                    raise unknown_name("base.gains", name, known)
+        return tuple(kind(**{name: _plain(value) for name, value in gains.items()}) for gains in self.gains)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as dataclasses have it: JSON knows no tuples."""
+    return tuple(cast(list[Any], value)) if isinstance(value, list) else value
+
+
+class BoundBase:
+    """A base controller that is ready to act."""
+
+    def __init__(self, base: Base, machine: Machine, layout: Layout) -> None:
+        self._layout = layout
+        self._policies = tuple(each.bind(machine, layout) for each in base.controllers())
+        self._borders = np.sqrt(np.array(base.paces[1:]) * np.array(base.paces[:-1]))
+
+    def __call__(self, obs: NDArray[np.float32]) -> Array:
+        """Return voltages [V], (N, 4), for observations (N, entries)."""
+        number = np.searchsorted(self._borders, self._layout.physical(obs, "pace"))
+        volts = np.empty((len(obs), 4))
+        for k, policy in enumerate(self._policies):
+            here = number == k
+            if here.any():
+                volts[here] = policy(obs[here])
+        return volts
+
+
+@dataclass(frozen=True)
+class Interface:
+    """What a network sees and how its outputs become voltages.
+
+    Attributes
+    ----------
+    inputs
+        What it sees, in order.
+    reach
+        Voltage of an output of 1, relative to the middle of the range or to the base controller [V].
+    base
+        What the outputs correct; None for the middle of the range.
+    history
+        How many control steps ago the network sees all inputs besides those of now, rising. Before the start of an
+        episode they are as they were at the start.
+    """
+
+    inputs: tuple[Input, ...]
+    reach: float
+    base: Base | None = None
+    history: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        require(len(self.inputs) > 0, self, "inputs", self.inputs, "at least one input")
+        require_number(self, "reach", above=0.0)
+        rising = all(low < high for low, high in pairwise((0, *self.history, LONGEST + 1)))
+        accepted = f"rising whole numbers from 1 to {LONGEST}"
+        require(rising and all(type(age) is int for age in self.history), self, "history", self.history, accepted)
+
+    @property
+    def size(self) -> int:
+        """Number of inputs of the network, those of earlier control steps included."""
+        return len(self.inputs) * (1 + len(self.history))
+
+    def bind(self, machine: Machine, layout: Layout) -> "BoundInterface":
+        """Return what translates for a nominal machine and a layout of observations.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such quantity in the observations; it tells the nearest.
+        """
+        return BoundInterface(self, machine, layout)
+
+
+class BoundInterface:
+    """An interface that is ready to translate."""
+
+    def __init__(self, interface: Interface, machine: Machine, layout: Layout) -> None:
+        self.layout = layout
+        self.reach = interface.reach
+        self.voltage_max = machine.clutch.voltage_max
+        self.base = None if interface.base is None else BoundBase(interface.base, machine, layout)
+        names = available(layout, residual=self.base is not None)
+        for each in interface.inputs:
+            if each.name not in names:
+                raise unknown_name("inputs", each.name, names)
+        self._scales = layout.scales
+        self._columns = [names.index(each.name) for each in interface.inputs]
+        self._center = np.array([each.center for each in interface.inputs])
+        self._scale = np.array([each.scale for each in interface.inputs])
+        self.history = interface.history
+
+    def begin(self, worlds: int) -> "Past":
+        """Return the empty past of so many worlds."""
+        return Past(worlds, len(self._columns), self.history)
+
+    def see(self, obs: NDArray[np.float32], past: "Past", *, passing: bool = False) -> tuple[Array, Array]:
+        """Return what the network sees and the voltages that it corrects.
+
+        Parameters
+        ----------
+        obs
+            Observations, float32 (N, entries).
+        past
+            What the network saw before of the same worlds; the present is added to it, unless it is only passing.
+        passing
+            Whether these observations are only looked at.
+
+        Returns
+        -------
+        inputs, volts
+            (N, size), each within ±LIMIT; (N, 4) [V].
+
+        Raises
+        ------
+        ParameterError
+            If the observations do not fit the layout.
+        """
+        rows = np.ascontiguousarray(obs, np.float32)
+        if rows.ndim != 2 or rows.shape[1] != len(self.layout):
+            raise ParameterError(f"observation must have {len(self.layout)} entries, got the shape {rows.shape}")
+        base = np.full((len(rows), 4), 0.5 * self.voltage_max) if self.base is None else self.base(rows)
+        values = quantities(rows * self._scales, base, self.layout, residual=self.base is not None)
+        present = np.clip((values[:, self._columns] - self._center) / self._scale, -LIMIT, LIMIT)
+        return past.look(present) if passing else past.add(present), base
+
+    def volts(self, base: Array, outputs: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Return voltages [V], float32 (N, 4), for the outputs (N, 4) of a network; beyond [−1, 1] they are limited."""
+        wanted = base + self.reach * np.clip(np.asarray(outputs, np.float64), -1.0, 1.0)
+        return np.clip(wanted, 0.0, self.voltage_max).astype(np.float32)
+
+
+class Past:
+    """What a network saw of some worlds in the last control steps.
+
+    Parameters
+    ----------
+    worlds, inputs
+        Numbers of worlds and of inputs.
+    history
+        As in ``Interface``.
+    """
+
+    def __init__(self, worlds: int, inputs: int, history: tuple[int, ...]) -> None:
+        self.worlds = worlds
+        self._ages = np.array((0, *history))
+        self._rows = np.zeros((int(self._ages[-1]) + 1, worlds, inputs))
+        self._empty = np.ones(worlds, np.bool_)
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Begin anew for some worlds, (N,)."""
+        self._empty |= worlds
+
+    def add(self, present: Array) -> Array:
+        """Return inputs (N, inputs) with those of earlier steps behind them, (N, size), the latest first."""
+        if len(self._ages) == 1:
+            return present
+        found = self._with(present)
+        self._rows[:], self._empty[:] = found, False
+        return self._shown(found)
+
+    def look(self, present: Array) -> Array:
+        """Return what ``add`` would, and keep nothing."""
+        return present if len(self._ages) == 1 else self._shown(self._with(present))
+
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all that changes."""
+        return {"past_rows": self._rows.copy(), "past_empty": self._empty.copy()}
+
+    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on where ``get_state`` was called."""
+        self._rows[:] = state["past_rows"]
+        self._empty[:] = state["past_empty"]
+
+    def _with(self, present: Array) -> Array:
+        """Return the rows with the present in front; a world that begins has seen nothing else before."""
+        rows = np.concatenate([present[None], self._rows[:-1]])
+        return np.where(self._empty[:, None], present, rows)
+
+    def _shown(self, rows: Array) -> Array:
+        return rows[self._ages].transpose(1, 0, 2).reshape(rows.shape[1], -1)
+
+
+def available(layout: Layout, *, residual: bool) -> list[str]:
+    """Return the names of all quantities that a network can see, in the order of ``quantities``."""
+    derived = [name for names in DERIVED for name in names]
+    return [*layout.names, *derived, *(BASE_INPUTS if residual else ())]
+
+
+def quantities(physical: Array, base: Array, layout: Layout, *, residual: bool) -> Array:
+    """Return all quantities that a network can see, in their units, (N, names).
+
+    Parameters
+    ----------
+    physical
+        Observations in their units, (N, entries).
+    base
+        Voltages of the base controller [V], (N, 4).
+    layout
+        Of the observations.
+    residual
+        Whether the base's voltages are among the quantities.
+    """
+    known = dict(zip(layout.names, physical.T, strict=True))
+    derived = {name: values for derive in DERIVED.values() for name, values in derive(known).items()}
+    columns = [physical, np.stack([derived[name] for names in DERIVED for name in names], axis=1)]
+    return np.concatenate([*columns, base] if residual else columns, axis=1)

@@ -1,0 +1,430 @@
+"""Training: what it is told, that it goes on where it stopped, and that nothing breaks what it has."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pter_gym.errors import DataError, DependencyError, ParameterError
+from pter_gym.params import BASELINE
+
+pytestmark = pytest.mark.agents
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3")
+
+from pter_agents import checkpoints as stored  # noqa: E402
+from pter_agents import command, exporting, training, worlds  # noqa: E402
+from pter_agents.errors import TrainingDivergedError  # noqa: E402
+from pter_agents.settings import ALGORITHMS, FOLDER, Settings, load_settings, settings_from  # noqa: E402
+from pter_gym.policies import Neural, load_policy  # noqa: E402
+
+SMALL = {"worlds": 16, "steps": 8, "minibatch": 64, "epochs": 2, "contexts": 4, "hidden": [8], "value_hidden": [8]}
+ROLLOUT = 16 * 8
+
+
+@pytest.fixture(autouse=True)
+def quick_preparation(monkeypatch: pytest.MonkeyPatch) -> None:
+    from pter_agents import prepare
+
+    monkeypatch.setattr(prepare, "SAMPLE_WORLDS", 16)
+    monkeypatch.setattr(prepare, "SAMPLE_STEPS", 20)
+
+
+@pytest.fixture(autouse=True)
+def torch_as_before() -> Any:
+    threads = torch.get_num_threads()
+    yield
+    torch.set_num_threads(threads)
+
+
+def arguments(algorithm: str = "residual", rollouts: int = 4, **changes: Any) -> training.Arguments:
+    settings = settings_from({**asdict(load_settings(algorithm)), **SMALL, "episode": 20, **changes})
+    return training.Arguments(
+        algorithm=algorithm,
+        scenario="standard",
+        pace="all",
+        steps=rollouts * ROLLOUT,
+        seed=3,
+        settings=settings,
+        checkpoint_every=1,
+        validate_every=100,
+        validation_episodes=2,
+    )
+
+
+def weights(path: Path) -> list[bytes]:
+    from stable_baselines3.common.save_util import load_from_zip_file
+
+    _, found, _ = load_from_zip_file(str(path), load_data=False)
+    return [found["policy"][name].numpy().tobytes() for name in sorted(found["policy"])]
+
+
+# what it is told
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_each_algorithm_has_one_whole_file(algorithm: str) -> None:
+    content = tomllib.loads((FOLDER / f"{algorithm}.toml").read_text(encoding="utf-8"))
+    assert set(content) == set(Settings.__dataclass_fields__)
+    assert asdict(load_settings(algorithm))["worlds"] == content["worlds"]
+    assert (load_settings(algorithm).base == "none") == (algorithm == "ppo")
+
+
+def test_unknown_names_tell_the_nearest(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match=r"algo.*did you mean 'residual'"):
+        load_settings("residul")
+    file = tmp_path / "some.toml"
+    file.write_text("learnig_rate = 1e-3\n")
+    with pytest.raises(ParameterError, match=r"config.*did you mean 'learning_rate'"):
+        load_settings("ppo", file)
+    file.write_text('base = "impedence"\n')
+    with pytest.raises(ParameterError, match=r"base.*did you mean 'impedance'"):
+        load_settings("ppo", file)
+    for name, value in (("scenario", "standrd"), ("pace", "brsk"), ("algorithm", "ppoo")):
+        with pytest.raises(ParameterError, match=rf"{name}.*did you mean"):
+            replace(arguments(), **{name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("reach", 0.0),
+        ("reach", "far"),
+        ("deviation", -1.0),
+        ("start", 1.5),
+        ("discount", 1.1),
+        ("clip", 1.0),
+        ("worlds", 2.0),
+        ("worlds", True),
+        ("minibatch", 63),
+        ("hidden", []),
+        ("hidden", [0]),
+        ("hidden", 64),
+        ("hidden", [1.5]),
+        ("error", -1.0),
+        ("learning_rate", float("nan")),
+        ("base", 3),
+    ],
+)
+def test_hyperparameters_out_of_range_are_named(name: str, value: Any) -> None:
+    with pytest.raises(ParameterError, match=name):
+        settings_from({**asdict(load_settings("ppo")), **SMALL, name: value})
+
+
+def test_a_file_changes_what_it_names_alone(tmp_path: Path) -> None:
+    file = tmp_path / "some.toml"
+    file.write_text("error = 2.5\n")
+    assert load_settings("ppo", file) == replace(load_settings("ppo"), error=2.5)
+    with pytest.raises(ParameterError, match="cannot be read"):
+        load_settings("ppo", tmp_path / "none.toml")
+    file.write_text("error = ")
+    with pytest.raises(ParameterError, match="cannot be read"):
+        load_settings("ppo", file)
+
+
+@pytest.mark.parametrize("changes", [{"steps": 0}, {"seed": -1}, {"seed": 1.0}, {"validation_episodes": 0}])
+def test_arguments_out_of_range_are_named(changes: dict[str, Any]) -> None:
+    with pytest.raises(ParameterError, match=next(iter(changes))):
+        replace(arguments(), **changes)
+
+
+# the worlds
+
+
+def test_worlds_show_the_interface_and_their_last_observation() -> None:
+    from pter_agents.prepare import make_interface
+
+    settings = arguments(history=[1, 3]).settings
+    draws = worlds.training_draws("standard", "all", contexts=4, seed=0, reward=settings.reward())
+    interface = make_interface(settings, draws, 0)
+    seen = worlds.InterfaceVecEnv(worlds.make_worlds(draws, 16, 20), interface, progress=2.0)
+    plain = worlds.make_worlds(draws, 16, 20)
+    bound = interface.bind(BASELINE, plain.env.observation_layout)
+    seen.seed(1)
+    plain.seed(1)
+    past = bound.begin(16)
+    inputs, base = bound.see(plain.reset(), past)
+    assert seen.reset().tobytes() == inputs.astype(np.float32).tobytes()
+    rng = np.random.default_rng(0)
+    returns = np.zeros(16)
+    ended = 0
+    for _ in range(45):
+        actions = rng.uniform(-1.0, 1.0, (16, 4)).astype(np.float32)
+        got, rewards, done, infos = seen.step(actions)
+        obs, their_rewards, their_done, their_infos = plain.step(bound.volts(base, actions))
+        shown: dict[int, np.ndarray] = {}
+        for world in np.flatnonzero(done):
+            final = np.repeat(their_infos[world]["terminal_observation"][None], 16, axis=0)
+            shown[world] = bound.see(final, past, passing=True)[0][world]
+        past.forget(done)
+        inputs, base = bound.see(obs, past)
+        assert got.tobytes() == inputs.astype(np.float32).tobytes()
+        final = np.array(obs)
+        for world in np.flatnonzero(done):
+            final[world] = their_infos[world]["terminal_observation"]
+        physical = final * plain.env.observation_layout.scales
+        speed, pace = (physical[:, plain.env.observation_layout.index(name)] for name in ("speed_along", "pace"))
+        np.testing.assert_allclose(rewards, their_rewards + 2.0 * 0.01 * speed / pace, rtol=1e-6)
+        returns += rewards
+        for world in np.flatnonzero(done):
+            ended += 1
+            assert infos[world]["terminal_observation"].tobytes() == shown[world].astype(np.float32).tobytes()
+            assert infos[world]["TimeLimit.truncated"] is their_infos[world]["TimeLimit.truncated"] is True
+            assert infos[world]["episode"] == {"r": pytest.approx(returns[world]), "l": 20}
+            returns[world] = 0.0
+    assert ended == 32
+    assert done.tobytes() == their_done.tobytes()
+
+
+def test_validation_draws_are_no_training_draws() -> None:
+    from pter_agents import validation
+
+    with pytest.raises(ParameterError, match="seed"):
+        replace(arguments(), seed=validation.SEED)
+    trained = worlds.training_draws("everything", "slow", contexts=3, seed=0).pairs()
+    held_out = worlds.training_draws("everything", "slow", contexts=3, seed=validation.SEED).pairs()
+    assert not {repr(pair) for pair in trained} & {repr(pair) for pair in held_out}
+
+
+def test_training_never_reads_the_evaluation_episodes(tmp_path: Path) -> None:
+    program = (
+        "import sys\n"
+        "opened = []\n"
+        "sys.addaudithook(lambda event, given: opened.append(str(given[0])) if event == 'open' else None)\n"
+        "from pathlib import Path\n"
+        "from pter_agents.command import train, export\n"
+        f"out = Path({str(tmp_path)!r})\n"
+        "train('residual', smoke=True, out=out / 'run')\n"
+        "export(out / 'run', out=out / 'policy')\n"
+        "assert any(name.endswith('run.json') or '.tmp' in name for name in opened)\n"
+        "import pter_gym.benchmark.episodes as stored\n"
+        "assert not [name for name in opened if name.startswith(str(stored.FOLDER))]\n"
+        "stored.scenarios()\n"
+        "assert [name for name in opened if name.startswith(str(stored.FOLDER))]\n"
+    )
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert "wrote" in result.stdout
+
+
+# it goes on where it stopped
+
+
+def test_the_newest_two_checkpoints_are_kept(tmp_path: Path) -> None:
+    last = training.train(arguments(), tmp_path)
+    assert [path.name for path in stored.checkpoints(tmp_path)] == ["checkpoint-384.zip", "checkpoint-512.zip"]
+    assert last.name == "checkpoint-512.zip"
+    scores = json.loads((tmp_path / training.PROGRESS).read_text())
+    assert list(scores) == ["512"]
+    assert set(scores["512"]) == {"slow", "medium", "brisk"}
+    assert (tmp_path / "progress.csv").read_text().count("\n") > 3
+    assert list(tmp_path.glob("events.out.tfevents*"))
+
+
+@pytest.mark.parametrize(("algorithm", "history"), [("ppo", []), ("residual", [1, 4])])
+def test_a_resumed_run_ends_where_an_uninterrupted_one_does(algorithm: str, history: list[int], tmp_path: Path) -> None:
+    given = arguments(algorithm, history=history)
+    whole = training.train(given, tmp_path / "whole")
+    calls: list[int] = []
+
+    def stop(steps: int) -> None:
+        calls.append(steps)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        training.train(given, tmp_path / "parts", on_progress=stop)
+    assert stored.checkpoints(tmp_path / "parts")[-1].name == "checkpoint-128.zip"
+    resumed = training.train(given, tmp_path / "parts", resume=True)
+    assert weights(resumed) == weights(whole)
+    assert weights(resumed) != weights(stored.checkpoints(tmp_path / "parts")[0])
+    assert training.train(given, tmp_path / "parts", resume=True) == resumed
+    assert weights(resumed) == weights(whole)
+
+
+def test_the_same_seed_gives_the_same_policy_and_another_another(tmp_path: Path) -> None:
+    runs = [
+        training.train(replace(arguments(rollouts=2), seed=seed), tmp_path / name)
+        for name, seed in (("a", 3), ("b", 3), ("c", 4))
+    ]
+    assert weights(runs[0]) == weights(runs[1])
+    assert weights(runs[0]) != weights(runs[2])
+
+
+@pytest.mark.slow
+def test_a_killed_run_has_whole_checkpoints_and_goes_on(tmp_path: Path) -> None:
+    program = (
+        "import sys; from pathlib import Path\n"
+        f"sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "import test_training as t\n"
+        "from pter_agents import prepare\n"
+        "prepare.SAMPLE_WORLDS, prepare.SAMPLE_STEPS = 16, 20\n"
+        "out = Path(sys.argv[1])\n"
+        "t.training.train(t.arguments(rollouts=400), out, resume=(out / 'run.json').exists())\n"
+    )
+    out = tmp_path / "run"
+    rng = np.random.default_rng(5)
+    newest = -1
+    for _ in range(20):
+        process = subprocess.Popen([sys.executable, "-c", program, str(out)])
+        until = time.monotonic() + 60.0
+        while not (out.exists() and len(stored.checkpoints(out)) > 0) and time.monotonic() < until:
+            time.sleep(0.05)
+        time.sleep(2.5 + float(rng.uniform(0.0, 0.5)))
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        found = stored.checkpoints(out)
+        assert found
+        for path in found:
+            assert len(weights(path)) > 4
+        steps = int(found[-1].stem.split("-")[1])
+        assert steps >= newest
+        newest = steps
+    assert newest > ROLLOUT
+
+
+def test_another_run_in_the_folder_is_refused(tmp_path: Path) -> None:
+    training.train(arguments(rollouts=1), tmp_path)
+    before = weights(stored.checkpoints(tmp_path)[-1])
+    with pytest.raises(ParameterError, match="holds a run already"):
+        training.train(arguments(rollouts=1), tmp_path)
+    with pytest.raises(ParameterError, match=r"error is 1\.0 in the run .* got 2\.0"):
+        training.train(arguments(rollouts=2, error=2.0), tmp_path, resume=True)
+    with pytest.raises(ParameterError, match="seed is 3"):
+        training.train(replace(arguments(), seed=5), tmp_path, resume=True)
+    with pytest.raises(ParameterError, match="there is no run"):
+        training.train(arguments(), tmp_path / "none", resume=True)
+    assert weights(stored.checkpoints(tmp_path)[-1]) == before
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"algorithm": "ppo"}', "not JSON"])
+def test_a_broken_description_of_a_run_is_refused(content: str, tmp_path: Path) -> None:
+    (tmp_path / training.RUN).write_text(content)
+    with pytest.raises(DataError, match=r"run\.json"):
+        training.train(arguments(), tmp_path, resume=True)
+
+
+# nothing breaks what it has
+
+
+def test_a_full_disk_leaves_the_earlier_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    training.train(arguments(rollouts=2), tmp_path)
+    before = {path: path.read_bytes() for path in stored.checkpoints(tmp_path)}
+    monkeypatch.setattr("os.fsync", lambda _: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(OSError, match="No space left"):
+        training.train(arguments(rollouts=4), tmp_path, resume=True)
+    monkeypatch.undo()
+    assert {path: path.read_bytes() for path in stored.checkpoints(tmp_path)} == before
+    assert not list(tmp_path.glob(".*.tmp"))
+
+
+@pytest.mark.parametrize("name", ["checkpoint", "extra"])
+def test_a_damaged_checkpoint_is_refused(name: str, tmp_path: Path) -> None:
+    import zipfile
+
+    path = training.train(arguments(rollouts=1), tmp_path)
+    if name == "checkpoint":
+        path.write_bytes(path.read_bytes()[:-100])
+    else:
+        with zipfile.ZipFile(path) as archive:
+            parts = {item: archive.read(item) for item in archive.namelist() if item != stored.EXTRA}
+        with zipfile.ZipFile(path, "w") as archive:
+            for item, data in parts.items():
+                archive.writestr(item, data)
+    with pytest.raises(DataError, match="cannot be read"):
+        training.train(arguments(rollouts=2), tmp_path, resume=True)
+
+
+@pytest.mark.parametrize("where", ["loss", "gradient"])
+def test_a_number_that_is_not_finite_stops_the_training(
+    where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    step = worlds.InterfaceVecEnv.step_wait
+    calls: list[int] = []
+
+    def broken(self: Any) -> Any:
+        obs, rewards, done, infos = step(self)
+        calls.append(1)
+        return obs, rewards * (np.nan if len(calls) == 20 else 1.0), done, infos
+
+    def spoil(*given: Any, **options: Any) -> Any:
+        calls.append(1)
+        if len(calls) == 11:
+            for weight in given[0]:
+                weight.grad *= torch.nan
+                break
+
+    if where == "loss":
+        monkeypatch.setattr(worlds.InterfaceVecEnv, "step_wait", broken)
+    else:
+        monkeypatch.setattr(torch.nn.utils, "clip_grad_norm_", lambda given, _: spoil(list(given)))
+    with pytest.raises(TrainingDivergedError, match=r"last good checkpoint is .*checkpoint-(256|128)\.zip"):
+        training.train(arguments(), tmp_path)
+    for path in stored.checkpoints(tmp_path):
+        assert all(np.isfinite(np.frombuffer(each, np.float32)).all() for each in weights(path))
+
+
+# what comes out
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_an_exported_policy_acts_like_the_run(algorithm: str, tmp_path: Path) -> None:
+    training.train(arguments(algorithm, rollouts=2, history=[2]), tmp_path / "run")
+    path, difference = exporting.export_run(tmp_path / "run", tmp_path / "out", name="mine")
+    assert path.name == "mine.json"
+    assert difference <= exporting.SAME
+    policy = load_policy("mine", tmp_path / "out")
+    assert isinstance(policy, Neural)
+    assert policy.card.about["steps"] == 2 * ROLLOUT
+    assert (policy.card.interface.base is None) == (algorithm == "ppo")
+    text = (tmp_path / "out" / "mine.md").read_text(encoding="utf-8")
+    assert policy.card.about["command"] in text
+
+
+def test_an_exported_policy_that_acts_otherwise_is_not_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    training.train(arguments(rollouts=1), tmp_path / "run")
+    real = exporting.tensors_of
+
+    def wrong(model: Any) -> Any:
+        found = real(model)
+        found["layer_1.bias"][0] += 1e-4
+        return found
+
+    monkeypatch.setattr(exporting, "tensors_of", wrong)
+    with pytest.raises(DataError, match="differs"):
+        exporting.export_run(tmp_path / "run", tmp_path / "out")
+    assert not list((tmp_path / "out").glob("*.json"))
+
+
+def test_a_run_without_a_checkpoint_cannot_be_exported(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="there is no run"):
+        exporting.export_run(tmp_path, tmp_path)
+    for path in [training.train(arguments(rollouts=1), tmp_path), *stored.checkpoints(tmp_path)]:
+        path.unlink(missing_ok=True)
+    with pytest.raises(DataError, match="no checkpoint"):
+        exporting.export_run(tmp_path, tmp_path)
+
+
+def test_the_commands_are_declared_and_ask_for_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    declared = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))
+    assert declared["project"]["entry-points"]["pter.commands"] == {
+        "train": "pter_agents.command:train",
+        "export": "pter_agents.command:export",
+    }
+    monkeypatch.delitem(sys.modules, "pter_agents.training")
+    monkeypatch.delattr("pter_agents.training")
+    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    monkeypatch.delitem(sys.modules, "pter_agents.checkpoints")
+    monkeypatch.delattr("pter_agents.checkpoints")
+    with pytest.raises(DependencyError, match=r'pip install "pter-gym\[agents\]"'):
+        command.train("ppo", out=tmp_path)

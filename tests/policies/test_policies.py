@@ -1,0 +1,424 @@
+"""Trained policies as files: what they do, and that a file that is not one is refused before a number is used."""
+
+import json
+import pickle
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from safetensors.numpy import save as save_tensors
+
+from pter_gym.benchmark import PACES, ResultsFolder, find_policy, run_scenario
+from pter_gym.benchmark.simulation import simulate
+from pter_gym.controllers import TorqueFeedback
+from pter_gym.envs.batch import Batch
+from pter_gym.errors import DataError, ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.policies import (
+    SHIPPED,
+    Base,
+    Card,
+    Input,
+    Interface,
+    Network,
+    Neural,
+    load_policy,
+    shipped_policies,
+    write_policy,
+)
+from pter_gym.policies.cards import DEEPEST, fields_of, read_card
+from pter_gym.policies.files import MOST_CARD, MOST_WEIGHTS
+from pter_gym.policies.interface import LIMIT
+from pter_gym.scenarios import find_scenario
+from pter_gym.tasks.path_following import observation_layout
+
+LAYOUT = observation_layout(BASELINE, "torque")
+INPUTS = (Input("normal_error", 0.0, 0.01), Input("pace_error", 0.0, 0.5), Input("heading_a_cos"))
+HIDDEN = (5, 3)
+BASE = Base("torque-feedback", (0.1, 0.4), ({"damping_tangential": 400.0}, {"damping_tangential": 100.0}))
+
+
+def make_card(**changes: Any) -> Card:
+    known: dict[str, Any] = {
+        "name": "tested",
+        "observation": fields_of(LAYOUT),
+        "voltage_max": 24.0,
+        "interface": Interface(inputs=INPUTS, reach=12.0),
+        "hidden": HIDDEN,
+        "weights_sha256": "",
+    }
+    return Card(**{**known, **changes})
+
+
+def make_tensors(card: Card) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(3)
+    return {name: rng.normal(size=shape).astype(np.float32) for name, shape in card.shapes.items()}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    card = make_card()
+    write_policy(card, make_tensors(card), "# tested\n", tmp_path)
+    return tmp_path
+
+
+def observations(count: int = 16) -> np.ndarray:
+    """What worlds of everything see after some steps under random voltages."""
+    machines, tasks = zip(*find_scenario("everything").randomisation(contexts=count, seed=4).pairs(), strict=True)
+    batch = Batch(machines, tasks)
+    batch.reset(range(count))
+    rng = np.random.default_rng(0)
+    for _ in range(9):
+        obs = batch.step(rng.uniform(0.0, 24.0, (count, 4))).obs
+    return obs
+
+
+def test_a_policy_is_its_network_between_scaled_inputs_and_volts(folder: Path) -> None:
+    policy = load_policy("tested", folder)
+    tensors = make_tensors(policy.card)
+    obs = observations()
+    values = obs * LAYOUT.scales
+    error = LAYOUT.physical(obs, "normal_error") / 0.01
+    pace = (LAYOUT.physical(obs, "speed_along") / LAYOUT.physical(obs, "pace") - 1.0) / 0.5
+    theta_a = np.arctan2(values[:, 1], values[:, 0])
+    heading = np.arctan2(LAYOUT.physical(obs, "heading_sin"), LAYOUT.physical(obs, "heading_cos"))
+    hidden = np.stack([error, pace, np.cos(heading - theta_a)], axis=1).clip(-LIMIT, LIMIT)
+    for k in range(3):
+        hidden = hidden @ tensors[f"layer_{k}.weight"].T.astype(float) + tensors[f"layer_{k}.bias"]
+        hidden = np.tanh(hidden) if k < 2 else hidden
+    expected = np.clip(12.0 + 12.0 * np.clip(hidden, -1.0, 1.0), 0.0, 24.0)
+    volts = policy.bind(BASELINE, LAYOUT)(obs)
+    assert volts.dtype == np.float32
+    np.testing.assert_allclose(volts, expected, atol=1e-5)
+    assert np.ptp(volts, axis=0).min() > 0.1
+    np.testing.assert_allclose(policy.bind(BASELINE, LAYOUT)(obs[3]), expected[3], atol=1e-5)
+
+
+def test_a_residual_of_zero_is_its_base_at_the_nearest_pace(tmp_path: Path) -> None:
+    card = make_card(interface=Interface(inputs=(*INPUTS, Input("base_2")), reach=8.0, base=BASE))
+    zeros = {name: np.zeros(shape, np.float32) for name, shape in card.shapes.items()}
+    write_policy(card, zeros, "", tmp_path)
+    obs = observations()
+    volts = load_policy("tested", tmp_path).bind(BASELINE, LAYOUT)(obs)
+    slow = LAYOUT.physical(obs, "pace") < 0.2
+    assert slow.any()
+    assert not slow.all()
+    for chosen, damping in ((slow, 400.0), (~slow, 100.0)):
+        alone = TorqueFeedback(damping_tangential=damping).bind(BASELINE, LAYOUT)(obs[chosen])
+        assert volts[chosen].tobytes() == alone.tobytes()
+
+
+def test_a_residual_reaches_so_many_volts_from_its_base(tmp_path: Path) -> None:
+    card = make_card(interface=Interface(inputs=INPUTS, reach=2.0, base=BASE), hidden=(4,))
+    tensors = {name: np.zeros(shape, np.float32) for name, shape in card.shapes.items()}
+    tensors["layer_1.bias"][:] = (0.5, -0.5, 3.0, -3.0)
+    write_policy(card, tensors, "", tmp_path)
+    policy = load_policy("tested", tmp_path)
+    obs = observations()
+    bound = policy.card.interface.bind(BASELINE, LAYOUT)
+    _, base = bound.see(obs, bound.begin(len(obs)))
+    expected = np.clip(base + np.array([1.0, -1.0, 2.0, -2.0]), 0.0, 24.0)
+    np.testing.assert_allclose(policy.bind(BASELINE, LAYOUT)(obs), expected, atol=1e-5)
+
+
+def test_a_history_is_what_was_seen_some_steps_ago_and_the_start_before(tmp_path: Path) -> None:
+    interface = Interface(inputs=INPUTS[:2], reach=1.0, history=(1, 3))
+    assert interface.size == 6
+    bound = interface.bind(BASELINE, LAYOUT)
+    alone = replace(interface, history=()).bind(BASELINE, LAYOUT)
+    rows = [observations(5) * factor for factor in (1.0, 0.9, 0.8, 0.7, 0.6)]
+    plain = [alone.see(row, alone.begin(5))[0] for row in rows]
+    past = bound.begin(5)
+    for k, row in enumerate(rows):
+        shown, _ = bound.see(row, past, passing=True)
+        seen, _ = bound.see(row, past)
+        expected = np.concatenate([plain[max(k - age, 0)] for age in (0, 1, 3)], axis=1)
+        assert shown.tobytes() == seen.tobytes() == expected.tobytes()
+    past.forget(np.arange(5) == 2)
+    seen, _ = bound.see(rows[0], past)
+    assert seen[2].tobytes() == np.tile(plain[0][2], 3).tobytes()
+    assert seen[1, 2:4].tobytes() == plain[4][1].tobytes()
+    with pytest.raises(ParameterError, match="history must be rising"):
+        replace(interface, history=(3, 1))
+    with pytest.raises(ParameterError, match="history must be rising"):
+        replace(interface, history=(65,))
+
+
+def test_a_policy_with_a_history_begins_anew_in_each_benchmark(tmp_path: Path) -> None:
+    card = make_card(interface=Interface(inputs=INPUTS, reach=12.0, history=(2,)))
+    write_policy(card, make_tensors(card), "", tmp_path)
+    policy = load_policy("tested", tmp_path).bind(BASELINE, LAYOUT)
+    machines, tasks = zip(*find_scenario("standard").randomisation("brisk", contexts=3, seed=1).pairs(), strict=True)
+    batch = Batch(machines, tasks)
+    first, second = (simulate(batch, policy, [4, 5, 6], 40) for _ in range(2))
+    assert first.tobytes() == second.tobytes()
+    policy(np.zeros((7, len(LAYOUT)), np.float32))
+    assert simulate(batch, policy, [4, 5, 6], 40).tobytes() == first.tobytes()
+
+
+def test_inputs_are_limited_and_ended_worlds_give_numbers(folder: Path) -> None:
+    bound = load_policy("tested", folder).card.interface.bind(BASELINE, LAYOUT)
+    obs = np.ones((2, len(LAYOUT)), np.float32)
+    obs[1] = 0.0
+    inputs, _ = bound.see(obs, bound.begin(2))
+    assert inputs[0, 0] == LIMIT
+    assert np.isfinite(inputs).all()
+
+
+def test_what_was_written_is_read(folder: Path) -> None:
+    policy = load_policy("tested", folder)
+    assert policy.card == replace(make_card(), weights_sha256=policy.card.weights_sha256)
+    assert shipped_policies(folder) == ("tested",)
+    for k, weight in enumerate(policy.network.weights):
+        assert weight.astype(np.float32).tobytes() == make_tensors(policy.card)[f"layer_{k}.weight"].tobytes()
+
+
+def test_a_run_of_a_policy_is_not_repeated_unless_the_policy_changes(folder: Path, tmp_path: Path) -> None:
+    policy = load_policy("tested", folder)
+    results = ResultsFolder(tmp_path / "results")
+
+    def run(chosen: Neural) -> bool:
+        before = [file.stat().st_ino for file in results.path.glob("runs/*.json")]
+        (found,) = run_scenario("standard", {"tested": chosen}, ["brisk"], episodes=2, results=results)
+        assert found.conditions.identity == chosen.identity
+        return before != [file.stat().st_ino for file in results.path.glob("runs/*.json")]
+
+    assert run(policy)
+    assert not run(load_policy("tested", folder))
+    other = Neural(replace(policy.card, interface=replace(policy.card.interface, reach=11.0)), policy.network)
+    assert run(other)
+
+
+def test_the_identity_follows_what_acts_and_nothing_else(folder: Path) -> None:
+    policy = load_policy("tested", folder)
+    told = Neural(replace(policy.card, about={"score": 1.0}), policy.network)
+    other = Neural(replace(policy.card, interface=replace(policy.card.interface, reach=11.0)), policy.network)
+    assert told.identity == policy.identity
+    assert other.identity != policy.identity
+
+
+def test_other_observations_are_refused_with_both_named(folder: Path) -> None:
+    policy = load_policy("tested", folder)
+    with pytest.raises(ParameterError, match=r"torque_4 \[100 N·m\]; these have .*volts_4 \[24 V\]$"):
+        policy.bind(BASELINE, observation_layout(BASELINE, "encoders"))
+    weak = replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=20.0))
+    with pytest.raises(ParameterError, match="voltage_max must be 24 V, got 20"):
+        policy.bind(weak, LAYOUT)
+    with pytest.raises(ParameterError, match="22 entries"):
+        policy.bind(BASELINE, LAYOUT)(np.zeros((2, 5), np.float32))
+
+
+@pytest.mark.parametrize(
+    "name", ["../tested", "tested/", "..", "", "a b", "Tested", "tested.json", "/etc/passwd", "a--b"]
+)
+def test_a_name_is_never_a_path(name: str, folder: Path) -> None:
+    with pytest.raises(ParameterError, match="names of small letters"):
+        load_policy(name, folder)
+    card = make_card(name=name)
+    with pytest.raises(ParameterError, match="names of small letters"):
+        write_policy(card, make_tensors(card), "", folder)
+
+
+def test_an_unknown_name_tells_the_nearest(folder: Path) -> None:
+    with pytest.raises(ParameterError, match="did you mean 'tested'"):
+        load_policy("testd", folder)
+
+
+Break = Callable[[dict[str, Any]], Any]
+
+
+def _set(**values: Any) -> Break:
+    return lambda card: card.update(values)
+
+
+def _in_interface(**values: Any) -> Break:
+    return lambda card: card["interface"].update(values)
+
+
+BROKEN: dict[str, tuple[Break, str]] = {
+    "another format": (_set(format=2), "format must be 1"),
+    "another environment": (_set(environment="PTER/PathFollowing-v9"), "PathFollowing-v9.*PathFollowing-v0"),
+    "a key too many": (_set(code="import os"), "must be an object with"),
+    "a key too few": (lambda card: card.pop("hidden"), "must be an object with"),
+    "another name": (_set(name="other"), "that of 'other'"),
+    "a name that is no string": (_set(name=3), "name must be a string"),
+    "a layer of no units": (_set(hidden=[5, 0]), "hidden"),
+    "a giant layer": (_set(hidden=[10**9]), "hidden"),
+    "a fraction of a unit": (_set(hidden=[2.5]), "hidden"),
+    "too many layers": (_set(hidden=[1] * 9), "hidden"),
+    "layers that are no list": (_set(hidden="5"), "hidden"),
+    "no voltage": (_set(voltage_max=0.0), "voltage_max"),
+    "a true voltage": (_set(voltage_max=True), "voltage_max"),
+    "an endless voltage": (_set(voltage_max=10**400), "refused"),
+    "an unknown input": (_in_interface(inputs=[{"name": "x", "center": "0", "scale": 1}]), "refused"),
+    "an input of no scale": (_in_interface(inputs=[{"name": "pace", "center": 0, "scale": 0}]), "scale"),
+    "a nameless input": (_in_interface(inputs=[{"name": None, "center": 0, "scale": 1}]), "name"),
+    "no inputs": (_in_interface(inputs=[]), "inputs"),
+    "no reach": (_in_interface(reach=-1), "reach"),
+    "a history of fractions": (_in_interface(history=[1.5]), "history"),
+    "a long history": (_in_interface(history=[10**6]), "history"),
+    "a history that is no list": (_in_interface(history=3), "history"),
+    "an unknown base": (_in_interface(base={"controller": "os", "paces": [1], "gains": [{}]}), "controller"),
+    "an unknown gain": (
+        _in_interface(base={"controller": "impedance", "paces": [1], "gains": [{"stifness": 1}]}),
+        "did you mean 'stiffness'",
+    ),
+    "a gain out of range": (
+        _in_interface(base={"controller": "impedance", "paces": [1], "gains": [{"stiffness": -1}]}),
+        "stiffness",
+    ),
+    "gains for another number of paces": (
+        _in_interface(base={"controller": "impedance", "paces": [1, 2], "gains": [{}]}),
+        "gains",
+    ),
+    "paces that fall": (_in_interface(base={"controller": "impedance", "paces": [2, 1], "gains": [{}, {}]}), "rising"),
+    "a lying checksum": (_set(weights_sha256="0" * 64), "SHA-256"),
+    "observations that are no list": (_set(observation={}), "observation"),
+    "about that is no object": (_set(about=[]), "about"),
+}
+
+
+@pytest.mark.parametrize("kind", BROKEN)
+def test_a_card_that_lies_is_refused(kind: str, folder: Path) -> None:
+    file = folder / "tested.json"
+    card = json.loads(file.read_text(encoding="utf-8"))
+    change, message = BROKEN[kind]
+    change(card)
+    file.write_text(json.dumps(card), encoding="utf-8")
+    with pytest.raises(DataError, match=message):
+        load_policy("tested", folder)
+
+
+def test_an_input_that_is_not_observed_is_refused(folder: Path) -> None:
+    with pytest.raises(ParameterError, match="did you mean 'normal_error'"):
+        Interface(inputs=(Input("normal_eror"),), reach=1.0).bind(BASELINE, LAYOUT)
+    with pytest.raises(ParameterError, match="inputs must be among"):
+        Interface(inputs=(Input("base_1"),), reach=1.0).bind(BASELINE, LAYOUT)
+
+
+class Payload:
+    """What a pickle would do when it is loaded."""
+
+    def __reduce__(self) -> Any:
+        return Path.touch, (Path("executed"),)
+
+
+HOSTILE: dict[str, bytes] = {
+    "empty": b"",
+    "a pickle": pickle.dumps(Payload()),
+    "no JSON": b"{",
+    "not UTF-8": b"\xff\xfe",
+    "NaN": b'{"format": NaN}',
+    "deep": b"[" * 100_000,
+    "deep and whole": b"[" * (DEEPEST + 1) + b"]" * (DEEPEST + 1),
+    "a name twice": b'{"format": 1, "format": 1}',
+    "a list": b"[]",
+    "a long number": b'{"format": ' + b"9" * 10_000 + b"}",
+    "large": b" " * (MOST_CARD + 1),
+}
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_hostile_cards_are_refused(kind: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    (folder / "tested.json").write_bytes(HOSTILE[kind])
+    with pytest.raises(DataError, match="refused"):
+        load_policy("tested", folder)
+    assert not (folder / "executed").exists()
+
+
+def whole(**changes: Any) -> dict[str, np.ndarray]:
+    tensors = {**make_tensors(make_card()), **changes}
+    return {name: values for name, values in tensors.items() if values is not None}
+
+
+GOOD = make_tensors(make_card())
+NAN = np.where(np.arange(3) == 1, np.nan, 0.0).astype(np.float32)
+
+WEIGHTS: dict[str, bytes] = {
+    "empty": b"",
+    "a pickle": pickle.dumps(Payload()),
+    "truncated": save_tensors(GOOD)[:-4],
+    "with more behind it": save_tensors(GOOD) + b"more",
+    "a header beyond the file": struct.pack("<Q", 2**40) + b"{}",
+    "a header of nothing": struct.pack("<Q", 0),
+    "a header that is no JSON": struct.pack("<Q", 4) + b"abcd",
+    "overlapping": struct.pack("<Q", 118)
+    + b'{"layer_0.weight":{"dtype":"F32","shape":[1],"data_offsets":[0,4]},'
+    + b'"b":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}}'.ljust(118 - 67)
+    + bytes(4),
+    "another shape": save_tensors(whole(**{"layer_0.bias": np.zeros(4, np.float32)})),
+    "transposed": save_tensors(whole(**{"layer_1.weight": np.ascontiguousarray(GOOD["layer_1.weight"].T)})),
+    "another type": save_tensors(whole(**{"layer_0.bias": np.zeros(5)})),
+    "a tensor too few": save_tensors(whole(**{"layer_2.bias": None})),
+    "a tensor too many": save_tensors(whole(extra=np.zeros(1, np.float32))),
+    "NaN": save_tensors(whole(**{"layer_1.bias": NAN})),
+    "infinite": save_tensors(whole(**{"layer_1.bias": np.array([0, 1, np.inf], np.float32)})),
+    "large": b"\0" * (MOST_WEIGHTS + 1),
+}
+
+
+@pytest.mark.parametrize("kind", WEIGHTS)
+def test_hostile_weights_are_refused(kind: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Even where the card knows their checksum."""
+    import hashlib
+
+    monkeypatch.chdir(folder)
+    (folder / "tested.safetensors").write_bytes(WEIGHTS[kind])
+    card = json.loads((folder / "tested.json").read_text(encoding="utf-8"))
+    card["weights_sha256"] = hashlib.sha256(WEIGHTS[kind]).hexdigest()
+    (folder / "tested.json").write_text(json.dumps(card), encoding="utf-8")
+    with pytest.raises(DataError, match="refused"):
+        load_policy("tested", folder)
+    assert not (folder / "executed").exists()
+
+
+def test_missing_weights_and_weights_that_do_not_fit_are_refused(folder: Path) -> None:
+    (folder / "tested.safetensors").unlink()
+    with pytest.raises(DataError, match="cannot be read"):
+        load_policy("tested", folder)
+    card = make_card(name="other")
+    with pytest.raises(DataError, match="refused"):
+        write_policy(card, whole(**{"layer_0.bias": None}), "", folder)
+    assert not (folder / "other.json").exists()
+
+
+@pytest.mark.parametrize("name", shipped_policies())
+def test_a_shipped_policy_acts_and_says_what_it_is(name: str) -> None:
+    policy = load_policy(name)
+    assert find_policy(name).identity == policy.identity  # type: ignore[union-attr]
+    assert policy.identity.startswith(f"{name} ")
+    volts = policy.bind(BASELINE, LAYOUT)(observations())
+    assert volts.shape == (16, 4)
+    assert ((volts >= 0.0) & (volts <= 24.0)).all()
+    assert set(policy.card.about["validation"]) == set(PACES)
+    assert policy.card.about["command"] in (SHIPPED / f"{name}.md").read_text(encoding="utf-8")
+
+
+def test_a_policy_that_sets_the_voltages_needs_numpy_and_safetensors_alone(folder: Path) -> None:
+    program = (
+        "import sys; from pathlib import Path; import numpy as np\n"
+        "from pter_gym.policies import load_policy\n"
+        f"policy = load_policy('tested', Path({str(folder)!r}))\n"
+        "print(*sorted({name.split('.')[0] for name in sys.modules}))\n"
+    )
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert not set(result.stdout.split()) & {"torch", "stable_baselines3", "numba", "scipy", "matplotlib", "pickle5"}
+
+
+def test_a_network_is_a_function_of_its_rows() -> None:
+    rng = np.random.default_rng(1)
+    network = Network((rng.normal(size=(3, 2)), rng.normal(size=(4, 3))), (rng.normal(size=3), rng.normal(size=4)))
+    rows = rng.normal(size=(7, 2))
+    np.testing.assert_allclose(network(rows)[2:3], network(rows[2:3]), rtol=1e-12)
+
+
+def test_the_card_of_a_file_is_named_in_its_error() -> None:
+    with pytest.raises(DataError, match=r"policy card some\.json is refused"):
+        read_card(b"{}", "some.json")
