@@ -34,6 +34,11 @@ def device(function: Function) -> Function:
     return cast(Function, numba.njit(**_WITHOUT_ARRAYS)(function))
 
 
+def outlined(function: Function) -> Function:
+    """Compile a scalar function of the kind of ``device`` once, however often it is called: what is rare but long."""
+    return cast(Function, numba.njit(error_model="numpy", _nrt=False)(function))
+
+
 def inlined(function: Function) -> Function:
     """Compile a user's scalar function as ``device`` does, but let it make arrays."""
     return cast(Function, numba.njit(**_INLINED)(function))

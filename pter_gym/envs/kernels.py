@@ -179,7 +179,8 @@ def _substep(w: Any, lanes: int, h: float, period: float, aims: bool, guides: bo
         find_velocity(w, i, h)
     if _count(w, CROSSING, lanes) > 0:  # rare: in a few blocks out of a hundred
         for i in range(lanes):
-            catch_crossing(w, i, h)
+            if w[CROSSING, i] != 0.0:
+                catch_crossing(w, i, h)
     for i in range(lanes):
         move_arm(w, i, h)
 
@@ -289,8 +290,9 @@ def _build_advance(digest: str) -> Any:
             _gather(w, worlds, b)
             present = _take_contexts(w, width, constants, present)
             lags_voltage = _count(w, PARAM + VOLTAGE_DECAY, lanes) > 0
-            t = 0
-            while t < steps and _goes_on(w, lanes, ended):
+            for t in range(steps):
+                if not _goes_on(w, lanes, ended):
+                    break
                 if has_law:
                     for i in range(lanes):
                         if w[ALIVE, i] != 0.0:
@@ -304,7 +306,6 @@ def _build_advance(digest: str) -> Any:
                 _close(
                     w, worlds, b, lanes, words, obs, final_obs, rewards, flags, telemetry, t, ended, config, constants
                 )
-                t += 1
             _scatter_alive(w, lanes, worlds, b)
             present = present if _most(w, DRAWS, lanes) == 1.0 else -1.0
         return -1
@@ -315,7 +316,7 @@ def _build_advance(digest: str) -> Any:
 def _build_reset(digest: str) -> Any:
     def reset(worlds: Any, words: Any, chosen: Any, obs: Any, telemetry: Any, config: Any, constants: Any) -> None:
         _ = digest
-        w = np.empty((SCRATCH_ROWS, LANES))
+        w = _scratch()  # of the same type as above, for which all functions are compiled already
         _clear(w, worlds)
         width = worlds.shape[2]
         period = config[SUBSTEP] * config[SUBSTEPS]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym._jit import device
+from pter_gym._jit import device, outlined
 from pter_gym._philox import uniform4
 from pter_gym.operators import SINES, advance_sines, intent_speed, renew_sines, sum_of_sines, unit_vector
 from pter_gym.paths.projection import point_at, project
@@ -319,7 +319,7 @@ def find_velocity(w: Any, i: int, h: float) -> None:
     w[CROSSING, i] = 1.0 if crossing else 0.0
 
 
-@device
+@outlined
 def catch_crossing(w: Any, i: int, h: float) -> None:
     """Apply the crossing rule, if a slip velocity has jumped over the stick band."""
     if w[CROSSING, i] != 0.0:
@@ -350,7 +350,7 @@ def move_arm(w: Any, i: int, h: float) -> None:
     w[_ENERGY + 3, i] += energy.residual
 
 
-@device
+@outlined
 def take_context(w: Any, i: int, constants: Any) -> None:
     """Read the constants of a world, where the world says that they stand."""
     first = int(w[CONTEXT_AT, i])
@@ -385,7 +385,7 @@ def plans(w: Any, i: int) -> bool:
     return (w[PARAM + RECORD_COUNT, i] > 0.0) | (w[PARAM + INTENT_SPEED, i] > 0.0)
 
 
-@device
+@outlined
 def plan_hand(w: Any, i: int, constants: Any, period: float, count: float) -> None:
     """Say what the hand does by itself in the next control step of ``count`` substeps."""
     if w[PARAM + RECORD_COUNT, i] > 0.0:
@@ -433,7 +433,7 @@ def hand_force(w: Any, i: int) -> tuple[float, float]:
     )
 
 
-@device
+@outlined
 def start_episode(
     w: Any, i: int, seed: np.uint64, episode: np.uint64, constants: Any, period: float, count: float
 ) -> None:
@@ -478,7 +478,7 @@ def gaussians(seed: np.uint64, episode: np.uint64, draw: int) -> tuple[float, fl
     )
 
 
-@device
+@outlined
 def take_reading(w: Any, i: int, seed: np.uint64, episode: np.uint64) -> None:
     """Let the sensors of a world read, and keep what they read before."""
     for age in range(MAX_DELAY, 0, -1):
@@ -526,7 +526,7 @@ def observe_world(w: Any, i: int, config: Any) -> None:
     scale_entries(w, i, config)
 
 
-@device
+@outlined
 def observe_reading(w: Any, i: int, config: Any, constants: Any) -> None:
     """Find the present observation from what the sensors read, now or earlier."""
     row = READING + READINGS * int(w[PARAM + DELAY, i])
@@ -581,7 +581,7 @@ def see(w: Any, i: int, config: Any, constants: Any) -> None:
         observe_reading(w, i, config, constants)
 
 
-@device
+@outlined
 def record_reset(w: Any, i: int, telemetry: Any, t: int, world: int, constants: Any) -> None:
     """Write the telemetry (T, N, K) of a world that is not stepping: its pose, the rest zero."""
     for column in range(telemetry.shape[2]):
@@ -675,7 +675,7 @@ def has_begun(w: Any, i: int) -> bool:
     return w[_BEGAN, i] != 0.0
 
 
-@device
+@outlined
 def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: float, constants: Any) -> None:
     """Write the telemetry (T, N, K) of a control step."""
     q = load_motion(w, i)
@@ -739,6 +739,7 @@ def end_step(
     and the second layer of the telemetry get the last ones of a world that has ended.
     """
     records = telemetry.shape[0] > 0
+    begins = ended == NEXT_STEP
     if has_begun(w, i):
         write_observation(w, i, obs, world, config, constants)
         rewards[world] = w[_REWARD + 5, i]
@@ -746,13 +747,14 @@ def end_step(
             flags[flag, world] = w[_END + flag, i] != 0.0
         if records:
             record_step(w, i, telemetry, t, world, period, constants)
-        if w[ALIVE, i] == 0.0 and ended == SAME_STEP:
+        begins = w[ALIVE, i] == 0.0 and ended == SAME_STEP
+        if begins:
             write_observation(w, i, final_obs, world, config, constants)
             if records:
                 record_step(w, i, telemetry, t + 1, world, period, constants)
-            next_episode(w, i, world, words, obs, telemetry, t, config, constants)
-    elif ended == NEXT_STEP:
-        next_episode(w, i, world, words, obs, telemetry, t, config, constants)
+    elif begins:
         rewards[world] = 0.0
         for flag in range(FLAGS):
             flags[flag, world] = False
+    if begins:
+        next_episode(w, i, world, words, obs, telemetry, t, config, constants)
