@@ -48,7 +48,7 @@ class Predictive:
     spread: float = quantity("V", "chosen: standard deviation of the perturbations", default=4.0)
     rounds: int = quantity("1", "chosen: rounds of plans, each about the best so far", default=2)
     pace_weight: float = quantity(
-        "m", "chosen: cost of being a commanded pace off, beside the path error", default=0.01
+        "m", "chosen: cost of being a commanded pace off, beside the path error", default=0.003
     )
     seed: int = quantity("1", "chosen", default=0)
 
