@@ -14,7 +14,7 @@ from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import T_ARC_LENGTH, T_TIME, T_VOLTS
 
 GUIDE = SingleDof(damping_tangential=250.0, pace_fraction=0.75, approach=20.0, strength=150.0, slow=0.5, feedback=2.0)
-FEW = Predictive(samples=64, pace_weight=0.01)
+FEW = Predictive(samples=64)
 
 
 @pytest.mark.slow
