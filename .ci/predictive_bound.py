@@ -1,4 +1,6 @@
-"""Score the privileged predictive controller on stored episodes: `python .ci/predictive_bound.py standard brisk 20`.
+"""Score the privileged predictive controller on stored episodes: scenario, pace, count, pace weight.
+
+    python .ci/predictive_bound.py standard brisk 10 0.02
 
 It is guided by `single-dof-tuned` and prints both on the same episodes; it takes about 10 s for each 10 s of episodes.
 """
@@ -21,7 +23,7 @@ from pter_gym.tasks.path_following import T_TIME
 scenario, pace, count = sys.argv[1], sys.argv[2], int(sys.argv[3])
 episodes = load_episodes(scenario, pace).first(count)
 guide = find_policy("single-dof-tuned", scenario=scenario)
-settings = Predictive()
+settings = Predictive(pace_weight=float(sys.argv[4]))
 found, guided, took, decisions = [], [], 0.0, 0
 for machine, task, seed in zip(episodes.machines, episodes.tasks, episodes.seeds, strict=True):
     begin = time.perf_counter()

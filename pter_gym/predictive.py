@@ -47,9 +47,7 @@ class Predictive:
     knot_steps: int = quantity("1", "chosen: control steps between knots of a plan", default=5)
     spread: float = quantity("V", "chosen: standard deviation of the perturbations", default=4.0)
     rounds: int = quantity("1", "chosen: rounds of plans, each about the best so far", default=2)
-    pace_weight: float = quantity(
-        "m", "chosen: cost of being a commanded pace off, beside the path error", default=0.01
-    )
+    pace_weight: float = quantity("s", "chosen: cost of a speed along the path that is off the pace", default=0.02)
     seed: int = quantity("1", "chosen", default=0)
 
     def __post_init__(self) -> None:
@@ -174,8 +172,8 @@ class Planner:
         steps = alive.sum(axis=0)
         error = np.where(alive, np.abs(rows[..., T_ERROR]), 0.0).sum(axis=0) / steps
         arc_length = np.concatenate([np.full((1, s.samples), begin), rows[..., T_ARC_LENGTH]])
-        due = self.task.pace * self.task.control_period
-        off = np.where(alive, np.abs(np.diff(arc_length, axis=0) / due - 1.0), 0.0).sum(axis=0) / steps
+        speeds = np.diff(arc_length, axis=0) / self.task.control_period
+        off = np.where(alive, np.abs(speeds - self.task.pace), 0.0).sum(axis=0) / steps
         failed = (rows[..., T_TERMINATED] == 1.0).any(axis=0) & ~(rows[..., T_SUCCESS] == 1.0).any(axis=0)
         return error + s.pace_weight * off + np.where(failed, self.task.error_max, 0.0)
 
