@@ -50,7 +50,7 @@ def benchmark(
     and pictures. Runs that stand in the folder already are not repeated; several benchmarks may share a folder.
 
     Args:
-        policies: Separated by commas: impedance, torque-feedback, free, locked, random; trained: ppo, residual.
+        policies: Separated by commas: impedance, torque-feedback, free, locked, random; trained: see docs/agents.md.
         scenario: Scenario whose stored evaluation episodes are run; the paper's standard test by default.
         paces: Commanded paces of a scenario, separated by commas: slow, medium, brisk.
         episodes: How many of the scenario's episodes to run; all by default. Ranks need 200.
