@@ -51,7 +51,7 @@ def benchmark(
 
     Args:
         policies: Separated by commas: impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random;
-            on a scenario also impedance-tuned and so on; the trained ones: ppo, residual.
+            on a scenario also impedance-tuned and so on; trained ones: see docs/agents.md.
         scenario: Scenario whose stored evaluation episodes are run; the paper's standard test by default.
         paces: Commanded paces of a scenario, separated by commas: slow, medium, brisk.
         episodes: How many of the scenario's episodes to run; all by default. Ranks need 200.

@@ -46,7 +46,13 @@ def make_interface(settings: Settings, draws: Randomisation, seed: int) -> Inter
         Of the run and its random actions.
     """
     base = find_base(settings.base)
-    plain = Interface(inputs=(Input("pace"),), reach=settings.reach, base=base, history=settings.history)
+    plain = Interface(
+        inputs=(Input("pace"),),
+        reach=settings.reach,
+        base=base,
+        history=settings.history,
+        averages=settings.averages,
+    )
     return replace(plain, inputs=tuple(sample_inputs(plain, settings, draws, seed)))
 
 

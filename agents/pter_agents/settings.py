@@ -33,8 +33,9 @@ class Settings:
         Action that the untrained policy takes on average.
     deviation
         Standard deviation of its actions at the beginning.
-    history
-        How many control steps ago the networks see their inputs besides those of now.
+    history, averages
+        How many control steps ago the networks see their inputs besides those of now, and over about how many they
+        see them averaged.
     hidden, value_hidden
         Units of the hidden layers of policy and value.
     worlds, steps
@@ -49,9 +50,6 @@ class Settings:
         Of PPO, as in Stable-Baselines3; a ``target_kl`` of 0 is none.
     error, pace, acceleration, effort, failure
         Weights of the reward, see ``RewardWeights``.
-    progress
-        Weight [1/s] of the sensed speed along the path over the commanded pace, which is added to the reward. Below
-        ``pace`` it leaves the commanded pace the best one, and makes it dearer to be slower than to be faster.
     episode
         Control steps after which a training episode is truncated.
     contexts
@@ -63,6 +61,7 @@ class Settings:
     start: float
     deviation: float
     history: tuple[int, ...]
+    averages: tuple[int, ...]
     hidden: tuple[int, ...]
     value_hidden: tuple[int, ...]
     worlds: int
@@ -83,7 +82,6 @@ class Settings:
     acceleration: float
     effort: float
     failure: float
-    progress: float
     episode: int
     contexts: int
 
@@ -97,7 +95,7 @@ class Settings:
             require_number(self, name, above=0.0)
         for name in ("discount", "trace"):
             require_number(self, name, at_least=0.0, at_most=1.0)
-        for name in ("learning_rate_end", "entropy", "value_weight", "target_kl", "progress"):
+        for name in ("learning_rate_end", "entropy", "value_weight", "target_kl"):
             require_number(self, name, at_least=0.0)
         require_number(self, "clip", above=0.0, below=1.0)
         for name in ("worlds", "steps", "minibatch", "epochs", "episode", "contexts"):
@@ -106,8 +104,9 @@ class Settings:
             sizes: tuple[Any, ...] = getattr(self, name)
             whole = type(sizes) is tuple and all(type(size) is int and 1 <= size <= 1024 for size in sizes)
             require(whole and len(sizes) > 0, self, name, sizes, "whole numbers from 1 to 1024")
-        ages: tuple[Any, ...] = self.history
-        require(type(ages) is tuple and all(type(age) is int for age in ages), self, "history", ages, "whole numbers")
+        for name in ("history", "averages"):
+            ages: tuple[Any, ...] = getattr(self, name)
+            require(type(ages) is tuple and all(type(age) is int for age in ages), self, name, ages, "whole numbers")
         require(
             self.worlds * self.steps % self.minibatch == 0,
             self,

@@ -234,8 +234,7 @@ def train(
     else:
         interface = make_interface(settings, draws, arguments.seed)
         folder.begin(arguments, interface)
-    plain_worlds = make_worlds(draws, settings.worlds, settings.episode)
-    worlds = InterfaceVecEnv(plain_worlds, interface, settings.progress)
+    worlds = InterfaceVecEnv(make_worlds(draws, settings.worlds, settings.episode), interface)
     model = make_model(settings, worlds, arguments)
     newest = folder.newest() if resume else None
     if newest is not None:

@@ -76,18 +76,9 @@ class InterfaceVecEnv(VecEnvWrapper):
     """Worlds as the network of a policy meets them: its inputs as observations, its outputs as actions.
 
     ``infos`` of an episode's last step hold ``episode`` with its return and length, as Stable-Baselines3 logs them.
-
-    Parameters
-    ----------
-    venv
-        Worlds that take voltages.
-    interface
-        Of the policy.
-    progress
-        Weight of what is added to the reward, see ``Settings.progress`` [1/s].
     """
 
-    def __init__(self, venv: PterVecEnv, interface: Interface, progress: float = 0.0) -> None:
+    def __init__(self, venv: PterVecEnv, interface: Interface) -> None:
         super().__init__(
             venv,
             observation_space=spaces.Box(-LIMIT, LIMIT, (interface.size,), np.float32),
@@ -95,7 +86,6 @@ class InterfaceVecEnv(VecEnvWrapper):
         )
         self.worlds = venv.env
         self.interface = interface.bind(BASELINE, self.worlds.observation_layout)
-        self._progress = progress * self.worlds.batch.task.control_period
         self._past = self.interface.begin(venv.num_envs)
         self._base = np.zeros((venv.num_envs, 4))
         self._returns = np.zeros(venv.num_envs)
@@ -120,9 +110,7 @@ class InterfaceVecEnv(VecEnvWrapper):
         final = np.array(obs)
         for world in map(int, ended):
             final[world] = infos[world]["terminal_observation"]
-        layout = self.worlds.observation_layout
-        speed = layout.physical(final, "speed_along") / layout.physical(final, "pace")
-        found = (rewards + self._progress * speed).astype(np.float32)
+        found = np.asarray(rewards, np.float32)
         self._returns += found
         self._lengths += 1
         if len(ended):

@@ -142,7 +142,7 @@ def read_interface(content: Any) -> Interface:
     ValueError
         If it is not one.
     """
-    _check_keys(content, ("inputs", "reach", "base", "history"), "interface")
+    _check_keys(content, ("inputs", "reach", "base", "history", "averages"), "interface")
     entries = _list(content["inputs"], "inputs", MOST_INPUTS)
     for entry in entries:
         _check_keys(entry, ("name", "center", "scale"), "input")
@@ -152,6 +152,7 @@ def read_interface(content: Any) -> Interface:
         reach=_number(content["reach"], "reach"),
         base=None if base is None else _base(base),
         history=tuple(_list(content["history"], "history", MOST_LAYERS, at_least=0)),
+        averages=tuple(_list(content["averages"], "averages", MOST_LAYERS, at_least=0)),
     )
 
 

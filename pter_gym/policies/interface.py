@@ -31,6 +31,9 @@ CLUTCHES = range(1, 5)
 LONGEST = 64
 """How many control steps a network can look back at most."""
 
+SLOWEST = 1000
+"""Longest time constant of an average in control steps."""
+
 BASE_INPUTS = tuple(f"base_{x}" for x in CLUTCHES)
 """Voltages of the base controller [V]."""
 
@@ -164,25 +167,30 @@ class Interface:
     history
         How many control steps ago the network sees all inputs besides those of now, rising. Before the start of an
         episode they are as they were at the start.
+    averages
+        Time constants in control steps, rising: the network sees all inputs behind a first-order low-pass as well.
     """
 
     inputs: tuple[Input, ...]
     reach: float
     base: Base | None = None
     history: tuple[int, ...] = ()
+    averages: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         require(len(self.inputs) > 0, self, "inputs", self.inputs, "at least one input")
         require_number(self, "reach", above=0.0)
-        rising = all(low < high for low, high in pairwise((0, *self.history, LONGEST + 1)))
-        accepted = f"rising whole numbers from 1 to {LONGEST}"
-        require(rising and all(type(age) is int for age in self.history), self, "history", self.history, accepted)
+        for name, longest in (("history", LONGEST), ("averages", SLOWEST)):
+            steps: tuple[int, ...] = getattr(self, name)
+            rising = all(low < high for low, high in pairwise((0, *steps, longest + 1)))
+            accepted = f"rising whole numbers from 1 to {longest}"
+            require(rising and all(type(step) is int for step in steps), self, name, steps, accepted)
 
     @property
     def size(self) -> int:
-        """Number of inputs of the network, those of earlier control steps included."""
-        return len(self.inputs) * (1 + len(self.history))
+        """Number of inputs of the network, those of earlier control steps and averages included."""
+        return len(self.inputs) * (1 + len(self.history) + len(self.averages))
 
     def bind(self, machine: Machine, layout: Layout) -> "BoundInterface":
         """Return what translates for a nominal machine and a layout of observations.
@@ -211,11 +219,11 @@ class BoundInterface:
         self._columns = [names.index(each.name) for each in interface.inputs]
         self._center = np.array([each.center for each in interface.inputs])
         self._scale = np.array([each.scale for each in interface.inputs])
-        self.history = interface.history
+        self._past = interface.history, interface.averages
 
     def begin(self, worlds: int) -> "Past":
         """Return the empty past of so many worlds."""
-        return Past(worlds, len(self._columns), self.history)
+        return Past(worlds, len(self._columns), *self._past)
 
     def see(self, obs: NDArray[np.float32], past: "Past", *, passing: bool = False) -> tuple[Array, Array]:
         """Return what the network sees and the voltages that it corrects.
@@ -254,20 +262,22 @@ class BoundInterface:
 
 
 class Past:
-    """What a network saw of some worlds in the last control steps.
+    """What a network saw of some worlds before.
 
     Parameters
     ----------
     worlds, inputs
         Numbers of worlds and of inputs.
-    history
+    history, averages
         As in ``Interface``.
     """
 
-    def __init__(self, worlds: int, inputs: int, history: tuple[int, ...]) -> None:
+    def __init__(self, worlds: int, inputs: int, history: tuple[int, ...], averages: tuple[int, ...]) -> None:
         self.worlds = worlds
         self._ages = np.array((0, *history))
+        self._shares = 1.0 / np.array(averages)[:, None, None]
         self._rows = np.zeros((int(self._ages[-1]) + 1, worlds, inputs))
+        self._means = np.zeros((len(averages), worlds, inputs))
         self._empty = np.ones(worlds, np.bool_)
 
     def forget(self, worlds: NDArray[np.bool_]) -> None:
@@ -275,33 +285,35 @@ class Past:
         self._empty |= worlds
 
     def add(self, present: Array) -> Array:
-        """Return inputs (N, inputs) with those of earlier steps behind them, (N, size), the latest first."""
-        if len(self._ages) == 1:
-            return present
-        found = self._with(present)
-        self._rows[:], self._empty[:] = found, False
-        return self._shown(found)
+        """Return inputs (N, inputs) with earlier ones behind them, the latest first, then averages: (N, size)."""
+        rows, means = self._with(present)
+        self._rows[:], self._means[:], self._empty[:] = rows, means, False
+        return self._shown(rows, means)
 
     def look(self, present: Array) -> Array:
         """Return what ``add`` would, and keep nothing."""
-        return present if len(self._ages) == 1 else self._shown(self._with(present))
+        return self._shown(*self._with(present))
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes."""
-        return {"past_rows": self._rows.copy(), "past_empty": self._empty.copy()}
+        own = {"past_rows": self._rows, "past_means": self._means, "past_empty": self._empty}
+        return {name: part.copy() for name, part in own.items()}
 
     def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on where ``get_state`` was called."""
         self._rows[:] = state["past_rows"]
+        self._means[:] = state["past_means"]
         self._empty[:] = state["past_empty"]
 
-    def _with(self, present: Array) -> Array:
-        """Return the rows with the present in front; a world that begins has seen nothing else before."""
+    def _with(self, present: Array) -> tuple[Array, Array]:
+        """Return rows and averages with the present; a world that begins has seen nothing else before."""
+        fresh = self._empty[:, None]
         rows = np.concatenate([present[None], self._rows[:-1]])
-        return np.where(self._empty[:, None], present, rows)
+        means = self._means + self._shares * (present - self._means)
+        return np.where(fresh, present, rows), np.where(fresh, present, means)
 
-    def _shown(self, rows: Array) -> Array:
-        return rows[self._ages].transpose(1, 0, 2).reshape(rows.shape[1], -1)
+    def _shown(self, rows: Array, means: Array) -> Array:
+        return np.concatenate([rows[self._ages], means]).transpose(1, 0, 2).reshape(rows.shape[1], -1)
 
 
 def available(layout: Layout, *, residual: bool) -> list[str]:

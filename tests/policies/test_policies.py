@@ -150,8 +150,25 @@ def test_a_history_is_what_was_seen_some_steps_ago_and_the_start_before(tmp_path
         replace(interface, history=(65,))
 
 
+def test_averages_follow_slowly(folder: Path) -> None:
+    interface = Interface(inputs=INPUTS[:2], reach=1.0, history=(1,), averages=(4, 50))
+    bound = interface.bind(BASELINE, LAYOUT)
+    past = bound.begin(3)
+    first, second = observations(3), 0.5 * observations(3)
+    start = bound.see(first, past)[0]
+    assert start.tobytes() == np.tile(start[:, :2], 4).tobytes()
+    steps = [bound.see(second, past)[0] for _ in range(60)]
+    begin, end = start[:, :2], steps[0][:, :2]
+    for k, seen in enumerate(steps):
+        for column, constant in ((4, 4), (6, 50)):
+            expected = end + (begin - end) * (1.0 - 1.0 / constant) ** (k + 1)
+            np.testing.assert_allclose(seen[:, column : column + 2], expected, rtol=1e-9, atol=1e-12)
+    with pytest.raises(ParameterError, match="averages must be rising"):
+        replace(interface, averages=(50, 4))
+
+
 def test_a_policy_with_a_history_begins_anew_in_each_benchmark(tmp_path: Path) -> None:
-    card = make_card(interface=Interface(inputs=INPUTS, reach=12.0, history=(2,)))
+    card = make_card(interface=Interface(inputs=INPUTS, reach=12.0, history=(2,), averages=(9,)))
     write_policy(card, make_tensors(card), "", tmp_path)
     policy = load_policy("tested", tmp_path).bind(BASELINE, LAYOUT)
     machines, tasks = zip(*find_scenario("standard").randomisation("brisk", contexts=3, seed=1).pairs(), strict=True)
