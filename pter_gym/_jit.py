@@ -21,6 +21,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _INLINED: Any = {"forceinline": True, "error_model": "numpy"}
 _WITHOUT_ARRAYS: Any = {**_INLINED, "_nrt": False}
+_OUTLINED: Any = {**_WITHOUT_ARRAYS, "forceinline": False}
 
 _CONSTANTS = (bool, int, float, str, tuple, np.generic)
 
@@ -36,7 +37,7 @@ def device(function: Function) -> Function:
 
 def outlined(function: Function) -> Function:
     """Compile a scalar function of the kind of ``device`` once, however often it is called: what is rare but long."""
-    return cast(Function, numba.njit(error_model="numpy", _nrt=False)(function))
+    return cast(Function, numba.njit(**_OUTLINED)(function))
 
 
 def inlined(function: Function) -> Function:

@@ -153,12 +153,20 @@ def _count(w: Any, row: int, lanes: int) -> int:
 
 
 @device
-def _most(w: Any, row: int, lanes: int) -> float:
-    """Return the largest number of a row."""
-    most = w[row, 0]
+def _after_resets(w: Any, lanes: int, present: float) -> float:
+    """Return ``present``, or −1 where a lane may have drawn other constants."""
+    drawing = 0
     for i in range(lanes):
-        most = w[row, i] if w[row, i] > most else most
-    return most
+        drawing += 1 if w[DRAWS, i] != 1.0 else 0
+    return present if drawing == 0 else -1.0
+
+
+@device
+def _catch(w: Any, lanes: int, h: float) -> None:
+    """Apply the crossing rule to the lanes that need it."""
+    for i in range(lanes):
+        if w[CROSSING, i] != 0.0:
+            catch_crossing(w, i, h)
 
 
 @device
@@ -178,9 +186,7 @@ def _substep(w: Any, lanes: int, h: float, period: float, aims: bool, guides: bo
     for i in range(lanes):
         find_velocity(w, i, h)
     if _count(w, CROSSING, lanes) > 0:  # rare: in a few blocks out of a hundred
-        for i in range(lanes):
-            if w[CROSSING, i] != 0.0:
-                catch_crossing(w, i, h)
+        _catch(w, lanes, h)
     for i in range(lanes):
         move_arm(w, i, h)
 
@@ -307,7 +313,7 @@ def _build_advance(digest: str) -> Any:
                     w, worlds, b, lanes, words, obs, final_obs, rewards, flags, telemetry, t, ended, config, constants
                 )
             _scatter_alive(w, lanes, worlds, b)
-            present = present if _most(w, DRAWS, lanes) == 1.0 else -1.0
+            present = _after_resets(w, lanes, present)
         return -1
 
     return advance
