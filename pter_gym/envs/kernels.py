@@ -153,6 +153,13 @@ def _count(w: Any, row: int, lanes: int) -> int:
 
 
 @device
+def _sense(w: Any, lanes: int, h: float) -> None:
+    """Find the generated torques of all lanes."""
+    for i in range(lanes):
+        sense_torques(w, i, h)
+
+
+@device
 def _after_resets(w: Any, lanes: int, present: float) -> float:
     """Return ``present``, or −1 where a lane may have drawn other constants."""
     drawing = 0
@@ -307,8 +314,7 @@ def _build_advance(digest: str) -> Any:
                     _begin_given(w, lanes, given, begin, low, high)
                 for k in range(count):
                     _substep(w, width, h, period, lags_voltage | (k == 0), worlds.shape[1] > BASIC_ROWS)
-                for i in range(width):
-                    sense_torques(w, i, h)
+                _sense(w, width, h)
                 _close(
                     w, worlds, b, lanes, words, obs, final_obs, rewards, flags, telemetry, t, ended, config, constants
                 )
