@@ -180,6 +180,12 @@ def random_volts(gains: Any, memory: Any) -> PerClutch:
 
 
 @device
+def no_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:  # noqa: ARG001
+    """Return no voltages: the law of a kernel whose voltages are given."""
+    return PerClutch(0.0, 0.0, 0.0, 0.0)
+
+
+@device
 def built_in(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of the built-in law that the first gain names."""
     if gains[0] >= IMPEDANCE:

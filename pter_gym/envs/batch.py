@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.controllers.laws import MEMORY
+from pter_gym.controllers.laws import MEMORY, no_law
 from pter_gym.envs.kernels import advance_kernel, reset_kernel
 from pter_gym.envs.world import (
     ALIVE,
@@ -190,7 +190,7 @@ class Batch:
         self._final_obs = np.empty((0, len(self.layout)), np.float32)
         self._shape = (self.num_worlds, len(self.layout))
         self._alone = np.empty(1), np.empty((FLAGS, 1), np.bool_)
-        self._advance = advance_kernel()
+        self._advance = advance_kernel(no_law)
         self._num_threads = num_threads
         self._pool: ThreadPoolExecutor | None = None
         self._pool_owner = -1
