@@ -1,4 +1,4 @@
-"""Put the leaderboards of a results folder into docs/scenarios: `python .ci/scenario_pages.py RESULTS`."""
+"""Put the leaderboards of a results folder into the docs and README.md: `python .ci/scenario_pages.py RESULTS`."""
 
 import json
 import re
@@ -6,8 +6,12 @@ import sys
 from pathlib import Path
 
 from pter_gym.files import write_text_atomic
+from pter_gym.scenarios import SCENARIOS
 
-DOCS = Path(__file__).parents[1] / "docs" / "scenarios"
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs" / "scenarios"
+SUITE = re.compile(r"<!-- suite -->\n.*?<!-- /suite -->\n", re.DOTALL)
+LEFT_OUT = ("free", "locked", "random")
 BLOCK = re.compile(r"<!-- scores -->\n.*?<!-- /scores -->\n", re.DOTALL)
 HEAD = """| | Policy | Path error [mm] | Arrives [%] | Mean pace off [%] | Segments off [%] | RMS acceleration [m/s²] |
 |---|---|---|---:|---:|---:|---:|
@@ -31,6 +35,22 @@ def section(board: dict) -> str:
     return text + ("\nBelow the line:\n\n" + "\n".join(below) + "\n" if below else "")
 
 
+def summary(boards: list[dict]) -> str:
+    """One line for each policy, one column for each scenario."""
+    scenarios = [name for name in SCENARIOS if any(board["scenario"] == name for board in boards)]
+    first = next(board["policies"] for board in boards if board["scenario"] == scenarios[0])
+    names = [name for name in first if name not in LEFT_OUT]
+    lines = [f"| Policy | {' | '.join(f'`{each}`' for each in scenarios)} |\n|---|{'---|' * len(scenarios)}\n"]
+    for name in sorted(names, key=lambda name: first[name]["path_error_m"]["value"]):
+        cells = []
+        for scenario in scenarios:
+            found = [board["policies"][name] for board in boards if board["scenario"] == scenario]
+            errors = [f"{1000 * s['path_error_m']['value']:.1f}" for s in found]
+            cells.append(", ".join(e if s["rank"] else f"({e})" for e, s in zip(errors, found, strict=True)))
+        lines.append(f"| `{name}` | {' | '.join(cells)} |\n")
+    return "".join(lines)
+
+
 boards = json.loads((Path(sys.argv[1]) / "benchmark.json").read_text("utf-8"))["leaderboards"]
 for scenario in {board["scenario"] for board in boards}:
     page = DOCS / f"{scenario}.md"
@@ -38,3 +58,7 @@ for scenario in {board["scenario"] for board in boards}:
     text = BLOCK.sub(lambda _, found=found: f"<!-- scores -->\n{found}<!-- /scores -->\n", page.read_text("utf-8"))
     write_text_atomic(page, text)
     print(page)
+
+readme = ROOT / "README.md"
+text = SUITE.sub(lambda _: f"<!-- suite -->\n{summary(boards)}<!-- /suite -->\n", readme.read_text("utf-8"))
+write_text_atomic(readme, text)

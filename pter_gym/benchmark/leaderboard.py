@@ -176,7 +176,6 @@ def table(board: Leaderboard) -> Table:
         "segment\npace\n\\[±%]",
         "rms acc.\n\\[m/s²]",
         "smooth-\nness",
-        "brake\nwork\n\\[J]",
     ):
         shown.add_column(header, justify="right", no_wrap=True)
     for standing in board.standings:
@@ -190,7 +189,6 @@ def table(board: Leaderboard) -> Table:
             f"{100 * s['segment_pace_error'].value:.3g}",
             f"{s['rms_acceleration_m_s2'].value:.2f}",
             f"{s['smoothness'].value:.1f}",
-            f"{s['dissipated_j'].value:.1f}",
         )
     return shown
 
