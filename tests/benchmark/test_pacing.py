@@ -35,5 +35,6 @@ def test_every_other_gain_stays() -> None:
         found.at("brisc")
 
 
+@pytest.mark.slow
 def test_a_pace_out_of_reach_gives_the_end_of_the_range() -> None:
     assert damping_for_pace(Impedance(), 3.9, draws=2) == pytest.approx(LOWEST, rel=1e-3)
