@@ -27,6 +27,7 @@ from pter_gym.envs.world import (
     SAME_STEP,
     SEGMENT,
     SKIP,
+    STEP,
 )
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.operators import HumanArm, RecordedForces
@@ -370,7 +371,9 @@ class Batch:
         self._seeded[:] = state["seeded"]
 
     def _fits(self, worlds: Array) -> bool:
-        """Tell whether worlds from elsewhere point at constants and arcs that there are."""
+        """Tell whether worlds from elsewhere point at constants, arcs and instants that there are."""
+        if not ((worlds[:, STEP] >= 0.0) & (worlds[:, STEP] < 2.0**31)).all():
+            return False
         same = np.array_equal(worlds[:, DRAWS_FROM : DRAWS + 1], self._worlds[:, DRAWS_FROM : DRAWS + 1])
         numbers = (worlds[:, CONTEXT_AT] - worlds[:, DRAWS_FROM]) / CONTEXT_ROWS
         if not same or not np.isin(numbers, np.arange(int(worlds[:, DRAWS].max()))).all():

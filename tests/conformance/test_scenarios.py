@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 import pter_gym
 from pter_gym.envs.batch import Batch
-from pter_gym.envs.world import SAME_STEP
+from pter_gym.envs.world import CONTEXT_AT, SAME_STEP, SEGMENT, STEP
 from pter_gym.errors import ParameterError
 from pter_gym.operators import HumanArm, MultiSineHand
 from pter_gym.params import BASELINE, Hand
@@ -164,11 +164,10 @@ def test_a_state_of_other_machines_is_refused() -> None:
     batch = Batch([BASELINE, replace(BASELINE, clutch_scale=(0.9,) * 4)], PathFollowing())
     batch.reset([0, 1])
     state = batch.get_state()
-    for row, value in (("context", 1e9), ("context", -1.0), ("segment", 7.0)):
-        from pter_gym.envs import world
-
+    wrong = ((CONTEXT_AT, 1e9), (CONTEXT_AT, -1.0), (SEGMENT, 7.0), (STEP, -1.0), (STEP, np.nan), (STEP, 1e300))
+    for row, value in wrong:
         broken = {**state, "worlds": state["worlds"].copy()}
-        broken["worlds"][0, world.CONTEXT_AT if row == "context" else world.SEGMENT, 0] = value
+        broken["worlds"][0, row, 0] = value
         with pytest.raises(ParameterError, match=r"state\['worlds'\]"):
             batch.set_state(broken)
     batch.set_state(state)

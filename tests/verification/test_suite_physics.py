@@ -96,7 +96,7 @@ def test_the_intent_waits_for_a_tip_that_cannot_move() -> None:
     rows, _ = stepped(PathFollowing(path=Line(length=0.5), hand=hand, pace=0.4), np.full((150, 4), 24.0))
     pull = np.hypot(rows[1:, T_FORCE], rows[1:, T_FORCE + 1])
     assert pull.max() <= 600.0 * 0.0501 + hand.impedance.damping * 0.4 * hand.eagerness
-    assert pull[-1] == pytest.approx(600.0 * (0.05 + rows[-1, T_ARC_LENGTH] - rows[-1, T_ARC_LENGTH]), rel=0.02)
+    assert pull[-1] == pytest.approx(600.0 * math.hypot(0.05, rows[-1, T_ERROR]), rel=1e-9)
 
 
 def test_a_hand_may_come_with_the_machine_or_with_the_task() -> None:
