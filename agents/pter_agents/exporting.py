@@ -62,7 +62,7 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
         raise DataError(f"there is no checkpoint in {run}")
     settings = arguments.settings
     draws = training_draws(arguments.scenario, arguments.pace, contexts=WORLDS, seed=arguments.seed)
-    worlds = InterfaceVecEnv(make_worlds(draws, WORLDS, settings.episode), interface)
+    worlds = InterfaceVecEnv(make_worlds(draws, WORLDS, settings.episode, settings.sensors), interface)
     model = make_model(replace(settings, worlds=WORLDS, steps=2, minibatch=2 * WORLDS), worlds, arguments)
     load_weights(model, newest)
     name = arguments.algorithm if name is None else name

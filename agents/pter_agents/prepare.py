@@ -10,7 +10,7 @@ from pter_agents.settings import PLAIN, Settings
 from pter_agents.worlds import make_worlds
 from pter_gym.benchmark import PACES, PerPace, find_policy
 from pter_gym.params import BASELINE
-from pter_gym.policies.interface import Base, Input, Interface, available, quantities
+from pter_gym.policies.interface import Base, Input, Interface, available, quantities, seen_without
 from pter_gym.randomisation import Randomisation
 from pter_gym.sb3 import PterVecEnv
 
@@ -57,11 +57,13 @@ def make_interface(settings: Settings, draws: Randomisation, seed: int) -> Inter
 
 
 def sample_inputs(plain: Interface, settings: Settings, draws: Randomisation, seed: int) -> Sequence[Input]:
-    """Return all inputs, with the mean and the deviation of each where random actions lead."""
-    worlds: PterVecEnv = make_worlds(draws, SAMPLE_WORLDS, settings.episode)
+    """Return the inputs, with the mean and the deviation of each where random actions lead."""
+    worlds: PterVecEnv = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
     layout = worlds.env.observation_layout
     bound = plain.bind(BASELINE, layout)
     residual = plain.base is not None
+    names = available(layout, residual=residual)
+    shown = seen_without(names, settings.blind)
     rng = np.random.default_rng(seed)
     worlds.seed(seed)
     obs: Any = worlds.reset()
@@ -74,8 +76,7 @@ def sample_inputs(plain: Interface, settings: Settings, draws: Randomisation, se
         obs = worlds.step(bound.volts(base, actions))[0]
     worlds.close()
     values = np.concatenate(seen)
-    names = available(layout, residual=residual)
-    return [_input(name, column) for name, column in zip(names, values.T, strict=True)]
+    return [_input(name, column) for name, column in zip(names, values.T, strict=True) if name in shown]
 
 
 def _input(name: str, values: np.ndarray) -> Input:

@@ -3,12 +3,12 @@
 import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import require, require_number
-from pter_gym.tasks.path_following import RewardWeights
+from pter_gym.tasks.path_following import RewardWeights, Sensors
 
 FOLDER = Path(__file__).parent
 
@@ -33,6 +33,12 @@ class Settings:
         Action that the untrained policy takes on average.
     deviation
         Standard deviation of its actions at the beginning.
+    sensors
+        What the worlds measure: ``"encoders"``, ``"torque"`` or ``"force"``. The benchmark has torque sensors and takes
+        no policy that was trained with others.
+    blind
+        What the networks do not see of it, by name or by group: ``"torque"`` is ``torque_1`` to ``torque_4``. The base
+        controller of a residual policy sees it all the same, so what a sensor is worth shows in ``ppo`` only.
     history, averages
         How many control steps ago the networks see their inputs besides those of now, and over about how many they
         see them averaged.
@@ -60,6 +66,8 @@ class Settings:
     reach: float
     start: float
     deviation: float
+    sensors: Sensors
+    blind: tuple[str, ...]
     history: tuple[int, ...]
     averages: tuple[int, ...]
     hidden: tuple[int, ...]
@@ -89,6 +97,12 @@ class Settings:
         """Check each number by itself."""
         if self.base not in (PLAIN, *CONTROLLERS):
             raise unknown_name("base", self.base, (PLAIN, *CONTROLLERS))
+        if self.sensors not in get_args(Sensors):
+            raise unknown_name("sensors", self.sensors, get_args(Sensors))
+        names: tuple[Any, ...] = self.blind
+        require(
+            type(names) is tuple and all(type(name) is str for name in names), self, "blind", names, "a list of names"
+        )
         require_number(self, "reach", above=0.0)
         require_number(self, "start", at_least=-1.0, at_most=1.0)
         for name in ("deviation", "learning_rate", "max_gradient"):

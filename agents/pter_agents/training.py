@@ -33,6 +33,9 @@ RUN = "run.json"
 PROGRESS = "validation.json"
 """File in a run's folder with the scores during training."""
 
+EARLIER = {"sensors": "torque", "blind": ()}
+"""Hyper-parameters that runs of earlier versions do not name, as they were then."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments:
@@ -120,7 +123,7 @@ class RunFolder:
             raise DataError(f"{self.path / RUN} cannot be read: {error}") from None
         try:
             interface = read_interface(content.pop("interface"))
-            settings = settings_from(content.pop("settings"))
+            settings = settings_from({**EARLIER, **content.pop("settings")})
             return Arguments(settings=settings, **content), interface
         except (KeyError, TypeError, ValueError) as error:
             raise DataError(f"{self.path / RUN} is not what was written: {error}") from None
@@ -159,7 +162,9 @@ class Watch(BaseCallback):
         self._worlds = worlds
         self._folder = folder
         self._on_progress = on_progress
-        self._validation = Validation(arguments.scenario, arguments.paces, arguments.validation_episodes)
+        self._validation = Validation(
+            arguments.scenario, arguments.paces, arguments.validation_episodes, arguments.settings.sensors
+        )
 
     def _on_step(self) -> bool:
         return True
@@ -234,7 +239,7 @@ def train(
     else:
         interface = make_interface(settings, draws, arguments.seed)
         folder.begin(arguments, interface)
-    worlds = InterfaceVecEnv(make_worlds(draws, settings.worlds, settings.episode), interface)
+    worlds = InterfaceVecEnv(make_worlds(draws, settings.worlds, settings.episode, settings.sensors), interface)
     model = make_model(settings, worlds, arguments)
     newest = folder.newest() if resume else None
     if newest is not None:

@@ -17,6 +17,7 @@ from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.envs.batch import Batch
 from pter_gym.policies.interface import BoundInterface, Past
+from pter_gym.tasks.path_following import Sensors
 
 Array = NDArray[np.float64]
 Net = Callable[[Array], Array]
@@ -40,16 +41,18 @@ class Validation:
         Names of commanded paces.
     episodes
         Their number at each pace.
+    sensors
+        What the worlds measure.
     """
 
-    def __init__(self, scenario: str, paces: Sequence[str], episodes: int) -> None:
+    def __init__(self, scenario: str, paces: Sequence[str], episodes: int, sensors: Sensors = "torque") -> None:
         self._seeds = range(FIRST_RESET, FIRST_RESET + episodes)
         self._tasks: dict[str, Any] = {}
         self._batches: dict[str, Batch] = {}
         for pace in paces:
             machines, tasks = zip(*training_draws(scenario, pace, contexts=episodes, seed=SEED).pairs(), strict=True)
             self._tasks[pace] = tasks
-            self._batches[pace] = Batch(machines, tasks)
+            self._batches[pace] = Batch(machines, tasks, sensors=sensors)
 
     def scores(self, net: Net, interface: BoundInterface) -> Scores:
         """Return scores for each pace: the interquartile path error, the means of what a rank needs, and acceleration.

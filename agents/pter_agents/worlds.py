@@ -15,7 +15,7 @@ from pter_gym.policies.interface import LIMIT, Interface
 from pter_gym.randomisation import OneOf, Randomisation, Vary
 from pter_gym.sb3 import PterVecEnv, make_sb3_vec_env
 from pter_gym.scenarios import find_scenario
-from pter_gym.tasks.path_following import PathFollowing, RewardWeights
+from pter_gym.tasks.path_following import PathFollowing, RewardWeights, Sensors
 
 ALL = "all"
 """Name for a commanded pace that is drawn among those at which a scenario is scored."""
@@ -57,7 +57,7 @@ def all_paces() -> tuple[float, ...]:
     return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
 
 
-def make_worlds(draws: Randomisation, count: int, episode: int) -> PterVecEnv:
+def make_worlds(draws: Randomisation, count: int, episode: int, sensors: Sensors = "torque") -> PterVecEnv:
     """Return worlds that take voltages.
 
     Parameters
@@ -68,8 +68,17 @@ def make_worlds(draws: Randomisation, count: int, episode: int) -> PterVecEnv:
         Number of worlds.
     episode
         Control steps after which an episode is truncated.
+    sensors
+        What they measure.
     """
-    return make_sb3_vec_env(count, action_unit="volt", randomisation=draws, max_episode_steps=episode, num_threads=1)
+    return make_sb3_vec_env(
+        count,
+        action_unit="volt",
+        randomisation=draws,
+        max_episode_steps=episode,
+        sensors=sensors,
+        num_threads=1,
+    )
 
 
 class InterfaceVecEnv(VecEnvWrapper):

@@ -4,7 +4,7 @@ A network sees quantities of the observation and a few derived from it, each shi
 [−1, 1] are voltages relative to the middle of the range, or relative to those of a base controller (a residual policy).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
@@ -320,6 +320,38 @@ def available(layout: Layout, *, residual: bool) -> list[str]:
     """Return the names of all quantities that a network can see, in the order of ``quantities``."""
     derived = [name for names in DERIVED for name in names]
     return [*layout.names, *derived, *(BASE_INPUTS if residual else ())]
+
+
+def seen_without(names: Sequence[str], blind: Sequence[str]) -> list[str]:
+    """Return the names of the quantities that remain to be seen.
+
+    Parameters
+    ----------
+    names
+        Of all quantities, as ``available`` gives them.
+    blind
+        Which are not to be seen: a name, or a group, which is all names that begin with it and an underscore.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such quantity or group, which tells the nearest, or none would remain.
+    """
+    groups = dict.fromkeys(name.rpartition("_")[0] for name in names if "_" in name)
+    known = [*names, *(group for group in groups if group not in names)]
+    for each in blind:
+        if each not in known:
+            raise unknown_name("blind", each, known)
+    left_out = {name for each in blind for name in _meant(each, names)}
+    remaining = [name for name in names if name not in left_out]
+    if not remaining:
+        raise ParameterError(f"blind must leave something to be seen, got {list(blind)!r}")
+    return remaining
+
+
+def _meant(each: str, names: Sequence[str]) -> list[str]:
+    """Return the quantities of a name or a group."""
+    return [each] if each in names else [name for name in names if name.startswith(f"{each}_")]
 
 
 def quantities(physical: Array, base: Array, layout: Layout, *, residual: bool) -> Array:
