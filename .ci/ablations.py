@@ -11,6 +11,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import tyro
@@ -94,11 +95,12 @@ def main(
     """Train what is missing and print the table; write it into the page."""
     head = (
         f"`ppo` on `{scenario}`, {steps / 1e6:g} M steps, seeds 0 to {seeds - 1}, {EPISODES} validation draws at each "
-        "pace, means over the seeds at slow, medium and brisk pace:\n\n"
-        "| The network sees | Path error [mm] | Arrives [%] | Mean pace off [%] | Segments off [%] "
-        "| Path error by seed [mm] |\n|---|---|---|---|---|---|\n"
+        "pace; means over the seeds at slow, medium and brisk pace:"
     )
-    text = ""
+    text = (
+        f"{fill(head, 120)}\n\n| The network sees | Path error [mm] | Arrives [%] | Mean pace off [%] "
+        "| Segments off [%] | Path error by seed [mm] |\n|---|---|---|---|---|---|\n"
+    )
     for number, variant in enumerate(VARIANTS):
         found = [
             scores(runs / f"{scenario}-{number}-seed{seed}", arguments(variant, scenario, seed, steps))
@@ -107,7 +109,7 @@ def main(
         text += row(variant, found)
         print(row(variant, found), end="", flush=True)
     if write:
-        put(PAGE, "ablations", f"{head}{text}")
+        put(PAGE, "ablations", text)
 
 
 if __name__ == "__main__":

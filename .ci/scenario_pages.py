@@ -1,18 +1,25 @@
-"""Put the leaderboards of a results folder into the docs and README.md: `python .ci/scenario_pages.py RESULTS`."""
+"""Put the leaderboards of a results folder into the docs and README.md: `python .ci/scenario_pages.py RESULTS`.
+
+It reads `benchmark.json` alone. Of several numbers of episodes of a scenario at a pace, the largest counts; README's
+picture shows each policy on the most episodes that it has.
+"""
 
 import json
-import re
 import sys
 from pathlib import Path
 
-from pter_gym.files import write_text_atomic
-from pter_gym.scenarios import SCENARIOS
+from pages import ROOT, put
 
-ROOT = Path(__file__).parents[1]
+from pter_gym.benchmark.statistics import Interval
+from pter_gym.plots import save
+from pter_gym.plots.pages import LOOKS, Score, error_against_commanded_pace
+from pter_gym.policies import shipped_policies
+from pter_gym.scenarios import PACES, SCENARIOS
+
 DOCS = ROOT / "docs" / "scenarios"
-SUITE = re.compile(r"<!-- suite -->\n.*?<!-- /suite -->\n", re.DOTALL)
+PICTURE = ROOT / "docs" / "images" / "error-against-pace.png"
+PICTURED = "standard"
 LEFT_OUT = ("free", "locked", "random")
-BLOCK = re.compile(r"<!-- scores -->\n.*?<!-- /scores -->\n", re.DOTALL)
 HEAD = """| | Policy | Path error [mm] | Arrives [%] | Mean pace off [%] | Segments off [%] | RMS acceleration [m/s²] |
 |---|---|---|---:|---:|---:|---:|
 """
@@ -51,14 +58,40 @@ def summary(boards: list[dict]) -> str:
     return "".join(lines)
 
 
-boards = json.loads((Path(sys.argv[1]) / "benchmark.json").read_text("utf-8"))["leaderboards"]
-for scenario in {board["scenario"] for board in boards}:
-    page = DOCS / f"{scenario}.md"
-    found = "\n".join(section(board) for board in boards if board["scenario"] == scenario)
-    text = BLOCK.sub(lambda _, found=found: f"<!-- scores -->\n{found}<!-- /scores -->\n", page.read_text("utf-8"))
-    write_text_atomic(page, text)
-    print(page)
+def largest(boards: list[dict]) -> list[dict]:
+    """For each scenario and pace the leaderboard on the most episodes, in the order given."""
+    best: dict[tuple[str, str], dict] = {}
+    for board in sorted(boards, key=lambda board: board["episodes"]):
+        best[board["scenario"], board["pace"]] = board
+    return [board for board in boards if best[board["scenario"], board["pace"]] is board]
 
-readme = ROOT / "README.md"
-text = SUITE.sub(lambda _: f"<!-- suite -->\n{summary(boards)}<!-- /suite -->\n", readme.read_text("utf-8"))
-write_text_atomic(readme, text)
+
+def fronts(boards: list[dict]) -> dict[str, list[Score]]:
+    """Scores at all paces by policy, each on the most episodes that it has."""
+    names = {name for board in boards for name in board["policies"]} & {*LOOKS, *shipped_policies()}
+    found: dict[str, list[Score]] = {}
+    for name in sorted(names):
+        own = largest([board for board in boards if name in board["policies"]])
+        for board in sorted(own, key=lambda board: board["pace_m_s"]):
+            s = board["policies"][name]
+            error = Interval(**s["path_error_m"])
+            found.setdefault(name, []).append(Score(board["pace_m_s"], error, s["rank"] is not None))
+    return {name: front for name, front in found.items() if len(front) == len(PACES)}
+
+
+def draw(boards: list[dict]) -> None:
+    """README's picture of one scenario."""
+    count = max(board["episodes"] for board in boards)
+    title = f"{PICTURED}: path error against commanded pace, {count} episodes, 95 % intervals"
+    save(error_against_commanded_pace(fronts(boards), title), PICTURE)
+    print(f"wrote {PICTURE}")
+
+
+every = json.loads((Path(sys.argv[1]) / "benchmark.json").read_text("utf-8"))["leaderboards"]
+boards = largest(every)
+for scenario in sorted({board["scenario"] for board in boards}):
+    found = "\n".join(section(board) for board in boards if board["scenario"] == scenario)
+    put(DOCS / f"{scenario}.md", "scores", found)
+put(ROOT / "README.md", "suite", summary(boards))
+if any(board["scenario"] == PICTURED for board in boards):
+    draw([board for board in every if board["scenario"] == PICTURED])

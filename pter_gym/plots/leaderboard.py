@@ -62,7 +62,7 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
             axes.fill_between(x, found.low, found.high, color=colour, alpha=0.18 * faint, linewidth=0.0)
             axes.plot(x, found.fraction, color=colour, linestyle=dashes, alpha=faint)
         axes.set_xscale("log")
-        _plain(axes, "x", axes.get_xlim(), most=5)
+        plain_ticks(axes, "x", axes.get_xlim(), most=5)
         axes.set_xlabel("path error [mm]")
     panels[0].set_ylabel("share of episodes within it")
     _headline(figure, boards, "Performance profiles")
@@ -95,8 +95,8 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
         _front(axes, x, y, standings, looks[name])
     axes.set_xscale("log")
     axes.set_yscale("log")
-    _plain(axes, "x", axes.get_xlim())
-    _plain(axes, "y", axes.get_ylim())
+    plain_ticks(axes, "x", axes.get_xlim())
+    plain_ticks(axes, "y", axes.get_ylim())
     label(axes, "mean pace along the path [m/s]", "path error [mm]")
     axes.set_title(f"{boards[0].scenario}: error against pace", pad=20.0)
     _legend(figure, looks, _NOTE, marked=True)
@@ -117,7 +117,7 @@ def error_against_smoothness(boards: Sequence[Leaderboard]) -> Figure:
         axes.set_xlabel("smoothness, −ln of\ndimensionless jerk")
         axes.set_yscale("log")
         axes.margins(x=0.12)
-    _plain(panels[0], "y", panels[0].get_ylim())
+    plain_ticks(panels[0], "y", panels[0].get_ylim())
     panels[0].set_ylabel("path error [mm]")
     _headline(figure, boards, "Error against smoothness")
     _legend(figure, looks, _NOTE, marked=True)
@@ -241,7 +241,7 @@ def _pace(board: Leaderboard) -> str:
     return f"{board.pace}, {PACES[board.pace]:g} m/s"
 
 
-def _plain(axes: Axes, which: str, limits: tuple[float, float], most: int = 8) -> None:
+def plain_ticks(axes: Axes, which: str, limits: tuple[float, float], most: int = 8) -> None:
     """Label a logarithmic axis at round numbers."""
     low, high = limits
     for steps in ((1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1, 3), (1,)):
