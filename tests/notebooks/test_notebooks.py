@@ -15,7 +15,13 @@ def names(paths: list[Path]) -> list[str]:
 
 
 def test_all_are_there():
-    assert names(NOTEBOOKS) == ["01_the_paper", "02_your_own_clutch", "03_your_own_controller", "04_train_an_agent"]
+    assert names(NOTEBOOKS) == [
+        "01_the_paper",
+        "02_your_own_clutch",
+        "03_your_own_controller",
+        "04_train_an_agent",
+        "05_read_the_benchmark",
+    ]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -37,6 +43,7 @@ def test_it_runs_and_shows_pictures(path, tmp_path, monkeypatch):
     if "agent" in path.stem:
         pytest.importorskip("stable_baselines3")
     monkeypatch.setenv("PTER_TRAINING_STEPS", "100000")
+    monkeypatch.setenv("PTER_NOTEBOOK_EPISODES", "8")
     notebook = nbformat.read(path, as_version=4)
     NotebookClient(
         notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}
