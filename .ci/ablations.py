@@ -1,7 +1,7 @@
 """Train `ppo` with other inputs, and put what comes out into docs/agents.md.
 
     OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 nice python .ci/ablations.py RUNS
-    python .ci/ablations.py RUNS --steps 1000000 --seeds 1 --no-write
+    python .ci/ablations.py RUNS --no-train
 
 RUNS holds a folder for each run. A run that is finished is not repeated, and one that was stopped goes on. Needs the
 agents extra; a run of 3 M steps takes one to two minutes of one core.
@@ -18,7 +18,8 @@ import tyro
 from pages import ROOT, put
 
 from pter_agents.settings import Settings, load_settings
-from pter_agents.training import PROGRESS, RUN, Arguments, RunFolder, check_same, train
+from pter_agents.training import PROGRESS, RUN, Arguments, RunFolder, check_same
+from pter_agents.training import train as train_run
 from pter_gym.benchmark import PACES
 
 PAGE = ROOT / "docs" / "agents.md"
@@ -51,14 +52,18 @@ def arguments(variant: str, scenario: str, seed: int, steps: int) -> Arguments:
     )
 
 
-def scores(folder: Path, given: Arguments) -> Scores:
-    """What a run reached at its end; trained here unless that was done."""
+def finish(folder: Path, given: Arguments) -> None:
+    """Train unless that was done."""
     begun = (folder / RUN).exists()
     if begun:
         check_same(RunFolder(folder).read()[0], given)
-    if not begun or int(max(reached(folder), key=int, default="0")) < given.steps:
-        train(given, folder, resume=begun)
-    return list(reached(folder).values())[-1]
+    if not begun or not is_finished(folder, given):
+        train_run(given, folder, resume=begun)
+
+
+def is_finished(folder: Path, given: Arguments) -> bool:
+    """Whether a run has all its steps."""
+    return int(max(reached(folder), key=int, default="0")) >= given.steps
 
 
 def reached(folder: Path) -> dict[str, Scores]:
@@ -90,26 +95,33 @@ def main(
     scenario: str = "standard",
     steps: int = 3_000_000,
     seeds: int = 2,
+    train: bool = True,
     write: bool = True,
 ) -> None:
-    """Train what is missing and print the table; write it into the page."""
+    """Train what is missing, unless told not to, and write the table of what is finished into the page, or print it."""
+    folders: dict[str, list[Path]] = {}
+    for seed in range(seeds):  # one seed of all variants before the next
+        for number, variant in enumerate(VARIANTS):
+            folder, given = runs / f"{scenario}-{number}-seed{seed}", arguments(variant, scenario, seed, steps)
+            if train:
+                finish(folder, given)
+            if is_finished(folder, given):
+                folders.setdefault(variant, []).append(folder)
+                print(f"{variant}, seed {seed}: {folder}", flush=True)
     head = (
-        f"`ppo` on `{scenario}`, {steps / 1e6:g} M steps, seeds 0 to {seeds - 1}, {EPISODES} validation draws at each "
-        "pace; means over the seeds at slow, medium and brisk pace:"
+        f"`ppo` on `{scenario}`, {steps / 1e6:g} M steps, {EPISODES} validation draws at each pace; means over the "
+        "training seeds, from 0 on, at slow, medium and brisk pace:"
     )
     text = (
         f"{fill(head, 120)}\n\n| The network sees | Path error [mm] | Arrives [%] | Mean pace off [%] "
         "| Segments off [%] | Path error by seed [mm] |\n|---|---|---|---|---|---|\n"
     )
-    for number, variant in enumerate(VARIANTS):
-        found = [
-            scores(runs / f"{scenario}-{number}-seed{seed}", arguments(variant, scenario, seed, steps))
-            for seed in range(seeds)
-        ]
-        text += row(variant, found)
-        print(row(variant, found), end="", flush=True)
+    for variant, own in folders.items():
+        text += row(variant, [list(reached(folder).values())[-1] for folder in own])
     if write:
         put(PAGE, "ablations", text)
+    else:
+        print(text)
 
 
 if __name__ == "__main__":

@@ -25,7 +25,10 @@ Array = NDArray[np.float64]
 INK = "#1f2328"
 MUTED = "#646b75"
 
-LEARNED, TUNED, PAPER, PRIVILEGED = "-", (0, (6, 1.5)), (0, (1.5, 1.2)), (0, (4, 1.5, 1, 1.5))
+LEARNED: Any = "-"
+TUNED: Any = (0, (6, 1.5))
+PAPER: Any = (0, (1.5, 1.2))
+PRIVILEGED: Any = (0, (4, 1.5, 1, 1.5))
 """Dashes of trained policies, tuned controllers, those of the paper, and those that know what no robot can."""
 
 LOOKS: Mapping[str, tuple[str, Any]] = {
@@ -45,8 +48,8 @@ LOOKS: Mapping[str, tuple[str, Any]] = {
 SHIFT = 0.022
 """Factor, less 1, between the places of two policies at the same pace, so that their intervals stay apart."""
 
-LINE_HEIGHT = 13.0
-"""Smallest distance of two labels [pt]."""
+LINE = 0.05
+"""Smallest distance of two names relative to the height of the axes."""
 
 
 CLUTCH_COLOURS = (palette.BLUE, palette.VERMILLION, palette.GREEN, palette.PURPLE)
@@ -148,9 +151,8 @@ def _draw_front(axes: Axes, front: Sequence[Score], shift: float, colour: str, d
 def _name_fronts(axes: Axes, looks: Mapping[str, tuple[str, Any]], last: Mapping[str, float]) -> None:
     """Write names [m at the last pace] beside the axes, as near to their points as they fit below each other."""
     low, high = np.log(axes.get_ylim())
-    height = axes.figure.get_figheight() * 72.0 * 0.74  # of the axes, about: the title and the legend need the rest
     wanted = np.array([(np.log(last[name] / MILLIMETRE) - low) / (high - low) for name in looks])
-    for name, y, at in zip(looks, spread(wanted, LINE_HEIGHT / height), wanted, strict=True):
+    for name, y, at in zip(looks, spread(wanted, LINE), wanted, strict=True):
         colour, dashes = looks[name]
         axes.plot(
             [1.0, 1.03], [at, y], color=colour, linestyle="-", linewidth=1.0, transform=axes.transAxes, clip_on=False
@@ -178,8 +180,8 @@ def spread(wanted: Array, gap: float) -> Array:
         groups.append([float(value)])
         while len(groups) > 1 and np.mean(groups[-2]) > np.mean(groups[-1]):
             groups[-2:] = [groups[-2] + groups[-1]]
-    places = np.concatenate([[float(np.mean(group))] * len(group) for group in groups])
-    return np.clip(places, 0.0, max(1.0 - float(steps[-1]), 0.0)) + steps
+    places = np.array([float(np.mean(group)) for group in groups for _ in group])
+    return np.asarray(np.clip(places, 0.0, max(1.0 - float(steps[-1]), 0.0)) + steps, np.float64)
 
 
 @styled
@@ -198,7 +200,7 @@ def clutches_over_time(episodes: Mapping[str, Array], voltage_max: float, title:
     figure = Figure(figsize=(WIDTH, 6.4))
     grid: Any = figure.subplots(5, len(episodes), sharex=True, sharey="row", height_ratios=(2.2, 1, 1, 1, 1))
     panels = np.reshape(grid, (5, len(episodes)))
-    for column_of_panels, (name, telemetry) in zip(panels.T, episodes.items(), strict=True):
+    for column_of_panels, (name, telemetry) in zip(panels.T.tolist(), episodes.items(), strict=True):
         _draw_guided(column_of_panels, telemetry, voltage_max)
         column_of_panels[0].set_title(name)
     panels[0, 0].set_ylabel("distance from\nthe path [mm]")
@@ -224,5 +226,11 @@ def _draw_guided(panels: Sequence[Axes], telemetry: Array, voltage_max: float) -
         axes.fill_between(time, 0.0, volts[:, clutch], step="pre", color=colour, alpha=FILLED, linewidth=0.0)
         axes.plot(time, volts[:, clutch], color=colour, linestyle="-", linewidth=1.0, drawstyle="steps-pre")
         bottom = -STUCK * voltage_max
-        axes.fill_between(time, bottom, 0.4 * bottom, where=stuck, step="pre", color=INK, linewidth=0.0)
+        axes.broken_barh(_spans(time, stuck), (bottom, -0.6 * bottom), color=INK, linewidth=0.0)
     panels[-1].set_xlabel("time [s]")
+
+
+def _spans(time: Array, stuck: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Return begin and length [s] of each time in which a clutch sticks, (T + 1,) by the end of each step."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], stuck[1:], [False]]).astype(np.int8)))
+    return [(float(time[first]), float(time[last] - time[first])) for first, last in ends.reshape(-1, 2)]

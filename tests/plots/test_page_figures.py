@@ -1,0 +1,121 @@
+"""Pictures of the documents: who has a rank, names that can be read, and when each clutch sticks."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+
+from pter_gym.benchmark.statistics import Interval
+from pter_gym.physics.friction import ClutchMode
+from pter_gym.plots.pages import LOOKS, Score, clutches_over_time, error_against_commanded_pace, spread
+from pter_gym.plots.style import png
+from pter_gym.scenarios import PACES
+from pter_gym.tasks.path_following import TELEMETRY
+
+
+def front(*errors: float, ranked: bool = True) -> list[Score]:
+    """Path errors [mm] at the three paces."""
+    return [
+        Score(pace, Interval(0.001 * error, 0.0009 * error, 0.0012 * error), ranked)
+        for pace, error in zip(PACES.values(), errors, strict=True)
+    ]
+
+
+FRONTS = {
+    "impedance": front(34.0, 33.0, 39.0, ranked=False),
+    "ppo-standard": front(2.8, 4.7, 8.5),
+    "torque-feedback": front(38.0, 35.0, 39.1),
+    "somebody's": front(38.0, 35.0, 38.9),
+}
+
+
+def markers(figure: Figure) -> dict[tuple[float, float], str]:
+    """The colour inside each point."""
+    points = [line for line in figure.axes[0].get_lines() if line.get_marker() == "o"]
+    return {tuple(np.asarray(line.get_xydata())[0]): to_hex(line.get_markerfacecolor()) for line in points}
+
+
+def test_points_stand_at_their_pace_and_are_hollow_without_a_rank() -> None:
+    figure = error_against_commanded_pace(FRONTS, "title")
+    axes = figure.axes[0]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("commanded pace [m/s]", "path error [mm]")
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    found = markers(figure)
+    assert len(found) == 3 * len(FRONTS)
+    hollow = sorted(y for (_, y), face in found.items() if face == "#ffffff")
+    assert hollow == pytest.approx([33.0, 34.0, 39.0])
+    for name, scores in FRONTS.items():
+        for score in scores:
+            near = [x for x, y in found if y == pytest.approx(1000.0 * score.path_error.value)]
+            assert any(x == pytest.approx(score.pace, rel=0.1) for x in near), name
+
+
+def test_names_are_whole_and_apart() -> None:
+    figure = error_against_commanded_pace({name: front(30.0, 31.0, 32.0) for name in LOOKS}, "title")
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    boxes = [text.get_window_extent(canvas.get_renderer()) for text in figure.axes[0].texts]
+    assert sorted(text.get_text() for text in figure.axes[0].texts) == sorted(LOOKS)
+    for k, box in enumerate(boxes):
+        assert box.x1 <= figure.bbox.x1
+        assert 0.0 <= box.y0 < box.y1 <= figure.bbox.y1
+        assert not any(box.overlaps(other) for other in boxes[:k])
+    (legend,) = figure.legends
+    box = legend.get_window_extent(canvas.get_renderer())
+    assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
+
+
+def test_two_policies_never_look_alike() -> None:
+    assert len({(colour, str(dashes)) for colour, dashes in LOOKS.values()}) == len(LOOKS)
+
+
+def test_places_keep_their_order_and_distance() -> None:
+    wanted = np.array([0.1, 0.11, 0.12, 0.5, 0.98, 0.99])
+    found = spread(wanted, 0.05)
+    assert (np.diff(found) >= 0.05 - 1e-12).all()
+    np.testing.assert_allclose(found[:3], [0.06, 0.11, 0.16])
+    assert found[3] == pytest.approx(0.5)
+    np.testing.assert_allclose(found[4:], [0.95, 1.0], atol=0.011)
+    assert found[-1] <= 1.0
+    np.testing.assert_allclose(spread(np.array([0.2, 0.9]), 0.05), [0.2, 0.9])
+
+
+def telemetry(modes: list[int]) -> np.ndarray:
+    rows = np.zeros((len(modes), len(TELEMETRY)))
+    rows[:, TELEMETRY.index("time")] = 0.01 * np.arange(len(modes))
+    rows[:, TELEMETRY.index("mode")] = modes
+    rows[:, TELEMETRY.index("normal_error")] = 0.003
+    for clutch in range(1, 5):
+        rows[:, TELEMETRY.index(f"volts_{clutch}")] = clutch
+    return rows
+
+
+def test_clutches_show_distance_voltages_and_sticking() -> None:
+    modes = [0, 0, ClutchMode.STUCK_2, ClutchMode.STUCK_2, 0, ClutchMode.ZERO_DOF, 0]
+    figure = clutches_over_time({"some": telemetry(modes), "other": telemetry([0, 0, 0])}, 24.0, "title")
+    panels = np.reshape(np.array(figure.axes), (5, 2))
+    assert [axes.get_title(loc="left") for axes in panels[0]] == ["some", "other"]
+    assert panels[-1, 0].get_xlabel() == "time [s]"
+    assert panels[0, 0].get_xlim() == (0.0, pytest.approx(0.06))
+    np.testing.assert_allclose(panels[0, 0].get_lines()[1].get_ydata(), 3.0)
+    for clutch, axes in enumerate(panels[1:, 0], start=1):
+        np.testing.assert_allclose(axes.get_lines()[0].get_ydata(), float(clutch))
+        _, stuck = axes.collections
+        spans = [(path.vertices[:, 0].min(), path.vertices[:, 0].max()) for path in stuck.get_paths()]
+        both = [(0.01, 0.03), (0.04, 0.05)]
+        np.testing.assert_allclose(spans, both if clutch == 2 else both[1:])
+    for axes in panels[1:, 1]:
+        assert not axes.collections[1].get_paths()
+
+
+def test_the_same_scores_give_the_same_bytes() -> None:
+    assert png(error_against_commanded_pace(FRONTS, "a")) == png(error_against_commanded_pace(FRONTS, "a"))
+
+
+def test_the_documents_have_the_pictures() -> None:
+    root = Path(__file__).parents[2]
+    assert "images/error-against-pace.png" in (root / "README.md").read_text("utf-8")
+    assert "images/clutches.png" in (root / "docs" / "agents.md").read_text("utf-8")
