@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pter_gym.benchmark import run_scenario
 from pter_gym.errors import DataError, DependencyError, ParameterError
 from pter_gym.params import BASELINE
 
@@ -23,7 +24,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
 from pter_agents import checkpoints as stored  # noqa: E402
-from pter_agents import command, exporting, training, worlds  # noqa: E402
+from pter_agents import command, exporting, prepare, training, worlds  # noqa: E402
 from pter_agents.errors import TrainingDivergedError  # noqa: E402
 from pter_agents.settings import ALGORITHMS, FOLDER, Settings, load_settings, settings_from  # noqa: E402
 from pter_gym.policies import Neural, load_policy  # noqa: E402
@@ -34,8 +35,6 @@ ROLLOUT = 16 * 8
 
 @pytest.fixture(autouse=True)
 def quick_preparation(monkeypatch: pytest.MonkeyPatch) -> None:
-    from pter_agents import prepare
-
     monkeypatch.setattr(prepare, "SAMPLE_WORLDS", 16)
     monkeypatch.setattr(prepare, "SAMPLE_STEPS", 20)
 
@@ -87,6 +86,9 @@ def test_unknown_names_tell_the_nearest(tmp_path: Path) -> None:
     file.write_text("learnig_rate = 1e-3\n")
     with pytest.raises(ParameterError, match=r"config.*did you mean 'learning_rate'"):
         load_settings("ppo", file)
+    file.write_text('sensors = "torqe"\n')
+    with pytest.raises(ParameterError, match=r"sensors.*did you mean 'torque'"):
+        load_settings("ppo", file)
     file.write_text('base = "impedence"\n')
     with pytest.raises(ParameterError, match=r"base.*did you mean 'impedance'"):
         load_settings("ppo", file)
@@ -114,6 +116,9 @@ def test_unknown_names_tell_the_nearest(tmp_path: Path) -> None:
         ("error", -1.0),
         ("learning_rate", float("nan")),
         ("base", 3),
+        ("sensors", []),
+        ("blind", "torque"),
+        ("blind", [1]),
     ],
 )
 def test_hyperparameters_out_of_range_are_named(name: str, value: Any) -> None:
@@ -179,6 +184,63 @@ def test_worlds_show_the_interface_and_their_last_observation() -> None:
             returns[world] = 0.0
     assert ended == 32
     assert done.tobytes() == their_done.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "sensors", "blind", "missing"),
+    [
+        ("ppo", "torque", ["torque"], {"torque_1", "torque_2", "torque_3", "torque_4"}),
+        ("ppo", "force", ["force", "pace"], {"force_along", "force_across", "pace"}),
+        ("residual", "torque", ["base", "speed_along"], {"base_1", "base_2", "base_3", "base_4", "speed_along"}),
+    ],
+)
+def test_networks_do_not_see_what_they_are_blind_to(
+    algorithm: str, sensors: str, blind: list[str], missing: set[str], tmp_path: Path
+) -> None:
+    given = arguments(algorithm, rollouts=1, sensors=sensors, blind=blind, history=[1])
+    training.train(given, tmp_path / "run")
+    known, interface = training.RunFolder(tmp_path / "run").read()
+    assert known == given
+    seeing = arguments(algorithm, rollouts=1, sensors=sensors).settings
+    draws = worlds.training_draws("standard", "all", contexts=4, seed=3, reward=seeing.reward())
+    everything = prepare.make_interface(seeing, draws, 3).inputs
+    assert {each.name for each in everything} - {each.name for each in interface.inputs} == missing
+    assert set(interface.inputs) < set(everything)
+    exporting.export_run(tmp_path / "run", tmp_path / "out", name="mine")
+    card = load_policy("mine", tmp_path / "out").card
+    assert card.interface.inputs == interface.inputs
+    assert {name for name, _, _ in card.observation} >= missing - {f"base_{x}" for x in range(1, 5)}
+
+
+def test_what_there_is_not_cannot_be_blinded(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match=r"blind.*'forse'.*did you mean 'force'"):
+        training.train(arguments("ppo", sensors="force", blind=["forse"]), tmp_path / "run")
+    with pytest.raises(ParameterError, match="blind must be among"):
+        training.train(arguments("ppo", sensors="torque", blind=["force"]), tmp_path / "run")
+    with pytest.raises(ParameterError, match="blind must be among"):
+        training.train(arguments("ppo", blind=["base"]), tmp_path / "run")
+    with pytest.raises(ParameterError, match="torque feedback needs torque sensors"):
+        training.train(arguments("residual", sensors="encoders"), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_policy_with_other_sensors_has_no_place_in_the_benchmark(tmp_path: Path) -> None:
+    training.train(arguments("ppo", rollouts=1, sensors="force"), tmp_path / "run")
+    exporting.export_run(tmp_path / "run", tmp_path, name="mine")
+    with pytest.raises(ParameterError, match="force_along"):
+        run_scenario("standard", {"mine": load_policy("mine", tmp_path)}, ["brisk"], episodes=1)
+
+
+def test_a_run_from_before_there_were_other_sensors_goes_on(tmp_path: Path) -> None:
+    given = arguments("ppo", rollouts=2)
+    training.train(replace(given, steps=ROLLOUT), tmp_path)
+    file = tmp_path / training.RUN
+    content = json.loads(file.read_text())
+    for name in training.EARLIER:
+        del content["settings"][name]
+    file.write_text(json.dumps(content))
+    assert training.RunFolder(tmp_path).read()[0] == replace(given, steps=ROLLOUT)
+    assert training.train(given, tmp_path, resume=True).name == f"checkpoint-{2 * ROLLOUT}.zip"
 
 
 def test_validation_draws_are_no_training_draws() -> None:

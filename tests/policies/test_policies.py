@@ -34,7 +34,7 @@ from pter_gym.policies import (
 )
 from pter_gym.policies.cards import DEEPEST, fields_of, read_card
 from pter_gym.policies.files import MOST_CARD, MOST_WEIGHTS
-from pter_gym.policies.interface import LIMIT
+from pter_gym.policies.interface import LIMIT, available, seen_without
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import observation_layout
 
@@ -310,6 +310,25 @@ def test_a_card_that_lies_is_refused(kind: str, folder: Path) -> None:
     file.write_text(json.dumps(card), encoding="utf-8")
     with pytest.raises(DataError, match=message):
         load_policy("tested", folder)
+
+
+def test_what_is_not_to_be_seen_goes_by_name_or_group() -> None:
+    names = available(observation_layout(BASELINE, "force"), residual=True)
+    assert seen_without(names, []) == names
+    for group, members in {
+        "torque": ["torque_1", "torque_2", "torque_3", "torque_4"],
+        "force": ["force_along", "force_across"],
+        "base": ["base_1", "base_2", "base_3", "base_4"],
+        "heading_a": ["heading_a_cos", "heading_a_sin"],
+        "pace": ["pace"],
+        "pace_error": ["pace_error"],
+    }.items():
+        assert [name for name in names if name not in seen_without(names, [group])] == members
+    assert len(seen_without(names, ["torque", "torque_2", "force"])) == len(names) - 6
+    with pytest.raises(ParameterError, match=r"blind.*'torqe'.*did you mean 'torque'"):
+        seen_without(names, ["torqe"])
+    with pytest.raises(ParameterError, match="blind must leave something"):
+        seen_without(["torque_1", "torque_2"], ["torque"])
 
 
 def test_an_input_that_is_not_observed_is_refused(folder: Path) -> None:
