@@ -1,6 +1,5 @@
 """Pictures of the documents: error against the commanded pace, and what policies do with the clutches."""
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -115,17 +114,10 @@ def error_against_commanded_pace(fronts: Mapping[str, Sequence[Score]], title: s
 
 def _explain(figure: Figure, used: Collection[Any]) -> None:
     """Say below the axes what points and dashes mean."""
-    kinds = (
-        (LEARNED, "trained"),
-        (TUNED, "tuned"),
-        (PAPER, "the paper's"),
-        (PRIVILEGED, "privileged: knows the future"),
-    )
+    kinds = ((LEARNED, "trained"), (TUNED, "tuned"), (PAPER, "the paper's"), (PRIVILEGED, "knows the future"))
     shown = [(Line2D([], [], color=MUTED, linestyle=dashes), kind) for dashes, kind in kinds if dashes in used]
-    shown += [(_dot(filled=True), "ranked"), (_dot(filled=False), "no rank: does not arrive, or not at the pace")]
-    columns = math.ceil(len(shown) / 2)
-    by_row = [shown[row * columns + k] for k in range(columns) for row in range(2) if row * columns + k < len(shown)]
-    figure.legend(*zip(*by_row, strict=True), loc="outside lower center", ncols=columns, fontsize=8.5)
+    shown += [(_dot(filled=True), "ranked"), (_dot(filled=False), "no rank")]
+    figure.legend(*zip(*shown, strict=True), loc="outside lower center", ncols=len(shown), fontsize=9.0)
 
 
 def _dot(*, filled: bool) -> Line2D:
