@@ -19,7 +19,7 @@ from pter_gym.scenarios import PACES, SCENARIOS
 DOCS = ROOT / "docs" / "scenarios"
 PICTURE = ROOT / "docs" / "images" / "error-against-pace.png"
 PICTURED = "standard"
-LEFT_OUT = ("free", "locked", "random")
+LEFT_OUT = ("free", "locked", "random", "predictive")  # the last one knows what no robot can
 HEAD = """| | Policy | Path error [mm] | Arrives [%] | Mean pace off [%] | Segments off [%] | RMS acceleration [m/s²] |
 |---|---|---|---:|---:|---:|---:|
 """
@@ -51,7 +51,8 @@ def summary(boards: list[dict]) -> str:
     for name in sorted(names, key=lambda name: first[name]["path_error_m"]["value"]):
         cells = []
         for scenario in scenarios:
-            found = [board["policies"][name] for board in boards if board["scenario"] == scenario]
+            own = [board["policies"] for board in boards if board["scenario"] == scenario]
+            found = [policies[name] for policies in own if name in policies]
             errors = [f"{1000 * s['path_error_m']['value']:.1f}" for s in found]
             cells.append(", ".join(e if s["rank"] else f"({e})" for e, s in zip(errors, found, strict=True)))
         lines.append(f"| `{name}` | {' | '.join(cells)} |\n")
@@ -81,9 +82,13 @@ def fronts(boards: list[dict]) -> dict[str, list[Score]]:
 
 def draw(boards: list[dict]) -> None:
     """README's picture of one scenario."""
+    shown = fronts(boards)
     count = max(board["episodes"] for board in boards)
     title = f"{PICTURED}: path error against commanded pace, {count} episodes, 95 % intervals"
-    save(error_against_commanded_pace(fronts(boards), title), PICTURE)
+    for name in shown:
+        own = max(board["episodes"] for board in boards if name in board["policies"])
+        title += f"\n{name}: {own} episodes" if own < count else ""
+    save(error_against_commanded_pace(shown, title), PICTURE)
     print(f"wrote {PICTURE}")
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from pter_gym import params
+from pter_gym.scenarios import SCENARIOS
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
@@ -64,6 +65,22 @@ def test_relative_links_resolve(document: Path):
     relative = [target.split("#")[0] for target in targets if not re.match(r"[a-z]+:|#", target)]
     missing = [target for target in relative if not (document.parent / target).exists()]
     assert not missing
+
+
+@pytest.mark.parametrize(
+    ("page", "name"),
+    [
+        ("README.md", "suite"),
+        ("docs/agents.md", "ablations"),
+        ("docs/agents.md", "contexts"),
+        *((f"docs/scenarios/{scenario}.md", "scores") for scenario in SCENARIOS),
+    ],
+)
+def test_tables_that_are_made_stand_between_their_markers(page: str, name: str):
+    text = (ROOT / page).read_text("utf-8")
+    (table,) = re.findall(rf"^<!-- {name} -->\n(.*?)^<!-- /{name} -->$", text, re.MULTILINE | re.DOTALL)
+    rows = [line.count("|") for line in table.splitlines() if line.startswith("|")]
+    assert len(rows) > 2, "a head, a rule and a row"
 
 
 @pytest.mark.parametrize("owner", PARAMETER_CLASSES, ids=lambda owner: owner.__name__)
