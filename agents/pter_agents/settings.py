@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, cast
 
-from pter_gym.controllers import CONTROLLERS
+from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import require, require_number
 from pter_gym.tasks.path_following import RewardWeights
@@ -18,6 +18,9 @@ ALGORITHMS = ("ppo", "residual")
 PLAIN = "none"
 """Name of the base of a policy that corrects no controller."""
 
+BASES = (PLAIN, "impedance", "torque-feedback", *TUNED)
+"""What a policy may correct: the paper's controllers with a damper for each pace, and those with tuned gains."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
@@ -26,7 +29,7 @@ class Settings:
     Attributes
     ----------
     base
-        Controller that the policy corrects, ``"none"`` for none.
+        Controller that the policy corrects, ``"none"`` for none; its gains are those for the scenario.
     reach
         Voltage of an action of 1, relative to the base or to the middle of the range [V].
     start
@@ -87,8 +90,8 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Check each number by itself."""
-        if self.base not in (PLAIN, *CONTROLLERS):
-            raise unknown_name("base", self.base, (PLAIN, *CONTROLLERS))
+        if self.base not in BASES:
+            raise unknown_name("base", self.base, BASES)
         require_number(self, "reach", above=0.0)
         require_number(self, "start", at_least=-1.0, at_most=1.0)
         for name in ("deviation", "learning_rate", "max_gradient"):

@@ -232,7 +232,7 @@ def train(
         known, interface = folder.read()
         check_same(known, arguments)
     else:
-        interface = make_interface(settings, draws, arguments.seed)
+        interface = make_interface(settings, arguments.scenario, draws, arguments.seed)
         folder.begin(arguments, interface)
     worlds = InterfaceVecEnv(make_worlds(draws, settings.worlds, settings.episode), interface)
     model = make_model(settings, worlds, arguments)

@@ -146,7 +146,7 @@ def test_worlds_show_the_interface_and_their_last_observation() -> None:
 
     settings = arguments(history=[1, 3], averages=[9]).settings
     draws = worlds.training_draws("standard", "all", contexts=4, seed=0, reward=settings.reward())
-    interface = make_interface(settings, draws, 0)
+    interface = make_interface(settings, "standard", draws, 0)
     seen = worlds.InterfaceVecEnv(worlds.make_worlds(draws, 16, 20), interface)
     plain = worlds.make_worlds(draws, 16, 20)
     bound = interface.bind(BASELINE, plain.env.observation_layout)
