@@ -53,6 +53,9 @@ class Settings:
         Of PPO, as in Stable-Baselines3; a ``target_kl`` of 0 is none.
     error, pace, acceleration, effort, failure
         Weights of the reward, see ``RewardWeights``.
+    drift, window
+        Weight [1/s] of a further term of the reward: the relative pace error behind a low-pass of so many control
+        steps. Stick-slip hides a mean that is off the pace from the term of the momentary speed.
     episode
         Control steps after which a training episode is truncated.
     contexts
@@ -85,6 +88,8 @@ class Settings:
     acceleration: float
     effort: float
     failure: float
+    drift: float
+    window: int
     episode: int
     contexts: int
 
@@ -98,10 +103,10 @@ class Settings:
             require_number(self, name, above=0.0)
         for name in ("discount", "trace"):
             require_number(self, name, at_least=0.0, at_most=1.0)
-        for name in ("learning_rate_end", "entropy", "value_weight", "target_kl"):
+        for name in ("learning_rate_end", "entropy", "value_weight", "target_kl", "drift"):
             require_number(self, name, at_least=0.0)
         require_number(self, "clip", above=0.0, below=1.0)
-        for name in ("worlds", "steps", "minibatch", "epochs", "episode", "contexts"):
+        for name in ("worlds", "steps", "minibatch", "epochs", "window", "episode", "contexts"):
             require_whole(self, name)
         for name in ("hidden", "value_hidden"):
             sizes: tuple[Any, ...] = getattr(self, name)

@@ -234,7 +234,8 @@ def train(
     else:
         interface = make_interface(settings, arguments.scenario, draws, arguments.seed)
         folder.begin(arguments, interface)
-    worlds = InterfaceVecEnv(make_worlds(draws, settings.worlds, settings.episode), interface)
+    raw = make_worlds(draws, settings.worlds, settings.episode)
+    worlds = InterfaceVecEnv(raw, interface, settings.drift, settings.window)
     model = make_model(settings, worlds, arguments)
     newest = folder.newest() if resume else None
     if newest is not None:

@@ -141,6 +141,43 @@ def test_arguments_out_of_range_are_named(changes: dict[str, Any]) -> None:
 # the worlds
 
 
+def test_the_reward_counts_the_mean_pace() -> None:
+    from pter_agents.prepare import make_interface
+
+    draws = worlds.training_draws("hands", "all", contexts=4, seed=0)
+    interface = make_interface(arguments().settings, "hands", draws, 0)
+    plain, counting = (
+        worlds.InterfaceVecEnv(worlds.make_worlds(draws, 16, 20), interface, drift, 5) for drift in (0.0, 3.0)
+    )
+    layout = counting.worlds.observation_layout
+    for each in (plain, counting):
+        each.venv.seed(1)
+        each.reset()
+    mean = np.zeros(16)
+    rng = np.random.default_rng(0)
+    ended = 0
+    for _ in range(45):
+        actions = rng.uniform(-1.0, 1.0, (16, 4)).astype(np.float32)
+        _, rewards, done, _ = plain.step(actions)
+        seen: dict[str, np.ndarray] = {}
+        step = counting.venv.step_wait
+
+        def remember(step: Any = step, seen: dict[str, np.ndarray] = seen) -> Any:
+            obs, rewards, done, infos = step()
+            last = np.array([infos[k].get("terminal_observation", obs[k]) for k in range(16)])
+            seen["error"] = layout.physical(last, "speed_along") / layout.physical(last, "pace") - 1.0
+            return obs, rewards, done, infos
+
+        counting.venv.step_wait = remember  # type: ignore[method-assign]
+        _, others, _, _ = counting.step(actions)
+        counting.venv.step_wait = step  # type: ignore[method-assign]
+        mean += 0.2 * (seen["error"] - mean)
+        np.testing.assert_allclose(rewards - others, 3.0 * 0.01 * np.abs(mean), rtol=1e-4, atol=1e-4)
+        mean[done] = 0.0
+        ended += done.sum()
+    assert ended > 0
+
+
 def test_worlds_show_the_interface_and_their_last_observation() -> None:
     from pter_agents.prepare import make_interface
 
