@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import numpy as np
@@ -68,15 +69,16 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
     name = arguments.algorithm if name is None else name
     steps = int(newest.stem.split("-")[1])
     about = about_run(arguments, run, steps)
-    make_folder(out)
     card = make_card(name, settings.hidden, interface, worlds, about)
-    path = write_policy(card, tensors_of(model), model_card(card), out)
-    difference = compare(model, worlds, name, out)
+    files = card, tensors_of(model), model_card(card)
+    with TemporaryDirectory() as folder_of_trial:
+        write_policy(*files, Path(folder_of_trial))
+        difference = compare(model, worlds, name, Path(folder_of_trial))
     worlds.close()
     if not difference <= SAME:
-        path.unlink()
         raise DataError(f"the exported policy differs from the run's by {difference:.1e} of the largest voltage")
-    return path, difference
+    make_folder(out)
+    return write_policy(*files, out), difference
 
 
 def make_card(

@@ -9,6 +9,8 @@ import numpy as np
 from pter_agents.settings import PLAIN, Settings
 from pter_agents.worlds import make_worlds
 from pter_gym.benchmark import PACES, PerPace, find_policy
+from pter_gym.benchmark.tuned import SUFFIX
+from pter_gym.controllers import PaceSchedule
 from pter_gym.params import BASELINE
 from pter_gym.policies.interface import Base, Input, Interface, available, quantities, seen_without
 from pter_gym.randomisation import Randomisation
@@ -23,29 +25,34 @@ DIGITS = 4
 """Significant digits of centres and scales."""
 
 
-def find_base(name: str) -> Base | None:
-    """Return the base controller with its gains for each pace, or None."""
+def find_base(name: str, scenario: str) -> Base | None:
+    """Return the base controller with its gains over the commanded pace, or None."""
     if name == PLAIN:
         return None
-    policy = find_policy(name)
-    paces = {speed: policy.at(pace) if isinstance(policy, PerPace) else policy for pace, speed in PACES.items()}
-    gains = [{item.name: getattr(each, item.name) for item in fields(each)} for each in paces.values()]  # type: ignore[arg-type]
-    return Base(controller=name, paces=tuple(paces), gains=tuple(gains))
+    policy = find_policy(name, scenario=scenario)
+    if isinstance(policy, PerPace):
+        policy = PaceSchedule(tuple((speed, policy.at(pace)) for pace, speed in PACES.items()))  # type: ignore[misc]
+    assert isinstance(policy, PaceSchedule)
+    paces, controllers = zip(*policy.knots, strict=True)
+    gains = tuple({item.name: getattr(each, item.name) for item in fields(each)} for each in controllers)
+    return Base(controller=name.removesuffix(SUFFIX), paces=paces, gains=gains)
 
 
-def make_interface(settings: Settings, draws: Randomisation, seed: int) -> Interface:
+def make_interface(settings: Settings, scenario: str, draws: Randomisation, seed: int) -> Interface:
     """Return the interface of a policy, its scales taken from a short run without a network.
 
     Parameters
     ----------
     settings
         Hyper-parameters.
+    scenario
+        For which the base controller's gains were made.
     draws
         Machines and tasks.
     seed
         Of the run and its random actions.
     """
-    base = find_base(settings.base)
+    base = find_base(settings.base, scenario)
     plain = Interface(
         inputs=(Input("pace"),),
         reach=settings.reach,

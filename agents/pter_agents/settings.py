@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, cast, get_args
 
-from pter_gym.controllers import CONTROLLERS
+from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import require, require_number
 from pter_gym.tasks.path_following import RewardWeights, Sensors
@@ -18,6 +18,9 @@ ALGORITHMS = ("ppo", "residual")
 PLAIN = "none"
 """Name of the base of a policy that corrects no controller."""
 
+BASES = (PLAIN, "impedance", "torque-feedback", *TUNED)
+"""What a policy may correct: the paper's controllers with a damper for each pace, and those with tuned gains."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
@@ -26,7 +29,7 @@ class Settings:
     Attributes
     ----------
     base
-        Controller that the policy corrects, ``"none"`` for none.
+        Controller that the policy corrects, ``"none"`` for none; its gains are those for the scenario.
     reach
         Voltage of an action of 1, relative to the base or to the middle of the range [V].
     start
@@ -56,6 +59,9 @@ class Settings:
         Of PPO, as in Stable-Baselines3; a ``target_kl`` of 0 is none.
     error, pace, acceleration, effort, failure
         Weights of the reward, see ``RewardWeights``.
+    drift, window
+        Weight [1/s] of a further term of the reward: the relative pace error behind a low-pass of so many control
+        steps. Stick-slip hides a mean that is off the pace from the term of the momentary speed.
     episode
         Control steps after which a training episode is truncated.
     contexts
@@ -90,13 +96,15 @@ class Settings:
     acceleration: float
     effort: float
     failure: float
+    drift: float
+    window: int
     episode: int
     contexts: int
 
     def __post_init__(self) -> None:
         """Check each number by itself."""
-        if self.base not in (PLAIN, *CONTROLLERS):
-            raise unknown_name("base", self.base, (PLAIN, *CONTROLLERS))
+        if self.base not in BASES:
+            raise unknown_name("base", self.base, BASES)
         if self.sensors not in get_args(Sensors):
             raise unknown_name("sensors", self.sensors, get_args(Sensors))
         names: tuple[Any, ...] = self.blind
@@ -109,10 +117,10 @@ class Settings:
             require_number(self, name, above=0.0)
         for name in ("discount", "trace"):
             require_number(self, name, at_least=0.0, at_most=1.0)
-        for name in ("learning_rate_end", "entropy", "value_weight", "target_kl"):
+        for name in ("learning_rate_end", "entropy", "value_weight", "target_kl", "drift"):
             require_number(self, name, at_least=0.0)
         require_number(self, "clip", above=0.0, below=1.0)
-        for name in ("worlds", "steps", "minibatch", "epochs", "episode", "contexts"):
+        for name in ("worlds", "steps", "minibatch", "epochs", "window", "episode", "contexts"):
             require_whole(self, name)
         for name in ("hidden", "value_hidden"):
             sizes: tuple[Any, ...] = getattr(self, name)

@@ -33,7 +33,7 @@ RUN = "run.json"
 PROGRESS = "validation.json"
 """File in a run's folder with the scores during training."""
 
-EARLIER = {"sensors": "torque", "blind": ()}
+EARLIER = {"sensors": "torque", "blind": (), "drift": 0.0, "window": 40}
 """Hyper-parameters that runs of earlier versions do not name, as they were then."""
 
 
@@ -237,9 +237,10 @@ def train(
         known, interface = folder.read()
         check_same(known, arguments)
     else:
-        interface = make_interface(settings, draws, arguments.seed)
+        interface = make_interface(settings, arguments.scenario, draws, arguments.seed)
         folder.begin(arguments, interface)
-    worlds = InterfaceVecEnv(make_worlds(draws, settings.worlds, settings.episode, settings.sensors), interface)
+    raw = make_worlds(draws, settings.worlds, settings.episode, settings.sensors)
+    worlds = InterfaceVecEnv(raw, interface, settings.drift, settings.window)
     model = make_model(settings, worlds, arguments)
     newest = folder.newest() if resume else None
     if newest is not None:

@@ -85,9 +85,18 @@ class InterfaceVecEnv(VecEnvWrapper):
     """Worlds as the network of a policy meets them: its inputs as observations, its outputs as actions.
 
     ``infos`` of an episode's last step hold ``episode`` with its return and length, as Stable-Baselines3 logs them.
+
+    Parameters
+    ----------
+    venv
+        The worlds.
+    interface
+        What the network sees and does.
+    drift, window
+        Weight [1/s] of the reward's term for the mean pace, and the time constant of that mean in control steps.
     """
 
-    def __init__(self, venv: PterVecEnv, interface: Interface) -> None:
+    def __init__(self, venv: PterVecEnv, interface: Interface, drift: float = 0.0, window: int = 1) -> None:
         super().__init__(
             venv,
             observation_space=spaces.Box(-LIMIT, LIMIT, (interface.size,), np.float32),
@@ -97,11 +106,15 @@ class InterfaceVecEnv(VecEnvWrapper):
         self.interface = interface.bind(BASELINE, self.worlds.observation_layout)
         self._past = self.interface.begin(venv.num_envs)
         self._base = np.zeros((venv.num_envs, 4))
+        self._drift = drift * self.worlds.batch.pairs[0][1].control_period
+        self._share = 1.0 / window
+        self._mean_pace_error = np.zeros(venv.num_envs)
         self._returns = np.zeros(venv.num_envs)
         self._lengths = np.zeros(venv.num_envs, np.int64)
 
     def reset(self) -> NDArray[np.float32]:
         """Start new episodes."""
+        self._mean_pace_error[:] = 0.0
         self._returns[:] = 0.0
         self._lengths[:] = 0
         self._past.forget(np.ones(self.num_envs, np.bool_))
@@ -119,7 +132,7 @@ class InterfaceVecEnv(VecEnvWrapper):
         final = np.array(obs)
         for world in map(int, ended):
             final[world] = infos[world]["terminal_observation"]
-        found = np.asarray(rewards, np.float32)
+        found = (rewards - self._drift * np.abs(self._pace_mean(final))).astype(np.float32)
         self._returns += found
         self._lengths += 1
         if len(ended):
@@ -128,13 +141,19 @@ class InterfaceVecEnv(VecEnvWrapper):
             for world in map(int, ended):
                 infos[world]["terminal_observation"] = last[world].astype(np.float32)
                 infos[world]["episode"] = {"r": float(self._returns[world]), "l": int(self._lengths[world])}
+            self._mean_pace_error[ended] = 0.0
             self._returns[ended] = 0.0
             self._lengths[ended] = 0
         return self._see(obs), found, done, infos
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes."""
-        own = {"base": self._base, "returns": self._returns, "lengths": self._lengths}
+        own = {
+            "base": self._base,
+            "mean_pace_error": self._mean_pace_error,
+            "returns": self._returns,
+            "lengths": self._lengths,
+        }
         return {
             **self.worlds.get_state(),
             **self._past.get_state(),
@@ -146,8 +165,16 @@ class InterfaceVecEnv(VecEnvWrapper):
         self.worlds.set_state(state)
         self._past.set_state(state)
         self._base = state["base"]
+        self._mean_pace_error = state["mean_pace_error"]
         self._returns = state["returns"]
         self._lengths = state["lengths"]
+
+    def _pace_mean(self, obs: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return the low-passed relative pace error of all worlds, (N,), and let it go on."""
+        layout = self.interface.layout
+        error = layout.physical(obs, "speed_along") / layout.physical(obs, "pace") - 1.0
+        self._mean_pace_error += self._share * (error - self._mean_pace_error)
+        return self._mean_pace_error
 
     def _see(self, obs: Any) -> NDArray[np.float32]:
         inputs, self._base = self.interface.see(obs, self._past)

@@ -58,7 +58,7 @@ class Policy:
 
     def reset(self) -> None:
         """Forget the past of all worlds."""
-        self._memory = np.zeros((0, MEMORY))
+        self._memory = self.empty_memory(0)
 
     def __call__(self, observation: NDArray[np.float32]) -> Volts:
         """Return clutch voltages [V].
@@ -82,11 +82,30 @@ class Policy:
         if rows.ndim != 2 or rows.shape[1] != len(self.layout):
             raise ParameterError(f"observation must have {len(self.layout)} entries, got the shape {rows.shape}")
         if len(self._memory) != len(rows):
-            self._memory = np.zeros((len(rows), MEMORY))
-            self._memory[:, -1] = np.arange(len(rows))
-        volts = np.empty((len(rows), 4), np.float32)
-        _act_kernel(self.law)(rows, self._scales, self.gains, self._memory, volts)
+            self._memory = self.empty_memory(len(rows))
+        volts = self.act(rows, self._memory)
         return volts[0] if np.ndim(observation) == 1 else volts
+
+    def act(self, rows: NDArray[np.float32], memory: NDArray[np.float64]) -> Volts:
+        """Return clutch voltages [V], float32 (N, 4).
+
+        Parameters
+        ----------
+        rows
+            Observations, float32 (N, entries), contiguous.
+        memory
+            What the law keeps of each world, from ``empty_memory``; it is changed.
+        """
+        volts = np.empty((len(rows), 4), np.float32)
+        _act_kernel(self.law)(rows, self._scales, self.gains, memory, volts)
+        return volts
+
+    @staticmethod
+    def empty_memory(worlds: int) -> NDArray[np.float64]:
+        """Return what a law keeps at the start of an episode, a row for each world: (N, MEMORY)."""
+        memory = np.zeros((worlds, MEMORY))
+        memory[:, -1] = np.arange(worlds)
+        return memory
 
 
 def _build_act(digest: str) -> Any:

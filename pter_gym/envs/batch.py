@@ -10,7 +10,8 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.controllers.laws import MEMORY, no_law
+from pter_gym.controllers import Policy
+from pter_gym.controllers.laws import no_law
 from pter_gym.envs.kernels import advance_kernel, reset_kernel
 from pter_gym.envs.world import (
     ALIVE,
@@ -338,9 +339,7 @@ class Batch:
 
     def empty_memory(self) -> Array:
         """Return the memory of a law at the start of an episode, (N, MEMORY)."""
-        memory = np.zeros((self.num_worlds, MEMORY))
-        memory[:, -1] = np.arange(self.num_worlds)
-        return memory
+        return Policy.empty_memory(self.num_worlds)
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""

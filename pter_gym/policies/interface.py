@@ -18,7 +18,7 @@ from pter_gym.layout import Layout
 from pter_gym.params import Machine, require, require_kind, require_number
 
 if TYPE_CHECKING:
-    from pter_gym.controllers import Controller
+    from pter_gym.controllers import PaceSchedule
 
 Array = NDArray[np.float64]
 Quantities = dict[str, Array]
@@ -88,14 +88,12 @@ class Input:
 
 @dataclass(frozen=True)
 class Base:
-    """The controller that a residual policy corrects: one set of gains for each of some paces.
-
-    The gains of the pace that is nearest to the commanded one, by ratio, act.
+    """The controller that a residual policy corrects: a schedule of gains over the commanded pace.
 
     Attributes
     ----------
     controller
-        Its name in ``pter_gym.controllers.CONTROLLERS``.
+        Its name in ``pter_gym.controllers.CONTROLLERS``, one of those with gains.
     paces
         Commanded paces [m/s], rising.
     gains
@@ -111,45 +109,28 @@ class Base:
         rising = all(low < high for low, high in pairwise((0.0, *self.paces, np.inf)))
         require(rising and len(self.paces) > 0, self, "paces", self.paces, "rising numbers > 0")
         require(len(self.gains) == len(self.paces), self, "gains", self.gains, "one set for each pace")
-        self.controllers()
+        self.schedule()
 
-    def controllers(self) -> "tuple[Controller, ...]":
-        """Return the controllers, one for each pace."""
-        from pter_gym.controllers import CONTROLLERS
+    def schedule(self) -> "PaceSchedule":
+        """Return the controller: gains linear in the commanded pace between those of the paces."""
+        from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
 
-        if self.controller not in CONTROLLERS:
-            raise unknown_name("base.controller", self.controller, CONTROLLERS)
+        guided = [name for name, kind in CONTROLLERS.items() if issubclass(kind, Guided)]
+        if self.controller not in guided:
+            raise unknown_name("base.controller", self.controller, guided)
         kind: Any = CONTROLLERS[self.controller]
         known = kind.__dataclass_fields__
         for gains in self.gains:
             for name in gains:
                 if name not in known:
                     raise unknown_name("base.gains", name, known)
-        return tuple(kind(**{name: _plain(value) for name, value in gains.items()}) for gains in self.gains)
+        made = [kind(**{name: _plain(value) for name, value in gains.items()}) for gains in self.gains]
+        return PaceSchedule(tuple(zip(self.paces, made, strict=True)))
 
 
 def _plain(value: Any) -> Any:
     """Return a value as dataclasses have it: JSON knows no tuples."""
     return tuple(cast(list[Any], value)) if isinstance(value, list) else value
-
-
-class BoundBase:
-    """A base controller that is ready to act."""
-
-    def __init__(self, base: Base, machine: Machine, layout: Layout) -> None:
-        self._layout = layout
-        self._policies = tuple(each.bind(machine, layout) for each in base.controllers())
-        self._borders = np.sqrt(np.array(base.paces[1:]) * np.array(base.paces[:-1]))
-
-    def __call__(self, obs: NDArray[np.float32]) -> Array:
-        """Return voltages [V], (N, 4), for observations (N, entries)."""
-        number = np.searchsorted(self._borders, self._layout.physical(obs, "pace"))
-        volts = np.empty((len(obs), 4))
-        for k, policy in enumerate(self._policies):
-            here = number == k
-            if here.any():
-                volts[here] = policy(obs[here])
-        return volts
 
 
 @dataclass(frozen=True)
@@ -210,7 +191,7 @@ class BoundInterface:
         self.layout = layout
         self.reach = interface.reach
         self.voltage_max = machine.clutch.voltage_max
-        self.base = None if interface.base is None else BoundBase(interface.base, machine, layout)
+        self.base = None if interface.base is None else interface.base.schedule().bind(machine, layout)
         names = available(layout, residual=self.base is not None)
         for each in interface.inputs:
             if each.name not in names:
@@ -223,7 +204,8 @@ class BoundInterface:
 
     def begin(self, worlds: int) -> "Past":
         """Return the empty past of so many worlds."""
-        return Past(worlds, len(self._columns), *self._past)
+        blank = np.zeros((worlds, 0)) if self.base is None else self.base.empty_memory(worlds)
+        return Past(blank, len(self._columns), *self._past)
 
     def see(self, obs: NDArray[np.float32], past: "Past", *, passing: bool = False) -> tuple[Array, Array]:
         """Return what the network sees and the voltages that it corrects.
@@ -250,10 +232,20 @@ class BoundInterface:
         rows = np.ascontiguousarray(obs, np.float32)
         if rows.ndim != 2 or rows.shape[1] != len(self.layout):
             raise ParameterError(f"observation must have {len(self.layout)} entries, got the shape {rows.shape}")
-        base = np.full((len(rows), 4), 0.5 * self.voltage_max) if self.base is None else self.base(rows)
+        base = self._corrected(rows, past, passing)
         values = quantities(rows * self._scales, base, self.layout, residual=self.base is not None)
         present = np.clip((values[:, self._columns] - self._center) / self._scale, -LIMIT, LIMIT)
         return past.look(present) if passing else past.add(present), base
+
+    def _corrected(self, rows: NDArray[np.float32], past: "Past", passing: bool) -> Array:
+        """Return the voltages that the outputs correct [V], (N, 4)."""
+        if self.base is None:
+            return np.full((len(rows), 4), 0.5 * self.voltage_max)
+        memory = past.law_memory()
+        volts = self.base.act(rows, memory)
+        if not passing:
+            past.keep(memory)
+        return volts.astype(np.float64)
 
     def volts(self, base: Array, outputs: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return voltages [V], float32 (N, 4), for the outputs (N, 4) of a network; beyond [−1, 1] they are limited."""
@@ -266,18 +258,23 @@ class Past:
 
     Parameters
     ----------
-    worlds, inputs
-        Numbers of worlds and of inputs.
+    blank
+        What the law of the base controller keeps at the start of an episode, a row for each world; without entries if
+        there is no base.
+    inputs
+        Number of inputs.
     history, averages
         As in ``Interface``.
     """
 
-    def __init__(self, worlds: int, inputs: int, history: tuple[int, ...], averages: tuple[int, ...]) -> None:
-        self.worlds = worlds
+    def __init__(self, blank: Array, inputs: int, history: tuple[int, ...], averages: tuple[int, ...]) -> None:
+        self.worlds = worlds = len(blank)
+        self._blank = blank
         self._ages = np.array((0, *history))
         self._shares = 1.0 / np.array(averages)[:, None, None]
         self._rows = np.zeros((int(self._ages[-1]) + 1, worlds, inputs))
         self._means = np.zeros((len(averages), worlds, inputs))
+        self._memory = blank.copy()
         self._empty = np.ones(worlds, np.bool_)
 
     def forget(self, worlds: NDArray[np.bool_]) -> None:
@@ -294,15 +291,29 @@ class Past:
         """Return what ``add`` would, and keep nothing."""
         return self._shown(*self._with(present))
 
+    def law_memory(self) -> Array:
+        """Return a copy of what the law of the base controller keeps, a row for each world."""
+        return np.where(self._empty[:, None], self._blank, self._memory)
+
+    def keep(self, memory: Array) -> None:
+        """Keep what the law keeps from now on."""
+        self._memory[:] = memory
+
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes."""
-        own = {"past_rows": self._rows, "past_means": self._means, "past_empty": self._empty}
+        own = {
+            "past_rows": self._rows,
+            "past_means": self._means,
+            "past_memory": self._memory,
+            "past_empty": self._empty,
+        }
         return {name: part.copy() for name, part in own.items()}
 
     def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on where ``get_state`` was called."""
         self._rows[:] = state["past_rows"]
         self._means[:] = state["past_means"]
+        self._memory[:] = state["past_memory"]
         self._empty[:] = state["past_empty"]
 
     def _with(self, present: Array) -> tuple[Array, Array]:

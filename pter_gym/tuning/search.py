@@ -34,6 +34,12 @@ STARTUP = 64
 PARENTS = 20
 """Best trials from which others come."""
 
+SCREEN = 4
+"""A trial is first judged on one in so many of its draws, and on all of them only if it keeps up with the parents."""
+
+SCREENED = "screened"
+"""Attribute of a trial in the study: its value on the draws that it was first judged on."""
+
 WAIT = 120.0
 """Seconds to wait for the storage while others write to it."""
 
@@ -104,15 +110,21 @@ def tune(
     rng = np.random.default_rng(_stream(study, seed))
     study.enqueue_trial(default_point(controller, pace), skip_if_exists=True)
     speed = find_pace(pace)
+    screen = Examination(scenario, pace, -(-episodes // SCREEN), 2 * seed)
     search = Examination(scenario, pace, episodes, 2 * seed)
     finished = _finished(study)
     while len(finished) < trials:
+        best = sorted(finished, key=_place)[:PARENTS]
         if len(finished) >= STARTUP and len(finished) % 2:
-            best = sorted(finished, key=_place)[:PARENTS]
             study.enqueue_trial(offspring(controller, [trial.params for trial in best], rng))
         trial = study.ask()
-        gains = gains_at(_suggest(trial, controller), speed)
-        study.tell(trial, search.judge(make(controller, gains)).value)
+        tried = make(controller, gains_at(_suggest(trial, controller), speed))
+        screened = screen.judge(tried).value
+        trial.set_user_attr(SCREENED, screened)
+        if len(best) < PARENTS or screened <= max(parent.user_attrs[SCREENED] for parent in best):
+            study.tell(trial, search.judge(tried).value)
+        else:
+            study.tell(trial, max(screened, best[-1].value))
         finished = _finished(study)
         on_trial(len(finished), min(trial.value for trial in finished))
     final = Examination(scenario, pace, episodes, 2 * seed + 1)

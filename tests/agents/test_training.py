@@ -146,12 +146,49 @@ def test_arguments_out_of_range_are_named(changes: dict[str, Any]) -> None:
 # the worlds
 
 
+def test_the_reward_counts_the_mean_pace() -> None:
+    from pter_agents.prepare import make_interface
+
+    draws = worlds.training_draws("hands", "all", contexts=4, seed=0)
+    interface = make_interface(arguments().settings, "hands", draws, 0)
+    plain, counting = (
+        worlds.InterfaceVecEnv(worlds.make_worlds(draws, 16, 20), interface, drift, 5) for drift in (0.0, 3.0)
+    )
+    layout = counting.worlds.observation_layout
+    for each in (plain, counting):
+        each.venv.seed(1)
+        each.reset()
+    mean = np.zeros(16)
+    rng = np.random.default_rng(0)
+    ended = 0
+    for _ in range(45):
+        actions = rng.uniform(-1.0, 1.0, (16, 4)).astype(np.float32)
+        _, rewards, done, _ = plain.step(actions)
+        seen: dict[str, np.ndarray] = {}
+        step = counting.venv.step_wait
+
+        def remember(step: Any = step, seen: dict[str, np.ndarray] = seen) -> Any:
+            obs, rewards, done, infos = step()
+            last = np.array([infos[k].get("terminal_observation", obs[k]) for k in range(16)])
+            seen["error"] = layout.physical(last, "speed_along") / layout.physical(last, "pace") - 1.0
+            return obs, rewards, done, infos
+
+        counting.venv.step_wait = remember  # type: ignore[method-assign]
+        _, others, _, _ = counting.step(actions)
+        counting.venv.step_wait = step  # type: ignore[method-assign]
+        mean += 0.2 * (seen["error"] - mean)
+        np.testing.assert_allclose(rewards - others, 3.0 * 0.01 * np.abs(mean), rtol=1e-4, atol=1e-4)
+        mean[done] = 0.0
+        ended += done.sum()
+    assert ended > 0
+
+
 def test_worlds_show_the_interface_and_their_last_observation() -> None:
     from pter_agents.prepare import make_interface
 
     settings = arguments(history=[1, 3], averages=[9]).settings
     draws = worlds.training_draws("standard", "all", contexts=4, seed=0, reward=settings.reward())
-    interface = make_interface(settings, draws, 0)
+    interface = make_interface(settings, "standard", draws, 0)
     seen = worlds.InterfaceVecEnv(worlds.make_worlds(draws, 16, 20), interface)
     plain = worlds.make_worlds(draws, 16, 20)
     bound = interface.bind(BASELINE, plain.env.observation_layout)
@@ -203,7 +240,7 @@ def test_networks_do_not_see_what_they_are_blind_to(
     assert known == given
     seeing = arguments(algorithm, rollouts=1, sensors=sensors).settings
     draws = worlds.training_draws("standard", "all", contexts=4, seed=3, reward=seeing.reward())
-    everything = prepare.make_interface(seeing, draws, 3).inputs
+    everything = prepare.make_interface(seeing, "standard", draws, 3).inputs
     assert {each.name for each in everything} - {each.name for each in interface.inputs} == missing
     assert set(interface.inputs) < set(everything)
     exporting.export_run(tmp_path / "run", tmp_path / "out", name="mine")
@@ -448,8 +485,10 @@ def test_an_exported_policy_acts_like_the_run(algorithm: str, tmp_path: Path) ->
     assert policy.card.about["command"] in text
 
 
-def test_an_exported_policy_that_acts_otherwise_is_not_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_policy_that_acts_otherwise_is_not_exported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     training.train(arguments(rollouts=1), tmp_path / "run")
+    exporting.export_run(tmp_path / "run", tmp_path / "out")
+    before = {path: path.read_bytes() for path in (tmp_path / "out").iterdir()}
     real = exporting.tensors_of
 
     def wrong(model: Any) -> Any:
@@ -460,7 +499,7 @@ def test_an_exported_policy_that_acts_otherwise_is_not_left(tmp_path: Path, monk
     monkeypatch.setattr(exporting, "tensors_of", wrong)
     with pytest.raises(DataError, match="differs"):
         exporting.export_run(tmp_path / "run", tmp_path / "out")
-    assert not list((tmp_path / "out").glob("*.json"))
+    assert {path: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
 
 
 def test_a_run_without_a_checkpoint_cannot_be_exported(tmp_path: Path) -> None:

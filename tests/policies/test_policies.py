@@ -6,7 +6,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from safetensors.numpy import save as save_tensors
 
 from pter_gym.benchmark import PACES, ResultsFolder, find_policy, run_scenario
 from pter_gym.benchmark.simulation import simulate
-from pter_gym.controllers import TorqueFeedback
+from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.envs.batch import Batch
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
@@ -100,18 +100,24 @@ def test_a_policy_is_its_network_between_scaled_inputs_and_volts(folder: Path) -
     np.testing.assert_allclose(policy.bind(BASELINE, LAYOUT)(obs[3]), expected[3], atol=1e-5)
 
 
-def test_a_residual_of_zero_is_its_base_at_the_nearest_pace(tmp_path: Path) -> None:
-    card = make_card(interface=Interface(inputs=(*INPUTS, Input("base_2")), reach=8.0, base=BASE))
+@pytest.mark.parametrize("name", ["torque-feedback", "single-dof"])
+def test_a_residual_of_zero_is_its_base_in_every_bit(name: str, tmp_path: Path) -> None:
+    schedule = find_tuned(f"{name}-tuned")
+    given = {field.name for field in fields(schedule.knots[0][1])}
+    gains = tuple({each: getattr(controller, each) for each in given} for _, controller in schedule.knots)
+    assert any(row["pace_integral"] > 0.0 for row in gains), "the law should have to remember"
+    base = Base(name, tuple(pace for pace, _ in schedule.knots), gains)
+    card = make_card(interface=Interface(inputs=(*INPUTS, Input("base_2")), reach=8.0, base=base))
     zeros = {name: np.zeros(shape, np.float32) for name, shape in card.shapes.items()}
     write_policy(card, zeros, "", tmp_path)
-    obs = observations()
-    volts = load_policy("tested", tmp_path).bind(BASELINE, LAYOUT)(obs)
-    slow = LAYOUT.physical(obs, "pace") < 0.2
-    assert slow.any()
-    assert not slow.all()
-    for chosen, damping in ((slow, 400.0), (~slow, 100.0)):
-        alone = TorqueFeedback(damping_tangential=damping).bind(BASELINE, LAYOUT)(obs[chosen])
-        assert volts[chosen].tobytes() == alone.tobytes()
+    machines, tasks = zip(*find_scenario("everything").randomisation(contexts=24, seed=8).pairs(), strict=True)
+    batch = Batch(machines, tasks)
+    ran = [
+        simulate(batch, controller.bind(BASELINE, batch.layout), range(24), 150)
+        for controller in (load_policy("tested", tmp_path), schedule)
+    ]
+    assert len({task.pace for task in tasks}) > 10
+    np.testing.assert_array_equal(*ran)
 
 
 def test_a_residual_reaches_so_many_volts_from_its_base(tmp_path: Path) -> None:
