@@ -133,15 +133,15 @@ def _draw_front(axes: Axes, front: Sequence[Score], shift: float, colour: str, d
     x = np.array([score.pace for score in front]) * shift
     y = np.array([score.path_error for score in front]) / MILLIMETRE
     axes.plot(x, y[:, 0], color=colour, linestyle=dashes, linewidth=1.5)
-    spread = np.maximum([y[:, 0] - y[:, 1], y[:, 2] - y[:, 0]], 0.0)
-    axes.errorbar(x, y[:, 0], spread, fmt="none", ecolor=colour, elinewidth=1.4, capsize=2.5, zorder=3)
+    bars = np.maximum([y[:, 0] - y[:, 1], y[:, 2] - y[:, 0]], 0.0)
+    axes.errorbar(x, y[:, 0], bars, fmt="none", ecolor=colour, elinewidth=1.4, capsize=2.5, zorder=3)
     for at, error, score in zip(x, y[:, 0], front, strict=True):
         face = colour if score.ranked else "white"
         axes.plot(at, error, color=colour, marker="o", markersize=6.0, markerfacecolor=face, linestyle="none", zorder=4)
 
 
 def _name_fronts(axes: Axes, looks: Mapping[str, tuple[str, Any]], last: Mapping[str, float]) -> None:
-    """Write names [m at the last pace] beside the axes, as near to their points as they fit below each other."""
+    """Write names beside the axes, as near to the last errors [m] as they fit one below the other."""
     low, high = np.log(axes.get_ylim())
     wanted = np.array([(np.log(last[name] / MILLIMETRE) - low) / (high - low) for name in looks])
     for name, y, at in zip(looks, spread(wanted, LINE), wanted, strict=True):
