@@ -44,7 +44,7 @@ BRAKE_LIMIT = 200.0
 """Largest magnitude of that force [N]."""
 
 GRIP = 2
-"""Control steps for which all clutches stay fully engaged."""
+"""Control steps for which all clutches stay fully engaged; less than zero from then to the end of the beginning."""
 
 WORLD = MEMORY - 1
 """The number of the world."""
@@ -61,6 +61,8 @@ TORQUE = 18
 
 BEGINNING = 0.02
 """Part of the path on which voltages of zero say that an episode has just begun."""
+
+_WAITING = -1.0
 
 _RANDOM_STREAM = np.uint64(0x52414E444F4D)
 
@@ -119,9 +121,13 @@ def begins(obs: Any) -> bool:
 
 @device
 def grips(obs: Any, g: Gains, memory: Any) -> bool:
-    """Tell whether all clutches are to be fully engaged, as they are for ``grip`` control steps from the beginning."""
-    left = g.grip if begins(obs) else memory[GRIP]
-    memory[GRIP] = left - 1.0
+    """Tell whether all clutches are to be fully engaged, as they are for ``grip`` control steps from the beginning.
+
+    A law that commands no voltage while the tip has hardly moved does not begin again.
+    """
+    left = g.grip if begins(obs) & (memory[GRIP] == 0.0) else memory[GRIP]
+    after = left - 1.0 if left > 1.0 else (_WAITING if left != 0.0 else 0.0)
+    memory[GRIP] = 0.0 if (after < 0.0) & (obs[PROGRESS] >= BEGINNING) else after
     return left >= 0.5
 
 
