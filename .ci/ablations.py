@@ -30,7 +30,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "encoders alone": {"blind": ("torque",)},
     "torque and force sensors": {"sensors": "force"},
     "force sensors": {"sensors": "force", "blind": ("torque",)},
-    "torque sensors, `history = [1, 3]`": {"history": (1, 3)},
+    "torque sensors, no history": {"history": ()},
 }
 """Hyper-parameters of each that are not the usual ones."""
 
@@ -54,15 +54,14 @@ def arguments(variant: str, scenario: str, seed: int, steps: int) -> Arguments:
 
 def finish(folder: Path, given: Arguments) -> None:
     """Train unless that was done."""
-    begun = (folder / RUN).exists()
-    if begun:
-        check_same(RunFolder(folder).read()[0], given)
-    if not begun or not is_finished(folder, given):
-        train_run(given, folder, resume=begun)
+    if not is_finished(folder, given):
+        train_run(given, folder, resume=(folder / RUN).exists())
 
 
 def is_finished(folder: Path, given: Arguments) -> bool:
-    """Whether a run has all its steps."""
+    """Whether a run has all its steps; one with other hyper-parameters is refused."""
+    if (folder / RUN).exists():
+        check_same(RunFolder(folder).read()[0], given)
     return int(max(reached(folder), key=int, default="0")) >= given.steps
 
 

@@ -14,9 +14,9 @@ from stable_baselines3 import PPO
 
 from pter_agents.checkpoints import load_weights
 from pter_agents.settings import PLAIN, load_settings
-from pter_agents.training import PROGRESS, Arguments, RunFolder, make_model
+from pter_agents.training import PROGRESS, Arguments, RunFolder, make_model, make_training_worlds
 from pter_agents.validation import network_of
-from pter_agents.worlds import InterfaceVecEnv, make_worlds, training_draws
+from pter_agents.worlds import InterfaceVecEnv, training_draws
 from pter_gym import __version__
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError
@@ -63,8 +63,9 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
         raise DataError(f"there is no checkpoint in {run}")
     settings = arguments.settings
     draws = training_draws(arguments.scenario, arguments.pace, contexts=WORLDS, seed=arguments.seed)
-    worlds = InterfaceVecEnv(make_worlds(draws, WORLDS, settings.episode, settings.sensors), interface)
-    model = make_model(replace(settings, worlds=WORLDS, steps=2, minibatch=2 * WORLDS), worlds, arguments)
+    few = replace(settings, worlds=WORLDS, steps=2, minibatch=2 * WORLDS)
+    worlds = make_training_worlds(few, draws, interface, arguments.seed)
+    model = make_model(few, worlds, arguments)
     load_weights(model, newest)
     name = arguments.algorithm if name is None else name
     steps = int(newest.stem.split("-")[1])

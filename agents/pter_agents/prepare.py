@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pter_agents.settings import PLAIN, Settings
-from pter_agents.worlds import make_worlds
+from pter_agents.worlds import Truth, make_worlds
 from pter_gym.benchmark import PACES, PerPace, find_policy
 from pter_gym.benchmark.tuned import SUFFIX
 from pter_gym.controllers import PaceSchedule
@@ -84,6 +84,29 @@ def sample_inputs(plain: Interface, settings: Settings, draws: Randomisation, se
     worlds.close()
     values = np.concatenate(seen)
     return [_input(name, column) for name, column in zip(names, values.T, strict=True) if name in shown]
+
+
+def sample_truth(settings: Settings, draws: Randomisation, seed: int) -> Truth:
+    """Return the centres and scales of what is true of a world, from a short run at random; they follow from the seed.
+
+    Parameters
+    ----------
+    settings, draws, seed
+        As in ``make_interface``.
+    """
+    worlds: PterVecEnv = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
+    rng = np.random.default_rng(seed)
+    worlds.seed(seed)
+    worlds.reset()
+    seen: list[np.ndarray] = []
+    for _ in range(SAMPLE_STEPS):
+        worlds.step(rng.uniform(0.0, BASELINE.clutch.voltage_max, (SAMPLE_WORLDS, 4)))
+        seen.append(worlds.env.batch.truth())
+    worlds.close()
+    values = np.concatenate(seen)
+    spread = values.std(axis=0)
+    still = spread <= 1e-6 * (1.0 + np.abs(values).max(axis=0))
+    return Truth(values.mean(axis=0), np.where(still, 1.0, spread))
 
 
 def _input(name: str, values: np.ndarray) -> Input:

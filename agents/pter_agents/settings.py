@@ -41,12 +41,15 @@ class Settings:
         no policy that was trained with others.
     blind
         What the networks do not see of it, by name or by group: ``"torque"`` is ``torque_1`` to ``torque_4``. The base
-        controller of a residual policy sees it all the same, so what a sensor is worth shows in ``ppo`` only.
+        controller of a residual policy and a privileged value network see it all the same.
     history, averages
         How many control steps ago the networks see their inputs besides those of now, and over about how many they
         see them averaged.
     hidden, value_hidden
         Units of the hidden layers of policy and value.
+    privileged
+        Whether the value network sees, besides what the policy sees, all that is true of a world: its state, and the
+        numbers of its machine and task.
     worlds, steps
         Worlds that are simulated at once, and control steps of each between two updates.
     minibatch, epochs
@@ -78,6 +81,7 @@ class Settings:
     averages: tuple[int, ...]
     hidden: tuple[int, ...]
     value_hidden: tuple[int, ...]
+    privileged: bool
     worlds: int
     steps: int
     minibatch: int
@@ -122,6 +126,7 @@ class Settings:
         require_number(self, "clip", above=0.0, below=1.0)
         for name in ("worlds", "steps", "minibatch", "epochs", "window", "episode", "contexts"):
             require_whole(self, name)
+        require(type(self.privileged) is bool, self, "privileged", self.privileged, "true or false")
         for name in ("hidden", "value_hidden"):
             sizes: tuple[Any, ...] = getattr(self, name)
             whole = type(sizes) is tuple and all(type(size) is int and 1 <= size <= 1024 for size in sizes)

@@ -13,8 +13,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import CSVOutputFormat, Logger, TensorBoardOutputFormat
 
 from pter_agents.checkpoints import checkpoints, resume_from, save_checkpoint
+from pter_agents.critic import TwoViewsPolicy
 from pter_agents.errors import TrainingDivergedError
-from pter_agents.prepare import make_interface
+from pter_agents.prepare import make_interface, sample_truth
 from pter_agents.settings import ALGORITHMS, Settings, require_whole, settings_from
 from pter_agents.validation import Validation, network_of
 from pter_agents.worlds import ALL, InterfaceVecEnv, make_worlds, training_draws
@@ -24,6 +25,7 @@ from pter_gym.files import write_text_atomic
 from pter_gym.params import require, require_number
 from pter_gym.policies.cards import read_interface
 from pter_gym.policies.interface import Interface
+from pter_gym.randomisation import Randomisation
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.terminal import make_folder
 
@@ -33,7 +35,7 @@ RUN = "run.json"
 PROGRESS = "validation.json"
 """File in a run's folder with the scores during training."""
 
-EARLIER = {"sensors": "torque", "blind": (), "drift": 0.0, "window": 40}
+EARLIER = {"sensors": "torque", "blind": (), "drift": 0.0, "window": 40, "privileged": False}
 """Hyper-parameters that runs of earlier versions do not name, as they were then."""
 
 
@@ -239,8 +241,7 @@ def train(
     else:
         interface = make_interface(settings, arguments.scenario, draws, arguments.seed)
         folder.begin(arguments, interface)
-    raw = make_worlds(draws, settings.worlds, settings.episode, settings.sensors)
-    worlds = InterfaceVecEnv(raw, interface, settings.drift, settings.window)
+    worlds = make_training_worlds(settings, draws, interface, arguments.seed)
     model = make_model(settings, worlds, arguments)
     newest = folder.newest() if resume else None
     if newest is not None:
@@ -264,11 +265,26 @@ def train(
         worlds.close()
 
 
+def make_training_worlds(settings: Settings, draws: Randomisation, interface: Interface, seed: int) -> InterfaceVecEnv:
+    """Return worlds as the networks meet them.
+
+    Parameters
+    ----------
+    settings, draws, seed
+        As in ``make_interface``.
+    interface
+        What the policy sees and does.
+    """
+    truth = sample_truth(settings, draws, seed) if settings.privileged else None
+    worlds = make_worlds(draws, settings.worlds, settings.episode, settings.sensors)
+    return InterfaceVecEnv(worlds, interface, settings.drift, settings.window, truth)
+
+
 def make_model(settings: Settings, worlds: InterfaceVecEnv, arguments: Arguments) -> CheckedPPO:
     """Return an untrained model; seeds torch, NumPy's legacy generator and the worlds."""
     torch.set_num_threads(1)  # networks as small as these are slower with more
     model = CheckedPPO(
-        "MlpPolicy",
+        TwoViewsPolicy,
         worlds,
         learning_rate=Falling(settings.learning_rate, settings.learning_rate_end),
         n_steps=settings.steps,
@@ -284,6 +300,7 @@ def make_model(settings: Settings, worlds: InterfaceVecEnv, arguments: Arguments
         policy_kwargs={
             "net_arch": {"pi": list(settings.hidden), "vf": list(settings.value_hidden)},
             "log_std_init": math.log(settings.deviation),
+            "seen": worlds.interface.size,
         },
         seed=arguments.seed,
         device="cpu",

@@ -1,7 +1,7 @@
 """The worlds to train on: a scenario's training draws behind the interface of a policy."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -81,8 +81,18 @@ def make_worlds(draws: Randomisation, count: int, episode: int, sensors: Sensors
     )
 
 
+class Truth(NamedTuple):
+    """Centres and scales of what is true of a world, see ``Batch.truth``."""
+
+    center: NDArray[np.float64]
+    scale: NDArray[np.float64]
+
+
 class InterfaceVecEnv(VecEnvWrapper):
     """Worlds as the network of a policy meets them: its inputs as observations, its outputs as actions.
+
+    Behind the inputs of the policy stand those of the value network alone. Those of an episode's last observation are
+    from one control step earlier: the world has begun anew by then.
 
     ``infos`` of an episode's last step hold ``episode`` with its return and length, as Stable-Baselines3 logs them.
 
@@ -94,18 +104,25 @@ class InterfaceVecEnv(VecEnvWrapper):
         What the network sees and does.
     drift, window
         Weight [1/s] of the reward's term for the mean pace, and the time constant of that mean in control steps.
+    truth
+        How to scale what is true of a world for the value network; None if it sees what the policy sees.
     """
 
-    def __init__(self, venv: PterVecEnv, interface: Interface, drift: float = 0.0, window: int = 1) -> None:
+    def __init__(
+        self, venv: PterVecEnv, interface: Interface, drift: float = 0.0, window: int = 1, truth: Truth | None = None
+    ) -> None:
+        size = interface.size + (0 if truth is None else len(truth.center))
         super().__init__(
             venv,
-            observation_space=spaces.Box(-LIMIT, LIMIT, (interface.size,), np.float32),
+            observation_space=spaces.Box(-LIMIT, LIMIT, (size,), np.float32),
             action_space=spaces.Box(-1.0, 1.0, (4,), np.float32),
         )
         self.worlds = venv.env
         self.interface = interface.bind(BASELINE, self.worlds.observation_layout)
         self._past = self.interface.begin(venv.num_envs)
         self._base = np.zeros((venv.num_envs, 4))
+        self._truth = truth
+        self._known = np.zeros((venv.num_envs, size - interface.size))
         self._drift = drift * self.worlds.batch.pairs[0][1].control_period
         self._share = 1.0 / window
         self._mean_pace_error = np.zeros(venv.num_envs)
@@ -136,7 +153,7 @@ class InterfaceVecEnv(VecEnvWrapper):
         self._returns += found
         self._lengths += 1
         if len(ended):
-            last, _ = self.interface.see(final, self._past, passing=True)
+            last = np.hstack([self.interface.see(final, self._past, passing=True)[0], self._known])
             self._past.forget(done)
             for world in map(int, ended):
                 infos[world]["terminal_observation"] = last[world].astype(np.float32)
@@ -150,6 +167,7 @@ class InterfaceVecEnv(VecEnvWrapper):
         """Return copies of all that changes."""
         own = {
             "base": self._base,
+            "known": self._known,
             "mean_pace_error": self._mean_pace_error,
             "returns": self._returns,
             "lengths": self._lengths,
@@ -165,6 +183,7 @@ class InterfaceVecEnv(VecEnvWrapper):
         self.worlds.set_state(state)
         self._past.set_state(state)
         self._base = state["base"]
+        self._known = state["known"]
         self._mean_pace_error = state["mean_pace_error"]
         self._returns = state["returns"]
         self._lengths = state["lengths"]
@@ -178,4 +197,7 @@ class InterfaceVecEnv(VecEnvWrapper):
 
     def _see(self, obs: Any) -> NDArray[np.float32]:
         inputs, self._base = self.interface.see(obs, self._past)
-        return inputs.astype(np.float32)
+        if self._truth is not None:
+            known = (self.worlds.batch.truth() - self._truth.center) / self._truth.scale
+            self._known = known.clip(-LIMIT, LIMIT)
+        return np.hstack([inputs, self._known]).astype(np.float32)

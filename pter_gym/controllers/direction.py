@@ -43,6 +43,7 @@ class Steering(Guided, ABC):
             damping_tangential=self.damping_tangential,
             pace_fraction=self.pace_fraction,
             pace_integral=self.pace_integral,
+            grip=self.grip,
             feedback=self.feedback,
             hold_when_stuck=float(self.hold_when_stuck),
             slip_threshold=self.slip_threshold,

@@ -37,6 +37,7 @@ class Gains(NamedTuple):
     damping_tangential: float = 0.0
     pace_fraction: float = 0.0
     pace_integral: float = 0.0
+    grip: float = 0.0
     feedback: float = 0.0
     hold_when_stuck: float = 0.0
     tip_space: float = 0.0
@@ -125,6 +126,7 @@ def read_gains(gains: Any, pace: float) -> Gains:
         blend(gains, here + 11, there + 11, part),
         blend(gains, here + 12, there + 12, part),
         blend(gains, here + 13, there + 13, part),
+        blend(gains, here + 14, there + 14, part),
     )
 
 

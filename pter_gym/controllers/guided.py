@@ -29,12 +29,15 @@ class Guided(ABC):
     pace_integral: float = quantity(
         "N·s/m", "chosen: braking force that a control step adds for each m/s above the pace; paper: 0", default=0.0
     )
+    grip: float = quantity(
+        "1", "chosen: control steps at the start of an episode with all clutches fully engaged; paper: 0", default=0.0
+    )
     table_volts: tuple[float, ...] = preset("controller", "table_volts")
     slip_threshold: float = preset("controller", "slip_threshold")
 
     def __post_init__(self) -> None:
         """Check gains and table."""
-        for name in ("damping_tangential", "pace_integral", "slip_threshold"):
+        for name in ("damping_tangential", "pace_integral", "grip", "slip_threshold"):
             require_number(self, name, at_least=0.0)
         require_number(self, "pace_fraction", at_least=0.0, at_most=1.0)
         accepted = "a tuple of rising voltages from 0"

@@ -36,6 +36,7 @@ class Impedance(Guided):
             damping_tangential=self.damping_tangential,
             pace_fraction=self.pace_fraction,
             pace_integral=self.pace_integral,
+            grip=self.grip,
             tip_space=float(self.tip_space),
             slip_threshold=self.slip_threshold,
         )

@@ -12,7 +12,15 @@ import numpy as np
 from pter_gym._jit import device
 from pter_gym._philox import uniform4
 from pter_gym.controllers.allocation import allocate, passive_high, passive_low
-from pter_gym.controllers.gains import LENGTH_A, LENGTH_B, TORQUE_LIMIT, Gains, clutch_voltage, read_gains
+from pter_gym.controllers.gains import (
+    LENGTH_A,
+    LENGTH_B,
+    TORQUE_LIMIT,
+    VOLTAGE_MAX,
+    Gains,
+    clutch_voltage,
+    read_gains,
+)
 from pter_gym.controllers.steering import Tip, steered, turning_torques
 from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.friction import between, slip_velocities
@@ -23,8 +31,8 @@ IMPEDANCE = 3.0
 SINGLE_DOF = 4.0
 VELOCITY_RATIO = 5.0
 
-MEMORY = 3
-"""Entries of a law's memory for each world: two that the law keeps, and the number of the world."""
+MEMORY = 4
+"""Entries of a law's memory for each world: three that the law keeps, and the number of the world."""
 
 KEPT = 0
 """What a law keeps besides the next: the clutch engaged last, or a counter."""
@@ -34,6 +42,9 @@ BRAKE = 1
 
 BRAKE_LIMIT = 200.0
 """Largest magnitude of that force [N]."""
+
+GRIP = 2
+"""Control steps for which all clutches stay fully engaged; less than zero from then to the end of the beginning."""
 
 WORLD = MEMORY - 1
 """The number of the world."""
@@ -50,6 +61,8 @@ TORQUE = 18
 
 BEGINNING = 0.02
 """Part of the path on which voltages of zero say that an episode has just begun."""
+
+_WAITING = -1.0
 
 _RANDOM_STREAM = np.uint64(0x52414E444F4D)
 
@@ -100,13 +113,31 @@ def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[floa
 
 
 @device
+def begins(obs: Any) -> bool:
+    """Tell whether an episode has just begun, also where the policy is not told so."""
+    volts = obs[VOLTS] + obs[VOLTS + 1] + obs[VOLTS + 2] + obs[VOLTS + 3]
+    return (volts == 0.0) & (obs[PROGRESS] < BEGINNING)
+
+
+@device
+def grips(obs: Any, g: Gains, memory: Any) -> bool:
+    """Tell whether all clutches are to be fully engaged, as they are for ``grip`` control steps from the beginning.
+
+    A law that commands no voltage while the tip has hardly moved does not begin again.
+    """
+    left = g.grip if begins(obs) & (memory[GRIP] == 0.0) else memory[GRIP]
+    after = left - 1.0 if left > 1.0 else (_WAITING if left != 0.0 else 0.0)
+    memory[GRIP] = 0.0 if (after < 0.0) & (obs[PROGRESS] >= BEGINNING) else after
+    return left >= 0.5
+
+
+@device
 def pace_integral(obs: Any, g: Gains, tip: Tip, pace: float, memory: Any) -> float:
     """Return the integral of the pace [N] and let it go on: ``pace_integral``·(speed − pace) more at each control step.
 
-    It begins at zero, also where the policy is not told that an episode has begun.
+    It begins at zero.
     """
-    volts = obs[VOLTS] + obs[VOLTS + 1] + obs[VOLTS + 2] + obs[VOLTS + 3]
-    before = 0.0 if (volts == 0.0) & (obs[PROGRESS] < BEGINNING) else memory[BRAKE]
+    before = 0.0 if begins(obs) else memory[BRAKE]
     speed = tip.v_x * tip.heading_cos + tip.v_y * tip.heading_sin
     memory[BRAKE] = between(before + g.pace_integral * (speed - pace), -BRAKE_LIMIT, BRAKE_LIMIT)
     return memory[BRAKE]
@@ -162,11 +193,21 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     if gains[0] == SINGLE_DOF:
         wanted = steered(gains, g, tip, wanted, memory)
     feeds_back = g.feedback != 0.0
+    least = gains[VOLTAGE_MAX] if grips(obs, g, memory) else 0.0
     return PerClutch(
-        clutch_voltage(gains, g, wanted.x1, slip.x1, obs[TORQUE] * scales[TORQUE] if feeds_back else 0.0),
-        clutch_voltage(gains, g, wanted.x2, slip.x2, obs[TORQUE + 1] * scales[TORQUE + 1] if feeds_back else 0.0),
-        clutch_voltage(gains, g, wanted.x3, slip.x3, obs[TORQUE + 2] * scales[TORQUE + 2] if feeds_back else 0.0),
-        clutch_voltage(gains, g, wanted.x4, slip.x4, obs[TORQUE + 3] * scales[TORQUE + 3] if feeds_back else 0.0),
+        max(least, clutch_voltage(gains, g, wanted.x1, slip.x1, obs[TORQUE] * scales[TORQUE] if feeds_back else 0.0)),
+        max(
+            least,
+            clutch_voltage(gains, g, wanted.x2, slip.x2, obs[TORQUE + 1] * scales[TORQUE + 1] if feeds_back else 0.0),
+        ),
+        max(
+            least,
+            clutch_voltage(gains, g, wanted.x3, slip.x3, obs[TORQUE + 2] * scales[TORQUE + 2] if feeds_back else 0.0),
+        ),
+        max(
+            least,
+            clutch_voltage(gains, g, wanted.x4, slip.x4, obs[TORQUE + 3] * scales[TORQUE + 3] if feeds_back else 0.0),
+        ),
     )
 
 

@@ -386,6 +386,15 @@ class Batch:
         numbers = self._worlds[:, CONTEXT_AT].reshape(-1)[: self.num_worlds] / CONTEXT_ROWS
         return numbers.astype(np.intp).tolist()
 
+    def truth(self) -> Array:
+        """Return all that is true of each world, (N, entries): its state, then the numbers of its machine and task.
+
+        In no particular units and order; for critics, which may know more than the policies that they judge.
+        """
+        worlds = self._worlds.transpose(0, 2, 1).reshape(-1, self._worlds.shape[1])[: self.num_worlds]
+        context = worlds[:, CONTEXT_AT, None].astype(np.intp) + np.arange(CONTEXT_ROWS)
+        return np.concatenate([worlds, self._constants[context]], axis=1)
+
     def device_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that a kernel on another device needs: worlds, words, config, constants, who has begun."""
         return {

@@ -189,6 +189,7 @@ class BoundInterface:
 
     def __init__(self, interface: Interface, machine: Machine, layout: Layout) -> None:
         self.layout = layout
+        self.size = interface.size
         self.reach = interface.reach
         self.voltage_max = machine.clutch.voltage_max
         self.base = None if interface.base is None else interface.base.schedule().bind(machine, layout)

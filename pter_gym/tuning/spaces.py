@@ -27,6 +27,7 @@ _SHARED: Space = {
     "braking": Range(10.0, 300.0),
     "pace_fraction": Range(0.0, 0.95, log=False),
     "pace_integral": Range(0.05, 30.0),
+    "grip": Range(0.0, 30.0, log=False),
     "slip_threshold": Range(1e-3, 0.2),
 }
 

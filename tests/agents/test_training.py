@@ -146,6 +146,29 @@ def test_arguments_out_of_range_are_named(changes: dict[str, Any]) -> None:
 # the worlds
 
 
+def test_only_the_value_network_sees_what_is_true() -> None:
+    given = arguments(privileged=True)
+    draws = worlds.training_draws("everything", "all", contexts=8, seed=3)
+    from pter_agents.prepare import make_interface
+
+    interface = make_interface(given.settings, "everything", draws, 3)
+    seen = training.make_training_worlds(given.settings, draws, interface, 3)
+    model = training.make_model(given.settings, seen, given)
+    policy: Any = model.policy
+    seen.venv.seed(1)
+    first = torch.as_tensor(seen.reset())
+    truth = seen.worlds.batch.truth()
+    assert first.shape == (16, interface.size + truth.shape[1])
+    assert (first.numpy()[:, interface.size :].std(axis=0) > 0.1).sum() > 20, "machines, tasks and states differ"
+    other = first.clone()
+    other[:, interface.size :] = 0.0
+    with torch.no_grad():
+        actions = [policy.get_distribution(each).distribution.mean for each in (first, other)]
+        values = [policy.predict_values(each) for each in (first, other)]
+    assert torch.equal(*actions)
+    assert not torch.isclose(*values).any()
+
+
 def test_the_reward_counts_the_mean_pace() -> None:
     from pter_agents.prepare import make_interface
 
@@ -325,9 +348,18 @@ def test_the_newest_two_checkpoints_are_kept(tmp_path: Path) -> None:
     assert list(tmp_path.glob("events.out.tfevents*"))
 
 
-@pytest.mark.parametrize(("algorithm", "history"), [("ppo", []), ("residual", [1, 4])])
-def test_a_resumed_run_ends_where_an_uninterrupted_one_does(algorithm: str, history: list[int], tmp_path: Path) -> None:
-    given = arguments(algorithm, history=history, averages=history)
+@pytest.mark.parametrize(
+    ("algorithm", "changes"),
+    [
+        ("ppo", {"history": [], "averages": []}),
+        ("residual", {"history": [1, 4], "averages": [1, 4]}),
+        ("residual", {"base": "single-dof-tuned", "drift": 2.0, "privileged": True}),
+    ],
+)
+def test_a_resumed_run_ends_where_an_uninterrupted_one_does(
+    algorithm: str, changes: dict[str, Any], tmp_path: Path
+) -> None:
+    given = arguments(algorithm, **changes)
     whole = training.train(given, tmp_path / "whole")
     calls: list[int] = []
 

@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 import pter_gym
 from pter_gym.envs.batch import Batch
-from pter_gym.envs.world import CONTEXT_AT, SAME_STEP, SEGMENT, STEP
+from pter_gym.envs.world import CONTEXT_AT, CONTEXT_ROWS, SAME_STEP, SEGMENT, STEP
 from pter_gym.errors import ParameterError
 from pter_gym.operators import HumanArm, MultiSineHand
 from pter_gym.params import BASELINE, Hand
@@ -157,6 +157,24 @@ def test_a_randomisation_stands_alone() -> None:
     drawn = SCENARIOS["standard"].randomisation(contexts=2)
     with pytest.raises(ParameterError, match="must stand alone"):
         gymnasium.make("PTER/PathFollowing-v0", randomisation=drawn, task=PathFollowing())
+
+
+def test_the_truth_of_a_world_is_its_state_and_its_machine_and_task() -> None:
+    other = replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=0.05))
+    batch = Batch([BASELINE, other, BASELINE], PathFollowing(hand=MultiSineHand(random_phases=True)))
+    batch.reset([0, 1, 0])
+    first = batch.truth()
+    assert first.shape[0] == 3
+    assert np.isfinite(first).all()
+    differing = first[0] != first[1]
+    assert 5 <= differing.sum() < 40, "sines, where the context stands, and what follows from the time constant"
+    batch.step(np.full((3, 4), 7.0))
+    after = batch.truth()
+    changed = (after != first).any(axis=0)
+    assert changed.sum() > 8
+    context = first.shape[1] - CONTEXT_ROWS
+    assert not changed[context:].any()
+    assert differing[context:].any()
 
 
 def test_a_state_of_other_machines_is_refused() -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,9 +22,10 @@ from pter_gym.controllers import (
     laws,
 )
 from pter_gym.controllers.gains import table_voltage
+from pter_gym.envs.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
-from pter_gym.tasks.path_following import observation_layout
+from pter_gym.tasks.path_following import PathFollowing, observation_layout
 from pter_gym.units import INCH_POUND
 
 W = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
@@ -277,6 +279,30 @@ def test_the_integral_of_the_pace_adds_to_the_brake_and_begins_anew() -> None:
     )
 
 
+@pytest.mark.parametrize("kind", [Impedance, TorqueFeedback, SingleDof, VelocityRatio])
+def test_a_grip_engages_all_clutches_at_the_start_and_only_there(kind: Any) -> None:
+    batch = Batch(BASELINE, PathFollowing(), 3)
+    obs, _ = batch.reset([0, 1, 2])
+    gripping, plain = (kind(grip=grip, pace_integral=0.0).bind(BASELINE, batch.layout) for grip in (4.0, 0.0))
+    for step in range(12):
+        volts = gripping(obs)
+        without = plain(obs)
+        if step < 4:
+            assert (volts == 24.0).all()
+            assert not (without == 24.0).all()
+        else:
+            np.testing.assert_array_equal(volts, without)
+        obs = batch.step(volts).obs
+    while (batch.layout.physical(obs, "progress") < 0.05).all():
+        np.testing.assert_array_equal(gripping(obs), plain(obs), "no voltage is no beginning")
+        obs = batch.step(np.zeros((3, 4))).obs
+    late = kind(grip=4.0, pace_integral=0.0).bind(BASELINE, batch.layout)
+    np.testing.assert_array_equal(late(obs)[0], plain(obs)[0], "an episode that it did not see begin")
+    gripping(obs)
+    obs, _ = batch.reset([3, 4, 5])
+    assert (gripping(obs) == 24.0).all(), "a new episode"
+
+
 def test_a_schedule_is_linear_between_its_knots_and_flat_beyond() -> None:
     slow = TorqueFeedback(stiffness=200.0, damping_tangential=600.0, feedback=0.1)
     brisk = TorqueFeedback(stiffness=1000.0, damping_tangential=100.0, feedback=0.5)
@@ -403,6 +429,7 @@ def test_bad_gains_are_named(field: str, keywords: dict[str, object]) -> None:
         ("reluctance", {"reluctance": 1.0}),
         ("pace_fraction", {"pace_fraction": 1.5}),
         ("pace_integral", {"pace_integral": -1.0}),
+        ("grip", {"grip": -1.0}),
     ],
 )
 def test_bad_gains_of_steering_are_named(field: str, keywords: dict[str, object]) -> None:
