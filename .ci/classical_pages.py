@@ -1,0 +1,156 @@
+"""Write the tables and pictures of docs/classical-control.md, and the README's leaderboards with intervals.
+
+    python .ci/classical_pages.py RESULTS
+
+RESULTS is a folder of `pter benchmark --scenario standard` and `--scenario everything` at all paces. All else is
+simulated here, on training draws, with the gains that the package ships; it takes two to three minutes of one core.
+"""
+
+import itertools
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from pages import BELOW, LEFT_OUT, ROOT, board_table, read_boards, table, write_block
+
+from pter_gym.benchmark.standard import TIME_CONSTANTS
+from pter_gym.benchmark.tuned import TUNED, find_tuned
+from pter_gym.experiments.bounds import DRAWS, SEARCH_DRAWS, SEED, Actuators, Outcome, adapted, drawn_task, try_out
+from pter_gym.experiments.clutch_use import clutch_use, episodes
+from pter_gym.params import BASELINE, TIME_CONSTANT
+from pter_gym.plots import save
+from pter_gym.plots.classical import arm_and_deviation, clutches_along_path
+from pter_gym.policies import shipped_policies
+from pter_gym.scenarios import PACES
+
+PAGE = ROOT / "docs" / "classical-control.md"
+IMAGES = ROOT / "docs" / "images"
+CLASSICAL = ["impedance", "torque-feedback", *TUNED]
+DRAWN = ("impedance", "impedance-tuned", "velocity-ratio-tuned", "single-dof-tuned")
+DRAWN_PACE = "medium"
+BOUNDED = ("impedance-tuned", "single-dof-tuned")
+TORQUES = (0.5, 0.75, 1.0, 1.5, 2.0)
+DRAWS_NOTE = f"{DRAWS} training draws of `standard`, seeds {SEED} to {SEED + DRAWS - 1}."
+
+
+def separation() -> str:
+    """What the laws do with the clutches."""
+    header = ["Law", "path error [mm]", "signed error [mm]", "volts of clutches 1 to 4"]
+    header += ["saturated [%]", "one clutch stuck [%]", "at rest [%]", "clutches 1 to 4 stuck [%]"]
+    parts = [f"{DRAWS_NOTE} Path error with its 95 % interval; the others are means over time.\n"]
+    for pace, speed in PACES.items():
+        rows = []
+        for name in CLASSICAL:
+            use = clutch_use(name, pace)
+            low, value, high = (1000 * x for x in (use.path_error.low, use.path_error.value, use.path_error.high))
+            row = [f"`{name}`", f"{value:.1f} ({low:.1f} … {high:.1f})", f"{1000 * use.signed_error:+.1f}"]
+            row += [", ".join(f"{x:.1f}" for x in use.volts)]
+            row += [f"{100 * x:.0f}" for x in (use.any_saturated, use.one_stuck, use.at_rest)]
+            rows.append([*row, ", ".join(f"{100 * x:.0f}" for x in use.stuck)])
+        parts.append(f"{pace.capitalize()} pace, {speed:g} m/s:\n\n{table(header, rows)}")
+    return "\n".join(parts)
+
+
+def error(outcome: Outcome) -> str:
+    """Path error in mm, marked where arrivals or pace miss the leaderboard's limits."""
+    return f"{1000 * outcome.path_error.value:.1f}" + (f" {BELOW}" if outcome.shortfall > 0.0 else "")
+
+
+def kinds(law: str) -> dict[str, Actuators]:
+    """The actuators on which a law is tried, by name."""
+    found = {}
+    for pushes, lag, torque in itertools.product((False, True), (TIME_CONSTANT, 0.0), (1.0, 2.0)):
+        if pushes and not law.startswith("impedance"):
+            continue
+        name = "motors" if pushes else "clutches"
+        name += "" if lag else ", no lag"
+        name += "" if torque == 1.0 else f", {torque:g} times the torque"
+        found[name] = Actuators(pushes=pushes, time_constant=lag, torque=torque)
+    return found
+
+
+def gains(law: str, pace: str):
+    """The law's tuned gains at a pace."""
+    return dict(find_tuned(law, "standard").knots)[PACES[pace]]
+
+
+def bounds() -> str:
+    """Torque, lag and passivity, each alone and together."""
+    note = (
+        f"{DRAWS_NOTE} Path error in mm: own gains → gains adapted to the actuators on\n{SEARCH_DRAWS} other draws, "
+        f"seeds {SEED - SEARCH_DRAWS} to {SEED - 1}. {BELOW}: arrivals or pace miss the leaderboard's limits.\n"
+    )
+    parts = [note]
+    for law in BOUNDED:
+        own = {(kind, pace): try_out(gains(law, pace), a, pace) for kind, a in kinds(law).items() for pace in PACES}
+        new = {
+            (kind, pace): try_out(adapted(gains(law, pace), a, pace), a, pace)
+            for kind, a in kinds(law).items()
+            for pace in PACES
+        }
+        rows = [[kind, *(f"{error(own[kind, p])} → {error(new[kind, p])}" for p in PACES)] for kind in kinds(law)]
+        parts.append(table([f"`{law}` on", *PACES], rows))
+        if any(a.pushes for a in kinds(law).values()):
+            parts.append(pace_of_motors(law, new))
+    return "\n".join(parts)
+
+
+def pace_of_motors(law: str, found: dict[tuple[str, str], Outcome]) -> str:
+    """How the pace comes out, and how often a motor drives the arm."""
+    rows = [
+        [kind, *(f"{o.mean_pace:.3f}, {100 * o.segment_pace_error:.0f}, {100 * o.pushing:.0f}" for o in outcomes)]
+        for kind in kinds(law)
+        for outcomes in [[found[kind, pace] for pace in PACES]]
+    ]
+    note = (
+        "The same with adapted gains: mean pace in m/s, segment pace error in %, and in how many % of the control "
+        "instants\nan actuator drives the arm."
+    )
+    return f"{note}\n\n{table([f'`{law}` on', *(f'{pace}, {v:g} m/s' for pace, v in PACES.items())], rows)}"
+
+
+def sweep(actuators: dict[str, Actuators], title: str) -> str:
+    """Own gains on a row of actuators."""
+    rows = [
+        [f"`{law}`, {pace}", *(error(try_out(gains(law, pace), each, pace)) for each in actuators.values())]
+        for law in BOUNDED
+        for pace in PACES
+    ]
+    return f"{DRAWS_NOTE}\n\n{table([title, *actuators], rows)}"
+
+
+def pictures() -> None:
+    """One drawn episode under several laws."""
+    task = drawn_task(DRAWN_PACE)
+    followed = {}
+    for name in DRAWN:
+        rows = episodes(name, DRAWN_PACE, draws=1)[:, 0]
+        followed[name] = rows[np.isfinite(rows[:, 0])]
+    title = f"standard, {DRAWN_PACE} pace, seed {SEED}"
+    figure = arm_and_deviation(followed, BASELINE.arm, task.path, f"{title}; the arm is {DRAWN[-1]}'s")
+    save(figure, IMAGES / "classical-trajectories.png")
+    figure = clutches_along_path(followed, task.path, BASELINE.clutch.voltage_max, title)
+    save(figure, IMAGES / "classical-clutches.png")
+
+
+def main() -> None:
+    begin = time.perf_counter()
+    boards = read_boards(Path(sys.argv[1]))
+    known = {name: None for board in boards for name in board["policies"] if name not in LEFT_OUT}
+    classical = [name for name in known if name not in shipped_policies()]
+    for scenario in ("standard", "everything"):
+        details = scenario == "everything"
+        write_block(PAGE, f"board: {scenario}", board_table(boards, scenario, classical, details=details))
+        write_block(ROOT / "README.md", f"board: {scenario}", board_table(boards, scenario, list(known)))
+    pictures()
+    write_block(PAGE, "separation", separation())
+    lags = {f"{tau:g} s": Actuators(time_constant=tau) for tau in TIME_CONSTANTS}
+    write_block(PAGE, "lag", sweep(lags, "Clutch time constant"))
+    write_block(PAGE, "torque", sweep({f"{x:g}": Actuators(torque=x) for x in TORQUES}, "Clutch torques, relative"))
+    write_block(PAGE, "bounds", bounds())
+    print(PAGE, f"{time.perf_counter() - begin:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
