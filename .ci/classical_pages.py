@@ -91,9 +91,21 @@ def bounds() -> str:
         }
         rows = [[kind, *(f"{error(own[kind, p])} → {error(new[kind, p])}" for p in PACES)] for kind in kinds(law)]
         parts.append(table([f"`{law}` on", *PACES], rows))
+        parts.append("".join(verdict(law, pace, new) for pace in PACES))
         if any(a.pushes for a in kinds(law).values()):
             parts.append(pace_of_motors(law, new))
     return "\n".join(parts)
+
+
+def verdict(law: str, pace: str, found: dict[tuple[str, str], Outcome]) -> str:
+    """Which change alone helps most, with adapted gains."""
+    errors = {kind: found[kind, pace].path_error.value for kind in kinds(law)}
+    alone = [
+        kind for kind, a in kinds(law).items() if (a.pushes, a.time_constant == 0.0, a.torque != 1.0).count(True) == 1
+    ]
+    best = min(alone, key=lambda kind: errors[kind])
+    lost = {kind: f"{error(found[kind, pace])} mm" for kind in errors}
+    return f"- {pace}: {lost['clutches']} on the clutches; of one change alone, *{best}* helps most: {lost[best]}.\n"
 
 
 def pace_of_motors(law: str, found: dict[tuple[str, str], Outcome]) -> str:

@@ -58,4 +58,4 @@ def board_table(boards: list[dict], scenario: str, names: list[str], *, details:
         [f"`{name}`", *(error_cell(scores, details=details) for scores in errors[name])]
         for name in sorted(shown, key=lambda name: errors[name][0]["path_error_m"]["value"])
     ]
-    return f"{episodes:,} stored episodes.\n\n" + table(["Policy", *paces], rows, "---")
+    return f"`{scenario}`, {episodes:,} stored episodes:\n\n" + table(["Policy", *paces], rows, "---")

@@ -184,8 +184,8 @@ def _run(controller: Guided, actuators: Actuators, pace: str, draws: int, seed: 
 def adapted(controller: Guided, actuators: Actuators, pace: str, *, draws: int = SEARCH_DRAWS) -> Guided:
     """Return the law with gains that suit the actuators, from a small search about its own.
 
-    One gain of ``SEARCHED`` after another is multiplied by each of ``FACTORS``; then many at once by random factors. What
-    is better stays: a smaller path error, and 1 m for each unit by which arrivals and pace miss the leaderboard's
+    One gain of ``SEARCHED`` after another is multiplied by each of ``FACTORS``; then many at once by random factors.
+    What is better stays: a smaller path error, and 1 m for each unit by which arrivals and pace miss the leaderboard's
     limits. The draws are not those of ``try_out``.
 
     Parameters
