@@ -34,6 +34,19 @@ TORQUES = (0.5, 0.75, 1.0, 1.5, 2.0)
 DRAWS_NOTE = f"{DRAWS} training draws of `standard`, seeds {SEED} to {SEED + DRAWS - 1}."
 
 
+def by_tuning(boards: list[dict]) -> str:
+    """By how much tuning changes the path error on `standard`, and by how much another law does."""
+    found = {board["pace"]: board["policies"] for board in boards if board["scenario"] == "standard"}
+    pairs = [("impedance-tuned", "impedance"), ("torque-feedback-tuned", "torque-feedback")]
+    pairs += [(name, "impedance-tuned") for name in ("velocity-ratio-tuned", "single-dof-tuned")]
+    lines = []
+    for name, other in pairs:
+        errors = [[found[pace][each]["path_error_m"]["value"] for each in (name, other)] for pace in PACES]
+        changes = ", ".join(f"{100 * (mine / its - 1):+.0f} %" for mine, its in errors).replace("-", "−")
+        lines.append(f"- `{name}` against `{other}`: {changes}.\n")
+    return "\nPath error at the three paces:\n\n" + "".join(lines)
+
+
 def separation() -> str:
     """What the laws do with the clutches."""
     header = ["Law", "path error [mm]", "signed error [mm]", "volts of clutches 1 to 4"]
@@ -65,7 +78,7 @@ def kinds(law: str) -> dict[str, Actuators]:
             continue
         name = "motors" if pushes else "clutches"
         name += "" if lag else ", no lag"
-        name += "" if torque == 1.0 else f", {torque:g} times the torque"
+        name += "" if torque == 1.0 else ", twice the torque"
         found[name] = Actuators(pushes=pushes, time_constant=lag, torque=torque)
     return found
 
@@ -153,7 +166,8 @@ def main() -> None:
     classical = [name for name in known if name not in shipped_policies()]
     for scenario in ("standard", "everything"):
         details = scenario == "everything"
-        write_block(PAGE, f"board: {scenario}", board_table(boards, scenario, classical, details=details))
+        content = board_table(boards, scenario, classical, details=details)
+        write_block(PAGE, f"board: {scenario}", content if details else content + by_tuning(boards))
         write_block(ROOT / "README.md", f"board: {scenario}", board_table(boards, scenario, list(known)))
     pictures()
     write_block(PAGE, "separation", separation())

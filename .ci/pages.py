@@ -28,8 +28,8 @@ def write_block(page: Path, name: str, content: str) -> None:
 
 def table(header: list[str], rows: list[list[str]], align: str = "---:") -> str:
     """A table whose first column is text and whose others are aligned to the right."""
-    lines = [header, ["---"] + [align] * (len(header) - 1), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines).replace("| --- |", "|---|")
+    line = f"|---|{f'{align}|' * (len(header) - 1)}\n"
+    return f"| {' | '.join(header)} |\n{line}" + "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
 def error_cell(scores: dict, *, details: bool) -> str:

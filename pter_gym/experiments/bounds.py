@@ -32,23 +32,27 @@ DRAWS = 64
 SEED = 5000
 """Seed of the first of these draws; the others follow."""
 
-SEARCH_DRAWS = 16
+SEARCH_DRAWS = 24
 """Draws of each trial when gains are adapted; they come before ``SEED``."""
 
 NO_LAG = 1e-9
 """Time constant [s] of an actuator without lag: nothing is left of it after a substep."""
 
-FACTORS = (0.125, 0.25, 0.5, 2.0, 4.0, 8.0)
-"""By what the search multiplies one gain at a time."""
+POPULATION = 40
+"""Members of the search for adapted gains, and trials of each of its generations."""
 
-ROUNDS = 2
-"""How often it goes through all gains."""
+GENERATIONS = 8
 
-REFINEMENTS = 30
-"""Trials after that, each with lognormal factors on about half of the gains."""
+SPREAD = 1.5
+"""Standard deviation of the logarithm of a gain, over the law's own, in the first generation."""
 
-WIDTH = 0.4
-"""Standard deviation of the logarithm of these factors."""
+REACH = 5.0
+"""Largest change of the logarithm of a gain."""
+
+MARGIN = 0.9
+"""Part of the leaderboard's limits on the pace that adapted gains may use on the draws of the search."""
+
+PACE_ERRORS = ("mean_pace_error", "segment_pace_error")
 
 SEARCHED: Mapping[type[Guided], tuple[str, ...]] = MappingProxyType(
     {
@@ -117,11 +121,8 @@ class Outcome:
     @property
     def shortfall(self) -> float:
         """By how much it misses the leaderboard's limits on arrivals and pace, added up; 0 with a rank."""
-        return _shortfall(self.completed, self.mean_pace_error, self.segment_pace_error)
-
-
-def _shortfall(completed: float, *pace_errors: float) -> float:
-    return max(COMPLETION - completed, 0.0) + sum(max(error - PACE_ERROR, 0.0) for error in pace_errors)
+        errors = (self.mean_pace_error, self.segment_pace_error)
+        return max(COMPLETION - self.completed, 0.0) + sum(max(error - PACE_ERROR, 0.0) for error in errors)
 
 
 @cache
@@ -184,9 +185,9 @@ def _run(controller: Guided, actuators: Actuators, pace: str, draws: int, seed: 
 def adapted(controller: Guided, actuators: Actuators, pace: str, *, draws: int = SEARCH_DRAWS) -> Guided:
     """Return the law with gains that suit the actuators, from a small search about its own.
 
-    One gain of ``SEARCHED`` after another is multiplied by each of ``FACTORS``; then many at once by random factors.
-    What is better stays: a smaller path error, and 1 m for each unit by which arrivals and pace miss the leaderboard's
-    limits. The draws are not those of ``try_out``.
+    Differential evolution of the logarithms of the gains in ``SEARCHED``, from the law's own and others about them.
+    Better is a smaller path error, and 1 m for each unit by which episodes do not arrive, or the pace errors exceed
+    ``MARGIN`` of the leaderboard's limits. The draws are not those of ``try_out``.
 
     Parameters
     ----------
@@ -196,21 +197,28 @@ def adapted(controller: Guided, actuators: Actuators, pace: str, *, draws: int =
         Number of training draws of each trial.
     """
     names = SEARCHED[type(controller)]
-    best, least = controller, _cost(controller, actuators, pace, draws)
-    for name in ROUNDS * names:
-        start = best
-        for factor in FACTORS:
-            trial = replace(start, **{name: factor * getattr(start, name)})
-            cost = _cost(trial, actuators, pace, draws)
-            best, least = (trial, cost) if cost < least else (best, least)
     rng = np.random.default_rng(SEED)
-    for _ in range(REFINEMENTS):
-        factors = np.exp(WIDTH * rng.standard_normal(len(names)) * (rng.random(len(names)) < 0.5))
-        gains = {name: float(f) * getattr(best, name) for name, f in zip(names, factors, strict=True)}
-        trial = replace(best, **gains)
-        cost = _cost(trial, actuators, pace, draws)
-        best, least = (trial, cost) if cost < least else (best, least)
-    return best
+
+    def changed(logarithms: Array) -> Guided:
+        factors = np.exp(logarithms).tolist()
+        return replace(
+            controller, **{name: f * getattr(controller, name) for name, f in zip(names, factors, strict=True)}
+        )
+
+    members = SPREAD * rng.standard_normal((POPULATION, len(names))) * (rng.random((POPULATION, len(names))) < 0.5)
+    members[0] = 0.0
+    costs = np.array([_cost(changed(member), actuators, pace, draws) for member in members])
+    for k in range(GENERATIONS * POPULATION):
+        member = k % POPULATION
+        a, b = rng.choice(POPULATION, 2, replace=False)
+        towards = members[costs.argmin()] - members[member]
+        mutant = members[member] + rng.uniform(0.3, 0.9) * (towards + members[a] - members[b])
+        crossed = rng.random(len(names)) < 0.8
+        trial = np.clip(np.where(crossed, mutant, members[member]), -REACH, REACH)
+        cost = _cost(changed(trial), actuators, pace, draws)
+        if cost < costs[member]:
+            members[member], costs[member] = trial, cost
+    return changed(members[costs.argmin()])
 
 
 def _cost(controller: Guided, actuators: Actuators, pace: str, draws: int) -> float:
@@ -218,5 +226,5 @@ def _cost(controller: Guided, actuators: Actuators, pace: str, draws: int) -> fl
     columns = [column(telemetry, name) for name in ("time", "arc_length", "normal_error", "is_success")]
     time, arc_length, errors, success = columns
     scores = ranked_scores(time, arc_length, errors, success, [drawn_task(pace)] * draws)
-    counted = (scores[name].mean() for name in ("completed", "mean_pace_error", "segment_pace_error"))
-    return float(interquartile_mean(scores["path_error_m"])) + _shortfall(*map(float, counted))
+    off = sum(max(float(scores[name].mean()) - MARGIN * PACE_ERROR, 0.0) for name in PACE_ERRORS)
+    return float(interquartile_mean(scores["path_error_m"])) + 1.0 - float(scores["completed"].mean()) + off
