@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from pages import BELOW, LEFT_OUT, ROOT, board_table, read_boards, table, write_block
+from pages import BELOW, LEFT_OUT, ROOT, board_table, joined, read_boards, table, write_block
 
 from pter_gym.benchmark.standard import TIME_CONSTANTS
 from pter_gym.benchmark.tuned import TUNED, find_tuned
@@ -49,18 +49,21 @@ def by_tuning(boards: list[dict]) -> str:
 
 def separation() -> str:
     """What the laws do with the clutches."""
-    header = ["Law", "path error [mm]", "signed error [mm]", "volts of clutches 1 to 4"]
-    header += ["saturated [%]", "one clutch stuck [%]", "at rest [%]", "clutches 1 to 4 stuck [%]"]
-    parts = [f"{DRAWS_NOTE} Path error with its 95 % interval; the others are means over time.\n"]
+    header = ["Law", "path error [mm]", "signed error [mm]", "volts, clutches 1 to 4", "saturated [%]"]
+    header += ["one stuck [%]", "at rest [%]", "stuck, clutches 1 to 4 [%]"]
+    parts = [f"{DRAWS_NOTE} Path error: interquartile mean; the others are means over time.\n"]
     for pace, speed in PACES.items():
         rows = []
         for name in CLASSICAL:
             use = clutch_use(name, pace)
-            low, value, high = (1000 * x for x in (use.path_error.low, use.path_error.value, use.path_error.high))
-            row = [f"`{name}`", f"{value:.1f} ({low:.1f} … {high:.1f})", f"{1000 * use.signed_error:+.1f}"]
-            row += [", ".join(f"{x:.1f}" for x in use.volts)]
+            row = [
+                f"`{name}`",
+                f"{1000 * use.path_error.value:.1f}",
+                f"{1000 * use.signed_error:+.1f}".replace("-", "−"),
+            ]
+            row += [joined(", ".join(f"{x:.1f}" for x in use.volts))]
             row += [f"{100 * x:.0f}" for x in (use.any_saturated, use.one_stuck, use.at_rest)]
-            rows.append([*row, ", ".join(f"{100 * x:.0f}" for x in use.stuck)])
+            rows.append([*row, joined(", ".join(f"{100 * x:.0f}" for x in use.stuck))])
         parts.append(f"{pace.capitalize()} pace, {speed:g} m/s:\n\n{table(header, rows)}")
     return "\n".join(parts)
 

@@ -32,10 +32,15 @@ def table(header: list[str], rows: list[list[str]], align: str = "---:") -> str:
     return f"| {' | '.join(header)} |\n{line}" + "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
+def joined(text: str) -> str:
+    """The text with spaces at which no line breaks."""
+    return text.replace(" ", "\u00a0")
+
+
 def error_cell(scores: dict, *, details: bool) -> str:
     """Path error in mm with its interval; with details, arrivals and pace errors; marked below the line."""
     low, value, high = (1000 * scores["path_error_m"][key] for key in ("low", "value", "high"))
-    text = f"{value:.1f} ({low:.1f} … {high:.1f})" + ("" if scores["rank"] else f" {BELOW}")
+    text = joined(f"{value:.1f} ({low:.1f} … {high:.1f})" + ("" if scores["rank"] else f" {BELOW}"))
     if not details:
         return text
     arrives, mean, segments = (

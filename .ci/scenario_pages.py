@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from pages import LEFT_OUT, ROOT, read_boards, write_block
+from pages import LEFT_OUT, ROOT, joined, read_boards, write_block
 
 from pter_gym.scenarios import SCENARIOS
 
@@ -19,7 +19,8 @@ def row(name: str, s: dict) -> str:
     percent = [f"{100 * s[key]['value']:.3g}" for key in ("completed", "mean_pace_error", "segment_pace_error")]
     rank = "–" if s["rank"] is None else s["rank"]
     acceleration = f"{s['rms_acceleration_m_s2']['value']:.2f}"
-    return f"| {rank} | `{name}` | {value:.1f} ({low:.1f} … {high:.1f}) | {' | '.join(percent)} | {acceleration} |\n"
+    error = joined(f"{value:.1f} ({low:.1f} … {high:.1f})")
+    return f"| {rank} | `{name}` | {error} | {' | '.join(percent)} | {acceleration} |\n"
 
 
 def section(board: dict) -> str:
