@@ -14,15 +14,20 @@ from pathlib import Path
 import numpy as np
 from pages import BELOW, LEFT_OUT, ROOT, board_table, joined, read_boards, table, write_block
 
+from pter_gym.benchmark.metrics import column
+from pter_gym.benchmark.simulation import bind, simulate, time_limit
 from pter_gym.benchmark.standard import TIME_CONSTANTS
 from pter_gym.benchmark.tuned import TUNED, find_tuned
+from pter_gym.envs.batch import Batch
 from pter_gym.experiments.bounds import DRAWS, SEARCH_DRAWS, SEED, Actuators, Outcome, adapted, drawn_task, try_out
 from pter_gym.experiments.clutch_use import clutch_use, episodes
+from pter_gym.operators import HumanArm
 from pter_gym.params import BASELINE, TIME_CONSTANT
+from pter_gym.paths import Arc, Circle
 from pter_gym.plots import save
 from pter_gym.plots.classical import arm_and_deviation, clutches_along_path
 from pter_gym.policies import shipped_policies
-from pter_gym.scenarios import PACES
+from pter_gym.scenarios import PACES, find_scenario
 
 PAGE = ROOT / "docs" / "classical-control.md"
 IMAGES = ROOT / "docs" / "images"
@@ -30,6 +35,7 @@ CLASSICAL = ["impedance", "torque-feedback", *TUNED]
 DRAWN = ("impedance", "impedance-tuned", "velocity-ratio-tuned", "single-dof-tuned")
 DRAWN_PACE = "medium"
 BOUNDED = ("impedance-tuned", "single-dof-tuned")
+LOST_DRAWS = 256
 TORQUES = (0.5, 0.75, 1.0, 1.5, 2.0)
 DRAWS_NOTE = f"{DRAWS} training draws of `standard`, seeds {SEED} to {SEED + DRAWS - 1}."
 
@@ -148,6 +154,33 @@ def sweep(actuators: dict[str, Actuators], title: str) -> str:
     return f"{DRAWS_NOTE}\n\n{table([title, *actuators], rows)}"
 
 
+def lost() -> str:
+    """Which training draws of `everything` do not end at the end of the path."""
+    rows = []
+    for pace in PACES:
+        pairs = find_scenario("everything").randomisation(pace, contexts=LOST_DRAWS, seed=SEED).pairs()
+        kinds_of = [(m.clutch.time_constant, t.sensing.delay, type(t.path), type(t.hand)) for m, t in pairs]
+        tau, delay, path, hand = (np.array(column) for column in zip(*kinds_of, strict=True))
+        bends = (path == Arc) | (path == Circle)
+        groups = [tau > 0.0, tau < 0.12, tau >= 0.12, delay == 0, delay == 2, bends, ~bends]
+        groups += [hand == HumanArm, hand != HumanArm]
+        for name in TUNED:
+            arrived = np.concatenate([arrivals(name, pairs[k : k + 64], SEED + k) for k in range(0, LOST_DRAWS, 64)])
+            rows.append([f"`{name}`, {pace}", *(f"{100 * (1 - arrived[group].mean()):.0f}" for group in groups)])
+    header = ["Lost [%]", "all", "τ < 0.12 s", "τ ≥ 0.12 s", "no delay", "20 ms", "arcs, circles", "other paths"]
+    note = f"{LOST_DRAWS} training draws of `everything`, seed {SEED}: share that does not end at the end of the path."
+    return f"{note}\n\n{table([*header, 'human arms', 'forces'], rows)}"
+
+
+def arrivals(name: str, pairs: list, seed: int) -> np.ndarray:
+    """Whether a policy arrives, for each pair of machine and task."""
+    machines, tasks = (list(each) for each in zip(*pairs, strict=True))
+    batch = Batch(machines, tasks)
+    policy = bind(find_tuned(name, "everything"), BASELINE, batch)
+    telemetry = simulate(batch, policy, range(seed, seed + len(pairs)), max(map(time_limit, tasks)))
+    return (column(telemetry[1:], "is_success") == 1.0).any(axis=0)
+
+
 def pictures() -> None:
     """One drawn episode under several laws."""
     task = drawn_task(DRAWN_PACE)
@@ -173,6 +206,7 @@ def main() -> None:
         write_block(PAGE, f"board: {scenario}", content if details else content + by_tuning(boards))
         write_block(ROOT / "README.md", f"board: {scenario}", board_table(boards, scenario, list(known)))
     pictures()
+    write_block(PAGE, "lost", lost())
     write_block(PAGE, "separation", separation())
     lags = {f"{tau:g} s": Actuators(time_constant=tau) for tau in TIME_CONSTANTS}
     write_block(PAGE, "lag", sweep(lags, "Clutch time constant"))
