@@ -212,7 +212,7 @@ def adapted(controller: Guided, actuators: Actuators, pace: str, *, draws: int =
         member = k % POPULATION
         a, b = rng.choice(POPULATION, 2, replace=False)
         towards = members[costs.argmin()] - members[member]
-        mutant = members[member] + rng.uniform(0.3, 0.9) * (towards + members[a] - members[b])
+        mutant: Array = members[member] + rng.uniform(0.3, 0.9) * (towards + members[a] - members[b])
         crossed = rng.random(len(names)) < 0.8
         trial = np.clip(np.where(crossed, mutant, members[member]), -REACH, REACH)
         cost = _cost(changed(trial), actuators, pace, draws)
