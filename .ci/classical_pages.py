@@ -115,31 +115,35 @@ def bounds() -> str:
         parts.append(table([f"`{law}` on", *PACES], rows))
         parts.append("".join(verdict(law, pace, new) for pace in PACES))
         if any(a.pushes for a in kinds(law).values()):
-            parts.append(pace_of_motors(law, new))
+            parts.append(pace_of_motors(law, own, new))
     return "\n".join(parts)
 
 
 def verdict(law: str, pace: str, found: dict[tuple[str, str], Outcome]) -> str:
     """Which change alone helps most, with adapted gains."""
-    errors = {kind: found[kind, pace].path_error.value for kind in kinds(law)}
     alone = [
         kind for kind, a in kinds(law).items() if (a.pushes, a.time_constant == 0.0, a.torque != 1.0).count(True) == 1
     ]
-    best = min(alone, key=lambda kind: errors[kind])
-    lost = {kind: f"{error(found[kind, pace])} mm" for kind in errors}
-    return f"- {pace}: {lost['clutches']} on the clutches; of one change alone, *{best}* helps most: {lost[best]}.\n"
+    best = min(alone, key=lambda kind: (found[kind, pace].shortfall > 0.0, found[kind, pace].path_error.value))
+    lost = {kind: f"{error(found[kind, pace])} mm" for kind in kinds(law)}
+    return f"- {pace}: {lost['clutches']} on clutches; of one change alone, *{best}* helps most: {lost[best]}.\n"
 
 
-def pace_of_motors(law: str, found: dict[tuple[str, str], Outcome]) -> str:
+def pace_of_motors(law: str, own: dict[tuple[str, str], Outcome], new: dict[tuple[str, str], Outcome]) -> str:
     """How the pace comes out, and how often a motor drives the arm."""
     rows = [
-        [kind, *(f"{o.mean_pace:.3f}, {100 * o.segment_pace_error:.0f}, {100 * o.pushing:.0f}" for o in outcomes)]
+        [
+            kind,
+            *(
+                f"{own[kind, p].mean_pace:.3f} → {new[kind, p].mean_pace:.3f}; {100 * new[kind, p].pushing:.0f} %"
+                for p in PACES
+            ),
+        ]
         for kind in kinds(law)
-        for outcomes in [[found[kind, pace] for pace in PACES]]
     ]
     note = (
-        "The same with adapted gains: mean pace in m/s, segment pace error in %, and in how many % of the control "
-        "instants\nan actuator drives the arm."
+        "The same: mean pace in m/s with own → adapted gains, and with these the share of the control instants at\n"
+        "which an actuator drives the arm."
     )
     return f"{note}\n\n{table([f'`{law}` on', *(f'{pace}, {v:g} m/s' for pace, v in PACES.items())], rows)}"
 

@@ -41,7 +41,7 @@ NO_LAG = 1e-9
 POPULATION = 40
 """Members of the search for adapted gains, and trials of each of its generations."""
 
-GENERATIONS = 8
+GENERATIONS = 5
 
 SPREAD = 1.5
 """Standard deviation of the logarithm of a gain, over the law's own, in the first generation."""
@@ -156,7 +156,8 @@ def try_out(controller: Guided, actuators: Actuators, pace: str, *, draws: int =
     ParameterError
         If the law cannot do without the passive constraint.
     """
-    task, telemetry = drawn_task(pace), _run(controller, actuators, pace, draws, seed)
+    task = drawn_task(pace)
+    telemetry = _run(controller, actuators, pace, range(seed, seed + draws), time_limit(task))
     steps = telemetry[1:]
     drives = (four(steps, "power") > 0.0).any(axis=-1)
     scores = score_episodes(telemetry, [task] * draws)
@@ -168,11 +169,10 @@ def try_out(controller: Guided, actuators: Actuators, pace: str, *, draws: int =
     )
 
 
-def _run(controller: Guided, actuators: Actuators, pace: str, draws: int, seed: int) -> Array:
-    """Return the telemetry until the last episode has ended."""
+def _run(controller: Guided, actuators: Actuators, pace: str, seeds: range, limit: int) -> Array:
+    """Return the telemetry until the last episode has ended, after ``limit`` control steps at most."""
     machine = actuators.machine
-    batch = _batch(machine, pace, draws)
-    seeds, limit = range(seed, seed + draws), time_limit(drawn_task(pace))
+    batch = _batch(machine, pace, len(seeds))
     if not actuators.pushes:
         telemetry = simulate(batch, controller.bind(machine, batch.layout), seeds, limit)
     elif isinstance(controller, Impedance):
@@ -222,7 +222,8 @@ def adapted(controller: Guided, actuators: Actuators, pace: str, *, draws: int =
 
 
 def _cost(controller: Guided, actuators: Actuators, pace: str, draws: int) -> float:
-    telemetry = _run(controller, actuators, pace, draws, SEED - draws)
+    limit = time_limit(drawn_task(pace)) // 2  # who is later than that has missed the pace by far
+    telemetry = _run(controller, actuators, pace, range(SEED - draws, SEED), limit)
     columns = [column(telemetry, name) for name in ("time", "arc_length", "normal_error", "is_success")]
     time, arc_length, errors, success = columns
     scores = ranked_scores(time, arc_length, errors, success, [drawn_task(pace)] * draws)
