@@ -1,5 +1,6 @@
 """Motors in the clutches' places: against free motion, slipping clutches, closed forms and the energy balance."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -26,37 +27,31 @@ NO_LAG = replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=1e-9))
 
 
 @device
-def constant(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Signed voltages from the gains."""
-    return PerClutch(gains[0], gains[1], gains[2], gains[3])
-
-
-@device
 def against(volts: float, slip: float) -> float:
     return -volts if slip > 0.0 else (volts if slip < 0.0 else 0.0)
 
 
 @device
-def braking(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Voltages from the gains with the sign of a slipping clutch's torque; none at rest."""
+def given(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Voltages from the gains: as they are, or if a fifth gain is 1 with the signs of slipping clutches' torques."""
+    if gains[4] == 0.0:
+        return PerClutch(gains[0], gains[1], gains[2], gains[3])
     a = obs[OMEGA_A] * scales[OMEGA_A]
     b = obs[OMEGA_B] * scales[OMEGA_B]
     return PerClutch(against(gains[0], a), against(gains[1], b), against(gains[2], a - b), against(gains[3], a + b))
 
 
-@device
-def braking_clutches(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """The same for clutches, which find their signs themselves."""
-    v = braking(obs, scales, gains, memory)
-    return PerClutch(abs(v.x1), abs(v.x2), abs(v.x3), abs(v.x4))
+def clutch_volts(*volts: float) -> Callable[[np.ndarray], np.ndarray]:
+    """The same magnitudes for clutches, which find their signs themselves; none at rest, where there is no sign."""
+    return lambda obs: np.where(obs[:, [OMEGA_A]] != 0.0, np.float32(volts), np.float32(0.0))
 
 
 def batch(machine: Any = BASELINE, task: PathFollowing = TASK) -> Batch:
     return Batch(machine, task, len(SEEDS))
 
 
-def policy(law: Any, *volts: float) -> Policy:
-    return Policy(np.array(volts), batch().layout, law)
+def motor_volts(*volts: float, brakes: bool = False) -> Policy:
+    return Policy(np.array([*volts, float(brakes)]), batch().layout, given)
 
 
 def both(clutches: np.ndarray, motors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -67,8 +62,8 @@ def both(clutches: np.ndarray, motors: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def test_motors_without_voltage_are_released_clutches_bit_for_bit():
     worlds = batch()
     free, motors = both(
-        simulate(worlds, policy(braking_clutches, 0.0, 0.0, 0.0, 0.0), SEEDS, 60),
-        simulate_motors(worlds, policy(constant, 0.0, 0.0, 0.0, 0.0), SEEDS, 60),
+        simulate(worlds, clutch_volts(0.0, 0.0, 0.0, 0.0), SEEDS, 60),
+        simulate_motors(worlds, motor_volts(0.0, 0.0, 0.0, 0.0), SEEDS, 60),
     )
     np.testing.assert_array_equal(motors, free)
     assert np.nanmax(column(free, "is_success")) == 1.0
@@ -80,8 +75,8 @@ def test_with_the_signs_of_slipping_clutches_motors_move_the_arm_as_these_do(mac
     volts = (3.0, 2.0, 1.0, 2.5)
     worlds = batch(machine)
     clutches, motors = both(
-        simulate(worlds, policy(braking_clutches, *volts), SEEDS, 60),
-        simulate_motors(worlds, policy(braking, *volts), SEEDS, 60),
+        simulate(worlds, clutch_volts(*volts), SEEDS, 60),
+        simulate_motors(worlds, motor_volts(*volts, brakes=True), SEEDS, 60),
     )
     compared = 0
     for world in range(len(SEEDS)):
@@ -103,7 +98,7 @@ def test_one_motor_on_one_axis_has_the_closed_form(lags: bool):
     machine = replace(BASELINE if lags else NO_LAG, arm=Arm(coupling=0.0))
     task = replace(TASK, hand=MultiSineHand(push=0.0, amplitudes=(0.0,) * 5))
     steps, volts = 12, -7.0
-    rows = simulate_motors(batch(machine, task), policy(constant, volts, 0.0, 0.0, 0.0), SEEDS, steps)[:, 0]
+    rows = simulate_motors(batch(machine, task), motor_volts(volts, 0.0, 0.0, 0.0), SEEDS, steps)[:, 0]
     h, decay = machine.substep, np.exp(-machine.substep / machine.clutch.time_constant)
     torque = -machine.clutch.dynamic.torque(7.0) * (1.0 - decay ** np.arange(1, 10 * steps + 1))
     omega = h / machine.arm.inertia_a * np.cumsum(torque)
