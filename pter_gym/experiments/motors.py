@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._jit import compile_kernel, device
+from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.controllers import Impedance, PaceSchedule, Policy
 from pter_gym.controllers.allocation import allocate
 from pter_gym.controllers.gains import LENGTH_A, LENGTH_B, TORQUE_LIMIT, read_gains, table_voltage
@@ -21,9 +22,11 @@ from pter_gym.controllers.laws import PACE, pace_integral, see_tip, wanted_force
 from pter_gym.envs.batch import Batch
 from pter_gym.envs.world import (
     ALIVE,
+    COMMAND,
+    CONTEXT_AT,
     HEADING,
+    LIMIT,
     PARAM,
-    SCALES,
     SCRATCH_ROWS,
     SINE,
     SUBSTEP,
@@ -36,7 +39,6 @@ from pter_gym.envs.world import (
     push_tip,
     record_step,
     take_command,
-    take_context,
     write_observation,
 )
 from pter_gym.errors import ParameterError
@@ -58,7 +60,7 @@ from pter_gym.physics.model import (
     store_motion,
 )
 from pter_gym.physics.step import Energy, energy_terms, free_motion
-from pter_gym.tasks.path_following import IDEAL_SENSING, T_ENERGY, TELEMETRY, PathFollowing
+from pter_gym.tasks.path_following import IDEAL_SENSING, PARAM_ROWS, T_ENERGY, PathFollowing
 
 Array = NDArray[np.float64]
 
@@ -100,24 +102,14 @@ def push_freely(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     )
 
 
-law: Any = push_freely
-"""The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
-
-
 @device
-def motor_torque(curve: Curve, scale: float, volts: float) -> float:
-    """Return the torque [N·m] that a motor settles to at a signed voltage [V]."""
-    return signed(scale * curve_torque(curve, abs(volts)), volts)
-
-
-@device
-def motor_torques(curve: Curve, scale: PerClutch, volts: PerClutch) -> PerClutch:
-    """Return the torques [N·m] that the motors settle to at signed voltages [V]."""
+def motor_torques(curve: Curve, scale: PerClutch, volts: PerClutch, signs: PerClutch) -> PerClutch:
+    """Return the torques [N·m] that motors settle to at voltages [V], with the signs of other numbers."""
     return PerClutch(
-        motor_torque(curve, scale.x1, volts.x1),
-        motor_torque(curve, scale.x2, volts.x2),
-        motor_torque(curve, scale.x3, volts.x3),
-        motor_torque(curve, scale.x4, volts.x4),
+        signed(scale.x1 * curve_torque(curve, volts.x1), signs.x1),
+        signed(scale.x2 * curve_torque(curve, volts.x2), signs.x2),
+        signed(scale.x3 * curve_torque(curve, volts.x3), signs.x3),
+        signed(scale.x4 * curve_torque(curve, volts.x4), signs.x4),
     )
 
 
@@ -146,64 +138,59 @@ def motor_substep(
 
 
 @device
-def move(w: Any, target: PerClutch, h: float) -> Energy:
-    """Advance the one world in ``w`` by a substep; its lagged torques stand where a clutch has its dynamic ones."""
-    torque = relax(load_four(w, DYNAMIC, 0), target, w[PARAM + TORQUE_DECAY, 0])
-    store_four(w, DYNAMIC, 0, torque)
-    along, across = hand_force(w, 0)
-    push_tip(w, 0)
-    cos = w[HEADING, 0]
-    sin = w[HEADING + 1, 0]
+def move(w: Any, i: int, target: PerClutch, h: float) -> Energy:
+    """Advance world i by a substep; its lagged torques stand where a clutch has its dynamic ones."""
+    torque = relax(load_four(w, DYNAMIC, i), target, w[PARAM + TORQUE_DECAY, i])
+    store_four(w, DYNAMIC, i, torque)
+    along, across = hand_force(w, i)
+    push_tip(w, i)
+    cos = w[HEADING, i]
+    sin = w[HEADING + 1, i]
     after, energy = motor_substep(
-        load_motion(w, 0), torque, linkage(w, PARAM, 0), along * cos - across * sin, along * sin + across * cos, h
+        load_motion(w, i), torque, linkage(w, PARAM, i), along * cos - across * sin, along * sin + across * cos, h
     )
-    store_motion(w, 0, after)
+    store_motion(w, i, after)
     return energy
 
 
-def _build_run(digest: str) -> Any:
-    def run(worlds: Any, obs: Any, gains: Any, memory: Any, telemetry: Any, config: Any, constants: Any) -> None:
+def _build_step(digest: str) -> Any:
+    def step(w: Any, volts: Any, obs: Any, telemetry: Any, config: Any, constants: Any) -> None:
         _ = digest
         h = config[SUBSTEP]
         count = int(config[SUBSTEPS])
-        scales = config[SCALES : SCALES + obs.shape[1]]
-        w = np.zeros((SCRATCH_ROWS, 1))
-        width = worlds.shape[2]
-        for world in range(obs.shape[0]):
-            for row in range(worlds.shape[1]):
-                w[row, 0] = worlds[world // width, row, world % width]
-            take_context(w, 0, constants)
-            for t in range(telemetry.shape[0]):
-                if w[ALIVE, 0] == 0.0:
-                    break
-                volts = law(obs[world], scales, gains, memory[world])
-                take_command(w, 0, PerClutch(abs(volts.x1), abs(volts.x2), abs(volts.x3), abs(volts.x4)))
-                target = motor_torques(dynamic_curve(w, PARAM, 0), load_four(w, PARAM + SCALE, 0), volts)
-                hand = taken = loss = residual = 0.0
-                for _k in range(count):
-                    energy = move(w, target, h)
-                    hand += energy.hand_work
-                    taken += energy.dissipated
-                    loss += energy.numerical_loss
-                    residual += energy.residual
-                store_four(w, TORQUE, 0, load_four(w, DYNAMIC, 0))
-                renew_sines(w, SINE, 0)
-                locate(w, 0, constants)
-                judge_step(w, 0, h * count, telemetry.shape[0])
-                observe_world(w, 0, config)
-                write_observation(w, 0, obs, world, config, constants)
-                record_step(w, 0, telemetry, t, world, h * count, constants)
-                telemetry[t, world, T_ENERGY] = hand
-                telemetry[t, world, T_ENERGY + 1] = taken
-                telemetry[t, world, T_ENERGY + 2] = loss
-                telemetry[t, world, T_ENERGY + 3] = residual
+        for i in range(obs.shape[0]):
+            if w[ALIVE, i] == 0.0:
+                continue
+            signs = PerClutch(volts[i, 0], volts[i, 1], volts[i, 2], volts[i, 3])
+            take_command(w, i, PerClutch(abs(signs.x1), abs(signs.x2), abs(signs.x3), abs(signs.x4)))
+            target = motor_torques(
+                dynamic_curve(w, PARAM, i), load_four(w, PARAM + SCALE, i), load_four(w, COMMAND, i), signs
+            )
+            hand = taken = loss = residual = 0.0
+            for _k in range(count):
+                energy = move(w, i, target, h)
+                hand += energy.hand_work
+                taken += energy.dissipated
+                loss += energy.numerical_loss
+                residual += energy.residual
+            store_four(w, TORQUE, i, load_four(w, DYNAMIC, i))
+            renew_sines(w, SINE, i)
+            locate(w, i, constants)
+            judge_step(w, i, h * count, config[LIMIT])
+            observe_world(w, i, config)
+            write_observation(w, i, obs, i, config, constants)
+            record_step(w, i, telemetry, 0, i, h * count, constants)
+            telemetry[0, i, T_ENERGY] = hand
+            telemetry[0, i, T_ENERGY + 1] = taken
+            telemetry[0, i, T_ENERGY + 2] = loss
+            telemetry[0, i, T_ENERGY + 3] = residual
 
-    return run
+    return step
 
 
 @cache
-def _run_kernel(inlined: Any) -> Any:
-    return compile_kernel(_build_run, law=inlined)
+def _step_kernel() -> Any:
+    return compile_kernel(_build_step)
 
 
 def on_motors(controller: Impedance | PaceSchedule, machine: Machine, layout: Layout) -> Policy:
@@ -220,7 +207,7 @@ def on_motors(controller: Impedance | PaceSchedule, machine: Machine, layout: La
     return replace(controller.bind(machine, layout), law=push_freely)
 
 
-def simulate_motors(batch: Batch, policy: Policy, seeds: Sequence[int], max_steps: int) -> Array:
+def simulate_motors(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: int) -> Array:
     """Return the telemetry of new episodes on motors, (steps + 1, N, len(TELEMETRY)), NaN after the end of an episode.
 
     It is that of ``pter_gym.benchmark.simulation.simulate`` but for this: torques and powers have any sign, voltages
@@ -231,7 +218,8 @@ def simulate_motors(batch: Batch, policy: Policy, seeds: Sequence[int], max_step
     batch
         N worlds whose hands are forces alone, with ideal sensors, clutches that lag in the normal force, and no drift.
     policy
-        Its law returns signed voltages, as ``push_freely`` does.
+        Returns signed voltages, float32 (N, entries) to (N, 4); from ``on_motors``, or any other. If it has a method
+        ``reset``, that is called first.
     seeds
         Of the resets, N of them.
     max_steps
@@ -245,11 +233,27 @@ def simulate_motors(batch: Batch, policy: Policy, seeds: Sequence[int], max_step
     for machine, task in batch.pairs:
         _check(machine, task)
     obs, first = batch.reset(seeds)
+    forget = getattr(policy, "reset", None)
+    if callable(forget):
+        forget()
     arrays = batch.device_arrays()
-    telemetry = np.full((max_steps, batch.num_worlds, len(TELEMETRY)), np.nan)
-    kernel = _run_kernel(policy.law)
-    kernel(arrays["worlds"], obs, policy.gains, batch.empty_memory(), telemetry, arrays["config"], arrays["constants"])
-    return np.concatenate([first[None], telemetry])
+    w = _columns(arrays["worlds"], arrays["constants"], batch.num_worlds)
+    kernel, telemetry = _step_kernel(), [first]
+    while len(telemetry) <= max_steps and w[ALIVE].any():
+        rows = np.full((1, *first.shape), np.nan)
+        volts = np.asarray(policy(obs), np.float64)
+        kernel(w, volts, obs, rows, arrays["config"], arrays["constants"])
+        telemetry.append(rows[0])
+    return np.stack(telemetry)
+
+
+def _columns(worlds: Array, constants: Array, count: int) -> Array:
+    """Return the rows of ``count`` worlds and of their constants, one column each, from blocks of them."""
+    w = np.zeros((SCRATCH_ROWS, count))
+    stored = worlds.shape[1]
+    w[:stored] = worlds.transpose(1, 0, 2).reshape(stored, -1)[:, :count]
+    w[PARAM : PARAM + PARAM_ROWS] = constants[w[CONTEXT_AT].astype(np.intp) + np.arange(PARAM_ROWS)[:, None]]
+    return w
 
 
 def _check(machine: Machine, task: PathFollowing) -> None:

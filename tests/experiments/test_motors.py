@@ -10,7 +10,7 @@ import pytest
 from pter_gym.benchmark.metrics import column, four, vector
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import find_tuned
-from pter_gym.controllers import Impedance, PaceSchedule, PerClutch, Policy, SingleDof, TorqueFeedback, device
+from pter_gym.controllers import Impedance, PaceSchedule, SingleDof, TorqueFeedback
 from pter_gym.controllers.laws import OMEGA_A, OMEGA_B
 from pter_gym.envs.batch import Batch
 from pter_gym.errors import ParameterError
@@ -23,35 +23,30 @@ pytestmark = pytest.mark.slow
 
 TASK = PathFollowing(hand=MultiSineHand(random_phases=True))
 SEEDS = range(300, 308)
+W = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
 NO_LAG = replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=1e-9))
 
 
-@device
-def against(volts: float, slip: float) -> float:
-    return -volts if slip > 0.0 else (volts if slip < 0.0 else 0.0)
+Law = Callable[[np.ndarray], np.ndarray]
 
 
-@device
-def given(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Voltages from the gains: as they are, or if a fifth gain is 1 with the signs of slipping clutches' torques."""
-    if gains[4] == 0.0:
-        return PerClutch(gains[0], gains[1], gains[2], gains[3])
-    a = obs[OMEGA_A] * scales[OMEGA_A]
-    b = obs[OMEGA_B] * scales[OMEGA_B]
-    return PerClutch(against(gains[0], a), against(gains[1], b), against(gains[2], a - b), against(gains[3], a + b))
+def held(*volts: float) -> Law:
+    """Constant signed voltages."""
+    return lambda obs: np.tile(np.float32(volts), (len(obs), 1))
 
 
-def clutch_volts(*volts: float) -> Callable[[np.ndarray], np.ndarray]:
-    """The same magnitudes for clutches, which find their signs themselves; none at rest, where there is no sign."""
+def clutch_volts(*volts: float) -> Law:
+    """Voltages for clutches, which find the signs of their torques themselves; none at rest."""
     return lambda obs: np.where(obs[:, [OMEGA_A]] != 0.0, np.float32(volts), np.float32(0.0))
+
+
+def braking(*volts: float) -> Law:
+    """The same for motors, with the signs of slipping clutches' torques."""
+    return lambda obs: -np.sign(obs[:, [OMEGA_A, OMEGA_B]] @ np.float32(W).T) * np.float32(volts)
 
 
 def batch(machine: Any = BASELINE, task: PathFollowing = TASK) -> Batch:
     return Batch(machine, task, len(SEEDS))
-
-
-def motor_volts(*volts: float, brakes: bool = False) -> Policy:
-    return Policy(np.array([*volts, float(brakes)]), batch().layout, given)
 
 
 def both(clutches: np.ndarray, motors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -63,7 +58,7 @@ def test_motors_without_voltage_are_released_clutches_bit_for_bit():
     worlds = batch()
     free, motors = both(
         simulate(worlds, clutch_volts(0.0, 0.0, 0.0, 0.0), SEEDS, 60),
-        simulate_motors(worlds, motor_volts(0.0, 0.0, 0.0, 0.0), SEEDS, 60),
+        simulate_motors(worlds, held(0.0, 0.0, 0.0, 0.0), SEEDS, 60),
     )
     np.testing.assert_array_equal(motors, free)
     assert np.nanmax(column(free, "is_success")) == 1.0
@@ -76,7 +71,7 @@ def test_with_the_signs_of_slipping_clutches_motors_move_the_arm_as_these_do(mac
     worlds = batch(machine)
     clutches, motors = both(
         simulate(worlds, clutch_volts(*volts), SEEDS, 60),
-        simulate_motors(worlds, motor_volts(*volts, brakes=True), SEEDS, 60),
+        simulate_motors(worlds, braking(*volts), SEEDS, 60),
     )
     compared = 0
     for world in range(len(SEEDS)):
@@ -98,7 +93,7 @@ def test_one_motor_on_one_axis_has_the_closed_form(lags: bool):
     machine = replace(BASELINE if lags else NO_LAG, arm=Arm(coupling=0.0))
     task = replace(TASK, hand=MultiSineHand(push=0.0, amplitudes=(0.0,) * 5))
     steps, volts = 12, -7.0
-    rows = simulate_motors(batch(machine, task), motor_volts(volts, 0.0, 0.0, 0.0), SEEDS, steps)[:, 0]
+    rows = simulate_motors(batch(machine, task), held(volts, 0.0, 0.0, 0.0), SEEDS, steps)[:, 0]
     h, decay = machine.substep, np.exp(-machine.substep / machine.clutch.time_constant)
     torque = -machine.clutch.dynamic.torque(7.0) * (1.0 - decay ** np.arange(1, 10 * steps + 1))
     omega = h / machine.arm.inertia_a * np.cumsum(torque)
