@@ -135,7 +135,9 @@ def pace_of_motors(law: str, own: dict[tuple[str, str], Outcome], new: dict[tupl
         [
             kind,
             *(
-                f"{own[kind, p].mean_pace:.3f} → {new[kind, p].mean_pace:.3f}; {100 * new[kind, p].pushing:.0f} %"
+                joined(
+                    f"{own[kind, p].mean_pace:.3f} → {new[kind, p].mean_pace:.3f}; {100 * new[kind, p].pushing:.0f} %"
+                )
                 for p in PACES
             ),
         ]
