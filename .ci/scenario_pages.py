@@ -1,18 +1,13 @@
 """Put the leaderboards of a results folder into the docs and README.md: `python .ci/scenario_pages.py RESULTS`."""
 
-import json
-import re
 import sys
 from pathlib import Path
 
-from pter_gym.files import write_text_atomic
+from pages import LEFT_OUT, ROOT, joined, read_boards, write_block
+
 from pter_gym.scenarios import SCENARIOS
 
-ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs" / "scenarios"
-SUITE = re.compile(r"<!-- suite -->\n.*?<!-- /suite -->\n", re.DOTALL)
-LEFT_OUT = ("free", "locked", "random")
-BLOCK = re.compile(r"<!-- scores -->\n.*?<!-- /scores -->\n", re.DOTALL)
 HEAD = """| | Policy | Path error [mm] | Arrives [%] | Mean pace off [%] | Segments off [%] | RMS acceleration [m/s²] |
 |---|---|---|---:|---:|---:|---:|
 """
@@ -24,7 +19,8 @@ def row(name: str, s: dict) -> str:
     percent = [f"{100 * s[key]['value']:.3g}" for key in ("completed", "mean_pace_error", "segment_pace_error")]
     rank = "–" if s["rank"] is None else s["rank"]
     acceleration = f"{s['rms_acceleration_m_s2']['value']:.2f}"
-    return f"| {rank} | `{name}` | {value:.1f} ({low:.1f} … {high:.1f}) | {' | '.join(percent)} | {acceleration} |\n"
+    error = joined(f"{value:.1f} ({low:.1f} … {high:.1f})")
+    return f"| {rank} | `{name}` | {error} | {' | '.join(percent)} | {acceleration} |\n"
 
 
 def section(board: dict) -> str:
@@ -51,14 +47,9 @@ def summary(boards: list[dict]) -> str:
     return "".join(lines)
 
 
-boards = json.loads((Path(sys.argv[1]) / "benchmark.json").read_text("utf-8"))["leaderboards"]
+boards = read_boards(Path(sys.argv[1]))
 for scenario in {board["scenario"] for board in boards}:
     page = DOCS / f"{scenario}.md"
-    found = "\n".join(section(board) for board in boards if board["scenario"] == scenario)
-    text = BLOCK.sub(lambda _, found=found: f"<!-- scores -->\n{found}<!-- /scores -->\n", page.read_text("utf-8"))
-    write_text_atomic(page, text)
+    write_block(page, "scores", "\n".join(section(board) for board in boards if board["scenario"] == scenario))
     print(page)
-
-readme = ROOT / "README.md"
-text = SUITE.sub(lambda _: f"<!-- suite -->\n{summary(boards)}<!-- /suite -->\n", readme.read_text("utf-8"))
-write_text_atomic(readme, text)
+write_block(ROOT / "README.md", "suite", summary(boards))
