@@ -15,7 +15,7 @@ from textwrap import fill
 from typing import Any
 
 import tyro
-from pages import ROOT, put
+from pages import ROOT, write_block
 
 from pter_agents.settings import Settings, load_settings
 from pter_agents.training import PROGRESS, RUN, Arguments, RunFolder, check_same
@@ -118,7 +118,7 @@ def main(
     for variant, own in folders.items():
         text += row(variant, [list(reached(folder).values())[-1] for folder in own])
     if write:
-        put(PAGE, "ablations", text)
+        write_block(PAGE, "ablations", text)
     else:
         print(text)
 

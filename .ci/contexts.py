@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import tyro
 from numpy.typing import NDArray
-from pages import ROOT, put
+from pages import ROOT, write_block
 from scipy.stats import rankdata, spearmanr
 
 from pter_gym.benchmark import PACES, PerPace, find_policy
@@ -214,7 +214,7 @@ def main(
     for each in sorted(found, key=lambda each: -float(np.sum(each.explained))):
         text += each.text
     if write:
-        put(PAGE, "contexts", text)
+        write_block(PAGE, "contexts", text)
     else:
         print(text)
 

@@ -4,11 +4,10 @@ It reads `benchmark.json` alone. Of several numbers of episodes of a scenario at
 picture shows each policy on the most episodes that it has.
 """
 
-import json
 import sys
 from pathlib import Path
 
-from pages import ROOT, put
+from pages import LEFT_OUT, ROOT, joined, read_boards, write_block
 
 from pter_gym.benchmark.statistics import Interval
 from pter_gym.plots import save
@@ -19,7 +18,7 @@ from pter_gym.scenarios import PACES, SCENARIOS
 DOCS = ROOT / "docs" / "scenarios"
 PICTURE = ROOT / "docs" / "images" / "error-against-pace.png"
 PICTURED = "standard"
-LEFT_OUT = ("free", "locked", "random", "predictive")  # the last one knows what no robot can
+PRIVILEGED = "predictive"  # knows what no robot can, so it is no part of the suite
 HEAD = """| | Policy | Path error [mm] | Arrives [%] | Mean pace off [%] | Segments off [%] | RMS acceleration [m/s²] |
 |---|---|---|---:|---:|---:|---:|
 """
@@ -31,7 +30,8 @@ def row(name: str, s: dict) -> str:
     percent = [f"{100 * s[key]['value']:.3g}" for key in ("completed", "mean_pace_error", "segment_pace_error")]
     rank = "–" if s["rank"] is None else s["rank"]
     acceleration = f"{s['rms_acceleration_m_s2']['value']:.2f}"
-    return f"| {rank} | `{name}` | {value:.1f} ({low:.1f} … {high:.1f}) | {' | '.join(percent)} | {acceleration} |\n"
+    error = joined(f"{value:.1f} ({low:.1f} … {high:.1f})")
+    return f"| {rank} | `{name}` | {error} | {' | '.join(percent)} | {acceleration} |\n"
 
 
 def section(board: dict) -> str:
@@ -46,7 +46,7 @@ def summary(boards: list[dict]) -> str:
     """One line for each policy, one column for each scenario."""
     scenarios = [name for name in SCENARIOS if any(board["scenario"] == name for board in boards)]
     first = next(board["policies"] for board in boards if board["scenario"] == scenarios[0])
-    names = [name for name in first if name not in LEFT_OUT]
+    names = [name for name in first if name not in (*LEFT_OUT, PRIVILEGED)]
     lines = [f"| Policy | {' | '.join(f'`{each}`' for each in scenarios)} |\n|---|{'---|' * len(scenarios)}\n"]
     for name in sorted(names, key=lambda name: first[name]["path_error_m"]["value"]):
         cells = []
@@ -92,11 +92,12 @@ def draw(boards: list[dict]) -> None:
     print(f"wrote {PICTURE}")
 
 
-every = json.loads((Path(sys.argv[1]) / "benchmark.json").read_text("utf-8"))["leaderboards"]
+every = read_boards(Path(sys.argv[1]))
 boards = largest(every)
 for scenario in sorted({board["scenario"] for board in boards}):
     found = "\n".join(section(board) for board in boards if board["scenario"] == scenario)
-    put(DOCS / f"{scenario}.md", "scores", found)
-put(ROOT / "README.md", "suite", summary(boards))
+    write_block(DOCS / f"{scenario}.md", "scores", found)
+    print(DOCS / f"{scenario}.md")
+write_block(ROOT / "README.md", "suite", summary(boards))
 if any(board["scenario"] == PICTURED for board in boards):
     draw([board for board in every if board["scenario"] == PICTURED])
