@@ -33,7 +33,8 @@ def test_episodes_are_complete(found: Demonstrations) -> None:
     lengths = found.ends - found.starts
     np.testing.assert_allclose(lengths, 100.0 * found.scores["duration_s"])
     assert found.info["command"] == (
-        "pter record --policies impedance-tuned,free --scenarios standard,everything --paces brisk --episodes 2 --seed 3"
+        "pter record --policies impedance-tuned,free --scenarios standard,everything --paces brisk "
+        "--episodes 2 --seed 3"
     )
 
 

@@ -9,16 +9,17 @@ from pter_gym.benchmark.metrics import score
 from pter_gym.benchmark.simulation import simulate_alone
 from pter_gym.controllers import Free, SingleDof
 from pter_gym.envs.batch import Batch
-from pter_gym.envs.world import DRIVE, SUCCESS, TERMINATED
+from pter_gym.envs.world import ARC_LENGTH, DRIVE, REACHED, SUCCESS, TERMINATED
 from pter_gym.errors import ParameterError
 from pter_gym.operators import RecordedForces
 from pter_gym.params import BASELINE
+from pter_gym.physics.model import LAGGED_VOLTS
 from pter_gym.predictive import Honest, Planner, Privileged, Settings
 from pter_gym.predictive.hand import HandModel
 from pter_gym.predictive.honest import Belief, known_part
 from pter_gym.predictive.planner import PLANS, SPEED_ALONG, play
 from pter_gym.scenarios import find_scenario
-from pter_gym.tasks.path_following import T_TERMINATED, T_VOLTS, PathFollowing, Sensing, observation_layout
+from pter_gym.tasks.path_following import T_SUCCESS, T_TERMINATED, T_VOLTS, PathFollowing, Sensing, observation_layout
 
 GUIDE = SingleDof(damping_tangential=250.0, pace_fraction=0.75, approach=20.0, strength=150.0, slow=0.5, feedback=2.0)
 FEW = Settings(samples=64, rounds=3, elite=8)
@@ -82,7 +83,7 @@ def test_a_plan_that_leaves_the_workspace_costs_the_workspace() -> None:
     world = Batch(MACHINE, narrow, 1)
     obs, _ = world.reset([1])
     costs = planner.costs(state_of(world), obs[0], np.zeros((4, settings.knots, 4)))
-    assert world.rollout(obs, *_law(Free(), world), settings.horizon)[1][:, 0, T_TERMINATED].max() == 1.0
+    assert world.rollout(obs, *_law(Free(), world), settings.horizon)[1][:2, 0, T_TERMINATED].max() == 1.0
     assert (costs > narrow.error_max).all()
 
 
@@ -104,7 +105,8 @@ def test_outcome_is_the_end_of_a_rollout() -> None:
     np.testing.assert_array_equal(seen, last)
     np.testing.assert_array_equal(batch.get_state()["worlds"], after["worlds"])
     np.testing.assert_array_equal(flags[TERMINATED], (rows[..., T_TERMINATED] == 1.0).any(axis=0))
-    assert not flags[SUCCESS].any()
+    np.testing.assert_array_equal(flags[SUCCESS], (rows[..., T_SUCCESS] == 1.0).any(axis=0))
+    assert flags[TERMINATED].any()
 
 
 def test_the_cost_reads_the_speed_along() -> None:
@@ -151,9 +153,9 @@ def test_the_rebuilt_state_is_the_true_one_on_the_nominal_machine() -> None:
     for _ in range(40):
         belief.update(obs[0])
         true = state_of(world)
-        rows = slice(0, 16)  # motion and the clutches' torques
+        rows = slice(0, LAGGED_VOLTS)  # motion and the clutches' torques
         np.testing.assert_allclose(belief.rows[rows], true[rows], atol=2e-4)
-        arc = slice(33, 40)  # arc length to the largest arc length
+        arc = slice(ARC_LENGTH, REACHED + 1)  # where it is on the path
         np.testing.assert_allclose(belief.rows[arc], true[arc], atol=1e-5)
         obs = world.step(rng.uniform(0.0, 8.0, (1, 4))).obs
 
