@@ -150,14 +150,14 @@ def test_the_rebuilt_state_is_the_true_one_on_the_nominal_machine() -> None:
     belief = Belief(known_part(task, 30))
     rng = np.random.default_rng(3)
     obs, _ = world.reset([4])
-    for _ in range(40):
+    for _ in range(20):
         belief.update(obs[0])
         true = state_of(world)
         rows = slice(0, LAGGED_VOLTS)  # motion and the clutches' torques
         np.testing.assert_allclose(belief.rows[rows], true[rows], atol=2e-4)
         arc = slice(ARC_LENGTH, REACHED + 1)  # where it is on the path
         np.testing.assert_allclose(belief.rows[arc], true[arc], atol=1e-5)
-        obs = world.step(rng.uniform(0.0, 8.0, (1, 4))).obs
+        obs = world.step(rng.uniform(4.0, 14.0, (1, 4))).obs
 
 
 def test_the_hand_model_keeps_the_push_and_forgets_the_disturbance() -> None:
