@@ -178,8 +178,8 @@ def read_demonstrations(path: Path) -> Demonstrations:
         arrays = _arrays(path)
         info = json.loads(str(arrays.pop("info")))
         scores = {name: arrays.pop(f"score_{name}") for name in SCORES}
-        names = {_plural(name): tuple(arrays.pop(name).tolist()) for name in NAMES}
-        found = Demonstrations(**cast("Any", arrays), **names, scores=scores, info=info)
+        names: dict[str, Any] = {_plural(name): tuple(arrays.pop(name).tolist()) for name in NAMES}
+        found = Demonstrations(**cast("dict[str, Any]", arrays), **names, scores=scores, info=info)
         _check(found)
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
         raise DataError(f"demonstrations {path} are refused: {error}") from None
