@@ -140,7 +140,7 @@ class Batches:
         return self._kept(number, telemetry)
 
     def plan(self, number: int, policy: Predictive) -> tuple[Scores, list[Sample], list[float]]:
-        """Return the same of a policy that plans, each episode by itself, and the time of a decision in each [ms]."""
+        """Return the same of a policy that plans, each episode by itself, and the processor time of a decision [ms]."""
         chunk, e = self.chunks[number], self.episodes
         found = [
             simulate_alone(policy, machine, task, seed, time_limit(task))

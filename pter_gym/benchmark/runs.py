@@ -53,7 +53,7 @@ class Planning:
     rollouts
         Plans that are simulated for each decision.
     decision_ms
-        Measured mean time of a decision [ms].
+        Measured mean processor time of a decision [ms], which does not depend on what else the machine does.
     """
 
     privileged: bool
