@@ -238,7 +238,7 @@ def record(
     policies: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = DEMONSTRATORS,
     scenarios: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "standard,everything",
     paces: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = PACES,
-    episodes: int = 2,
+    episodes: int = 4,
     seed: int = 0,
     out: Path = Path("pter-demonstrations.npz"),
 ) -> None:
