@@ -1,6 +1,7 @@
 """``pter``: the commands. Other packages add theirs by the entry-point group ``pter.commands``."""
 
 import json
+import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import entry_points
@@ -31,6 +32,7 @@ POLICIES = "impedance,torque-feedback,free,locked,random"
 TIME_CONSTANTS = "0.01,0.03,0.06,0.105,0.15,0.2"
 MACHINE = "baseline"
 PACES = "slow,medium,brisk"
+DEMONSTRATORS = "predictive,single-dof-tuned,torque-feedback-tuned"
 
 
 def benchmark(
@@ -51,13 +53,14 @@ def benchmark(
 
     Args:
         policies: Separated by commas: impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random;
-            on a scenario also impedance-tuned and so on; trained ones: see docs/agents.md.
+            on a scenario also impedance-tuned and so on, predictive and predictive-honest; trained ones: see
+            docs/agents.md.
         scenario: Scenario whose stored evaluation episodes are run; the paper's standard test by default.
         paces: Commanded paces of a scenario, separated by commas: slow, medium, brisk.
         episodes: How many of the scenario's episodes to run; all by default. Ranks need 200.
         machine: Clutch material of the standard test: baseline, delrin_experimental or delrin_theoretical.
         time_constants: Time constants of the standard test's clutches [s], separated by commas; one episode each.
-        seed: Seed of the standard test's episodes and of the random policy, at least 0.
+        seed: Seed of the standard test's episodes, and of random and predictive policies, at least 0.
         out: Folder for the results; made if need be.
     """
     if scenario is None:
@@ -231,6 +234,42 @@ def tune(
         console.print(f"wrote {out}")
 
 
+def record(
+    policies: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = DEMONSTRATORS,
+    scenarios: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "standard,everything",
+    paces: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = PACES,
+    episodes: int = 4,
+    seed: int = 0,
+    out: Path = Path("pter-demonstrations.npz"),
+) -> None:
+    """Simulate policies on training draws of scenarios and write what they saw and did to one file, for imitation.
+
+    The file is a NumPy archive without pickles; `pter_gym.demonstrations.read_demonstrations` reads it. The stored
+    evaluation episodes are never read.
+
+    Args:
+        policies: Separated by commas, as for `pter benchmark --scenario`.
+        scenarios: Scenarios whose training draws are used, separated by commas.
+        paces: Commanded paces, separated by commas: slow, medium, brisk.
+        episodes: Training draws for each scenario and pace, at least 1; all policies have the same.
+        seed: Seed of the draws, at least 0.
+        out: File to write; its folder must exist.
+    """
+    from pter_gym.demonstrations import record as simulate
+    from pter_gym.demonstrations import write_demonstrations
+
+    if not out.parent.is_dir():
+        raise ParameterError(f"out must be a file in a folder that exists, got {str(out)!r}")
+    console = Console(highlight=False, soft_wrap=True)
+    names = split(policies), split(scenarios), split(paces)
+    with progress_bar(console) as progress:
+        task = progress.add_task("record", total=math.prod(len(each) for each in names) * max(episodes, 0))
+        found = simulate(*names, episodes=episodes, seed=seed, on_episode=lambda: progress.advance(task))
+    write_demonstrations(found, out)
+    console.print(f"{len(found)} episodes, {len(found.obs)} decisions, {out.stat().st_size / 1e6:.1f} MB")
+    console.print(f"wrote {out}")
+
+
 def scores_table(result: "Result") -> Table:
     """Return a table with one row per policy and time constant, in SI; it fits a terminal of 80 columns."""
     table = Table(
@@ -329,6 +368,7 @@ def commands() -> dict[str, Callable[..., Any]]:
     found: dict[str, Callable[..., Any]] = {
         "benchmark": benchmark,
         "fit": fit,
+        "record": record,
         "reproduce": reproduce,
         "speed": speed,
         "tune": tune,

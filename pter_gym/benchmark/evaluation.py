@@ -17,14 +17,17 @@ from pter_gym.benchmark.episodes import FOLDER, Episodes, load_episodes
 from pter_gym.benchmark.metrics import Scores, column, score_episodes, vector
 from pter_gym.benchmark.pacing import PACES, PerPace, find_policy
 from pter_gym.benchmark.results import ResultsFolder
-from pter_gym.benchmark.runs import Conditions, Sample, ScenarioRun, code_digest
-from pter_gym.benchmark.simulation import AnyPolicy, bind, simulate, time_limit
+from pter_gym.benchmark.runs import Conditions, Planning, Sample, ScenarioRun, code_digest
+from pter_gym.benchmark.simulation import AnyPolicy, bind, simulate, simulate_alone, time_limit
 from pter_gym.controllers import Controller, Policy
 from pter_gym.envs.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
+from pter_gym.predictive import Predictive
+from pter_gym.tasks.path_following import TELEMETRY
 
 Array = NDArray[np.float64]
+AnyKind = Controller | AnyPolicy | Predictive
 
 CHUNK = 64
 """Episodes that are simulated together; their telemetry is scored and let go."""
@@ -40,12 +43,12 @@ INSTANTS = 200
 class PerSeed:
     """One policy as it came out of several training seeds; they share a line of the leaderboard."""
 
-    policies: tuple[Controller | AnyPolicy | PerPace, ...]
+    policies: tuple[AnyKind | PerPace, ...]
 
 
 def run_scenario(
     scenario: str,
-    policies: Mapping[str, Controller | AnyPolicy | PerPace | PerSeed] | Sequence[str],
+    policies: Mapping[str, AnyKind | PerPace | PerSeed] | Sequence[str],
     paces: Sequence[str] = tuple(PACES),
     *,
     episodes: int | None = None,
@@ -62,9 +65,9 @@ def run_scenario(
         Its name.
     policies
         By name: controllers, which are bound to the nominal machine, any ``policy(observations) -> volts``, float32
-        (N, entries) to (N, 4), or one of these for each pace, or any of these for each training seed; or names of
-        built-in controllers alone. What a callable is, its attribute ``identity`` may say (a string); without one, it
-        is run again each time.
+        (N, entries) to (N, 4), or policies that plan, or one of these for each pace, or any of these for each training
+        seed; or names of built-in policies alone. What a callable is, its attribute ``identity`` may say (a string);
+        without one, it is run again each time.
     paces
         Names of commanded paces.
     episodes
@@ -105,8 +108,7 @@ def run_scenario(
                 conditions = _conditions(chosen, pace, name, seed, identity(here, ready))
                 run = results and results.find(conditions)
                 if not run:
-                    scores, samples = evaluate(ready, batches, num_threads)
-                    run = ScenarioRun(conditions, chosen.strata, scores, samples)
+                    run = ScenarioRun(conditions, chosen.strata, *evaluate(ready, batches, num_threads))
                     if results:
                         results.add(run)
                 runs.append(run)
@@ -124,33 +126,65 @@ class Batches:
         self.batches = [Batch(episodes.machines[chunk], episodes.tasks[chunk]) for chunk in self.chunks]
         self.kept = sample_numbers(episodes.strata)
 
-    def bind(self, policy: Controller | AnyPolicy) -> AnyPolicy:
+    def bind(self, policy: AnyKind) -> AnyPolicy | Predictive:
         """Return a policy that can act in any of the batches."""
-        return bind(policy, BASELINE, self.batches[0])
+        return policy if isinstance(policy, Predictive) else bind(policy, BASELINE, self.batches[0])
 
     def run(self, number: int, policy: AnyPolicy) -> tuple[Scores, list[Sample]]:
         """Return the scores of one batch, and what is kept of it."""
         chunk, batch = self.chunks[number], self.batches[number]
-        tasks = self.episodes.tasks[chunk]
-        limits = [time_limit(task) for task in tasks]
+        limits = [time_limit(task) for task in self.episodes.tasks[chunk]]
         telemetry = simulate(batch, policy, self.episodes.seeds[chunk], max(limits))
         for world, limit in enumerate(limits):
             telemetry[limit + 1 :, world] = np.nan
+        return self._kept(number, telemetry)
+
+    def plan(self, number: int, policy: Predictive) -> tuple[Scores, list[Sample], list[float]]:
+        """Return the same of a policy that plans, each episode by itself, and the processor time of a decision [ms]."""
+        chunk, e = self.chunks[number], self.episodes
+        found = [
+            simulate_alone(policy, machine, task, seed, time_limit(task))
+            for machine, task, seed in zip(e.machines[chunk], e.tasks[chunk], e.seeds[chunk], strict=True)
+        ]
+        longest = max(len(episode.telemetry) for episode in found)
+        telemetry = np.full((longest, len(found), len(TELEMETRY)), np.nan)
+        for world, episode in enumerate(found):
+            telemetry[: len(episode.telemetry), world] = episode.telemetry
+        return (*self._kept(number, telemetry), [episode.decision_ms for episode in found])
+
+    def _kept(self, number: int, telemetry: Array) -> tuple[Scores, list[Sample]]:
+        """Return the scores of the telemetry of one batch, and samples of it."""
+        chunk, batch = self.chunks[number], self.batches[number]
+        tasks = self.episodes.tasks[chunk]
         scores = score_episodes(telemetry, tasks, voltage_max=batch.machine.clutch.voltage_max)
         here = (k for k in self.kept if chunk.start <= k < chunk.stop)
         return scores, [_sample(k, telemetry[:, k - chunk.start]) for k in here]
 
 
-def evaluate(policy: AnyPolicy, batches: Batches, num_threads: int) -> tuple[Scores, tuple[Sample, ...]]:
-    """Return the scores of a policy on all episodes, and samples of them."""
+def evaluate(
+    policy: AnyPolicy | Predictive, batches: Batches, num_threads: int
+) -> tuple[Scores, tuple[Sample, ...], Planning | None]:
+    """Return the scores of a policy on all episodes, samples of them, and how it plans, if it does."""
     numbers = range(len(batches.chunks))
-    if isinstance(policy, Policy) and num_threads > 1:
+    planning = None
+    if isinstance(policy, Predictive):
+        planned = [batches.plan(number, policy) for number in numbers]
+        parts = [(scores, samples) for scores, samples, _ in planned]
+        planning = _planning(policy, batches, [took for _, _, times in planned for took in times])
+    elif isinstance(policy, Policy) and num_threads > 1:
         with ThreadPoolExecutor(num_threads, thread_name_prefix="pter-benchmark") as pool:
             parts = list(pool.map(partial(batches.run, policy=policy), numbers))
     else:
         parts = [batches.run(number, policy) for number in numbers]
     scores = {name: np.concatenate([part[name] for part, _ in parts]) for name in parts[0][0]}
-    return scores, tuple(sample for _, samples in parts for sample in samples)
+    return scores, tuple(sample for _, samples in parts for sample in samples), planning
+
+
+def _planning(policy: Predictive, batches: Batches, times: Sequence[float]) -> Planning:
+    """Return how a policy planned whose decisions took so long in each episode [ms]."""
+    settings = policy.settings
+    horizon = settings.horizon * batches.episodes.tasks[0].control_period
+    return Planning(policy.privileged, round(horizon, 6), settings.rollouts, round(float(np.mean(times)), 2))
 
 
 def sample_numbers(strata: Sequence[str]) -> list[int]:
@@ -180,7 +214,7 @@ def _conditions(episodes: Episodes, pace: str, name: str, seed: int, identity: s
     )
 
 
-def identity(policy: Controller | AnyPolicy, bound: AnyPolicy) -> str | None:
+def identity(policy: AnyKind, bound: AnyPolicy | Predictive) -> str | None:
     """Return what a policy is, so that a run need not be repeated, or None if nobody can tell.
 
     That is what it says itself in ``identity``; of a controller, its gains in words and a hash of gains and law.

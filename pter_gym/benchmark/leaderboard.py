@@ -1,7 +1,7 @@
 """Who guides the hand best at a commanded pace: policies by path error, if they arrive and keep the pace."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from rich.table import Table
@@ -9,7 +9,7 @@ from rich.table import Table
 from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import SCORES
 from pter_gym.benchmark.pacing import PACES
-from pter_gym.benchmark.runs import ScenarioRun, join_seeds
+from pter_gym.benchmark.runs import Planning, ScenarioRun, join_seeds
 from pter_gym.benchmark.statistics import (
     Interval,
     bootstrap_interval,
@@ -27,6 +27,9 @@ PACE_ERROR = 0.15
 
 FULL = 200
 """Fewest episodes for a rank that is not provisional."""
+
+PRIVILEGED = "privileged: it knows machine, hand and future, which no controller can; a bound"
+"""Why a policy that knows the future has no rank."""
 
 MEANS = ("completed", "mean_pace_error", "segment_pace_error", "saturated", "stuck")
 """Scores whose mean over the episodes counts; of the others it is the interquartile mean."""
@@ -52,6 +55,8 @@ class Standing:
         Path error less that of the best policy on the same episodes [m]; None without a best one.
     probability
         Of a smaller path error than the best policy's on the same episode; None without a best one.
+    planning
+        Of a policy that plans.
     """
 
     policy: str
@@ -61,6 +66,17 @@ class Standing:
     scores: dict[str, Interval]
     difference: Interval | None = None
     probability: Interval | None = None
+    planning: Planning | None = None
+
+    @property
+    def privileged(self) -> bool:
+        """Whether it knows what no controller can know."""
+        return self.planning is not None and self.planning.privileged
+
+    @property
+    def label(self) -> str:
+        """Its name where scores are shown."""
+        return f"{self.policy} (privileged)" if self.privileged else self.policy
 
 
 @dataclass(frozen=True)
@@ -182,7 +198,7 @@ def table(board: Leaderboard) -> Table:
         s = standing.scores
         shown.add_row(
             "–" if standing.rank is None else str(standing.rank),
-            standing.policy,
+            standing.label,
             "{:.1f} ({:.1f}…{:.1f})".format(*(1000 * x for x in s["path_error_m"])),
             f"{100 * s['completed'].value:.3g}",
             f"{100 * s['mean_pace_error'].value:.3g}",
@@ -195,6 +211,11 @@ def table(board: Leaderboard) -> Table:
 
 def _caption(board: Leaderboard) -> str:
     lines = [f"– {standing.policy}: {standing.reason}" for standing in board.standings if standing.reason]
+    lines += [
+        f"{standing.policy}: {p.rollouts:,} plans of {p.horizon_s:g} s, {p.decision_ms:.1f} ms a decision"
+        for standing in board.standings
+        if (p := standing.planning)
+    ]
     return "\n".join(lines)
 
 
@@ -204,7 +225,9 @@ def _judge(run: ScenarioRun) -> Standing:
         for name in SCORES
     }
     at = run.conditions
-    return Standing(at.policy, at.identity, None, reason_below(scores, PACES[at.pace]), scores)
+    reasons = [PRIVILEGED] if run.planning and run.planning.privileged else []
+    reasons += [reason] if (reason := reason_below(scores, PACES[at.pace])) else []
+    return Standing(at.policy, at.identity, None, "; ".join(reasons) or None, scores, planning=run.planning)
 
 
 def _place(standing: Standing) -> tuple[bool, float, str]:
@@ -226,6 +249,8 @@ def _standing_json(standing: Standing) -> dict[str, Any]:
     return {
         "rank": standing.rank,
         "reason": standing.reason,
+        "privileged": standing.privileged,
+        "planning": standing.planning and asdict(standing.planning),
         "identity": standing.identity,
         **{name: interval._asdict() for name, interval in standing.scores.items()},
         "difference_to_best_m": standing.difference and standing.difference._asdict(),

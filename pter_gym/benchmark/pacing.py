@@ -21,6 +21,7 @@ from pter_gym.controllers.impedance import Impedance, TorqueFeedback
 from pter_gym.envs.batch import Batch
 from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE
+from pter_gym.predictive import Honest, Predictive, Privileged, Settings
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 
 TABLE = PACKAGE / "presets" / "paces.toml"
@@ -30,6 +31,12 @@ DRAWS = 64
 
 SEED = 5
 """Seed of the draws."""
+
+PLANNERS = MappingProxyType({"predictive": Privileged, "predictive-honest": Honest})
+"""Policies that plan, by name."""
+
+GUIDE = "single-dof-tuned"
+"""What guides them."""
 
 LOWEST, HIGHEST = 10.0, 3000.0
 """Range of the search [N·s/m]."""
@@ -48,15 +55,15 @@ class PerPace:
         return self.policies[pace]
 
 
-def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Controller | PerPace:
-    """Return a policy by name: a controller with the damper for each pace, with tuned gains, or a trained policy.
+def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Controller | PerPace | Predictive:
+    """Return a policy by name: the damper of a controller for each pace, tuned gains, one that plans, or trained.
 
     Parameters
     ----------
     name
-        In ``CONTROLLERS``, one of those with gains and ``-tuned`` after its name, or a trained policy.
+        In ``CONTROLLERS``, one of those with gains and ``-tuned`` after its name, in ``PLANNERS``, or a trained policy.
     seed
-        Of the random policy.
+        Of the random policy, and of those that plan.
     scenario
         For which dampers were solved and gains tuned; see ``pter_gym.benchmark.tuned.find_tuned``.
 
@@ -65,6 +72,8 @@ def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Control
     ParameterError
         If there is no policy of that name, or no gains for it.
     """
+    if name in PLANNERS:
+        return PLANNERS[name](find_tuned(GUIDE, scenario), Settings(seed=seed))
     if name.endswith(SUFFIX):
         return find_tuned(name, scenario)
     controller = find_controller(name, seed)

@@ -41,6 +41,28 @@ class Sample:
 
 
 @dataclass(frozen=True)
+class Planning:
+    """How a policy that plans came to its decisions.
+
+    Attributes
+    ----------
+    privileged
+        Whether it knows what no controller can know.
+    horizon_s
+        Time that a plan covers [s].
+    rollouts
+        Plans that are simulated for each decision.
+    decision_ms
+        Measured mean processor time of a decision [ms], which does not depend on what else the machine does.
+    """
+
+    privileged: bool
+    horizon_s: float
+    rollouts: int
+    decision_ms: float
+
+
+@dataclass(frozen=True)
 class Conditions:
     """All that the scores of a run depend on.
 
@@ -99,12 +121,15 @@ class ScenarioRun:
         One entry per episode under each name.
     samples
         Some episodes to draw.
+    planning
+        Of a policy that plans.
     """
 
     conditions: Conditions
     strata: tuple[str, ...]
     scores: Scores
     samples: tuple[Sample, ...]
+    planning: Planning | None = None
 
 
 def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
@@ -116,6 +141,7 @@ def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
         strata=tuple(f"{stratum}, seed {run.conditions.seed}" for run in runs for stratum in run.strata),
         scores={name: np.concatenate([run.scores[name] for run in runs]) for name in SCORES},
         samples=runs[0].samples,
+        planning=runs[0].planning,
     )
 
 
@@ -133,6 +159,7 @@ def write_run(folder: Path, run: ScenarioRun) -> None:
         "key": run.conditions.key,
         **asdict(run.conditions),
         "strata": run.strata,
+        "planning": run.planning and asdict(run.planning),
         "scores": {name: values.tolist() for name, values in run.scores.items()},
         "samples": [
             {"episode": sample.episode, "tip_m": sample.tip.tolist(), "theta_rad": sample.theta.tolist()}
@@ -155,6 +182,7 @@ def read_run(path: Path) -> ScenarioRun | None:
                 Sample(sample["episode"], np.array(sample["tip_m"]), np.array(sample["theta_rad"]))
                 for sample in content["samples"]
             ),
+            content["planning"] and Planning(**content["planning"]),
         )
     except (OSError, ValueError, KeyError, TypeError):
         return None

@@ -40,6 +40,8 @@ from pter_gym.tasks.path_following import (
     ENTRIES,
     IDEAL_SENSING,
     PATH_COUNT,
+    RECORD_COUNT,
+    RECORD_FIRST,
     TELEMETRY,
     PathFollowing,
     Sensors,
@@ -326,16 +328,64 @@ class Batch:
         observations, telemetry
             The last observations, and float64 (steps, N, len(TELEMETRY)); NaN after the end of an episode.
         """
+        telemetry = np.full((steps, self.num_worlds, RECORDED), np.nan)
+        obs, _ = self._follow(obs, law, gains, memory, telemetry, steps)
+        return obs, telemetry
+
+    def outcome(
+        self, obs: Observations, law: Any, gains: Array, steps: int, memory: Array
+    ) -> tuple[Observations, NDArray[np.bool_]]:
+        """Run a compiled control law as ``rollout`` does, without telemetry, which takes a good part of the time.
+
+        Parameters
+        ----------
+        obs, law, gains, steps, memory
+            As in ``rollout``.
+
+        Returns
+        -------
+        observations, flags
+            The last observations, and bool (FLAGS, N): whether the episode ended in these steps, and how.
+        """
+        return self._follow(obs, law, gains, memory, np.empty((0, self.num_worlds, RECORDED)), steps)
+
+    def _follow(
+        self, obs: Observations, law: Any, gains: Array, memory: Array | None, telemetry: Array, steps: int
+    ) -> tuple[Observations, NDArray[np.bool_]]:
+        """Run a law and write the telemetry, if there is room for it; return the last observations and the flags."""
         obs = obs.copy()
-        n = self.num_worlds
-        telemetry = np.full((steps, n, RECORDED), np.nan)
         memory = self.empty_memory() if memory is None else memory
         config = np.concatenate([self._config, gains])
         config[HAS_LAW] = 1.0
-        rewards = np.empty(n)
-        flags = np.empty((FLAGS, n), np.bool_)
+        rewards = np.empty(self.num_worlds)
+        flags = np.zeros((FLAGS, self.num_worlds), np.bool_)
         self._run(advance_kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
-        return obs, telemetry
+        return obs, flags
+
+    def record_forces(self, forces: Array) -> None:
+        """Replace the recorded forces of all hands.
+
+        Parameters
+        ----------
+        forces
+            Along and across the path at the control instants [N], shape (T, 2), as ``RecordedForces.sampled`` gives
+            them.
+
+        Raises
+        ------
+        ParameterError
+            If the hands have no recording in common, or it has another number of instants.
+        """
+        recordings = {
+            (int(context[RECORD_FIRST]), int(context[RECORD_COUNT]))
+            for context in self._constants[: CONTEXT_ROWS * len(self.pairs)].reshape(-1, CONTEXT_ROWS)
+        }
+        first, count = recordings.pop()
+        if recordings or count == 0 or forces.shape != (count, 2):
+            raise ParameterError(
+                f"forces must be those of the recording that all hands share, ({count}, 2), got {forces.shape}"
+            )
+        self._constants[first : first + 2 * count] = forces.ravel()
 
     def empty_memory(self) -> Array:
         """Return the memory of a law at the start of an episode, (N, MEMORY)."""

@@ -56,7 +56,7 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
         for standing in board.standings:
             run = _run_of(standing, board, runs)
             found = performance_profile(run.scores["path_error_m"], thresholds, strata=run.strata)
-            colour, dashes = looks[standing.policy]
+            colour, dashes = looks[standing.label]
             faint = BELOW if standing.reason else 1.0
             x = thresholds / MILLIMETRE
             axes.fill_between(x, found.low, found.high, color=colour, alpha=0.18 * faint, linewidth=0.0)
@@ -113,7 +113,7 @@ def error_against_smoothness(boards: Sequence[Leaderboard]) -> Figure:
         for standing in board.standings:
             x = np.array([standing.scores["smoothness"].value])
             y = np.array([standing.scores["path_error_m"]]) / MILLIMETRE
-            _front(axes, x, y, [standing], looks[standing.policy])
+            _front(axes, x, y, [standing], looks[standing.label])
         axes.set_xlabel("smoothness, −ln of\ndimensionless jerk")
         axes.set_yscale("log")
         axes.margins(x=0.12)
@@ -151,7 +151,7 @@ def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun], episodes: Epis
         }
         _draw_scene(axes, episodes, samples[board.standings[0].policy])
         for standing in reversed(board.standings):
-            colour, dashes = looks[standing.policy]
+            colour, dashes = looks[standing.label]
             tip = samples[standing.policy].tip
             faint = 0.55 if standing.reason else 1.0
             axes.plot(*tip.T, color=colour, linestyle=dashes, alpha=faint, linewidth=1.5, zorder=4)
@@ -163,7 +163,7 @@ def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun], episodes: Epis
             spine.set_visible(False)
     for axes in panels[len(numbers) :]:
         axes.set_visible(False)
-    _headline(figure, [board], f"Sample trajectories, {_pace(board)}; the arm is {board.standings[0].policy}'s")
+    _headline(figure, [board], f"Sample trajectories, {_pace(board)}; the arm is {board.standings[0].label}'s")
     _legend(figure, looks, _FAINT, marked=False)
     return figure
 
@@ -219,7 +219,7 @@ def _panels(boards: Sequence[Leaderboard], height: float) -> tuple[Figure, list[
 
 def _looks(boards: Sequence[Leaderboard]) -> Mapping[str, tuple[str, Any]]:
     """Return colour and dashes of each policy, the same in all panels."""
-    names = sorted({standing.policy for board in boards for standing in board.standings})
+    names = sorted({standing.label for board in boards for standing in board.standings})
     return {name: (COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]) for k, name in enumerate(names)}
 
 
@@ -227,7 +227,7 @@ def _by_policy(boards: Sequence[Leaderboard]) -> dict[str, list[Standing]]:
     found: dict[str, list[Standing]] = {}
     for board in boards:
         for standing in board.standings:
-            found.setdefault(standing.policy, []).append(standing)
+            found.setdefault(standing.label, []).append(standing)
     return found
 
 

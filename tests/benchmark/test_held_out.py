@@ -29,6 +29,10 @@ import gymnasium, pter_gym
 gymnasium.make("PTER/Everything-v0", contexts=3).reset(seed=0)
 gymnasium.make_vec("PTER/Everything-v0", num_envs=3, contexts=3).reset(seed=0)
 """,
+    "recorded episodes": """
+from pter_gym.demonstrations import record
+record(["free"], ["everything"], ["brisk"], episodes=1)
+""",
     "the damper of a pace": """
 from pter_gym.benchmark.pacing import damping_for_pace
 from pter_gym.controllers import Impedance
