@@ -49,9 +49,7 @@ class Settings:
     knot_steps: int = quantity("1", "chosen: control steps between knots of a plan", default=5)
     spread: float = quantity("V", "chosen: standard deviation of the first round's perturbations", default=4.0)
     spread_min: float = quantity("V", "chosen: smallest standard deviation of a later round's", default=0.3)
-    pace_weight: float = quantity(
-        "m", "chosen: path error that costs as much as a speed off by all the pace", default=0.005
-    )
+    pace_weight: float = quantity("s", "chosen: path error that costs as much as a speed error of 1 m/s", default=0.03)
     seed: int = quantity("1", "chosen: of the perturbations", default=0)
 
     def __post_init__(self) -> None:
@@ -79,11 +77,11 @@ class Settings:
 
 @device
 def cost(obs: Any, scales: Any, weight: float) -> float:
-    """Return the cost of an instant [m]: the path error, and the error of the speed along, relative to the pace."""
+    """Return the cost of an instant [m]: the path error, and the weighted error of the speed along the path."""
     error = obs[NORMAL_ERROR] * scales[NORMAL_ERROR]
     speed = obs[SPEED_ALONG] * scales[SPEED_ALONG]
     pace = obs[PACE] * scales[PACE]
-    return abs(error) + weight * abs(speed - pace) / pace
+    return abs(error) + weight * abs(speed - pace)
 
 
 @device
@@ -221,7 +219,7 @@ class Planner:
         """Return what ``cost`` does, of many observations (N, entries)."""
         layout = self.batch.layout
         speed, pace = layout.physical(obs, "speed_along"), layout.physical(obs, "pace")
-        return np.abs(layout.physical(obs, "normal_error")) + self.settings.pace_weight * np.abs(speed - pace) / pace
+        return np.abs(layout.physical(obs, "normal_error")) + self.settings.pace_weight * np.abs(speed - pace)
 
 
 def bring_to(batch: Batch, state: Array) -> None:
