@@ -49,7 +49,7 @@ class Settings:
     knot_steps: int = quantity("1", "chosen: control steps between knots of a plan", default=5)
     spread: float = quantity("V", "chosen: standard deviation of the first round's perturbations", default=4.0)
     spread_min: float = quantity("V", "chosen: smallest standard deviation of a later round's", default=0.3)
-    pace_weight: float = quantity("s", "chosen: path error that costs as much as a speed error of 1 m/s", default=0.03)
+    pace_weight: float = quantity("s", "chosen: path error that costs as much as a speed error of 1 m/s", default=0.04)
     seed: int = quantity("1", "chosen: of the perturbations", default=0)
 
     def __post_init__(self) -> None:
