@@ -35,9 +35,6 @@ RUN = "run.json"
 PROGRESS = "validation.json"
 """File in a run's folder with the scores during training."""
 
-EARLIER = {"sensors": "torque", "blind": (), "drift": 0.0, "window": 40, "privileged": False}
-"""Hyper-parameters that runs of earlier versions do not name, as they were then."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments:
@@ -125,7 +122,7 @@ class RunFolder:
             raise DataError(f"{self.path / RUN} cannot be read: {error}") from None
         try:
             interface = read_interface(content.pop("interface"))
-            settings = settings_from({**EARLIER, **content.pop("settings")})
+            settings = settings_from(content.pop("settings"))
             return Arguments(settings=settings, **content), interface
         except (KeyError, TypeError, ValueError) as error:
             raise DataError(f"{self.path / RUN} is not what was written: {error}") from None

@@ -291,18 +291,6 @@ def test_a_policy_with_other_sensors_has_no_place_in_the_benchmark(tmp_path: Pat
         run_scenario("standard", {"mine": load_policy("mine", tmp_path)}, ["brisk"], episodes=1)
 
 
-def test_a_run_from_before_there_were_other_sensors_goes_on(tmp_path: Path) -> None:
-    given = arguments("ppo", rollouts=2)
-    training.train(replace(given, steps=ROLLOUT), tmp_path)
-    file = tmp_path / training.RUN
-    content = json.loads(file.read_text())
-    for name in training.EARLIER:
-        del content["settings"][name]
-    file.write_text(json.dumps(content))
-    assert training.RunFolder(tmp_path).read()[0] == replace(given, steps=ROLLOUT)
-    assert training.train(given, tmp_path, resume=True).name == f"checkpoint-{2 * ROLLOUT}.zip"
-
-
 def test_validation_draws_are_no_training_draws() -> None:
     from pter_agents import validation
 
