@@ -13,6 +13,7 @@ from pter_gym.envs.batch import Batch
 from pter_gym.experiments.bounds import DRAWS, SEED, drawn_task
 from pter_gym.params import BASELINE
 from pter_gym.physics.friction import ClutchMode
+from pter_gym.predictive import Predictive
 
 Array = NDArray[np.float64]
 
@@ -63,7 +64,9 @@ def episodes(policy: str, pace: str, *, draws: int = DRAWS, seed: int = SEED) ->
     task = drawn_task(pace)
     batch = Batch(BASELINE, task, draws)
     found = find_policy(policy, scenario="standard")
-    bound = bind(found.at(pace) if isinstance(found, PerPace) else found, BASELINE, batch)
+    chosen = found.at(pace) if isinstance(found, PerPace) else found
+    assert not isinstance(chosen, Predictive), "planning takes an episode at a time"
+    bound = bind(chosen, BASELINE, batch)
     return simulate(batch, bound, range(seed, seed + draws), time_limit(task))
 
 
