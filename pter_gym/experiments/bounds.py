@@ -8,9 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
 from pter_gym.benchmark.leaderboard import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.metrics import column, four, ranked_scores, score_episodes
@@ -205,20 +207,25 @@ def adapted(controller: Guided, actuators: Actuators, pace: str, *, draws: int =
             controller, **{name: f * getattr(controller, name) for name, f in zip(names, factors, strict=True)}
         )
 
-    members = SPREAD * rng.standard_normal((POPULATION, len(names))) * (rng.random((POPULATION, len(names))) < 0.5)
+    def cost(logarithms: Array) -> float:
+        return _cost(changed(logarithms), actuators, pace, draws)
+
+    shape = POPULATION, len(names)
+    members = np.clip(SPREAD * rng.standard_normal(shape) * (rng.random(shape) < 0.5), -REACH, REACH)
     members[0] = 0.0
-    costs = np.array([_cost(changed(member), actuators, pace, draws) for member in members])
-    for k in range(GENERATIONS * POPULATION):
-        member = k % POPULATION
-        a, b = rng.choice(POPULATION, 2, replace=False)
-        towards = members[costs.argmin()] - members[member]
-        mutant: Array = members[member] + rng.uniform(0.3, 0.9) * (towards + members[a] - members[b])
-        crossed = rng.random(len(names)) < 0.8
-        trial = np.clip(np.where(crossed, mutant, members[member]), -REACH, REACH)
-        cost = _cost(changed(trial), actuators, pace, draws)
-        if cost < costs[member]:
-            members[member], costs[member] = trial, cost
-    return changed(members[costs.argmin()])
+    found = cast(Any, optimize).differential_evolution(
+        cost,
+        [(-REACH, REACH)] * len(names),
+        strategy="currenttobest1bin",
+        init=members,
+        mutation=(0.3, 0.9),
+        recombination=0.8,
+        maxiter=GENERATIONS,
+        tol=0.0,
+        polish=False,
+        rng=rng,
+    )
+    return changed(found.x)
 
 
 def _cost(controller: Guided, actuators: Actuators, pace: str, draws: int) -> float:

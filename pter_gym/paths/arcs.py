@@ -57,11 +57,14 @@ class Arcs:
         """Total arc length [m]."""
         return float(self.table[-1, 5] + self.table[-1, 6])
 
+    def numbers_at(self, s: ArrayLike) -> NDArray[np.intp]:
+        """Return the numbers of the arcs at arc lengths [m] of any shape."""
+        return np.searchsorted(self.table[1:, 5], np.asarray(s, np.float64), side="right")
+
     def at(self, s: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Return x, y [m], heading [rad] and curvature [1/m] at arc lengths [m] of any shape, also beyond the ends."""
         lengths = np.asarray(s, np.float64)
-        rows = np.searchsorted(self.table[1:, 5], lengths, side="right")
-        x, y, cos, sin, curvature, start, _ = np.moveaxis(self.table[rows], -1, 0)
+        x, y, cos, sin, curvature, start, _ = np.moveaxis(self.table[self.numbers_at(lengths)], -1, 0)
         along = lengths - start
         half = 0.5 * curvature * along
         chord = along * np.sinc(half / np.pi)

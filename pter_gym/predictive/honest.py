@@ -5,6 +5,8 @@ observation, the torques of the clutches from the voltages that it sent and the 
 do from the forces that it has measured so far.
 """
 
+import math
+
 import numpy as np
 
 from pter_gym.controllers import Controller
@@ -13,7 +15,9 @@ from pter_gym.envs.world import ALIVE, ARC_LENGTH, COMMAND, CURVATURE, DRIVE, ER
 from pter_gym.layout import Layout
 from pter_gym.operators import RecordedForces
 from pter_gym.params import BASELINE
-from pter_gym.physics.model import BREAKAWAY, DYNAMIC
+from pter_gym.physics.arm import Motion
+from pter_gym.physics.friction import slip_velocities
+from pter_gym.physics.model import BREAKAWAY, DYNAMIC, store_motion
 from pter_gym.predictive.hand import HandModel
 from pter_gym.predictive.planner import Array, Observations, Planner, Settings
 from pter_gym.tasks.path_following import PathFollowing, observation_layout, substeps
@@ -23,9 +27,6 @@ NOMINAL = BASELINE
 
 SLIPPING = 0.05
 """Slip velocity [rad/s] from which on a clutch's sensor tells its dynamic torque."""
-
-SLIP = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
-"""From the angular velocities of the links to the slip velocities of the clutches."""
 
 
 def known_part(task: PathFollowing, horizon: int) -> PathFollowing:
@@ -42,6 +43,22 @@ def known_part(task: PathFollowing, horizon: int) -> PathFollowing:
     )
 
 
+def motion_seen(see: dict[str, float]) -> Motion:
+    """Return the arm's motion from the entries of an observation in their units; unit vectors are made so again."""
+    size_a = math.hypot(see["cos_a"], see["sin_a"])
+    size_b = math.hypot(see["cos_b"], see["sin_b"])
+    return Motion(
+        math.atan2(see["sin_a"], see["cos_a"]),
+        math.atan2(see["sin_b"], see["cos_b"]),
+        see["omega_a"],
+        see["omega_b"],
+        see["cos_a"] / size_a,
+        see["sin_a"] / size_a,
+        see["cos_b"] / size_b,
+        see["sin_b"] / size_b,
+    )
+
+
 class Belief:
     """The state of a world as an observer believes it to be.
 
@@ -54,7 +71,7 @@ class Belief:
     def __init__(self, task: PathFollowing) -> None:
         self.layout: Layout = observation_layout(NOMINAL, "force")
         self.task = task
-        self.starts = task.path.arcs.table[1:, 5]
+        self.arcs = task.path.arcs
         model = Batch(NOMINAL, task, 1)
         model.reset([0])
         self.rows: Array = model.get_state()["worlds"][0, :, 0]
@@ -69,20 +86,14 @@ class Belief:
         see = {name: float(self.layout.physical(obs, name)) for name in self.layout.names}
         volts = np.array([see[f"volts_{x}"] for x in range(1, 5)])
         torques = np.array([see[f"torque_{x}"] for x in range(1, 5)])
-        omega = np.array([see["omega_a"], see["omega_b"]])
         steady = np.array([NOMINAL.clutch.dynamic.torque(v) for v in volts])
         self.dynamic = steady + (self.dynamic - steady) * self.decay
-        slips = np.abs(SLIP @ omega) > SLIPPING
+        slips = np.abs(slip_velocities(see["omega_a"], see["omega_b"])) > SLIPPING
         self.dynamic[slips] = np.abs(torques[slips])
         arc_length = see["progress"] * self.task.path.length
         self.reached = max(self.reached, arc_length)
         rows = self.rows
-        for k, link in enumerate("ab"):
-            cos, sin = see[f"cos_{link}"], see[f"sin_{link}"]
-            size = np.hypot(cos, sin)
-            rows[k] = np.arctan2(sin, cos)
-            rows[4 + 2 * k : 6 + 2 * k] = cos / size, sin / size
-        rows[2:4] = omega
+        store_motion(rows[:, None], 0, motion_seen(see))
         rows[BREAKAWAY : BREAKAWAY + 4] = self.ratio * self.dynamic
         rows[DYNAMIC : DYNAMIC + 4] = self.dynamic
         rows[COMMAND : COMMAND + 4] = volts
@@ -91,7 +102,7 @@ class Belief:
         rows[ARC_LENGTH], rows[ERROR], rows[REACHED] = arc_length, see["normal_error"], self.reached
         rows[HEADING : HEADING + 2] = see["heading_cos"], see["heading_sin"]
         rows[CURVATURE] = see["curvature"]
-        rows[SEGMENT] = np.searchsorted(self.starts, arc_length, side="right")
+        rows[SEGMENT] = self.arcs.numbers_at(arc_length)
 
     def expect(self, forces: Array) -> None:
         """Take the forces that the hand will exert, (T, 2) [N]: the row of what drives the first control step."""

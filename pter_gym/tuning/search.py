@@ -35,7 +35,8 @@ PARENTS = 20
 """Best trials from which others come."""
 
 SCREEN = 4
-"""A trial is first judged on one in so many of its draws, and on all of them only if it keeps up with the parents."""
+"""A trial is first judged on one in so many of its draws, which begin otherwise there, and on all only if it keeps up
+with the parents."""
 
 SCREENED = "screened"
 """Attribute of a trial in the study: its value on the draws that it was first judged on."""
