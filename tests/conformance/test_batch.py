@@ -156,7 +156,7 @@ def test_plain_python_calls_the_law_with_the_same_bits() -> None:
         volts = bound(obs)
         assert volts[2].tobytes() == bound(obs[2]).tobytes()
         law = getattr(bound.law, "py_func", bound.law)
-        plain = law(obs[2], batch.layout.scales, bound.gains, np.zeros(2))
+        plain = law(obs[2], batch.layout.scales, bound.gains, bound.empty_memory(1)[0])
         assert np.array(plain, np.float32).tobytes() == volts[2].tobytes()
         obs = batch.step(volts).obs
 
