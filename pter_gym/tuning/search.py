@@ -1,8 +1,9 @@
 """The search for gains: an Optuna study in an SQLite file, which can be stopped, resumed and shared."""
 
+import math
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from filelock import FileLock
 
 from pter_gym.benchmark.pacing import PerPace, find_policy
 from pter_gym.benchmark.tuned import TUNABLE
-from pter_gym.controllers import CONTROLLERS, Guided
+from pter_gym.controllers import CONTROLLERS, Controller, Guided
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.scenarios import find_pace, find_scenario
 from pter_gym.tuning.examination import Examination, Verdict
@@ -34,12 +35,12 @@ STARTUP = 64
 PARENTS = 20
 """Best trials from which others come."""
 
-SCREEN = 4
-"""A trial is first judged on one in so many of its draws, which begin otherwise there, and on all only if it keeps up
-with the parents."""
+REDUCTION = 4
+"""Of the trials that are judged on a part of the draws, one in so many goes on to so many times more of them."""
 
-SCREENED = "screened"
-"""Attribute of a trial in the study: its value on the draws that it was first judged on."""
+RUNGS = 3
+"""Numbers of draws on which a trial is judged, one after the other; the last is all of them. Those of the others begin
+otherwise."""
 
 WAIT = 120.0
 """Seconds to wait for the storage while others write to it."""
@@ -111,25 +112,17 @@ def tune(
     rng = np.random.default_rng(_stream(study, seed))
     study.enqueue_trial(default_point(controller, pace), skip_if_exists=True)
     speed = find_pace(pace)
-    screen = Examination(scenario, pace, -(-episodes // SCREEN), 2 * seed)
-    search = Examination(scenario, pace, episodes, 2 * seed)
-    finished = _finished(study)
-    while len(finished) < trials:
-        best = sorted(finished, key=_place)[:PARENTS]
+    rungs = [Examination(scenario, pace, -(-episodes // REDUCTION**k), 2 * seed) for k in reversed(range(RUNGS))]
+    finished, best = _finished(study)
+    while len(finished) < trials or not best:
         if len(finished) >= STARTUP and len(finished) % 2:
-            study.enqueue_trial(offspring(controller, [trial.params for trial in best], rng))
+            study.enqueue_trial(offspring(controller, [trial.params for trial in best[:PARENTS]], rng))
         trial = study.ask()
-        tried = make(controller, gains_at(_suggest(trial, controller), speed))
-        screened = screen.judge(tried).value
-        trial.set_user_attr(SCREENED, screened)
-        if len(best) < PARENTS or screened <= max(parent.user_attrs[SCREENED] for parent in best):
-            study.tell(trial, search.judge(tried).value)
-        else:
-            study.tell(trial, max(screened, best[-1].value))
-        finished = _finished(study)
-        on_trial(len(finished), min(trial.value for trial in finished))
+        _judge(study, trial, make(controller, gains_at(_suggest(trial, controller), speed)), rungs)
+        finished, best = _finished(study)
+        on_trial(len(finished), best[0].value if best else math.inf)
     final = Examination(scenario, pace, episodes, 2 * seed + 1)
-    last = [gains_at(trial.params, speed) for trial in sorted(finished, key=_place)[:FINALISTS]]
+    last = [gains_at(trial.params, speed) for trial in best[:FINALISTS]]
     judged = [(final.judge(make(controller, gains)), gains) for gains in last]
     verdict, gains = min(judged, key=lambda pair: pair[0].value)
     return Study(controller, scenario, pace, gains, verdict, len(finished), episodes, seed)
@@ -139,6 +132,18 @@ def make(controller: str, gains: dict[str, float | bool]) -> Guided:
     """Return a controller with gains; the others are the paper's."""
     kind: Any = CONTROLLERS[controller]
     return kind(**gains)
+
+
+def _judge(study: Any, trial: Any, tried: Controller, rungs: Sequence[Examination]) -> None:
+    """Judge a trial on more and more draws, as long as it keeps up, and tell the study."""
+    from optuna.trial import TrialState
+
+    for k, rung in enumerate(rungs[:-1]):
+        trial.report(rung.judge(tried).value, REDUCTION**k)
+        if trial.should_prune():
+            study.tell(trial, state=TrialState.PRUNED)
+            return
+    study.tell(trial, rungs[-1].judge(tried).value)
 
 
 def _check(controller: str, scenario: str, pace: str, trials: int, episodes: int, seed: int, storage: Path) -> None:
@@ -180,6 +185,7 @@ def _open(storage: Path, name: str, seed: int) -> Any:
             constant_liar=True,
             seed=_stream(study, seed),
         )
+    study.pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=REDUCTION)
     return study
 
 
@@ -188,10 +194,6 @@ def _stream(study: Any, seed: int) -> int:
     begun = study.get_trials(deepcopy=False)
     shared = any(trial.state.name == "RUNNING" for trial in begun)
     return (seed + 1000003 * len(begun) + (os.getpid() if shared else 0)) % 2**32
-
-
-def _place(trial: Any) -> tuple[float, int]:
-    return trial.value, trial.number
 
 
 def _write_ahead(connection: Any, _: Any) -> None:
@@ -216,6 +218,8 @@ def _suggest(trial: Any, controller: str) -> dict[str, float | bool]:
     }
 
 
-def _finished(study: Any) -> list[Any]:
-    """Return the trials that have a value."""
-    return [trial for trial in study.get_trials(deepcopy=False) if trial.value is not None]
+def _finished(study: Any) -> tuple[list[Any], list[Any]]:
+    """Return the trials that have a value, and those of them that were judged on all draws, the best one first."""
+    finished = [trial for trial in study.get_trials(deepcopy=False) if trial.value is not None]
+    whole = [trial for trial in finished if trial.state.name == "COMPLETE"]
+    return finished, sorted(whole, key=lambda trial: (trial.value, trial.number))

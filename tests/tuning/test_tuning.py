@@ -22,7 +22,7 @@ from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
 from pter_gym.tuning import SPACES, Examination, Study, Verdict, add_study, tune
 from pter_gym.tuning.offspring import offspring
-from pter_gym.tuning.search import make
+from pter_gym.tuning.search import FINALISTS, make
 from pter_gym.tuning.spaces import Range, gains_at, point_at
 
 optuna = pytest.importorskip("optuna")
@@ -116,11 +116,8 @@ def test_a_study_is_repeatable_resumable_and_starts_with_the_papers_gains(
     assert finished(tmp_path / "a.db") == list(range(12))
 
 
-def test_trials_that_do_not_keep_up_are_judged_on_a_part_of_the_draws(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_trials_that_keep_up_are_judged_on_all_draws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pter_gym.tuning.search.STARTUP", 4)
-    monkeypatch.setattr("pter_gym.tuning.search.PARENTS", 3)
     judged: list[int] = []
     judge = Examination.judge
 
@@ -129,13 +126,16 @@ def test_trials_that_do_not_keep_up_are_judged_on_a_part_of_the_draws(
         return judge(self, controller)
 
     monkeypatch.setattr(Examination, "judge", counting)
-    tune("impedance", "standard", "brisk", trials=30, episodes=8, storage=tmp_path / "a.db")
-    assert judged.count(2) == 30
-    assert 3 <= judged[:-10].count(8) < 30
+    tune("impedance", "standard", "brisk", trials=40, episodes=32, storage=tmp_path / "a.db")
+    search = judged[: -min(FINALISTS, judged.count(32))]
+    assert search[:3] == [2, 8, 32]
+    assert search.count(2) == 40 > search.count(8) > search.count(32) >= 1
     study = optuna.load_study(study_name=None, storage=f"sqlite:///{tmp_path / 'a.db'}")
-    exam = Examination("standard", "brisk", 8, seed=0)
-    for trial in sorted(study.get_trials(), key=lambda trial: (trial.value, trial.number))[:3]:
-        assert judge(exam, make("impedance", gains_at(trial.params, 0.5))).value == trial.value
+    trials = study.get_trials(states=(optuna.trial.TrialState.COMPLETE,))
+    assert len(trials) == search.count(32)
+    for draws, value in ((2, trials[-1].intermediate_values[1]), (32, trials[-1].value)):
+        exam = Examination("standard", "brisk", draws, seed=0)
+        assert judge(exam, make("impedance", gains_at(trials[-1].params, 0.5))).value == value
 
 
 @pytest.mark.parametrize("name", TUNABLE)
