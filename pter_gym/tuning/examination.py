@@ -18,8 +18,11 @@ from pter_gym.tasks.path_following import T_ARC_LENGTH, T_ERROR, T_SUCCESS, T_TE
 Array = NDArray[np.float64]
 
 RESERVE = 0.9
-"""Part of the leaderboard's limits on what is missing and on pace errors that the search keeps to, lest gains that just
-keep the limits on its draws miss them on others."""
+"""Part of the leaderboard's limit on pace errors that the search keeps to, lest gains that just keep the limit on its
+draws miss it on others."""
+
+MISSING = 0.5
+"""The same of the limit on what is missing, where a single draw weighs much."""
 
 PENALTY = 1.0
 """Path error [m] that counts for each unit over a limit."""
@@ -50,7 +53,7 @@ class Verdict(NamedTuple):
     @property
     def value(self) -> float:
         """What the search makes small: the path error [m], and a penalty for each limit that is not kept."""
-        over = max(0.0, (1.0 - self.completed) - RESERVE * (1.0 - COMPLETION))
+        over = max(0.0, (1.0 - self.completed) - MISSING * (1.0 - COMPLETION))
         over += max(0.0, self.mean_pace_error - RESERVE * PACE_ERROR)
         over += max(0.0, self.segment_pace_error - RESERVE * PACE_ERROR)
         return self.path_error_m + PENALTY * over

@@ -67,7 +67,7 @@ def test_penalties_grow_without_a_jump() -> None:
     good = Verdict(0.02, 1.0, 0.05, 0.1)
     assert good.value == 0.02
     for field, at_limit, step in (
-        ("completed", 0.991, -0.01),
+        ("completed", 0.995, -0.01),
         ("mean_pace_error", 0.135, 0.01),
         ("segment_pace_error", 0.135, 0.01),
     ):
