@@ -26,7 +26,7 @@ TRIALS = 2000
 EPISODES = 200
 """The budget of a trial: training draws."""
 
-FINALISTS = 10
+FINALISTS = 40
 """The best trials, which are judged once more on other draws; the best of them there is the result."""
 
 STARTUP = 64
