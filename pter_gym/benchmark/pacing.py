@@ -36,7 +36,8 @@ PLANNERS = MappingProxyType({"predictive": Privileged, "predictive-honest": Hone
 """Policies that plan, by name."""
 
 GUIDE = "single-dof-tuned"
-"""What guides them."""
+GUIDE_TABLE = PACKAGE / "presets" / "guide.toml"
+"""What guides them, with gains of its own: a plan cannot follow a law that switches within its knots."""
 
 LOWEST, HIGHEST = 10.0, 3000.0
 """Range of the search [N·s/m]."""
@@ -73,7 +74,7 @@ def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Control
         If there is no policy of that name, or no gains for it.
     """
     if name in PLANNERS:
-        return PLANNERS[name](find_tuned(GUIDE, scenario), Settings(seed=seed))
+        return PLANNERS[name](find_tuned(GUIDE, scenario, path=GUIDE_TABLE), Settings(seed=seed))
     if name.endswith(SUFFIX):
         return find_tuned(name, scenario)
     controller = find_controller(name, seed)
