@@ -10,7 +10,9 @@ from rich.console import Console
 from pter_gym.benchmark import Leaderboard, ResultsFolder, evaluation, find_policy, leaderboards, run_scenario
 from pter_gym.benchmark.episodes import load_episodes
 from pter_gym.benchmark.leaderboard import table
+from pter_gym.benchmark.pacing import GUIDE_TABLE
 from pter_gym.benchmark.runs import Planning, ScenarioRun
+from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import Free
 from pter_gym.plots import leaderboard as plots
 from pter_gym.predictive import Honest, Privileged, Settings
@@ -101,6 +103,6 @@ def test_they_are_found_by_name() -> None:
     assert isinstance(bound, Privileged)
     assert isinstance(honest, Honest)
     assert (bound.settings.seed, honest.settings.seed) == (0, 4)
-    assert bound.guide == find_policy("single-dof-tuned", scenario="standard")
-    assert honest.guide == find_policy("single-dof-tuned", scenario="everything")
+    assert bound.guide == find_tuned("single-dof-tuned", "standard", path=GUIDE_TABLE)
+    assert honest.guide == find_tuned("single-dof-tuned", "everything", path=GUIDE_TABLE)
     assert Planning(True, 0.3, bound.settings.rollouts, 1.0).rollouts >= 2000
