@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
+from pter_gym._moved import find_old_names
 from pter_gym._version import __version__
 
 if TYPE_CHECKING:
-    from pter_gym.open_loop import State, Trajectory, initial_state, simulate
     from pter_gym.params import (
         BASELINE,
         DELRIN_EXPERIMENTAL,
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         Machine,
         TorqueCurve,
     )
+    from pter_gym.physics.open_loop import State, Trajectory, initial_state, simulate
     from pter_gym.tasks.path_following import PathFollowing
 
 __all__ = [
@@ -42,13 +43,15 @@ __all__ = [
 ]
 
 _HOMES = {
-    **dict.fromkeys(("State", "Trajectory", "initial_state", "simulate"), "pter_gym.open_loop"),
+    **dict.fromkeys(("State", "Trajectory", "initial_state", "simulate"), "pter_gym.physics.open_loop"),
     **dict.fromkeys(
         ("BASELINE", "DELRIN_EXPERIMENTAL", "DELRIN_THEORETICAL", "Arm", "Clutch", "Hand", "Machine", "TorqueCurve"),
         "pter_gym.params",
     ),
     "PathFollowing": "pter_gym.tasks.path_following",
 }
+
+find_old_names()
 
 gymnasium.register(
     id="PTER/PathFollowing-v0",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pter_gym.files import write_bytes_atomic, write_text_atomic
+from pter_gym.internal.files import write_bytes_atomic, write_text_atomic
 
 
 def names(directory: Path) -> list[str]:

@@ -18,7 +18,7 @@ from stable_baselines3.common.save_util import load_from_zip_file
 
 from pter_agents.worlds import InterfaceVecEnv
 from pter_gym.errors import DataError
-from pter_gym.files import write_bytes_atomic
+from pter_gym.internal.files import write_bytes_atomic
 
 State = dict[str, NDArray[Any]]
 

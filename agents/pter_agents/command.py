@@ -7,7 +7,7 @@ import tyro
 from rich.console import Console
 
 from pter_gym.errors import DependencyError
-from pter_gym.terminal import progress_bar
+from pter_gym.internal.terminal import progress_bar
 
 MISSING = 'training needs Stable-Baselines3: pip install "pter-gym[agents]"'
 

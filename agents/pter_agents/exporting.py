@@ -20,11 +20,11 @@ from pter_agents.worlds import InterfaceVecEnv, training_draws
 from pter_gym import __version__
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError
+from pter_gym.internal.terminal import make_folder
 from pter_gym.params import BASELINE
 from pter_gym.policies import Card, Interface, load_policy, write_policy
 from pter_gym.policies.cards import fields_of
 from pter_gym.scenarios import find_scenario
-from pter_gym.terminal import make_folder
 
 SAME = 1e-6
 """Largest difference between a run's policy and the exported one, relative to the largest voltage."""

@@ -11,10 +11,10 @@ from pter_agents.worlds import Truth, make_worlds
 from pter_gym.benchmark import PACES, PerPace, find_policy
 from pter_gym.benchmark.tuned import SUFFIX
 from pter_gym.controllers import PaceSchedule
+from pter_gym.envs.sb3 import PterVecEnv
 from pter_gym.params import BASELINE
 from pter_gym.policies.interface import Base, Input, Interface, available, quantities, seen_without
-from pter_gym.randomisation import Randomisation
-from pter_gym.sb3 import PterVecEnv
+from pter_gym.scenarios.randomisation import Randomisation
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
 """Scales [m, 1, m/s] that are chosen: what a good policy leaves of these is small beside what a bad one meets."""

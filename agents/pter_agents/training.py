@@ -21,13 +21,13 @@ from pter_agents.validation import Validation, network_of
 from pter_agents.worlds import ALL, InterfaceVecEnv, make_worlds, training_draws
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError, ParameterError, unknown_name
-from pter_gym.files import write_text_atomic
+from pter_gym.internal.files import write_text_atomic
+from pter_gym.internal.terminal import make_folder
 from pter_gym.params import require, require_number
 from pter_gym.policies.cards import read_interface
 from pter_gym.policies.interface import Interface
-from pter_gym.randomisation import Randomisation
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.terminal import make_folder
+from pter_gym.scenarios.randomisation import Randomisation
 
 RUN = "run.json"
 """File in a run's folder that says what is trained; checkpoints and logs stand beside it."""

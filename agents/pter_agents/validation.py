@@ -15,7 +15,7 @@ from pter_agents.worlds import training_draws
 from pter_gym.benchmark import score_episodes
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
-from pter_gym.envs.batch import Batch
+from pter_gym.engine.batch import Batch
 from pter_gym.policies.interface import BoundInterface, Past
 from pter_gym.tasks.path_following import Sensors
 

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from pter_gym.benchmark import PACES
+from pter_gym.envs.sb3 import PterVecEnv, make_sb3_vec_env
 from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE
 from pter_gym.policies.interface import LIMIT, Interface
-from pter_gym.randomisation import OneOf, Randomisation, Vary
-from pter_gym.sb3 import PterVecEnv, make_sb3_vec_env
 from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios.randomisation import OneOf, Randomisation, Vary
 from pter_gym.tasks.path_following import PathFollowing, RewardWeights, Sensors
 
 ALL = "all"

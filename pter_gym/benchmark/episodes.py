@@ -1,7 +1,7 @@
 """The fixed evaluation episodes: stored as data with a checksum, so that no random stream decides what they are.
 
-``pter_gym/episodes`` holds one file for each scenario and one with their checksums. ``.ci/store_episodes.py`` makes
-them; nothing that runs does.
+``pter_gym/episodes`` holds one file for each scenario and one with their checksums. ``docs/make/store_episodes.py``
+makes them; nothing that runs does.
 """
 
 import gzip
@@ -13,9 +13,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pter_gym.codec import from_plain, to_plain
 from pter_gym.errors import DataError, ParameterError, unknown_name
-from pter_gym.files import write_bytes_atomic, write_text_atomic
+from pter_gym.internal.codec import from_plain, to_plain
+from pter_gym.internal.files import write_bytes_atomic, write_text_atomic
 from pter_gym.params import Machine
 from pter_gym.scenarios import find_pace
 from pter_gym.tasks.path_following import PathFollowing

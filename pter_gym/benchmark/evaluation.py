@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._jit import digest_of
 from pter_gym._version import __version__
 from pter_gym.benchmark.episodes import FOLDER, Episodes, load_episodes
 from pter_gym.benchmark.metrics import Scores, column, score_episodes, vector
@@ -19,11 +18,12 @@ from pter_gym.benchmark.pacing import PACES, PerPace, find_policy
 from pter_gym.benchmark.results import ResultsFolder
 from pter_gym.benchmark.runs import Conditions, Planning, Sample, ScenarioRun, code_digest
 from pter_gym.benchmark.simulation import AnyPolicy, bind, simulate, simulate_alone, time_limit
+from pter_gym.compiled.compiler import digest_of
 from pter_gym.controllers import Controller, Policy
-from pter_gym.envs.batch import Batch
+from pter_gym.controllers.predictive import Predictive
+from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
-from pter_gym.predictive import Predictive
 from pter_gym.tasks.path_following import TELEMETRY
 
 Array = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """The commanded paces, and the paper's gains at them: all stay but the damper along the path, which sets the pace.
 
 The gains were made for about 0.5 m/s. ``damping_for_pace`` solves the damper for a commanded pace on a scenario's
-training draws, none of which is an evaluation episode; ``.ci/solve_paces.py`` writes the table that the package ships.
+training draws, none of which is an evaluation episode; ``docs/make/solve_paces.py`` writes the table.
 """
 
 import math
@@ -18,10 +18,10 @@ from pter_gym.benchmark.standard import find_controller
 from pter_gym.benchmark.tuned import SUFFIX, find_tuned
 from pter_gym.controllers import CONTROLLERS, Controller
 from pter_gym.controllers.impedance import Impedance, TorqueFeedback
-from pter_gym.envs.batch import Batch
+from pter_gym.controllers.predictive import Honest, Predictive, Privileged, Settings
+from pter_gym.engine.batch import Batch
 from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE
-from pter_gym.predictive import Honest, Predictive, Privileged, Settings
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 
 TABLE = PACKAGE / "presets" / "paces.toml"

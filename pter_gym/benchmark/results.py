@@ -13,8 +13,8 @@ from filelock import FileLock
 from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
 from pter_gym.benchmark.runs import Conditions, ScenarioRun, code_digest, read_run, run_path, write_run
 from pter_gym.benchmark.statistics import LEVEL, RESAMPLES, SEED
-from pter_gym.files import write_text_atomic
-from pter_gym.terminal import make_folder
+from pter_gym.internal.files import write_text_atomic
+from pter_gym.internal.terminal import make_folder
 
 SUMMARY = "benchmark.json"
 LOCK = ".lock"

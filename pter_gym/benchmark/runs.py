@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import SCORES, Scores
-from pter_gym.files import write_text_atomic
+from pter_gym.internal.files import write_text_atomic
 
 Array = NDArray[np.float64]
 

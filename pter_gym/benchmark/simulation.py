@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.controllers import Controller, Policy
-from pter_gym.envs.batch import Batch
-from pter_gym.envs.world import SKIP
+from pter_gym.controllers.predictive import Decide, Predictive
+from pter_gym.engine.batch import Batch
+from pter_gym.engine.world import SKIP
 from pter_gym.params import BASELINE, Machine
-from pter_gym.predictive import Decide, Predictive
 from pter_gym.tasks.path_following import T_TERMINATED, PathFollowing
 
 Array = NDArray[np.float64]

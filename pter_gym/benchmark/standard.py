@@ -13,7 +13,7 @@ from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import Score, score
 from pter_gym.benchmark.simulation import AnyPolicy, bind, simulate
 from pter_gym.controllers import CONTROLLERS, Controller, Random
-from pter_gym.envs.batch import Batch
+from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine
 from pter_gym.policies import load_policy, shipped_policies

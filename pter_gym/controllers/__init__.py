@@ -1,6 +1,6 @@
 """Control laws: an observation in, four clutch voltages out."""
 
-from pter_gym._jit import inlined as device
+from pter_gym.compiled.compiler import inlined as device
 from pter_gym.controllers.base import Controller, Policy
 from pter_gym.controllers.direction import SingleDof, VelocityRatio
 from pter_gym.controllers.guided import Guided, PaceSchedule

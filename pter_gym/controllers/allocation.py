@@ -4,7 +4,7 @@ The reachable joint torques form the same zonotope as in the friction problem, s
 problem too: the metric takes the place of the mass matrix, and what remains unreached that of the velocity.
 """
 
-from pter_gym._jit import device
+from pter_gym.compiled.compiler import device
 from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.friction import resolve, share
 

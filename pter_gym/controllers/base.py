@@ -8,10 +8,10 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._jit import compile_kernel
+from pter_gym.compiled.compiler import compile_kernel
+from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.laws import MEMORY, built_in
 from pter_gym.errors import ParameterError
-from pter_gym.layout import Layout
 from pter_gym.params import Machine
 
 Volts = NDArray[np.float32]

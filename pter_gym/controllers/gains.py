@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._jit import device
+from pter_gym.compiled.compiler import device
 from pter_gym.params import Machine
 from pter_gym.physics.friction import between
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, cast
 
+from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.base import Policy
 from pter_gym.controllers.gains import Gains, gains_array
 from pter_gym.controllers.laws import TORQUE
 from pter_gym.errors import ParameterError
-from pter_gym.layout import Layout
 from pter_gym.params import Machine, preset, quantity, require, require_number, require_numbers
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym._jit import device
-from pter_gym._philox import uniform4
+from pter_gym.compiled.compiler import device
+from pter_gym.compiled.philox import uniform4
 from pter_gym.controllers.allocation import allocate, passive_high, passive_low
 from pter_gym.controllers.gains import (
     LENGTH_A,

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.base import Policy
 from pter_gym.controllers.laws import CONSTANT, RANDOM
-from pter_gym.layout import Layout
 from pter_gym.params import Machine, quantity, require, require_number
 
 

@@ -9,7 +9,7 @@ velocity there. Passive clutches cannot choose a speed, so the damper along the 
 import math
 from typing import Any, NamedTuple
 
-from pter_gym._jit import device
+from pter_gym.compiled.compiler import device
 from pter_gym.controllers.gains import COUPLING, INERTIA_A, INERTIA_B, LENGTH_A, LENGTH_B, Gains
 from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.friction import sign

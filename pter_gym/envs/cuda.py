@@ -1,4 +1,4 @@
-"""The vector environment on a CUDA device: the scalar functions of ``pter_gym.envs.world``, one thread for each world.
+"""The vector environment on a CUDA device: the scalar functions of ``pter_gym.engine.world``, a thread for each world.
 
 Observations, rewards and flags stay on the device: PyTorch tensors where PyTorch sees the device, otherwise arrays with
 ``__cuda_array_interface__``. ``step`` waits for nothing. So a refused action cannot raise at once: its world stays
@@ -15,9 +15,8 @@ from gymnasium.vector import AutoresetMode
 from numba import cuda as numba_cuda
 from numpy.typing import NDArray
 
-from pter_gym._jit import device
-from pter_gym.envs.vector import PathFollowingVectorEnv
-from pter_gym.envs.world import (
+from pter_gym.compiled.compiler import device
+from pter_gym.engine.world import (
     ALIVE,
     BASIC_ROWS,
     CHANGING_ROWS,
@@ -54,6 +53,7 @@ from pter_gym.envs.world import (
     take_reading,
     write_observation,
 )
+from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.errors import ActionError, DependencyError, ResetNeededError
 from pter_gym.physics.model import VOLTAGE_DECAY, VOLTAGE_MAX
 from pter_gym.tasks.path_following import SENSES_IDEALLY, TELEMETRY

@@ -8,11 +8,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from pter_gym.envs.batch import ActionUnit, Batch
+from pter_gym.compiled.layout import Layout
+from pter_gym.engine.batch import ActionUnit, Batch
 from pter_gym.errors import ParameterError
-from pter_gym.layout import Layout
 from pter_gym.params import MACHINES, Machine
-from pter_gym.randomisation import Randomisation
+from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import T_TIP, TELEMETRY, PathFollowing, Sensors
 
 RenderMode = Literal["human", "rgb_array"]

@@ -14,13 +14,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from pter_gym.envs import world
-from pter_gym.envs.batch import RECORDED, ActionUnit, Array, Batch, Observations, Returns
+from pter_gym.compiled.layout import Layout
+from pter_gym.engine import world
+from pter_gym.engine.batch import RECORDED, ActionUnit, Array, Batch, Observations, Returns
 from pter_gym.envs.single import find_pairs
 from pter_gym.errors import DependencyError, ParameterError
-from pter_gym.layout import Layout
 from pter_gym.params import Machine
-from pter_gym.randomisation import Randomisation
+from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
 
 Device = Literal["cpu", "cuda"]

@@ -9,7 +9,7 @@ curvature.
 import math
 from typing import Any, NamedTuple
 
-from pter_gym._jit import device
+from pter_gym.compiled.compiler import device
 from pter_gym.paths.arcs import ArcSegment
 
 SEGMENT_ROWS = len(ArcSegment._fields)

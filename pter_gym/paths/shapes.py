@@ -11,9 +11,9 @@ from typing import Any, cast
 import numpy as np
 
 from pter_gym.errors import ParameterError
+from pter_gym.internal.tables import read_columns
 from pter_gym.params import preset, quantity, require, require_flag, require_number
 from pter_gym.paths.arcs import Arcs, Path, Piece, arc_between, chain, fit_arcs
-from pter_gym.tables import read_columns
 
 Points = tuple[tuple[float, float], ...]
 

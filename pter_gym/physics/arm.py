@@ -7,7 +7,7 @@ Both angles are absolute. With a coaxial drive and a parallelogram the mass matr
 
 from typing import NamedTuple
 
-from pter_gym._jit import device
+from pter_gym.compiled.compiler import device
 
 
 class Linkage(NamedTuple):

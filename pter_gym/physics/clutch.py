@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from pter_gym._jit import device
+from pter_gym.compiled.compiler import device
 
 
 class PerClutch(NamedTuple):

@@ -12,7 +12,7 @@ from enum import IntEnum
 from functools import cache
 from typing import Any
 
-from pter_gym._jit import compile_kernel, device
+from pter_gym.compiled.compiler import compile_kernel, device
 from pter_gym.errors import ParameterError
 from pter_gym.physics.clutch import PerClutch
 

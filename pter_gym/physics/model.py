@@ -3,7 +3,7 @@
 import math
 from typing import Any, NamedTuple
 
-from pter_gym._jit import device
+from pter_gym.compiled.compiler import device
 from pter_gym.params import Machine
 from pter_gym.physics.arm import Linkage, Motion
 from pter_gym.physics.clutch import Curve, PerClutch, Torques

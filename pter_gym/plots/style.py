@@ -12,8 +12,8 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pter_gym import palette
-from pter_gym.files import write_bytes_atomic
+from pter_gym.internal import palette
+from pter_gym.internal.files import write_bytes_atomic
 from pter_gym.units import to_inch_pounds, to_inches
 
 Arguments = ParamSpec("Arguments")

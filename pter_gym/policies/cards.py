@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Any, cast
 
+from pter_gym.compiled.layout import Layout
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.layout import Layout
 from pter_gym.policies.interface import Base, Input, Interface
 
 FORMAT = 1

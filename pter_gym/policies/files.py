@@ -17,7 +17,7 @@ from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
 from pter_gym.errors import DataError, ParameterError, unknown_name
-from pter_gym.files import write_bytes_atomic, write_text_atomic
+from pter_gym.internal.files import write_bytes_atomic, write_text_atomic
 from pter_gym.policies.cards import Card, read_card
 from pter_gym.policies.network import Network
 from pter_gym.policies.neural import Neural

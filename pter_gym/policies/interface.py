@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym.compiled.layout import Layout
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.layout import Layout
 from pter_gym.params import Machine, require, require_kind, require_number
 
 if TYPE_CHECKING:

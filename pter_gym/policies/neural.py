@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.layout import Layout
+from pter_gym.compiled.layout import Layout
 from pter_gym.params import Machine, require
 from pter_gym.policies.cards import Card
 from pter_gym.policies.interface import BoundInterface

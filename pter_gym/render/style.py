@@ -1,6 +1,6 @@
 """Sizes and colours of the picture."""
 
-from pter_gym import palette
+from pter_gym.internal import palette
 
 WIDTH = 840
 HEIGHT = 600

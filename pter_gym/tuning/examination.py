@@ -10,7 +10,7 @@ from pter_gym.benchmark.metrics import Scores, ranked_scores
 from pter_gym.benchmark.simulation import time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.controllers import Controller, Policy
-from pter_gym.envs.batch import Batch
+from pter_gym.engine.batch import Batch
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import T_ARC_LENGTH, T_ERROR, T_SUCCESS, T_TERMINATED, T_TIME

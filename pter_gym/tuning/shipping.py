@@ -7,7 +7,7 @@ from typing import Any, cast
 from filelock import FileLock
 
 from pter_gym.benchmark.tuned import Table, read_table
-from pter_gym.files import write_text_atomic
+from pter_gym.internal.files import write_text_atomic
 from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tuning.search import Study
 

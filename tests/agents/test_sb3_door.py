@@ -12,7 +12,7 @@ import pytest
 
 import pter_gym  # noqa: F401  (registers the environment)
 from pter_gym.errors import ActionError, ParameterError
-from pter_gym.operators import MultiSineHand
+from pter_gym.hands import MultiSineHand
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -28,7 +28,7 @@ TASK = PathFollowing(path=Line(length=0.55), start_offset=0.02, hand=MultiSineHa
 
 
 def make(count: int = COUNT, **options: Any) -> Any:
-    from pter_gym.sb3 import make_sb3_vec_env
+    from pter_gym.envs.sb3 import make_sb3_vec_env
 
     return make_sb3_vec_env(count, task=TASK, **{"max_episode_steps": LIMIT, **options})
 
@@ -238,7 +238,7 @@ def test_sac_learns() -> None:
 def test_missing_stable_baselines_says_what_to_install() -> None:
     program = (
         "import sys; sys.modules['stable_baselines3'] = None\n"
-        "try: import pter_gym.sb3\n"
+        "try: import pter_gym.envs.sb3\n"
         "except ImportError as error: print(error)\n"
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

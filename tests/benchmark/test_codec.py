@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pter_gym.codec import from_plain, known_types, to_plain
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
-from pter_gym.operators import MultiSineHand
+from pter_gym.hands import MultiSineHand
+from pter_gym.internal.codec import from_plain, known_types, to_plain
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, MACHINES, Machine
 from pter_gym.tasks.path_following import PathFollowing
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pter_gym import cli
 from pter_gym.benchmark import find_policy
+from pter_gym.benchmark.demonstrations import Demonstrations, read_demonstrations, record, write_demonstrations
 from pter_gym.benchmark.metrics import SCORES
-from pter_gym.demonstrations import Demonstrations, read_demonstrations, record, write_demonstrations
-from pter_gym.envs.batch import Batch
+from pter_gym.commands import main as cli
+from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
@@ -103,7 +103,7 @@ def test_a_large_content_is_refused_before_it_is_unpacked(
     found: Demonstrations, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_demonstrations(found, tmp_path / "large.npz")
-    monkeypatch.setattr("pter_gym.demonstrations.MOST_UNPACKED", 1000)
+    monkeypatch.setattr("pter_gym.benchmark.demonstrations.MOST_UNPACKED", 1000)
     monkeypatch.setattr(np, "load", lambda *_, **__: pytest.fail("it was unpacked"))
     with pytest.raises(DataError, match="its content must have at most 1000 B"):
         read_demonstrations(tmp_path / "large.npz")

@@ -11,9 +11,9 @@ import pytest
 from pter_gym.benchmark.episodes import CHECKSUMS, FOLDER, load_episodes, scenarios, store_episodes
 from pter_gym.benchmark.pacing import PACES
 from pter_gym.controllers import Free
-from pter_gym.envs.batch import Batch
+from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.operators import MultiSineHand
+from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.paths import Line
 from pter_gym.scenarios import SCENARIOS

@@ -14,8 +14,8 @@ from pter_gym.benchmark.pacing import GUIDE_TABLE
 from pter_gym.benchmark.runs import Planning, ScenarioRun
 from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import Free
+from pter_gym.controllers.predictive import Honest, Privileged, Settings
 from pter_gym.plots import leaderboard as plots
-from pter_gym.predictive import Honest, Privileged, Settings
 
 SETTINGS = Settings(samples=8, rounds=1, elite=1, horizon=10)
 POLICIES = {"bound": Privileged(Free(), SETTINGS), "honest": Honest(Free(), SETTINGS), "free": Free()}

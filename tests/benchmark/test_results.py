@@ -15,7 +15,6 @@ import pytest
 from filelock import FileLock
 from numpy.typing import NDArray
 
-from pter_gym import cli
 from pter_gym.benchmark import PerSeed, ResultsFolder, run_scenario
 from pter_gym.benchmark import evaluation as evaluation_module
 from pter_gym.benchmark import runs as runs_module
@@ -23,13 +22,14 @@ from pter_gym.benchmark.evaluation import sample_numbers
 from pter_gym.benchmark.metrics import SCORES
 from pter_gym.benchmark.results import LOCK
 from pter_gym.benchmark.runs import read_run, run_path
+from pter_gym.commands import main as cli
 from pter_gym.controllers import Free, Impedance, Random
 
 COUNT = 5
 MAIN = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background ignores interrupts
-from pter_gym.cli import main
+from pter_gym.commands.main import main
 sys.exit(main())
 """
 

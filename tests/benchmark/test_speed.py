@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pter_gym import cli
-from pter_gym.benchmark.speed import Plan, Speed, make_plan, notes, tables
-from pter_gym.benchmark.speed import ours as own
-from pter_gym.benchmark.speed.counting import count_operations
-from pter_gym.benchmark.speed.ours import (
+from pter_gym.commands import main as cli
+from pter_gym.errors import ParameterError
+from pter_gym.speed import Plan, Speed, make_plan, notes, tables
+from pter_gym.speed import ours as own
+from pter_gym.speed.counting import count_operations
+from pter_gym.speed.ours import (
     CPU_SIZES,
     CUDA_SIZES,
     Cuda,
@@ -25,7 +26,7 @@ from pter_gym.benchmark.speed.ours import (
     sweep,
     throughput,
 )
-from pter_gym.benchmark.speed.peers import (
+from pter_gym.speed.peers import (
     ENVPOOL,
     REACHER,
     ROLLOUT,
@@ -37,11 +38,10 @@ from pter_gym.benchmark.speed.peers import (
     our_loads,
     peers,
 )
-from pter_gym.benchmark.speed.roofline import Roofline, peak_kernel
-from pter_gym.benchmark.speed.targets import flatness, targets
-from pter_gym.benchmark.speed.timing import Effort, Load, block_rate, compare, rate
-from pter_gym.errors import ParameterError
-from pter_gym.plots.speed import cost_figure
+from pter_gym.speed.plot import cost_figure
+from pter_gym.speed.roofline import Roofline, peak_kernel
+from pter_gym.speed.targets import flatness, targets
+from pter_gym.speed.timing import Effort, Load, block_rate, compare, rate
 
 FIELDS = {
     "environment",
@@ -166,7 +166,7 @@ def test_a_device_is_measured(monkeypatch: pytest.MonkeyPatch):
     """In numba's simulator: whether it runs."""
     pytest.importorskip("numba_cuda")
     program = """
-from pter_gym.benchmark.speed import ours
+from pter_gym.speed import ours
 ours._CUDA_STEPS = 2
 found = ours.measure_device([1, 3, 10**9], ours.Effort(0.0, 1))
 print([row.worlds for row in found.rows], found.compile_seconds > 0.0, found.overhead_microseconds > 0.0)
@@ -256,7 +256,7 @@ def test_what_counts():
     program = """
 import math
 import numpy as np
-from pter_gym.benchmark.speed.counting import observed, teach_to_count
+from pter_gym.speed.counting import observed, teach_to_count
 teach_to_count()
 calls = []
 def f(w, x, k):

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pter_gym import cli
 from pter_gym.benchmark import Result, find_controller, run_standard_test
+from pter_gym.commands import main as cli
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.errors import ParameterError
 
@@ -193,7 +193,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize("delay", [0.3, 0.7, 1.1])
 def test_ctrl_c_leaves_whole_files(delay: float, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    code = "import sys; from pter_gym.cli import main; sys.exit(main())"
+    code = "import sys; from pter_gym.commands.main import main; sys.exit(main())"
     process = subprocess.Popen(
         [sys.executable, "-c", code, "benchmark", "--out", str(out)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )

@@ -13,9 +13,9 @@ import pytest
 import pter_gym  # noqa: F401  (registers the environment)
 from pter_gym.controllers import Random, TorqueFeedback
 from pter_gym.controllers.base import Policy
-from pter_gym.envs.batch import Batch
-from pter_gym.envs.world import SKIP, TERMINATED
-from pter_gym.operators import MultiSineHand
+from pter_gym.engine.batch import Batch
+from pter_gym.engine.world import SKIP, TERMINATED
+from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing

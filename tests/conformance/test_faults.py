@@ -19,7 +19,7 @@ from gymnasium.vector import AutoresetMode
 import pter_gym  # noqa: F401  (registers the environment)
 from pter_gym.envs.vector import BYTES_OF_TELEMETRY, BYTES_PER_WORLD, PathFollowingVectorEnv
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
-from pter_gym.operators import MultiSineHand
+from pter_gym.hands import MultiSineHand
 from pter_gym.tasks.path_following import PathFollowing
 
 ID = "pter_gym:PTER/PathFollowing-v0"
@@ -336,7 +336,7 @@ def test_gymnasiums_processes_after_the_parent_has_used_threads(method: str) -> 
 @pytest.mark.parametrize("method", START_METHODS)
 def test_stable_baselines_processes_after_the_parent_has_used_threads(method: str) -> None:
     vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
-    from pter_gym.sb3 import make_sb3_vec_env
+    from pter_gym.envs.sb3 import make_sb3_vec_env
 
     parent = make(THREADED)
     one = partial(gymnasium.make, ID, task=TASK, max_episode_steps=40)
@@ -357,7 +357,7 @@ def test_stable_baselines_processes_after_the_parent_has_used_threads(method: st
 COMPILED = """
 import os, signal, threading, time
 import numpy as np
-from pter_gym._jit import compile_kernel
+from pter_gym.compiled.compiler import compile_kernel
 
 def factory(constant):
     def build(digest):

@@ -10,14 +10,14 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import pter_gym
-from pter_gym.envs.batch import Batch
-from pter_gym.envs.world import CONTEXT_AT, CONTEXT_ROWS, SAME_STEP, SEGMENT, STEP
+from pter_gym.engine.batch import Batch
+from pter_gym.engine.world import CONTEXT_AT, CONTEXT_ROWS, SAME_STEP, SEGMENT, STEP
 from pter_gym.errors import ParameterError
-from pter_gym.operators import HumanArm, MultiSineHand
+from pter_gym.hands import HumanArm, MultiSineHand
 from pter_gym.params import BASELINE, Hand
 from pter_gym.paths import Arc
-from pter_gym.randomisation import LogUniform, OneOf, Randomisation, Repeat, Shared, Tuple, Uniform, Vary
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
+from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Repeat, Shared, Tuple, Uniform, Vary
 from pter_gym.tasks.path_following import CONTEXT, PathFollowing
 
 

@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
 import pter_gym  # noqa: F401  (registers the environment)
-from pter_gym.operators import HumanArm, MultiSineHand, RecordedForces
+from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.paths import Arc, Line, Sine
 from pter_gym.tasks.path_following import PathFollowing, Sensing

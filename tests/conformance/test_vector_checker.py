@@ -8,12 +8,12 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from pter_gym.envs import world as kernel
+from pter_gym.envs.checker import Outcome, Report, check_vector_env
 from pter_gym.envs.vector import PathFollowingVectorEnv
-from pter_gym.operators import MultiSineHand
+from pter_gym.hands import MultiSineHand
 from pter_gym.params import Arm, Clutch, Machine, TorqueCurve
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
-from pter_gym.vector_checker import Outcome, Report, check_vector_env
 
 NEXT_STEP, SAME_STEP, DISABLED = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
 

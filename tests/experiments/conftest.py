@@ -1,6 +1,6 @@
 import pytest
 
-from pter_gym.experiments import Study
+from pter_gym.paper.experiments import Study
 
 
 @pytest.fixture(scope="session")

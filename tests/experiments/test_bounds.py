@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from studies.bounds import CLUTCHES, SEARCHED, SEED, Actuators, adapted, drawn_task, try_out
+from studies.clutch_use import clutch_use, episodes, stuck_clutches
 
 from pter_gym.benchmark.metrics import score_episodes
 from pter_gym.benchmark.pacing import find_policy
@@ -11,11 +13,9 @@ from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import bootstrap_interval
 from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import Impedance, SingleDof
-from pter_gym.envs.batch import Batch
+from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
-from pter_gym.experiments import bounds
-from pter_gym.experiments.bounds import CLUTCHES, SEARCHED, SEED, Actuators, adapted, drawn_task, try_out
-from pter_gym.experiments.clutch_use import clutch_use, episodes, stuck_clutches
+from pter_gym.paper.experiments import bounds
 from pter_gym.params import BASELINE
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.scenarios import PACES

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from pter_gym.experiments.claims import STATEMENTS, Claim, Statement, check
-from pter_gym.experiments.measures import paper_units, rank_correlation
-from pter_gym.experiments.time_constants import PAPER_TABLE
-from pter_gym.reproduce.figures import PRODUCTS
+from pter_gym.paper.experiments.claims import STATEMENTS, Claim, Statement, check
+from pter_gym.paper.experiments.measures import paper_units, rank_correlation
+from pter_gym.paper.experiments.time_constants import PAPER_TABLE
+from pter_gym.paper.reproduce.figures import PRODUCTS
 
 STRUCTURE = (
     "passive",

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from oracle.friction import LINE, W
-from pter_gym.experiments import holding, reversals, single_dof, step_response, torque_curves
-from pter_gym.experiments.holding import largest_load
-from pter_gym.experiments.pose import POSE, slip_rows, tip, tip_force
-from pter_gym.experiments.reversal import last_before_reversal
-from pter_gym.experiments.torque_curves import RAMP_TIME
+from pter_gym.paper.experiments import holding, reversals, single_dof, step_response, torque_curves
+from pter_gym.paper.experiments.holding import largest_load
+from pter_gym.paper.experiments.pose import POSE, slip_rows, tip, tip_force
+from pter_gym.paper.experiments.reversal import last_before_reversal
+from pter_gym.paper.experiments.torque_curves import RAMP_TIME
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, MACHINES, Machine, TorqueCurve
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.units import from_inch_pounds

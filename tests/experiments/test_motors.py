@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from studies.motors import on_motors, simulate_motors
 
 from pter_gym.benchmark.metrics import column, four, vector
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import Impedance, PaceSchedule, SingleDof, TorqueFeedback
 from pter_gym.controllers.laws import OMEGA_A, OMEGA_B
-from pter_gym.envs.batch import Batch
+from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
-from pter_gym.experiments.motors import on_motors, simulate_motors
-from pter_gym.operators import RELAXED, HumanArm, MultiSineHand
+from pter_gym.hands import RELAXED, HumanArm, MultiSineHand
 from pter_gym.params import BASELINE, Arm
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 

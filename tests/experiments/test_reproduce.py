@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pter_gym import cli
+from pter_gym.commands import main as cli
 from pter_gym.errors import ParameterError
-from pter_gym.experiments.claims import STATEMENTS
-from pter_gym.reproduce import results as results_module
-from pter_gym.reproduce.figures import PRODUCTS, files_of, find_products
-from pter_gym.reproduce.report import CHAPTERS
-from pter_gym.reproduce.results import results, write
-from pter_gym.reproduce.tables import csv_text, stacked
+from pter_gym.paper.experiments.claims import STATEMENTS
+from pter_gym.paper.reproduce import results as results_module
+from pter_gym.paper.reproduce.figures import PRODUCTS, files_of, find_products
+from pter_gym.paper.reproduce.report import CHAPTERS
+from pter_gym.paper.reproduce.results import results, write
+from pter_gym.paper.reproduce.tables import csv_text, stacked
 from pter_gym.units import to_inch_pounds, to_inches
 
 UNITS = ("_s", "_m", "_in", "_nm", "_in_lbf", "_v", "_m_s", "_in_s", "_m_s2", "_in_s2", "_rad_s", "_1", "_per_nm")

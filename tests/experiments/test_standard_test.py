@@ -8,8 +8,8 @@ import pytest
 from pter_gym.benchmark import run_standard_test
 from pter_gym.controllers import Impedance, TorqueFeedback
 from pter_gym.errors import ParameterError
-from pter_gym.experiments import Setup, gain_sweep, line_following, table1, time_constant_sweep
-from pter_gym.experiments.time_constants import PAPER_TABLE, TableRow, peak_torque, with_equal_peaks
+from pter_gym.paper.experiments import Setup, gain_sweep, line_following, table1, time_constant_sweep
+from pter_gym.paper.experiments.time_constants import PAPER_TABLE, TableRow, peak_torque, with_equal_peaks
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, MACHINES
 from pter_gym.units import INCH_POUND
 

@@ -14,22 +14,18 @@ PACKAGE = Path(pter_gym.__file__).parent
 
 # from the foundation up: a room imports from itself and from the rows before its own, never from its neighbours
 ORDER = (
-    ("_version", "errors", "units", "layout", "files", "palette", "_jit", "vector_checker"),
-    ("preset",),
-    ("_philox", "params", "tables", "terminal"),
+    ("_version", "_moved", "errors", "units"),
+    ("internal", "compiled"),
+    ("params",),
     ("physics",),
-    ("operators", "paths", "controllers", "open_loop"),
+    ("hands", "paths"),
     ("tasks",),
-    ("randomisation",),
     ("scenarios",),
-    ("codec", "policies", "render"),
+    ("policies", "render"),
+    ("engine", "controllers"),
     ("envs",),
-    ("predictive",),
-    ("benchmark", "sb3"),
-    ("demonstrations", "experiments", "tuning"),
-    ("plots",),
-    ("reproduce",),
-    ("cli",),
+    ("benchmark", "tuning", "speed", "plots", "paper"),
+    ("commands",),
     ("__init__", "__main__"),
 )
 LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
@@ -108,14 +104,14 @@ def test_the_check_sees_a_wrong_import(tmp_path: Path, monkeypatch: pytest.Monke
     (package / "physics").mkdir(parents=True)
     wrong = package / "physics" / "arm.py"
     wrong.write_text(
-        "from ..envs import single\nfrom . import friction\nimport pter_gym.tasks\nfrom pter_gym import cli\n"
+        "from ..envs import single\nfrom . import friction\nimport pter_gym.tasks\nfrom pter_gym import commands\n"
     )
     monkeypatch.setattr(sys.modules[__name__], "PACKAGE", package)
     assert set(imported_modules(wrong)) == {
         "pter_gym.envs",
         "pter_gym.physics",
         "pter_gym.tasks",
-        "pter_gym.cli",
+        "pter_gym.commands.main",
     }
 
 

@@ -35,7 +35,7 @@ def test_packages_are_typed(package: str):
 
 def test_command_is_installed():
     (command,) = importlib.metadata.entry_points(group="console_scripts", name="pter")
-    assert command.value == "pter_gym.cli:main"
+    assert command.value == "pter_gym.commands.main:main"
 
 
 def test_every_dependency_has_a_tested_version():

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 from mujoco import rollout
 
-from pter_gym.benchmark.speed.mujoco_arm import RATIOS, ArmNumbers, build, to_joint_torque, to_joints, to_links
-from pter_gym.envs.batch import Batch
-from pter_gym.envs.world import SKIP
-from pter_gym.open_loop import initial_state, simulate
-from pter_gym.operators import MultiSineHand
+from pter_gym.engine.batch import Batch
+from pter_gym.engine.world import SKIP
+from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Clutch, Hand
+from pter_gym.physics.open_loop import initial_state, simulate
+from pter_gym.speed.mujoco_arm import RATIOS, ArmNumbers, build, to_joint_torque, to_joints, to_links
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 STEPS = 2000

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from figures.classical import FULL, INSTANTS, STUCK, arm_and_deviation, clutches_along_path
 from matplotlib.colors import to_hex
+from studies.clutch_use import episodes
 
 from pter_gym.benchmark.metrics import column, four, vector
-from pter_gym.experiments.clutch_use import episodes
 from pter_gym.params import BASELINE
-from pter_gym.plots.classical import FULL, INSTANTS, STUCK, arm_and_deviation, clutches_along_path
 from pter_gym.plots.style import png
 from pter_gym.tasks.path_following import PathFollowing
 

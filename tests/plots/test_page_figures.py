@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from figures.pages import LOOKS, Score, clutches_over_time, error_against_commanded_pace, spread
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from pter_gym.benchmark.statistics import Interval
 from pter_gym.physics.friction import ClutchMode
-from pter_gym.plots.pages import LOOKS, Score, clutches_over_time, error_against_commanded_pace, spread
 from pter_gym.plots.style import png
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import TELEMETRY

@@ -17,7 +17,7 @@ from safetensors.numpy import save as save_tensors
 from pter_gym.benchmark import PACES, ResultsFolder, find_policy, run_scenario
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import find_tuned
-from pter_gym.envs.batch import Batch
+from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import (

@@ -37,7 +37,7 @@ def finished(storage: Path) -> list[int]:
 
 def command(storage: Path, *arguments: str) -> list[str]:
     given = ["tune", "impedance", "--pace", "brisk", "--episodes", "4", "--storage", str(storage), *arguments]
-    return [sys.executable, "-m", "pter_gym.cli", *given]
+    return [sys.executable, "-m", "pter_gym.commands.main", *given]
 
 
 @pytest.mark.parametrize("controller", [Impedance(), SingleDof(), Locked()], ids=lambda c: type(c).__name__)
@@ -205,7 +205,7 @@ def test_the_search_opens_no_evaluation_episodes(tmp_path: Path) -> None:
         "import sys\n"
         "opened = []\n"
         "sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event == 'open' else None)\n"
-        "from pter_gym.cli import main\n"
+        "from pter_gym.commands.main import main\n"
         f"assert main({command(tmp_path / 'trials.db', '--trials', '2')[3:]!r}) == 0\n"
         "assert any(name.endswith('trials.db') or name.endswith('.py') for name in opened)\n"
         "assert not [name for name in opened if 'episodes' in name.replace(chr(92), '/').split('/')], opened\n"

@@ -22,7 +22,7 @@ from pter_gym.controllers import (
     laws,
 )
 from pter_gym.controllers.gains import table_voltage
-from pter_gym.envs.batch import Batch
+from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing, observation_layout

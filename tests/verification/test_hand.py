@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pter_gym.controllers import Free
-from pter_gym.envs.batch import Batch
+from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
-from pter_gym.operators import EQ5_FREQUENCIES, MultiSineHand, eq5
+from pter_gym.hands import EQ5_FREQUENCIES, MultiSineHand, eq5
 from pter_gym.params import BASELINE, Arm
 from pter_gym.tasks.path_following import T_FORCE, T_TIME, PathFollowing
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pter_gym.envs.batch import Batch
+from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Arc, Circle, Line, Path, Polyline, Sine, Spline, read_path

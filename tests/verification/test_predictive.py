@@ -8,16 +8,16 @@ import pytest
 from pter_gym.benchmark.metrics import score
 from pter_gym.benchmark.simulation import simulate_alone
 from pter_gym.controllers import Free, SingleDof
-from pter_gym.envs.batch import Batch
-from pter_gym.envs.world import ARC_LENGTH, DRIVE, REACHED, SUCCESS, TERMINATED
+from pter_gym.controllers.predictive import Honest, Planner, Privileged, Settings
+from pter_gym.controllers.predictive.hand import HandModel
+from pter_gym.controllers.predictive.honest import Belief, known_part
+from pter_gym.controllers.predictive.planner import PLANS, SPEED_ALONG, play
+from pter_gym.engine.batch import Batch
+from pter_gym.engine.world import ARC_LENGTH, DRIVE, REACHED, SUCCESS, TERMINATED
 from pter_gym.errors import ParameterError
-from pter_gym.operators import RecordedForces
+from pter_gym.hands import RecordedForces
 from pter_gym.params import BASELINE
 from pter_gym.physics.model import LAGGED_VOLTS
-from pter_gym.predictive import Honest, Planner, Privileged, Settings
-from pter_gym.predictive.hand import HandModel
-from pter_gym.predictive.honest import Belief, known_part
-from pter_gym.predictive.planner import PLANS, SPEED_ALONG, play
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import T_SUCCESS, T_TERMINATED, T_VOLTS, PathFollowing, Sensing, observation_layout
 

@@ -1,0 +1,103 @@
+"""Put the leaderboards of a results folder into the docs and README.md: `python docs/make/scenario_pages.py RESULTS`.
+
+It reads `benchmark.json` alone. Of several numbers of episodes of a scenario at a pace, the largest counts; README's
+picture shows each policy on the most episodes that it has.
+"""
+
+import sys
+from pathlib import Path
+
+from figures.pages import LOOKS, Score, error_against_commanded_pace
+from pages import LEFT_OUT, ROOT, joined, read_boards, write_block
+
+from pter_gym.benchmark.statistics import Interval
+from pter_gym.plots import save
+from pter_gym.policies import shipped_policies
+from pter_gym.scenarios import PACES, SCENARIOS
+
+DOCS = ROOT / "docs" / "scenarios"
+PICTURE = ROOT / "docs" / "images" / "error-against-pace.png"
+PICTURED = "standard"
+PRIVILEGED = "predictive"  # knows what no robot can, so it is no part of the suite
+HEAD = """| | Policy | Path error [mm] | Arrives [%] | Mean pace off [%] | Segments off [%] | RMS acceleration [m/s²] |
+|---|---|---|---:|---:|---:|---:|
+"""
+
+
+def row(name: str, s: dict) -> str:
+    """One policy's line."""
+    low, value, high = (1000 * s["path_error_m"][key] for key in ("low", "value", "high"))
+    percent = [f"{100 * s[key]['value']:.3g}" for key in ("completed", "mean_pace_error", "segment_pace_error")]
+    rank = "–" if s["rank"] is None else s["rank"]
+    acceleration = f"{s['rms_acceleration_m_s2']['value']:.2f}"
+    error = joined(f"{value:.1f} ({low:.1f} … {high:.1f})")
+    return f"| {rank} | `{name}` | {error} | {' | '.join(percent)} | {acceleration} |\n"
+
+
+def section(board: dict) -> str:
+    """One leaderboard, and in words why some have no rank."""
+    text = f"## {board['pace'].capitalize()}: {board['pace_m_s']:g} m/s, {board['episodes']} episodes\n\n{HEAD}"
+    text += "".join(row(name, scores) for name, scores in board["policies"].items())
+    below = [f"- `{name}` {scores['reason']}." for name, scores in board["policies"].items() if scores["reason"]]
+    return text + ("\nBelow the line:\n\n" + "\n".join(below) + "\n" if below else "")
+
+
+def summary(boards: list[dict]) -> str:
+    """One line for each policy, one column for each scenario."""
+    scenarios = [name for name in SCENARIOS if any(board["scenario"] == name for board in boards)]
+    first = next(board["policies"] for board in boards if board["scenario"] == scenarios[0])
+    names = [name for name in first if name not in (*LEFT_OUT, PRIVILEGED)]
+    lines = [f"| Policy | {' | '.join(f'`{each}`' for each in scenarios)} |\n|---|{'---|' * len(scenarios)}\n"]
+    for name in sorted(names, key=lambda name: first[name]["path_error_m"]["value"]):
+        cells = []
+        for scenario in scenarios:
+            own = [board["policies"] for board in boards if board["scenario"] == scenario]
+            found = [policies[name] for policies in own if name in policies]
+            errors = [f"{1000 * s['path_error_m']['value']:.1f}" for s in found]
+            cells.append(", ".join(e if s["rank"] else f"({e})" for e, s in zip(errors, found, strict=True)))
+        lines.append(f"| `{name}` | {' | '.join(cells)} |\n")
+    return "".join(lines)
+
+
+def largest(boards: list[dict]) -> list[dict]:
+    """For each scenario and pace the leaderboard on the most episodes, in the order given."""
+    best: dict[tuple[str, str], dict] = {}
+    for board in sorted(boards, key=lambda board: board["episodes"]):
+        best[board["scenario"], board["pace"]] = board
+    return [board for board in boards if best[board["scenario"], board["pace"]] is board]
+
+
+def fronts(boards: list[dict]) -> dict[str, list[Score]]:
+    """Scores at all paces by policy, each on the most episodes that it has."""
+    names = {name for board in boards for name in board["policies"]} & {*LOOKS, *shipped_policies()}
+    found: dict[str, list[Score]] = {}
+    for name in sorted(names):
+        own = largest([board for board in boards if name in board["policies"]])
+        for board in sorted(own, key=lambda board: board["pace_m_s"]):
+            s = board["policies"][name]
+            error = Interval(**s["path_error_m"])
+            found.setdefault(name, []).append(Score(board["pace_m_s"], error, s["rank"] is not None))
+    return {name: front for name, front in found.items() if len(front) == len(PACES)}
+
+
+def draw(boards: list[dict]) -> None:
+    """README's picture of one scenario."""
+    shown = fronts(boards)
+    count = max(board["episodes"] for board in boards)
+    title = f"{PICTURED}: path error against commanded pace, {count} episodes, 95 % intervals"
+    for name in shown:
+        own = max(board["episodes"] for board in boards if name in board["policies"])
+        title += f"\n{name}: {own} episodes" if own < count else ""
+    save(error_against_commanded_pace(shown, title), PICTURE)
+    print(f"wrote {PICTURE}")
+
+
+every = read_boards(Path(sys.argv[1]))
+boards = largest(every)
+for scenario in sorted({board["scenario"] for board in boards}):
+    found = "\n".join(section(board) for board in boards if board["scenario"] == scenario)
+    write_block(DOCS / f"{scenario}.md", "scores", found)
+    print(DOCS / f"{scenario}.md")
+write_block(ROOT / "README.md", "suite", summary(boards))
+if any(board["scenario"] == PICTURED for board in boards):
+    draw([board for board in every if board["scenario"] == PICTURED])

@@ -1,0 +1,58 @@
+"""Where modules have moved since version 0.1.0: their old names still import."""
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import spec_from_loader
+from types import MappingProxyType, ModuleType
+
+MOVED = MappingProxyType(
+    {
+        "pter_gym.cli": "pter_gym.commands.main",
+        "pter_gym.demonstrations": "pter_gym.benchmark.demonstrations",
+        "pter_gym.envs.batch": "pter_gym.engine.batch",
+        "pter_gym.experiments": "pter_gym.paper.experiments",
+        "pter_gym.layout": "pter_gym.compiled.layout",
+        "pter_gym.open_loop": "pter_gym.physics.open_loop",
+        "pter_gym.operators": "pter_gym.hands",
+        "pter_gym.plots.paper": "pter_gym.paper.plots",
+        "pter_gym.predictive": "pter_gym.controllers.predictive",
+        "pter_gym.randomisation": "pter_gym.scenarios.randomisation",
+        "pter_gym.reproduce": "pter_gym.paper.reproduce",
+        "pter_gym.sb3": "pter_gym.envs.sb3",
+        "pter_gym.vector_checker": "pter_gym.envs.checker",
+    }
+)
+"""New name of each module by its old one."""
+
+
+class _OldNames(MetaPathFinder, Loader):
+    """Finds a module under its old name: the very module, not a copy."""
+
+    def find_spec(
+        self,
+        fullname: str,
+        path: Sequence[str] | None,  # noqa: ARG002
+        target: ModuleType | None = None,  # noqa: ARG002
+    ) -> ModuleSpec | None:
+        """Return a spec for an old name, None for any other."""
+        return spec_from_loader(fullname, self) if fullname in MOVED else None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        """Return the module under its new name."""
+        module = import_module(MOVED[spec.name])
+        spec.loader_state = module.__spec__
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Give the module its own spec back, which the import system has replaced."""
+        spec = module.__spec__
+        if spec is not None:
+            module.__spec__ = spec.loader_state
+
+
+def find_old_names() -> None:
+    """Let old names of modules be imported."""
+    sys.meta_path.append(_OldNames())

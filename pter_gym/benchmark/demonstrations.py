@@ -1,0 +1,229 @@
+"""Episodes of named policies on training draws, as one file: what they saw, what they did, and their scores.
+
+The file is a NumPy archive without pickles. ``read_demonstrations`` checks sizes, names, types and numbers before
+anybody uses them. Observations are those with force sensors, whose first entries are those with fewer sensors.
+"""
+
+import io
+import json
+import platform
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._version import __version__
+from pter_gym.benchmark.metrics import SCORES, score
+from pter_gym.benchmark.pacing import PerPace, find_policy
+from pter_gym.benchmark.simulation import Episode, simulate_alone, time_limit
+from pter_gym.errors import DataError, ParameterError
+from pter_gym.internal.files import write_bytes_atomic
+from pter_gym.params import BASELINE
+from pter_gym.scenarios import find_scenario
+from pter_gym.tasks.path_following import observation_layout
+
+ENTRIES = observation_layout(BASELINE, "force").names
+"""Names of the entries of an observation."""
+
+NAMES = ("policy", "scenario", "pace")
+"""What each episode is called by."""
+
+ROWS = {"obs": len(ENTRIES), "volts": 4}
+"""Arrays with one row for each decision, and their entries."""
+
+MOST_FILE, MOST_UNPACKED = 1 << 26, 1 << 28
+"""Largest file, and largest content of it [B]."""
+
+
+@dataclass(frozen=True)
+class Demonstrations:
+    """Episodes of policies; N decisions in E episodes.
+
+    Attributes
+    ----------
+    obs
+        What was seen, float32 (N, entries), each entry relative to its scale; ``info["entries"]`` names them.
+    volts
+        What was decided then [V], float32 (N, 4).
+    starts, ends
+        An episode has the rows from its start to before its end, int64 (E,).
+    policies, scenarios, paces
+        Names, one for each episode.
+    draws
+        Numbers of the training draws, int64 (E,); policies have the same draws.
+    scores
+        The fields of ``Score`` by name, (E,) each.
+    info
+        The command that made them, the versions, the names of the entries.
+    """
+
+    obs: NDArray[np.float32]
+    volts: NDArray[np.float32]
+    starts: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    policies: tuple[str, ...]
+    scenarios: tuple[str, ...]
+    paces: tuple[str, ...]
+    draws: NDArray[np.int64]
+    scores: dict[str, NDArray[Any]]
+    info: dict[str, Any]
+
+    def __len__(self) -> int:
+        """Return the number of episodes."""
+        return len(self.starts)
+
+
+def record(
+    policies: Sequence[str],
+    scenarios: Sequence[str],
+    paces: Sequence[str],
+    *,
+    episodes: int,
+    seed: int = 0,
+    on_episode: Callable[[], None] = lambda: None,
+) -> Demonstrations:
+    """Simulate policies on training draws; the stored evaluation episodes are never read.
+
+    Parameters
+    ----------
+    policies, scenarios, paces
+        Names, as in ``pter benchmark``.
+    episodes
+        Training draws for each scenario and pace, at least 1; all policies have the same.
+    seed
+        Of the draws, at least 0.
+    on_episode
+        Called after each episode.
+
+    Raises
+    ------
+    ParameterError
+        If a name is unknown or missing, or a number is out of range.
+    """
+    for field, given in (("policies", policies), ("scenarios", scenarios), ("paces", paces)):
+        if not given:
+            raise ParameterError(f"{field} must hold at least one name")
+    for field, number, least in (("episodes", episodes, 1), ("seed", seed, 0)):
+        if number < least:
+            raise ParameterError(f"{field} must be a whole number ≥ {least}, got {number!r}")
+    named = [(name, scenario, find_policy(name, scenario=scenario)) for scenario in scenarios for name in policies]
+    drawn = {
+        (scenario, pace): find_scenario(scenario).randomisation(pace, contexts=episodes, seed=seed).pairs()
+        for scenario in scenarios
+        for pace in paces
+    }
+    kept: list[Episode] = []
+    labels: list[tuple[str, str, str]] = []
+    scores: list[Any] = []
+    for name, scenario, policy in named:
+        for pace in paces:
+            here: Any = policy.at(pace) if isinstance(policy, PerPace) else policy
+            for k, (machine, task) in enumerate(drawn[scenario, pace]):
+                episode = simulate_alone(here, machine, task, seed * episodes + k, time_limit(task))
+                kept.append(episode)
+                labels.append((name, scenario, pace))
+                scores.append(score(episode.telemetry, task, voltage_max=machine.clutch.voltage_max))
+                on_episode()
+    ends = np.cumsum([len(episode.volts) for episode in kept])
+    names = tuple(zip(*labels, strict=True))
+    return Demonstrations(
+        obs=np.concatenate([episode.obs[:-1] for episode in kept]),
+        volts=np.concatenate([episode.volts for episode in kept]),
+        starts=np.concatenate([[0], ends[:-1]]).astype(np.int64),
+        ends=ends.astype(np.int64),
+        policies=names[0],
+        scenarios=names[1],
+        paces=names[2],
+        draws=np.tile(np.arange(episodes, dtype=np.int64), len(kept) // episodes),
+        scores={name: np.array([getattr(found, name) for found in scores]) for name in SCORES},
+        info={
+            "command": (
+                f"pter record --policies {','.join(policies)} --scenarios {','.join(scenarios)} "
+                f"--paces {','.join(paces)} --episodes {episodes} --seed {seed}"
+            ),
+            "version": __version__,
+            "numpy": np.__version__,
+            "python": platform.python_version(),
+            "entries": list(ENTRIES),
+        },
+    )
+
+
+def write_demonstrations(found: Demonstrations, path: Path) -> None:
+    """Write demonstrations to a file, whole or not at all; its folder must exist."""
+    buffer = io.BytesIO()
+    arrays: dict[str, Any] = {
+        **{name: getattr(found, name) for name in (*ROWS, "starts", "ends", "draws")},
+        **{name: np.array(getattr(found, _plural(name))) for name in NAMES},
+        **{f"score_{name}": values for name, values in found.scores.items()},
+        "info": np.array(json.dumps(found.info)),
+    }
+    np.savez_compressed(buffer, **arrays)
+    write_bytes_atomic(path, buffer.getvalue())
+
+
+def read_demonstrations(path: Path) -> Demonstrations:
+    """Return the demonstrations in a file.
+
+    Raises
+    ------
+    DataError
+        If the file is missing, too large, or not what ``write_demonstrations`` wrote; nothing in it was executed.
+    """
+    try:
+        arrays = _arrays(path)
+        info = json.loads(str(arrays.pop("info")))
+        scores = {name: arrays.pop(f"score_{name}") for name in SCORES}
+        names: dict[str, Any] = {_plural(name): tuple(arrays.pop(name).tolist()) for name in NAMES}
+        found = Demonstrations(**cast("dict[str, Any]", arrays), **names, scores=scores, info=info)
+        _check(found)
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        raise DataError(f"demonstrations {path} are refused: {error}") from None
+    return found
+
+
+def _plural(name: str) -> str:
+    return "policies" if name == "policy" else f"{name}s"
+
+
+def _arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the arrays of an archive; names and sizes are looked at before anything is unpacked."""
+    size = path.stat().st_size
+    if size > MOST_FILE:
+        raise ValueError(f"a file must have at most {MOST_FILE} B, it has {size}")
+    expected = {*ROWS, "starts", "ends", "draws", *NAMES, *(f"score_{name}" for name in SCORES), "info"}
+    with zipfile.ZipFile(path) as archive:
+        parts = archive.infolist()
+    if sorted(part.filename for part in parts) != sorted(f"{name}.npy" for name in expected):
+        raise ValueError(f"it must hold {', '.join(sorted(expected))}")
+    if (unpacked := sum(part.file_size for part in parts)) > MOST_UNPACKED:
+        raise ValueError(f"its content must have at most {MOST_UNPACKED} B, it has {unpacked}")
+    with np.load(path, allow_pickle=False) as archive:
+        return {name: archive[name] for name in expected}
+
+
+def _check(found: Demonstrations) -> None:
+    """Raise a ValueError unless rows, episodes, names and scores go together."""
+    rows, episodes = len(found.obs), len(found)
+    for name, width in ROWS.items():
+        array = getattr(found, name)
+        if array.dtype != np.float32 or array.shape != (rows, width) or not np.isfinite(array).all():
+            raise ValueError(f"{name} must be finite numbers of float32 with the shape ({rows}, {width})")
+    for name in ("starts", "ends", "draws"):
+        array = getattr(found, name)
+        if array.dtype != np.int64 or array.shape != (episodes,):
+            raise ValueError(f"{name} must be int64 with the shape ({episodes},)")
+    follows = np.array_equal(found.starts, np.concatenate([[0], found.ends[:-1]])) and (found.ends > found.starts).all()
+    if episodes == 0 or not follows or found.ends[-1] != rows:
+        raise ValueError("episodes must follow each other without gaps, from the first row to the last")
+    if any(len(getattr(found, _plural(name))) != episodes for name in NAMES):
+        raise ValueError(f"there must be {episodes} names of each kind")
+    for name, values in found.scores.items():
+        if values.shape != (episodes,) or values.dtype.kind not in "bf" or not np.isfinite(values).all():
+            raise ValueError(f"score_{name} must be {episodes} finite numbers")
+    if not isinstance(found.info, dict) or found.info.get("entries") != list(ENTRIES):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise ValueError("info must name the entries of the observation")

@@ -1,0 +1,1 @@
+"""``pter``: one file for each command."""

@@ -1,0 +1,141 @@
+"""What can be known: a predictive controller on the nominal machine, from what the observation holds.
+
+It knows path and pace, which it was commanded, and the nominal machine. The pose and the velocities it takes from the
+observation, the torques of the clutches from the voltages that it sent and the torque sensors, and what the hand will
+do from the forces that it has measured so far.
+"""
+
+import math
+
+import numpy as np
+
+from pter_gym.compiled.layout import Layout
+from pter_gym.controllers import Controller
+from pter_gym.controllers.predictive.hand import HandModel
+from pter_gym.controllers.predictive.planner import Array, Observations, Planner, Settings
+from pter_gym.engine.batch import Batch
+from pter_gym.engine.world import ALIVE, ARC_LENGTH, COMMAND, CURVATURE, DRIVE, ERROR, HEADING, REACHED, SEGMENT, TORQUE
+from pter_gym.hands import RecordedForces
+from pter_gym.params import BASELINE
+from pter_gym.physics.arm import Motion
+from pter_gym.physics.friction import slip_velocities
+from pter_gym.physics.model import BREAKAWAY, DYNAMIC, store_motion
+from pter_gym.tasks.path_following import PathFollowing, observation_layout, substeps
+
+NOMINAL = BASELINE
+"""The machine that the controller believes in."""
+
+SLIPPING = 0.05
+"""Slip velocity [rad/s] from which on a clutch's sensor tells its dynamic torque."""
+
+
+def known_part(task: PathFollowing, horizon: int) -> PathFollowing:
+    """Return what a controller may know of a task: path, pace and workspace; the hand is a recording to be filled."""
+    times = tuple(task.control_period * k for k in range(horizon + 1))
+    nothing = (0.0,) * len(times)
+    return PathFollowing(
+        path=task.path,
+        pace=task.pace,
+        control_period=task.control_period,
+        error_max=task.error_max,
+        singularity_margin=task.singularity_margin,
+        hand=RecordedForces(times=times, along=nothing, across=nothing),
+    )
+
+
+def motion_seen(see: dict[str, float]) -> Motion:
+    """Return the arm's motion from the entries of an observation in their units; unit vectors are made so again."""
+    size_a = math.hypot(see["cos_a"], see["sin_a"])
+    size_b = math.hypot(see["cos_b"], see["sin_b"])
+    return Motion(
+        math.atan2(see["sin_a"], see["cos_a"]),
+        math.atan2(see["sin_b"], see["cos_b"]),
+        see["omega_a"],
+        see["omega_b"],
+        see["cos_a"] / size_a,
+        see["sin_a"] / size_a,
+        see["cos_b"] / size_b,
+        see["sin_b"] / size_b,
+    )
+
+
+class Belief:
+    """The state of a world as an observer believes it to be.
+
+    Parameters
+    ----------
+    task
+        From ``known_part``.
+    """
+
+    def __init__(self, task: PathFollowing) -> None:
+        self.layout: Layout = observation_layout(NOMINAL, "force")
+        self.task = task
+        self.arcs = task.path.arcs
+        model = Batch(NOMINAL, task, 1)
+        model.reset([0])
+        self.rows: Array = model.get_state()["worlds"][0, :, 0]
+        self.decay = float(np.exp(-task.control_period / NOMINAL.clutch.time_constant))
+        self.count = substeps(task, NOMINAL)
+        self.ratio = NOMINAL.clutch.breakaway.slope / NOMINAL.clutch.dynamic.slope
+        self.dynamic = np.zeros(4)
+        self.reached = 0.0
+
+    def update(self, obs: Observations) -> None:
+        """Take the observation of a control instant, (entries,), into ``rows``."""
+        see = {name: float(self.layout.physical(obs, name)) for name in self.layout.names}
+        volts = np.array([see[f"volts_{x}"] for x in range(1, 5)])
+        torques = np.array([see[f"torque_{x}"] for x in range(1, 5)])
+        steady = np.array([NOMINAL.clutch.dynamic.torque(v) for v in volts])
+        self.dynamic = steady + (self.dynamic - steady) * self.decay
+        slips = np.abs(slip_velocities(see["omega_a"], see["omega_b"])) > SLIPPING
+        self.dynamic[slips] = np.abs(torques[slips])
+        arc_length = see["progress"] * self.task.path.length
+        self.reached = max(self.reached, arc_length)
+        rows = self.rows
+        store_motion(rows[:, None], 0, motion_seen(see))
+        rows[BREAKAWAY : BREAKAWAY + 4] = self.ratio * self.dynamic
+        rows[DYNAMIC : DYNAMIC + 4] = self.dynamic
+        rows[COMMAND : COMMAND + 4] = volts
+        rows[TORQUE : TORQUE + 4] = torques
+        rows[ALIVE] = 1.0
+        rows[ARC_LENGTH], rows[ERROR], rows[REACHED] = arc_length, see["normal_error"], self.reached
+        rows[HEADING : HEADING + 2] = see["heading_cos"], see["heading_sin"]
+        rows[CURVATURE] = see["curvature"]
+        rows[SEGMENT] = self.arcs.numbers_at(arc_length)
+
+    def expect(self, forces: Array) -> None:
+        """Take the forces that the hand will exert, (T, 2) [N]: the row of what drives the first control step."""
+        self.rows[DRIVE : DRIVE + 2] = forces[0]
+        self.rows[DRIVE + 2 : DRIVE + 4] = (forces[1] - forces[0]) / self.count
+
+
+class HonestPlanner:
+    """Plans for one world from its observations alone.
+
+    Parameters
+    ----------
+    settings
+        Of the method.
+    task
+        Its path, pace and workspace are used, and nothing else.
+    guide
+        As for ``Planner``.
+    """
+
+    def __init__(self, settings: Settings, task: PathFollowing, guide: Controller) -> None:
+        known = known_part(task, settings.horizon)
+        self.belief = Belief(known)
+        self.hand = HandModel(task.control_period, settings.horizon + 1)
+        self.planner = Planner(settings, NOMINAL, known, guide)
+
+    def decide(self, obs: Observations) -> Array:
+        """Return the voltages for the next control step, (4,), from an observation with force sensors, (entries,)."""
+        self.belief.update(obs)
+        layout = self.belief.layout
+        forces = self.hand.forecast(
+            float(layout.physical(obs, "force_along")), float(layout.physical(obs, "force_across"))
+        )
+        self.belief.expect(forces)
+        self.planner.record_forces(forces)
+        return self.planner.decide(self.belief.rows, obs)

@@ -1,0 +1,379 @@
+"""The block kernel: whole control steps of many worlds on a CPU.
+
+Worlds are stored in blocks of up to 64 lanes, (blocks, rows, lanes). A block is copied into one scratch array, whose
+innermost loops over lanes are vectorised, and back; the constants of its worlds are read from where they stand once for
+all worlds that share them. Lanes without a world hold zeros and the constants of another.
+"""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from pter_gym.compiled.compiler import compile_kernel, device, inlined
+from pter_gym.controllers.laws import built_in
+from pter_gym.engine.world import (
+    ALIVE,
+    BASIC_ROWS,
+    CHANGING_ROWS,
+    CONTEXT_AT,
+    CROSSING,
+    DRAWS,
+    HAS_LAW,
+    HIGH,
+    LANES,
+    LIMIT,
+    LOW,
+    NEXT_STEP,
+    PARAM,
+    SCALES,
+    SCRATCH_ROWS,
+    SLACK,
+    SUBSTEP,
+    SUBSTEPS,
+    aim_torques,
+    catch_crossing,
+    end_step,
+    find_velocity,
+    given_volts,
+    guide_tip,
+    has_begun,
+    is_refused,
+    judge_step,
+    locate,
+    move_arm,
+    observe_reading,
+    observe_world,
+    plan_hand,
+    plans,
+    push_tip,
+    record_reset,
+    see,
+    sense_torques,
+    start_episode,
+    take_command,
+    take_context,
+    take_reading,
+    write_observation,
+)
+from pter_gym.physics.model import VOLTAGE_DECAY, VOLTAGE_MAX
+from pter_gym.tasks.path_following import PARAM_ROWS, SENSES_IDEALLY
+
+law: Any = built_in
+"""The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
+
+
+@inlined
+def _scratch() -> Any:
+    """Return room for a block whose rows begin at cache lines: across two, eight numbers take twice as long."""
+    room = np.empty((SCRATCH_ROWS, LANES + 8))
+    return room[:, -room.ctypes.data % 64 // 8 :]
+
+
+@device
+def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: int) -> int:
+    """Return the first world whose step is refused, or −1."""
+    width = worlds.shape[2]
+    for b in range(worlds.shape[0]):
+        begin = b * width
+        lanes = min(width, actions.shape[0] - begin)
+        count = 0
+        for i in range(lanes):
+            count += 1 if is_refused(worlds[b, ALIVE, i], actions, low, high, ended, begin + i) else 0
+        if count > 0:
+            for i in range(lanes):
+                if is_refused(worlds[b, ALIVE, i], actions, low, high, ended, begin + i):
+                    return begin + i
+    return -1
+
+
+@device
+def _gather(w: Any, worlds: Any, b: int) -> None:
+    """Read the stored rows of all lanes of a block."""
+    for row in range(worlds.shape[1]):
+        for i in range(worlds.shape[2]):
+            w[row, i] = worlds[b, row, i]
+
+
+@device
+def _clear(w: Any, worlds: Any) -> None:
+    """Set the rows that are not stored to zero."""
+    for row in range(worlds.shape[1], CHANGING_ROWS):
+        for i in range(worlds.shape[2]):
+            w[row, i] = 0.0
+
+
+@device
+def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
+    """Read the constants of all lanes; those of ``present`` are there. Return whose they are, or −1 for several."""
+    first = w[CONTEXT_AT, 0]
+    others = 0
+    for i in range(width):
+        others += 1 if w[CONTEXT_AT, i] != first else 0
+    if others > 0:
+        for i in range(width):
+            take_context(w, i, constants)
+        return -1.0
+    if first != present:
+        begin = int(first)
+        for row in range(PARAM_ROWS):
+            value = constants[begin + row]
+            for i in range(width):
+                w[PARAM + row, i] = value
+    return first
+
+
+@device
+def _scatter(w: Any, i: int, worlds: Any, b: int) -> None:
+    """Write lane i back to its block."""
+    for row in range(worlds.shape[1]):
+        worlds[b, row, i] = w[row, i]
+
+
+@device
+def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
+    """Write the lanes that are alive back to their block."""
+    if _count(w, ALIVE, lanes) == lanes:
+        for row in range(worlds.shape[1]):
+            for i in range(lanes):
+                worlds[b, row, i] = w[row, i]
+    else:
+        for i in range(lanes):
+            if w[ALIVE, i] != 0.0:
+                _scatter(w, i, worlds, b)
+
+
+@device
+def _count(w: Any, row: int, lanes: int) -> int:
+    """Return how many lanes are not zero in a row."""
+    count = 0
+    for i in range(lanes):
+        count += 1 if w[row, i] != 0.0 else 0
+    return count
+
+
+@device
+def _sense(w: Any, lanes: int, h: float) -> None:
+    """Find the generated torques of all lanes."""
+    for i in range(lanes):
+        sense_torques(w, i, h)
+
+
+@device
+def _after_resets(w: Any, lanes: int, present: float) -> float:
+    """Return ``present``, or −1 where a lane may have drawn other constants."""
+    drawing = 0
+    for i in range(lanes):
+        drawing += 1 if w[DRAWS, i] != 1.0 else 0
+    return present if drawing == 0 else -1.0
+
+
+@device
+def _catch(w: Any, lanes: int, h: float) -> None:
+    """Apply the crossing rule to the lanes that need it."""
+    for i in range(lanes):
+        if w[CROSSING, i] != 0.0:
+            catch_crossing(w, i, h)
+
+
+@device
+def _substep(w: Any, lanes: int, h: float, period: float, aims: bool, guides: bool) -> None:
+    """Advance all lanes by one substep.
+
+    ``aims`` says that the steady torques may have changed, ``guides`` that hands have more than a push and sines.
+    """
+    if aims:
+        for i in range(lanes):
+            aim_torques(w, i, period)
+    for i in range(lanes):
+        push_tip(w, i)
+    if guides:
+        for i in range(lanes):
+            guide_tip(w, i, h)
+    for i in range(lanes):
+        find_velocity(w, i, h)
+    if _count(w, CROSSING, lanes) > 0:  # rare: in a few blocks out of a hundred
+        _catch(w, lanes, h)
+    for i in range(lanes):
+        move_arm(w, i, h)
+
+
+@device
+def _goes_on(w: Any, lanes: int, ended: int) -> bool:
+    """Tell whether there is anything to do for a block."""
+    return ended == NEXT_STEP or _count(w, ALIVE, lanes) > 0
+
+
+@device
+def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high: float) -> None:
+    """Begin a control step with the actions of the worlds from ``begin`` on."""
+    for i in range(lanes):
+        take_command(w, i, given_volts(actions, begin + i, low, w[PARAM + VOLTAGE_MAX, i] / (high - low)))
+
+
+@device
+def _plan(w: Any, lanes: int, constants: Any, config: Any) -> None:
+    """Say what the hands of all lanes do by themselves in the next control step."""
+    for i in range(lanes):
+        if plans(w, i):
+            plan_hand(w, i, constants, config[SUBSTEP] * config[SUBSTEPS], config[SUBSTEPS])
+
+
+@device
+def _read(w: Any, lanes: int, words: Any, begin: int, config: Any, constants: Any) -> None:
+    """Find the observations of all lanes whose sensors are not ideal."""
+    for i in range(lanes):
+        if w[PARAM + SENSES_IDEALLY, i] == 0.0:
+            take_reading(w, i, words[begin + i, 0], words[begin + i, 1])
+            observe_reading(w, i, config, constants)
+
+
+@device
+def _close(
+    w: Any,
+    worlds: Any,
+    b: int,
+    lanes: int,
+    words: Any,
+    obs: Any,
+    final_obs: Any,
+    rewards: Any,
+    flags: Any,
+    telemetry: Any,
+    t: int,
+    ended: int,
+    config: Any,
+    constants: Any,
+) -> None:
+    """End a control step of a block and write back the worlds that ended."""
+    width = worlds.shape[2]
+    begin = b * width
+    period = config[SUBSTEP] * config[SUBSTEPS]
+    for i in range(width):
+        locate(w, i, constants)
+    for i in range(width):
+        judge_step(w, i, period, config[LIMIT])
+    with_extras = worlds.shape[1] > BASIC_ROWS
+    if with_extras:
+        _plan(w, lanes, constants, config)
+    for i in range(width):
+        observe_world(w, i, config)
+    if with_extras:
+        _read(w, lanes, words, begin, config, constants)
+    for i in range(lanes):
+        end_step(w, i, begin + i, words, obs, final_obs, rewards, flags, telemetry, t, period, ended, config, constants)
+        if has_begun(w, i) and w[ALIVE, i] == 0.0:
+            _scatter(w, i, worlds, b)
+
+
+def _build_advance(digest: str) -> Any:
+    def advance(
+        worlds: Any,
+        words: Any,
+        given: Any,
+        obs: Any,
+        final_obs: Any,
+        rewards: Any,
+        flags: Any,
+        telemetry: Any,
+        config: Any,
+        constants: Any,
+        ended: int,
+        steps: int,
+        first: int,
+        last: int,
+    ) -> int:
+        _ = digest
+        low, high, slack, h, count = config[LOW], config[HIGH], config[SLACK], config[SUBSTEP], int(config[SUBSTEPS])
+        scales = config[SCALES : SCALES + obs.shape[1]]
+        gains = config[SCALES + obs.shape[1] :]
+        has_law = config[HAS_LAW] != 0.0
+        looks = (not has_law) and first == 0 and (last == 0 or last == worlds.shape[0])
+        refused = _first_refused(worlds, given, low - slack, high + slack, ended) if looks else -1
+        if refused >= 0:
+            return refused
+        w = _scratch()
+        _clear(w, worlds)
+        present = -1.0
+        period = h * count
+        width = worlds.shape[2]
+        for b in range(first, last):
+            begin = b * width
+            lanes = min(width, obs.shape[0] - begin)
+            _gather(w, worlds, b)
+            present = _take_contexts(w, width, constants, present)
+            lags_voltage = _count(w, PARAM + VOLTAGE_DECAY, lanes) > 0
+            for t in range(steps):
+                if not _goes_on(w, lanes, ended):
+                    break
+                if has_law:
+                    for i in range(lanes):
+                        if w[ALIVE, i] != 0.0:
+                            take_command(w, i, law(obs[begin + i], scales, gains, given[begin + i]))
+                else:
+                    _begin_given(w, lanes, given, begin, low, high)
+                for k in range(count):
+                    _substep(w, width, h, period, lags_voltage | (k == 0), worlds.shape[1] > BASIC_ROWS)
+                _sense(w, width, h)
+                _close(
+                    w, worlds, b, lanes, words, obs, final_obs, rewards, flags, telemetry, t, ended, config, constants
+                )
+            _scatter_alive(w, lanes, worlds, b)
+            present = _after_resets(w, lanes, present)
+        return -1
+
+    return advance
+
+
+def _build_reset(digest: str) -> Any:
+    def reset(worlds: Any, words: Any, chosen: Any, obs: Any, telemetry: Any, config: Any, constants: Any) -> None:
+        _ = digest
+        w = _scratch()  # of the same type as above, for which all functions are compiled already
+        _clear(w, worlds)
+        width = worlds.shape[2]
+        period = config[SUBSTEP] * config[SUBSTEPS]
+        for world in range(obs.shape[0]):
+            b = world // width
+            i = world % width
+            for row in range(worlds.shape[1]):
+                w[row, i] = worlds[b, row, i]
+            if chosen[world]:
+                start_episode(w, i, words[world, 0], words[world, 1], constants, period, config[SUBSTEPS])
+                _scatter(w, i, worlds, b)
+            else:
+                take_context(w, i, constants)
+            see(w, i, config, constants)
+            write_observation(w, i, obs, world, config, constants)
+            if telemetry.shape[0] > 0:
+                record_reset(w, i, telemetry, 0, world, constants)
+
+    return reset
+
+
+@cache
+def advance_kernel(inlined: Any = built_in) -> Any:
+    """Return the compiled ``advance`` with a control law inside.
+
+    ``advance(worlds (B, BASIC_ROWS or CHANGING_ROWS, lanes), words (N, 2), given, obs (N, O), final_obs (N or 0, O),
+    rewards (N,), flags (FLAGS, N), telemetry (T, N, K), config, constants, ended, steps, first, last)`` runs ``steps``
+    control steps of the worlds in the blocks first … last − 1.
+
+    ``given`` holds the actions (N, 4), or where the voltages come from the law its memory (N, M). A call for all blocks
+    or for none looks at the actions of all worlds first; the number of the first that is refused is returned before
+    anything is touched, −1 when all went well. A call for some blocks does not look.
+    The entries of ``config`` are named in ``pter_gym.engine.world``; the O scales of the observation and the law's
+    gains follow. ``constants`` holds what does not change: contexts, arcs of paths, recorded forces. ``ended`` is
+    REFUSE, SKIP, NEXT_STEP or SAME_STEP. T may be 0, for no telemetry. With SAME_STEP the last observation of an
+    episode goes to ``final_obs`` and its last telemetry to a second layer.
+    """
+    return compile_kernel(_build_advance, law=inlined)
+
+
+@cache
+def reset_kernel() -> Any:
+    """Return the compiled ``reset``.
+
+    ``reset(worlds, words (N, 2), chosen (N,), obs (N, O), telemetry (1 or 0, N, K), config, constants)`` starts new
+    episodes of the chosen worlds from their seeds and episode counts, and writes the present observation of all worlds.
+    """
+    return compile_kernel(_build_reset)

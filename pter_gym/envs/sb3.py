@@ -1,0 +1,109 @@
+"""The door for Stable-Baselines3: its ``VecEnv`` over many worlds in one compiled call."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv
+except ImportError as error:
+    raise ImportError('pter_gym.envs.sb3 needs Stable-Baselines3: pip install "pter-gym[agents]"') from error
+
+from pter_gym.envs.vector import PathFollowingVectorEnv
+from pter_gym.errors import ParameterError
+
+Indices = int | Iterable[int] | None
+
+
+class PterVecEnv(VecEnv):
+    """A ``VecEnv`` of Stable-Baselines3; make one with ``make_sb3_vec_env``.
+
+    A world that ends is reset at once; ``infos[i]`` then holds ``terminal_observation`` and ``TimeLimit.truncated``.
+    """
+
+    def __init__(self, env: PathFollowingVectorEnv) -> None:
+        self.env = env
+        self.render_mode = None
+        self._actions: Any = None
+        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start new episodes, with the seeds of ``seed`` if it was called since the last reset; (N, entries)."""
+        if any(self._options):
+            raise ParameterError(f"options must be empty, got {self._options}")
+        obs, _ = self.env.reset(seed=self._seeds)
+        self._reset_seeds()
+        self._reset_options()
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        return obs
+
+    def step_async(self, actions: NDArray[np.float32]) -> None:
+        """Keep the actions (N, 4) for ``step_wait``."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Advance all worlds by one control period."""
+        obs, rewards, terminated, truncated, infos = self.env.step(self._actions)
+        done = terminated | truncated
+        listed: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
+        if done.any():
+            success = infos["final_info"]["is_success"]
+            for world in map(int, np.flatnonzero(done)):
+                listed[world] = {
+                    "terminal_observation": infos["final_obs"][world],
+                    "TimeLimit.truncated": bool(truncated[world] and not terminated[world]),
+                    "is_success": bool(success[world]),
+                }
+                self.reset_infos[world] = {}
+        return obs, rewards.astype(np.float32), done, listed
+
+    def close(self) -> None:
+        """Stop the threads."""
+        self.env.close()
+
+    def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
+        """Return an attribute of the vector environment, once for each chosen world."""
+        if attr_name == "render_mode":
+            return [None for _ in self._get_indices(indices)]
+        return [getattr(self.env, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:  # noqa: ARG002
+        """Refuse: the worlds of a batch share their attributes."""
+        raise ParameterError(f"{attr_name!r} cannot be set: the worlds of a batch share their attributes")
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the vector environment once, and return its result for each chosen world."""
+        result = getattr(self.env, method_name)(*method_args, **method_kwargs)
+        return [result for _ in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Indices = None) -> list[bool]:  # noqa: ARG002
+        """Return False for each chosen world: none has a wrapper."""
+        return [False for _ in self._get_indices(indices)]
+
+
+def make_sb3_vec_env(num_envs: int, *, action_unit: Any = "normalised", **keywords: Any) -> PterVecEnv:
+    """Return N worlds as a ``VecEnv`` of Stable-Baselines3.
+
+    Parameters
+    ----------
+    num_envs
+        N.
+    action_unit
+        ``"normalised"``, as Stable-Baselines3 likes it, or ``"volt"``.
+    **keywords
+        Of ``PathFollowingVectorEnv``: ``machine``, ``task``, ``sensors``, ``max_episode_steps``, ``num_threads``.
+    """
+    return PterVecEnv(
+        PathFollowingVectorEnv(
+            num_envs,
+            action_unit=action_unit,
+            autoreset_mode=AutoresetMode.SAME_STEP,
+            telemetry=False,
+            **keywords,
+        )
+    )

@@ -1,0 +1,285 @@
+"""The hand that holds the tip: forces of its own, or an arm with an intent.
+
+All hands push along the path and disturb across it with up to five sines. A human arm pulls the tip besides towards a
+point that moves along the path; recorded forces add to the rest.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.compiled.compiler import device
+from pter_gym.errors import ParameterError
+from pter_gym.internal.tables import read_columns
+from pter_gym.params import Hand, preset, quantity, require, require_flag, require_kind, require_number, require_numbers
+from pter_gym.params.preset import PRESET
+
+SINES = 5
+"""Number of sines in the disturbance (paper Eq. 5)."""
+
+EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
+"""Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""
+
+NO_HAND = Hand()
+"""A hand that is a force alone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultiSineHand:
+    """A constant force along the path and a sum of five sines across it (paper section IV-A, Eq. 5).
+
+    The default is Eq. 5: equal amplitudes Fmax/5, frequencies 2ⁿ/2 Hz, phases 0. Neither force is printed in the paper.
+    """
+
+    push: float = preset("hand", "push")
+    amplitudes: tuple[float, ...] = quantity(
+        "N",
+        f"Fmax/5 each, by Eq. 5; Fmax is {PRESET.provenance['hand.force_max']}",
+        default=(PRESET.hand.force_max / SINES,) * SINES,
+    )
+    frequencies: tuple[float, ...] = quantity("Hz", "published: Eq. 5", default=EQ5_FREQUENCIES)
+    phases: tuple[float, ...] = quantity("rad", "published: Eq. 5", default=(0.0,) * SINES)
+    random_phases: bool = quantity("1", "chosen: False is Eq. 5; True draws the phases at each reset", default=False)
+
+    def __post_init__(self) -> None:
+        """Check that forces and frequencies are finite and that there are five of each."""
+        require_number(self, "push")
+        check_sines(self)
+
+    def normal_force(self, time: float) -> float:
+        """Return the force across the path [N] at a time [s] (Eq. 5)."""
+        waves = zip(self.amplitudes, self.frequencies, self.phases, strict=True)
+        return sum(a * math.sin(2.0 * math.pi * f * time + phase) for a, f, phase in waves)
+
+
+def eq5(force_max: float, push: float) -> MultiSineHand:
+    """Return the hand of the paper's standard test: ``Fmax`` of Eq. 5 [N] and the constant tangential force [N]."""
+    return MultiSineHand(push=push, amplitudes=(force_max / SINES,) * SINES)
+
+
+RELAXED = Hand(mass=0.6, damping=6.0, stiffness=120.0)
+"""A relaxed human arm at the hand. The three presets lie in the ranges of the studies that ``HumanArm`` names."""
+
+NORMAL = Hand(mass=1.2, damping=14.0, stiffness=300.0)
+"""A human arm as one holds it in a task of some accuracy."""
+
+TENSE = Hand(mass=2.0, damping=28.0, stiffness=600.0)
+"""A human arm with its muscles tensed against disturbances."""
+
+HUMAN_ARMS = {"relaxed": RELAXED, "normal": NORMAL, "tense": TENSE}
+"""Presets of a human arm's mass, damping and stiffness by name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HumanArm:
+    """A human arm: mass, damper and spring between the tip and a point that the person means to follow.
+
+    The point moves along the path. It starts from rest with the least jerk, so with the velocity 3u² − 2u³ over its
+    rise time (Flash and Hogan, J. Neurosci. 5, 1985, with a free end point), to ``eagerness`` times the commanded pace:
+    a passive arm can only slow a hand down. It never leads the tip by more than ``lead``. Sines across the path are the
+    person's error and tremor.
+
+    Mass, damping and stiffness of human arms at the hand: 0.55 to 2 kg, 5 to 30 N·s/m, 100 to 600 N/m in the
+    measurements of Mussa-Ivaldi, Hogan and Bizzi (J. Neurosci. 5, 1985), Dolan, Friedman and Nagurka (IEEE Trans. SMC
+    23, 1993) and Tsuji, Morasso, Goto and Ito (Biol. Cybern. 72, 1995), taken as the same in all directions here.
+    """
+
+    impedance: Hand = quantity("1", "chosen: within the published ranges", default=NORMAL)
+    eagerness: float = quantity("1", "chosen: intended over commanded pace", default=1.4)
+    rise: float = quantity("s", "chosen: time in which the intent gathers speed", default=0.3)
+    lead: float = quantity("m", "chosen: how far the intent may run ahead of the tip", default=0.12)
+    amplitudes: tuple[float, ...] = quantity("N", "chosen: error and tremor", default=(3.0, 3.0, 2.0, 1.0, 1.0))
+    frequencies: tuple[float, ...] = quantity("Hz", "chosen: as Eq. 5", default=EQ5_FREQUENCIES)
+    phases: tuple[float, ...] = quantity("rad", "chosen", default=(0.0,) * SINES)
+    random_phases: bool = quantity("1", "chosen: whether the phases are drawn at each reset", default=False)
+
+    def __post_init__(self) -> None:
+        """Check that the arm has a spring and the numbers are finite and positive."""
+        require_kind(self, "impedance", Hand)
+        require(self.impedance.stiffness > 0.0, self, "impedance.stiffness", self.impedance.stiffness, "> 0 N/m")
+        require_number(self, "eagerness", above=0.0, at_most=10.0)
+        for name in ("rise", "lead"):
+            require_number(self, name, above=0.0, at_most=10.0)
+        check_sines(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedForces:
+    """Forces over time from a recording: along the path, and across it, positive to the left.
+
+    Between the times the forces are interpolated at the control instants and linear between these; after the last time
+    they stay.
+    """
+
+    times: tuple[float, ...] = quantity("s", "recorded")
+    along: tuple[float, ...] = quantity("N", "recorded")
+    across: tuple[float, ...] = quantity("N", "recorded")
+
+    def __post_init__(self) -> None:
+        """Check that there are as many forces as times, and that these rise from 0."""
+        accepted = "a tuple of finite numbers, rising from 0"
+        require_numbers(self, "times", accepted)
+        rises = all(a < b for a, b in zip(self.times[:-1], self.times[1:], strict=True))
+        require(self.times[:1] == (0.0,) and rises, self, "times", _shortened(self.times), accepted)
+        for name in ("along", "across"):
+            require_numbers(self, name, f"a tuple of {len(self.times)} finite numbers", count=len(self.times))
+
+    def sampled(self, period: float) -> NDArray[np.float64]:
+        """Return the forces along and across at the control instants 0, period, … up to the end, shape (T, 2) [N]."""
+        instants = period * np.arange(math.ceil(self.times[-1] / period) + 1)
+        return np.stack([np.interp(instants, self.times, force) for force in (self.along, self.across)], axis=1)
+
+
+def read_forces(file: Path | str) -> RecordedForces:
+    """Return the recording in a CSV file with the columns ``time`` [s], ``along`` and ``across`` [N].
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read, a column is missing, a number is not finite, or the times do not rise from 0.
+    """
+    columns = read_columns(Path(file), ("time", "along", "across"))
+    times, along, across = (tuple(columns[name].tolist()) for name in ("time", "along", "across"))
+    try:
+        return RecordedForces(times=times, along=along, across=across)
+    except ParameterError as error:
+        raise ParameterError(f"{file}: {error}") from None
+
+
+Operator = MultiSineHand | HumanArm | RecordedForces
+
+
+def check_sines(hand: MultiSineHand | HumanArm) -> None:
+    """Raise a ParameterError unless there are five finite sines of frequencies ≥ 0."""
+    for name in ("amplitudes", "frequencies", "phases"):
+        require_numbers(hand, name, f"a tuple of {SINES} finite numbers", count=SINES)
+    require(min(hand.frequencies) >= 0.0, hand, "frequencies", hand.frequencies, "≥ 0")
+    require_flag(hand, "random_phases")
+
+
+def _shortened(values: Sequence[float]) -> Sequence[float]:
+    return values if len(values) <= 8 else (*values[:8], math.nan)
+
+
+class OperatorModel(NamedTuple):
+    """Constants of a hand as the kernels see them; forces [N], times [s], lengths [m], one turn of a sine a substep."""
+
+    push: float = 0.0
+    random_phases: float = 0.0
+    intent_speed: float = 0.0
+    intent_rise: float = 0.0
+    intent_lead: float = 0.0
+    record_first: float = 0.0
+    record_count: float = 0.0
+    amplitude_0: float = 0.0
+    amplitude_1: float = 0.0
+    amplitude_2: float = 0.0
+    amplitude_3: float = 0.0
+    amplitude_4: float = 0.0
+    phase_0: float = 0.0
+    phase_1: float = 0.0
+    phase_2: float = 0.0
+    phase_3: float = 0.0
+    phase_4: float = 0.0
+    turn_0_cos: float = 1.0
+    turn_0_sin: float = 0.0
+    turn_1_cos: float = 1.0
+    turn_1_sin: float = 0.0
+    turn_2_cos: float = 1.0
+    turn_2_sin: float = 0.0
+    turn_3_cos: float = 1.0
+    turn_3_sin: float = 0.0
+    turn_4_cos: float = 1.0
+    turn_4_sin: float = 0.0
+
+
+def operator_model(hand: Operator, pace: float, substep: float, recording: tuple[int, int]) -> OperatorModel:
+    """Return the constants of a hand for the kernels.
+
+    Parameters
+    ----------
+    hand
+        The hand.
+    pace, substep
+        Commanded pace [m/s] and substep [s].
+    recording
+        Where its recording begins in the array of constants, and its number of instants.
+    """
+    if isinstance(hand, RecordedForces):
+        return OperatorModel(record_first=recording[0], record_count=recording[1])
+    angles = [2.0 * math.pi * f * substep for f in hand.frequencies]
+    turns = [part for angle in angles for part in (math.cos(angle), math.sin(angle))]
+    intends = isinstance(hand, HumanArm)
+    return OperatorModel(
+        0.0 if isinstance(hand, HumanArm) else hand.push,
+        float(hand.random_phases),
+        hand.eagerness * pace if intends else 0.0,
+        hand.rise if intends else 0.0,
+        hand.lead if intends else 0.0,
+        0.0,
+        0.0,
+        *hand.amplitudes,
+        *hand.phases,
+        *turns,
+    )
+
+
+def impedance_of(hand: Operator) -> Hand:
+    """Return what a hand adds to the arm at the tip besides its forces."""
+    return hand.impedance if isinstance(hand, HumanArm) else NO_HAND
+
+
+@device
+def intent_speed(time: float, rise: float, speed: float) -> float:
+    """Return the speed of the intended point [m/s]: from rest with the least jerk, then constant."""
+    u = time / rise
+    return speed * (u * u * (3.0 - 2.0 * u) if u < 1.0 else 1.0)
+
+
+@device
+def unit_vector(angle: float) -> tuple[float, float]:
+    """Return (cos, sin) of an angle [rad]."""
+    return math.cos(angle), math.sin(angle)
+
+
+@device
+def turn(cos: float, sin: float, by_cos: float, by_sin: float) -> tuple[float, float]:
+    """Turn a unit vector by another one."""
+    return cos * by_cos - sin * by_sin, sin * by_cos + cos * by_sin
+
+
+@device
+def sum_of_sines(w: Any, first: int, amplitude: int, i: int) -> float:
+    """Return the disturbance [N] of world i (paper Eq. 5).
+
+    ``first`` and ``amplitude`` are the first rows of the sines' unit vectors (cos and sin in turn) and amplitudes [N].
+    """
+    total = 0.0
+    for k in range(SINES):
+        total += w[amplitude + k, i] * w[first + 2 * k + 1, i]
+    return total
+
+
+@device
+def advance_sines(w: Any, first: int, rotation: int, i: int) -> None:
+    """Move the sines of world i on by a substep; ``rotation`` is the first row of their turns per substep."""
+    for k in range(SINES):
+        w[first + 2 * k, i], w[first + 2 * k + 1, i] = turn(
+            w[first + 2 * k, i], w[first + 2 * k + 1, i], w[rotation + 2 * k, i], w[rotation + 2 * k + 1, i]
+        )
+
+
+@device
+def renew_sines(w: Any, first: int, i: int) -> None:
+    """Bring the unit vectors of the sines of world i back to unit length."""
+    for k in range(SINES):
+        cos = w[first + 2 * k, i]
+        sin = w[first + 2 * k + 1, i]
+        scale = 1.5 - 0.5 * (cos * cos + sin * sin)
+        w[first + 2 * k, i] = cos * scale
+        w[first + 2 * k + 1, i] = sin * scale

@@ -1,0 +1,40 @@
+"""``pter reproduce``: the paper's figures, its table and its claims, written to a folder."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from pter_gym.internal.terminal import make_folder, progress_bar
+
+
+def reproduce(
+    figures: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FIGURE")] = ("all",),
+    out: Path = Path("pter-reproduce"),
+) -> None:
+    """Make the paper's figures and Table I, and check what it claims.
+
+    Writes a picture and a CSV file for each figure, and table1.json. With `all` also claims.json, where each claim of
+    the paper stands beside what was measured, and report.html, which shows everything.
+
+    Args:
+        figures: all, fig3, fig4, step, fig5, fig7, fig8, table1, fig9, fig10 or fig11; several are possible.
+        out: Folder for the results; made if need be.
+    """
+    from pter_gym.paper.experiments.study import Study
+    from pter_gym.paper.reproduce.figures import find_products
+    from pter_gym.paper.reproduce.results import results, summary, unmet_table, write
+
+    console = Console()
+    chosen = find_products(figures)
+    make_folder(out)
+    with progress_bar(console) as progress:
+        task = progress.add_task("reproducing", total=len(chosen) + 1)
+        files, claims = results(Study(), chosen, on_progress=lambda _: progress.advance(task))
+    write(files, out)
+    if not all(claim.holds for claim in claims):
+        console.print(unmet_table(claims))
+    console.print(summary(claims), highlight=False)
+    for name in ("report.html", "claims.json", "table1.json") if "report.html" in files else files:
+        console.print(f"wrote {out / name}", highlight=False)

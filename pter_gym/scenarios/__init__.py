@@ -1,0 +1,41 @@
+"""The suite: named and versioned sets of episodes."""
+
+from pter_gym.scenarios.suite import (
+    ARMS,
+    CLUTCHES,
+    CURVES,
+    DRIFT,
+    EQ5,
+    FORCES,
+    HUMANS,
+    PACES,
+    SCENARIOS,
+    SENSORS,
+    STANDARD,
+    TIGHTEST,
+    TORQUE_ERRORS,
+    WIDTH,
+    Scenario,
+    find_pace,
+    find_scenario,
+)
+
+__all__ = [
+    "ARMS",
+    "CLUTCHES",
+    "CURVES",
+    "DRIFT",
+    "EQ5",
+    "FORCES",
+    "HUMANS",
+    "PACES",
+    "SCENARIOS",
+    "SENSORS",
+    "STANDARD",
+    "TIGHTEST",
+    "TORQUE_ERRORS",
+    "WIDTH",
+    "Scenario",
+    "find_pace",
+    "find_scenario",
+]
