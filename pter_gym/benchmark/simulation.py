@@ -13,7 +13,7 @@ from pter_gym.controllers.predictive import Decide, Predictive
 from pter_gym.engine.batch import Batch
 from pter_gym.engine.world import SKIP
 from pter_gym.params import BASELINE, Machine
-from pter_gym.tasks.path_following import T_TERMINATED, PathFollowing
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 Array = NDArray[np.float64]
 AnyPolicy = Callable[[NDArray[np.float32]], Any]
@@ -47,7 +47,7 @@ def simulate(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: i
     if callable(forget):
         forget()
     telemetry = [first]
-    while len(telemetry) <= max_steps and not np.nan_to_num(telemetry[-1][:, T_TERMINATED], nan=1.0).all():
+    while len(telemetry) <= max_steps and not np.nan_to_num(telemetry[-1][:, COLUMN.terminated], nan=1.0).all():
         returns = batch.step(policy(obs), SKIP)
         obs = returns.obs
         telemetry.append(returns.telemetry[0])
@@ -95,7 +95,7 @@ def simulate_alone(
     seen, telemetry = [obs[0]], [first[0]]
     sent: list[NDArray[np.float32]] = []
     ends: list[float] = []
-    while len(sent) < max_steps and telemetry[-1][T_TERMINATED] != 1.0:
+    while len(sent) < max_steps and telemetry[-1][COLUMN.terminated] != 1.0:
         begin = time.thread_time()
         volts = np.asarray(decide(world, seen[-1]), np.float32)
         ends.append(time.thread_time() - begin)

@@ -17,7 +17,7 @@ from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine
 from pter_gym.policies import load_policy, shipped_policies
-from pter_gym.tasks.path_following import T_TIME, PathFollowing
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 Array = NDArray[np.float64]
 
@@ -147,5 +147,5 @@ def find_controller(name: str, seed: int = 0) -> Controller:
 
 
 def _run(time_constant: float, telemetry: Array, task: PathFollowing) -> Run:
-    finished = telemetry[np.isfinite(telemetry[:, T_TIME])]
+    finished = telemetry[np.isfinite(telemetry[:, COLUMN.time])]
     return Run(time_constant=time_constant, score=score(finished, task), telemetry=finished)

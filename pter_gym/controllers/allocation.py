@@ -6,7 +6,7 @@ problem too: the metric takes the place of the mass matrix, and what remains unr
 
 from pter_gym.compiled.compiler import device
 from pter_gym.physics.clutch import PerClutch
-from pter_gym.physics.friction import resolve, share
+from pter_gym.physics.friction import resolve, share, slip_velocities, torques_on_links
 
 
 @device
@@ -36,13 +36,12 @@ def allocate(
     middle = PerClutch(
         0.5 * (high.x1 + low.x1), 0.5 * (high.x2 + low.x2), 0.5 * (high.x3 + low.x3), 0.5 * (high.x4 + low.x4)
     )
-    p_a = want_a - (middle.x1 + middle.x3 + middle.x4)
-    p_b = want_b - (middle.x2 - middle.x3 + middle.x4)
-    short_a, short_b = resolve(m11, m12, m22, p_a, p_b, half)
+    middle_a, middle_b = torques_on_links(middle)
+    short_a, short_b = resolve(m11, m12, m22, want_a - middle_a, want_b - middle_b, half)
     got_a = want_a - (m11 * short_a + m12 * short_b)
     got_b = want_b - (m12 * short_a + m22 * short_b)
-    slip = PerClutch(short_a, short_b, short_a - short_b, short_a + short_b)
-    return share(got_a, got_b, pinned_low(slip, low, high), pinned_high(slip, low, high))
+    short = slip_velocities(short_a, short_b)
+    return share(got_a, got_b, pinned_low(short, low, high), pinned_high(short, low, high))
 
 
 @device

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pter_gym.compiled.compiler import compile_kernel
 from pter_gym.compiled.layout import Layout
-from pter_gym.controllers.laws import MEMORY, built_in
+from pter_gym.controllers.laws import built_in
+from pter_gym.engine.law import empty_memory
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine
 
@@ -103,9 +104,7 @@ class Policy:
     @staticmethod
     def empty_memory(worlds: int) -> NDArray[np.float64]:
         """Return what a law keeps at the start of an episode, a row for each world: (N, MEMORY)."""
-        memory = np.zeros((worlds, MEMORY))
-        memory[:, -1] = np.arange(worlds)
-        return memory
+        return empty_memory(worlds)
 
 
 def _build_act(digest: str) -> Any:

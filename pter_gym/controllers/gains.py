@@ -5,32 +5,36 @@ In this order: ``Nominal``; the voltages, then the torques of the table; the pac
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.compiled.compiler import device
+from pter_gym.compiled.records import Entry, blend, read, rows, width
 from pter_gym.params import Machine
 from pter_gym.physics.friction import between
 
 
 class Nominal(NamedTuple):
-    """Which law it is, the number of knots of the torque table, and the nominal machine in SI."""
+    """Which law it is, the number of knots of the torque table, and the nominal machine."""
 
-    kind: float
-    knots: float
-    length_a: float
-    length_b: float
-    inertia_a: float
-    inertia_b: float
-    coupling: float
-    torque_limit: float
-    voltage_max: float
+    kind: Annotated[float, Entry("1", "number of the law")]
+    knots: Annotated[float, Entry("1", "knots of the torque table")]
+    length_a: Annotated[float, Entry("m", "length of link A")]
+    length_b: Annotated[float, Entry("m", "length of link B")]
+    inertia_a: Annotated[float, Entry("kg·m²", "inertia about axis A")]
+    inertia_b: Annotated[float, Entry("kg·m²", "inertia about axis B")]
+    coupling: Annotated[float, Entry("kg·m²", "of the axes")]
+    torque_limit: Annotated[float, Entry("N·m", "torque at the largest voltage")]
+    voltage_max: Annotated[float, Entry("V", "largest voltage")]
 
 
 class Gains(NamedTuple):
-    """Gains of all guiding laws in SI; a law leaves those of others at zero. Switches are on from a half."""
+    """Gains of all guiding laws; a law leaves those of others at zero. Switches are on from a half.
+
+    The classes of the laws declare units and meanings, see ``Guided`` and its kinds.
+    """
 
     stiffness: float = 0.0
     damping_normal: float = 0.0
@@ -49,24 +53,21 @@ class Gains(NamedTuple):
     reluctance: float = 0.0
 
 
-KNOTS = Nominal._fields.index("knots")
-LENGTH_A = Nominal._fields.index("length_a")
-LENGTH_B = Nominal._fields.index("length_b")
-INERTIA_A = Nominal._fields.index("inertia_a")
-INERTIA_B = Nominal._fields.index("inertia_b")
-COUPLING = Nominal._fields.index("coupling")
-TORQUE_LIMIT = Nominal._fields.index("torque_limit")
-VOLTAGE_MAX = Nominal._fields.index("voltage_max")
+NOMINAL = rows(Nominal)
+"""Places of what a law knows of the machine, in the array of gains."""
 
-TABLE = len(Nominal._fields)
+GAIN = rows(Gains)
+"""Places of the gains in a row."""
+
+TABLE = width(Nominal)
 """Where the torque table begins."""
 
-WIDTH = len(Gains._fields)
+WIDTH = width(Gains)
 """Entries of a row."""
 
 
 def gains_array(
-    kind: float, machine: Machine, table_volts: Sequence[float], rows: Sequence[tuple[float, Gains]]
+    kind: float, machine: Machine, table_volts: Sequence[float], rows_by_pace: Sequence[tuple[float, Gains]]
 ) -> NDArray[np.float64]:
     """Return the array of gains.
 
@@ -78,7 +79,7 @@ def gains_array(
         The nominal machine.
     table_volts
         Knots of the torque table [V], from 0 to the machine's largest voltage; the torques are those of its curve.
-    rows
+    rows_by_pace
         Commanded pace [m/s] and gains, by rising pace.
     """
     arm, clutch = machine.arm, machine.clutch
@@ -94,14 +95,15 @@ def gains_array(
         torque_limit=torques[-1],
         voltage_max=clutch.voltage_max,
     )
-    paces = [pace for pace, _ in rows]
-    return np.array([*nominal, *table_volts, *torques, *paces, *(gain for _, row in rows for gain in row)])
+    paces = [pace for pace, _ in rows_by_pace]
+    table = (*table_volts, *torques)
+    return np.array([*nominal, *table, *paces, *(gain for _, row in rows_by_pace for gain in row)])
 
 
 @device
 def read_gains(gains: Any, pace: float) -> Gains:
     """Return the gains at a commanded pace [m/s]."""
-    paces = TABLE + 2 * int(gains[KNOTS])
+    paces = TABLE + 2 * int(gains[NOMINAL.knots])
     count = (gains.shape[0] - paces) // (WIDTH + 1)
     low = 0
     part = 0.0
@@ -111,35 +113,13 @@ def read_gains(gains: Any, pace: float) -> Gains:
             part = between((pace - gains[paces + k]) / (gains[paces + k + 1] - gains[paces + k]), 0.0, 1.0)
     here = paces + count + low * WIDTH
     there = here + (WIDTH if count > 1 else 0)
-    return Gains(
-        blend(gains, here, there, part),
-        blend(gains, here + 1, there + 1, part),
-        blend(gains, here + 2, there + 2, part),
-        blend(gains, here + 3, there + 3, part),
-        blend(gains, here + 4, there + 4, part),
-        blend(gains, here + 5, there + 5, part),
-        blend(gains, here + 6, there + 6, part),
-        blend(gains, here + 7, there + 7, part),
-        blend(gains, here + 8, there + 8, part),
-        blend(gains, here + 9, there + 9, part),
-        blend(gains, here + 10, there + 10, part),
-        blend(gains, here + 11, there + 11, part),
-        blend(gains, here + 12, there + 12, part),
-        blend(gains, here + 13, there + 13, part),
-        blend(gains, here + 14, there + 14, part),
-    )
-
-
-@device
-def blend(gains: Any, here: int, there: int, part: float) -> float:
-    """Return the gain that lies a part of the way from one entry to another."""
-    return gains[here] + part * (gains[there] - gains[here])
+    return blend(read(gains, GAIN, here), read(gains, GAIN, there), part)
 
 
 @device
 def table_voltage(gains: Any, torque: float) -> float:
     """Return the voltage [V] at which the piecewise-linear table reaches a torque ≥ 0 [N·m], at most its last knot."""
-    count = int(gains[KNOTS])
+    count = int(gains[NOMINAL.knots])
     last = TABLE + count - 1
     volts = gains[last]
     for k in range(last - 1, TABLE - 1, -1):
@@ -160,4 +140,4 @@ def clutch_voltage(gains: Any, g: Gains, wanted: float, slip: float, generated: 
     error = abs(wanted) - abs(generated)
     idle = (g.hold_when_stuck >= 0.5) & (abs(slip) <= g.slip_threshold) & (error > 0.0)
     volts = table_voltage(gains, abs(wanted)) + (0.0 if idle else g.feedback * error)
-    return between(volts, 0.0, gains[VOLTAGE_MAX])
+    return between(volts, 0.0, gains[NOMINAL.voltage_max])

@@ -8,9 +8,9 @@ from typing import Any, cast
 from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.base import Policy
 from pter_gym.controllers.gains import Gains, gains_array
-from pter_gym.controllers.laws import TORQUE
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, preset, quantity, require, require_number, require_numbers
+from pter_gym.tasks.path_following.observation import SEEN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +115,6 @@ def bind_rows(first: Guided, rows: list[tuple[float, Gains]], machine: Machine, 
     volts = first.table_volts
     require(volts[-1:] == (top,), first, "table_volts", volts, f"up to voltage_max = {top:g} V")
     feeds_back = any(gains.feedback != 0.0 for _, gains in rows)
-    if feeds_back and ("torque_1" not in layout.names or layout.index("torque_1") != TORQUE):
+    if feeds_back and ("torque_1" not in layout.names or layout.index("torque_1") != SEEN.torque.x1):
         raise ParameterError('torque feedback needs torque sensors: sensors="torque" or sensors="force"')
     return Policy(gains_array(first.kind, machine, volts, rows), layout)

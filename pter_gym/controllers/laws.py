@@ -1,8 +1,8 @@
 """Control laws as scalar functions: one observation in, four voltages out.
 
 A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation, ``obs·scales`` is in
-physical units, ``gains`` belongs to the law (its first entry is its kind) and ``memory`` to one world (it is the law's
-to change; its last entry holds the number of the world). The batch kernel inlines a law; plain Python may call it too.
+physical units, ``gains`` belongs to the law (its first entry is its kind) and ``memory`` to one world (see ``Memory``).
+The batch kernel inlines a law; plain Python may call it too.
 """
 
 from typing import Any
@@ -11,19 +11,15 @@ import numpy as np
 
 from pter_gym.compiled.compiler import device
 from pter_gym.compiled.philox import uniform4
+from pter_gym.compiled.records import read
 from pter_gym.controllers.allocation import allocate, passive_high, passive_low
-from pter_gym.controllers.gains import (
-    LENGTH_A,
-    LENGTH_B,
-    TORQUE_LIMIT,
-    VOLTAGE_MAX,
-    Gains,
-    clutch_voltage,
-    read_gains,
-)
-from pter_gym.controllers.steering import Tip, steered, turning_torques
+from pter_gym.controllers.gains import NOMINAL, Gains, Nominal, clutch_voltage, read_gains
+from pter_gym.controllers.steering import Tip, speed_along, steered, turning_torques
+from pter_gym.engine.law import MEMORY
+from pter_gym.physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, joint_torque, tip_velocity
 from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.friction import between, slip_velocities
+from pter_gym.tasks.path_following.observation import SEEN
 
 CONSTANT = 1.0
 RANDOM = 2.0
@@ -31,33 +27,8 @@ IMPEDANCE = 3.0
 SINGLE_DOF = 4.0
 VELOCITY_RATIO = 5.0
 
-MEMORY = 4
-"""Entries of a law's memory for each world: three that the law keeps, and the number of the world."""
-
-KEPT = 0
-"""What a law keeps besides the next: the clutch engaged last, or a counter."""
-
-BRAKE = 1
-"""The force along the path that the pace's integral has come to [N]."""
-
 BRAKE_LIMIT = 200.0
-"""Largest magnitude of that force [N]."""
-
-GRIP = 2
-"""Control steps for which all clutches stay fully engaged; less than zero from then to the end of the beginning."""
-
-WORLD = MEMORY - 1
-"""The number of the world."""
-
-COS_A, SIN_A, COS_B, SIN_B, OMEGA_A, OMEGA_B, NORMAL_ERROR = range(7)
-HEADING_COS = 8
-HEADING_SIN = 9
-CURVATURE = 10
-PROGRESS = 7
-PACE = 13
-VOLTS = 14
-TORQUE = 18
-"""Positions in the observation; a test holds them against ``observation_layout``."""
+"""Largest magnitude of the force along the path that the pace's integral comes to [N]."""
 
 BEGINNING = 0.02
 """Part of the path on which voltages of zero say that an episode has just begun."""
@@ -68,29 +39,33 @@ _RANDOM_STREAM = np.uint64(0x52414E444F4D)
 
 
 @device
-def see_tip(obs: Any, scales: Any, gains: Any) -> Tip:
-    """Return the tip as the observation and the nominal link lengths tell it."""
-    cos_a = float(obs[COS_A])
-    sin_a = float(obs[SIN_A])
-    cos_b = float(obs[COS_B])
-    sin_b = float(obs[SIN_B])
-    omega_a = obs[OMEGA_A] * scales[OMEGA_A]
-    omega_b = obs[OMEGA_B] * scales[OMEGA_B]
-    length_a = gains[LENGTH_A]
-    length_b = gains[LENGTH_B]
+def physical(obs: Any, scales: Any, at: int) -> float:
+    """Return an entry of an observation in its unit."""
+    return obs[at] * scales[at]
+
+
+@device
+def see_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
+    """Return the tip as the observation and the nominal machine tell it."""
+    arm = Linkage(nominal.length_a, nominal.length_b, nominal.inertia_a, nominal.inertia_b, nominal.coupling, 0.0, 0.0)
+    q = Motion(
+        0.0,  # no law asks for the angles themselves
+        0.0,
+        physical(obs, scales, SEEN.omega_a),
+        physical(obs, scales, SEEN.omega_b),
+        float(obs[SEEN.cos_a]),
+        float(obs[SEEN.sin_a]),
+        float(obs[SEEN.cos_b]),
+        float(obs[SEEN.sin_b]),
+    )
+    v_x, v_y = tip_velocity(arm, q)
     return Tip(
-        cos_a,
-        sin_a,
-        cos_b,
-        sin_b,
-        omega_a,
-        omega_b,
-        -length_a * omega_a * sin_a - length_b * omega_b * sin_b,
-        length_a * omega_a * cos_a + length_b * omega_b * cos_b,
-        float(obs[HEADING_COS]),
-        float(obs[HEADING_SIN]),
-        obs[NORMAL_ERROR] * scales[NORMAL_ERROR],
-        obs[CURVATURE] * scales[CURVATURE],
+        arm,
+        q,
+        Vector(v_x, v_y),
+        UnitVector(float(obs[SEEN.heading.cos]), float(obs[SEEN.heading.sin])),
+        physical(obs, scales, SEEN.normal_error),
+        physical(obs, scales, SEEN.curvature),
     )
 
 
@@ -101,22 +76,24 @@ def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[floa
     The brake is a damper on what the speed exceeds a fraction of the commanded pace by, and ``integral`` [N]. It never
     pushes. Backwards it is a plain damper.
     """
-    speed = tip.v_x * tip.heading_cos + tip.v_y * tip.heading_sin
+    speed = speed_along(tip)
     brake = g.damping_tangential * (speed - g.pace_fraction * pace) + integral
     brake = brake if brake > 0.0 else 0.0
     along = -brake if speed > 0.0 else -g.damping_tangential * speed
-    across = -g.stiffness * tip.error - g.damping_normal * (tip.v_y * tip.heading_cos - tip.v_x * tip.heading_sin)
+    across = -g.stiffness * tip.error - g.damping_normal * (
+        tip.velocity.y * tip.heading.cos - tip.velocity.x * tip.heading.sin
+    )
     return (
-        along * tip.heading_cos - across * tip.heading_sin,
-        along * tip.heading_sin + across * tip.heading_cos,
+        along * tip.heading.cos - across * tip.heading.sin,
+        along * tip.heading.sin + across * tip.heading.cos,
     )
 
 
 @device
 def begins(obs: Any) -> bool:
     """Tell whether an episode has just begun, also where the policy is not told so."""
-    volts = obs[VOLTS] + obs[VOLTS + 1] + obs[VOLTS + 2] + obs[VOLTS + 3]
-    return (volts == 0.0) & (obs[PROGRESS] < BEGINNING)
+    volts = obs[SEEN.volts.x1] + obs[SEEN.volts.x2] + obs[SEEN.volts.x3] + obs[SEEN.volts.x4]
+    return (volts == 0.0) & (obs[SEEN.progress] < BEGINNING)
 
 
 @device
@@ -125,9 +102,9 @@ def grips(obs: Any, g: Gains, memory: Any) -> bool:
 
     A law that commands no voltage while the tip has hardly moved does not begin again.
     """
-    left = g.grip if begins(obs) & (memory[GRIP] == 0.0) else memory[GRIP]
+    left = g.grip if begins(obs) & (memory[MEMORY.grip] == 0.0) else memory[MEMORY.grip]
     after = left - 1.0 if left > 1.0 else (_WAITING if left != 0.0 else 0.0)
-    memory[GRIP] = 0.0 if (after < 0.0) & (obs[PROGRESS] >= BEGINNING) else after
+    memory[MEMORY.grip] = 0.0 if (after < 0.0) & (obs[SEEN.progress] >= BEGINNING) else after
     return left >= 0.5
 
 
@@ -137,10 +114,10 @@ def pace_integral(obs: Any, g: Gains, tip: Tip, pace: float, memory: Any) -> flo
 
     It begins at zero.
     """
-    before = 0.0 if begins(obs) else memory[BRAKE]
-    speed = tip.v_x * tip.heading_cos + tip.v_y * tip.heading_sin
-    memory[BRAKE] = between(before + g.pace_integral * (speed - pace), -BRAKE_LIMIT, BRAKE_LIMIT)
-    return memory[BRAKE]
+    before = 0.0 if begins(obs) else memory[MEMORY.brake]
+    speed = speed_along(tip)
+    memory[MEMORY.brake] = between(before + g.pace_integral * (speed - pace), -BRAKE_LIMIT, BRAKE_LIMIT)
+    return memory[MEMORY.brake]
 
 
 @device
@@ -152,22 +129,33 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     exert (paper section III-A). The single-DOF law adds a torque of one clutch to what was found. The table and, where
     it has a gain, the torque loop make voltages of them.
     """
-    pace = obs[PACE] * scales[PACE]
+    pace = physical(obs, scales, SEEN.pace)
+    nominal = read(gains, NOMINAL, 0)
     g = read_gains(gains, pace)
-    tip = see_tip(obs, scales, gains)
-    length_a = gains[LENGTH_A]
-    length_b = gains[LENGTH_B]
+    tip = see_tip(obs, scales, nominal)
     force_x, force_y = wanted_force(g, tip, pace, pace_integral(obs, g, tip, pace, memory))
-    want_a = length_a * (tip.cos_a * force_y - tip.sin_a * force_x)
-    want_b = length_b * (tip.cos_b * force_y - tip.sin_b * force_x)
-    if gains[0] == VELOCITY_RATIO:
-        turn_a, turn_b = turning_torques(gains, g, tip)
+    want_a, want_b = joint_torque(tip.arm, tip.q, force_x, force_y)
+    if nominal.kind == VELOCITY_RATIO:
+        turn_a, turn_b = turning_torques(g, tip)
         want_a += turn_a
         want_b += turn_b
+    slip = slip_velocities(tip.q.omega_a, tip.q.omega_b)
+    wanted = passive_torques(g, tip, slip, nominal.torque_limit, want_a, want_b)
+    if nominal.kind == SINGLE_DOF:
+        wanted, memory[MEMORY.kept] = steered(g, tip, wanted, memory[MEMORY.kept])
+    least = nominal.voltage_max if grips(obs, g, memory) else 0.0
+    return PerClutch(
+        max(least, looped_voltage(obs, scales, gains, g, wanted.x1, slip.x1, SEEN.torque.x1)),
+        max(least, looped_voltage(obs, scales, gains, g, wanted.x2, slip.x2, SEEN.torque.x2)),
+        max(least, looped_voltage(obs, scales, gains, g, wanted.x3, slip.x3, SEEN.torque.x3)),
+        max(least, looped_voltage(obs, scales, gains, g, wanted.x4, slip.x4, SEEN.torque.x4)),
+    )
 
-    slip = slip_velocities(tip.omega_a, tip.omega_b)
+
+@device
+def passive_torques(g: Gains, tip: Tip, slip: PerClutch, limit: float, want_a: float, want_b: float) -> PerClutch:
+    """Return the clutch torques [N·m] that come closest to the wanted joint torques and only brake."""
     threshold = g.slip_threshold
-    limit = gains[TORQUE_LIMIT]
     low = PerClutch(
         passive_low(slip.x1, threshold, limit),
         passive_low(slip.x2, threshold, limit),
@@ -180,50 +168,39 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
         passive_high(slip.x3, threshold, limit),
         passive_high(slip.x4, threshold, limit),
     )
+    return allocate_in(g, tip, want_a, want_b, low, high)
+
+
+@device
+def allocate_in(g: Gains, tip: Tip, want_a: float, want_b: float, low: PerClutch, high: PerClutch) -> PerClutch:
+    """Return the clutch torques [N·m] within bounds that come closest in joint torque, or in tip force."""
+    length_a, length_b = tip.arm.length_a, tip.arm.length_b
     tip_space = g.tip_space >= 0.5
-    wanted = allocate(
+    return allocate(
         want_a,
         want_b,
         low,
         high,
         length_a * length_a if tip_space else 1.0,
-        length_a * length_b * (tip.cos_a * tip.cos_b + tip.sin_a * tip.sin_b) if tip_space else 0.0,
+        length_a * length_b * cos_difference(tip.q) if tip_space else 0.0,
         length_b * length_b if tip_space else 1.0,
     )
-    if gains[0] == SINGLE_DOF:
-        wanted = steered(gains, g, tip, wanted, memory)
-    feeds_back = g.feedback != 0.0
-    least = gains[VOLTAGE_MAX] if grips(obs, g, memory) else 0.0
-    return PerClutch(
-        max(least, clutch_voltage(gains, g, wanted.x1, slip.x1, obs[TORQUE] * scales[TORQUE] if feeds_back else 0.0)),
-        max(
-            least,
-            clutch_voltage(gains, g, wanted.x2, slip.x2, obs[TORQUE + 1] * scales[TORQUE + 1] if feeds_back else 0.0),
-        ),
-        max(
-            least,
-            clutch_voltage(gains, g, wanted.x3, slip.x3, obs[TORQUE + 2] * scales[TORQUE + 2] if feeds_back else 0.0),
-        ),
-        max(
-            least,
-            clutch_voltage(gains, g, wanted.x4, slip.x4, obs[TORQUE + 3] * scales[TORQUE + 3] if feeds_back else 0.0),
-        ),
-    )
+
+
+@device
+def looped_voltage(obs: Any, scales: Any, gains: Any, g: Gains, wanted: float, slip: float, sensor: int) -> float:
+    """Return the voltage [V] of a clutch, behind the torque loop where it has a gain; only then is its sensor read."""
+    generated = physical(obs, scales, sensor) if g.feedback != 0.0 else 0.0
+    return clutch_voltage(gains, g, wanted, slip, generated)
 
 
 @device
 def random_volts(gains: Any, memory: Any) -> PerClutch:
     """Return voltages drawn evenly from [0, voltage_max]; gains hold the seed and voltage_max."""
-    draw = np.uint64(memory[KEPT])
-    memory[KEPT] += 1.0
-    u1, u2, u3, u4 = uniform4(np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[WORLD]))
+    draw = np.uint64(memory[MEMORY.kept])
+    memory[MEMORY.kept] += 1.0
+    u1, u2, u3, u4 = uniform4(np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[MEMORY.world]))
     return PerClutch(gains[2] * u1, gains[2] * u2, gains[2] * u3, gains[2] * u4)
-
-
-@device
-def no_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:  # noqa: ARG001
-    """Return no voltages: the law of a kernel whose voltages are given."""
-    return PerClutch(0.0, 0.0, 0.0, 0.0)
 
 
 @device

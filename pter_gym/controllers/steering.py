@@ -7,121 +7,123 @@ velocity there. Passive clutches cannot choose a speed, so the damper along the 
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from pter_gym.compiled.compiler import device
-from pter_gym.controllers.gains import COUPLING, INERTIA_A, INERTIA_B, LENGTH_A, LENGTH_B, Gains
+from pter_gym.controllers.gains import Gains
+from pter_gym.physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, tip_velocity
 from pter_gym.physics.clutch import PerClutch
-from pter_gym.physics.friction import sign
+from pter_gym.physics.friction import COUPLING, LINES, sign
 
 
 class Tip(NamedTuple):
-    """Pose, velocities and place at the path as a law sees them, in SI."""
+    """The arm and its place at the path as a law sees them, in SI.
 
-    cos_a: float
-    sin_a: float
-    cos_b: float
-    sin_b: float
-    omega_a: float
-    omega_b: float
-    v_x: float
-    v_y: float
-    heading_cos: float
-    heading_sin: float
+    Attributes
+    ----------
+    arm, q
+        Nominal arm, and its motion.
+    velocity
+        Of the tip [m/s].
+    heading, error, curvature
+        Unit vector along the path, distance from it [m], and its curvature there [1/m].
+    """
+
+    arm: Linkage
+    q: Motion
+    velocity: Vector
+    heading: UnitVector
     error: float
     curvature: float
 
 
 @device
+def speed_along(tip: Tip) -> float:
+    """Return the speed of the tip along the path [m/s]."""
+    return tip.velocity.x * tip.heading.cos + tip.velocity.y * tip.heading.sin
+
+
+@device
 def wanted_direction(g: Gains, tip: Tip) -> tuple[float, float]:
     """Return the unit vector in which the tip should move, (t + (lead·κ·v − approach·e)·n)/|…|."""
-    speed = tip.v_x * tip.heading_cos + tip.v_y * tip.heading_sin
-    back = g.lead * tip.curvature * speed - g.approach * tip.error
+    back = g.lead * tip.curvature * speed_along(tip) - g.approach * tip.error
     size = math.sqrt(1.0 + back * back)
     return (
-        (tip.heading_cos - back * tip.heading_sin) / size,
-        (tip.heading_sin + back * tip.heading_cos) / size,
+        (tip.heading.cos - back * tip.heading.sin) / size,
+        (tip.heading.sin + back * tip.heading.cos) / size,
     )
 
 
 @device
-def turning_torques(gains: Any, g: Gains, tip: Tip) -> tuple[float, float]:
+def turning_torques(g: Gains, tip: Tip) -> tuple[float, float]:
     """Return the joint torques [N·m] that turn the ratio of the joint velocities to the wanted one.
 
     r = J⁻¹u/|J⁻¹u| is the direction of joint velocities in which the tip moves as wanted, n is normal to it. With
     σ = ω·n, the part of ω that has the wrong ratio, the torques are −strength·σ/max(|ω|, slow)·n: proportional to the
     sine of the angle between ω and r, unless the arm is slower than ``slow``.
     """
+    q = tip.q
     u_x, u_y = wanted_direction(g, tip)
-    r_a = gains[LENGTH_B] * (tip.cos_b * u_x + tip.sin_b * u_y)
-    r_b = -gains[LENGTH_A] * (tip.cos_a * u_x + tip.sin_a * u_y)
+    r_a = tip.arm.length_b * (q.cos_b * u_x + q.sin_b * u_y)
+    r_b = -tip.arm.length_a * (q.cos_a * u_x + q.sin_a * u_y)
     size = math.sqrt(r_a * r_a + r_b * r_b)
     n_a = r_b / size
     n_b = -r_a / size
-    speed = math.sqrt(tip.omega_a * tip.omega_a + tip.omega_b * tip.omega_b)
-    sine = (tip.omega_a * n_a + tip.omega_b * n_b) / (speed if speed > g.slow else g.slow)
+    speed = math.sqrt(q.omega_a * q.omega_a + q.omega_b * q.omega_b)
+    sine = (q.omega_a * n_a + q.omega_b * n_b) / (speed if speed > g.slow else g.slow)
     return -g.strength * sine * n_a, -g.strength * sine * n_b
 
 
 @device
-def matching(
-    gains: Any, tip: Tip, u_x: float, u_y: float, turn: float, d_a: float, d_b: float, w_a: float, w_b: float
-) -> float:
+def at_speed(q: Motion, omega_a: float, omega_b: float) -> Motion:
+    """Return a motion in the same pose with other angular velocities [rad/s]."""
+    return Motion(q.theta_a, q.theta_b, omega_a, omega_b, q.cos_a, q.sin_a, q.cos_b, q.sin_b)
+
+
+@device
+def matching(tip: Tip, u_x: float, u_y: float, turn: float, line: tuple[float, float], w: tuple[float, float]) -> float:
     """Return cos² of the angle between a clutch's line and the wanted direction, −1 if the clutch turns away from it.
 
-    The line is that in which the tip moves while the clutch is stuck, with joint velocities along d. ``turn`` is
+    The line is that in which the tip moves while the clutch is stuck, with joint velocities along ``line``. ``turn`` is
     positive if the tip should turn to the left; the clutch with the row w of W brakes its slip w·ω and so changes the
     joint velocities by −sign(w·ω)·M⁻¹w.
     """
-    length_a = gains[LENGTH_A]
-    length_b = gains[LENGTH_B]
-    line_x = -length_a * tip.sin_a * d_a - length_b * tip.sin_b * d_b
-    line_y = length_a * tip.cos_a * d_a + length_b * tip.cos_b * d_b
+    arm, q = tip.arm, tip.q
+    line_x, line_y = tip_velocity(arm, at_speed(q, line[0], line[1]))
     along = line_x * u_x + line_y * u_y
-    m12 = gains[COUPLING] * (tip.cos_a * tip.cos_b + tip.sin_a * tip.sin_b)
-    drive = -sign(w_a * tip.omega_a + w_b * tip.omega_b)  # M⁻¹ but for its determinant, which is positive
-    change_a = drive * (gains[INERTIA_B] * w_a - m12 * w_b)
-    change_b = drive * (gains[INERTIA_A] * w_b - m12 * w_a)
-    change_x = -length_a * tip.sin_a * change_a - length_b * tip.sin_b * change_b
-    change_y = length_a * tip.cos_a * change_a + length_b * tip.cos_b * change_b
-    helps = (tip.v_x * change_y - tip.v_y * change_x) * turn > 0.0
+    m12 = arm.coupling * cos_difference(q)
+    drive = -sign(w[0] * q.omega_a + w[1] * q.omega_b)  # M⁻¹ but for its determinant, which is positive
+    change = at_speed(q, drive * (arm.m22 * w[0] - m12 * w[1]), drive * (arm.m11 * w[1] - m12 * w[0]))
+    change_x, change_y = tip_velocity(arm, change)
+    helps = (tip.velocity.x * change_y - tip.velocity.y * change_x) * turn > 0.0
     return along * along / (line_x * line_x + line_y * line_y) if helps else -1.0
 
 
 @device
-def steered(gains: Any, g: Gains, tip: Tip, wanted: PerClutch, memory: Any) -> PerClutch:
-    """Return the clutch torques [N·m] with that of the best line's clutch added.
+def steered(g: Gains, tip: Tip, wanted: PerClutch, last: float) -> tuple[PerClutch, float]:
+    """Return the clutch torques [N·m] with that of the best line's clutch added, and its number, 0 for none.
 
     Of the clutches that turn the tip's velocity towards the wanted direction, the one whose single-DOF line matches
     that direction best is engaged, with strength·|sin of the angle between velocity and wanted direction|; below
     ``slow`` with less, in proportion to the speed. The clutch engaged last has ``reluctance`` added to its cos².
-    ``memory`` holds its number, 0 for none.
     """
     u_x, u_y = wanted_direction(g, tip)
-    speed = math.sqrt(tip.v_x * tip.v_x + tip.v_y * tip.v_y)
-    turn = (tip.v_x * u_y - tip.v_y * u_x) / (speed if speed > g.slow else g.slow)
-    last = memory[0]
-    match1 = matching(gains, tip, u_x, u_y, turn, 0.0, 1.0, 1.0, 0.0) + (g.reluctance if last == 1.0 else 0.0)
-    match2 = matching(gains, tip, u_x, u_y, turn, 1.0, 0.0, 0.0, 1.0) + (g.reluctance if last == 2.0 else 0.0)
-    match3 = matching(gains, tip, u_x, u_y, turn, 1.0, 1.0, 1.0, -1.0) + (g.reluctance if last == 3.0 else 0.0)
-    match4 = matching(gains, tip, u_x, u_y, turn, 1.0, -1.0, 1.0, 1.0) + (g.reluctance if last == 4.0 else 0.0)
-    best = match1
-    chosen = 1.0
-    chosen = 2.0 if match2 > best else chosen
-    best = match2 if match2 > best else best
-    chosen = 3.0 if match3 > best else chosen
-    best = match3 if match3 > best else best
-    chosen = 4.0 if match4 > best else chosen
-    best = match4 if match4 > best else best
-    chosen = chosen if best >= 0.0 else 0.0
-    memory[0] = chosen
+    speed = math.sqrt(tip.velocity.x * tip.velocity.x + tip.velocity.y * tip.velocity.y)
+    turn = (tip.velocity.x * u_y - tip.velocity.y * u_x) / (speed if speed > g.slow else g.slow)
+    chosen = 0.0
+    best = 0.0
+    for k in range(4):
+        match = matching(tip, u_x, u_y, turn, LINES[k], COUPLING[k]) + (g.reluctance if last == k + 1.0 else 0.0)
+        better = match >= 0.0 if chosen == 0.0 else match > best
+        chosen = k + 1.0 if better else chosen
+        best = match if better else best
     torque = g.strength * abs(turn)
     return PerClutch(
         enlarged(wanted.x1, torque if chosen == 1.0 else 0.0),
         enlarged(wanted.x2, torque if chosen == 2.0 else 0.0),
         enlarged(wanted.x3, torque if chosen == 3.0 else 0.0),
         enlarged(wanted.x4, torque if chosen == 4.0 else 0.0),
-    )
+    ), chosen
 
 
 @device

@@ -1,68 +1,50 @@
 """Many worlds in one call. The single environment and the vector environments are doors to this."""
 
 import os
-import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.controllers import Policy
-from pter_gym.controllers.laws import no_law
+from pter_gym.compiled.records import flat, read
+from pter_gym.engine.contexts import (
+    check_shared,
+    constants_of,
+    distinct,
+    empty_blocks,
+    is_plain,
+    number_drawing,
+    number_of_pairs,
+)
 from pter_gym.engine.kernels import advance_kernel, reset_kernel
+from pter_gym.engine.law import empty_memory
+from pter_gym.engine.threads import Threads
 from pter_gym.engine.world import (
-    ALIVE,
     BASIC_ROWS,
-    CHANGING_ROWS,
-    CONTEXT_AT,
-    DRAWS,
-    DRAWS_FROM,
+    CONFIG,
     FLAGS,
-    HAS_LAW,
-    LANES,
     NEXT_STEP,
     REFUSE,
+    ROW,
     SAME_STEP,
-    SEGMENT,
     SKIP,
-    STEP,
+    STORED_ROWS,
+    Config,
 )
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
-from pter_gym.hands import HumanArm, RecordedForces
 from pter_gym.params import Machine
-from pter_gym.paths import Path
-from pter_gym.tasks.path_following import (
-    CONTEXT,
-    CONTEXT_ROWS,
-    ENTRIES,
-    IDEAL_SENSING,
-    PATH_COUNT,
-    RECORD_COUNT,
-    RECORD_FIRST,
-    TELEMETRY,
-    PathFollowing,
-    Sensors,
-    check_machine,
-    context_rows,
-    observation_layout,
-    substeps,
-)
+from pter_gym.tasks.path_following.context import CONTEXT, CONTEXT_WIDTH, TOLD
+from pter_gym.tasks.path_following.observation import ENTRIES, SEEN, Sensors, observation_layout
+from pter_gym.tasks.path_following.specification import PathFollowing, substeps
+from pter_gym.tasks.path_following.telemetry import COLUMNS
 
 Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
 ActionUnit = Literal["volt", "normalised"]
-Pair = tuple[Machine, PathFollowing]
 
 NO_LIMIT = float("inf")
-
-RECORDED = len(TELEMETRY)
-"""Entries of a telemetry row."""
-
-INLINE_BLOCKS = 16
-"""Batches of fewer blocks are stepped by the caller's thread alone: waking another one costs more than it saves."""
 
 
 class Returns(NamedTuple):
@@ -154,38 +136,23 @@ class Batch:
             raise ParameterError(f"num_threads must be ≥ 1, got {num_threads!r}")
         if max_steps is not None and max_steps < 1:
             raise ParameterError(f"max_steps must be ≥ 1 or None, got {max_steps!r}")
-        given = _number_of_pairs(machines, tasks, None if draws else num_worlds)
-        self.num_worlds = _number_drawing(num_worlds) if draws else given
+        given = number_of_pairs(machines, tasks, None if draws else num_worlds)
+        self.num_worlds = number_drawing(num_worlds) if draws else given
         listed_machines = [machines] * given if isinstance(machines, Machine) else list(machines)
         listed_tasks = [tasks] * given if isinstance(tasks, PathFollowing) else list(tasks)
         self.machine = listed_machines[0]
         self.task = listed_tasks[0]
-        self.layout = observation_layout(self.machine, sensors, observe_context)
+        self.layout = observation_layout(self.machine, sensors, TOLD if observe_context else None)
         voltage_max = self.machine.clutch.voltage_max
         self.action_low, self.action_high = (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
-        plain = len(self.layout) - (len(CONTEXT) if observe_context else 0)
-        self._config = np.array(
-            [
-                self.action_low,
-                self.action_high,
-                4.0 * float(np.spacing(np.float32(self.action_high))),
-                self.machine.substep,
-                substeps(self.task, self.machine),
-                NO_LIMIT if max_steps is None else max_steps,
-                0.0,
-                plain,
-                *(1.0 / self.layout.scales[:plain]),
-                *np.zeros(ENTRIES - plain),
-                *self.layout.scales,
-            ]
-        )
-        self.pairs, numbers = _distinct(listed_machines, listed_tasks)
-        _check_shared(self.pairs)
-        self._constants = _constants(self.pairs)
-        self._worlds = _blocks(
-            np.zeros(self.num_worlds) if draws else float(CONTEXT_ROWS) * numbers,
+        self._config = np.array([*flat(self._shared(observe_context, max_steps)), *self.layout.scales])
+        self.pairs, numbers = distinct(listed_machines, listed_tasks)
+        check_shared(self.pairs)
+        self._constants = constants_of(self.pairs)
+        self._worlds = empty_blocks(
+            np.zeros(self.num_worlds) if draws else float(CONTEXT_WIDTH) * numbers,
             len(self.pairs) if draws else 1,
-            BASIC_ROWS if all(_is_plain(task) for _, task in self.pairs) else CHANGING_ROWS,
+            BASIC_ROWS if all(is_plain(task) for _, task in self.pairs) else STORED_ROWS,
         )
         self._words = np.zeros((self.num_worlds, 2), np.uint64)
         self._seeded = np.zeros(self.num_worlds, np.bool_)
@@ -194,10 +161,25 @@ class Batch:
         self._final_obs = np.empty((0, len(self.layout)), np.float32)
         self._shape = (self.num_worlds, len(self.layout))
         self._alone = np.empty(1), np.empty((FLAGS, 1), np.bool_)
-        self._advance = advance_kernel(no_law)
-        self._num_threads = num_threads
-        self._pool: ThreadPoolExecutor | None = None
-        self._pool_owner = -1
+        self._advance = advance_kernel()
+        self._threads = Threads(num_threads)
+
+    def _shared(self, observe_context: bool, max_steps: int | None) -> Config:
+        """Return what all worlds share."""
+        entries = len(self.layout) - (len(TOLD) if observe_context else 0)
+        inverse = np.zeros(ENTRIES)
+        inverse[:entries] = 1.0 / self.layout.scales[:entries]
+        return Config(
+            low=self.action_low,
+            high=self.action_high,
+            slack=4.0 * float(np.spacing(np.float32(self.action_high))),
+            substep=self.machine.substep,
+            substeps=substeps(self.task, self.machine),
+            limit=NO_LIMIT if max_steps is None else max_steps,
+            has_law=0.0,
+            entries=entries,
+            inverse_scale=read(inverse, SEEN, 0),
+        )
 
     def reset(
         self, seeds: Sequence[int | None] | None = None, chosen: NDArray[np.bool_] | None = None
@@ -221,11 +203,11 @@ class Batch:
         chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
         words = self._next_words(seeds, chosen)
         obs = np.empty((self.num_worlds, len(self.layout)), np.float32)
-        telemetry = np.empty((self._records, self.num_worlds, len(TELEMETRY)))
+        telemetry = np.empty((self._records, self.num_worlds, COLUMNS))
         kernel = reset_kernel()
         self._words, self._seeded = words, self._seeded | chosen
         kernel(self._worlds, words, chosen, obs, telemetry, self._config, self._constants)
-        return obs, telemetry.reshape(-1, len(TELEMETRY))
+        return obs, telemetry.reshape(-1, COLUMNS)
 
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
         """Advance all worlds by one control period.
@@ -251,7 +233,7 @@ class Batch:
         obs = np.empty((n, len(self.layout)), np.float32)
         rewards = np.empty(n)
         flags = np.empty((FLAGS, n), np.bool_)
-        telemetry = np.empty((self._records * (2 if ended == SAME_STEP else 1), n, RECORDED))
+        telemetry = np.empty((self._records * (2 if ended == SAME_STEP else 1), n, COLUMNS))
         if ended == NEXT_STEP and not self._seeded.all():
             raise ResetNeededError(f"world {self._seeded.argmin()} needs a reset: it was never reset")
         if ended == SAME_STEP and not len(self._final_obs):
@@ -283,7 +265,7 @@ class Batch:
         """
         self._take(action, (4,))
         obs = np.empty(self._shape, np.float32)
-        telemetry = np.empty((1, 1, RECORDED))
+        telemetry = np.empty((1, 1, COLUMNS))
         rewards, flags = self._alone
         refused = self._advance(
             self._worlds,
@@ -328,7 +310,7 @@ class Batch:
         observations, telemetry
             The last observations, and float64 (steps, N, len(TELEMETRY)); NaN after the end of an episode.
         """
-        telemetry = np.full((steps, self.num_worlds, RECORDED), np.nan)
+        telemetry = np.full((steps, self.num_worlds, COLUMNS), np.nan)
         obs, _ = self._follow(obs, law, gains, memory, telemetry, steps)
         return obs, telemetry
 
@@ -347,7 +329,7 @@ class Batch:
         observations, flags
             The last observations, and bool (FLAGS, N): whether the episode ended in these steps, and how.
         """
-        return self._follow(obs, law, gains, memory, np.empty((0, self.num_worlds, RECORDED)), steps)
+        return self._follow(obs, law, gains, memory, np.empty((0, self.num_worlds, COLUMNS)), steps)
 
     def _follow(
         self, obs: Observations, law: Any, gains: Array, memory: Array | None, telemetry: Array, steps: int
@@ -356,7 +338,7 @@ class Batch:
         obs = obs.copy()
         memory = self.empty_memory() if memory is None else memory
         config = np.concatenate([self._config, gains])
-        config[HAS_LAW] = 1.0
+        config[CONFIG.has_law] = 1.0
         rewards = np.empty(self.num_worlds)
         flags = np.zeros((FLAGS, self.num_worlds), np.bool_)
         self._run(advance_kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
@@ -377,8 +359,8 @@ class Batch:
             If the hands have no recording in common, or it has another number of instants.
         """
         recordings = {
-            (int(context[RECORD_FIRST]), int(context[RECORD_COUNT]))
-            for context in self._constants[: CONTEXT_ROWS * len(self.pairs)].reshape(-1, CONTEXT_ROWS)
+            (int(context[CONTEXT.hand.record_first]), int(context[CONTEXT.hand.record_count]))
+            for context in self._constants[: CONTEXT_WIDTH * len(self.pairs)].reshape(-1, CONTEXT_WIDTH)
         }
         first, count = recordings.pop()
         if recordings or count == 0 or forces.shape != (count, 2):
@@ -388,8 +370,8 @@ class Batch:
         self._constants[first : first + 2 * count] = forces.ravel()
 
     def empty_memory(self) -> Array:
-        """Return the memory of a law at the start of an episode, (N, MEMORY)."""
-        return Policy.empty_memory(self.num_worlds)
+        """Return the memory of a law at the start of an episode; see ``pter_gym.engine.law``."""
+        return empty_memory(self.num_worlds)
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
@@ -421,19 +403,24 @@ class Batch:
 
     def _fits(self, worlds: Array) -> bool:
         """Tell whether worlds from elsewhere point at constants, arcs and instants that there are."""
-        if not ((worlds[:, STEP] >= 0.0) & (worlds[:, STEP] < 2.0**31)).all():
+        if not ((worlds[:, ROW.step] >= 0.0) & (worlds[:, ROW.step] < 2.0**31)).all():
             return False
-        same = np.array_equal(worlds[:, DRAWS_FROM : DRAWS + 1], self._worlds[:, DRAWS_FROM : DRAWS + 1])
-        numbers = (worlds[:, CONTEXT_AT] - worlds[:, DRAWS_FROM]) / CONTEXT_ROWS
-        if not same or not np.isin(numbers, np.arange(int(worlds[:, DRAWS].max()))).all():
+        same = np.array_equal(
+            worlds[:, ROW.draws_from : ROW.draws + 1], self._worlds[:, ROW.draws_from : ROW.draws + 1]
+        )
+        numbers = (worlds[:, ROW.context_at] - worlds[:, ROW.draws_from]) / CONTEXT_WIDTH
+        if not same or not np.isin(numbers, np.arange(int(worlds[:, ROW.draws].max()))).all():
             return False
-        arcs = self._constants[worlds[:, CONTEXT_AT].astype(np.intp) + PATH_COUNT]
-        return bool(np.isin(worlds[:, SEGMENT], np.arange(int(arcs.max()))).all() and (worlds[:, SEGMENT] < arcs).all())
+        arcs = self._constants[worlds[:, ROW.context_at].astype(np.intp) + CONTEXT.task.path.count]
+        return bool(
+            np.isin(worlds[:, ROW.foot.segment], np.arange(int(arcs.max()))).all()
+            and (worlds[:, ROW.foot.segment] < arcs).all()
+        )
 
     @property
     def context(self) -> list[int]:
         """The number of each world's present pair of machine and task in ``pairs``."""
-        numbers = self._worlds[:, CONTEXT_AT].reshape(-1)[: self.num_worlds] / CONTEXT_ROWS
+        numbers = self._worlds[:, ROW.context_at].reshape(-1)[: self.num_worlds] / CONTEXT_WIDTH
         return numbers.astype(np.intp).tolist()
 
     def truth(self) -> Array:
@@ -442,7 +429,7 @@ class Batch:
         In no particular units and order; for critics, which may know more than the policies that they judge.
         """
         worlds = self._worlds.transpose(0, 2, 1).reshape(-1, self._worlds.shape[1])[: self.num_worlds]
-        context = worlds[:, CONTEXT_AT, None].astype(np.intp) + np.arange(CONTEXT_ROWS)
+        context = worlds[:, ROW.context_at, None].astype(np.intp) + np.arange(CONTEXT_WIDTH)
         return np.concatenate([worlds, self._constants[context]], axis=1)
 
     def device_arrays(self) -> dict[str, NDArray[Any]]:
@@ -482,52 +469,17 @@ class Batch:
         """Run the kernel over all blocks, in this thread or in several; return the first refused world or −1."""
         outputs = (obs, self._final_obs, rewards, flags, telemetry)
         arguments = (self._worlds, self._words, given, *outputs, config, self._constants, ended)
-        blocks = len(self._worlds)
-        if self._num_threads == 1 or blocks < INLINE_BLOCKS:
-            return kernel(*arguments, steps, 0, blocks)
+        shares = self._threads.shares(len(self._worlds))
+        if len(shares) == 1:
+            return kernel(*arguments, steps, *shares[0])
         refused = kernel(*arguments, 0, 0, 0)
         if refused < 0:
-            share = -(-blocks // self._num_threads)
-            shares = [(first, min(first + share, blocks)) for first in range(0, blocks, share)]
-            self._share_out(partial(kernel, *arguments, steps), shares)
+            self._threads.share_out(partial(kernel, *arguments, steps), shares)
         return refused
-
-    def _share_out(self, call: Callable[[int, int], Any], shares: list[tuple[int, int]]) -> None:
-        """Call a compiled function for all shares, in all threads at once. An interrupt (Ctrl-C) waits for all."""
-        left = iter(shares)
-        done: list[tuple[int, int]] = []
-
-        def work() -> None:
-            for share in left:
-                try:
-                    call(*share)
-                finally:
-                    done.append(share)
-
-        threads = self._threads()
-        try:
-            jobs = [threads.submit(work) for _ in range(self._num_threads - 1)]
-            work()
-            for job in jobs:
-                job.result()
-        except BaseException:
-            work()
-            while len(done) < len(shares):
-                time.sleep(1e-4)
-            raise
-
-    def _threads(self) -> ThreadPoolExecutor:
-        """Return the pool of threads, made at first need and again in a forked child."""
-        if self._pool is None or self._pool_owner != os.getpid():
-            self._pool = ThreadPoolExecutor(self._num_threads - 1, thread_name_prefix="pter")
-            self._pool_owner = os.getpid()
-        return self._pool
 
     def close(self) -> None:
         """Stop the threads, if there are any."""
-        if self._pool is not None and self._pool_owner == os.getpid():
-            self._pool.shutdown(wait=False)
-        self._pool = None
+        self._threads.close()
 
     def _next_words(self, seeds: Sequence[int | None] | None, chosen: NDArray[np.bool_]) -> NDArray[np.uint64]:
         """Return seed and episode count of each world after a reset of the chosen ones, (N, 2)."""
@@ -561,95 +513,9 @@ class Batch:
 
     def _refuse(self, world: int) -> None:
         width = self._worlds.shape[2]
-        if self._worlds[world // width, ALIVE, world % width] == 0.0:
+        if self._worlds[world // width, ROW.alive, world % width] == 0.0:
             raise ResetNeededError(f"world {world} needs a reset: it was never reset or its episode has ended")
         raise ActionError(
             f"action of world {world} must be finite and within [{self.action_low:g}, {self.action_high:g}], "
             f"got {self._actions[world].tolist()}"
         )
-
-
-def _number_drawing(num_worlds: int | None) -> int:
-    if num_worlds is None or num_worlds < 1:
-        raise ParameterError(f"num_worlds must be ≥ 1 where worlds draw their machines and tasks, got {num_worlds!r}")
-    return num_worlds
-
-
-def _number_of_pairs(
-    machines: Machine | Sequence[Machine], tasks: PathFollowing | Sequence[PathFollowing], num_worlds: int | None
-) -> int:
-    lengths = {len(items) for items in (machines, tasks) if not isinstance(items, (Machine, PathFollowing))}
-    if num_worlds is not None:
-        lengths.add(num_worlds)
-    lengths = lengths or {1}
-    if len(lengths) > 1 or min(lengths) < 1:
-        raise ParameterError(f"num_worlds must be ≥ 1 and the number of machines and of tasks, got {sorted(lengths)}")
-    return lengths.pop()
-
-
-def _is_plain(task: PathFollowing) -> bool:
-    """Tell whether a task does with the rows that every world stores."""
-    return not isinstance(task.hand, (HumanArm, RecordedForces)) and task.sensing == IDEAL_SENSING
-
-
-def _distinct(machines: Sequence[Machine], tasks: Sequence[PathFollowing]) -> tuple[list[Pair], Array]:
-    """Return the pairs of machine and task without repeats, and the number of each world's, (N,)."""
-    numbers: dict[tuple[int, int], int] = {}
-    pairs: list[Pair] = []
-    index = np.empty(len(machines))
-    for world, pair in enumerate(zip(machines, tasks, strict=True)):
-        key = id(pair[0]), id(pair[1])
-        if key not in numbers:
-            numbers[key] = len(pairs)
-            pairs.append(pair)
-        index[world] = numbers[key]
-    return pairs, index
-
-
-def _constants(pairs: Sequence[Pair]) -> Array:
-    """Return the flat array of constants: a context for each pair, then the arcs of paths and recorded forces."""
-    shared: list[Array] = []
-    begins: dict[Path | RecordedForces, tuple[int, int]] = {}
-    end = CONTEXT_ROWS * len(pairs)
-    period = pairs[0][1].control_period
-    for _, task in pairs:
-        for item in (task.path, task.hand):
-            if item in begins or not isinstance(item, (Path, RecordedForces)):
-                continue
-            table = item.arcs.table if isinstance(item, Path) else item.sampled(period)
-            begins[item] = end, len(table)
-            shared.append(table.ravel())
-            end += table.size
-    rows = [
-        context_rows(
-            task,
-            machine,
-            begins[task.path],
-            begins[task.hand] if isinstance(task.hand, RecordedForces) else (0, 0),
-        )
-        for machine, task in pairs
-    ]
-    return np.concatenate([np.array(rows).ravel(), *shared])
-
-
-def _check_shared(pairs: Sequence[Pair]) -> None:
-    """Check that machines and tasks fit together and share what the worlds of a batch must share."""
-    first, goal = pairs[0]
-    for machine, task in pairs:
-        if (machine.substep, machine.clutch.voltage_max) != (first.substep, first.clutch.voltage_max):
-            raise ParameterError("machines of one batch must share substep and clutch.voltage_max")
-        if task.control_period != goal.control_period:
-            raise ParameterError("tasks of one batch must share control_period")
-        check_machine(task, machine)
-
-
-def _blocks(contexts: Array, draws: int, rows: int) -> Array:
-    """Return blocks of worlds (B, rows, lanes) that have not begun, whose constants begin at ``contexts`` (N,)."""
-    n = len(contexts)
-    width = min(LANES, -(-n // 8) * 8)
-    blocks = -(-n // width)
-    worlds = np.zeros((blocks, rows, width))
-    worlds[:, CONTEXT_AT] = np.concatenate([contexts, np.repeat(contexts[-1:], blocks * width - n)]).reshape(-1, width)
-    worlds[:, DRAWS_FROM] = worlds[:, CONTEXT_AT]
-    worlds[:, DRAWS] = draws
-    return worlds

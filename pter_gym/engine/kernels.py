@@ -11,62 +11,51 @@ from typing import Any
 import numpy as np
 
 from pter_gym.compiled.compiler import compile_kernel, device, inlined
-from pter_gym.controllers.laws import built_in
-from pter_gym.engine.world import (
-    ALIVE,
-    BASIC_ROWS,
-    CHANGING_ROWS,
-    CONTEXT_AT,
-    CROSSING,
-    DRAWS,
-    HAS_LAW,
-    HIGH,
-    LANES,
-    LIMIT,
-    LOW,
-    NEXT_STEP,
-    PARAM,
-    SCALES,
-    SCRATCH_ROWS,
-    SLACK,
-    SUBSTEP,
-    SUBSTEPS,
+from pter_gym.engine.episode import (
+    end_step,
+    has_begun,
+    judge_step,
+    locate,
+    start_episode,
+    take_context,
+)
+from pter_gym.engine.hand import plan_hand, plans
+from pter_gym.engine.law import no_law
+from pter_gym.engine.recording import record_reset
+from pter_gym.engine.sensing import observe_reading, observe_world, see, take_reading, write_observation
+from pter_gym.engine.step import (
     aim_torques,
     catch_crossing,
-    end_step,
     find_velocity,
     given_volts,
     guide_tip,
-    has_begun,
     is_refused,
-    judge_step,
-    locate,
     move_arm,
-    observe_reading,
-    observe_world,
-    plan_hand,
-    plans,
     push_tip,
-    record_reset,
-    see,
     sense_torques,
-    start_episode,
     take_command,
-    take_context,
-    take_reading,
-    write_observation,
 )
-from pter_gym.physics.model import VOLTAGE_DECAY, VOLTAGE_MAX
-from pter_gym.tasks.path_following import PARAM_ROWS, SENSES_IDEALLY
+from pter_gym.engine.world import (
+    BASIC_ROWS,
+    CONFIG,
+    CONFIG_WIDTH,
+    CONSTANT_ROWS,
+    LANES,
+    NEXT_STEP,
+    ROW,
+    ROWS,
+    STORED_ROWS,
+    Arrays,
+)
 
-law: Any = built_in
+law: Any = no_law
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
 
 
 @inlined
 def _scratch() -> Any:
     """Return room for a block whose rows begin at cache lines: across two, eight numbers take twice as long."""
-    room = np.empty((SCRATCH_ROWS, LANES + 8))
+    room = np.empty((ROWS, LANES + 8))
     return room[:, -room.ctypes.data % 64 // 8 :]
 
 
@@ -79,10 +68,10 @@ def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: in
         lanes = min(width, actions.shape[0] - begin)
         count = 0
         for i in range(lanes):
-            count += 1 if is_refused(worlds[b, ALIVE, i], actions, low, high, ended, begin + i) else 0
+            count += 1 if is_refused(worlds[b, ROW.alive, i], actions, low, high, ended, begin + i) else 0
         if count > 0:
             for i in range(lanes):
-                if is_refused(worlds[b, ALIVE, i], actions, low, high, ended, begin + i):
+                if is_refused(worlds[b, ROW.alive, i], actions, low, high, ended, begin + i):
                     return begin + i
     return -1
 
@@ -98,7 +87,7 @@ def _gather(w: Any, worlds: Any, b: int) -> None:
 @device
 def _clear(w: Any, worlds: Any) -> None:
     """Set the rows that are not stored to zero."""
-    for row in range(worlds.shape[1], CHANGING_ROWS):
+    for row in range(worlds.shape[1], STORED_ROWS):
         for i in range(worlds.shape[2]):
             w[row, i] = 0.0
 
@@ -106,20 +95,20 @@ def _clear(w: Any, worlds: Any) -> None:
 @device
 def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
     """Read the constants of all lanes; those of ``present`` are there. Return whose they are, or −1 for several."""
-    first = w[CONTEXT_AT, 0]
+    first = w[ROW.context_at, 0]
     others = 0
     for i in range(width):
-        others += 1 if w[CONTEXT_AT, i] != first else 0
+        others += 1 if w[ROW.context_at, i] != first else 0
     if others > 0:
         for i in range(width):
             take_context(w, i, constants)
         return -1.0
     if first != present:
         begin = int(first)
-        for row in range(PARAM_ROWS):
+        for row in range(CONSTANT_ROWS):
             value = constants[begin + row]
             for i in range(width):
-                w[PARAM + row, i] = value
+                w[STORED_ROWS + row, i] = value
     return first
 
 
@@ -133,13 +122,13 @@ def _scatter(w: Any, i: int, worlds: Any, b: int) -> None:
 @device
 def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
     """Write the lanes that are alive back to their block."""
-    if _count(w, ALIVE, lanes) == lanes:
+    if _count(w, ROW.alive, lanes) == lanes:
         for row in range(worlds.shape[1]):
             for i in range(lanes):
                 worlds[b, row, i] = w[row, i]
     else:
         for i in range(lanes):
-            if w[ALIVE, i] != 0.0:
+            if w[ROW.alive, i] != 0.0:
                 _scatter(w, i, worlds, b)
 
 
@@ -164,7 +153,7 @@ def _after_resets(w: Any, lanes: int, present: float) -> float:
     """Return ``present``, or −1 where a lane may have drawn other constants."""
     drawing = 0
     for i in range(lanes):
-        drawing += 1 if w[DRAWS, i] != 1.0 else 0
+        drawing += 1 if w[ROW.draws, i] != 1.0 else 0
     return present if drawing == 0 else -1.0
 
 
@@ -172,7 +161,7 @@ def _after_resets(w: Any, lanes: int, present: float) -> float:
 def _catch(w: Any, lanes: int, h: float) -> None:
     """Apply the crossing rule to the lanes that need it."""
     for i in range(lanes):
-        if w[CROSSING, i] != 0.0:
+        if w[ROW.crossing, i] != 0.0:
             catch_crossing(w, i, h)
 
 
@@ -192,7 +181,7 @@ def _substep(w: Any, lanes: int, h: float, period: float, aims: bool, guides: bo
             guide_tip(w, i, h)
     for i in range(lanes):
         find_velocity(w, i, h)
-    if _count(w, CROSSING, lanes) > 0:  # rare: in a few blocks out of a hundred
+    if _count(w, ROW.crossing, lanes) > 0:  # rare: in a few blocks out of a hundred
         _catch(w, lanes, h)
     for i in range(lanes):
         move_arm(w, i, h)
@@ -201,14 +190,14 @@ def _substep(w: Any, lanes: int, h: float, period: float, aims: bool, guides: bo
 @device
 def _goes_on(w: Any, lanes: int, ended: int) -> bool:
     """Tell whether there is anything to do for a block."""
-    return ended == NEXT_STEP or _count(w, ALIVE, lanes) > 0
+    return ended == NEXT_STEP or _count(w, ROW.alive, lanes) > 0
 
 
 @device
 def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high: float) -> None:
     """Begin a control step with the actions of the worlds from ``begin`` on."""
     for i in range(lanes):
-        take_command(w, i, given_volts(actions, begin + i, low, w[PARAM + VOLTAGE_MAX, i] / (high - low)))
+        take_command(w, i, given_volts(actions, begin + i, low, w[ROW.machine.voltage_max, i] / (high - low)))
 
 
 @device
@@ -216,54 +205,51 @@ def _plan(w: Any, lanes: int, constants: Any, config: Any) -> None:
     """Say what the hands of all lanes do by themselves in the next control step."""
     for i in range(lanes):
         if plans(w, i):
-            plan_hand(w, i, constants, config[SUBSTEP] * config[SUBSTEPS], config[SUBSTEPS])
+            plan_hand(w, i, constants, config[CONFIG.substep] * config[CONFIG.substeps], config[CONFIG.substeps])
 
 
 @device
-def _read(w: Any, lanes: int, words: Any, begin: int, config: Any, constants: Any) -> None:
+def _read(w: Any, lanes: int, begin: int, a: Arrays) -> None:
     """Find the observations of all lanes whose sensors are not ideal."""
     for i in range(lanes):
-        if w[PARAM + SENSES_IDEALLY, i] == 0.0:
-            take_reading(w, i, words[begin + i, 0], words[begin + i, 1])
-            observe_reading(w, i, config, constants)
+        if w[ROW.task.sensing.is_ideal, i] == 0.0:
+            take_reading(w, i, a.words[begin + i, 0], a.words[begin + i, 1])
+            observe_reading(w, i, a.config, a.constants)
 
 
 @device
-def _close(
-    w: Any,
-    worlds: Any,
-    b: int,
-    lanes: int,
-    words: Any,
-    obs: Any,
-    final_obs: Any,
-    rewards: Any,
-    flags: Any,
-    telemetry: Any,
-    t: int,
-    ended: int,
-    config: Any,
-    constants: Any,
-) -> None:
-    """End a control step of a block and write back the worlds that ended."""
+def _close(w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: int) -> None:
+    """End a control step of a block, as ``conclude_step`` does of one world, and write back the worlds that ended."""
     width = worlds.shape[2]
     begin = b * width
-    period = config[SUBSTEP] * config[SUBSTEPS]
+    period = a.config[CONFIG.substep] * a.config[CONFIG.substeps]
     for i in range(width):
-        locate(w, i, constants)
+        locate(w, i, a.constants)
     for i in range(width):
-        judge_step(w, i, period, config[LIMIT])
+        judge_step(w, i, period, a.config[CONFIG.limit])
     with_extras = worlds.shape[1] > BASIC_ROWS
     if with_extras:
-        _plan(w, lanes, constants, config)
+        _plan(w, lanes, a.constants, a.config)
     for i in range(width):
-        observe_world(w, i, config)
+        observe_world(w, i, a.config)
     if with_extras:
-        _read(w, lanes, words, begin, config, constants)
+        _read(w, lanes, begin, a)
     for i in range(lanes):
-        end_step(w, i, begin + i, words, obs, final_obs, rewards, flags, telemetry, t, period, ended, config, constants)
-        if has_begun(w, i) and w[ALIVE, i] == 0.0:
+        end_step(w, i, begin + i, a, t, ended)
+        if has_begun(w, i) and w[ROW.alive, i] == 0.0:
             _scatter(w, i, worlds, b)
+
+
+@device
+def _move(w: Any, worlds: Any, lanes: int, config: Any) -> None:
+    """Move a block through the substeps of a control step, as ``move_world`` moves one world."""
+    width = worlds.shape[2]
+    h = config[CONFIG.substep]
+    count = int(config[CONFIG.substeps])
+    lags_voltage = _count(w, ROW.machine.voltage_decay, lanes) > 0
+    for k in range(count):
+        _substep(w, width, h, h * count, lags_voltage | (k == 0), worlds.shape[1] > BASIC_ROWS)
+    _sense(w, width, h)
 
 
 def _build_advance(digest: str) -> Any:
@@ -284,10 +270,11 @@ def _build_advance(digest: str) -> Any:
         last: int,
     ) -> int:
         _ = digest
-        low, high, slack, h, count = config[LOW], config[HIGH], config[SLACK], config[SUBSTEP], int(config[SUBSTEPS])
-        scales = config[SCALES : SCALES + obs.shape[1]]
-        gains = config[SCALES + obs.shape[1] :]
-        has_law = config[HAS_LAW] != 0.0
+        a = Arrays(words, obs, final_obs, rewards, flags, telemetry, config, constants)
+        low, high, slack = config[CONFIG.low], config[CONFIG.high], config[CONFIG.slack]
+        scales = config[CONFIG_WIDTH : CONFIG_WIDTH + obs.shape[1]]
+        gains = config[CONFIG_WIDTH + obs.shape[1] :]
+        has_law = config[CONFIG.has_law] != 0.0
         looks = (not has_law) and first == 0 and (last == 0 or last == worlds.shape[0])
         refused = _first_refused(worlds, given, low - slack, high + slack, ended) if looks else -1
         if refused >= 0:
@@ -295,29 +282,23 @@ def _build_advance(digest: str) -> Any:
         w = _scratch()
         _clear(w, worlds)
         present = -1.0
-        period = h * count
         width = worlds.shape[2]
         for b in range(first, last):
             begin = b * width
             lanes = min(width, obs.shape[0] - begin)
             _gather(w, worlds, b)
             present = _take_contexts(w, width, constants, present)
-            lags_voltage = _count(w, PARAM + VOLTAGE_DECAY, lanes) > 0
             for t in range(steps):
                 if not _goes_on(w, lanes, ended):
                     break
                 if has_law:
                     for i in range(lanes):
-                        if w[ALIVE, i] != 0.0:
+                        if w[ROW.alive, i] != 0.0:
                             take_command(w, i, law(obs[begin + i], scales, gains, given[begin + i]))
                 else:
                     _begin_given(w, lanes, given, begin, low, high)
-                for k in range(count):
-                    _substep(w, width, h, period, lags_voltage | (k == 0), worlds.shape[1] > BASIC_ROWS)
-                _sense(w, width, h)
-                _close(
-                    w, worlds, b, lanes, words, obs, final_obs, rewards, flags, telemetry, t, ended, config, constants
-                )
+                _move(w, worlds, lanes, config)
+                _close(w, worlds, b, lanes, a, t, ended)
             _scatter_alive(w, lanes, worlds, b)
             present = _after_resets(w, lanes, present)
         return -1
@@ -331,14 +312,13 @@ def _build_reset(digest: str) -> Any:
         w = _scratch()  # of the same type as above, for which all functions are compiled already
         _clear(w, worlds)
         width = worlds.shape[2]
-        period = config[SUBSTEP] * config[SUBSTEPS]
         for world in range(obs.shape[0]):
             b = world // width
             i = world % width
             for row in range(worlds.shape[1]):
                 w[row, i] = worlds[b, row, i]
             if chosen[world]:
-                start_episode(w, i, words[world, 0], words[world, 1], constants, period, config[SUBSTEPS])
+                start_episode(w, i, words[world, 0], words[world, 1], config, constants)
                 _scatter(w, i, worlds, b)
             else:
                 take_context(w, i, constants)
@@ -351,10 +331,10 @@ def _build_reset(digest: str) -> Any:
 
 
 @cache
-def advance_kernel(inlined: Any = built_in) -> Any:
+def advance_kernel(inlined: Any = no_law) -> Any:
     """Return the compiled ``advance`` with a control law inside.
 
-    ``advance(worlds (B, BASIC_ROWS or CHANGING_ROWS, lanes), words (N, 2), given, obs (N, O), final_obs (N or 0, O),
+    ``advance(worlds (B, BASIC_ROWS or STORED_ROWS, lanes), words (N, 2), given, obs (N, O), final_obs (N or 0, O),
     rewards (N,), flags (FLAGS, N), telemetry (T, N, K), config, constants, ended, steps, first, last)`` runs ``steps``
     control steps of the worlds in the blocks first … last − 1.
 

@@ -15,144 +15,17 @@ from gymnasium.vector import AutoresetMode
 from numba import cuda as numba_cuda
 from numpy.typing import NDArray
 
-from pter_gym.compiled.compiler import device
-from pter_gym.engine.world import (
-    ALIVE,
-    BASIC_ROWS,
-    CHANGING_ROWS,
-    FLAGS,
-    HIGH,
-    LIMIT,
-    LOW,
-    PARAM,
-    SCRATCH_ROWS,
-    SLACK,
-    SUBSTEP,
-    SUBSTEPS,
-    SUCCESS,
-    TERMINATED,
-    TRUNCATED,
-    aim_torques,
-    catch_crossing,
-    end_step,
-    find_velocity,
-    given_volts,
-    guide_tip,
-    is_refused,
-    judge_step,
-    locate,
-    move_arm,
-    plan_hand,
-    plans,
-    push_tip,
-    see,
-    sense_torques,
-    start_episode,
-    take_command,
-    take_context,
-    take_reading,
-    write_observation,
-)
+from pter_gym.engine.cuda import THREADS, advance, reset
+from pter_gym.engine.world import FLAG, FLAGS, ROW
 from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.errors import ActionError, DependencyError, ResetNeededError
-from pter_gym.physics.model import VOLTAGE_DECAY, VOLTAGE_MAX
-from pter_gym.tasks.path_following import SENSES_IDEALLY, TELEMETRY
+from pter_gym.tasks.path_following.telemetry import COLUMNS
 
 cuda: Any = numba_cuda
 
 MISSING = 'device="cuda" needs an NVIDIA GPU and its driver, and found none'
 
-THREADS = 128
-"""Threads in a block of the device."""
-
 NONE_REFUSED = np.iinfo(np.int64).max
-
-_ONE = np.uint64(1)
-
-
-@device
-def _move(w: Any, actions: Any, world: int, config: Any, guides: bool) -> None:
-    """Move one world through a control step."""
-    low, high, h, count = config[LOW], config[HIGH], config[SUBSTEP], int(config[SUBSTEPS])
-    take_command(w, 0, given_volts(actions, world, low, w[PARAM + VOLTAGE_MAX, 0] / (high - low)))
-    lags_voltage = w[PARAM + VOLTAGE_DECAY, 0] != 0.0
-    for k in range(count):
-        if lags_voltage | (k == 0):
-            aim_torques(w, 0, h * count)
-        push_tip(w, 0)
-        if guides:
-            guide_tip(w, 0, h)
-        find_velocity(w, 0, h)
-        catch_crossing(w, 0, h)
-        move_arm(w, 0, h)
-    sense_torques(w, 0, h)
-
-
-@cuda.jit
-def _advance(
-    worlds: Any,
-    words: Any,
-    actions: Any,
-    obs: Any,
-    final_obs: Any,
-    rewards: Any,
-    flags: Any,
-    telemetry: Any,
-    config: Any,
-    constants: Any,
-    ended: int,
-    refused: Any,
-) -> None:
-    world = cuda.grid(1)
-    if world >= obs.shape[0]:
-        return
-    width = worlds.shape[2]
-    b = world // width
-    lane = world % width
-    low, high, slack, period = config[LOW], config[HIGH], config[SLACK], config[SUBSTEP] * config[SUBSTEPS]
-    if is_refused(worlds[b, ALIVE, lane], actions, low - slack, high + slack, ended, world):
-        cuda.atomic.min(refused, 0, world)
-        rewards[world] = np.nan
-        return
-    w = cuda.local.array((SCRATCH_ROWS, 1), np.float64)
-    for row in range(CHANGING_ROWS):
-        w[row, 0] = worlds[b, row, lane] if row < worlds.shape[1] else 0.0
-    take_context(w, 0, constants)
-    if w[ALIVE, 0] != 0.0:
-        _move(w, actions, world, config, worlds.shape[1] > BASIC_ROWS)
-    locate(w, 0, constants)
-    judge_step(w, 0, period, config[LIMIT])
-    if plans(w, 0):
-        plan_hand(w, 0, constants, period, config[SUBSTEPS])
-    if w[PARAM + SENSES_IDEALLY, 0] == 0.0:
-        take_reading(w, 0, words[world, 0], words[world, 1])
-    see(w, 0, config, constants)
-    end_step(w, 0, world, words, obs, final_obs, rewards, flags, telemetry, 0, period, ended, config, constants)
-    for row in range(worlds.shape[1]):
-        worlds[b, row, lane] = w[row, 0]
-
-
-@cuda.jit
-def _reset(worlds: Any, words: Any, chosen: Any, seeded: Any, obs: Any, config: Any, constants: Any) -> None:
-    world = cuda.grid(1)
-    if world >= obs.shape[0]:
-        return
-    width = worlds.shape[2]
-    b = world // width
-    lane = world % width
-    w = cuda.local.array((SCRATCH_ROWS, 1), np.float64)
-    for row in range(CHANGING_ROWS):
-        w[row, 0] = worlds[b, row, lane] if row < worlds.shape[1] else 0.0
-    take_context(w, 0, constants)
-    if chosen[world]:
-        if not seeded[world]:
-            words[world, 1] += _ONE
-        count = config[SUBSTEPS]
-        start_episode(w, 0, words[world, 0], words[world, 1], constants, config[SUBSTEP] * count, count)
-        for row in range(worlds.shape[1]):
-            worlds[b, row, lane] = w[row, 0]
-    see(w, 0, config, constants)
-    write_observation(w, 0, obs, world, config, constants)
 
 
 class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
@@ -190,7 +63,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
             self._device["words"] = to_device(words)
         self._begun |= chosen
         obs = self._empty((self.num_envs, len(self.observation_layout)), np.float32)
-        _reset[self._grid](
+        reset[self._grid](
             self._device["worlds"],
             self._device["words"],
             to_device(chosen),
@@ -226,9 +99,9 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
         final_obs = self._empty((n if same else 0, entries), np.float32)
         rewards = self._empty((n,), np.float64)
         flags = self._empty((FLAGS, n), np.bool_)
-        telemetry = self._empty((self._records * (2 if same else 1), n, len(TELEMETRY)), np.float64)
+        telemetry = self._empty((self._records * (2 if same else 1), n, COLUMNS), np.float64)
         view = self._view
-        _advance[self._grid](
+        advance[self._grid](
             self._device["worlds"],
             self._device["words"],
             self._on_device(actions),
@@ -242,14 +115,14 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
             self._ended,
             self._device["refused"],
         )
-        infos: dict[str, Any] = {"is_success": flags[SUCCESS]}
+        infos: dict[str, Any] = {"is_success": flags[FLAG.success]}
         if self._records:
             infos["telemetry"] = telemetry[0]
         if same:
             infos |= {"final_obs": final_obs, "_final_obs": self._either(flags)}
             if self._records:
                 infos["final_info"] = {"telemetry": telemetry[1]}
-        return obs, rewards, flags[TERMINATED], flags[TRUNCATED], infos
+        return obs, rewards, flags[FLAG.terminated], flags[FLAG.truncated], infos
 
     def check(self) -> None:
         """Wait for the device and raise if a step was refused since the last look.
@@ -264,7 +137,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
             return
         self._device["refused"] = cuda.to_device(np.array([NONE_REFUSED]))
         width = self._device["worlds"].shape[2]
-        alive = self._device["worlds"].copy_to_host()[world // width, ALIVE, world % width]
+        alive = self._device["worlds"].copy_to_host()[world // width, ROW.alive, world % width]
         if alive == 0.0:
             raise ResetNeededError(f"world {world} needs a reset: it was never reset or its episode has ended")
         raise ActionError(f"an action of world {world} was not finite or out of bounds")
@@ -301,9 +174,9 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
 
     def _either(self, flags: Any) -> Any:
         if self._torch is not None:
-            return flags[TERMINATED] | flags[TRUNCATED]
+            return flags[FLAG.terminated] | flags[FLAG.truncated]
         host = flags.copy_to_host()
-        return cuda.to_device(host[TERMINATED] | host[TRUNCATED])
+        return cuda.to_device(host[FLAG.terminated] | host[FLAG.truncated])
 
     def _on_device(self, actions: Any) -> Any:
         if not hasattr(actions, "__cuda_array_interface__"):

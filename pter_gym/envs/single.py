@@ -13,7 +13,7 @@ from pter_gym.engine.batch import ActionUnit, Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import MACHINES, Machine
 from pter_gym.scenarios.randomisation import Randomisation
-from pter_gym.tasks.path_following import T_TIP, TELEMETRY, PathFollowing, Sensors
+from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensors
 
 RenderMode = Literal["human", "rgb_array"]
 
@@ -186,7 +186,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _show(self, row: NDArray[np.float64]) -> None:
         self._shown = row
-        self._trail.append(row[T_TIP : T_TIP + 2])
+        self._trail.append(row[[*COLUMN.tip]])
         if self.render_mode == "human":
             self._draw()
 

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from pter_gym.compiled.layout import Layout
 from pter_gym.engine import world
-from pter_gym.engine.batch import RECORDED, ActionUnit, Array, Batch, Observations, Returns
+from pter_gym.engine.batch import ActionUnit, Array, Batch, Observations, Returns
 from pter_gym.envs.single import find_pairs
 from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.params import Machine
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
+from pter_gym.tasks.path_following.telemetry import COLUMNS
 
 Device = Literal["cpu", "cuda"]
 Mask = NDArray[np.bool_]
@@ -147,7 +148,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         self._check_open()
         returns = self.batch.step(actions, self._ended)
         terminated, truncated, success = returns.flags
-        infos = self._infos(np.ones(self.num_envs, np.bool_), returns.telemetry[:1].reshape(-1, RECORDED), success)
+        infos = self._infos(np.ones(self.num_envs, np.bool_), returns.telemetry[:1].reshape(-1, COLUMNS), success)
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             self._add_final(infos, returns, terminated | truncated)
         return returns.obs, returns.rewards, terminated, truncated, infos
@@ -180,7 +181,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         final_obs = np.full(self.num_envs, None, object)
         for index, row in zip(np.flatnonzero(ended).tolist(), returns.final_obs[ended], strict=True):
             final_obs[index] = row
-        telemetry = returns.telemetry[1:].reshape(-1, RECORDED)
+        telemetry = returns.telemetry[1:].reshape(-1, COLUMNS)
         if len(telemetry):
             telemetry = np.where(ended[:, None], telemetry, 0.0)
         infos |= {

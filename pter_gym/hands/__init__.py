@@ -1,30 +1,20 @@
-"""The hand that holds the tip."""
+"""The hand that holds the tip: kinds of hands, and what the kernels know of them."""
 
-from pter_gym.hands.operators import (
+from pter_gym.hands.kinds import (
     EQ5_FREQUENCIES,
     HUMAN_ARMS,
     NO_HAND,
     NORMAL,
     RELAXED,
-    SINES,
     TENSE,
     HumanArm,
     MultiSineHand,
     Operator,
-    OperatorModel,
     RecordedForces,
-    advance_sines,
-    check_sines,
     eq5,
-    impedance_of,
-    intent_speed,
-    operator_model,
     read_forces,
-    renew_sines,
-    sum_of_sines,
-    turn,
-    unit_vector,
 )
+from pter_gym.hands.model import SINES, HandModel
 
 __all__ = [
     "EQ5_FREQUENCIES",
@@ -34,20 +24,11 @@ __all__ = [
     "RELAXED",
     "SINES",
     "TENSE",
+    "HandModel",
     "HumanArm",
     "MultiSineHand",
     "Operator",
-    "OperatorModel",
     "RecordedForces",
-    "advance_sines",
-    "check_sines",
     "eq5",
-    "impedance_of",
-    "intent_speed",
-    "operator_model",
     "read_forces",
-    "renew_sines",
-    "sum_of_sines",
-    "turn",
-    "unit_vector",
 ]

@@ -11,10 +11,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from pter_gym.compiled.records import Entry, rows
 
 Array = NDArray[np.float64]
 
@@ -29,15 +31,19 @@ _CHECKS = 5
 
 
 class ArcSegment(NamedTuple):
-    """One arc: start [m], unit heading there, curvature [1/m], positive to the left, arc length before it, length."""
+    """One arc."""
 
-    x: float
-    y: float
-    heading_cos: float
-    heading_sin: float
-    curvature: float
-    start: float
-    length: float
+    x: Annotated[float, Entry("m", "where it begins")]
+    y: Annotated[float, Entry("m", "where it begins")]
+    heading_cos: Annotated[float, Entry("1", "cosine of the heading there")]
+    heading_sin: Annotated[float, Entry("1", "sine of the heading there")]
+    curvature: Annotated[float, Entry("1/m", "positive to the left")]
+    start: Annotated[float, Entry("m", "arc length before it")]
+    length: Annotated[float, Entry("m", "its arc length")]
+
+
+SEGMENT = rows(ArcSegment)
+"""Columns of a table of arcs."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +61,11 @@ class Arcs:
     @property
     def length(self) -> float:
         """Total arc length [m]."""
-        return float(self.table[-1, 5] + self.table[-1, 6])
+        return float(self.table[-1, SEGMENT.start] + self.table[-1, SEGMENT.length])
 
     def numbers_at(self, s: ArrayLike) -> NDArray[np.intp]:
         """Return the numbers of the arcs at arc lengths [m] of any shape."""
-        return np.searchsorted(self.table[1:, 5], np.asarray(s, np.float64), side="right")
+        return np.searchsorted(self.table[1:, SEGMENT.start], np.asarray(s, np.float64), side="right")
 
     def at(self, s: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Return x, y [m], heading [rad] and curvature [1/m] at arc lengths [m] of any shape, also beyond the ends."""
@@ -100,7 +106,7 @@ class Path(ABC):
     @property
     def max_curvature(self) -> float:
         """Largest curvature [1/m] without its sign."""
-        return float(np.abs(self.arcs.table[:, 4]).max())
+        return float(np.abs(self.arcs.table[:, SEGMENT.curvature]).max())
 
     def point(self, s: float) -> tuple[float, float]:
         """Return the point (x, y) [m] at an arc length [m]."""

@@ -1,44 +1,36 @@
 """Projection of a moving point onto a chain of arcs, for the kernels.
 
-The chain stands in the flat array of constants, ``SEGMENT_ROWS`` numbers for each arc in the order of ``ArcSegment``.
+The flat array of constants holds the chain, an ``ArcSegment`` for each arc.
 A point keeps the arc that it was on and walks to a neighbour when its foot leaves that arc. Neighbours share a normal
 at their joint, so the foot moves continuously as long as the point stays nearer to the path than its centre of
 curvature.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pter_gym.compiled.compiler import device
-from pter_gym.paths.arcs import ArcSegment
+from pter_gym.compiled.records import Entry, read, width
+from pter_gym.paths.arcs import SEGMENT, ArcSegment
+from pter_gym.physics.arm import UnitVector
 
-SEGMENT_ROWS = len(ArcSegment._fields)
+SEGMENT_WIDTH = width(ArcSegment)
 
 
 class Foot(NamedTuple):
-    """Projection of a point: arc length and normal error [m], heading and curvature [1/m] there, number of the arc."""
+    """Projection of a point onto a path."""
 
-    arc_length: float
-    normal_error: float
-    heading_cos: float
-    heading_sin: float
-    curvature: float
-    segment: int
+    arc_length: Annotated[float, Entry("m", "projection of the tip on the path")]
+    normal_error: Annotated[float, Entry("m", "distance from the path, positive to its left")]
+    heading: Annotated[UnitVector, Entry("1", "path's heading there,")]
+    curvature: Annotated[float, Entry("1/m", "curvature of the path there, positive to the left")]
+    segment: Annotated[float, Entry("1", "number of the arc")]
 
 
 @device
 def segment_at(constants: Any, first: int, segment: int) -> ArcSegment:
     """Read an arc of the chain that begins at ``first`` in the constants."""
-    row = first + segment * SEGMENT_ROWS
-    return ArcSegment(
-        constants[row],
-        constants[row + 1],
-        constants[row + 2],
-        constants[row + 3],
-        constants[row + 4],
-        constants[row + 5],
-        constants[row + 6],
-    )
+    return read(constants, SEGMENT, first + segment * SEGMENT_WIDTH)
 
 
 @device
@@ -50,7 +42,7 @@ def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
     left = from_y * arc.heading_cos - from_x * arc.heading_sin
     k = arc.curvature
     if k == 0.0:
-        return Foot(arc.start + along, left, arc.heading_cos, arc.heading_sin, k, segment)
+        return Foot(arc.start + along, left, UnitVector(arc.heading_cos, arc.heading_sin), k, segment)
     radial = 1.0 - k * left
     tangential = k * along
     reach = math.sqrt(radial * radial + tangential * tangential)
@@ -59,8 +51,7 @@ def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
     return Foot(
         arc.start + math.atan2(tangential, radial) / k,
         (2.0 * left - k * (along * along + left * left)) / (1.0 + reach),
-        arc.heading_cos * cos - arc.heading_sin * sin,
-        arc.heading_sin * cos + arc.heading_cos * sin,
+        UnitVector(arc.heading_cos * cos - arc.heading_sin * sin, arc.heading_sin * cos + arc.heading_cos * sin),
         k,
         segment,
     )
@@ -93,7 +84,7 @@ def point_at(constants: Any, first: int, count: int, s: float) -> tuple[float, f
     high = count - 1
     while low < high:
         middle = (low + high + 1) // 2
-        if constants[first + middle * SEGMENT_ROWS + 5] <= s:
+        if constants[first + middle * SEGMENT_WIDTH + SEGMENT.start] <= s:
             low = middle
         else:
             high = middle - 1

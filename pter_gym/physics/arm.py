@@ -5,34 +5,56 @@ Both angles are absolute. With a coaxial drive and a parallelogram the mass matr
     M(θ)·θ̈ + V(θ, θ̇) = Wᵀτ + JᵀF      M12 = c·cos(θA − θB)   V = c·sin(θA − θB)·(θ̇B², −θ̇A²)
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from pter_gym.compiled.compiler import device
+from pter_gym.compiled.records import Entry
+
+
+class Vector(NamedTuple):
+    """A vector in the world frame, or a point from the axis of the drive."""
+
+    x: float
+    y: float
+
+
+class UnitVector(NamedTuple):
+    """Cosine and sine of an angle."""
+
+    cos: Annotated[float, Entry("1", "cosine")]
+    sin: Annotated[float, Entry("1", "sine")]
+
+
+class PerLink(NamedTuple):
+    """One number for each of the two links."""
+
+    a: Annotated[float, Entry("", "of link A")]
+    b: Annotated[float, Entry("", "of link B")]
 
 
 class Linkage(NamedTuple):
-    """Constants of one arm with the hand that holds it [m, kg·m², N·s/m, N/m]."""
+    """Constants of one arm with the hand that holds it."""
 
-    length_a: float
-    length_b: float
-    m11: float
-    m22: float
-    coupling: float
-    damping: float
-    stiffness: float
+    length_a: Annotated[float, Entry("m", "length of link A")]
+    length_b: Annotated[float, Entry("m", "length of link B")]
+    m11: Annotated[float, Entry("kg·m²", "inertia about axis A, with the hand's mass")]
+    m22: Annotated[float, Entry("kg·m²", "inertia about axis B, with the hand's mass")]
+    coupling: Annotated[float, Entry("kg·m²", "of the axes, with the hand's mass: M12 = coupling·cos(θA − θB)")]
+    damping: Annotated[float, Entry("N·s/m", "of the hand")]
+    stiffness: Annotated[float, Entry("N/m", "of the hand")]
 
 
 class Motion(NamedTuple):
-    """Angles [rad], angular velocities [rad/s] and the unit vectors of the links."""
+    """Angles, angular velocities and the unit vectors of the links."""
 
-    theta_a: float
-    theta_b: float
-    omega_a: float
-    omega_b: float
-    cos_a: float
-    sin_a: float
-    cos_b: float
-    sin_b: float
+    theta_a: Annotated[float, Entry("rad", "angle of link A")]
+    theta_b: Annotated[float, Entry("rad", "angle of link B")]
+    omega_a: Annotated[float, Entry("rad/s", "angular velocity of link A")]
+    omega_b: Annotated[float, Entry("rad/s", "angular velocity of link B")]
+    cos_a: Annotated[float, Entry("1", "cosine of link A's angle")]
+    sin_a: Annotated[float, Entry("1", "sine of link A's angle")]
+    cos_b: Annotated[float, Entry("1", "cosine of link B's angle")]
+    sin_b: Annotated[float, Entry("1", "sine of link B's angle")]
 
 
 class Load(NamedTuple):

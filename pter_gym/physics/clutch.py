@@ -1,32 +1,33 @@
 """Electromagnetic friction clutch: volts to steady torques to lagged torques (paper sections II-B and IV-B, Fig. 5)."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from pter_gym.compiled.compiler import device
+from pter_gym.compiled.records import Entry
 
 
 class PerClutch(NamedTuple):
     """One number for each of the four clutches: A to ground, B to ground, A to B, A to B through the inverting gear."""
 
-    x1: float
-    x2: float
-    x3: float
-    x4: float
+    x1: Annotated[float, Entry("", "of clutch 1", name="1")]
+    x2: Annotated[float, Entry("", "of clutch 2", name="2")]
+    x3: Annotated[float, Entry("", "of clutch 3", name="3")]
+    x4: Annotated[float, Entry("", "of clutch 4", name="4")]
 
 
 class Torques(NamedTuple):
     """Torque limits of the four clutches [N·m]."""
 
-    breakaway: PerClutch
-    dynamic: PerClutch
+    breakaway: Annotated[PerClutch, Entry("N·m", "breakaway torque", name="torque_breakaway")]
+    dynamic: Annotated[PerClutch, Entry("N·m", "dynamic torque", name="torque_dynamic")]
 
 
 class Curve(NamedTuple):
     """Torque over voltage: ``slope·v + curvature·max(v − knee, 0)²`` [N·m/V, V, N·m/V²]."""
 
-    slope: float
-    knee: float
-    curvature: float
+    slope: Annotated[float, Entry("N·m/V", "of the linear segment")]
+    knee: Annotated[float, Entry("V", "where the quadratic segment begins")]
+    curvature: Annotated[float, Entry("N·m/V²", "of the quadratic segment")]
 
 
 @device

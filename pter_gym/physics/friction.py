@@ -2,10 +2,10 @@
 
 One substep asks for the velocity that minimises ``½·ωᵀMω − pᵀω + Σ c_x·|W_x·ω|``: implicit Euler with maximum
 dissipation, strictly convex. Here p is the momentum without clutches, c_x the largest impulse of clutch x, and W_x its
-row in W = [[1, 0], [0, 1], [1, −1], [1, 1]] (paper Eqs. 3 and 4).
+row in W, see ``COUPLING``.
 
 The four lines W_x·ω = 0 cut the plane into one point (the paper's zero-DOF mode), four lines (its one-DOF modes) and
-eight sectors (its two-DOF mode). Line x has the direction d_x with W_x·d_x = 0: d = (0, 1), (1, 0), (1, 1), (1, −1).
+eight sectors (its two-DOF mode). Line x has the direction d_x with W_x·d_x = 0, see ``LINES``.
 """
 
 from enum import IntEnum
@@ -18,6 +18,13 @@ from pter_gym.physics.clutch import PerClutch
 
 _FAR = 1e300
 """A squared distance beyond any other."""
+
+
+COUPLING = ((1.0, 0.0), (0.0, 1.0), (1.0, -1.0), (1.0, 1.0))
+"""W: how the slip velocity of each clutch follows from the angular velocities of the links (paper Eqs. 3 and 4)."""
+
+LINES = ((0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (1.0, -1.0))
+"""Angular velocities of the links, but for a factor, at which each clutch does not slip."""
 
 
 class ClutchMode(IntEnum):
@@ -35,6 +42,12 @@ class ClutchMode(IntEnum):
 def slip_velocities(omega_a: float, omega_b: float) -> PerClutch:
     """Return W·ω [rad/s], the slip velocity of each clutch."""
     return PerClutch(omega_a, omega_b, omega_a - omega_b, omega_a + omega_b)
+
+
+@device
+def torques_on_links(torque: PerClutch) -> tuple[float, float]:
+    """Return Wᵀτ [N·m], what torques of the clutches make together on each link."""
+    return torque.x1 + torque.x3 + torque.x4, torque.x2 - torque.x3 + torque.x4
 
 
 @device

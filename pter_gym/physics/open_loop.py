@@ -2,58 +2,51 @@
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.compiled.compiler import compile_kernel
+from pter_gym.compiled.compiler import compile_kernel, device
+from pter_gym.compiled.records import flat, read, rows, width, write
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine
-from pter_gym.physics.arm import Load, kinetic_energy, tip_position, tip_velocity
-from pter_gym.physics.clutch import PerClutch, relax, relax_torques, scaled, steady_torques
+from pter_gym.physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
+from pter_gym.physics.clutch import PerClutch, Torques, relax, relax_torques, scaled, steady_torques
 from pter_gym.physics.friction import generated_torques, mode_of, slip_velocities
-from pter_gym.physics.model import (
-    BREAKAWAY,
-    DYNAMIC,
-    LAGGED_VOLTS,
-    SCALE,
-    SLIP_THRESHOLD,
-    STATE_ROWS,
-    TORQUE_DECAY,
-    VOLTAGE_DECAY,
-    breakaway_curve,
-    dynamic_curve,
-    linkage,
-    load_four,
-    load_motion,
-    load_torques,
-    model_of,
-    store_four,
-    store_motion,
-    store_torques,
-)
-from pter_gym.physics.step import clutch_load, substep
+from pter_gym.physics.model import Model, model_of
+from pter_gym.physics.step import Energy, clutch_load, substep
 
 Array = NDArray[np.float64]
 
-_COLUMNS = (
-    ("theta", 2),
-    ("omega", 2),
-    ("tip_position", 2),
-    ("tip_velocity", 2),
-    ("torque", 4),
-    ("slip_velocity", 4),
-    ("torque_breakaway", 4),
-    ("torque_dynamic", 4),
-    ("mode", 1),
-    ("kinetic_energy", 1),
-    ("hand_work", 1),
-    ("dissipated", 1),
-    ("numerical_loss", 1),
-    ("residual", 1),
-)
-_WIDTH = sum(width for _, width in _COLUMNS)
+
+class Moving(NamedTuple):
+    """What changes from substep to substep."""
+
+    motion: Motion
+    torques: Torques
+    lagged_volts: PerClutch
+
+
+class Row(NamedTuple):
+    """One substep of a trajectory."""
+
+    theta: PerLink
+    omega: PerLink
+    tip_position: Vector
+    tip_velocity: Vector
+    torque: PerClutch
+    slip_velocity: PerClutch
+    torque_breakaway: PerClutch
+    torque_dynamic: PerClutch
+    mode: float
+    kinetic_energy: float
+    energy: Energy
+
+
+MODEL = rows(Model)
+MOVING = rows(Moving)
+COLUMN = rows(Row)
 
 
 @dataclass(frozen=True)
@@ -204,9 +197,9 @@ def simulate(
     target = (0.0, 0.0) if hand_target is None else hand_target
     steps = _steps(machine, duration, volts, hand_force, joint_torque, target)
     packed = _pack(state)
-    record = np.empty((steps, _WIDTH))
+    record = np.empty((steps, width(Row)))
     _kernel()(
-        np.array([model_of(machine)]).T.copy(),
+        np.array(flat(model_of(machine))),
         packed,
         _volts(machine, volts, steps),
         _rows("hand_force", hand_force, steps, 2),
@@ -221,18 +214,41 @@ def simulate(
     return _trajectory(record, machine.substep, state, _unpack(packed))
 
 
+@device
+def advance(model: Model, state: Moving, command: PerClutch, load: Load, h: float) -> tuple[Moving, Row]:
+    """Advance one machine by a substep of h [s] at a command [V] under a load; return its state and what to record."""
+    lagged = relax(state.lagged_volts, command, model.voltage_decay)
+    target = scaled(steady_torques(model.breakaway, model.dynamic, lagged), model.scale, 1.0)
+    torques = relax_torques(state.torques, target, model.torque_decay)
+    q, impact, limit, energy = substep(state.motion, torques, model.arm, load, model.slip_threshold, h)
+    load_a, load_b = clutch_load(impact, q.omega_a, q.omega_b, h)
+    x, y = tip_position(model.arm, q)
+    v_x, v_y = tip_velocity(model.arm, q)
+    row = Row(
+        theta=PerLink(q.theta_a, q.theta_b),
+        omega=PerLink(q.omega_a, q.omega_b),
+        tip_position=Vector(x, y),
+        tip_velocity=Vector(v_x, v_y),
+        torque=generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit),
+        slip_velocity=slip_velocities(q.omega_a, q.omega_b),
+        torque_breakaway=torques.breakaway,
+        torque_dynamic=torques.dynamic,
+        mode=mode_of(q.omega_a, q.omega_b),
+        kinetic_energy=kinetic_energy(model.arm, q),
+        energy=energy,
+    )
+    return Moving(q, torques, lagged), row
+
+
 def _build(digest: str) -> Any:
     def kernel(
         p: Any, s: Any, volts: Any, hand_force: Any, joint_torque: Any, hand_target: Any, h: float, record: Any
     ) -> None:
         _ = digest
-        arm = linkage(p, 0, 0)
+        model = read(p, MODEL, 0)
+        state = read(s, MOVING, 0)
         for k in range(record.shape[0]):
             command = PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3])
-            lagged = relax(load_four(s, LAGGED_VOLTS, 0), command, p[VOLTAGE_DECAY, 0])
-            steady = steady_torques(breakaway_curve(p, 0, 0), dynamic_curve(p, 0, 0), lagged)
-            target = scaled(steady, load_four(p, SCALE, 0), 1.0)
-            torques = relax_torques(load_torques(s, BREAKAWAY, 0), target, p[TORQUE_DECAY, 0])
             load = Load(
                 hand_force[k, 0],
                 hand_force[k, 1],
@@ -241,44 +257,9 @@ def _build(digest: str) -> Any:
                 hand_target[k, 0],
                 hand_target[k, 1],
             )
-            q, impact, limit, energy = substep(load_motion(s, 0), torques, arm, load, p[SLIP_THRESHOLD, 0], h)
-            store_motion(s, 0, q)
-            store_torques(s, BREAKAWAY, 0, torques)
-            store_four(s, LAGGED_VOLTS, 0, lagged)
-            load_a, load_b = clutch_load(impact, q.omega_a, q.omega_b, h)
-            generated = generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit)
-            slip = slip_velocities(q.omega_a, q.omega_b)
-            x, y = tip_position(arm, q)
-            v_x, v_y = tip_velocity(arm, q)
-            row = (
-                q.theta_a,
-                q.theta_b,
-                q.omega_a,
-                q.omega_b,
-                x,
-                y,
-                v_x,
-                v_y,
-                generated.x1,
-                generated.x2,
-                generated.x3,
-                generated.x4,
-                slip.x1,
-                slip.x2,
-                slip.x3,
-                slip.x4,
-            )
-            for column in range(16):
-                record[k, column] = row[column]
-            for clutch in range(4):
-                record[k, 16 + clutch] = s[BREAKAWAY + clutch, 0]
-                record[k, 20 + clutch] = s[DYNAMIC + clutch, 0]
-            record[k, 24] = mode_of(q.omega_a, q.omega_b)
-            record[k, 25] = kinetic_energy(arm, q)
-            record[k, 26] = energy.hand_work
-            record[k, 27] = energy.dissipated
-            record[k, 28] = energy.numerical_loss
-            record[k, 29] = energy.residual
+            state, row = advance(model, state, command, load, h)
+            write(record[k], COLUMN, row)
+        write(s, MOVING, state)
 
     return kernel
 
@@ -289,12 +270,8 @@ def _kernel() -> Any:
 
 
 def _trajectory(record: Array, h: float, initial: State, final: State) -> Trajectory:
-    columns: dict[str, Any] = {}
-    first = 0
-    for name, width in _COLUMNS:
-        values = record[:, first : first + width]
-        columns[name] = values[:, 0] if width == 1 else values
-        first += width
+    columns = {name: record[:, at if isinstance(at, int) else [*at]] for name, at in COLUMN._asdict().items()}
+    energies = dict(zip(Energy._fields, columns.pop("energy").T, strict=True))
     columns["mode"] = columns["mode"].astype(np.int8)
     return Trajectory(
         time=h * np.arange(1.0, len(record) + 1.0),
@@ -302,31 +279,32 @@ def _trajectory(record: Array, h: float, initial: State, final: State) -> Trajec
         initial=initial,
         final=final,
         **columns,
+        **energies,
     )
 
 
 def _pack(state: State) -> Array:
     theta = _vector("state.theta", state.theta, 2)
     omega = _vector("state.omega", state.omega, 2)
-    packed = np.empty((STATE_ROWS, 1))
-    packed[0:2, 0] = theta
-    packed[2:4, 0] = omega
-    packed[4:8, 0] = np.cos(theta[0]), np.sin(theta[0]), np.cos(theta[1]), np.sin(theta[1])
-    packed[BREAKAWAY:DYNAMIC, 0] = _vector("state.torque_breakaway", state.torque_breakaway, 4)
-    packed[DYNAMIC:LAGGED_VOLTS, 0] = _vector("state.torque_dynamic", state.torque_dynamic, 4)
-    packed[LAGGED_VOLTS:, 0] = _vector("state.lagged_volts", state.lagged_volts, 4)
-    if min(packed[BREAKAWAY:, 0]) < 0.0:
+    limits = [
+        _vector(f"state.{name}", getattr(state, name), 4)
+        for name in ("torque_breakaway", "torque_dynamic", "lagged_volts")
+    ]
+    if min(map(min, limits)) < 0.0:
         raise ParameterError("state: torques and lagged voltages must be ≥ 0")
-    return packed
+    breakaway, dynamic, lagged = (PerClutch(*limit) for limit in limits)
+    units = np.cos(theta[0]), np.sin(theta[0]), np.cos(theta[1]), np.sin(theta[1])
+    return np.array(flat(Moving(Motion(*theta, *omega, *units), Torques(breakaway, dynamic), lagged)))
 
 
 def _unpack(packed: Array) -> State:
+    now: Moving = read(packed, MOVING, 0)
     return State(
-        theta=packed[0:2, 0].copy(),
-        omega=packed[2:4, 0].copy(),
-        torque_breakaway=packed[BREAKAWAY:DYNAMIC, 0].copy(),
-        torque_dynamic=packed[DYNAMIC:LAGGED_VOLTS, 0].copy(),
-        lagged_volts=packed[LAGGED_VOLTS:, 0].copy(),
+        theta=np.array([now.motion.theta_a, now.motion.theta_b]),
+        omega=np.array([now.motion.omega_a, now.motion.omega_b]),
+        torque_breakaway=np.array(now.torques.breakaway),
+        torque_dynamic=np.array(now.torques.dynamic),
+        lagged_volts=np.array(now.lagged_volts),
     )
 
 

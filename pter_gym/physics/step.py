@@ -1,8 +1,9 @@
 """The only place where clutches, arm and friction meet: one substep of semi-implicit Euler."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from pter_gym.compiled.compiler import device
+from pter_gym.compiled.records import Entry
 from pter_gym.physics.arm import (
     Linkage,
     Load,
@@ -24,26 +25,26 @@ from pter_gym.physics.friction import resolve, slip_velocities
 
 
 class Impact(NamedTuple):
-    """The velocity problem of one substep: effective mass matrix [kg·m²], free momentum [N·m·s], hand torque [N·m]."""
+    """The velocity problem of one substep."""
 
-    m11: float
-    m12: float
-    m22: float
-    p_a: float
-    p_b: float
-    hand_a: float
-    hand_b: float
-    fictitious_a: float
-    fictitious_b: float
+    m11: Annotated[float, Entry("kg·m²", "effective mass matrix")]
+    m12: Annotated[float, Entry("kg·m²", "effective mass matrix")]
+    m22: Annotated[float, Entry("kg·m²", "effective mass matrix")]
+    p_a: Annotated[float, Entry("N·m·s", "momentum of link A without clutches")]
+    p_b: Annotated[float, Entry("N·m·s", "momentum of link B without clutches")]
+    hand_a: Annotated[float, Entry("N·m", "torque of the hand on link A")]
+    hand_b: Annotated[float, Entry("N·m", "torque of the hand on link B")]
+    fictitious_a: Annotated[float, Entry("N·m", "velocity term V on link A")]
+    fictitious_b: Annotated[float, Entry("N·m", "velocity term V on link B")]
 
 
 class Energy(NamedTuple):
     """Energy terms of a substep [J]: ΔK = hand_work − dissipated − numerical_loss + residual."""
 
-    hand_work: float
-    dissipated: float
-    numerical_loss: float
-    residual: float
+    hand_work: Annotated[float, Entry("J", "work of the hand")]
+    dissipated: Annotated[float, Entry("J", "energy taken by the clutches")]
+    numerical_loss: Annotated[float, Entry("J", "the integrator's loss")]
+    residual: Annotated[float, Entry("J", "the integrator's gain from the turning mass matrix")]
 
 
 @device

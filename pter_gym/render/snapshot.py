@@ -9,14 +9,7 @@ from numpy.typing import NDArray
 
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.tasks.path_following import (
-    T_ERROR,
-    T_FORCE,
-    T_MODE,
-    T_THETA,
-    T_TIME,
-    T_TORQUE,
-    T_VELOCITY,
-    T_VOLTS,
+    COLUMN,
 )
 
 Array = NDArray[np.float64]
@@ -73,15 +66,15 @@ class Snapshot(NamedTuple):
     def of(cls, row: Array) -> Self:
         """Read a telemetry row, shape (len(TELEMETRY),)."""
         return cls(
-            time=float(row[T_TIME]),
-            theta_a=float(row[T_THETA]),
-            theta_b=float(row[T_THETA + 1]),
-            speed=math.hypot(row[T_VELOCITY], row[T_VELOCITY + 1]),
-            normal_error=float(row[T_ERROR]),
-            force=row[T_FORCE : T_FORCE + 2],
-            mode=ClutchMode(int(row[T_MODE])),
-            volts=row[T_VOLTS : T_VOLTS + 4],
-            torques=row[T_TORQUE : T_TORQUE + 4],
+            time=float(row[COLUMN.time]),
+            theta_a=float(row[COLUMN.theta.a]),
+            theta_b=float(row[COLUMN.theta.b]),
+            speed=math.hypot(*row[[*COLUMN.tip_velocity]]),
+            normal_error=float(row[COLUMN.normal_error]),
+            force=row[[*COLUMN.force]],
+            mode=ClutchMode(int(row[COLUMN.mode])),
+            volts=row[[*COLUMN.volts]],
+            torques=row[[*COLUMN.torque]],
         )
 
     def clutch_states(self) -> list[ClutchState]:

@@ -13,7 +13,7 @@ from pter_gym.controllers import Controller, Policy
 from pter_gym.engine.batch import Batch
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
-from pter_gym.tasks.path_following import T_ARC_LENGTH, T_ERROR, T_SUCCESS, T_TERMINATED, T_TIME
+from pter_gym.tasks.path_following import COLUMN
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ PENALTY = 1.0
 SEGMENT = 128
 """Control steps that are simulated at a time."""
 
-COLUMNS = (T_TIME, T_ARC_LENGTH, T_ERROR, T_SUCCESS)
+COLUMNS = (COLUMN.time, COLUMN.arc_length, COLUMN.normal_error, COLUMN.is_success)
 """What ranked scores need of the telemetry."""
 
 
@@ -105,7 +105,7 @@ class Examination:
         while steps < self.limits.max() and not ended.all():
             obs, rows = self.batch.rollout(obs, policy.law, policy.gains, SEGMENT, memory)
             parts.append(rows[..., COLUMNS])
-            ended |= (rows[..., T_TERMINATED] == 1.0).any(axis=0)
+            ended |= (rows[..., COLUMN.terminated] == 1.0).any(axis=0)
             steps += SEGMENT
             ended |= self.limits <= steps
         return list(np.moveaxis(np.concatenate(parts), -1, 0))

@@ -10,17 +10,20 @@ import math
 import numpy as np
 
 from pter_gym.compiled.layout import Layout
+from pter_gym.compiled.records import write
 from pter_gym.controllers import Controller
 from pter_gym.controllers.predictive.hand import HandModel
 from pter_gym.controllers.predictive.planner import Array, Observations, Planner, Settings
 from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import ALIVE, ARC_LENGTH, COMMAND, CURVATURE, DRIVE, ERROR, HEADING, REACHED, SEGMENT, TORQUE
+from pter_gym.engine.world import ROW, Drive
 from pter_gym.hands import RecordedForces
 from pter_gym.params import BASELINE
-from pter_gym.physics.arm import Motion
+from pter_gym.paths.projection import Foot
+from pter_gym.physics.arm import Motion, UnitVector
+from pter_gym.physics.clutch import PerClutch, Torques
 from pter_gym.physics.friction import slip_velocities
-from pter_gym.physics.model import BREAKAWAY, DYNAMIC, store_motion
 from pter_gym.tasks.path_following import PathFollowing, observation_layout, substeps
+from pter_gym.tasks.path_following.situation import PathVector
 
 NOMINAL = BASELINE
 """The machine that the controller believes in."""
@@ -93,21 +96,20 @@ class Belief:
         arc_length = see["progress"] * self.task.path.length
         self.reached = max(self.reached, arc_length)
         rows = self.rows
-        store_motion(rows[:, None], 0, motion_seen(see))
-        rows[BREAKAWAY : BREAKAWAY + 4] = self.ratio * self.dynamic
-        rows[DYNAMIC : DYNAMIC + 4] = self.dynamic
-        rows[COMMAND : COMMAND + 4] = volts
-        rows[TORQUE : TORQUE + 4] = torques
-        rows[ALIVE] = 1.0
-        rows[ARC_LENGTH], rows[ERROR], rows[REACHED] = arc_length, see["normal_error"], self.reached
-        rows[HEADING : HEADING + 2] = see["heading_cos"], see["heading_sin"]
-        rows[CURVATURE] = see["curvature"]
-        rows[SEGMENT] = self.arcs.numbers_at(arc_length)
+        write(rows, ROW.motion, motion_seen(see))
+        write(rows, ROW.torques, Torques(PerClutch(*(self.ratio * self.dynamic)), PerClutch(*self.dynamic)))
+        write(rows, ROW.command, PerClutch(*volts))
+        write(rows, ROW.torque, PerClutch(*torques))
+        rows[ROW.alive] = 1.0
+        heading = UnitVector(see["heading_cos"], see["heading_sin"])
+        segment = float(self.arcs.numbers_at(arc_length))
+        write(rows, ROW.foot, Foot(arc_length, see["normal_error"], heading, see["curvature"], segment))
+        rows[ROW.reached] = self.reached
 
     def expect(self, forces: Array) -> None:
         """Take the forces that the hand will exert, (T, 2) [N]: the row of what drives the first control step."""
-        self.rows[DRIVE : DRIVE + 2] = forces[0]
-        self.rows[DRIVE + 2 : DRIVE + 4] = (forces[1] - forces[0]) / self.count
+        change = (forces[1] - forces[0]) / self.count
+        write(self.rows, ROW.drive, Drive(PathVector(*forces[0]), PathVector(*change)))
 
 
 class HonestPlanner:

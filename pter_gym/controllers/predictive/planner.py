@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from pter_gym.compiled.compiler import device
 from pter_gym.controllers import Controller, PerClutch
-from pter_gym.controllers.laws import BRAKE, KEPT, NORMAL_ERROR, PACE, WORLD
+from pter_gym.controllers.laws import physical
 from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import SUCCESS, TERMINATED
+from pter_gym.engine.law import MEMORY
+from pter_gym.engine.world import FLAG
 from pter_gym.params import BASELINE, Machine, quantity, require, require_number
-from pter_gym.tasks.path_following import T_VOLTS, PathFollowing
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from pter_gym.tasks.path_following.observation import SEEN
 
 Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
@@ -26,10 +28,10 @@ Observations = NDArray[np.float32]
 SIZES = (0.1, 0.3, 1.0, 2.0)
 """Sizes of the perturbations in the first round, relative to their spread."""
 
-SPEED_ALONG = 11
-"""Position in the observation; a test holds it against ``observation_layout``."""
+STEP = MEMORY.kept
+"""Where ``play`` keeps the number of the control step."""
 
-COST = BRAKE
+COST = MEMORY.brake
 """Where ``play`` keeps the sum of the costs: a place in a law's memory that it has no other use for."""
 
 PLANS = 3
@@ -78,9 +80,9 @@ class Settings:
 @device
 def cost(obs: Any, scales: Any, weight: float) -> float:
     """Return the cost of an instant [m]: the path error, and the weighted error of the speed along the path."""
-    error = obs[NORMAL_ERROR] * scales[NORMAL_ERROR]
-    speed = obs[SPEED_ALONG] * scales[SPEED_ALONG]
-    pace = obs[PACE] * scales[PACE]
+    error = physical(obs, scales, SEEN.normal_error)
+    speed = physical(obs, scales, SEEN.speed.along)
+    pace = physical(obs, scales, SEEN.pace)
     return abs(error) + weight * abs(speed - pace)
 
 
@@ -90,15 +92,15 @@ def play(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
     Gains hold the control steps between knots, the number of knots and the weight of the pace, then the plans.
     """
-    step = memory[KEPT]
+    step = memory[STEP]
     if step > 0.0:
         memory[COST] += cost(obs, scales, gains[2])
-    memory[KEPT] = step + 1.0
+    memory[STEP] = step + 1.0
     count = int(gains[1])
     place = step / gains[0]
     knot = min(int(place), count - 2)
     part = min(place - knot, 1.0)
-    at = PLANS + (int(memory[WORLD]) * count + knot) * 4
+    at = PLANS + (int(memory[MEMORY.world]) * count + knot) * 4
     return PerClutch(
         gains[at] + part * (gains[at + 4] - gains[at]),
         gains[at + 1] + part * (gains[at + 5] - gains[at + 1]),
@@ -194,7 +196,7 @@ class Planner:
         bring_to(self.one, state)
         _, rows = self.one.rollout(obs[None], self.guide.law, self.guide.gains, s.horizon)
         at = np.minimum(np.arange(s.knots) * s.knot_steps, s.horizon - 1)
-        return np.nan_to_num(rows[at, 0, T_VOLTS : T_VOLTS + 4])
+        return np.nan_to_num(rows[at, 0][:, [*COLUMN.volts]])
 
     def _later(self, plan: Array) -> Array:
         """Return a plan as it is one control step later."""
@@ -212,8 +214,8 @@ class Planner:
         many = np.broadcast_to(obs, (s.samples, len(obs)))
         last, flags = self.batch.outcome(many, play, gains, s.horizon, memory)
         total = memory[:, COST] + self._cost(last)
-        failed = flags[TERMINATED] & ~flags[SUCCESS]
-        return total / memory[:, KEPT] + np.where(failed, self.task.error_max, 0.0)
+        failed = flags[FLAG.terminated] & ~flags[FLAG.success]
+        return total / memory[:, STEP] + np.where(failed, self.task.error_max, 0.0)
 
     def _cost(self, obs: Observations) -> Array:
         """Return what ``cost`` does, of many observations (N, entries)."""

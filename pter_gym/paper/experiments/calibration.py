@@ -18,8 +18,9 @@ from pter_gym.benchmark.metrics import START_UP, column, low_pass, vector
 from pter_gym.benchmark.standard import TIME_CONSTANTS, Run
 from pter_gym.compiled.compiler import device
 from pter_gym.controllers import TorqueFeedback
-from pter_gym.controllers.laws import IMPEDANCE, WORLD, guide
+from pter_gym.controllers.laws import IMPEDANCE, guide
 from pter_gym.engine.batch import Batch
+from pter_gym.engine.law import MEMORY
 from pter_gym.errors import ParameterError
 from pter_gym.hands import eq5
 from pter_gym.internal.files import write_text_atomic
@@ -54,7 +55,7 @@ from pter_gym.params.preset import (
 )
 from pter_gym.paths import Line
 from pter_gym.physics.clutch import PerClutch
-from pter_gym.tasks.path_following import T_SUCCESS, T_TIME, T_VOLTS, PathFollowing
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.units import INCH, INCH_POUND
 
 Array = NDArray[np.float64]
@@ -346,7 +347,7 @@ def _entries(run: Run, setup: Setup, reading: Reading) -> Array:
 def own_impedance(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of the impedance law with gains of each world's own, (kind, count, gains of world 0, …)."""
     count = int(gains[1])
-    first = 2 + int(memory[WORLD]) * count
+    first = 2 + int(memory[MEMORY.world]) * count
     return guide(obs, scales, gains[first : first + count], memory)
 
 
@@ -386,7 +387,7 @@ def run_cases(cases: Sequence[Case]) -> Outcome:
     obs, first = batch.reset([0] * len(cases))
     flat = np.concatenate([[IMPEDANCE, gains.shape[1]], gains.ravel()])
     _, rows = batch.rollout(obs, own_impedance, flat, STEPS)
-    alive = np.isfinite(rows[..., T_TIME])
+    alive = np.isfinite(rows[..., COLUMN.time])
     steps = np.maximum(alive.sum(axis=0), 1)
     rows = np.where(alive[..., None], rows, 0.0)
     period = cases[0].setup.task.control_period
@@ -402,8 +403,8 @@ def run_cases(cases: Sequence[Case]) -> Outcome:
         acceleration=filtered[skipped:].sum(axis=0) / np.maximum(steps - skipped, 1) / INCH,
         peak=filtered[skipped:].max(axis=0) / INCH,
         path_length=ways.sum(axis=0) / INCH,
-        saturated=(rows[..., T_VOLTS : T_VOLTS + 4] >= top).mean(axis=-1).sum(axis=0) / steps,
-        completed=rows[..., T_SUCCESS].max(axis=0) > 0.0,
+        saturated=(rows[..., [*COLUMN.volts]] >= top).mean(axis=-1).sum(axis=0) / steps,
+        completed=rows[..., COLUMN.is_success].max(axis=0) > 0.0,
         integrator=np.abs((column(rows, "numerical_loss") - column(rows, "residual")).sum(axis=0)) / work,
     )
 

@@ -11,7 +11,7 @@ from pter_gym.benchmark.standard import Run
 from pter_gym.paper.experiments.setup import Setup
 from pter_gym.paper.experiments.time_constants import standard_runs
 from pter_gym.params import TIME_CONSTANT
-from pter_gym.tasks.path_following import T_VOLTS, PathFollowing
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.units import INCH_POUND
 
 Array = NDArray[np.float64]
@@ -145,7 +145,7 @@ def line_following(
 
 def saturated_fraction(run: Run, voltage_max: float) -> float:
     """Return the fraction of the clutch commands of a run that are at the largest voltage [V]."""
-    volts = run.telemetry[1:, T_VOLTS : T_VOLTS + 4]
+    volts = run.telemetry[1:, [*COLUMN.volts]]
     return float((volts >= (1.0 - 1e-6) * voltage_max).mean())
 
 

@@ -5,32 +5,64 @@ point that moves along the path; recorded forces add to the rest.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.compiled.compiler import device
 from pter_gym.errors import ParameterError
+from pter_gym.hands.model import NO_FORCE, SINES, HandModel, PerSine, Sines
 from pter_gym.internal.tables import read_columns
 from pter_gym.params import Hand, preset, quantity, require, require_flag, require_kind, require_number, require_numbers
 from pter_gym.params.preset import PRESET
-
-SINES = 5
-"""Number of sines in the disturbance (paper Eq. 5)."""
+from pter_gym.physics.arm import UnitVector
 
 EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
 """Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""
 
 NO_HAND = Hand()
-"""A hand that is a force alone."""
+"""What a hand adds to the arm that is a force alone."""
+
+
+class Operator(ABC):
+    """A kind of hand: what it adds to the arm, and what it does by itself. Each is a frozen dataclass.
+
+    Attributes
+    ----------
+    impedance
+        Mass, damper and spring that it adds to the arm at the tip.
+    frequencies
+        Of its sines [Hz].
+    """
+
+    impedance: Hand = NO_HAND
+    frequencies: tuple[float, ...] = ()
+    plans: ClassVar[bool] = True
+    """Whether it does more than push and disturb, so that its worlds have to store what it plans."""
+
+    @abstractmethod
+    def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:
+        """Return its constants for the kernels.
+
+        Parameters
+        ----------
+        pace, substep
+            Commanded pace [m/s] and substep [s].
+        recording
+            Where its recording begins in the array of constants, and its number of instants.
+        """
+
+    def sampled(self, period: float) -> NDArray[np.float64]:  # noqa: ARG002
+        """Return what it has recorded, forces along and across at the control instants, shape (T, 2) [N]."""
+        return np.empty((0, 2))
 
 
 @dataclass(frozen=True, kw_only=True)
-class MultiSineHand:
+class MultiSineHand(Operator):
     """A constant force along the path and a sum of five sines across it (paper section IV-A, Eq. 5).
 
     The default is Eq. 5: equal amplitudes Fmax/5, frequencies 2ⁿ/2 Hz, phases 0. Neither force is printed in the paper.
@@ -50,6 +82,12 @@ class MultiSineHand:
         """Check that forces and frequencies are finite and that there are five of each."""
         require_number(self, "push")
         check_sines(self)
+
+    plans: ClassVar[bool] = False
+
+    def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:  # noqa: ARG002
+        """Return its constants for the kernels; see ``Operator``."""
+        return with_sines(self, substep)._replace(push=self.push)
 
     def normal_force(self, time: float) -> float:
         """Return the force across the path [N] at a time [s] (Eq. 5)."""
@@ -76,7 +114,7 @@ HUMAN_ARMS = {"relaxed": RELAXED, "normal": NORMAL, "tense": TENSE}
 
 
 @dataclass(frozen=True, kw_only=True)
-class HumanArm:
+class HumanArm(Operator):
     """A human arm: mass, damper and spring between the tip and a point that the person means to follow.
 
     The point moves along the path. It starts from rest with the least jerk, so with the velocity 3u² − 2u³ over its
@@ -107,9 +145,15 @@ class HumanArm:
             require_number(self, name, above=0.0, at_most=10.0)
         check_sines(self)
 
+    def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:  # noqa: ARG002
+        """Return its constants for the kernels; see ``Operator``."""
+        return with_sines(self, substep)._replace(
+            intent_speed=self.eagerness * pace, intent_rise=self.rise, intent_lead=self.lead
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
-class RecordedForces:
+class RecordedForces(Operator):
     """Forces over time from a recording: along the path, and across it, positive to the left.
 
     Between the times the forces are interpolated at the control instants and linear between these; after the last time
@@ -128,6 +172,11 @@ class RecordedForces:
         require(self.times[:1] == (0.0,) and rises, self, "times", _shortened(self.times), accepted)
         for name in ("along", "across"):
             require_numbers(self, name, f"a tuple of {len(self.times)} finite numbers", count=len(self.times))
+
+    def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:  # noqa: ARG002
+        """Return its constants for the kernels; see ``Operator``."""
+        first, count = recording
+        return NO_FORCE._replace(record_first=first, record_count=count)
 
     def sampled(self, period: float) -> NDArray[np.float64]:
         """Return the forces along and across at the control instants 0, period, … up to the end, shape (T, 2) [N]."""
@@ -151,9 +200,6 @@ def read_forces(file: Path | str) -> RecordedForces:
         raise ParameterError(f"{file}: {error}") from None
 
 
-Operator = MultiSineHand | HumanArm | RecordedForces
-
-
 def check_sines(hand: MultiSineHand | HumanArm) -> None:
     """Raise a ParameterError unless there are five finite sines of frequencies ≥ 0."""
     for name in ("amplitudes", "frequencies", "phases"):
@@ -166,120 +212,12 @@ def _shortened(values: Sequence[float]) -> Sequence[float]:
     return values if len(values) <= 8 else (*values[:8], math.nan)
 
 
-class OperatorModel(NamedTuple):
-    """Constants of a hand as the kernels see them; forces [N], times [s], lengths [m], one turn of a sine a substep."""
-
-    push: float = 0.0
-    random_phases: float = 0.0
-    intent_speed: float = 0.0
-    intent_rise: float = 0.0
-    intent_lead: float = 0.0
-    record_first: float = 0.0
-    record_count: float = 0.0
-    amplitude_0: float = 0.0
-    amplitude_1: float = 0.0
-    amplitude_2: float = 0.0
-    amplitude_3: float = 0.0
-    amplitude_4: float = 0.0
-    phase_0: float = 0.0
-    phase_1: float = 0.0
-    phase_2: float = 0.0
-    phase_3: float = 0.0
-    phase_4: float = 0.0
-    turn_0_cos: float = 1.0
-    turn_0_sin: float = 0.0
-    turn_1_cos: float = 1.0
-    turn_1_sin: float = 0.0
-    turn_2_cos: float = 1.0
-    turn_2_sin: float = 0.0
-    turn_3_cos: float = 1.0
-    turn_3_sin: float = 0.0
-    turn_4_cos: float = 1.0
-    turn_4_sin: float = 0.0
-
-
-def operator_model(hand: Operator, pace: float, substep: float, recording: tuple[int, int]) -> OperatorModel:
-    """Return the constants of a hand for the kernels.
-
-    Parameters
-    ----------
-    hand
-        The hand.
-    pace, substep
-        Commanded pace [m/s] and substep [s].
-    recording
-        Where its recording begins in the array of constants, and its number of instants.
-    """
-    if isinstance(hand, RecordedForces):
-        return OperatorModel(record_first=recording[0], record_count=recording[1])
-    angles = [2.0 * math.pi * f * substep for f in hand.frequencies]
-    turns = [part for angle in angles for part in (math.cos(angle), math.sin(angle))]
-    intends = isinstance(hand, HumanArm)
-    return OperatorModel(
-        0.0 if isinstance(hand, HumanArm) else hand.push,
-        float(hand.random_phases),
-        hand.eagerness * pace if intends else 0.0,
-        hand.rise if intends else 0.0,
-        hand.lead if intends else 0.0,
-        0.0,
-        0.0,
-        *hand.amplitudes,
-        *hand.phases,
-        *turns,
+def with_sines(hand: MultiSineHand | HumanArm, substep: float) -> HandModel:
+    """Return the constants of a hand that does nothing but disturb across the path, for a substep [s]."""
+    angles = (2.0 * math.pi * f * substep for f in hand.frequencies)
+    return NO_FORCE._replace(
+        random_phases=float(hand.random_phases),
+        amplitude=PerSine(*hand.amplitudes),
+        phase=PerSine(*hand.phases),
+        turn=Sines(*(UnitVector(math.cos(angle), math.sin(angle)) for angle in angles)),
     )
-
-
-def impedance_of(hand: Operator) -> Hand:
-    """Return what a hand adds to the arm at the tip besides its forces."""
-    return hand.impedance if isinstance(hand, HumanArm) else NO_HAND
-
-
-@device
-def intent_speed(time: float, rise: float, speed: float) -> float:
-    """Return the speed of the intended point [m/s]: from rest with the least jerk, then constant."""
-    u = time / rise
-    return speed * (u * u * (3.0 - 2.0 * u) if u < 1.0 else 1.0)
-
-
-@device
-def unit_vector(angle: float) -> tuple[float, float]:
-    """Return (cos, sin) of an angle [rad]."""
-    return math.cos(angle), math.sin(angle)
-
-
-@device
-def turn(cos: float, sin: float, by_cos: float, by_sin: float) -> tuple[float, float]:
-    """Turn a unit vector by another one."""
-    return cos * by_cos - sin * by_sin, sin * by_cos + cos * by_sin
-
-
-@device
-def sum_of_sines(w: Any, first: int, amplitude: int, i: int) -> float:
-    """Return the disturbance [N] of world i (paper Eq. 5).
-
-    ``first`` and ``amplitude`` are the first rows of the sines' unit vectors (cos and sin in turn) and amplitudes [N].
-    """
-    total = 0.0
-    for k in range(SINES):
-        total += w[amplitude + k, i] * w[first + 2 * k + 1, i]
-    return total
-
-
-@device
-def advance_sines(w: Any, first: int, rotation: int, i: int) -> None:
-    """Move the sines of world i on by a substep; ``rotation`` is the first row of their turns per substep."""
-    for k in range(SINES):
-        w[first + 2 * k, i], w[first + 2 * k + 1, i] = turn(
-            w[first + 2 * k, i], w[first + 2 * k + 1, i], w[rotation + 2 * k, i], w[rotation + 2 * k + 1, i]
-        )
-
-
-@device
-def renew_sines(w: Any, first: int, i: int) -> None:
-    """Bring the unit vectors of the sines of world i back to unit length."""
-    for k in range(SINES):
-        cos = w[first + 2 * k, i]
-        sin = w[first + 2 * k + 1, i]
-        scale = 1.5 - 0.5 * (cos * cos + sin * sin)
-        w[first + 2 * k, i] = cos * scale
-        w[first + 2 * k + 1, i] = sin * scale

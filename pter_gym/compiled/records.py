@@ -1,0 +1,204 @@
+"""Records: numbers with names, which lie in the rows of an array.
+
+A record is a ``NamedTuple`` of floats and of other records. Its declaration is its layout: ``rows`` numbers its entries
+in their order and returns a record of the same class that holds row numbers instead of values. So compiled code reads
+and writes by name::
+
+    ROW = rows(World)
+    w[ROW.step, i] += 1.0
+    store(w, ROW.motion, i, advance_position(load(w, ROW.motion, i), omega_a, omega_b, h))
+
+``Annotated[float, Entry(unit, meaning, scale)]`` says what an entry is; ``layout_of`` makes a ``Layout`` of it.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
+
+from numba import types
+from numba.extending import overload
+
+from pter_gym.compiled.layout import Field, Layout
+
+Record = TypeVar("Record", bound=tuple[Any, ...])
+
+_INLINED: Any = {"forceinline": True, "error_model": "numpy", "_nrt": False}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What an entry of a record is, or what all entries of a record within it are.
+
+    Attributes
+    ----------
+    unit, meaning
+        Its unit, and what it says in a few words.
+    scale
+        The value that is stored as 1, or a function that finds it for a machine.
+    name
+        Its name, where that is not the name of the field.
+    """
+
+    unit: str = ""
+    meaning: str = ""
+    scale: float | Callable[[Any], float] = 1.0
+    name: str = ""
+
+
+NO_ENTRY = Entry()
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """One number of a record: its name, and the entries that say what it is, the outermost first."""
+
+    name: str
+    entries: tuple[Entry, ...]
+
+    def field(self, machine: Any = None) -> Field:
+        """Return name, unit, meaning and scale."""
+        told = self.entries[0] if self.entries else NO_ENTRY
+        meaning = " ".join(entry.meaning for entry in self.entries if entry.meaning)
+        scale = told.scale if isinstance(told.scale, (int, float)) else told.scale(machine)
+        return Field(self.name, told.unit, meaning, scale)
+
+
+def parts(kind: type[Any]) -> Iterator[tuple[str, Entry | None, type[Any]]]:
+    """Yield name, entry and kind of each field of a record."""
+    hints = get_type_hints(kind, include_extras=True)
+    for name in kind._fields:
+        hint = hints.get(name, float)
+        entry = None
+        if get_origin(hint) is Annotated:
+            hint, *told = get_args(hint)
+            entry = next((each for each in told if isinstance(each, Entry)), None)
+        yield name, entry, hint
+
+
+def is_record(kind: Any) -> bool:
+    """Tell whether a kind is that of a record, not of a number."""
+    return isinstance(kind, type) and issubclass(kind, tuple)
+
+
+def width(kind: type[Any]) -> int:
+    """Return how many numbers a record holds."""
+    return sum(width(inner) if is_record(inner) else 1 for _, _, inner in parts(kind))
+
+
+def rows(kind: type[Record], first: int = 0) -> Record:
+    """Return a record whose entries are their row numbers, counted from ``first`` on."""
+    found: list[Any] = []
+    for _, _, inner in parts(kind):
+        found.append(rows(inner, first) if is_record(inner) else first)
+        first += width(inner) if is_record(inner) else 1
+    return kind(*found)
+
+
+def leaves(kind: type[Any]) -> tuple[Leaf, ...]:
+    """Return the numbers of a record in their order.
+
+    The entries of a record whose field has an ``Entry`` are called after that field: ``volts_1``.
+    """
+    found: list[Leaf] = []
+    for name, entry, inner in parts(kind):
+        called = (entry.name if entry else "") or name
+        entries = (entry,) if entry else ()
+        if not is_record(inner):
+            found.append(Leaf(called, entries))
+        elif entry is None:
+            found.extend(leaves(inner))
+        else:
+            found.extend(Leaf(f"{called}_{leaf.name}", (entry, *leaf.entries)) for leaf in leaves(inner))
+    return tuple(found)
+
+
+def layout_of(kind: type[Any], machine: Any = None) -> Layout:
+    """Return names, units, meanings and scales of a record's numbers; some scales are those of a machine."""
+    return Layout(tuple(leaf.field(machine) for leaf in leaves(kind)))
+
+
+def flat(record: tuple[Any, ...]) -> tuple[float, ...]:
+    """Return the numbers of a record in their order."""
+    return tuple(
+        number
+        for part in record
+        for number in (flat(cast("tuple[Any, ...]", part)) if isinstance(part, tuple) else (part,))
+    )
+
+
+def load(w: Any, at: Any, i: Any) -> Any:
+    """Read a record from column ``i`` of an array (rows, worlds); ``at`` holds its row numbers."""
+    return type(at)(*(load(w, row, i) for row in at)) if isinstance(at, tuple) else w[at, i]
+
+
+def store(w: Any, at: Any, i: Any, value: Any) -> None:
+    """Write a record to column ``i`` of an array (rows, worlds); ``at`` holds its row numbers."""
+    if isinstance(at, tuple):
+        for row, part in zip(cast("tuple[Any, ...]", at), value, strict=True):
+            store(w, row, i, part)
+    else:
+        w[at, i] = value
+
+
+def read(array: Any, at: Any, first: Any) -> Any:
+    """Read a record from an array (numbers,) in which it begins at ``first``; ``at`` holds its places from there."""
+    return type(at)(*(read(array, place, first) for place in at)) if isinstance(at, tuple) else array[first + at]
+
+
+def write(array: Any, at: Any, value: Any) -> None:
+    """Write a record to an array (numbers,); ``at`` holds its places."""
+    if isinstance(at, tuple):
+        for place, part in zip(cast("tuple[Any, ...]", at), value, strict=True):
+            write(array, place, part)
+    else:
+        array[at] = value
+
+
+def blend(low: Any, high: Any, part: Any) -> Any:
+    """Return the record that lies a part of the way from one record to another of its kind."""
+    if isinstance(low, tuple):
+        return type(low)(*(blend(a, b, part) for a, b in zip(low, high, strict=True)))
+    return low + part * (high - low)
+
+
+def _written(kind: Any, arguments: str, number: str, field: str) -> Any:
+    """Return a function of ``arguments``: the source ``number`` for a number, or ``field`` for each FIELD of a record.
+
+    Numba knows the class of a record when it compiles, so the code for its fields is written out then.
+    """
+    names: dict[str, Any] = {"load": load, "store": store, "read": read, "write": write, "blend": blend}
+    body = [number]
+    if isinstance(kind, types.BaseNamedTuple):
+        names["KIND"] = cast(Any, kind).instance_class
+        body = [field.replace("FIELD", name) for name in cast(Any, kind).fields]
+        if field.startswith("return "):
+            body = [f"return KIND({', '.join(line.removeprefix('return ') for line in body)})"]
+    exec(f"def written({arguments}):\n    " + "\n    ".join(body), names)
+    return names["written"]
+
+
+@overload(load, jit_options=_INLINED)
+def _load(w, at, i):  # pyright: ignore  # noqa: ARG001, PGH003
+    return _written(at, "w, at, i", "return w[at, i]", "return load(w, at.FIELD, i)")
+
+
+@overload(store, jit_options=_INLINED)
+def _store(w, at, i, value):  # pyright: ignore  # noqa: ARG001, PGH003
+    return _written(at, "w, at, i, value", "w[at, i] = value", "store(w, at.FIELD, i, value.FIELD)")
+
+
+@overload(read, jit_options=_INLINED)
+def _read(array, at, first):  # pyright: ignore  # noqa: ARG001, PGH003
+    return _written(at, "array, at, first", "return array[first + at]", "return read(array, at.FIELD, first)")
+
+
+@overload(write, jit_options=_INLINED)
+def _write(array, at, value):  # pyright: ignore  # noqa: ARG001, PGH003
+    return _written(at, "array, at, value", "array[at] = value", "write(array, at.FIELD, value.FIELD)")
+
+
+@overload(blend, jit_options=_INLINED)
+def _blend(low, high, part):  # pyright: ignore  # noqa: ARG001, PGH003
+    return _written(
+        low, "low, high, part", "return low + part * (high - low)", "return blend(low.FIELD, high.FIELD, part)"
+    )

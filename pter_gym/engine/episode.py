@@ -1,0 +1,179 @@
+"""How an episode of one world begins, is judged after each control step, and ends."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from pter_gym.compiled.compiler import device, outlined
+from pter_gym.compiled.philox import uniform4
+from pter_gym.compiled.records import load, store
+from pter_gym.engine.hand import plan_hand, plans
+from pter_gym.engine.recording import record_reset, record_step, tip_acceleration
+from pter_gym.engine.sensing import see, situated, take_reading, write_observation
+from pter_gym.engine.world import (
+    BASIC_ROWS,
+    CONFIG,
+    CONSTANT_ROWS,
+    FLAGS,
+    NEXT_STEP,
+    ROW,
+    SAME_STEP,
+    STORED_ROWS,
+    Arrays,
+    Flags,
+)
+from pter_gym.hands.model import SINES, unit_vector
+from pter_gym.paths.projection import project, segment_at
+from pter_gym.physics.arm import tip_position
+from pter_gym.tasks.path_following.context import CONTEXT_WIDTH
+from pter_gym.tasks.path_following.reward import Outcome, reward_terms, total
+from pter_gym.tasks.path_following.situation import left_workspace, motion_at, reached_end
+from pter_gym.tasks.path_following.specification import MAX_DELAY
+
+_RESET_STREAM = np.uint64(0x5245534554)
+_FIRST_DRAWS = np.uint64(0)
+_SECOND_DRAWS = np.uint64(1)
+_ONE = np.uint64(1)
+
+
+@outlined
+def take_context(w: Any, i: int, constants: Any) -> None:
+    """Read the constants of a world, where the world says that they begin."""
+    first = int(w[ROW.context_at, i])
+    for row in range(CONSTANT_ROWS):
+        w[STORED_ROWS + row, i] = constants[first + row]
+
+
+@device
+def locate(w: Any, i: int, constants: Any) -> None:
+    """Project the tip onto the path."""
+    x, y = tip_position(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
+    path = load(w, ROW.task.path, i)
+    foot = project(constants, int(path.first), int(path.count), int(w[ROW.foot.segment, i]), x, y)
+    store(w, ROW.foot, i, foot)
+    w[ROW.reached, i] = foot.arc_length if foot.arc_length > w[ROW.reached, i] else w[ROW.reached, i]
+
+
+@outlined
+def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: Any, constants: Any) -> None:
+    """Start an episode: the arm at rest at the start of the path, clutches released, draws from seed and episode."""
+    for row in range(ROW.context_at):
+        w[row, i] = 0.0
+    for row in range(BASIC_ROWS, STORED_ROWS):
+        w[row, i] = 0.0
+    u0, u1, u2, u3 = uniform4(seed, _RESET_STREAM, _FIRST_DRAWS, episode)
+    v0, v1, v2, _ = uniform4(seed, _RESET_STREAM, _SECOND_DRAWS, episode)
+    w[ROW.context_at, i] = w[ROW.draws_from, i] + CONTEXT_WIDTH * math.floor(v2 * w[ROW.draws, i])
+    take_context(w, i, constants)
+    draws = (u1, u2, u3, v0, v1)
+    for k in range(SINES):
+        angle = 2.0 * np.pi * draws[k] if w[ROW.hand.random_phases, i] != 0.0 else w[ROW.hand.phase[k], i]
+        store(w, ROW.sines[k], i, unit_vector(angle))
+    arc = segment_at(constants, int(w[ROW.task.path.first, i]), 0)
+    offset = w[ROW.task.start_offset, i] * (2.0 * u0 - 1.0)
+    x = arc.x - offset * arc.heading_sin
+    y = arc.y + offset * arc.heading_cos
+    store(w, ROW.motion, i, motion_at(load(w, ROW.machine.arm, i), x, y))
+    w[ROW.alive, i] = 1.0
+    locate(w, i, constants)
+    if plans(w, i):
+        plan_hand(w, i, constants, config[CONFIG.substep] * config[CONFIG.substeps], config[CONFIG.substeps])
+    if w[ROW.task.sensing.is_ideal, i] == 0.0:
+        for _ in range(1 + MAX_DELAY):
+            take_reading(w, i, seed, episode)
+
+
+@device
+def judge_step(w: Any, i: int, period: float, limit: float) -> None:
+    """Count the step, and find the reward and whether the episode ends. A world that had ended stays so."""
+    began = w[ROW.alive, i] != 0.0
+    w[ROW.began, i] = w[ROW.alive, i]
+    w[ROW.step, i] += 1.0
+    at = situated(w, i)
+    success = reached_end(at.arc_length, w[ROW.task.path.length, i])
+    failure = (not success) & left_workspace(
+        at.arc_length,
+        at.normal_error,
+        load(w, ROW.motion, i),
+        w[ROW.task.error_max, i],
+        w[ROW.task.singularity_margin, i],
+    )
+    acceleration = tip_acceleration(w, i, period)
+    outcome = Outcome(
+        normal_error=at.normal_error,
+        speed_along=at.speed.along,
+        pace=w[ROW.task.pace, i],
+        acceleration=math.sqrt(acceleration.x * acceleration.x + acceleration.y * acceleration.y),
+        volts=load(w, ROW.command, i),
+        voltage_max=w[ROW.machine.voltage_max, i],
+        failed=failure,
+    )
+    terms = reward_terms(load(w, ROW.task.weight, i), outcome, period)
+    store(w, ROW.terms, i, terms)
+    w[ROW.reward, i] = total(terms)
+    terminated = success | failure
+    truncated = w[ROW.step, i] >= limit
+    w[ROW.alive, i] = 1.0 if began & (not terminated) & (not truncated) else 0.0
+    end = Flags(1.0 if terminated else 0.0, 1.0 if truncated else 0.0, 1.0 if success else 0.0)
+    store(w, ROW.end, i, end)
+
+
+@device
+def has_begun(w: Any, i: int) -> bool:
+    """Tell whether a world that ``judge_step`` has judged was alive before the step."""
+    return w[ROW.began, i] != 0.0
+
+
+@device
+def conclude_step(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: Any, constants: Any) -> None:
+    """Find what a control step of one world has led to: place, reward, end, the hand's next plan, observation."""
+    period = config[CONFIG.substep] * config[CONFIG.substeps]
+    locate(w, i, constants)
+    judge_step(w, i, period, config[CONFIG.limit])
+    if plans(w, i):
+        plan_hand(w, i, constants, period, config[CONFIG.substeps])
+    if w[ROW.task.sensing.is_ideal, i] == 0.0:
+        take_reading(w, i, seed, episode)
+    see(w, i, config, constants)
+
+
+@device
+def next_episode(w: Any, i: int, world: int, a: Arrays, t: int) -> None:
+    """Start the next episode of a world's seed, and write its first observation and telemetry."""
+    a.words[world, 1] += _ONE
+    start_episode(w, i, a.words[world, 0], a.words[world, 1], a.config, a.constants)
+    see(w, i, a.config, a.constants)
+    write_observation(w, i, a.obs, world, a.config, a.constants)
+    if a.telemetry.shape[0] > 0:
+        record_reset(w, i, a.telemetry, t, world, a.constants)
+
+
+@device
+def end_step(w: Any, i: int, world: int, a: Arrays, t: int, ended: int) -> None:
+    """Write what a control step of one world returns, and begin its next episode as ``ended`` says.
+
+    The world was judged and observed. Its rows of the arrays are written; with SAME_STEP the final observations and the
+    second layer of the telemetry get the last ones of a world that has ended.
+    """
+    records = a.telemetry.shape[0] > 0
+    period = a.config[CONFIG.substep] * a.config[CONFIG.substeps]
+    begins = ended == NEXT_STEP
+    if has_begun(w, i):
+        write_observation(w, i, a.obs, world, a.config, a.constants)
+        a.rewards[world] = w[ROW.reward, i]
+        for flag in range(FLAGS):
+            a.flags[flag, world] = w[ROW.end[flag], i] != 0.0
+        if records:
+            record_step(w, i, a.telemetry, t, world, period, a.constants)
+        begins = w[ROW.alive, i] == 0.0 and ended == SAME_STEP
+        if begins:
+            write_observation(w, i, a.final_obs, world, a.config, a.constants)
+            if records:
+                record_step(w, i, a.telemetry, t + 1, world, period, a.constants)
+    elif begins:
+        a.rewards[world] = 0.0
+        for flag in range(FLAGS):
+            a.flags[flag, world] = False
+    if begins:
+        next_episode(w, i, world, a, t)

@@ -1,0 +1,39 @@
+"""What a compiled control law is to the engine: a function that it inlines, and what that keeps of each world.
+
+A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation, ``obs·scales`` is in
+physical units, ``gains`` belongs to the law and ``memory`` to one world.
+"""
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.compiled.compiler import device
+from pter_gym.compiled.records import Entry, rows, width
+from pter_gym.physics.clutch import PerClutch
+
+
+class Memory(NamedTuple):
+    """What a law keeps of one world, all zero but ``world`` at the start of an episode."""
+
+    kept: Annotated[float, Entry("1", "the clutch engaged last, or a counter")]
+    brake: Annotated[float, Entry("N", "force along the path that the pace's integral has come to")]
+    grip: Annotated[float, Entry("1", "control steps for which all clutches stay engaged, −1 for the wait after")]
+    world: Annotated[float, Entry("1", "number of the world")]
+
+
+MEMORY = rows(Memory)
+
+
+def empty_memory(worlds: int) -> NDArray[np.float64]:
+    """Return what a law keeps at the start of an episode, a row for each world: (N, width of ``Memory``)."""
+    memory = np.zeros((worlds, width(Memory)))
+    memory[:, MEMORY.world] = np.arange(worlds)
+    return memory
+
+
+@device
+def no_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:  # noqa: ARG001
+    """Return no voltages: the law of a kernel whose voltages are given."""
+    return PerClutch(0.0, 0.0, 0.0, 0.0)

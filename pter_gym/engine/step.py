@@ -1,0 +1,178 @@
+"""How a world moves in a control step, as scalar functions on column ``i`` of an array ``w`` with the rows ``ROW``."""
+
+from typing import Any
+
+import numpy as np
+
+from pter_gym.compiled.compiler import device, outlined
+from pter_gym.compiled.records import load, store
+from pter_gym.engine.world import CONFIG, REFUSE, ROW, SAME_STEP
+from pter_gym.hands.model import advance_sines, renew_sines, sum_of_sines
+from pter_gym.physics.arm import Load, PerLink, Vector, advance_position, tip_velocity
+from pter_gym.physics.clutch import PerClutch, relax, relax_torques, scaled, steady_torques
+from pter_gym.physics.friction import between, generated_torques
+from pter_gym.physics.step import Energy, clutch_load, energy_terms, first_velocity, free_motion, second_velocity
+from pter_gym.tasks.path_following.situation import PathVector, to_world
+
+
+@device
+def clipped(volts: float, voltage_max: float) -> float:
+    """Return the voltage [V] that reaches the clutch: a float32 action within the bounds."""
+    return between(float(np.float32(volts)), 0.0, voltage_max)
+
+
+@device
+def is_refused(alive: float, actions: Any, low: float, high: float, ended: int, world: int) -> bool:
+    """Tell whether a world has ended and may not, or its action is not a number within the bounds."""
+    refused = False
+    for clutch in range(4):
+        refused |= not ((actions[world, clutch] >= low) & (actions[world, clutch] <= high))
+    return ((ended == REFUSE) | (ended == SAME_STEP)) if alive == 0.0 else refused
+
+
+@device
+def given_volts(actions: Any, world: int, low: float, volts_per_unit: float) -> PerClutch:
+    """Return the voltages [V] of an action."""
+    return PerClutch(
+        (actions[world, 0] - low) * volts_per_unit,
+        (actions[world, 1] - low) * volts_per_unit,
+        (actions[world, 2] - low) * volts_per_unit,
+        (actions[world, 3] - low) * volts_per_unit,
+    )
+
+
+@device
+def take_command(w: Any, i: int, volts: PerClutch) -> None:
+    """Take the command of a control step, note the tip's velocity and clear the step's energies."""
+    most = w[ROW.machine.voltage_max, i]
+    store(
+        w,
+        ROW.command,
+        i,
+        PerClutch(clipped(volts.x1, most), clipped(volts.x2, most), clipped(volts.x3, most), clipped(volts.x4, most)),
+    )
+    v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
+    store(w, ROW.start_velocity, i, Vector(v_x, v_y))
+    store(w, ROW.energy, i, Energy(0.0, 0.0, 0.0, 0.0))
+
+
+@device
+def aim_torques(w: Any, i: int, period: float) -> None:
+    """Find the torques that the clutches tend to, behind a lag of the voltage if there is one."""
+    machine = load(w, ROW.machine, i)
+    lagged = relax(load(w, ROW.lagged_volts, i), load(w, ROW.command, i), machine.voltage_decay)
+    store(w, ROW.lagged_volts, i, lagged)
+    steady = steady_torques(machine.breakaway, machine.dynamic, lagged)
+    drifted = between(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
+    store(w, ROW.steady, i, scaled(steady, machine.scale, drifted))
+
+
+@device
+def push_tip(w: Any, i: int) -> None:
+    """Find the hand's push and disturbance [N], and move its sines on by a substep.
+
+    The directions along and across the path are those at the control instant.
+    """
+    sines = load(w, ROW.sines, i)
+    across = sum_of_sines(load(w, ROW.hand.amplitude, i), sines)
+    store(w, ROW.sines, i, advance_sines(sines, load(w, ROW.hand.turn, i)))
+    push = PathVector(w[ROW.hand.push, i], across)
+    store(w, ROW.force, i, to_world(push, load(w, ROW.foot.heading, i)))
+
+
+@device
+def guide_tip(w: Any, i: int, h: float) -> None:
+    """Add recorded forces and the pull of the damper towards a moving target [N], and move both on by a substep."""
+    drive = load(w, ROW.drive, i)
+    target = load(w, ROW.target, i)
+    force = to_world(drive.force, load(w, ROW.foot.heading, i))
+    damping = w[ROW.machine.arm.damping, i]
+    w[ROW.force.x, i] += force.x + damping * target.velocity.x
+    w[ROW.force.y, i] += force.y + damping * target.velocity.y
+    w[ROW.drive.force.along, i] += drive.change.along
+    w[ROW.drive.force.across, i] += drive.change.across
+    w[ROW.target.position.x, i] += h * target.velocity.x
+    w[ROW.target.position.y, i] += h * target.velocity.y
+
+
+@device
+def find_velocity(w: Any, i: int, h: float) -> None:
+    """Advance the torques' lag and find the velocities after friction."""
+    torques = relax_torques(load(w, ROW.torques, i), load(w, ROW.steady, i), w[ROW.machine.torque_decay, i])
+    store(w, ROW.torques, i, torques)
+    q = load(w, ROW.motion, i)
+    force = load(w, ROW.force, i)
+    to = load(w, ROW.target.position, i)
+    impact = free_motion(q, load(w, ROW.machine.arm, i), Load(force.x, force.y, 0.0, 0.0, to.x, to.y), h)
+    omega_a, omega_b, limit, crossing = first_velocity(q, impact, torques, w[ROW.machine.slip_threshold, i], h)
+    store(w, ROW.impact, i, impact)
+    store(w, ROW.omega, i, PerLink(omega_a, omega_b))
+    store(w, ROW.limit, i, limit)
+    w[ROW.crossing, i] = 1.0 if crossing else 0.0
+
+
+@outlined
+def catch_crossing(w: Any, i: int, h: float) -> None:
+    """Apply the crossing rule, if a slip velocity has jumped over the stick band."""
+    if w[ROW.crossing, i] != 0.0:
+        omega_a, omega_b, limit = second_velocity(
+            load(w, ROW.motion, i),
+            load(w, ROW.impact, i),
+            load(w, ROW.torques, i),
+            w[ROW.machine.slip_threshold, i],
+            h,
+            w[ROW.omega.a, i],
+            w[ROW.omega.b, i],
+            load(w, ROW.limit, i),
+        )
+        store(w, ROW.omega, i, PerLink(omega_a, omega_b))
+        store(w, ROW.limit, i, limit)
+
+
+@device
+def move_arm(w: Any, i: int, h: float) -> None:
+    """Advance the position and add up the energies."""
+    before = load(w, ROW.motion, i)
+    after = advance_position(before, w[ROW.omega.a, i], w[ROW.omega.b, i], h)
+    arm = load(w, ROW.machine.arm, i)
+    store(w, ROW.motion, i, after)
+    add_energy(w, i, energy_terms(before, after, arm, load(w, ROW.impact, i), load(w, ROW.limit, i), h))
+
+
+@device
+def add_energy(w: Any, i: int, energy: Energy) -> None:
+    """Add the energy terms [J] of a substep to those of the control step."""
+    w[ROW.energy.hand_work, i] += energy.hand_work
+    w[ROW.energy.dissipated, i] += energy.dissipated
+    w[ROW.energy.numerical_loss, i] += energy.numerical_loss
+    w[ROW.energy.residual, i] += energy.residual
+
+
+@device
+def sense_torques(w: Any, i: int, h: float) -> None:
+    """Find the generated torques [N·m] of the last substep, and bring the sines' vectors back to unit length."""
+    q = load(w, ROW.motion, i)
+    load_a, load_b = clutch_load(load(w, ROW.impact, i), q.omega_a, q.omega_b, h)
+    store(w, ROW.torque, i, generated_torques(q.omega_a, q.omega_b, load_a, load_b, load(w, ROW.limit, i)))
+    store(w, ROW.sines, i, renew_sines(load(w, ROW.sines, i)))
+
+
+@device
+def move_world(w: Any, i: int, volts: PerClutch, config: Any, guides: bool) -> None:
+    """Move one world through a control step: what the block kernel does for many in the same order.
+
+    ``guides`` says that its hand may have more than a push and sines.
+    """
+    h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
+    take_command(w, i, volts)
+    lags_voltage = w[ROW.machine.voltage_decay, i] != 0.0
+    for k in range(count):
+        if lags_voltage | (k == 0):
+            aim_torques(w, i, h * count)
+        push_tip(w, i)
+        if guides:
+            guide_tip(w, i, h)
+        find_velocity(w, i, h)
+        catch_crossing(w, i, h)
+        move_arm(w, i, h)
+    sense_torques(w, i, h)

@@ -1,0 +1,70 @@
+"""Threads that share the blocks of a large batch."""
+
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+INLINE_BLOCKS = 16
+"""Batches of fewer blocks are stepped by the caller's thread alone: waking another one costs more than it saves."""
+
+Share = tuple[int, int]
+
+
+class Threads:
+    """A pool of threads, made at first need and again in a forked child.
+
+    Parameters
+    ----------
+    count
+        Threads that work, the caller's included.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self._pool: ThreadPoolExecutor | None = None
+        self._pool_owner = -1
+
+    def shares(self, blocks: int) -> list[Share]:
+        """Return first block and end of what each thread does; one share if there is too little for several."""
+        if self.count == 1 or blocks < INLINE_BLOCKS:
+            return [(0, blocks)]
+        share = -(-blocks // self.count)
+        return [(first, min(first + share, blocks)) for first in range(0, blocks, share)]
+
+    def share_out(self, call: Callable[[int, int], Any], shares: list[Share]) -> None:
+        """Call a compiled function for all shares, in all threads at once. An interrupt (Ctrl-C) waits for all."""
+        left = iter(shares)
+        done: list[Share] = []
+
+        def work() -> None:
+            for share in left:
+                try:
+                    call(*share)
+                finally:
+                    done.append(share)
+
+        pool = self._present_pool()
+        try:
+            jobs = [pool.submit(work) for _ in range(self.count - 1)]
+            work()
+            for job in jobs:
+                job.result()
+        except BaseException:
+            work()
+            while len(done) < len(shares):
+                time.sleep(1e-4)
+            raise
+
+    def close(self) -> None:
+        """Stop the threads, if there are any."""
+        if self._pool is not None and self._pool_owner == os.getpid():
+            self._pool.shutdown(wait=False)
+        self._pool = None
+
+    def _present_pool(self) -> ThreadPoolExecutor:
+        if self._pool is None or self._pool_owner != os.getpid():
+            self._pool = ThreadPoolExecutor(self.count - 1, thread_name_prefix="pter")
+            self._pool_owner = os.getpid()
+        return self._pool

@@ -1,0 +1,135 @@
+"""The context of a world: all constants of machine, hand and task that the kernels read, and what is told of them."""
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+from pter_gym.compiled.records import Entry, layout_of, rows, width
+from pter_gym.hands import HandModel
+from pter_gym.params import PRESENT_CLUTCH, Machine
+from pter_gym.physics.model import Model, model_of
+from pter_gym.tasks.path_following.observation import FORCE_SCALE
+from pter_gym.tasks.path_following.reward import Terms
+from pter_gym.tasks.path_following.specification import IDEAL_SENSING, PathFollowing, held_machine
+
+
+class PathModel(NamedTuple):
+    """Where the arcs of a path are in the constants, and its length."""
+
+    first: Annotated[float, Entry("1", "where its arcs begin in the constants")]
+    count: Annotated[float, Entry("1", "number of its arcs")]
+    length: Annotated[float, Entry("m", "its arc length")]
+
+
+class SensingModel(NamedTuple):
+    """What is between the machine and the observation."""
+
+    angle_resolution: Annotated[float, Entry("rad", "step of the joint encoders")]
+    velocity_noise: Annotated[float, Entry("rad/s", "standard deviation")]
+    torque_noise: Annotated[float, Entry("N·m", "standard deviation")]
+    force_noise: Annotated[float, Entry("N", "standard deviation")]
+    delay: Annotated[float, Entry("1", "control steps from measurement to observation")]
+    is_ideal: Annotated[float, Entry("1", "1 if there is nothing between them")]
+
+
+class TaskModel(NamedTuple):
+    """Constants of one task."""
+
+    path: Annotated[PathModel, Entry("", "of the path")]
+    pace: Annotated[float, Entry("m/s", "commanded mean speed along the path")]
+    error_max: Annotated[float, Entry("m", "the workspace ends this far from the path")]
+    singularity_margin: Annotated[float, Entry("1", "smallest |sin(θA − θB)| of the workspace")]
+    start_offset: Annotated[float, Entry("m", "half-range of the start's normal offset")]
+    friction_drift: Annotated[float, Entry("1/s", "relative change of all clutch torques in a second")]
+    weight: Annotated[Terms, Entry("1/s", "weight of a reward term")]
+    sensing: SensingModel
+
+
+class Told(NamedTuple):
+    """What the telemetry tells of machine and task, and the observation if it is asked to."""
+
+    time_constant: Annotated[float, Entry("s", "of the clutches", 0.5)]
+    breakaway_factor: Annotated[float, Entry("1", "largest breakaway torque over that of the present clutches", 2.0)]
+    dynamic_factor: Annotated[float, Entry("1", "largest dynamic torque over that of the present clutches", 2.0)]
+    friction_drift: Annotated[float, Entry("1/s", "relative change of the clutch torques in a second", 0.5)]
+    hand_mass: Annotated[float, Entry("kg", "of the hand at the tip", 5.0)]
+    hand_damping: Annotated[float, Entry("N·s/m", "of the hand at the tip", 100.0)]
+    hand_stiffness: Annotated[float, Entry("N/m", "of the hand towards its intent", 1000.0)]
+    hand_push: Annotated[float, Entry("N", "constant force along the path", FORCE_SCALE)]
+
+
+class Context(NamedTuple):
+    """All that does not change in an episode."""
+
+    machine: Model
+    hand: HandModel
+    task: TaskModel
+    told: Told
+
+
+CONTEXT = rows(Context)
+"""Places of a context's numbers in the constants, from its beginning on."""
+
+CONTEXT_WIDTH = width(Context)
+"""Numbers of a context."""
+
+TOLD = layout_of(Told)
+"""Layout of what is told of a context."""
+
+
+def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], recording: tuple[int, int]) -> Context:
+    """Return the context of a task on a machine.
+
+    Parameters
+    ----------
+    task, machine
+        What fits together by ``check_machine``.
+    arcs, recording
+        Where the arcs of the path and the hand's recording begin in the array of constants, and how many there are.
+    """
+    hand = task.hand.model(task.pace, machine.substep, recording)
+    return Context(
+        machine=model_of(held_machine(task, machine)),
+        hand=hand,
+        task=task_model(task, arcs),
+        told=told_of(task, machine, hand.push),
+    )
+
+
+def task_model(task: PathFollowing, arcs: tuple[int, int]) -> TaskModel:
+    """Return the constants of a task whose path has its arcs at ``arcs``, first and count, in the constants."""
+    weights: Any = task.reward
+    sensing = task.sensing
+    return TaskModel(
+        path=PathModel(*arcs, task.path.length),
+        pace=task.pace,
+        error_max=task.error_max,
+        singularity_margin=task.singularity_margin,
+        start_offset=task.start_offset,
+        friction_drift=task.friction_drift,
+        weight=Terms(*(getattr(weights, term) for term in Terms._fields)),
+        sensing=SensingModel(
+            angle_resolution=sensing.angle_resolution,
+            velocity_noise=sensing.velocity_noise,
+            torque_noise=sensing.torque_noise,
+            force_noise=sensing.force_noise,
+            delay=sensing.delay,
+            is_ideal=float(sensing == IDEAL_SENSING),
+        ),
+    )
+
+
+def told_of(task: PathFollowing, machine: Machine, push: float) -> Told:
+    """Return what is told of a task on a machine whose hand pushes with a force [N]."""
+    clutch, hand = machine.clutch, held_machine(task, machine).hand
+    top = clutch.voltage_max
+    scale = math.fsum(machine.clutch_scale) / len(machine.clutch_scale)
+    return Told(
+        time_constant=clutch.time_constant,
+        breakaway_factor=scale * clutch.breakaway.torque(top) / PRESENT_CLUTCH.breakaway.torque(top),
+        dynamic_factor=scale * clutch.dynamic.torque(top) / PRESENT_CLUTCH.dynamic.torque(top),
+        friction_drift=task.friction_drift,
+        hand_mass=hand.mass,
+        hand_damping=hand.damping,
+        hand_stiffness=hand.stiffness,
+        hand_push=push,
+    )

@@ -1,0 +1,180 @@
+"""The task as its user states it, path, hand, pace, workspace, start, sensing and reward; whether a machine can do it."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.errors import ParameterError
+from pter_gym.hands import NO_HAND, MultiSineHand, Operator
+from pter_gym.params import Arm, Machine, quantity, require, require_kind, require_number
+from pter_gym.paths import Line, Path
+from pter_gym.tasks.path_following.observation import ERROR_SCALE, SPEED_SCALE
+from pter_gym.tasks.path_following.reward import RewardWeights
+
+MAX_DELAY = 2
+"""Largest delay of the sensors in control steps."""
+
+SHARPEST = 0.9
+"""Largest ratio of the workspace's half-width to a path's radius of curvature: further in, a foot is not unique."""
+
+_PATH_SAMPLES = 257
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensing:
+    """What is between the machine and the observation; nothing by default.
+
+    Noise is Gaussian, drawn at each control instant from the world's seed. All but the command is delayed.
+    """
+
+    angle_resolution: float = quantity("rad", "chosen: step of the joint encoders", default=0.0)
+    velocity_noise: float = quantity("rad/s", "chosen: standard deviation", default=0.0)
+    torque_noise: float = quantity("N·m", "chosen: standard deviation", default=0.0)
+    force_noise: float = quantity("N", "chosen: standard deviation", default=0.0)
+    delay: int = quantity("1", f"chosen: control steps from measurement to observation, at most {MAX_DELAY}", default=0)
+
+    def __post_init__(self) -> None:
+        """Check that nothing is negative and the delay a whole number of control steps."""
+        require_number(self, "angle_resolution", at_least=0.0, at_most=0.1)
+        for name in ("velocity_noise", "torque_noise", "force_noise"):
+            require_number(self, name, at_least=0.0)
+        require_number(self, "delay", at_least=0, at_most=MAX_DELAY)
+        require(self.delay == int(self.delay), self, "delay", self.delay, "a whole number")
+
+
+IDEAL_SENSING = Sensing()
+"""Exact sensors without delay."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathFollowing:
+    """The task: path, hand, commanded pace, workspace, start and reward."""
+
+    path: Path = quantity("1", "see Line", default=Line())
+    hand: Operator = quantity("1", "see MultiSineHand", default=MultiSineHand())
+    pace: float = quantity("m/s", "derived: the baseline's mean tip speed in Table I, 19.69 in/s", default=0.5)
+    control_period: float = quantity("s", "chosen: 100 Hz control", default=0.01)
+    error_max: float = quantity("m", "chosen: the workspace ends this far from the path", default=0.25)
+    singularity_margin: float = quantity("1", "chosen: smallest |sin(θA − θB)| of the workspace", default=0.2)
+    start_offset: float = quantity("m", "chosen: half-range of the start's normal offset, drawn at reset", default=0.0)
+    friction_drift: float = quantity("1/s", "chosen: relative change of all clutch torques in a second", default=0.0)
+    sensing: Sensing = quantity("1", "see Sensing", default=IDEAL_SENSING)
+    reward: RewardWeights = quantity("1", "see RewardWeights", default=RewardWeights())
+
+    def __post_init__(self) -> None:
+        """Check each number by itself; ``check_machine`` checks the task against a machine."""
+        require_kind(self, "path", Path)
+        require_kind(self, "hand", Operator)
+        require_kind(self, "reward", RewardWeights)
+        require_kind(self, "sensing", Sensing)
+        require_number(self, "pace", above=0.0, at_most=SPEED_SCALE)
+        require_number(self, "control_period", above=0.0, at_most=1.0)
+        require_number(self, "error_max", above=0.0, at_most=ERROR_SCALE)
+        require_number(self, "singularity_margin", above=0.0, below=1.0)
+        require_number(self, "start_offset", at_least=0.0, below=self.error_max)
+        require_number(self, "friction_drift", at_least=-1.0, at_most=1.0)
+
+
+def substeps(task: PathFollowing, machine: Machine) -> int:
+    """Return the number of substeps in a control period.
+
+    Raises
+    ------
+    ParameterError
+        If the substep does not divide the control period.
+    """
+    ratio = task.control_period / machine.substep
+    count = round(ratio)
+    require(
+        count >= 1 and abs(ratio - count) < 1e-9 * ratio,
+        task,
+        "control_period",
+        task.control_period,
+        f"a whole multiple of the machine's substep {machine.substep:g} s",
+    )
+    return count
+
+
+def held_machine(task: PathFollowing, machine: Machine) -> Machine:
+    """Return the machine with what the task's hand adds to it at the tip.
+
+    Raises
+    ------
+    ParameterError
+        If both the machine and the task bring a hand, or the explicit spring of the hand is too stiff for the machine.
+    """
+    impedance = task.hand.impedance
+    if impedance == NO_HAND:
+        return machine
+    require(machine.hand == NO_HAND, machine, "hand", machine.hand, "none, since the task's hand brings its own")
+    return replace(machine, hand=impedance)
+
+
+def check_machine(task: PathFollowing, machine: Machine) -> None:
+    """Check that a machine can do the task.
+
+    Raises
+    ------
+    ParameterError
+        If a point of the path or a start off it lies outside the arm's reach or too near to a singular pose, the path
+        bends so much that its centre of curvature is within the workspace, the substep does not divide the control
+        period, a sine is too fast for the substep, or the machine's hand has a spring, which would need an intent.
+    """
+    substeps(task, machine)
+    require(
+        max(task.hand.frequencies, default=0.0) * machine.substep <= 0.1,
+        task,
+        "hand.frequencies",
+        task.hand.frequencies,
+        f"≤ {0.1 / machine.substep:g} Hz, a tenth of the substep's rate",
+    )
+    require(
+        machine.hand.stiffness == 0.0, machine, "hand.stiffness", machine.hand.stiffness, "0: this hand has no intent"
+    )
+    held_machine(task, machine)
+    arm = machine.arm
+    _check_path(task.path, task.error_max, task.singularity_margin, arm.length_a, arm.length_b)
+    _check_start(task, arm)
+
+
+@lru_cache(maxsize=4096)
+def _check_path(path: Path, error_max: float, margin: float, length_a: float, length_b: float) -> None:
+    bend = path.max_curvature
+    if bend * error_max > SHARPEST:
+        raise ParameterError(
+            f"PathFollowing.error_max must be ≤ {SHARPEST / bend:.4g} m, {SHARPEST:g} of the smallest radius of "
+            f"{type(path).__name__}, got {error_max!r}"
+        )
+    points = path.sampled(_PATH_SAMPLES)
+    outside = sin_elbow(length_a, length_b, points) <= margin
+    if outside.any():
+        x, y = points[outside.argmax()]
+        raise ParameterError(
+            f"PathFollowing.path must be within reach with |sin(θA − θB)| > {margin:g}, but ({x:.4g}, {y:.4g}) m "
+            f"is not: {path!r:.400}"
+        )
+
+
+def _check_start(task: PathFollowing, arm: Arm) -> None:
+    (x, y), heading = task.path.point(0.0), task.path.heading(0.0)
+    ends = [
+        (x - offset * math.sin(heading), y + offset * math.cos(heading))
+        for offset in (-task.start_offset, task.start_offset)
+    ]
+    elbows = sin_elbow(arm.length_a, arm.length_b, np.array(ends))
+    require(
+        float(elbows.min()) > task.singularity_margin,
+        task,
+        "start_offset",
+        task.start_offset,
+        f"so small that all starts are within reach with |sin(θA − θB)| > {task.singularity_margin:g}",
+    )
+
+
+def sin_elbow(length_a: float, length_b: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return |sin(θA − θB)| with the tip at points (K, 2) [m], or −1 where the arm cannot reach; shape (K,)."""
+    cos = ((points**2).sum(axis=1) - length_a**2 - length_b**2) / (2.0 * length_a * length_b)
+    return np.where(np.abs(cos) <= 1.0, np.sqrt(np.maximum(1.0 - cos * cos, 0.0)), -1.0)
