@@ -11,18 +11,17 @@ and writes by name::
 ``Annotated[float, Entry(unit, meaning, scale)]`` says what an entry is; ``layout_of`` makes a ``Layout`` of it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from numba import types
 from numba.extending import overload
 
+from pter_gym.compiled.compiler import WITHOUT_ARRAYS
 from pter_gym.compiled.layout import Field, Layout
 
 Record = TypeVar("Record", bound=tuple[Any, ...])
-
-_INLINED: Any = {"forceinline": True, "error_model": "numpy", "_nrt": False}
 
 
 @dataclass(frozen=True)
@@ -161,44 +160,62 @@ def blend(low: Any, high: Any, part: Any) -> Any:
     return low + part * (high - low)
 
 
-def _written(kind: Any, arguments: str, number: str, field: str) -> Any:
-    """Return a function of ``arguments``: the source ``number`` for a number, or ``field`` for each FIELD of a record.
+def _paths(kind: Any, before: str = "") -> Iterator[str]:
+    """Yield how each number of a compiled record is reached: ``.motion.theta_a``."""
+    if not isinstance(kind, types.BaseNamedTuple):
+        yield before
+        return
+    for name, inner in zip(cast(Any, kind).fields, cast(Any, kind).types, strict=True):
+        yield from _paths(inner, f"{before}.{name}")
 
-    Numba knows the class of a record when it compiles, so the code for its fields is written out then.
-    """
-    names: dict[str, Any] = {"load": load, "store": store, "read": read, "write": write, "blend": blend}
-    body = [number]
-    if isinstance(kind, types.BaseNamedTuple):
-        names["KIND"] = cast(Any, kind).instance_class
-        body = [field.replace("FIELD", name) for name in cast(Any, kind).fields]
-        if field.startswith("return "):
-            body = [f"return KIND({', '.join(line.removeprefix('return ') for line in body)})"]
-    exec(f"def written({arguments}):\n    " + "\n    ".join(body), names)
+
+def _made(kind: Any, number: str, names: dict[str, Any], before: str = "") -> str:
+    """Return the source that makes a compiled record; ``number`` is that of an entry, and ``names`` gets the classes."""
+    if not isinstance(kind, types.BaseNamedTuple):
+        return number.replace("AT", before)
+    record: Any = kind
+    names[record.instance_class.__name__] = record.instance_class
+    inner = (
+        _made(each, number, names, f"{before}.{name}") for name, each in zip(record.fields, record.types, strict=True)
+    )
+    return f"{record.instance_class.__name__}({', '.join(inner)})"
+
+
+def _function(arguments: str, lines: Iterable[str], names: dict[str, Any]) -> Any:
+    """Return a function with a body: numba knows a record's class when it compiles, so its code is written out then."""
+    exec(f"def written({arguments}):\n    " + "\n    ".join(lines), names)
     return names["written"]
 
 
-@overload(load, jit_options=_INLINED)
+def _returning(kind: Any, arguments: str, number: str) -> Any:
+    names: dict[str, Any] = {}
+    return _function(arguments, [f"return {_made(kind, number, names)}"], names)
+
+
+def _doing(kind: Any, arguments: str, number: str) -> Any:
+    return _function(arguments, [number.replace("AT", path) for path in _paths(kind)], {})
+
+
+@overload(load, jit_options=WITHOUT_ARRAYS)
 def _load(w, at, i):  # pyright: ignore  # noqa: ARG001, PGH003
-    return _written(at, "w, at, i", "return w[at, i]", "return load(w, at.FIELD, i)")
+    return _returning(at, "w, at, i", "w[atAT, i]")
 
 
-@overload(store, jit_options=_INLINED)
+@overload(store, jit_options=WITHOUT_ARRAYS)
 def _store(w, at, i, value):  # pyright: ignore  # noqa: ARG001, PGH003
-    return _written(at, "w, at, i, value", "w[at, i] = value", "store(w, at.FIELD, i, value.FIELD)")
+    return _doing(at, "w, at, i, value", "w[atAT, i] = valueAT")
 
 
-@overload(read, jit_options=_INLINED)
+@overload(read, jit_options=WITHOUT_ARRAYS)
 def _read(array, at, first):  # pyright: ignore  # noqa: ARG001, PGH003
-    return _written(at, "array, at, first", "return array[first + at]", "return read(array, at.FIELD, first)")
+    return _returning(at, "array, at, first", "array[first + atAT]")
 
 
-@overload(write, jit_options=_INLINED)
+@overload(write, jit_options=WITHOUT_ARRAYS)
 def _write(array, at, value):  # pyright: ignore  # noqa: ARG001, PGH003
-    return _written(at, "array, at, value", "array[at] = value", "write(array, at.FIELD, value.FIELD)")
+    return _doing(at, "array, at, value", "array[atAT] = valueAT")
 
 
-@overload(blend, jit_options=_INLINED)
+@overload(blend, jit_options=WITHOUT_ARRAYS)
 def _blend(low, high, part):  # pyright: ignore  # noqa: ARG001, PGH003
-    return _written(
-        low, "low, high, part", "return low + part * (high - low)", "return blend(low.FIELD, high.FIELD, part)"
-    )
+    return _returning(low, "low, high, part", "lowAT + part * (highAT - lowAT)")

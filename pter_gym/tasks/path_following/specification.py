@@ -1,4 +1,4 @@
-"""The task as its user states it, path, hand, pace, workspace, start, sensing and reward; whether a machine can do it."""
+"""The task as its user states it: path, hand, pace, workspace, start, sensing, reward. Whether a machine can do it."""
 
 import math
 from dataclasses import dataclass, replace
