@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import SCORES, score
-from pter_gym.benchmark.pacing import PerPace, find_policy
-from pter_gym.benchmark.simulation import Episode, simulate_alone, time_limit
+from pter_gym.benchmark.naming import find_policy
+from pter_gym.benchmark.simulation import Episode, record_episode, time_limit
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.internal.files import write_bytes_atomic
 from pter_gym.params import BASELINE
@@ -121,9 +121,8 @@ def record(
     scores: list[Any] = []
     for name, scenario, policy in named:
         for pace in paces:
-            here: Any = policy.at(pace) if isinstance(policy, PerPace) else policy
             for k, (machine, task) in enumerate(drawn[scenario, pace]):
-                episode = simulate_alone(here, machine, task, seed * episodes + k, time_limit(task))
+                episode = record_episode(policy, machine, task, seed * episodes + k, time_limit(task))
                 kept.append(episode)
                 labels.append((name, scenario, pace))
                 scores.append(score(episode.telemetry, task, voltage_max=machine.clutch.voltage_max))

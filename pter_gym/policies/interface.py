@@ -243,7 +243,7 @@ class BoundInterface:
         if self.base is None:
             return np.full((len(rows), 4), 0.5 * self.voltage_max)
         memory = past.law_memory()
-        volts = self.base.act(rows, memory)
+        volts = self.base.volts(rows, memory)
         if not passing:
             past.keep(memory)
         return volts.astype(np.float64)

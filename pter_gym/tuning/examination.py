@@ -1,21 +1,19 @@
 """How good a controller is on training draws of a scenario: one number that is finite and ranks all gains."""
 
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pter_gym.benchmark.leaderboard import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.metrics import Scores, ranked_scores
-from pter_gym.benchmark.simulation import time_limit
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.recorded import Travel
+from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
-from pter_gym.controllers import Controller, Policy
+from pter_gym.controllers import Controller, bind
 from pter_gym.engine.batch import Batch
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
-from pter_gym.tasks.path_following import T_ARC_LENGTH, T_ERROR, T_SUCCESS, T_TERMINATED, T_TIME
-
-Array = NDArray[np.float64]
+from pter_gym.tasks.path_following import T_ARC_LENGTH, T_ERROR, T_SUCCESS, T_TIME
 
 RESERVE = 0.9
 """Part of the leaderboard's limit on pace errors that the search keeps to, lest gains that just keep the limit on its
@@ -90,22 +88,8 @@ class Examination:
 
     def scores(self, controller: Controller) -> Scores:
         """Return the ranked scores of a controller on all draws, as the benchmark has them."""
-        columns = self._run(cast(Policy, controller.bind(BASELINE, self.batch.layout)))
-        beyond = np.arange(len(columns[0]))[:, None] > self.limits
-        time, arc_length, errors, success = (np.where(beyond, np.nan, column) for column in columns)
-        return ranked_scores(time, arc_length, errors, success, self.tasks)
-
-    def _run(self, policy: Policy) -> list[Array]:
-        """Return ``COLUMNS`` of the telemetry until all episodes have ended or run out of time, (T + 1, N) each."""
-        obs, first = self.batch.reset(self.seeds)
-        memory = self.batch.empty_memory()
-        parts = [first[None][..., COLUMNS]]
-        ended = np.zeros(len(self.seeds), np.bool_)
-        steps = 0
-        while steps < self.limits.max() and not ended.all():
-            obs, rows = self.batch.rollout(obs, policy.law, policy.gains, SEGMENT, memory)
-            parts.append(rows[..., COLUMNS])
-            ended |= (rows[..., T_TERMINATED] == 1.0).any(axis=0)
-            steps += SEGMENT
-            ended |= self.limits <= steps
-        return list(np.moveaxis(np.concatenate(parts), -1, 0))
+        bound = bind(controller, BASELINE, self.batch.layout)
+        episodes = run(self.batch, bound, self.seeds, self.limits, columns=list(COLUMNS), stride=SEGMENT)
+        telemetry = episodes.telemetry
+        telemetry[np.arange(len(telemetry))[:, None] > self.limits] = np.nan
+        return ranked_scores(Travel(*np.moveaxis(telemetry, -1, 0), self.tasks))

@@ -7,6 +7,6 @@ so wherever its scores stand, and has no rank. It shows what the clutches can do
 
 from pter_gym.controllers.predictive.honest import HonestPlanner
 from pter_gym.controllers.predictive.planner import Planner, Settings
-from pter_gym.controllers.predictive.policies import Decide, Honest, Predictive, Privileged
+from pter_gym.controllers.predictive.policies import Honest, Predictive, Privileged
 
-__all__ = ["Decide", "Honest", "HonestPlanner", "Planner", "Predictive", "Privileged", "Settings"]
+__all__ = ["Honest", "HonestPlanner", "Planner", "Predictive", "Privileged", "Settings"]
