@@ -12,8 +12,8 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from pter_gym.benchmark.episodes import Episodes
-from pter_gym.benchmark.leaderboard import PACE_ERROR, Leaderboard, Standing
-from pter_gym.benchmark.pacing import PACES
+from pter_gym.benchmark.leaderboard import Leaderboard
+from pter_gym.benchmark.ranking import PACE_ERROR, Standing
 from pter_gym.benchmark.runs import Sample, ScenarioRun, join_seeds
 from pter_gym.benchmark.statistics import performance_profile
 from pter_gym.plots.benchmark import MILLIMETRE

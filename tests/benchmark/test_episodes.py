@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from pter_gym.benchmark.episodes import CHECKSUMS, FOLDER, load_episodes, scenarios, store_episodes
-from pter_gym.benchmark.pacing import PACES
 from pter_gym.controllers import Free
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.paths import Line
-from pter_gym.scenarios import SCENARIOS
+from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tasks.path_following import T_SUCCESS, T_TIME, T_VELOCITY, PathFollowing
 
 TASKS = [PathFollowing(), PathFollowing(path=Line(length=0.5)), PathFollowing()]

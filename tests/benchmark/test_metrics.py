@@ -9,16 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmark.handmade import LENGTH, METRE, PERIOD, TASK, Array, episode, padded, travel
-from pter_gym.benchmark.metrics import (
-    CUTOFF,
-    SCORES,
-    START_UP,
-    Score,
-    low_pass,
-    path_averages,
-    score,
-    score_episodes,
-)
+from pter_gym.benchmark.measures import CUTOFF, low_pass, path_averages
+from pter_gym.benchmark.metrics import SCORES, Score, score, score_episodes
+from pter_gym.benchmark.recorded import START_UP
 from pter_gym.params import BASELINE
 from pter_gym.paths import Line
 from pter_gym.physics.friction import ClutchMode
