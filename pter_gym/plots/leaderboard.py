@@ -20,6 +20,7 @@ from pter_gym.plots.benchmark import MILLIMETRE
 from pter_gym.plots.style import COLOURS, DASHES, REFERENCE, WIDTH, label, styled
 from pter_gym.render import style as picture
 from pter_gym.render.geometry import FiveBar, five_bar, path_points, workspace
+from pter_gym.scenarios import PACES
 
 Array = NDArray[np.float64]
 
