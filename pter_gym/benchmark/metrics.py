@@ -15,7 +15,9 @@ from pter_gym.params import BASELINE
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.tasks.path_following import PathFollowing
 
-Scores = dict[str, NDArray[Any]]
+Values = NDArray[Any]
+
+Scores = dict[str, Values]
 """The fields of ``Score`` by name, each an array (N,) over episodes; ``completed`` is bool, the others are float64."""
 
 
@@ -35,6 +37,21 @@ class Column(NamedTuple):
     place: int
     title: str
     text: Callable[[Interval], str]
+
+
+def millimetres(interval: Interval) -> str:
+    """Return a length with its interval in millimetres."""
+    return "{:.1f} ({:.1f}…{:.1f})".format(*(1000 * x for x in interval))
+
+
+def one_decimal(interval: Interval) -> str:
+    """Return a number with one decimal."""
+    return f"{interval.value:.1f}"
+
+
+def two_decimals(interval: Interval) -> str:
+    """Return a number with two decimals."""
+    return f"{interval.value:.2f}"
 
 
 def percent(interval: Interval) -> str:
@@ -61,20 +78,24 @@ class Metric(NamedTuple):
 
     unit: str
     meaning: str
-    find: Callable[[Any], NDArray[Any]]
+    find: Callable[[Any], Values]
     mean: bool = False
     column: Column | None = None
     from_travel: bool = False
 
 
-def of_travel(unit: str, meaning: str, find: Callable[[Travel], NDArray[Any]], **options: Any) -> Any:
-    """Declare a score that needs no more than ``Travel``, as those do that decide on ranks; options of ``Metric``."""
-    return field(metadata={"metric": Metric(unit, meaning, find, from_travel=True, **options)})
+def of_travel(
+    unit: str, meaning: str, find: Callable[[Travel], Values], *, mean: bool = False, column: Column | None = None
+) -> Any:
+    """Declare a score that needs no more than ``Travel``, as those do that decide on ranks; see ``Metric``."""
+    return field(metadata={"metric": Metric(unit, meaning, find, mean, column, from_travel=True)})
 
 
-def of_record(unit: str, meaning: str, find: Callable[[Recorded], NDArray[Any]], **options: Any) -> Any:
-    """Declare a score that needs all of the telemetry; options of ``Metric``."""
-    return field(metadata={"metric": Metric(unit, meaning, find, **options)})
+def of_record(
+    unit: str, meaning: str, find: Callable[[Recorded], Values], *, mean: bool = False, column: Column | None = None
+) -> Any:
+    """Declare a score that needs all of the telemetry; see ``Metric``."""
+    return field(metadata={"metric": Metric(unit, meaning, find, mean, column)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +109,7 @@ class Score:
         "m",
         "the larger of the two averages of |e|, over time and over the path",
         lambda e: np.maximum(e.mean_error, e.path_average),
-        column=Column(1, "path error\n\\[mm]", lambda s: "{:.1f} ({:.1f}…{:.1f})".format(*(1000 * x for x in s))),
+        column=Column(1, "path error\n\\[mm]", millimetres),
     )
     mean_error_m: float = of_travel("m", "time average of |e|", lambda e: e.mean_error)
     path_average_error_m: float = of_travel(
@@ -117,7 +138,7 @@ class Score:
         "m/s²",
         "root of the mean square",
         lambda e: e.rms_of(e.acceleration),
-        column=Column(5, "rms acc.\n\\[m/s²]", lambda s: f"{s.value:.2f}"),
+        column=Column(5, "rms acc.\n\\[m/s²]", two_decimals),
     )
     peak_acceleration_m_s2: float = of_record("m/s²", "largest", lambda e: e.peak_of(e.acceleration))
     raw_mean_acceleration_m_s2: float = of_record(
@@ -133,7 +154,7 @@ class Score:
         "1",
         "−ln of the dimensionless jerk; larger is smoother",
         Recorded.smoothness,
-        column=Column(6, "smooth-\nness", lambda s: f"{s.value:.1f}"),
+        column=Column(6, "smooth-\nness", one_decimal),
     )
     path_length_m: float = of_record("m", "way of the tip", Recorded.way)
     completed: bool = of_travel(

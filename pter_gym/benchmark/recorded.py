@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pter_gym.benchmark.measures import (
     SEGMENTS,
@@ -91,8 +92,10 @@ class Recorded(Travel):
     """N episodes with all of their telemetry; parameters as of ``score_episodes``."""
 
     def __init__(self, telemetry: Array, tasks: Sequence[PathFollowing], voltage_max: float) -> None:
-        names = ("time", "arc_length", "normal_error", "is_success")
-        super().__init__(*(column(telemetry, name) for name in names), tasks)
+        time, arc_length, errors, success = (
+            column(telemetry, name) for name in ("time", "arc_length", "normal_error", "is_success")
+        )
+        super().__init__(time, arc_length, errors, success, tasks)
         self.telemetry = telemetry
         self.steps = telemetry[1:]
         self.alive = np.isfinite(self.time[1:])
@@ -125,7 +128,7 @@ class Recorded(Travel):
         """The same behind the low-pass."""
         return norm(low_pass(vector(self.steps, "acceleration"), self.period))
 
-    def mean(self, values: Array | Mask) -> Array:
+    def mean(self, values: ArrayLike) -> Array:
         """Return the mean over an episode of values (T, N)."""
         return mean_over(values, self.alive)
 

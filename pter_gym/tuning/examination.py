@@ -74,7 +74,7 @@ class Examination:
         pairs = find_scenario(scenario).randomisation(pace, contexts=episodes, seed=seed).pairs()
         pairs.sort(key=lambda pair: time_limit(pair[1]))  # blocks of worlds then end at about one time
         self.tasks = [task for _, task in pairs]
-        self.limits = np.array([time_limit(task) for task in self.tasks])
+        self.limits = [time_limit(task) for task in self.tasks]
         self.seeds = [seed * episodes + k for k in range(episodes)]
         self.batch = Batch([machine for machine, _ in pairs], self.tasks)
 
@@ -91,5 +91,6 @@ class Examination:
         bound = bind(controller, BASELINE, self.batch.layout)
         episodes = run(self.batch, bound, self.seeds, self.limits, columns=list(COLUMNS), stride=SEGMENT)
         telemetry = episodes.telemetry
-        telemetry[np.arange(len(telemetry))[:, None] > self.limits] = np.nan
-        return ranked_scores(Travel(*np.moveaxis(telemetry, -1, 0), self.tasks))
+        telemetry[np.arange(len(telemetry))[:, None] > np.array(self.limits)] = np.nan
+        time, arc_length, errors, success = np.moveaxis(telemetry, -1, 0)
+        return ranked_scores(Travel(time, arc_length, errors, success, self.tasks))

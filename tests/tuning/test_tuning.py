@@ -45,7 +45,7 @@ def test_scores_are_the_benchmarks(controller: Controller) -> None:
     exam = Examination("everything", "brisk", 24, seed=3)
     found = exam.scores(controller)
     bound = controller.bind(BASELINE, exam.batch.layout)
-    telemetry = simulate(exam.batch, bound, exam.seeds, int(exam.limits.max()))
+    telemetry = simulate(exam.batch, bound, exam.seeds, max(exam.limits))
     for world, limit in enumerate(exam.limits):
         telemetry[limit + 1 :, world] = np.nan
     expected = score_episodes(telemetry, exam.tasks)
