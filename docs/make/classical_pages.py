@@ -182,8 +182,9 @@ def arrivals(name: str, pairs: list, seed: int) -> np.ndarray:
     """Whether a policy arrives, for each pair of machine and task."""
     machines, tasks = (list(each) for each in zip(*pairs, strict=True))
     batch = Batch(machines, tasks)
-    policy = find_tuned(name, "everything").bind(BASELINE, batch.layout)
-    telemetry = simulate(batch, policy, range(seed, seed + len(pairs)), max(map(time_limit, tasks)))
+    telemetry = simulate(
+        batch, find_tuned(name, "everything"), range(seed, seed + len(pairs)), max(map(time_limit, tasks))
+    )
     return (column(telemetry[1:], "is_success") == 1.0).any(axis=0)
 
 

@@ -109,7 +109,7 @@ def _find_or_run(
     policy: AnyPolicy, batches: "Batches", names: tuple[str, str, int], results: ResultsFolder | None, num_threads: int
 ) -> ScenarioRun:
     """Return the run of a policy, with the names of pace, policy and training seed; from the results if it is there."""
-    conditions = _conditions(batches.episodes, *names, identity(policy, batches.bind(policy, 0)))
+    conditions = _conditions(batches.episodes, *names, identity(policy, batches.bind(policy)))
     found = results and results.find(conditions)
     if found:
         return found
@@ -140,16 +140,16 @@ class Batches:
         chunk = self.chunks[number]
         return Batch(self.episodes.machines[chunk], self.episodes.tasks[chunk], sensors=sensors)
 
-    def bind(self, policy: AnyPolicy, number: int) -> BoundPolicy:
-        """Return a policy that can act in one of the batches."""
-        return bind(policy, BASELINE, self.batch(number, sensors_of(policy)).layout)
+    def bind(self, policy: AnyPolicy) -> BoundPolicy:
+        """Return a policy that can act in any of the batches."""
+        return bind(policy, BASELINE, self.batch(0, sensors_of(policy)).layout)
 
     def run(self, number: int, policy: AnyPolicy) -> Part:
         """Return what comes out of one batch."""
         chunk, batch = self.chunks[number], self.batch(number, sensors_of(policy))
         tasks = self.episodes.tasks[chunk]
         limits = [time_limit(task) for task in tasks]
-        episodes = run(batch, self.bind(policy, number), self.episodes.seeds[chunk], limits)
+        episodes = run(batch, policy, self.episodes.seeds[chunk], limits)
         telemetry = episodes.telemetry
         for world, limit in enumerate(limits):
             telemetry[limit + 1 :, world] = np.nan
@@ -162,7 +162,7 @@ def evaluate(
     policy: AnyPolicy, batches: Batches, num_threads: int
 ) -> tuple[Scores, tuple[Sample, ...], Planning | None]:
     """Return the scores of a policy on all episodes, samples of them, and how it plans, if it does."""
-    bound = batches.bind(policy, 0)
+    bound = batches.bind(policy)
     numbers = range(len(batches.chunks))
     one = partial(batches.run, policy=policy)
     if bound.compiled and num_threads > 1:

@@ -97,7 +97,7 @@ class Rollout:
 
 def run(
     batch: Batch,
-    policy: BoundPolicy,
+    policy: AnyPolicy,
     seeds: Sequence[int],
     limits: Sequence[int],
     *,
@@ -111,7 +111,7 @@ def run(
     batch
         N worlds.
     policy
-        From ``bind``.
+        It is bound to the nominal machine, unless it is bound already or a plain callable.
     seeds, limits
         Of the resets, and control steps after which an episode is truncated, N each.
     columns
@@ -120,14 +120,15 @@ def run(
         Control steps after which a compiled law is looked after; it runs to the largest limit by default.
     """
     episodes = Rollout(batch, seeds, columns)
-    policy.reset(batch)
+    acting = bind(policy, BASELINE, batch.layout)
+    acting.reset(batch)
     last = max(limits)
     while episodes.steps < last and not (episodes.ended | (np.array(limits) <= episodes.steps)).all():
-        policy.advance(episodes, stride or last)
+        acting.advance(episodes, stride or last)
     return episodes
 
 
-def simulate(batch: Batch, policy: BoundPolicy, seeds: Sequence[int], max_steps: int) -> Array:
+def simulate(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: int) -> Array:
     """Return the telemetry of new episodes, (steps + 1, N, len(TELEMETRY)), NaN after the end of an episode.
 
     Parameters

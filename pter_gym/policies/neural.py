@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,13 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.compiled.layout import Layout
-from pter_gym.controllers import BoundPolicy
 from pter_gym.params import Machine, require
 from pter_gym.policies.cards import Card
 from pter_gym.policies.interface import BoundInterface
 from pter_gym.policies.network import Network
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,30 +51,42 @@ class Neural:
         return NeuralPolicy(self.card.interface.bind(machine, layout), self.network)
 
 
-class NeuralPolicy(BoundPolicy):
+class NeuralPolicy:
     """A trained policy that is ready to act: ``policy(observation) -> volts``.
 
-    Parameters
-    ----------
-    interface
-        What the network sees and does.
-    network
-        Inputs (N, inputs) to outputs (N, 4) within [−1, 1].
+    One with a history remembers; ``reset`` makes it forget.
     """
 
-    def __init__(self, interface: BoundInterface, network: Callable[[Array], NDArray[np.floating]]) -> None:
-        self.layout = interface.layout
+    def __init__(self, interface: BoundInterface, network: Network) -> None:
         self._interface = interface
         self._network = network
         self._past = interface.begin(0)
 
-    def reset(self, batch: Any = None) -> None:  # noqa: ARG002
+    def reset(self) -> None:
         """Forget the past: new episodes begin."""
         self._past = self._interface.begin(0)
 
-    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries)."""
-        if self._past.worlds != len(observations):
-            self._past = self._interface.begin(len(observations))
-        inputs, base = self._interface.see(observations, self._past)
-        return self._interface.volts(base, self._network(inputs))
+    def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return clutch voltages [V].
+
+        Parameters
+        ----------
+        observation
+            float32 (entries,) of one world or (N, entries) of many.
+
+        Returns
+        -------
+        volts
+            float32 (4,) or (N, 4).
+
+        Raises
+        ------
+        ParameterError
+            If the observation does not fit the layout.
+        """
+        rows = np.atleast_2d(observation)
+        if self._past.worlds != len(rows):
+            self._past = self._interface.begin(len(rows))
+        inputs, base = self._interface.see(rows, self._past)
+        volts = self._interface.volts(base, self._network(inputs))
+        return volts[0] if np.ndim(observation) == 1 else volts

@@ -9,15 +9,14 @@ from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.recorded import Travel
 from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
-from pter_gym.controllers import Controller, bind
+from pter_gym.controllers import Controller
 from pter_gym.engine.batch import Batch
-from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import T_ARC_LENGTH, T_ERROR, T_SUCCESS, T_TIME
 
 RESERVE = 0.9
-"""Part of the leaderboard's limit on pace errors that the search keeps to, lest gains that just keep the limit on its
-draws miss it on others."""
+"""Part of the leaderboard's limit on pace errors that the search keeps to: gains that just keep the limit on its draws
+may miss it on others."""
 
 MISSING = 0.5
 """The same of the limit on what is missing, where a single draw weighs much."""
@@ -88,8 +87,7 @@ class Examination:
 
     def scores(self, controller: Controller) -> Scores:
         """Return the ranked scores of a controller on all draws, as the benchmark has them."""
-        bound = bind(controller, BASELINE, self.batch.layout)
-        episodes = run(self.batch, bound, self.seeds, self.limits, columns=list(COLUMNS), stride=SEGMENT)
+        episodes = run(self.batch, controller, self.seeds, self.limits, columns=list(COLUMNS), stride=SEGMENT)
         telemetry = episodes.telemetry
         telemetry[np.arange(len(telemetry))[:, None] > np.array(self.limits)] = np.nan
         time, arc_length, errors, success = np.moveaxis(telemetry, -1, 0)

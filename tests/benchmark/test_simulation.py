@@ -35,7 +35,7 @@ def test_at_a_knot_that_holds_a_schedule_is_its_controller(name: str, pace: str)
     assert isinstance(schedule, PaceSchedule)
     batch = Batch(machines, tasks)
     each = (schedule, schedule.at(PACES[pace]))
-    one, other = (simulate(batch, bind(policy, BASELINE, batch.layout), SEEDS, 400) for policy in each)
+    one, other = (simulate(batch, policy, SEEDS, 400) for policy in each)
     assert one.tobytes() == other.tobytes()
 
 
@@ -45,7 +45,7 @@ def test_a_schedule_is_between_its_knots() -> None:
     slow, medium = (schedule.at(PACES[pace]).damping_tangential for pace in ("slow", "medium"))
     batch = Batch(BASELINE, PathFollowing(pace=0.185), 1)
     half = Impedance(damping_tangential=0.5 * (slow + medium))
-    one, other = (simulate(batch, bind(policy, BASELINE, batch.layout), [1], 50) for policy in (schedule, half))
+    one, other = (simulate(batch, policy, [1], 50) for policy in (schedule, half))
     np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-3)
 
 

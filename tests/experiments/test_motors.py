@@ -11,7 +11,7 @@ from studies.motors import on_motors, simulate_motors
 from pter_gym.benchmark.measures import column, four, vector
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import find_tuned
-from pter_gym.controllers import Impedance, PaceSchedule, SingleDof, TorqueFeedback, bind
+from pter_gym.controllers import Impedance, PaceSchedule, SingleDof, TorqueFeedback
 from pter_gym.controllers.laws import OMEGA_A, OMEGA_B
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
@@ -57,7 +57,7 @@ def both(clutches: np.ndarray, motors: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def test_motors_without_voltage_are_released_clutches_bit_for_bit():
     worlds = batch()
     free, motors = both(
-        simulate(worlds, bind(clutch_volts(0.0, 0.0, 0.0, 0.0), BASELINE, worlds.layout), SEEDS, 60),
+        simulate(worlds, clutch_volts(0.0, 0.0, 0.0, 0.0), SEEDS, 60),
         simulate_motors(worlds, held(0.0, 0.0, 0.0, 0.0), SEEDS, 60),
     )
     np.testing.assert_array_equal(motors, free)
@@ -70,7 +70,7 @@ def test_with_the_signs_of_slipping_clutches_motors_move_the_arm_as_these_do(mac
     volts = (3.0, 2.0, 1.0, 2.5)
     worlds = batch(machine)
     clutches, motors = both(
-        simulate(worlds, bind(clutch_volts(*volts), machine, worlds.layout), SEEDS, 60),
+        simulate(worlds, clutch_volts(*volts), SEEDS, 60),
         simulate_motors(worlds, braking(*volts), SEEDS, 60),
     )
     compared = 0

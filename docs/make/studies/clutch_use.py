@@ -11,7 +11,6 @@ from pter_gym.benchmark.metrics import score_episodes
 from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.simulation import sensors_of, simulate, time_limit
 from pter_gym.benchmark.statistics import Interval, bootstrap_interval
-from pter_gym.controllers import bind
 from pter_gym.engine.batch import Batch
 from pter_gym.params import BASELINE
 from pter_gym.physics.friction import ClutchMode
@@ -65,8 +64,7 @@ def episodes(policy: str, pace: str, *, draws: int = DRAWS, seed: int = SEED) ->
     task = drawn_task(pace)
     found = find_policy(policy, scenario="standard")
     batch = Batch(BASELINE, task, draws, sensors=sensors_of(found))
-    bound = bind(found, BASELINE, batch.layout)
-    return simulate(batch, bound, range(seed, seed + draws), time_limit(task))
+    return simulate(batch, found, range(seed, seed + draws), time_limit(task))
 
 
 def stuck_clutches(mode: Array) -> NDArray[np.bool_]:
