@@ -1,4 +1,4 @@
-"""Write the table of scores in docs/scoring.md, after a score was added or changed: `python docs/make/score_table.py`."""
+"""Write the table of scores in docs/scoring.md, after one was added or changed: `python docs/make/score_table.py`."""
 
 from pages import ROOT, table, write_block
 
