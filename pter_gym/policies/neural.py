@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -55,9 +56,18 @@ class NeuralPolicy:
     """A trained policy that is ready to act: ``policy(observation) -> volts``.
 
     One with a history remembers; ``reset`` makes it forget.
+
+    Parameters
+    ----------
+    interface
+        What the network sees and does.
+    network
+        From inputs, (N, inputs), to outputs within [−1, 1], (N, 4).
     """
 
-    def __init__(self, interface: BoundInterface, network: Network) -> None:
+    def __init__(
+        self, interface: BoundInterface, network: Callable[[NDArray[np.float64]], NDArray[np.floating]]
+    ) -> None:
         self._interface = interface
         self._network = network
         self._past = interface.begin(0)
