@@ -16,6 +16,8 @@ from pter_gym.policies.cards import Card
 from pter_gym.policies.interface import BoundInterface
 from pter_gym.policies.network import Network
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True, eq=False)
 class Neural:
@@ -65,9 +67,7 @@ class NeuralPolicy:
         From inputs, (N, inputs), to outputs within [−1, 1], (N, 4).
     """
 
-    def __init__(
-        self, interface: BoundInterface, network: Callable[[NDArray[np.float64]], NDArray[np.floating]]
-    ) -> None:
+    def __init__(self, interface: BoundInterface, network: Callable[[Array], NDArray[np.floating]]) -> None:
         self._interface = interface
         self._network = network
         self._past = interface.begin(0)
