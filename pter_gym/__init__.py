@@ -10,6 +10,7 @@ import gymnasium
 
 from pter_gym._moved import find_old_names
 from pter_gym._version import __version__
+from pter_gym.scenarios.suite import SCENARIOS
 
 if TYPE_CHECKING:
     from pter_gym.params import (
@@ -60,15 +61,13 @@ gymnasium.register(
     max_episode_steps=1000,
 )
 
-_SCENARIOS = ("Standard-v0", "Paths-v0", "Hands-v0", "Materials-v0", "Everything-v0")
-
-for _scenario in _SCENARIOS:
+for _scenario in SCENARIOS.values():
     gymnasium.register(
-        id=f"PTER/{_scenario}",
+        id=_scenario.id,
         entry_point="pter_gym.envs.scenario:make_env",
         vector_entry_point="pter_gym.envs.scenario:make_vec",
         max_episode_steps=1000,
-        kwargs={"scenario": _scenario.partition("-")[0].lower()},
+        kwargs={"scenario": _scenario.name},
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pter_agents.settings import PLAIN, Settings
 from pter_agents.worlds import Truth, make_worlds
-from pter_gym.benchmark import PACES, PerPace, find_policy
+from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.tuned import SUFFIX
 from pter_gym.controllers import PaceSchedule
 from pter_gym.envs.sb3 import PterVecEnv
@@ -30,8 +30,6 @@ def find_base(name: str, scenario: str) -> Base | None:
     if name == PLAIN:
         return None
     policy = find_policy(name, scenario=scenario)
-    if isinstance(policy, PerPace):
-        policy = PaceSchedule(tuple((speed, policy.at(pace)) for pace, speed in PACES.items()))  # type: ignore[misc]
     assert isinstance(policy, PaceSchedule)
     paces, controllers = zip(*policy.knots, strict=True)
     gains = tuple({item.name: getattr(each, item.name) for item in fields(each)} for each in controllers)

@@ -16,7 +16,8 @@ from pter_gym.benchmark import score_episodes
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.engine.batch import Batch
-from pter_gym.policies.interface import BoundInterface, Past
+from pter_gym.policies import NeuralPolicy
+from pter_gym.policies.interface import BoundInterface
 from pter_gym.tasks.path_following import Sensors
 
 Array = NDArray[np.float64]
@@ -64,17 +65,10 @@ class Validation:
         interface
             What it sees and does.
         """
-
         found: Scores = {}
         for pace, batch in self._batches.items():
-            past = interface.begin(len(self._seeds))
-
-            def act(obs: NDArray[np.float32], past: Past = past) -> NDArray[np.float32]:
-                inputs, base = interface.see(obs, past)
-                return interface.volts(base, net(inputs))
-
             tasks = self._tasks[pace]
-            telemetry = simulate(batch, act, list(self._seeds), max(map(time_limit, tasks)))
+            telemetry = simulate(batch, NeuralPolicy(interface, net), list(self._seeds), max(map(time_limit, tasks)))
             values = score_episodes(telemetry, tasks)
             found[pace] = {
                 "path_error_m": float(interquartile_mean(values["path_error_m"])),

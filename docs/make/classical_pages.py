@@ -17,8 +17,8 @@ from pages import BELOW, LEFT_OUT, ROOT, board_table, joined, read_boards, table
 from studies.bounds import DRAWS, SEARCH_DRAWS, SEED, Actuators, Outcome, adapted, drawn_task, try_out
 from studies.clutch_use import clutch_use, episodes
 
-from pter_gym.benchmark.metrics import column
-from pter_gym.benchmark.simulation import bind, simulate, time_limit
+from pter_gym.benchmark.measures import column
+from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.standard import TIME_CONSTANTS
 from pter_gym.benchmark.tuned import TUNED, find_tuned
 from pter_gym.engine.batch import Batch
@@ -94,7 +94,7 @@ def kinds(law: str) -> dict[str, Actuators]:
 
 def gains(law: str, pace: str):
     """The law's tuned gains at a pace."""
-    return dict(find_tuned(law, "standard").knots)[PACES[pace]]
+    return find_tuned(law, "standard").at(PACES[pace])
 
 
 def bounds() -> str:
@@ -182,8 +182,9 @@ def arrivals(name: str, pairs: list, seed: int) -> np.ndarray:
     """Whether a policy arrives, for each pair of machine and task."""
     machines, tasks = (list(each) for each in zip(*pairs, strict=True))
     batch = Batch(machines, tasks)
-    policy = bind(find_tuned(name, "everything"), BASELINE, batch)
-    telemetry = simulate(batch, policy, range(seed, seed + len(pairs)), max(map(time_limit, tasks)))
+    telemetry = simulate(
+        batch, find_tuned(name, "everything"), range(seed, seed + len(pairs)), max(map(time_limit, tasks))
+    )
     return (column(telemetry[1:], "is_success") == 1.0).any(axis=0)
 
 

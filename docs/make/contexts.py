@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pages import ROOT, write_block
 from scipy.stats import rankdata, spearmanr
 
-from pter_gym.benchmark import PACES, PerPace, find_policy
+from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark.episodes import Episodes
 from pter_gym.benchmark.evaluation import Batches, evaluate
 from pter_gym.hands import EQ5_FREQUENCIES, NORMAL, RELAXED, TENSE, HumanArm
@@ -102,10 +102,8 @@ def run(name: str, folder: Path | None, scenario: str, pace: str, draws: int) ->
     machines, tasks = zip(*pairs, strict=True)
     resets = tuple(range(FIRST_RESET, FIRST_RESET + draws))
     episodes = Episodes(scenario, "", machines, tasks, resets, ("drawn",) * draws)
-    found = find_policy(name, scenario=scenario) if folder is None else load_policy(name, folder)
-    batches = Batches(episodes)
-    policy = batches.bind(found.at(pace) if isinstance(found, PerPace) else found)
-    return episodes, evaluate(policy, batches, 1)[0]
+    policy = find_policy(name, scenario=scenario) if folder is None else load_policy(name, folder)
+    return episodes, evaluate(policy, Batches(episodes), 1)[0]
 
 
 def groups(values: list[str | float]) -> dict[str, NDArray[np.bool_]]:

@@ -12,12 +12,11 @@ import numpy as np
 import pygame
 from figures.pages import clutches_over_time
 
-from pter_gym.benchmark import PerPace, find_policy
-from pter_gym.benchmark.metrics import column, four
-from pter_gym.benchmark.simulation import bind, simulate, time_limit
+from pter_gym.benchmark import find_policy
+from pter_gym.benchmark.measures import column, four
+from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.controllers import TorqueFeedback
 from pter_gym.engine.batch import Batch
-from pter_gym.params import BASELINE
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.plots import save
 from pter_gym.scenarios import find_pace, find_scenario
@@ -52,8 +51,7 @@ def clutches(path: Path) -> None:
     batch = Batch(machines, tasks)
     episodes: dict[str, np.ndarray] = {}
     for name in COMPARED:
-        found = find_policy(name, scenario=SCENARIO)
-        policy = bind(found.at(PACE) if isinstance(found, PerPace) else found, BASELINE, batch)
+        policy = find_policy(name, scenario=SCENARIO)
         telemetry = simulate(batch, policy, range(SEED, SEED + DRAWS), max(map(time_limit, tasks)))
         first = telemetry[:, 0]
         episodes[name] = first[np.isfinite(column(first, "time"))]

@@ -1,44 +1,26 @@
-"""Make the stored evaluation episodes in pter_gym/episodes anew. They change every published score: raise the versions.
+"""Make stored evaluation episodes in pter_gym/episodes again: `python docs/make/store_episodes.py [NAME …]`.
 
-Each is a draw from its scenario with a generator of its own, apart from all training draws, and with the phases of the
-hand's sines drawn here, so that nothing about an episode is left to a random stream but the noise of its sensors.
+They change every published score: raise the version of a scenario whose episodes change.
 """
 
-import math
-from dataclasses import replace
+from pathlib import Path
 
-import numpy as np
+import tyro
 
-from pter_gym.benchmark.episodes import store_episodes
-from pter_gym.hands import SINES, HumanArm, MultiSineHand
-from pter_gym.scenarios import SCENARIOS
-from pter_gym.scenarios.randomisation import Randomisation
-from pter_gym.tasks.path_following import PathFollowing
-
-COUNTS = {"standard": 200, "paths": 300, "hands": 300, "materials": 300, "everything": 1000}
+from pter_gym.benchmark.episodes import FOLDER, store_episodes
+from pter_gym.scenarios import SCENARIOS, find_scenario
+from pter_gym.scenarios.evaluation_draws import evaluation_draws
 
 
-def with_phases(task: PathFollowing, rng: np.random.Generator) -> PathFollowing:
-    """The task with the phases that its hand would draw at a reset."""
-    if not isinstance(task.hand, (MultiSineHand, HumanArm)) or not task.hand.random_phases:
-        return task
-    phases = tuple(rng.uniform(0.0, 2.0 * math.pi, SINES).tolist())
-    return replace(task, hand=replace(task.hand, phases=phases, random_phases=False))
+def main(names: tyro.conf.Positional[tuple[str, ...]] = tuple(SCENARIOS), folder: Path = FOLDER) -> None:
+    """Store the evaluation episodes of scenarios, of all by default."""
+    for name in names:
+        scenario = find_scenario(name)
+        machines, tasks, strata = zip(*evaluation_draws(scenario), strict=True)
+        seeds = list(range(scenario.episodes))
+        path = store_episodes(name, machines, tasks, seeds, strata, version=scenario.version, folder=folder)
+        print(path.name, path.stat().st_size, {kind: strata.count(kind) for kind in sorted(set(strata))})
 
 
-def stratum(task: PathFollowing, scenario: str) -> str:
-    """The kind of episode within which intervals draw anew."""
-    part = task.hand if scenario == "hands" else task.path
-    return type(part).__name__
-
-
-for number, (name, count) in enumerate(COUNTS.items()):
-    rng = np.random.default_rng([20261120, number])
-    scenario = SCENARIOS[name]
-    draws = Randomisation(machine=scenario.machine, task=scenario.task)
-    pairs = [draws.draw(rng) for _ in range(count)]
-    machines = [machine for machine, _ in pairs]
-    tasks = [with_phases(task, rng) for _, task in pairs]
-    strata = [stratum(task, name) for task in tasks]
-    path = store_episodes(name, machines, tasks, list(range(count)), strata, version=scenario.version)
-    print(path.name, path.stat().st_size, {kind: strata.count(kind) for kind in sorted(set(strata))})
+if __name__ == "__main__":
+    tyro.cli(main)

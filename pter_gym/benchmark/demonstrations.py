@@ -11,15 +11,15 @@ import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._version import __version__
-from pter_gym.benchmark.metrics import SCORES, score
-from pter_gym.benchmark.pacing import PerPace, find_policy
-from pter_gym.benchmark.simulation import Episode, simulate_alone, time_limit
+from pter_gym.benchmark.metrics import SCORES, Score, score
+from pter_gym.benchmark.naming import find_policy
+from pter_gym.benchmark.simulation import record_episode, time_limit
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.internal.files import write_bytes_atomic
 from pter_gym.params import BASELINE
@@ -116,35 +116,47 @@ def record(
         for scenario in scenarios
         for pace in paces
     }
-    kept: list[Episode] = []
-    labels: list[tuple[str, str, str]] = []
-    scores: list[Any] = []
+    kept: list[_Recorded] = []
     for name, scenario, policy in named:
         for pace in paces:
-            here: Any = policy.at(pace) if isinstance(policy, PerPace) else policy
             for k, (machine, task) in enumerate(drawn[scenario, pace]):
-                episode = simulate_alone(here, machine, task, seed * episodes + k, time_limit(task))
-                kept.append(episode)
-                labels.append((name, scenario, pace))
-                scores.append(score(episode.telemetry, task, voltage_max=machine.clutch.voltage_max))
+                episode = record_episode(policy, machine, task, seed * episodes + k, time_limit(task))
+                found = score(episode.telemetry, task, voltage_max=machine.clutch.voltage_max)
+                kept.append(_Recorded((name, scenario, pace), k, episode.obs[:-1], episode.volts, found))
                 on_episode()
+    command = (
+        f"pter record --policies {','.join(policies)} --scenarios {','.join(scenarios)} "
+        f"--paces {','.join(paces)} --episodes {episodes} --seed {seed}"
+    )
+    return _stacked(kept, command)
+
+
+class _Recorded(NamedTuple):
+    """One episode: what it is called, the number of its draw, what was seen and decided, and its score."""
+
+    names: tuple[str, str, str]
+    draw: int
+    obs: NDArray[np.float32]
+    volts: NDArray[np.float32]
+    score: Score
+
+
+def _stacked(kept: Sequence[_Recorded], command: str) -> Demonstrations:
+    """Return episodes behind each other, as the command made them."""
     ends = np.cumsum([len(episode.volts) for episode in kept])
-    names = tuple(zip(*labels, strict=True))
+    policies, scenarios, paces = zip(*(episode.names for episode in kept), strict=True)
     return Demonstrations(
-        obs=np.concatenate([episode.obs[:-1] for episode in kept]),
+        obs=np.concatenate([episode.obs for episode in kept]),
         volts=np.concatenate([episode.volts for episode in kept]),
         starts=np.concatenate([[0], ends[:-1]]).astype(np.int64),
         ends=ends.astype(np.int64),
-        policies=names[0],
-        scenarios=names[1],
-        paces=names[2],
-        draws=np.tile(np.arange(episodes, dtype=np.int64), len(kept) // episodes),
-        scores={name: np.array([getattr(found, name) for found in scores]) for name in SCORES},
+        policies=policies,
+        scenarios=scenarios,
+        paces=paces,
+        draws=np.array([episode.draw for episode in kept], np.int64),
+        scores={name: np.array([getattr(episode.score, name) for episode in kept]) for name in SCORES},
         info={
-            "command": (
-                f"pter record --policies {','.join(policies)} --scenarios {','.join(scenarios)} "
-                f"--paces {','.join(paces)} --episodes {episodes} --seed {seed}"
-            ),
+            "command": command,
             "version": __version__,
             "numpy": np.__version__,
             "python": platform.python_version(),

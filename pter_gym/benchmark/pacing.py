@@ -7,20 +7,15 @@ training draws, none of which is an evaluation episode; ``docs/make/solve_paces.
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from types import MappingProxyType
 
 from pter_gym.benchmark.metrics import score_episodes
 from pter_gym.benchmark.runs import PACKAGE
-from pter_gym.benchmark.simulation import AnyPolicy, bind, simulate, time_limit
-from pter_gym.benchmark.standard import find_controller
-from pter_gym.benchmark.tuned import SUFFIX, find_tuned
-from pter_gym.controllers import CONTROLLERS, Controller
-from pter_gym.controllers.impedance import Impedance, TorqueFeedback
-from pter_gym.controllers.predictive import Honest, Predictive, Privileged, Settings
+from pter_gym.benchmark.simulation import simulate, time_limit
+from pter_gym.controllers import CONTROLLERS, Impedance, PaceSchedule, TorqueFeedback, bind
 from pter_gym.engine.batch import Batch
-from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 
@@ -32,56 +27,17 @@ DRAWS = 64
 SEED = 5
 """Seed of the draws."""
 
-PLANNERS = MappingProxyType({"predictive": Privileged, "predictive-honest": Honest})
-"""Policies that plan, by name."""
-
-GUIDE = "single-dof-tuned"
-GUIDE_TABLE = PACKAGE / "presets" / "guide.toml"
-"""What guides them, with gains of its own: a plan cannot follow a law that switches within its knots."""
-
 LOWEST, HIGHEST = 10.0, 3000.0
 """Range of the search [N·s/m]."""
 
-
-@dataclass(frozen=True)
-class PerPace:
-    """One policy for each commanded pace, by the pace's name."""
-
-    policies: Mapping[str, Controller | AnyPolicy]
-
-    def at(self, pace: str) -> Controller | AnyPolicy:
-        """Return the policy for a pace, or raise a ParameterError with the nearest names."""
-        if pace not in self.policies:
-            raise unknown_name("paces", pace, self.policies)
-        return self.policies[pace]
+HOLD = 1e-6
+"""Fraction of a commanded pace about it in which its damper holds: far more than the rounding of a float32."""
 
 
-def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Controller | PerPace | Predictive:
-    """Return a policy by name: the damper of a controller for each pace, tuned gains, one that plans, or trained.
-
-    Parameters
-    ----------
-    name
-        In ``CONTROLLERS``, one of those with gains and ``-tuned`` after its name, in ``PLANNERS``, or a trained policy.
-    seed
-        Of the random policy, and of those that plan.
-    scenario
-        For which dampers were solved and gains tuned; see ``pter_gym.benchmark.tuned.find_tuned``.
-
-    Raises
-    ------
-    ParameterError
-        If there is no policy of that name, or no gains for it.
-    """
-    if name in PLANNERS:
-        return PLANNERS[name](find_tuned(GUIDE, scenario, path=GUIDE_TABLE), Settings(seed=seed))
-    if name.endswith(SUFFIX):
-        return find_tuned(name, scenario)
-    controller = find_controller(name, seed)
-    dampers = damping_table().get(scenario, {}).get(name)
-    if dampers is None or not isinstance(controller, Impedance):
-        return controller
-    return PerPace({pace: replace(controller, damping_tangential=damping) for pace, damping in dampers.items()})
+def paced(controller: Impedance, dampers: Mapping[str, float]) -> PaceSchedule:
+    """Return a controller whose damper along the path [N·s/m] follows the commanded pace, given for paces by name."""
+    knots = [(PACES[pace], replace(controller, damping_tangential=damping)) for pace, damping in dampers.items()]
+    return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])), hold=HOLD)
 
 
 @cache
@@ -135,6 +91,6 @@ def solve_table() -> dict[str, dict[str, dict[str, float]]]:
 
 def _mean_pace(controller: Impedance, batch: Batch) -> float:
     tasks = [task for _, task in batch.pairs]
-    policy = bind(controller, BASELINE, batch)
+    policy = bind(controller, BASELINE, batch.layout)
     telemetry = simulate(batch, policy, list(range(len(tasks))), max(map(time_limit, tasks)))
     return float(score_episodes(telemetry, tasks)["mean_pace_m_s"].mean())

@@ -1,4 +1,4 @@
-"""A folder of results: one file for each run, and ``benchmark.json``, which is made anew from all of them.
+"""A folder of results: one file for each run, and ``benchmark.json``, which is made again from all of them.
 
 Files are written whole or not at all, so an interrupted benchmark goes on where it stopped, and several benchmarks may
 write to one folder at once: each run has its own file, and the summary is read and written under a lock.

@@ -1,4 +1,4 @@
-"""One policy through many episodes."""
+"""Episodes of a policy, of whatever kind: a compiled law, a network, a planner or a plain callable."""
 
 import math
 import time
@@ -8,20 +8,124 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.controllers import Controller, Policy
-from pter_gym.controllers.predictive import Decide, Predictive
+from pter_gym.controllers import BoundPolicy, Controller, bind
 from pter_gym.engine.batch import Batch
 from pter_gym.engine.world import SKIP
 from pter_gym.params import BASELINE, Machine
-from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensors, observation_layout
 
 Array = NDArray[np.float64]
-AnyPolicy = Callable[[NDArray[np.float32]], Any]
+Observations = NDArray[np.float32]
+AnyPolicy = Controller | Callable[[Observations], Any]
+"""What ``pter_gym.controllers.bind`` takes: a controller, a bound policy or a plain callable."""
+
+Columns = slice | list[int]
+
+ALL = slice(None)
+"""All columns of the telemetry."""
 
 
-def bind(policy: Controller | AnyPolicy, machine: Machine, batch: Batch) -> AnyPolicy:
-    """Return a policy that can act in a batch: a controller is bound to its nominal machine."""
-    return policy.bind(machine, batch.layout) if isinstance(policy, Controller) else policy
+class Rollout:
+    """New episodes in a batch, one in each world, as far as a policy has taken them.
+
+    Parameters
+    ----------
+    batch
+        N worlds.
+    seeds
+        Of the resets, N of them.
+    columns
+        Of the telemetry that is kept.
+
+    Attributes
+    ----------
+    obs
+        The latest observations, float32 (N, entries).
+    steps
+        Control steps so far.
+    ended
+        Whose episodes have ended, bool (N,).
+    seen, sent
+        Observations and voltages of the control steps that were decided one by one.
+    """
+
+    def __init__(self, batch: Batch, seeds: Sequence[int], columns: Columns = ALL) -> None:
+        self.batch = batch
+        self.obs, first = batch.reset(seeds)
+        self.steps = 0
+        self.ended = np.zeros(batch.num_worlds, np.bool_)
+        self.seen: list[Observations] = [self.obs]
+        self.sent: list[Any] = []
+        self._columns = columns
+        self._rows = [first[None][..., self._columns]]
+        self._memory = batch.empty_memory()
+        self._decisions: list[tuple[float, int]] = []
+
+    def step(self, policy: BoundPolicy) -> None:
+        """Go on by one control step with what a policy decides; it sees as many entries as its layout has."""
+        obs = np.ascontiguousarray(self.obs[:, : len(policy.layout)])
+        begin = time.thread_time()
+        volts = policy.act(obs)
+        self._decisions.append((time.thread_time() - begin, int((~self.ended).sum())))
+        returns = self.batch.step(volts, SKIP)
+        self.seen.append(returns.obs)
+        self.sent.append(volts)
+        self._keep(returns.obs, returns.telemetry)
+
+    def follow(self, law: Callable[..., Any], gains: Array, steps: int) -> None:
+        """Go on by so many control steps with a compiled law, which runs inside the kernel with a memory of its own."""
+        self._keep(*self.batch.rollout(self.obs, law, gains, steps, self._memory))
+
+    def _keep(self, obs: Observations, rows: Array) -> None:
+        """Keep the telemetry of further control steps, (T, N, len(TELEMETRY)), and the last observations."""
+        self.obs = obs
+        self.steps += len(rows)
+        self.ended = rows[-1, :, COLUMN.terminated] != 0.0  # NaN after the end
+        self._rows.append(rows[..., self._columns])
+
+    @property
+    def telemetry(self) -> Array:
+        """Telemetry from the reset on, (steps + 1, N, columns), NaN after the end of an episode; a fresh array."""
+        return np.concatenate(self._rows)
+
+    @property
+    def decision_ms(self) -> float:
+        """Mean processor time of a decision for one world [ms], those of the first control step left out; 0 if none."""
+        seconds, decisions = (sum(each) for each in zip((0.0, 0), *self._decisions[1:], strict=True))
+        return 1000.0 * seconds / decisions if decisions else 0.0
+
+
+def run(
+    batch: Batch,
+    policy: AnyPolicy,
+    seeds: Sequence[int],
+    limits: Sequence[int],
+    *,
+    columns: Columns = ALL,
+    stride: int | None = None,
+) -> Rollout:
+    """Run new episodes until each has ended or reached its limit.
+
+    Parameters
+    ----------
+    batch
+        N worlds.
+    policy
+        It is bound to the nominal machine, unless it is bound already or a plain callable.
+    seeds, limits
+        Of the resets, and control steps after which an episode is truncated, N each.
+    columns
+        Of the telemetry that is kept.
+    stride
+        Control steps after which a compiled law is looked after; it runs to the largest limit by default.
+    """
+    episodes = Rollout(batch, seeds, columns)
+    acting = bind(policy, BASELINE, batch.layout)
+    acting.reset(batch)
+    last = max(limits)
+    while episodes.steps < last and not (episodes.ended | (np.array(limits) <= episodes.steps)).all():
+        acting.advance(episodes, stride or last)
+    return episodes
 
 
 def simulate(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: int) -> Array:
@@ -29,29 +133,12 @@ def simulate(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: i
 
     Parameters
     ----------
-    batch
-        N worlds.
-    policy
-        A bound controller, whose law runs compiled, or any ``policy(observations) -> volts``, float32 (N, entries) to
-        (N, 4). If it has a method ``reset``, that is called first, so that it forgets earlier episodes.
-    seeds
-        Of the resets, N of them.
+    batch, policy, seeds
+        As in ``run``.
     max_steps
         Control steps after which an episode is truncated.
     """
-    obs, first = batch.reset(seeds)
-    if isinstance(policy, Policy):
-        _, rows = batch.rollout(obs, policy.law, policy.gains, max_steps)
-        return np.concatenate([first[None], rows])
-    forget = getattr(policy, "reset", None)
-    if callable(forget):
-        forget()
-    telemetry = [first]
-    while len(telemetry) <= max_steps and not np.nan_to_num(telemetry[-1][:, COLUMN.terminated], nan=1.0).all():
-        returns = batch.step(policy(obs), SKIP)
-        obs = returns.obs
-        telemetry.append(returns.telemetry[0])
-    return np.stack(telemetry)
+    return run(batch, policy, seeds, [max_steps] * batch.num_worlds).telemetry
 
 
 class Episode(NamedTuple):
@@ -65,53 +152,37 @@ class Episode(NamedTuple):
         Observations with force sensors, float32 (T + 1, entries).
     volts
         What was decided [V], float32 (T, 4).
-    decision_ms
-        Mean processor time of a decision but the first [ms]; 0 where there is no second.
     """
 
     telemetry: Array
-    obs: NDArray[np.float32]
+    obs: Observations
     volts: NDArray[np.float32]
-    decision_ms: float
 
 
-def simulate_alone(
-    policy: Controller | Predictive, machine: Machine, task: PathFollowing, seed: int, max_steps: int
-) -> Episode:
-    """Return an episode of a policy, which may be one that plans, in a world of its own.
+def record_episode(policy: AnyPolicy, machine: Machine, task: PathFollowing, seed: int, max_steps: int) -> Episode:
+    """Return an episode of a policy in a world of its own, decided step by step.
 
     Parameters
     ----------
     policy
-        A controller, which is bound to the nominal machine and does without force sensors, or one that plans.
+        It is bound to the nominal machine, and sees force sensors only if it asks for them.
     machine, task, seed
         The episode.
     max_steps
         Control steps after which it is truncated.
     """
-    world = Batch(machine, task, 1, sensors="force")
-    decide = policy.begin(machine, task) if isinstance(policy, Predictive) else _decide(policy, machine, task)
-    obs, first = world.reset([seed])
-    seen, telemetry = [obs[0]], [first[0]]
-    sent: list[NDArray[np.float32]] = []
-    ends: list[float] = []
-    while len(sent) < max_steps and telemetry[-1][COLUMN.terminated] != 1.0:
-        begin = time.thread_time()
-        volts = np.asarray(decide(world, seen[-1]), np.float32)
-        ends.append(time.thread_time() - begin)
-        returns = world.step(volts[None])
-        sent.append(volts)
-        seen.append(returns.obs[0])
-        telemetry.append(returns.telemetry[0, 0])
-    took = 1000.0 * float(np.mean(ends[1:])) if len(ends) > 1 else 0.0
-    return Episode(np.array(telemetry), np.array(seen), np.array(sent), took)
+    episode = Rollout(Batch(machine, task, 1, sensors="force"), [seed])
+    acting = bind(policy, BASELINE, observation_layout(machine, sensors_of(policy)))
+    acting.reset(episode.batch)
+    while episode.steps < max_steps and not episode.ended.all():
+        episode.step(acting)
+    volts = np.array([np.asarray(volts, np.float32)[0] for volts in episode.sent])
+    return Episode(episode.telemetry[:, 0], np.concatenate(episode.seen), volts)
 
 
-def _decide(policy: Controller, machine: Machine, task: PathFollowing) -> Decide:
-    """Return what decides in one episode for a controller."""
-    layout = Batch(machine, task, 1).layout
-    bound: Any = policy.bind(BASELINE, layout)
-    return lambda _, obs: bound(obs[None, : len(layout)])[0]
+def sensors_of(policy: AnyPolicy) -> Sensors:
+    """Return what a policy's observations must hold: what it says in ``sensors``, torque sensors otherwise."""
+    return getattr(policy, "sensors", "torque")
 
 
 def time_limit(task: PathFollowing) -> int:

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import Score, score
-from pter_gym.benchmark.simulation import AnyPolicy, bind, simulate
-from pter_gym.controllers import CONTROLLERS, Controller, Random
+from pter_gym.benchmark.simulation import AnyPolicy, sensors_of, simulate
+from pter_gym.controllers import bind
 from pter_gym.engine.batch import Batch
-from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine
-from pter_gym.policies import load_policy, shipped_policies
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 Array = NDArray[np.float64]
@@ -78,7 +77,7 @@ def config_hash(machine: Machine, task: PathFollowing, time_constants: Sequence[
 
 
 def run_standard_test(
-    policies: Mapping[str, Controller | AnyPolicy],
+    policies: Mapping[str, AnyPolicy],
     *,
     machine: Machine = BASELINE,
     task: PathFollowing | None = None,
@@ -115,35 +114,11 @@ def run_standard_test(
     machines = [replace(machine, clutch=replace(machine.clutch, time_constant=tau)) for tau in time_constants]
     runs: dict[str, tuple[Run, ...]] = {}
     for name, policy in policies.items():
-        batch = Batch(machines, task)
-        telemetry = simulate(batch, bind(policy, machine, batch), [seed] * len(machines), MAX_STEPS)
+        batch = Batch(machines, task, sensors=sensors_of(policy))
+        telemetry = simulate(batch, bind(policy, machine, batch.layout), [seed] * len(machines), MAX_STEPS)
         runs[name] = tuple(_run(tau, telemetry[:, world], task) for world, tau in enumerate(time_constants))
         on_progress(name)
     return Result(task=task, machine=machine, seed=seed, runs=runs)
-
-
-def find_controller(name: str, seed: int = 0) -> Controller:
-    """Return a built-in controller with its default gains, or a trained policy that the package ships, by name.
-
-    Parameters
-    ----------
-    name
-        Its name.
-    seed
-        Of the random policy.
-
-    Raises
-    ------
-    ParameterError
-        If there is neither of that name; it tells the nearest.
-    """
-    trained = shipped_policies()
-    if name in trained:
-        return load_policy(name)
-    if name not in CONTROLLERS:
-        raise unknown_name("policies", name, (*CONTROLLERS, *trained))
-    kind = CONTROLLERS[name]
-    return Random(seed=seed) if kind is Random else kind()
 
 
 def _run(time_constant: float, telemetry: Array, task: PathFollowing) -> Run:

@@ -3,7 +3,7 @@
 The measures are those of Agarwal, Schwarzer, Castro, Courville and Bellemare, "Deep reinforcement learning at the edge
 of the statistical precipice", NeurIPS 2021. Here two policies meet the same episodes, so they are compared in pairs.
 
-Episodes of one stratum are drawn anew among themselves. Several training seeds are a further stratum: label each value
+Episodes are drawn again within their stratum. Several training seeds are a further stratum: label each value
 by both, as in ``strata=[(stratum, seed), …]``.
 """
 

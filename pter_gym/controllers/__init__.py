@@ -1,7 +1,7 @@
 """Control laws: an observation in, four clutch voltages out."""
 
 from pter_gym.compiled.compiler import inlined as device
-from pter_gym.controllers.base import Controller, Policy
+from pter_gym.controllers.base import BoundPolicy, Controller, Policy, bind
 from pter_gym.controllers.direction import SingleDof, VelocityRatio
 from pter_gym.controllers.guided import Guided, PaceSchedule
 from pter_gym.controllers.impedance import Impedance, TorqueFeedback
@@ -21,6 +21,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
 
 __all__ = [
     "CONTROLLERS",
+    "BoundPolicy",
     "Controller",
     "Free",
     "Guided",
@@ -33,5 +34,6 @@ __all__ = [
     "SingleDof",
     "TorqueFeedback",
     "VelocityRatio",
+    "bind",
     "device",
 ]

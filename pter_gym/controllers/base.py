@@ -1,67 +1,106 @@
-"""A controller is a frozen set of gains; bound to a machine and an observation layout it is a policy."""
+"""What a policy is: bound to a nominal machine and a layout of observations, it acts.
 
+A *controller* is anything with ``bind``: a frozen set of gains, a trained network, a planner. A *bound policy* is what
+comes out of it: ``reset`` begins new episodes, ``act`` turns observations into volts. ``bind`` makes one of a plain
+callable, too.
+"""
+
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Protocol, runtime_checkable
+from hashlib import sha256
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.compiled.compiler import compile_kernel
+from pter_gym.compiled.compiler import compile_kernel, digest_of
 from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.laws import built_in
 from pter_gym.engine.law import empty_memory
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine
 
+Observations = NDArray[np.float32]
 Volts = NDArray[np.float32]
 
 law: Any = built_in
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
 
 
-@runtime_checkable
-class Controller(Protocol):
-    """A control law with its gains, or anything else that acts once it is bound."""
-
-    def bind(self, machine: Machine, layout: Layout) -> Callable[[NDArray[np.float32]], Volts]:
-        """Return the policy for a nominal machine and the layout of the observations that it will get.
-
-        It takes observations, float32 (entries,) or (N, entries), and returns volts, (4,) or (N, 4). Where it is a
-        ``Policy``, its law runs compiled.
-        """
-        ...
-
-
-@dataclass(eq=False)
-class Policy:
-    """A control law that is ready to act: ``policy(observation) -> volts``.
+class Plans(NamedTuple):
+    """How a policy that plans comes to its decisions.
 
     Attributes
     ----------
-    gains
-        Gains of the law, shape (G,).
-    layout
-        Layout of the observations.
-    law
-        The scalar law; see ``pter_gym.controllers.laws``. The batch kernel inlines it.
+    privileged
+        Whether it knows what no controller can know.
+    horizon
+        Control steps that a plan covers.
+    rollouts
+        Plans that are simulated for each decision.
     """
 
-    gains: NDArray[np.float64]
+    privileged: bool
+    horizon: int
+    rollouts: int
+
+
+class Worlds(Protocol):
+    """Episodes that run, as a policy meets them."""
+
+    def step(self, policy: "BoundPolicy") -> None:
+        """Go on by one control step with what a policy decides."""
+        ...
+
+    def follow(self, law: Callable[..., Any], gains: NDArray[np.float64], steps: int) -> None:
+        """Go on by so many control steps with a compiled law, which runs inside the kernel with a memory of its own."""
+        ...
+
+
+class BoundPolicy(ABC):
+    """A policy that is ready to act: ``policy(observation) -> volts``.
+
+    Attributes
+    ----------
+    layout
+        Layout of the observations that it gets.
+    compiled
+        Whether its law runs inside the kernel, where several threads can follow it at once.
+    fingerprint
+        SHA-256 of all that it does, if that can be told.
+    plans
+        How it plans, if it does.
+    """
+
     layout: Layout
-    law: Callable[..., Any] = built_in
+    compiled: bool = False
+    plans: Plans | None = None
 
-    def __post_init__(self) -> None:
-        """Start with an empty memory."""
-        self._scales = self.layout.scales
-        self.reset()
+    @property
+    def fingerprint(self) -> str | None:
+        """Nobody can tell."""
+        return None
 
-    def reset(self) -> None:
-        """Forget the past of all worlds."""
-        self._memory = self.empty_memory(0)
+    def reset(self, batch: Any = None) -> None:  # noqa: B027
+        """Forget the past: new episodes begin.
 
-    def __call__(self, observation: NDArray[np.float32]) -> Volts:
+        Parameters
+        ----------
+        batch
+            The worlds in which they begin, a ``pter_gym.engine.batch.Batch``; only policies that plan need it.
+        """
+
+    @abstractmethod
+    def act(self, observations: Observations) -> Any:
+        """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries), contiguous."""
+
+    def advance(self, worlds: Worlds, steps: int) -> None:  # noqa: ARG002
+        """Take episodes further by one control step; a compiled law takes them ``steps`` further at once."""
+        worlds.step(self)
+
+    def __call__(self, observation: Observations) -> Volts:
         """Return clutch voltages [V].
 
         Parameters
@@ -82,12 +121,111 @@ class Policy:
         rows = np.ascontiguousarray(np.atleast_2d(observation), np.float32)
         if rows.ndim != 2 or rows.shape[1] != len(self.layout):
             raise ParameterError(f"observation must have {len(self.layout)} entries, got the shape {rows.shape}")
-        if len(self._memory) != len(rows):
-            self._memory = self.empty_memory(len(rows))
-        volts = self.act(rows, self._memory)
+        volts = np.asarray(self.act(rows), np.float32)
         return volts[0] if np.ndim(observation) == 1 else volts
 
-    def act(self, rows: NDArray[np.float32], memory: NDArray[np.float64]) -> Volts:
+
+@runtime_checkable
+class Controller(Protocol):
+    """A control law with its gains, or anything else that acts once it is bound."""
+
+    def bind(self, machine: Machine, layout: Layout) -> Callable[[Observations], Volts]:
+        """Return the policy for a nominal machine and the layout of the observations that it will get.
+
+        It is a ``BoundPolicy``, or any callable that takes observations, float32 (N, entries), and returns volts,
+        (N, 4). Where it is a ``Policy``, its law runs compiled.
+        """
+        ...
+
+
+class PlainPolicy(BoundPolicy):
+    """A callable from observations to volts as a policy; its own ``reset`` is called if it has one."""
+
+    def __init__(self, function: Callable[[Observations], Any], layout: Layout) -> None:
+        self.layout = layout
+        self._function = function
+
+    def reset(self, batch: Any = None) -> None:  # noqa: ARG002
+        """Tell the callable that new episodes begin."""
+        forget = getattr(self._function, "reset", None)
+        if callable(forget):
+            forget()
+
+    def act(self, observations: Observations) -> Any:
+        """Return what the callable does."""
+        return self._function(observations)
+
+
+def bind(policy: Controller | Callable[[Observations], Any], machine: Machine, layout: Layout) -> BoundPolicy:
+    """Return a policy that is ready to act; this is where plain callables become policies.
+
+    Parameters
+    ----------
+    policy
+        A controller, a bound policy, or any ``policy(observations) -> volts``, float32 (N, entries) to (N, 4).
+    machine
+        The nominal machine.
+    layout
+        Layout of the observations.
+
+    Raises
+    ------
+    ParameterError
+        If it is none of these, or it cannot be bound to this machine and layout.
+    """
+    acting = policy.bind(machine, layout) if isinstance(policy, Controller) else policy
+    if isinstance(acting, BoundPolicy):
+        return acting
+    if not callable(acting):
+        raise ParameterError(f"policy must have a method bind or be callable, got {policy!r}")
+    return PlainPolicy(acting, layout)
+
+
+@dataclass(eq=False)
+class Policy(BoundPolicy):
+    """A control law that is ready to act: ``policy(observation) -> volts``.
+
+    Attributes
+    ----------
+    gains
+        Gains of the law, shape (G,).
+    layout
+        Layout of the observations.
+    law
+        The scalar law; see ``pter_gym.controllers.laws``. The batch kernel inlines it.
+    """
+
+    gains: NDArray[np.float64]
+    layout: Layout
+    law: Callable[..., Any] = built_in
+
+    compiled = True
+
+    def __post_init__(self) -> None:
+        """Start with an empty memory."""
+        self._scales = self.layout.scales
+        self.reset()
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of gains and law."""
+        return sha256(self.gains.tobytes() + digest_of(self.law).encode()).hexdigest()
+
+    def reset(self, batch: Any = None) -> None:  # noqa: ARG002
+        """Forget the past of all worlds."""
+        self._memory = self.empty_memory(0)
+
+    def act(self, observations: Observations) -> Volts:
+        """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries), contiguous."""
+        if len(self._memory) != len(observations):
+            self._memory = self.empty_memory(len(observations))
+        return self.volts(observations, self._memory)
+
+    def advance(self, worlds: Worlds, steps: int) -> None:
+        """Take episodes further by so many control steps, inside the kernel."""
+        worlds.follow(self.law, self.gains, steps)
+
+    def volts(self, rows: Observations, memory: NDArray[np.float64]) -> Volts:
         """Return clutch voltages [V], float32 (N, 4).
 
         Parameters

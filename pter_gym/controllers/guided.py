@@ -54,6 +54,10 @@ class Guided(ABC):
     def gains(self) -> Gains:
         """Return the gains as the law reads them."""
 
+    def at(self, pace: float) -> "Guided":  # noqa: ARG002
+        """Return itself, whose gains are the same at every commanded pace [m/s]; see ``PaceSchedule.at``."""
+        return self
+
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a nominal machine.
 
@@ -76,9 +80,13 @@ class PaceSchedule:
     ----------
     knots
         Commanded pace [m/s] and controller, by rising pace. The controllers are of one kind with one torque table.
+    hold
+        A knot's gains hold exactly for paces within this fraction of its own. An observed pace is a float32, which is
+        hardly ever the very pace of a knot.
     """
 
     knots: tuple[tuple[float, Guided], ...]
+    hold: float = 0.0
 
     def __post_init__(self) -> None:
         """Check that the knots rise and go together."""
@@ -88,10 +96,27 @@ class PaceSchedule:
         require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", knots, accepted)
         alike = {(type(controller), controller.table_volts) for _, controller in knots}
         require(len(alike) == 1, self, "knots", knots, "controllers of one kind with one table_volts")
+        require_number(self, "hold", at_least=0.0, below=1.0)
+        apart = all(a * (1.0 + self.hold) < b * (1.0 - self.hold) for (a, _), (b, _) in pairwise(knots))
+        require(apart, self, "hold", self.hold, "small enough to leave room between the knots")
+
+    def at(self, pace: float) -> Guided:
+        """Return the controller of the knot at a commanded pace [m/s].
+
+        Raises
+        ------
+        ParameterError
+            If there is no knot at that pace; it tells the paces that have one.
+        """
+        found = dict(self.knots)
+        if pace not in found:
+            raise ParameterError(f"pace must be one of {', '.join(f'{knot:g}' for knot in found)} m/s, got {pace!r}")
+        return found[pace]
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy for a nominal machine; raises as the controllers' own ``bind``."""
-        rows = [(pace, controller.gains()) for pace, controller in self.knots]
+        edges = (1.0 - self.hold, 1.0 + self.hold) if self.hold else (1.0,)
+        rows = [(pace * edge, controller.gains()) for pace, controller in self.knots for edge in edges]
         return bind_rows(self.knots[0][1], rows, machine, layout)
 
 

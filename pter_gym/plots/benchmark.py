@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pter_gym.benchmark.metrics import column, vector
+from pter_gym.benchmark.measures import column, vector
 from pter_gym.benchmark.standard import Result
 from pter_gym.params import TIME_CONSTANT
 from pter_gym.plots.style import REFERENCE, WIDTH, inches_above, inches_right, label, styled

@@ -12,14 +12,15 @@ from matplotlib.ticker import NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from pter_gym.benchmark.episodes import Episodes
-from pter_gym.benchmark.leaderboard import PACE_ERROR, Leaderboard, Standing
-from pter_gym.benchmark.pacing import PACES
+from pter_gym.benchmark.leaderboard import Leaderboard
+from pter_gym.benchmark.ranking import PACE_ERROR, Standing
 from pter_gym.benchmark.runs import Sample, ScenarioRun, join_seeds
 from pter_gym.benchmark.statistics import performance_profile
 from pter_gym.plots.benchmark import MILLIMETRE
 from pter_gym.plots.style import COLOURS, DASHES, REFERENCE, WIDTH, label, styled
 from pter_gym.render import style as picture
 from pter_gym.render.geometry import FiveBar, five_bar, path_points, workspace
+from pter_gym.scenarios import PACES
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""What stands between an observation and a network, and between the network and the clutches.
+"""What is between an observation and a network, and between the network and the clutches.
 
 A network sees quantities of the observation and a few derived from it, each shifted and scaled; its four outputs within
 [−1, 1] are voltages relative to the middle of the range, or relative to those of a base controller (a residual policy).
@@ -243,7 +243,7 @@ class BoundInterface:
         if self.base is None:
             return np.full((len(rows), 4), 0.5 * self.voltage_max)
         memory = past.law_memory()
-        volts = self.base.act(rows, memory)
+        volts = self.base.volts(rows, memory)
         if not passing:
             past.keep(memory)
         return volts.astype(np.float64)
@@ -279,7 +279,7 @@ class Past:
         self._empty = np.ones(worlds, np.bool_)
 
     def forget(self, worlds: NDArray[np.bool_]) -> None:
-        """Begin anew for some worlds, (N,)."""
+        """Forget the past of some worlds, (N,)."""
         self._empty |= worlds
 
     def add(self, present: Array) -> Array:

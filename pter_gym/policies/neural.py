@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,6 +15,8 @@ from pter_gym.params import Machine, require
 from pter_gym.policies.cards import Card
 from pter_gym.policies.interface import BoundInterface
 from pter_gym.policies.network import Network
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +57,17 @@ class Neural:
 class NeuralPolicy:
     """A trained policy that is ready to act: ``policy(observation) -> volts``.
 
-    One with a history remembers; ``reset`` begins anew.
+    One with a history remembers; ``reset`` makes it forget.
+
+    Parameters
+    ----------
+    interface
+        What the network sees and does.
+    network
+        From inputs, (N, inputs), to outputs within [−1, 1], (N, 4).
     """
 
-    def __init__(self, interface: BoundInterface, network: Network) -> None:
+    def __init__(self, interface: BoundInterface, network: Callable[[Array], NDArray[np.floating]]) -> None:
         self._interface = interface
         self._network = network
         self._past = interface.begin(0)

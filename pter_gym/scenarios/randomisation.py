@@ -23,7 +23,7 @@ TRIES = 200
 """Draws of one pair of machine and task before a randomisation is refused, because its paths leave the arm's reach."""
 
 ROOM = 1.5
-"""A drawn path keeps so many times the workspace's margin from singular poses, lest an episode end as it begins."""
+"""A drawn path keeps so many times the workspace's margin from singular poses: no episode ends as it begins."""
 
 
 class Distribution(Protocol):

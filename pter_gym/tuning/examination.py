@@ -1,25 +1,22 @@
 """How good a controller is on training draws of a scenario: one number that is finite and ranks all gains."""
 
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pter_gym.benchmark.leaderboard import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.metrics import Scores, ranked_scores
-from pter_gym.benchmark.simulation import time_limit
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.recorded import Travel
+from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
-from pter_gym.controllers import Controller, Policy
+from pter_gym.controllers import Controller
 from pter_gym.engine.batch import Batch
-from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN
 
-Array = NDArray[np.float64]
-
 RESERVE = 0.9
-"""Part of the leaderboard's limit on pace errors that the search keeps to, lest gains that just keep the limit on its
-draws miss it on others."""
+"""Part of the leaderboard's limit on pace errors that the search keeps to: gains that just keep the limit on its draws
+may miss it on others."""
 
 MISSING = 0.5
 """The same of the limit on what is missing, where a single draw weighs much."""
@@ -76,7 +73,7 @@ class Examination:
         pairs = find_scenario(scenario).randomisation(pace, contexts=episodes, seed=seed).pairs()
         pairs.sort(key=lambda pair: time_limit(pair[1]))  # blocks of worlds then end at about one time
         self.tasks = [task for _, task in pairs]
-        self.limits = np.array([time_limit(task) for task in self.tasks])
+        self.limits = [time_limit(task) for task in self.tasks]
         self.seeds = [seed * episodes + k for k in range(episodes)]
         self.batch = Batch([machine for machine, _ in pairs], self.tasks)
 
@@ -90,22 +87,8 @@ class Examination:
 
     def scores(self, controller: Controller) -> Scores:
         """Return the ranked scores of a controller on all draws, as the benchmark has them."""
-        columns = self._run(cast(Policy, controller.bind(BASELINE, self.batch.layout)))
-        beyond = np.arange(len(columns[0]))[:, None] > self.limits
-        time, arc_length, errors, success = (np.where(beyond, np.nan, column) for column in columns)
-        return ranked_scores(time, arc_length, errors, success, self.tasks)
-
-    def _run(self, policy: Policy) -> list[Array]:
-        """Return ``COLUMNS`` of the telemetry until all episodes have ended or run out of time, (T + 1, N) each."""
-        obs, first = self.batch.reset(self.seeds)
-        memory = self.batch.empty_memory()
-        parts = [first[None][..., COLUMNS]]
-        ended = np.zeros(len(self.seeds), np.bool_)
-        steps = 0
-        while steps < self.limits.max() and not ended.all():
-            obs, rows = self.batch.rollout(obs, policy.law, policy.gains, SEGMENT, memory)
-            parts.append(rows[..., COLUMNS])
-            ended |= (rows[..., COLUMN.terminated] == 1.0).any(axis=0)
-            steps += SEGMENT
-            ended |= self.limits <= steps
-        return list(np.moveaxis(np.concatenate(parts), -1, 0))
+        episodes = run(self.batch, controller, self.seeds, self.limits, columns=list(COLUMNS), stride=SEGMENT)
+        telemetry = episodes.telemetry
+        telemetry[np.arange(len(telemetry))[:, None] > np.array(self.limits)] = np.nan
+        time, arc_length, errors, success = np.moveaxis(telemetry, -1, 0)
+        return ranked_scores(Travel(time, arc_length, errors, success, self.tasks))

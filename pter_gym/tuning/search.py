@@ -6,14 +6,14 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from filelock import FileLock
 
-from pter_gym.benchmark.pacing import PerPace, find_policy
+from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.tuned import TUNABLE
-from pter_gym.controllers import CONTROLLERS, Controller, Guided
+from pter_gym.controllers import CONTROLLERS, Controller, Guided, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.scenarios import find_pace, find_scenario
 from pter_gym.tuning.examination import Examination, Verdict
@@ -204,8 +204,8 @@ def _write_ahead(connection: Any, _: Any) -> None:
 
 def default_point(controller: str, pace: str) -> dict[str, float | bool]:
     """Return the point of the search with the gains that a controller has by default at a pace."""
-    policy = find_policy(controller)
-    return point_at(controller, policy.at(pace) if isinstance(policy, PerPace) else policy, find_pace(pace))
+    policy = cast("Guided | PaceSchedule", find_policy(controller))
+    return point_at(controller, policy.at(find_pace(pace)), find_pace(pace))
 
 
 def _suggest(trial: Any, controller: str) -> dict[str, float | bool]:

@@ -58,7 +58,7 @@ SPACES: Mapping[str, Space] = MappingProxyType(
 )
 """The coordinates of each controller's search, in SI: its gains, but for the damper along the path.
 
-In its place stands ``braking``, the force [N] with which it holds the hand back at the commanded pace. That force has
+In its place comes ``braking``, the force [N] with which it holds the hand back at the commanded pace. That force has
 to balance the hand's push, whatever the other gains are.
 """
 

@@ -3,20 +3,21 @@
 import gzip
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pter_gym.benchmark.episodes import CHECKSUMS, FOLDER, load_episodes, scenarios, store_episodes
-from pter_gym.benchmark.pacing import PACES
 from pter_gym.controllers import Free
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.paths import Line
-from pter_gym.scenarios import SCENARIOS
+from pter_gym.scenarios import PACES, SCENARIOS, Scenario
+from pter_gym.scenarios.evaluation_draws import evaluation_draws
 from pter_gym.tasks.path_following import T_SUCCESS, T_TIME, T_VELOCITY, PathFollowing
 
 TASKS = [PathFollowing(), PathFollowing(path=Line(length=0.5)), PathFollowing()]
@@ -64,6 +65,26 @@ def test_the_same_episodes_are_the_same_bytes(tmp_path: Path) -> None:
     first, second = (store(tmp_path / name).read_bytes() for name in ("a", "b"))
     assert first == second
     assert store(tmp_path / "c", version=2).read_bytes() != first
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=lambda scenario: scenario.name)
+def test_the_shipped_episodes_can_be_made_again_byte_for_byte(scenario: Scenario, tmp_path: Path) -> None:
+    machines, tasks, strata = zip(*evaluation_draws(scenario), strict=True)
+    seeds = range(scenario.episodes)
+    path = store_episodes(
+        scenario.name, machines, tasks, list(seeds), strata, version=scenario.version, folder=tmp_path
+    )
+    assert path.read_bytes() == (FOLDER / path.name).read_bytes()
+
+
+def test_a_new_scenario_is_drawn_by_its_name_and_version() -> None:
+    new = replace(SCENARIOS["hands"], episodes=3, place=None)
+    first = evaluation_draws(new)
+    assert evaluation_draws(new) == first
+    assert {draw.stratum for draw in first} <= {"HumanArm", "MultiSineHand"}
+    for other in (replace(new, version=1), replace(new, name="others"), replace(new, place=2)):
+        assert evaluation_draws(other) != first
 
 
 def test_some_of_them() -> None:

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from benchmark.handmade import METRE, padded, travel
-from pter_gym.benchmark import PACES, Leaderboard, PerPace, find_policy, leaderboards, run_scenario
-from pter_gym.benchmark.leaderboard import COMPLETION, FULL, PACE_ERROR, Standing, rank, reason_below, table
+from pter_gym.benchmark import PACES, Leaderboard, find_policy, leaderboards, run_scenario
+from pter_gym.benchmark.leaderboard import FULL, rank, table
 from pter_gym.benchmark.metrics import SCORES, Scores, score_episodes
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, Standing, reason_below
 from pter_gym.benchmark.runs import Conditions, ScenarioRun
 from pter_gym.benchmark.statistics import Interval
-from pter_gym.controllers import Free, Impedance, Locked
+from pter_gym.controllers import Free, Impedance, Locked, PaceSchedule
 from pter_gym.params import BASELINE
 
 EPISODES = 48
@@ -94,8 +95,8 @@ def test_the_papers_controllers_have_ranks_at_the_pace_that_their_damper_is_solv
 @pytest.mark.slow
 def test_the_damper_of_another_pace_is_below_the_line() -> None:
     wrong = find_policy("impedance")
-    assert isinstance(wrong, PerPace)
-    (board,) = leaderboards(run_scenario("standard", {"wrong": wrong.at("brisk")}, ["slow"], episodes=10))
+    assert isinstance(wrong, PaceSchedule)
+    (board,) = leaderboards(run_scenario("standard", {"wrong": wrong.at(PACES["brisk"])}, ["slow"], episodes=10))
     assert board.standings[0].reason is not None
     assert "too fast: mean pace" in board.standings[0].reason
 

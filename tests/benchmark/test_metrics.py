@@ -7,18 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from score_table import NAME, PAGE, score_table
 
 from benchmark.handmade import LENGTH, METRE, PERIOD, TASK, Array, episode, padded, travel
-from pter_gym.benchmark.metrics import (
-    CUTOFF,
-    SCORES,
-    START_UP,
-    Score,
-    low_pass,
-    path_averages,
-    score,
-    score_episodes,
-)
+from pter_gym.benchmark.measures import CUTOFF, low_pass, path_averages
+from pter_gym.benchmark.metrics import METRICS, SCORES, Score, score, score_episodes
+from pter_gym.benchmark.recorded import START_UP
 from pter_gym.params import BASELINE
 from pter_gym.paths import Line
 from pter_gym.physics.friction import ClutchMode
@@ -33,6 +27,13 @@ def path_average(arc_length: Array, error: Array, length: float, error_max: floa
 def test_one_name_for_each_score() -> None:
     rows = travel(np.linspace(0.0, 1.0, 201))
     assert set(score_episodes(rows[:, None], [METRE])) == set(SCORES) == {item.name for item in fields(Score)}
+
+
+def test_a_score_says_what_it_is_and_the_page_repeats_it() -> None:
+    assert all(metric.unit and metric.meaning for metric in METRICS.values())
+    places = [metric.column.place for metric in METRICS.values() if metric.column]
+    assert sorted(places) == list(range(1, len(places) + 1))
+    assert f"<!-- {NAME} -->\n{score_table()}<!-- /{NAME} -->\n" in PAGE.read_text("utf-8")
 
 
 def test_constant_error_at_constant_speed() -> None:

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from pter_gym.benchmark import PACES, PerPace, find_policy
+from pter_gym.benchmark import PACES, find_policy, run_scenario
 from pter_gym.benchmark.pacing import LOWEST, damping_for_pace, damping_table
-from pter_gym.controllers import CONTROLLERS, Impedance, TorqueFeedback
+from pter_gym.controllers import CONTROLLERS, Impedance, PaceSchedule, TorqueFeedback
 from pter_gym.errors import ParameterError
 from pter_gym.scenarios import SCENARIOS
 
@@ -26,13 +26,15 @@ def test_every_other_gain_stays() -> None:
         assert set(controllers) == {"impedance", "torque-feedback"}
         for name, dampers in controllers.items():
             found = find_policy(name, scenario=scenario)
-            assert isinstance(found, PerPace)
+            assert isinstance(found, PaceSchedule)
             assert set(dampers) == set(PACES)
             for pace, damping in dampers.items():
                 expected = replace(CONTROLLERS[name](), damping_tangential=damping)  # type: ignore[call-arg]
-                assert found.at(pace) == expected
+                assert found.at(PACES[pace]) == expected
     with pytest.raises(ParameterError, match="did you mean 'brisk'"):
-        found.at("brisc")
+        run_scenario("standard", {"paper": found}, ["brisc"], episodes=1)
+    with pytest.raises(ParameterError, match=r"pace must be one of 0\.12, 0\.25, 0\.5 m/s, got 0\.3"):
+        found.at(0.3)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from rich.console import Console
 from pter_gym.benchmark import Leaderboard, ResultsFolder, evaluation, find_policy, leaderboards, run_scenario
 from pter_gym.benchmark.episodes import load_episodes
 from pter_gym.benchmark.leaderboard import table
-from pter_gym.benchmark.pacing import GUIDE_TABLE
+from pter_gym.benchmark.naming import GUIDE_TABLE
 from pter_gym.benchmark.runs import Planning, ScenarioRun
 from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import Free

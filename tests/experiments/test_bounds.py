@@ -8,7 +8,7 @@ from studies.bounds import CLUTCHES, SEARCHED, SEED, Actuators, adapted, drawn_t
 from studies.clutch_use import clutch_use, episodes, stuck_clutches
 
 from pter_gym.benchmark.metrics import score_episodes
-from pter_gym.benchmark.pacing import find_policy
+from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import bootstrap_interval
 from pter_gym.benchmark.tuned import find_tuned

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from studies.motors import on_motors, simulate_motors
 
-from pter_gym.benchmark.metrics import column, four, vector
+from pter_gym.benchmark.measures import column, four, vector
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import Impedance, PaceSchedule, SingleDof, TorqueFeedback

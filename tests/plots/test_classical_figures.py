@@ -6,7 +6,7 @@ from figures.classical import FULL, INSTANTS, STUCK, arm_and_deviation, clutches
 from matplotlib.colors import to_hex
 from studies.clutch_use import episodes
 
-from pter_gym.benchmark.metrics import column, four, vector
+from pter_gym.benchmark.measures import column, four, vector
 from pter_gym.params import BASELINE
 from pter_gym.plots.style import png
 from pter_gym.tasks.path_following import PathFollowing

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from pter_gym.benchmark.metrics import score_episodes
-from pter_gym.benchmark.pacing import find_policy
+from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, find_tuned, read_table
 from pter_gym.controllers import CONTROLLERS, Controller, Free, Impedance, Locked, PaceSchedule, SingleDof
@@ -45,7 +45,7 @@ def test_scores_are_the_benchmarks(controller: Controller) -> None:
     exam = Examination("everything", "brisk", 24, seed=3)
     found = exam.scores(controller)
     bound = controller.bind(BASELINE, exam.batch.layout)
-    telemetry = simulate(exam.batch, bound, exam.seeds, int(exam.limits.max()))
+    telemetry = simulate(exam.batch, bound, exam.seeds, max(exam.limits))
     for world, limit in enumerate(exam.limits):
         telemetry[limit + 1 :, world] = np.nan
     expected = score_episodes(telemetry, exam.tasks)
@@ -56,7 +56,7 @@ def test_scores_are_the_benchmarks(controller: Controller) -> None:
 
 def test_every_controller_has_a_finite_value_and_useless_ones_a_bad_one() -> None:
     exam = Examination("standard", "medium", 16, seed=1)
-    paper = find_policy("impedance").at("medium")  # type: ignore[union-attr]
+    paper = find_policy("impedance").at(PACES["medium"])  # type: ignore[union-attr]
     values = [exam.judge(controller).value for controller in (paper, Free(), Locked(), Impedance(stiffness=1e12))]
     assert np.isfinite(values).all()
     assert values[0] < 0.1
@@ -107,7 +107,7 @@ def test_a_study_is_repeatable_resumable_and_starts_with_the_papers_gains(
     assert whole == again
     assert [count for count, _ in calls] == list(range(1, 10))
     exam = Examination("standard", "brisk", 4, seed=0)
-    paper = find_policy("impedance").at("brisk")  # type: ignore[union-attr]
+    paper = find_policy("impedance").at(PACES["brisk"])  # type: ignore[union-attr]
     nearest = Impedance(**gains_at(point_at("impedance", paper, 0.5), 0.5))  # type: ignore[arg-type]
     assert calls[0][1] == exam.judge(nearest).value
     assert calls[0][1] == pytest.approx(exam.judge(paper).value, rel=0.05)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pter_gym.benchmark.metrics import score
-from pter_gym.benchmark.simulation import simulate_alone
+from pter_gym.benchmark.simulation import record_episode
 from pter_gym.controllers import Free, SingleDof
 from pter_gym.controllers.predictive import Honest, Planner, Privileged, Settings
 from pter_gym.controllers.predictive.hand import HandModel
@@ -40,13 +40,13 @@ def pushed(across: list[float]) -> PathFollowing:
 @pytest.mark.parametrize("kind", [Privileged, Honest])
 def test_it_beats_its_warm_start_and_keeps_the_pace(kind: type[Privileged | Honest]) -> None:
     settings = Settings(samples=128, rounds=4)
-    telemetry = simulate_alone(kind(GUIDE, settings), MACHINE, TASK, 3, 600).telemetry
+    telemetry = record_episode(kind(GUIDE, settings), MACHINE, TASK, 3, 600).telemetry
     found = score(telemetry, TASK)
-    expected = score(simulate_alone(GUIDE, MACHINE, TASK, 3, 600).telemetry, TASK)
+    expected = score(record_episode(GUIDE, MACHINE, TASK, 3, 600).telemetry, TASK)
     assert found.completed
     assert found.path_error_m < 0.8 * expected.path_error_m
     assert max(found.mean_pace_error, found.segment_pace_error) < 0.15
-    again = simulate_alone(kind(GUIDE, settings), MACHINE, TASK, 3, 20).telemetry
+    again = record_episode(kind(GUIDE, settings), MACHINE, TASK, 3, 20).telemetry
     np.testing.assert_array_equal(again, telemetry[:21])
 
 
@@ -122,7 +122,7 @@ def test_the_honest_one_cannot_know_the_future_and_the_privileged_one_does() -> 
     calm = [5.0] * 80
     tasks = [pushed(calm), pushed(calm[: change + 1] + [-40.0] * 71)]
     for kind, knows in ((Honest, False), (Privileged, True)):
-        one, other = (simulate_alone(kind(GUIDE, FEW), MACHINE, task, 0, steps) for task in tasks)
+        one, other = (record_episode(kind(GUIDE, FEW), MACHINE, task, 0, steps) for task in tasks)
         equal = [np.array_equal(a, b) for a, b in zip(one.volts, other.volts, strict=True)]
         if knows:
             assert not all(equal[: change + 1])
@@ -209,4 +209,4 @@ def test_bad_settings_are_named(field: str, keywords: dict[str, float]) -> None:
 
 def test_any_controller_may_guide() -> None:
     policy = Privileged(Free(), Settings(samples=8, rounds=1, elite=1))
-    assert len(simulate_alone(policy, MACHINE, TASK, 0, 3).telemetry) == 4
+    assert len(record_episode(policy, MACHINE, TASK, 0, 3).telemetry) == 4

@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from studies.clutch_use import SATURATED, stuck_clutches
 
-from pter_gym.benchmark.metrics import column, four, vector
+from pter_gym.benchmark.measures import column, four, vector
 from pter_gym.internal import palette
 from pter_gym.params import Arm
 from pter_gym.paths import Path

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from pter_gym.benchmark.metrics import column, four
+from pter_gym.benchmark.measures import column, four
 from pter_gym.benchmark.statistics import Interval
 from pter_gym.internal import palette
 from pter_gym.physics.friction import ClutchMode

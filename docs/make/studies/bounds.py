@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from scipy import optimize
 from studies.motors import on_motors, simulate_motors
 
-from pter_gym.benchmark.leaderboard import COMPLETION, PACE_ERROR
-from pter_gym.benchmark.metrics import column, four, ranked_scores, score_episodes
+from pter_gym.benchmark.measures import column, four
+from pter_gym.benchmark.metrics import ranked_scores, score_episodes
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.recorded import Travel
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import Interval, bootstrap_interval, interquartile_mean
 from pter_gym.controllers import Guided, Impedance, SingleDof
@@ -231,8 +233,7 @@ def adapted(controller: Guided, actuators: Actuators, pace: str, *, draws: int =
 def _cost(controller: Guided, actuators: Actuators, pace: str, draws: int) -> float:
     limit = time_limit(drawn_task(pace)) // 2  # who is later than that has missed the pace by far
     telemetry = _run(controller, actuators, pace, range(SEED - draws, SEED), limit)
-    columns = [column(telemetry, name) for name in ("time", "arc_length", "normal_error", "is_success")]
-    time, arc_length, errors, success = columns
-    scores = ranked_scores(time, arc_length, errors, success, [drawn_task(pace)] * draws)
+    columns = (column(telemetry, name) for name in ("time", "arc_length", "normal_error", "is_success"))
+    scores = ranked_scores(Travel(*columns, [drawn_task(pace)] * draws))
     off = sum(max(float(scores[name].mean()) - MARGIN * PACE_ERROR, 0.0) for name in PACE_ERRORS)
     return float(interquartile_mean(scores["path_error_m"])) + 1.0 - float(scores["completed"].mean()) + off

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from studies.bounds import DRAWS, SEED, drawn_task
 
-from pter_gym.benchmark.metrics import column, four, score_episodes
-from pter_gym.benchmark.pacing import PerPace, find_policy
-from pter_gym.benchmark.simulation import bind, simulate, time_limit
+from pter_gym.benchmark.measures import column, four
+from pter_gym.benchmark.metrics import score_episodes
+from pter_gym.benchmark.naming import find_policy
+from pter_gym.benchmark.simulation import sensors_of, simulate, time_limit
 from pter_gym.benchmark.statistics import Interval, bootstrap_interval
-from pter_gym.controllers.predictive import Predictive
 from pter_gym.engine.batch import Batch
 from pter_gym.params import BASELINE
 from pter_gym.physics.friction import ClutchMode
@@ -62,12 +62,9 @@ def episodes(policy: str, pace: str, *, draws: int = DRAWS, seed: int = SEED) ->
         Number of draws, and the seed of the first one.
     """
     task = drawn_task(pace)
-    batch = Batch(BASELINE, task, draws)
     found = find_policy(policy, scenario="standard")
-    chosen = found.at(pace) if isinstance(found, PerPace) else found
-    assert not isinstance(chosen, Predictive), "planning takes an episode at a time"
-    bound = bind(chosen, BASELINE, batch)
-    return simulate(batch, bound, range(seed, seed + draws), time_limit(task))
+    batch = Batch(BASELINE, task, draws, sensors=sensors_of(found))
+    return simulate(batch, found, range(seed, seed + draws), time_limit(task))
 
 
 def stuck_clutches(mode: Array) -> NDArray[np.bool_]:

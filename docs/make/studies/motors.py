@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.compiled.compiler import compile_kernel, device
 from pter_gym.compiled.layout import Layout
-from pter_gym.controllers import Impedance, PaceSchedule, Policy
+from pter_gym.controllers import Impedance, PaceSchedule, Policy, bind
 from pter_gym.controllers.allocation import allocate
 from pter_gym.controllers.gains import LENGTH_A, LENGTH_B, TORQUE_LIMIT, read_gains, table_voltage
 from pter_gym.controllers.laws import PACE, pace_integral, see_tip, wanted_force
@@ -218,8 +218,7 @@ def simulate_motors(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_s
     batch
         N worlds whose hands are forces alone, with ideal sensors, clutches that lag in the normal force, and no drift.
     policy
-        Returns signed voltages, float32 (N, entries) to (N, 4); from ``on_motors``, or any other. If it has a method
-        ``reset``, that is called first.
+        Returns signed voltages, float32 (N, entries) to (N, 4); from ``on_motors``, or any other.
     seeds
         Of the resets, N of them.
     max_steps
@@ -233,15 +232,14 @@ def simulate_motors(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_s
     for machine, task in batch.pairs:
         _check(machine, task)
     obs, first = batch.reset(seeds)
-    forget = getattr(policy, "reset", None)
-    if callable(forget):
-        forget()
+    acting = bind(policy, batch.machine, batch.layout)
+    acting.reset(batch)
     arrays = batch.device_arrays()
     w = _columns(arrays["worlds"], arrays["constants"], batch.num_worlds)
     kernel, telemetry = _step_kernel(), [first]
     while len(telemetry) <= max_steps and w[ALIVE].any():
         rows = np.full((1, *first.shape), np.nan)
-        volts = np.asarray(policy(obs), np.float64)
+        volts = np.asarray(acting.act(obs), np.float64)
         kernel(w, volts, obs, rows, arrays["config"], arrays["constants"])
         telemetry.append(rows[0])
     return np.stack(telemetry)

@@ -3,21 +3,29 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Literal
 
-from pter_gym.controllers import Controller
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.compiled.layout import Layout
+from pter_gym.controllers import BoundPolicy, Controller
+from pter_gym.controllers.base import Plans
 from pter_gym.controllers.predictive.honest import HonestPlanner
 from pter_gym.controllers.predictive.planner import Array, Observations, Planner, Settings
 from pter_gym.engine.batch import Batch
+from pter_gym.engine.world import ROW
+from pter_gym.errors import ParameterError
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import IDEAL_SENSING, PathFollowing
 
-Decide = Callable[[Batch, Observations], Array]
-"""From a batch of one world, which stays as it is, and its observation with force sensors (entries,) to volts (4,)."""
+Decide = Callable[[Array, Observations], Array]
+"""From the true state of a world, (rows,), and its observation with force sensors, (entries,), to volts, (4,)."""
 
 
 @dataclass(frozen=True)
 class Predictive(ABC):
-    """A policy that plans, and so has to be told of each episode before it begins.
+    """A policy that plans: bound, it has a planner for each world of the batch in which episodes begin.
 
     Attributes
     ----------
@@ -36,6 +44,11 @@ class Predictive(ABC):
         """Whether it knows what no controller can know, so that its scores are a bound and not a rank."""
 
     @property
+    def sensors(self) -> Literal["force"]:
+        """What its observations must hold."""
+        return "force"
+
+    @property
     def identity(self) -> str:
         """What it is, gains of the guide included, so that a finished run need not be repeated."""
         return repr(self)
@@ -43,6 +56,60 @@ class Predictive(ABC):
     @abstractmethod
     def begin(self, machine: Machine, task: PathFollowing) -> Decide:
         """Return what decides in one episode on a machine."""
+
+    def bind(self, machine: Machine, layout: Layout) -> "PlanningPolicy":  # noqa: ARG002
+        """Return the policy for the layout of the observations that it will get.
+
+        Raises
+        ------
+        ParameterError
+            If the observations have no force sensors.
+        """
+        if "force_along" not in layout.names:
+            raise ParameterError('predictive policies need force sensors: sensors="force"')
+        return PlanningPolicy(self, layout)
+
+
+class PlanningPolicy(BoundPolicy):
+    """A policy that plans, ready to act in the worlds of one batch, each with a planner of its own."""
+
+    def __init__(self, policy: Predictive, layout: Layout) -> None:
+        self.layout = layout
+        self.plans = Plans(policy.privileged, policy.settings.horizon, policy.settings.rollouts)
+        self._policy = policy
+        self._batch: Batch | None = None
+        self._deciders: list[Decide] = []
+
+    def reset(self, batch: Batch | None = None) -> None:
+        """Begin new episodes: a planner for each world of a batch, which has just been reset."""
+        self._batch = batch
+        pairs = [] if batch is None else [batch.pairs[number] for number in batch.context]
+        self._deciders = [self._policy.begin(machine, task) for machine, task in pairs]
+
+    def act(self, observations: Observations) -> NDArray[np.float32]:
+        """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries); 0 where nothing moves.
+
+        Raises
+        ------
+        ParameterError
+            If ``reset`` has not told the batch of these worlds.
+        """
+        if self._batch is None or len(self._deciders) != len(observations):
+            raise ParameterError("batch must be told in reset, with as many worlds as there are observations")
+        states = states_of(self._batch)
+        volts = np.zeros((len(observations), 4), np.float32)
+        for world in np.flatnonzero(states[:, ROW.alive]):
+            volts[world] = self._deciders[world](states[world], observations[world])
+        return volts
+
+
+def states_of(batch: Batch) -> Array:
+    """Return the state of each world as if it were alone in its batch, (N, rows)."""
+    worlds = batch.get_state()["worlds"]
+    states = worlds.transpose(0, 2, 1).reshape(-1, worlds.shape[1])[: batch.num_worlds]
+    states[:, ROW.context_at] = states[:, ROW.draws_from] = 0.0
+    states[:, ROW.draws] = 1.0
+    return states
 
 
 @dataclass(frozen=True)
@@ -56,8 +123,7 @@ class Privileged(Predictive):
 
     def begin(self, machine: Machine, task: PathFollowing) -> Decide:
         """Return what decides in one episode on a machine."""
-        planner = Planner(self.settings, machine, replace(task, sensing=IDEAL_SENSING), self.guide)
-        return lambda world, obs: planner.decide(world.get_state()["worlds"][0, :, 0], obs)
+        return Planner(self.settings, machine, replace(task, sensing=IDEAL_SENSING), self.guide).decide
 
 
 @dataclass(frozen=True)
@@ -72,4 +138,4 @@ class Honest(Predictive):
     def begin(self, machine: Machine, task: PathFollowing) -> Decide:  # noqa: ARG002
         """Return what decides in one episode; of the task it keeps path, pace and workspace, of the machine nothing."""
         planner = HonestPlanner(self.settings, task, self.guide)
-        return lambda world, obs: planner.decide(obs)  # noqa: ARG005
+        return lambda state, obs: planner.decide(obs)  # noqa: ARG005

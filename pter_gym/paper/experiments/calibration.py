@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from pter_gym.benchmark.metrics import START_UP, column, low_pass, vector
+from pter_gym.benchmark.measures import column, low_pass, vector
+from pter_gym.benchmark.recorded import START_UP
 from pter_gym.benchmark.standard import TIME_CONSTANTS, Run
 from pter_gym.compiled.compiler import device
 from pter_gym.controllers import TorqueFeedback

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark.metrics import column, vector
+from pter_gym.benchmark.measures import column, vector
 from pter_gym.benchmark.standard import Run
 from pter_gym.paper.experiments.setup import Setup
 from pter_gym.paper.experiments.time_constants import standard_runs
