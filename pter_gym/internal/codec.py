@@ -9,7 +9,7 @@ then, which the field declares under ``ABSENT`` in its metadata. A field without
 
 import math
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, fields, is_dataclass
 from types import MappingProxyType, ModuleType
@@ -139,7 +139,7 @@ def declared(absent: object) -> dict[str, object]:
 
 
 @contextmanager
-def reading(what: str) -> Iterator[None]:
+def reading(what: str) -> Generator[None, None, None]:
     """Raise a DataError that begins with the name of some data in the place of any complaint about them."""
     try:
         yield

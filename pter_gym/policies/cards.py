@@ -147,16 +147,14 @@ def read_interface(content: Any) -> Interface:
     values = _fields(Interface, content, "interface")
     inputs = _list(values["inputs"], "inputs", MOST_INPUTS)
     base: Any = values["base"]
-    return Interface(
-        **{
-            **values,
-            "inputs": tuple(Input(**_fields(Input, entry, "input")) for entry in inputs),
-            "reach": _number(values["reach"], "reach"),
-            "base": None if base is None else _base(base),
-            "history": tuple(_list(values["history"], "history", MOST_LAYERS, at_least=0)),
-            "averages": tuple(_list(values["averages"], "averages", MOST_LAYERS, at_least=0)),
-        }
+    values.update(
+        inputs=tuple(Input(**_fields(Input, entry, "input")) for entry in inputs),
+        reach=_number(values["reach"], "reach"),
+        base=None if base is None else _base(base),
+        history=tuple(_list(values["history"], "history", MOST_LAYERS, at_least=0)),
+        averages=tuple(_list(values["averages"], "averages", MOST_LAYERS, at_least=0)),
     )
+    return Interface(**values)
 
 
 def _card(content: Any) -> Card:
@@ -169,17 +167,15 @@ def _card(content: Any) -> Card:
             raise ValueError(f"hidden must hold whole numbers from 1 to {MOST_UNITS}, got {size!r}")
     if not isinstance(values["about"], dict):
         raise ValueError("about must be an object")
-    return Card(
-        **{
-            **values,
-            "name": _text(values["name"], "name"),
-            "observation": tuple(map(_entry, _list(values["observation"], "observation", MOST_INPUTS))),
-            "voltage_max": _number(values["voltage_max"], "voltage_max"),
-            "interface": read_interface(values["interface"]),
-            "hidden": tuple(hidden),
-            "weights_sha256": _text(values["weights_sha256"], "weights_sha256"),
-        }
+    values.update(
+        name=_text(values["name"], "name"),
+        observation=tuple(map(_entry, _list(values["observation"], "observation", MOST_INPUTS))),
+        voltage_max=_number(values["voltage_max"], "voltage_max"),
+        interface=read_interface(values["interface"]),
+        hidden=tuple(hidden),
+        weights_sha256=_text(values["weights_sha256"], "weights_sha256"),
     )
+    return Card(**values)
 
 
 def _entry(content: Any) -> tuple[str, str, float]:
@@ -194,14 +190,12 @@ def _base(content: Any) -> Base:
     gains = _list(values["gains"], "gains", MOST_INPUTS)
     if not all(isinstance(each, dict) for each in gains):
         raise ValueError("gains must be objects")
-    return Base(
-        **{
-            **values,
-            "controller": controller,
-            "paces": tuple(_number(pace, "paces") for pace in _list(values["paces"], "paces", MOST_INPUTS)),
-            "gains": tuple({**gains_of(restore_guided(controller, each)), **each} for each in gains),
-        }
+    values.update(
+        controller=controller,
+        paces=tuple(_number(pace, "paces") for pace in _list(values["paces"], "paces", MOST_INPUTS)),
+        gains=tuple({**gains_of(restore_guided(controller, each)), **each} for each in gains),
     )
+    return Base(**values)
 
 
 def _fields(kind: type[Any], content: Any, what: str) -> dict[str, Any]:
