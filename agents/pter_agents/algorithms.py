@@ -10,9 +10,10 @@ from dataclasses import asdict, dataclass, fields
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.internal.codec import tuple_of
 
 if TYPE_CHECKING:
     from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
@@ -117,12 +118,7 @@ def settings_from(algorithm: str, values: Mapping[str, Any]) -> "Settings":
             raise ParameterError(f"config must hold {name}")
         if expected is str and not isinstance(values[name], str):
             raise ParameterError(f"Settings.{name} must be a string, got {values[name]!r}")
-    return kind(**{name: _plain(value) for name, value in values.items()})
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as the dataclass has it: files know no tuples."""
-    return tuple(cast("list[Any]", value)) if isinstance(value, list) else value
+    return kind(**{name: tuple_of(value) for name, value in values.items()})
 
 
 def read_table(file: Path) -> dict[str, Any]:

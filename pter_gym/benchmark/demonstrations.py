@@ -20,7 +20,8 @@ from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import SCORES, score
 from pter_gym.benchmark.pacing import PerPace, find_policy
 from pter_gym.benchmark.simulation import Episode, simulate_alone, time_limit
-from pter_gym.errors import DataError, ParameterError
+from pter_gym.errors import ParameterError
+from pter_gym.internal.codec import reading
 from pter_gym.internal.files import write_bytes_atomic
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
@@ -174,16 +175,14 @@ def read_demonstrations(path: Path) -> Demonstrations:
     DataError
         If the file is missing, too large, or not what ``write_demonstrations`` wrote; nothing in it was executed.
     """
-    try:
+    with reading(f"demonstrations {path} are refused"):
         arrays = _arrays(path)
         info = json.loads(str(arrays.pop("info")))
         scores = {name: arrays.pop(f"score_{name}") for name in SCORES}
         names: dict[str, Any] = {_plural(name): tuple(arrays.pop(name).tolist()) for name in NAMES}
         found = Demonstrations(**cast("dict[str, Any]", arrays), **names, scores=scores, info=info)
         _check(found)
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
-        raise DataError(f"demonstrations {path} are refused: {error}") from None
-    return found
+        return found
 
 
 def _plural(name: str) -> str:
@@ -198,8 +197,10 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     expected = {*ROWS, "starts", "ends", "draws", *NAMES, *(f"score_{name}" for name in SCORES), "info"}
     with zipfile.ZipFile(path) as archive:
         parts = archive.infolist()
+    names = [part.filename.removesuffix(".npy") for part in parts]
     if sorted(part.filename for part in parts) != sorted(f"{name}.npy" for name in expected):
-        raise ValueError(f"it must hold {', '.join(sorted(expected))}")
+        other = ", ".join(sorted(expected.symmetric_difference(names)))
+        raise ValueError(f"it must hold {', '.join(sorted(expected))}; it differs in {other}")
     if (unpacked := sum(part.file_size for part in parts)) > MOST_UNPACKED:
         raise ValueError(f"its content must have at most {MOST_UNPACKED} B, it has {unpacked}")
     with np.load(path, allow_pickle=False) as archive:

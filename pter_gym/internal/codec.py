@@ -133,6 +133,11 @@ def completed(kind: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
     return {name: missing[name][ABSENT] if name in missing else given[name] for name in known}
 
 
+def tuple_of(value: Any) -> Any:
+    """Return a value as dataclasses have it: files know no tuples."""
+    return tuple(cast("list[Any]", value)) if isinstance(value, list) else value
+
+
 def declared(absent: object) -> dict[str, object]:
     """Return metadata that say what a field's absence means; none for ``dataclasses.MISSING``."""
     return {} if absent is MISSING else {ABSENT: absent}

@@ -162,9 +162,10 @@ def parse_preset(text: str) -> Preset:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ParameterError(f"it is no TOML: {error}") from None
-    _check_names(tables, SECTIONS, "section")
+    new = [name for name, kind in SECTIONS.items() if all(ABSENT in item.metadata for item in fields(kind))]
+    _check_names(tables, SECTIONS, "section", new)
     provenance: dict[str, str] = {}
-    sections = {name: _section(kind, name, tables[name], provenance) for name, kind in SECTIONS.items()}
+    sections = {name: _section(kind, name, tables.get(name, {}), provenance) for name, kind in SECTIONS.items()}
     return Preset(**sections, provenance=MappingProxyType(provenance))
 
 

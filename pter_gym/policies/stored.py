@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.codec import completed, stored_fields
+from pter_gym.internal.codec import completed, stored_fields, tuple_of
 
 if TYPE_CHECKING:
     from pter_gym.controllers import Guided
@@ -22,33 +22,9 @@ DEFAULTS = Path(__file__).parents[1] / "presets" / "gain_defaults.toml"
 Values = Mapping[str, Any]
 
 
-def find_guided(name: str, field: str = "controller") -> "type[Guided]":
-    """Return a kind of controller that has gains.
-
-    Raises
-    ------
-    ParameterError
-        If there is none of that name, which tells the nearest.
-    """
-    from pter_gym.controllers import CONTROLLERS, Guided  # numba is not needed to read policies without a controller
-
-    guided = {known: kind for known, kind in CONTROLLERS.items() if issubclass(kind, Guided)}
-    if name not in guided:
-        raise unknown_name(field, name, guided)
-    return guided[name]
-
-
 def gains_of(controller: "Guided") -> dict[str, Any]:
     """Return all gains of a controller by name."""
     return {item.name: getattr(controller, item.name) for item in fields(controller)}
-
-
-def check_gains(name: str, gains: Values) -> None:
-    """Raise a ParameterError, which tells the nearest, if a controller has no gain of some name."""
-    known = stored_fields(find_guided(name))
-    for gain in gains:
-        if gain not in known:
-            raise ParameterError(f"{name} has no gain {gain!r}: {unknown_name('gains', gain, known)}")
 
 
 def make_guided(name: str, gains: Values) -> "Guided":
@@ -57,10 +33,9 @@ def make_guided(name: str, gains: Values) -> "Guided":
     Raises
     ------
     ParameterError
-        If a gain is unknown, which tells the nearest, or refused.
+        If there is no such controller or gain, which tells the nearest, or a gain is refused.
     """
-    check_gains(name, gains)
-    return find_guided(name)(**{gain: tuple_of(value) for gain, value in gains.items()})
+    return _kind(name, gains)(**{gain: tuple_of(value) for gain, value in gains.items()})
 
 
 def restore_guided(name: str, gains: Values, defaults: Values | None = None) -> "Guided":
@@ -81,13 +56,21 @@ def restore_guided(name: str, gains: Values, defaults: Values | None = None) -> 
         If a gain is unknown or refused, or is in none of both and does not declare what its absence meant.
     """
     named = {**(_defaults().get(name, {}) if defaults is None else defaults), **gains}
-    check_gains(name, named)
-    return make_guided(name, completed(find_guided(name), named))
+    return make_guided(name, completed(_kind(name, named), named))
 
 
-def tuple_of(value: Any) -> Any:
-    """Return a value as dataclasses have it: files know no tuples."""
-    return tuple(cast("list[Any]", value)) if isinstance(value, list) else value
+def _kind(name: str, gains: Values) -> "type[Guided]":
+    """Return a kind of controller, or raise a ParameterError if there is none or it has no gain of some name."""
+    from pter_gym.controllers import CONTROLLERS, Guided  # numba is not needed to read policies without a controller
+
+    guided = {known: kind for known, kind in CONTROLLERS.items() if issubclass(kind, Guided)}
+    if name not in guided:
+        raise unknown_name("controller", name, guided)
+    known = stored_fields(guided[name])
+    for gain in gains:
+        if gain not in known:
+            raise ParameterError(f"{name} has no gain {gain!r}: {unknown_name('gains', gain, known)}")
+    return guided[name]
 
 
 @cache

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import pter_gym
-from pter_gym.benchmark import episodes
+from pter_gym.benchmark import demonstrations, episodes
+from pter_gym.benchmark.metrics import SCORES
 from pter_gym.benchmark.pacing import GUIDE_TABLE
 from pter_gym.benchmark.tuned import TABLE, controller_of, find_tuned, read_table
 from pter_gym.compiled.layout import Layout
@@ -21,7 +22,7 @@ from pter_gym.controllers import CONTROLLERS, Impedance, SingleDof, TorqueFeedba
 from pter_gym.errors import DataError
 from pter_gym.internal.codec import Codec
 from pter_gym.params import BASELINE, quantity
-from pter_gym.params.preset import SECTIONS, HandValues, load_preset, number
+from pter_gym.params.preset import PRESET, SECTIONS, HandValues, Preset, load_preset, number
 from pter_gym.policies import Base, Card, Input, Interface, cards, load_policy, write_policy
 from pter_gym.policies.cards import fields_of
 from pter_gym.scenarios import PACES
@@ -140,6 +141,17 @@ def test_a_preset_from_before_a_number_has_its_meaning_then(monkeypatch: pytest.
     assert after.provenance["hand.mass"].startswith("chosen")
     assert (after.hand.push, after.hand.force_max) == (before.hand.push, before.hand.force_max)
     assert after.controller == before.controller
+
+
+def test_a_preset_from_before_a_section_has_its_meaning_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    kind = make_dataclass("Motor", [("torque", float, number("N·m", absent=NEUTRAL))], frozen=True, kw_only=True)
+    module = import_module("pter_gym.params.preset")
+    monkeypatch.setattr(module, "SECTIONS", {**SECTIONS, "motor": kind})
+    newer = make_dataclass("Preset", [("motor", kind)], bases=(Preset,), frozen=True, kw_only=True)
+    monkeypatch.setattr(module, "Preset", newer)
+    found: Any = load_preset(PRESET_FILE)
+    assert found.motor == kind(torque=NEUTRAL)
+    assert found.arm == PRESET.arm
 
 
 def test_a_preset_keeps_its_values_when_a_default_changes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -274,3 +286,14 @@ def test_a_card_from_before_a_field_of_the_interface(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(cards, "Interface", without_field(with_field(Interface, "reaches", added()), "reach"))
     with pytest.raises(DataError, match=r"fields of Interface .* got 'reach'; did you mean 'reaches'"):
         load_policy("ppo-standard")
+
+
+# demonstrations
+
+
+def test_demonstrations_say_which_score_is_missing_or_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    file = Path(__file__).parents[2] / "agents" / "pter_agents" / "demonstrations" / "classical.npz"
+    for known, other in (((*SCORES, "jerk"), "score_jerk"), (SCORES[1:], f"score_{SCORES[0]}")):
+        monkeypatch.setattr(demonstrations, "SCORES", known)
+        with pytest.raises(DataError, match=rf"classical\.npz are refused: .*differs in {other}$"):
+            demonstrations.read_demonstrations(file)
