@@ -20,8 +20,7 @@ from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import SCORES, score
 from pter_gym.benchmark.pacing import PerPace, find_policy
 from pter_gym.benchmark.simulation import Episode, simulate_alone, time_limit
-from pter_gym.errors import ParameterError
-from pter_gym.internal.codec import reading
+from pter_gym.errors import DataError, ParameterError
 from pter_gym.internal.files import write_bytes_atomic
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
@@ -175,14 +174,16 @@ def read_demonstrations(path: Path) -> Demonstrations:
     DataError
         If the file is missing, too large, or not what ``write_demonstrations`` wrote; nothing in it was executed.
     """
-    with reading(f"demonstrations {path} are refused"):
+    try:
         arrays = _arrays(path)
         info = json.loads(str(arrays.pop("info")))
         scores = {name: arrays.pop(f"score_{name}") for name in SCORES}
         names: dict[str, Any] = {_plural(name): tuple(arrays.pop(name).tolist()) for name in NAMES}
         found = Demonstrations(**cast("dict[str, Any]", arrays), **names, scores=scores, info=info)
         _check(found)
-        return found
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        raise DataError(f"demonstrations {path} are refused: {error}") from None
+    return found
 
 
 def _plural(name: str) -> str:

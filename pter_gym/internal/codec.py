@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from dataclasses import MISSING, Field, fields, is_dataclass
 from types import MappingProxyType, ModuleType
 from typing import Any, cast
-from zipfile import BadZipFile
 
 from pter_gym.errors import DataError, ParameterError, unknown_name
 
@@ -33,7 +32,6 @@ COMPLAINTS = (
     OSError,
     EOFError,
     zlib.error,
-    BadZipFile,
 )
 """What reading data that make no sense can raise."""
 
