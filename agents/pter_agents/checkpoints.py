@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stable_baselines3 import PPO
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file
 
 from pter_agents.worlds import InterfaceVecEnv
@@ -37,7 +37,7 @@ def checkpoints(folder: Path) -> list[Path]:
     return [path for _, path in sorted(found)]
 
 
-def save_checkpoint(model: PPO, worlds: InterfaceVecEnv, folder: Path) -> Path:
+def save_checkpoint(model: OnPolicyAlgorithm, worlds: InterfaceVecEnv, folder: Path) -> Path:
     """Write the checkpoint of a model at a rollout's boundary, and let all but the newest go."""
     content = io.BytesIO()
     model.save(content)
@@ -50,7 +50,7 @@ def save_checkpoint(model: PPO, worlds: InterfaceVecEnv, folder: Path) -> Path:
     return path
 
 
-def load_weights(model: PPO, path: Path) -> None:
+def load_weights(model: OnPolicyAlgorithm, path: Path) -> None:
     """Bring networks and optimiser of a model to those of a checkpoint.
 
     Raises
@@ -65,7 +65,7 @@ def load_weights(model: PPO, path: Path) -> None:
         raise DataError(f"checkpoint {path} cannot be read: {error}") from None
 
 
-def resume_from(model: PPO, worlds: InterfaceVecEnv, path: Path) -> None:
+def resume_from(model: OnPolicyAlgorithm, worlds: InterfaceVecEnv, path: Path) -> None:
     """Bring a new model and its worlds to where a checkpoint was written.
 
     Raises
@@ -83,7 +83,7 @@ def resume_from(model: PPO, worlds: InterfaceVecEnv, path: Path) -> None:
         raise DataError(f"checkpoint {path} cannot be read: {error}") from None
 
 
-def _state(model: PPO, worlds: InterfaceVecEnv) -> State:
+def _state(model: OnPolicyAlgorithm, worlds: InterfaceVecEnv) -> State:
     """Return all that a run's future depends on besides networks and optimiser."""
     drawn: Any = np.random.get_state(legacy=True)  # noqa: NPY002 (Stable-Baselines3 draws from it)
     _, keys, position, has_gauss, gauss = drawn
@@ -99,7 +99,7 @@ def _state(model: PPO, worlds: InterfaceVecEnv) -> State:
     }
 
 
-def _set_state(model: PPO, state: State) -> None:
+def _set_state(model: OnPolicyAlgorithm, state: State) -> None:
     timesteps, updates, position, has_gauss = state["counts"].tolist()
     own: Any = model
     own.num_timesteps = timesteps

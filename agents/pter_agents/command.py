@@ -6,20 +6,20 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from pter_agents.algorithms import ALGORITHMS, load_settings, smoke_settings
 from pter_gym.errors import DependencyError
 from pter_gym.internal.terminal import progress_bar
 
+TRAINED = "What to train: " + ", ".join(f"{name} ({each.action})" for name, each in ALGORITHMS.items()) + "."
+
 MISSING = 'training needs Stable-Baselines3: pip install "pter-gym[agents]"'
 
-SMOKE = {"worlds": 64, "steps": 32, "minibatch": 512, "epochs": 2, "contexts": 16}
-"""Hyper-parameters of a smoke run, which shows that training works, not that it learns."""
-
-SMOKE_STEPS = 3 * 64 * 32
+SMOKE_ROLLOUTS = 3
 SMOKE_EPISODES = 8
 
 
 def train(
-    algo: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ALGO")],
+    algo: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ALGO", help=TRAINED)],
     scenario: str = "standard",
     pace: str = "all",
     steps: int = 20_000_000,
@@ -35,7 +35,6 @@ def train(
     are not trained on; progress.csv, and what TensorBoard shows.
 
     Args:
-        algo: ppo (the clutch voltages) or residual (corrections to a controller).
         scenario: Scenario whose draws are trained on: standard, paths, hands, materials or everything.
         pace: Commanded pace: slow, medium, brisk, or all of them in turn.
         steps: Control steps of all worlds together.
@@ -45,18 +44,15 @@ def train(
         config: TOML file with hyper-parameters in place of the usual ones.
         smoke: A run of some seconds that shows that training works.
     """
-    from pter_agents.settings import load_settings, settings_from
-
-    settings = load_settings(algo, config)
     try:
+        settings = load_settings(algo, config)
         from pter_agents import training
     except ImportError as error:
         raise DependencyError(MISSING) from error
-    from dataclasses import asdict
-
     episodes = training.Arguments.validation_episodes
     if smoke:
-        settings, steps, episodes = settings_from({**asdict(settings), **SMOKE}), SMOKE_STEPS, SMOKE_EPISODES
+        settings = smoke_settings(algo, settings)
+        steps, episodes = SMOKE_ROLLOUTS * settings.worlds * settings.steps, SMOKE_EPISODES
     arguments = training.Arguments(
         algorithm=algo,
         scenario=scenario,

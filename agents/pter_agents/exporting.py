@@ -1,19 +1,18 @@
 """A run becomes a policy: weights without code, a card, and a model card in Markdown."""
 
 import json
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from stable_baselines3 import PPO
+from torch import nn
 
+from pter_agents.algorithms import load_settings, smoke_settings
 from pter_agents.checkpoints import load_weights
-from pter_agents.settings import PLAIN, load_settings
+from pter_agents.settings import PLAIN
 from pter_agents.training import PROGRESS, Arguments, RunFolder, make_model, make_training_worlds
 from pter_agents.validation import network_of
 from pter_agents.worlds import InterfaceVecEnv, training_draws
@@ -63,18 +62,19 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
         raise DataError(f"there is no checkpoint in {run}")
     settings = arguments.settings
     draws = training_draws(arguments.scenario, arguments.pace, contexts=WORLDS, seed=arguments.seed)
-    few = replace(settings, worlds=WORLDS, steps=2, minibatch=2 * WORLDS)
+    few = smoke_settings(arguments.algorithm, settings, worlds=WORLDS)
     worlds = make_training_worlds(few, draws, interface, arguments.seed)
     model = make_model(few, worlds, arguments)
     load_weights(model, newest)
+    actor = arguments.learner.actor(model)
     name = arguments.algorithm if name is None else name
     steps = int(newest.stem.split("-")[1])
     about = about_run(arguments, run, steps)
     card = make_card(name, settings.hidden, interface, worlds, about)
-    files = card, tensors_of(model), model_card(card)
+    files = card, tensors_of(actor), model_card(card)
     with TemporaryDirectory() as folder_of_trial:
         write_policy(*files, Path(folder_of_trial))
-        difference = compare(model, worlds, name, Path(folder_of_trial))
+        difference = compare(actor, worlds, name, Path(folder_of_trial))
     worlds.close()
     if not difference <= SAME:
         raise DataError(f"the exported policy differs from the run's by {difference:.1e} of the largest voltage")
@@ -97,24 +97,22 @@ def make_card(
     )
 
 
-def tensors_of(model: PPO) -> Tensors:
-    """Return the weights of a model's policy by the names that a policy's file has."""
-    policy: Any = model.policy
-    linear = [layer for layer in policy.mlp_extractor.policy_net if isinstance(layer, torch.nn.Linear)]
+def tensors_of(actor: nn.Sequential) -> Tensors:
+    """Return the weights of a policy with these layers by the names that its file has."""
     found: Tensors = {}
-    for k, layer in enumerate([*linear, policy.action_net]):
+    for k, layer in enumerate(layer for layer in actor if isinstance(layer, nn.Linear)):
         found[f"layer_{k}.weight"] = layer.weight.detach().numpy().astype(np.float32)
         found[f"layer_{k}.bias"] = layer.bias.detach().numpy().astype(np.float32)
     return found
 
 
-def compare(model: PPO, worlds: InterfaceVecEnv, name: str, folder: Path) -> float:
-    """Return the largest difference between voltages of a model and of the policy in a folder, over the largest one."""
+def compare(actor: nn.Sequential, worlds: InterfaceVecEnv, name: str, folder: Path) -> float:
+    """Return the largest difference between voltages of these layers and of a policy, over the largest voltage."""
     layout = worlds.worlds.observation_layout
     policy = load_policy(name, folder).bind(BASELINE, layout)
     worlds.venv.seed(0)
     obs: Any = worlds.venv.reset()  # worlds that end begin anew without being forgotten, for both policies alike
-    net = network_of(model)
+    net = network_of(actor)
     past = worlds.interface.begin(WORLDS)
     largest = 0.0
     for _ in range(TRIES):

@@ -1,7 +1,7 @@
 """Before training: the base controller at all paces, and the centres and scales of what a network sees."""
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from pter_gym.controllers import PaceSchedule
 from pter_gym.envs.sb3 import PterVecEnv
 from pter_gym.params import BASELINE
 from pter_gym.policies.interface import Base, Input, Interface, available, quantities, seen_without
+from pter_gym.policies.stored import gains_of
 from pter_gym.scenarios.randomisation import Randomisation
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
@@ -32,8 +33,7 @@ def find_base(name: str, scenario: str) -> Base | None:
     policy = find_policy(name, scenario=scenario)
     assert isinstance(policy, PaceSchedule)
     paces, controllers = zip(*policy.knots, strict=True)
-    gains = tuple({item.name: getattr(each, item.name) for item in fields(each)} for each in controllers)
-    return Base(controller=name.removesuffix(SUFFIX), paces=paces, gains=gains)
+    return Base(controller=name.removesuffix(SUFFIX), paces=paces, gains=tuple(map(gains_of, controllers)))
 
 
 def make_interface(settings: Settings, scenario: str, draws: Randomisation, seed: int) -> Interface:

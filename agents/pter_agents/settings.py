@@ -1,19 +1,12 @@
-"""Hyper-parameters of training: one frozen dataclass, read from one TOML file for each algorithm."""
+"""Hyper-parameters that all algorithms have: one frozen dataclass, to which an algorithm adds its own."""
 
-import tomllib
-from dataclasses import dataclass, fields
-from pathlib import Path
-from typing import Any, cast, get_args
+from dataclasses import dataclass
+from typing import Any, get_args
 
 from pter_gym.benchmark.tuned import TUNED
-from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.errors import unknown_name
 from pter_gym.params import require, require_number
 from pter_gym.tasks.path_following import RewardWeights, Sensors
-
-FOLDER = Path(__file__).parent
-
-ALGORITHMS = ("ppo", "residual")
-"""What ``pter train`` can train: PPO on the voltages, and PPO on corrections to a controller."""
 
 PLAIN = "none"
 """Name of the base of a policy that corrects no controller."""
@@ -24,7 +17,7 @@ BASES = (PLAIN, "impedance", "torque-feedback", *TUNED)
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Hyper-parameters of proximal policy optimisation; a file with its values stands beside this one.
+    """Hyper-parameters of worlds, reward, and what the networks see and do.
 
     Attributes
     ----------
@@ -52,14 +45,6 @@ class Settings:
         numbers of its machine and task.
     worlds, steps
         Worlds that are simulated at once, and control steps of each between two updates.
-    minibatch, epochs
-        Samples of a gradient step, and how often each sample is used.
-    learning_rate
-        At the beginning; it falls linearly to ``learning_rate_end``.
-    discount, trace
-        γ and the λ of generalised advantage estimation, for one control step.
-    clip, entropy, value_weight, max_gradient, target_kl
-        Of PPO, as in Stable-Baselines3; a ``target_kl`` of 0 is none.
     error, pace, acceleration, effort, failure
         Weights of the reward, see ``RewardWeights``.
     drift, window
@@ -84,17 +69,6 @@ class Settings:
     privileged: bool
     worlds: int
     steps: int
-    minibatch: int
-    epochs: int
-    learning_rate: float
-    learning_rate_end: float
-    discount: float
-    trace: float
-    clip: float
-    entropy: float
-    value_weight: float
-    max_gradient: float
-    target_kl: float
     error: float
     pace: float
     acceleration: float
@@ -117,14 +91,9 @@ class Settings:
         )
         require_number(self, "reach", above=0.0)
         require_number(self, "start", at_least=-1.0, at_most=1.0)
-        for name in ("deviation", "learning_rate", "max_gradient"):
-            require_number(self, name, above=0.0)
-        for name in ("discount", "trace"):
-            require_number(self, name, at_least=0.0, at_most=1.0)
-        for name in ("learning_rate_end", "entropy", "value_weight", "target_kl", "drift"):
-            require_number(self, name, at_least=0.0)
-        require_number(self, "clip", above=0.0, below=1.0)
-        for name in ("worlds", "steps", "minibatch", "epochs", "window", "episode", "contexts"):
+        require_number(self, "deviation", above=0.0)
+        require_number(self, "drift", at_least=0.0)
+        for name in ("worlds", "steps", "window", "episode", "contexts"):
             require_whole(self, name)
         require(type(self.privileged) is bool, self, "privileged", self.privileged, "true or false")
         for name in ("hidden", "value_hidden"):
@@ -134,13 +103,6 @@ class Settings:
         for name in ("history", "averages"):
             ages: tuple[Any, ...] = getattr(self, name)
             require(type(ages) is tuple and all(type(age) is int for age in ages), self, name, ages, "whole numbers")
-        require(
-            self.worlds * self.steps % self.minibatch == 0,
-            self,
-            "minibatch",
-            self.minibatch,
-            f"a divisor of worlds × steps = {self.worlds * self.steps}",
-        )
         self.reward()
 
     def reward(self) -> RewardWeights:
@@ -158,48 +120,3 @@ def require_whole(owner: object, name: str) -> None:
     """Raise a ParameterError unless a field is a whole number from 1 on."""
     value = getattr(owner, name)
     require(type(value) is int and value >= 1, owner, name, value, "a whole number ≥ 1")
-
-
-def load_settings(algorithm: str, file: Path | None = None) -> Settings:
-    """Return the hyper-parameters of an algorithm, with those in a file in place of the usual ones.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such algorithm or hyper-parameter, which tells the nearest, or a value is out of range, or the
-        file cannot be read.
-    """
-    if algorithm not in ALGORITHMS:
-        raise unknown_name("algo", algorithm, ALGORITHMS)
-    values = read_table(FOLDER / f"{algorithm}.toml")
-    if file is not None:
-        values |= read_table(file)
-    return settings_from(values)
-
-
-def settings_from(values: dict[str, Any]) -> Settings:
-    """Return hyper-parameters from plain values; see ``load_settings``."""
-    known = {item.name: item.type for item in fields(Settings)}
-    for name in values:
-        if name not in known:
-            raise unknown_name("config", name, known)
-    for name, kind in known.items():
-        if name not in values:
-            raise ParameterError(f"config must hold {name}")
-        if kind is str and not isinstance(values[name], str):
-            raise ParameterError(f"Settings.{name} must be a string, got {values[name]!r}")
-    plain: dict[str, Any] = {name: _plain(value) for name, value in values.items()}
-    return Settings(**plain)
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as the dataclass has it: files know no tuples."""
-    return tuple(cast(list[Any], value)) if isinstance(value, list) else value
-
-
-def read_table(file: Path) -> dict[str, Any]:
-    """Return the values of a TOML file, or raise a ParameterError."""
-    try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ParameterError(f"config {file} cannot be read: {error}") from None

@@ -1,22 +1,21 @@
-"""Train a policy: proximal policy optimisation of Stable-Baselines3 on the batch engine, in a folder of its own."""
+"""Train a policy: an algorithm of Stable-Baselines3 on the batch engine, in a folder of its own."""
 
 import json
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
 import torch
-from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import CSVOutputFormat, Logger, TensorBoardOutputFormat
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
+from pter_agents.algorithms import Learner, find_algorithm, settings_from
 from pter_agents.checkpoints import checkpoints, resume_from, save_checkpoint
-from pter_agents.critic import TwoViewsPolicy
 from pter_agents.errors import TrainingDivergedError
 from pter_agents.prepare import make_interface, sample_truth
-from pter_agents.settings import ALGORITHMS, Settings, require_whole, settings_from
+from pter_agents.settings import Settings, require_whole
 from pter_agents.validation import Validation, network_of
 from pter_agents.worlds import ALL, InterfaceVecEnv, make_worlds, training_draws
 from pter_gym.benchmark import PACES
@@ -24,7 +23,7 @@ from pter_gym.errors import DataError, ParameterError, unknown_name
 from pter_gym.internal.files import write_text_atomic
 from pter_gym.internal.terminal import make_folder
 from pter_gym.params import require, require_number
-from pter_gym.policies.cards import read_interface
+from pter_gym.policies.cards import plain_interface, read_interface
 from pter_gym.policies.interface import Interface
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios.randomisation import Randomisation
@@ -43,7 +42,7 @@ class Arguments:
     Attributes
     ----------
     algorithm
-        One of ``ALGORITHMS``.
+        One of ``pter_agents.algorithms.ALGORITHMS``.
     scenario, pace
         Names; the pace may be ``"all"``.
     steps
@@ -70,13 +69,19 @@ class Arguments:
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
-        for name, known in (("algorithm", ALGORITHMS), ("scenario", SCENARIOS), ("pace", (ALL, *PACES))):
+        find_algorithm(self.algorithm)
+        for name, known in (("scenario", SCENARIOS), ("pace", (ALL, *PACES))):
             if getattr(self, name) not in known:
                 raise unknown_name(name, getattr(self, name), known)
         for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
             require_whole(self, name)
         require_number(self, "seed", at_least=0, below=2**31)
         require(type(self.seed) is int, self, "seed", self.seed, "a whole number")
+
+    @property
+    def learner(self) -> Learner:
+        """How the algorithm learns."""
+        return find_algorithm(self.algorithm).learner
 
     @property
     def paces(self) -> tuple[str, ...]:
@@ -101,7 +106,7 @@ class RunFolder:
         make_folder(self.path)
         if (self.path / RUN).exists():
             raise ParameterError(f"out holds a run already, {self.path}: give --resume, or another folder")
-        content = {**asdict(arguments), "interface": asdict(interface)}
+        content = {**asdict(arguments), "interface": plain_interface(interface)}
         write_text_atomic(self.path / RUN, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
     def read(self) -> tuple[Arguments, Interface]:
@@ -122,7 +127,7 @@ class RunFolder:
             raise DataError(f"{self.path / RUN} cannot be read: {error}") from None
         try:
             interface = read_interface(content.pop("interface"))
-            settings = settings_from(content.pop("settings"))
+            settings = settings_from(content["algorithm"], content.pop("settings"))
             return Arguments(settings=settings, **content), interface
         except (KeyError, TypeError, ValueError) as error:
             raise DataError(f"{self.path / RUN} is not what was written: {error}") from None
@@ -131,23 +136,6 @@ class RunFolder:
         """Return the newest checkpoint, or None."""
         found = checkpoints(self.path)
         return found[-1] if found else None
-
-
-class CheckedPPO(PPO):
-    """Proximal policy optimisation that stops when a number is no longer finite."""
-
-    def train(self) -> None:
-        """Update the networks from the rollout."""
-        try:
-            super().train()
-        except ValueError as error:  # torch refuses a distribution with NaN
-            raise FloatingPointError(str(error).splitlines()[0]) from error
-        logged = self.logger.name_to_value
-        losses = (logged[name] for name in ("train/loss", "train/value_loss", "train/policy_gradient_loss"))
-        if not all(map(math.isfinite, losses)):
-            raise FloatingPointError("the loss is not finite")
-        if not all(bool(torch.isfinite(weight).all()) for weight in self.policy.parameters()):
-            raise FloatingPointError("a weight is not finite after its gradient step")
 
 
 class Watch(BaseCallback):
@@ -171,37 +159,43 @@ class Watch(BaseCallback):
     def _on_rollout_start(self) -> None:
         """Do what is due at the rollout's boundary."""
         settings = self._arguments.settings
-        rollouts = self.num_timesteps // (settings.worlds * settings.steps)
-        self._on_progress(self.num_timesteps)
+        rollouts = self._steps // (settings.worlds * settings.steps)
+        self._on_progress(self._steps)
         if rollouts % self._arguments.checkpoint_every == 0:
-            save_checkpoint(self._ppo, self._worlds, self._folder.path)
+            save_checkpoint(self._trained, self._worlds, self._folder.path)
         if rollouts and rollouts % self._arguments.validate_every == 0:
             self.validate()
 
     def finish(self) -> Path:
         """Keep the last checkpoint and validate it."""
-        self._on_progress(self.num_timesteps)
-        path = save_checkpoint(self._ppo, self._worlds, self._folder.path)
+        self._on_progress(self._steps)
+        path = save_checkpoint(self._trained, self._worlds, self._folder.path)
         self.validate()
         return path
 
     def validate(self) -> None:
         """Write the scores on validation episodes to the logs and to a file."""
-        scores = self._validation.scores(network_of(self._ppo), self._worlds.interface)
+        actor = self._arguments.learner.actor(self._trained)
+        scores = self._validation.scores(network_of(actor), self._worlds.interface)
         for pace, values in scores.items():
             for name, value in values.items():
                 self.logger.record(f"validation/{pace}_{name}", value)
-        self.logger.dump(self.num_timesteps)
+        self.logger.dump(self._steps)
         file = self._folder.path / PROGRESS
         kept: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-        kept = {steps: row for steps, row in kept.items() if int(steps) < self.num_timesteps}
-        kept[str(self.num_timesteps)] = scores
+        kept = {steps: row for steps, row in kept.items() if int(steps) < self._steps}
+        kept[str(self._steps)] = scores
         write_text_atomic(file, json.dumps(kept, indent=1) + "\n")
 
     @property
-    def _ppo(self) -> PPO:
-        assert isinstance(self.model, PPO)
+    def _trained(self) -> OnPolicyAlgorithm:
+        assert isinstance(self.model, OnPolicyAlgorithm)
         return self.model
+
+    @property
+    def _steps(self) -> int:
+        """Control steps so far: the model's, since a finished run that is resumed has no steps of this callback."""
+        return self._trained.num_timesteps
 
 
 def train(
@@ -277,53 +271,16 @@ def make_training_worlds(settings: Settings, draws: Randomisation, interface: In
     return InterfaceVecEnv(worlds, interface, settings.drift, settings.window, truth)
 
 
-def make_model(settings: Settings, worlds: InterfaceVecEnv, arguments: Arguments) -> CheckedPPO:
+def make_model(settings: Settings, worlds: InterfaceVecEnv, arguments: Arguments) -> OnPolicyAlgorithm:
     """Return an untrained model; seeds torch, NumPy's legacy generator and the worlds."""
     torch.set_num_threads(1)  # networks as small as these are slower with more
-    model = CheckedPPO(
-        TwoViewsPolicy,
-        worlds,
-        learning_rate=Falling(settings.learning_rate, settings.learning_rate_end),
-        n_steps=settings.steps,
-        batch_size=settings.minibatch,
-        n_epochs=settings.epochs,
-        gamma=settings.discount,
-        gae_lambda=settings.trace,
-        clip_range=settings.clip,
-        ent_coef=settings.entropy,
-        vf_coef=settings.value_weight,
-        max_grad_norm=settings.max_gradient,
-        target_kl=settings.target_kl or None,
-        policy_kwargs={
-            "net_arch": {"pi": list(settings.hidden), "vf": list(settings.value_hidden)},
-            "log_std_init": math.log(settings.deviation),
-            "seen": worlds.interface.size,
-        },
-        seed=arguments.seed,
-        device="cpu",
-    )
-    policy: Any = model.policy
-    with torch.no_grad():
-        policy.action_net.bias.fill_(settings.start)
-    return model
+    return arguments.learner.make_model(settings, worlds, arguments.seed)
 
 
 def make_logger(out: Path, steps: int) -> Logger:
     """Return what writes progress.csv and for TensorBoard; after a resume, to files of its own."""
     name = f"progress-{steps}.csv" if steps else "progress.csv"
     return Logger(str(out), [CSVOutputFormat(str(out / name)), TensorBoardOutputFormat(str(out))])
-
-
-@dataclass(frozen=True)
-class Falling:
-    """A learning rate that falls linearly over the training."""
-
-    first: float
-    last: float
-
-    def __call__(self, remaining: float) -> float:
-        """Return the rate where a share of the training remains."""
-        return self.last + (self.first - self.last) * remaining
 
 
 def check_same(known: Arguments, given: Arguments) -> None:

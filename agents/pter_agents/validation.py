@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stable_baselines3 import PPO
+from torch import nn
 
 from pter_agents.worlds import training_draws
 from pter_gym.benchmark import score_episodes
@@ -80,13 +80,11 @@ class Validation:
         return found
 
 
-def network_of(model: PPO) -> Net:
-    """Return the mean action of a model's policy."""
+def network_of(actor: nn.Sequential) -> Net:
+    """Return the mean action of a policy with these layers."""
 
     def act(inputs: Array) -> Array:
         with torch.no_grad():
-            seen = torch.as_tensor(inputs, dtype=torch.float32)
-            latent = model.policy.mlp_extractor.forward_actor(seen)
-            return model.policy.action_net(latent).numpy().astype(np.float64)
+            return actor(torch.as_tensor(inputs, dtype=torch.float32)).numpy().astype(np.float64)
 
     return act

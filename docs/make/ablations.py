@@ -17,7 +17,7 @@ from typing import Any
 import tyro
 from pages import ROOT, write_block
 
-from pter_agents.settings import Settings, load_settings
+from pter_agents.algorithms import load_settings
 from pter_agents.training import PROGRESS, RUN, Arguments, RunFolder, check_same
 from pter_agents.training import train as train_run
 from pter_gym.benchmark import PACES
@@ -39,7 +39,7 @@ Scores = dict[str, dict[str, float]]
 
 def arguments(variant: str, scenario: str, seed: int, steps: int) -> Arguments:
     """What to train."""
-    settings: Settings = replace(load_settings("ppo"), **VARIANTS[variant])
+    settings: Any = replace(load_settings("ppo"), **VARIANTS[variant])
     return Arguments(
         algorithm="ppo",
         scenario=scenario,

@@ -16,8 +16,8 @@ import tyro
 from ablations import PAGE, finish, is_finished
 from pages import table, write_block
 
+from pter_agents.algorithms import load_settings
 from pter_agents.exporting import export_run
-from pter_agents.settings import load_settings
 from pter_agents.training import Arguments
 from pter_gym.benchmark import PACES, leaderboards, run_scenario
 from pter_gym.policies import load_policy

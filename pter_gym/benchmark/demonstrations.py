@@ -210,8 +210,10 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     expected = {*ROWS, "starts", "ends", "draws", *NAMES, *(f"score_{name}" for name in SCORES), "info"}
     with zipfile.ZipFile(path) as archive:
         parts = archive.infolist()
+    names = [part.filename.removesuffix(".npy") for part in parts]
     if sorted(part.filename for part in parts) != sorted(f"{name}.npy" for name in expected):
-        raise ValueError(f"it must hold {', '.join(sorted(expected))}")
+        other = ", ".join(sorted(expected.symmetric_difference(names)))
+        raise ValueError(f"it must hold {', '.join(sorted(expected))}; it differs in {other}")
     if (unpacked := sum(part.file_size for part in parts)) > MOST_UNPACKED:
         raise ValueError(f"its content must have at most {MOST_UNPACKED} B, it has {unpacked}")
     with np.load(path, allow_pickle=False) as archive:

@@ -13,17 +13,22 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from pter_gym import hands, params, paths
 from pter_gym.errors import DataError, ParameterError, unknown_name
-from pter_gym.internal.codec import from_plain, to_plain
+from pter_gym.internal.codec import Codec, dataclasses_in, reading
 from pter_gym.internal.files import write_bytes_atomic, write_text_atomic
 from pter_gym.params import Machine
 from pter_gym.scenarios import find_pace
+from pter_gym.tasks import path_following
 from pter_gym.tasks.path_following import PathFollowing
 
 FOLDER = Path(__file__).parents[1] / "episodes"
 """Where the package keeps its evaluation episodes."""
 
 CHECKSUMS = "checksums.json"
+
+CODEC = Codec(dataclasses_in(params, hands, paths, path_following))
+"""Knows the parts of machines and tasks."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +138,7 @@ def store_episodes(
     parts: dict[str, int] = {}
 
     def number(part: object) -> int:
-        return parts.setdefault(json.dumps(to_plain(part), sort_keys=True, ensure_ascii=False), len(parts))
+        return parts.setdefault(json.dumps(CODEC.to_plain(part), sort_keys=True, ensure_ascii=False), len(parts))
 
     entries = [
         {"machine": number(machine), "task": number(task), "seed": seed, "stratum": stratum}
@@ -174,19 +179,26 @@ def _read(path: Path, expected: str) -> Episodes:
     found = hashlib.sha256(data).hexdigest()
     if found != expected:
         raise DataError(f"evaluation data {path} were changed: SHA-256 is {found}, stored was {expected}")
-    return _decode(data, found)
+    with reading(f"evaluation data {path}"):
+        return _decode(data, found)
 
 
 @cache
 def _decode(data: bytes, checksum: str) -> Episodes:
     content: dict[str, Any] = json.loads(gzip.decompress(data))
-    parts = [from_plain(part) for part in content["parts"]]
+    parts = [CODEC.from_plain(part) for part in content["parts"]]
     entries: list[dict[str, Any]] = content["episodes"]
     return Episodes(
         scenario=content["scenario"],
         checksum=checksum,
-        machines=tuple(parts[entry["machine"]] for entry in entries),
-        tasks=tuple(parts[entry["task"]] for entry in entries),
+        machines=tuple(_checked(parts[entry["machine"]], Machine) for entry in entries),
+        tasks=tuple(_checked(parts[entry["task"]], PathFollowing) for entry in entries),
         seeds=tuple(entry["seed"] for entry in entries),
         strata=tuple(entry["stratum"] for entry in entries),
     )
+
+
+def _checked(part: Any, kind: type[Any]) -> Any:
+    if not isinstance(part, kind):
+        raise TypeError(f"there must be a {kind.__name__}, there is a {type(part).__name__}")
+    return part

@@ -1,18 +1,19 @@
 """Controllers with gains that ``pter tune`` found on training draws, as the package ships them.
 
-``pter_gym/presets/tuned.toml`` has a table for each scenario, controller and pace: the gains, the command that found
-them, and their scores on training draws that the search had not seen.
+``pter_gym/presets/tuned.toml`` has a table for each scenario, controller and pace: the gains, the defaults of those
+that were not searched, the command that found them, and their scores on training draws that the search had not seen.
 """
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, cast
 
 from pter_gym.benchmark.runs import PACKAGE
 from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
 from pter_gym.errors import DataError, ParameterError, unknown_name
+from pter_gym.internal.codec import reading
+from pter_gym.policies.stored import restore_guided
 from pter_gym.scenarios import PACES
 
 TABLE = PACKAGE / "presets" / "tuned.toml"
@@ -83,28 +84,26 @@ def read_table(path: Path = TABLE) -> Table:
             for pace, entry in _table(paces, f"{scenario}.{controller}", path).items():
                 if pace not in PACES:
                     raise DataError(f"tuned gains {path}: {scenario}.{controller}.{pace} is no pace")
-                _table(_table(entry, pace, path).get("gains"), f"{scenario}.{controller}.{pace}.gains", path)
+                _check_entry(_table(entry, pace, path), f"{scenario}.{controller}.{pace}", path)
     return table
 
 
 def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
-    """Return a controller with the gains of an entry; those that it does not name are the paper's.
+    """Return a controller with the gains of an entry; those that it does not name are the defaults that it relies on.
 
     Raises
     ------
     DataError
-        If a gain is unknown or refused.
+        If a gain is unknown or refused, or is in none of both and does not declare what its absence meant.
     """
-    kind: Any = CONTROLLERS[name]
-    gains: dict[str, Any] = entry["gains"]
-    known = [field.name for field in fields(kind)]
-    for gain in gains:
-        if gain not in known:
-            raise DataError(f"tuned gains {path}: {name} has no gain {gain!r}; it has {', '.join(known)}")
-    try:
-        return kind(**gains)
-    except ParameterError as error:
-        raise DataError(f"tuned gains {path}: {error}") from None
+    with reading(f"tuned gains {path}"):
+        return restore_guided(name, entry["gains"], entry.get("defaults"))
+
+
+def _check_entry(entry: Mapping[str, Any], where: str, path: Path) -> None:
+    """Raise a DataError unless an entry has gains; it may have the defaults that they rely on."""
+    for name, part in (("gains", entry.get("gains")), ("defaults", entry.get("defaults", {}))):
+        _table(part, f"{where}.{name}", path)
 
 
 def _table(value: object, where: str, path: Path) -> dict[str, Any]:

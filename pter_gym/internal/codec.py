@@ -1,101 +1,156 @@
-"""Frozen dataclasses of parameters as plain data, and back: what can be stored as JSON and read without running it.
+"""Frozen dataclasses as plain data, and back: what can be stored as JSON and read without running it.
 
 A dataclass becomes a dictionary with its name under ``"type"`` and its fields, a tuple a list. Floats keep every bit,
 since JSON writes them by ``repr``.
+
+Data outlive the dataclass. A field that they lack did not exist when they were written: it takes what its absence meant
+then, which the field declares under ``ABSENT`` in its metadata. A field without that declaration has to be there.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
-from functools import cache
-from types import ModuleType
+import zlib
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import MISSING, Field, fields, is_dataclass
+from types import MappingProxyType, ModuleType
 from typing import Any, cast
 
-from pter_gym import hands, params, paths
-from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.tasks import path_following
+from pter_gym.errors import DataError, ParameterError, unknown_name
 
-MODULES: tuple[ModuleType, ...] = (params, hands, paths, path_following)
-"""Modules and packages that define the dataclasses that can be stored."""
+ABSENT = "absent"
+"""Key of a field's metadata: its value in data that were written before the field existed."""
 
 TYPE = "type"
+
+COMPLAINTS = (
+    ValueError,
+    TypeError,
+    LookupError,
+    AttributeError,
+    ArithmeticError,
+    RecursionError,
+    OSError,
+    EOFError,
+    zlib.error,
+)
+"""What reading data that make no sense can raise."""
 
 Plain = None | bool | int | float | str | list["Plain"] | dict[str, "Plain"]
 
 
-def to_plain(value: object) -> Plain:
-    """Return a value as plain data.
+class Codec:
+    """Turns values of some dataclasses to plain data and back; no other class is ever made from data.
 
-    Raises
-    ------
-    ParameterError
-        If it holds anything but the package's frozen dataclasses, tuples, finite numbers, strings, booleans and None.
+    Parameters
+    ----------
+    kinds
+        The dataclasses; data know them by their names.
     """
-    if value is None or isinstance(value, (bool, str)):
-        return value
-    if isinstance(value, int):
-        return int(value)
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            raise ParameterError(f"stored numbers must be finite, got {value!r}")
-        return float(value)
-    if isinstance(value, tuple):
-        return [to_plain(item) for item in cast("tuple[object, ...]", value)]
-    name = type(value).__name__
-    if known_types().get(name) is not type(value):
-        raise unknown_name("stored type", name, known_types())
-    return {TYPE: name} | {item.name: to_plain(getattr(value, item.name)) for item in _stored_fields(type(value))}
+
+    def __init__(self, kinds: Iterable[type[Any]]) -> None:
+        found: dict[str, type[Any]] = {}
+        for kind in kinds:
+            if found.setdefault(kind.__name__, kind) is not kind:
+                raise TypeError(f"two dataclasses are called {kind.__name__}")
+        self.kinds: Mapping[str, type[Any]] = MappingProxyType(found)
+
+    def to_plain(self, value: object) -> Plain:
+        """Return a value as plain data.
+
+        Raises
+        ------
+        ParameterError
+            If it holds anything but these dataclasses, tuples, finite numbers, strings, booleans and None.
+        """
+        if value is None or isinstance(value, (bool, str)):
+            return value
+        if isinstance(value, int):
+            return int(value)
+        if isinstance(value, float):
+            if not math.isfinite(value):
+                raise ParameterError(f"stored numbers must be finite, got {value!r}")
+            return float(value)
+        if isinstance(value, tuple):
+            return [self.to_plain(item) for item in cast("tuple[object, ...]", value)]
+        name = type(value).__name__
+        if self.kinds.get(name) is not type(value):
+            raise unknown_name("stored type", name, self.kinds)
+        return {TYPE: name} | {field: self.to_plain(getattr(value, field)) for field in stored_fields(type(value))}
+
+    def from_plain(self, data: object) -> Any:
+        """Return the value that ``to_plain`` made the data from; dataclasses check themselves as always.
+
+        Raises
+        ------
+        ParameterError
+            If a type or field is unknown, a field is missing, or a value is refused by its dataclass.
+        """
+        if data is None or isinstance(data, (bool, int, float, str)):
+            return data
+        if isinstance(data, list):
+            return tuple(self.from_plain(item) for item in cast("list[object]", data))
+        if not isinstance(data, Mapping):
+            raise ParameterError(f"stored data must be what JSON holds, got {type(data).__name__}")
+        given = dict(cast("Mapping[str, object]", data))
+        name = given.pop(TYPE, None)
+        if not isinstance(name, str) or name not in self.kinds:
+            raise unknown_name("stored type", name, self.kinds)
+        kind = self.kinds[name]
+        return kind(**completed(kind, {field: self.from_plain(value) for field, value in given.items()}))
 
 
-def from_plain(data: object) -> Any:
-    """Return the value that ``to_plain`` made the data from; dataclasses check themselves as always.
-
-    Raises
-    ------
-    ParameterError
-        If a type or field is unknown, a field is missing, or a value is refused by its dataclass.
-    """
-    if data is None or isinstance(data, (bool, int, float, str)):
-        return data
-    if isinstance(data, list):
-        return tuple(from_plain(item) for item in cast("list[object]", data))
-    if isinstance(data, Mapping):
-        return _dataclass_from(cast("Mapping[str, object]", data))
-    raise ParameterError(f"stored data must be what JSON holds, got {type(data).__name__}")
-
-
-@cache
-def known_types() -> dict[str, type[Any]]:
-    """Return the dataclasses that can be stored by name."""
-    found: dict[str, type[Any]] = {}
-    for module in MODULES:
-        for name, kind in vars(module).items():
+def dataclasses_in(*modules: ModuleType) -> Iterator[type[Any]]:
+    """Yield the dataclasses that are named in modules or packages and defined there."""
+    for module in modules:
+        for kind in vars(module).values():
             if isinstance(kind, type) and is_dataclass(kind) and _belongs(kind, module):
-                if name in found:
-                    raise TypeError(f"two dataclasses are called {name}")
-                found[name] = kind
-    return found
+                yield kind
+
+
+def stored_fields(kind: type[Any]) -> dict[str, Field[Any]]:
+    """Return the fields of a dataclass that data hold, by name."""
+    return {item.name: item for item in fields(kind) if item.init}
+
+
+def completed(kind: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a value for each field of a dataclass, from data that may be older than some of them.
+
+    Raises
+    ------
+    ParameterError
+        If a field is unknown, which tells the nearest, or is missing and does not declare what its absence meant.
+    """
+    known = stored_fields(kind)
+    for name in given:
+        if name not in known:
+            raise unknown_name(f"stored fields of {kind.__name__}", name, known)
+    missing = {name: item.metadata for name, item in known.items() if name not in given}
+    for name, metadata in missing.items():
+        if ABSENT not in metadata:
+            raise ParameterError(f"stored {kind.__name__} has no field {name!r}; it needs {', '.join(known)}")
+    return {name: missing[name][ABSENT] if name in missing else given[name] for name in known}
+
+
+def tuple_of(value: Any) -> Any:
+    """Return a value as dataclasses have it: files know no tuples."""
+    return tuple(cast("list[Any]", value)) if isinstance(value, list) else value
+
+
+def declared(absent: object) -> dict[str, object]:
+    """Return metadata that say what a field's absence means; none for ``dataclasses.MISSING``."""
+    return {} if absent is MISSING else {ABSENT: absent}
+
+
+@contextmanager
+def reading(what: str) -> Generator[None, None, None]:
+    """Raise a DataError that begins with the name of some data in the place of any complaint about them."""
+    try:
+        yield
+    except COMPLAINTS as error:
+        told = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else error
+        raise DataError(f"{what}: {told}") from None
 
 
 def _belongs(kind: type[Any], module: ModuleType) -> bool:
     """Tell whether a class is defined in a module, or in one of a package's."""
     return f"{kind.__module__}.".startswith(f"{module.__name__}.")
-
-
-def _dataclass_from(data: Mapping[str, object]) -> Any:
-    name = data.get(TYPE)
-    if not isinstance(name, str) or name not in known_types():
-        raise unknown_name("stored type", name, known_types())
-    kind = known_types()[name]
-    known = [item.name for item in _stored_fields(kind)]
-    for key in data:
-        if key != TYPE and key not in known:
-            raise unknown_name(f"stored fields of {name}", key, known)
-    for key in known:
-        if key not in data:
-            raise ParameterError(f"stored {name} has no field {key!r}; it needs {', '.join(known)}")
-    return kind(**{key: from_plain(data[key]) for key in known})
-
-
-def _stored_fields(kind: type[Any]) -> list[Any]:
-    return [item for item in fields(kind) if item.init]

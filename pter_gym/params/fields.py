@@ -1,16 +1,21 @@
 """How parameters are declared and checked: a unit and a provenance for each field, one message for each bad value."""
 
 import math
-from dataclasses import field, fields
+from dataclasses import MISSING, field, fields
 from typing import Any, cast
 
 from pter_gym.errors import ParameterError
+from pter_gym.internal.codec import declared
 from pter_gym.params.preset import PRESET
 
 
-def quantity(unit: str, provenance: str, **options: Any) -> Any:
-    """Declare a field with its unit and where its value comes from."""
-    return field(metadata={"unit": unit, "provenance": provenance}, **options)
+def quantity(unit: str, provenance: str, *, absent: Any = MISSING, **options: Any) -> Any:
+    """Declare a field with its unit and where its value comes from.
+
+    A field that is added to a stored dataclass needs ``absent``: the value with which data from before the field mean
+    what they meant.
+    """
+    return field(metadata={"unit": unit, "provenance": provenance, **declared(absent)}, **options)
 
 
 def preset(section: str, name: str) -> Any:

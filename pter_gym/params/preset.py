@@ -8,16 +8,20 @@ import math
 import os
 import sys
 import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import Field, dataclass, field, fields
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
 
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.internal.codec import ABSENT, declared, reading
 
 KINDS = ("published", "derived", "fitted", "chosen")
 """First words of a provenance."""
+
+ABSENT_ORIGIN = "chosen: the file is older than this number"
+"""Provenance of a number that a file lacks."""
 
 Value = float | tuple[float, ...]
 
@@ -29,9 +33,13 @@ def number(
     at_least: float = -math.inf,
     at_most: float = math.inf,
     below: float = math.inf,
+    absent: Any = MISSING,
 ) -> Any:
-    """Declare a number of a preset file with its unit and its range."""
-    return field(metadata={"unit": unit, "range": (above, at_least, at_most, below)})
+    """Declare a number of a preset file with its unit and its range.
+
+    A number that is added needs ``absent``: the value with which files from before it mean what they meant.
+    """
+    return field(metadata={"unit": unit, "range": (above, at_least, at_most, below), **declared(absent)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,25 +143,29 @@ def load_preset(path: str | os.PathLike[str]) -> Preset:
     Raises
     ------
     ParameterError
-        If the file cannot be read, is no TOML, or a section or field is missing, unknown, not a finite number, out of
-        its range, in another unit, or without a provenance.
+        If the file cannot be read.
+    DataError
+        If it is no TOML, or a section or field is unknown, missing without saying what its absence meant, not a finite
+        number, out of its range, in another unit, or without a provenance.
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ParameterError(f"preset {os.fspath(path)!s} cannot be read: {error}") from None
-    return parse_preset(text, str(path))
+    with reading(f"preset {path}"):
+        return parse_preset(text)
 
 
-def parse_preset(text: str, origin: str = "text") -> Preset:
-    """Return the preset in a TOML text; see ``load_preset``. ``origin`` names it in error messages."""
+def parse_preset(text: str) -> Preset:
+    """Return the preset in a TOML text; it raises a ParameterError where ``load_preset`` raises a DataError."""
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ParameterError(f"preset {origin} is no TOML: {error}") from None
-    _check_names(tables, SECTIONS, origin, "section")
+        raise ParameterError(f"it is no TOML: {error}") from None
+    new = [name for name, kind in SECTIONS.items() if all(ABSENT in item.metadata for item in fields(kind))]
+    _check_names(tables, SECTIONS, "section", new)
     provenance: dict[str, str] = {}
-    sections = {name: _section(kind, name, tables[name], origin, provenance) for name, kind in SECTIONS.items()}
+    sections = {name: _section(kind, name, tables.get(name, {}), provenance) for name, kind in SECTIONS.items()}
     return Preset(**sections, provenance=MappingProxyType(provenance))
 
 
@@ -183,34 +195,41 @@ def _lines(preset: Preset, title: str) -> Iterator[str]:
             yield f'{item.name} = {{ value = {written}, unit = "{item.metadata["unit"]}", from = "{origin}" }}'
 
 
-def _check_names(found: Mapping[str, object], known: Mapping[str, object], origin: str, what: str) -> None:
+def _check_names(found: Mapping[str, object], known: Collection[str], what: str, missing: Collection[str] = ()) -> None:
+    """Raise a ParameterError unless all found names are known, and all known ones found but those that may miss."""
     for name in found:
         if name not in known:
-            raise ParameterError(f"preset {origin}: unknown {what} {name!r}; there are {', '.join(known)}")
+            raise ParameterError(f"unknown {what} {name!r}: {unknown_name(what, name, known)}")
     for name in known:
-        if name not in found:
-            raise ParameterError(f"preset {origin}: {what} {name!r} is missing")
+        if name not in found and name not in missing:
+            raise ParameterError(f"{what} {name!r} is missing")
 
 
-def _section(kind: type[Any], section: str, table: object, origin: str, provenance: dict[str, str]) -> Any:
+def _section(kind: type[Any], section: str, table: object, provenance: dict[str, str]) -> Any:
     if not isinstance(table, dict):
-        raise ParameterError(f"preset {origin}: {section} must be a table")
+        raise ParameterError(f"{section} must be a table")
     items: dict[str, Field[Any]] = {item.name: item for item in fields(kind)}
+    absent = {name: item.metadata[ABSENT] for name, item in items.items() if ABSENT in item.metadata}
     entries = cast(dict[str, object], table)
-    _check_names(entries, items, f"{origin}, section {section}", "field")
+    _check_names(entries, items, f"field of {section}", absent)
     values: dict[str, Value] = {}
     for name, item in items.items():
-        where = f"preset {origin}: {section}.{name}"
-        entry = entries[name]
-        if not isinstance(entry, dict):
-            raise ParameterError(f"{where} must be a table with value, unit and from")
-        entry = cast("dict[str, object]", entry)
-        _check_names(entry, {"value": 0, "unit": 0, "from": 0}, f"{origin}, field {section}.{name}", "entry")
-        if entry["unit"] != item.metadata["unit"]:
-            raise ParameterError(f"{where}.unit must be {item.metadata['unit']!r}, got {entry['unit']!r}")
-        values[name] = _value(item, entry["value"], where)
-        provenance[f"{section}.{name}"] = _origin(entry["from"], where)
+        where = f"{section}.{name}"
+        values[name], provenance[where] = (
+            _entry(item, entries[name], where) if name in entries else (absent[name], ABSENT_ORIGIN)
+        )
     return kind(**values)
+
+
+def _entry(item: "Field[Any]", entry: object, where: str) -> tuple[Value, str]:
+    """Return value and provenance of a field."""
+    if not isinstance(entry, dict):
+        raise ParameterError(f"{where} must be a table with value, unit and from")
+    entry = cast("dict[str, object]", entry)
+    _check_names(entry, ("value", "unit", "from"), f"entry of {where}")
+    if entry["unit"] != item.metadata["unit"]:
+        raise ParameterError(f"{where}.unit must be {item.metadata['unit']!r}, got {entry['unit']!r}")
+    return _value(item, entry["value"], where), _origin(entry["from"], where)
 
 
 def _origin(value: object, where: str) -> str:

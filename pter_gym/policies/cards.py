@@ -3,13 +3,15 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from typing import Any, cast
 
 from pter_gym.compiled.layout import Layout
-from pter_gym.errors import DataError, ParameterError
+from pter_gym.errors import ParameterError
+from pter_gym.internal.codec import completed, reading
 from pter_gym.policies.interface import Base, Input, Interface
+from pter_gym.policies.stored import gains_of, restore_guided
 
 FORMAT = 1
 """Version of the format."""
@@ -24,8 +26,6 @@ MOST_INPUTS, MOST_UNITS, MOST_LAYERS = 256, 1024, 8
 
 DEEPEST = 8
 """Deepest nesting of a card."""
-
-KEYS = ("format", "name", "environment", "observation", "voltage_max", "interface", "hidden", "weights_sha256", "about")
 
 Fields = tuple[tuple[str, str, float], ...]
 
@@ -90,11 +90,17 @@ class Card:
             "environment": self.environment,
             "observation": [{"name": name, "unit": unit, "scale": scale} for name, unit, scale in self.observation],
             "voltage_max": self.voltage_max,
-            "interface": asdict(self.interface),
+            "interface": plain_interface(self.interface),
             "hidden": list(self.hidden),
             "weights_sha256": self.weights_sha256,
             "about": dict(self.about),
         }
+
+
+def plain_interface(interface: Interface) -> dict[str, Any]:
+    """Return an interface as plain data that rely on no default."""
+    base = interface.base
+    return asdict(interface if base is None else replace(interface, base=base.complete()))
 
 
 def fields_of(layout: Layout) -> Fields:
@@ -121,76 +127,89 @@ def read_card(data: bytes, what: str) -> Card:
     DataError
         If it is no whole card of this format, or made for another environment.
     """
-    try:
+    with reading(f"policy card {what} is refused"):
         content = json.loads(data.decode("utf-8"), parse_constant=_refuse, object_pairs_hook=_unique)
         _check_depth(content, DEEPEST)
-        _check_keys(content, KEYS, "card")
-        if content["format"] != FORMAT:
-            raise ValueError(f"format must be {FORMAT}, got {content['format']!r}")
-        if content["environment"] != ENVIRONMENT:
-            raise ValueError(f"it is made for {content['environment']!r}, this is {ENVIRONMENT!r}")
-        return _card(content)
-    except (ValueError, TypeError, OverflowError, RecursionError) as error:
-        raise DataError(f"policy card {what} is refused: {error}") from None
+        values = dict(_object(content))
+        if (found := values.pop("format", None)) != FORMAT:
+            raise ValueError(f"format must be {FORMAT}, got {found!r}")
+        return _card(values)
 
 
 def read_interface(content: Any) -> Interface:
-    """Return an interface from plain data, as ``dataclasses.asdict`` gives it.
+    """Return an interface from plain data, as ``plain_interface`` gives it.
 
     Raises
     ------
     ValueError
         If it is not one.
     """
-    _check_keys(content, ("inputs", "reach", "base", "history", "averages"), "interface")
-    entries = _list(content["inputs"], "inputs", MOST_INPUTS)
-    for entry in entries:
-        _check_keys(entry, ("name", "center", "scale"), "input")
-    base: Any = content["base"]
-    return Interface(
-        inputs=tuple(Input(**entry) for entry in entries),
-        reach=_number(content["reach"], "reach"),
+    values = _fields(Interface, content, "interface")
+    inputs = _list(values["inputs"], "inputs", MOST_INPUTS)
+    base: Any = values["base"]
+    values.update(
+        inputs=tuple(Input(**_fields(Input, entry, "input")) for entry in inputs),
+        reach=_number(values["reach"], "reach"),
         base=None if base is None else _base(base),
-        history=tuple(_list(content["history"], "history", MOST_LAYERS, at_least=0)),
-        averages=tuple(_list(content["averages"], "averages", MOST_LAYERS, at_least=0)),
+        history=tuple(_list(values["history"], "history", MOST_LAYERS, at_least=0)),
+        averages=tuple(_list(values["averages"], "averages", MOST_LAYERS, at_least=0)),
     )
+    return Interface(**values)
 
 
-def _card(content: dict[str, Any]) -> Card:
-    observation: list[tuple[str, str, float]] = []
-    for entry in _list(content["observation"], "observation", MOST_INPUTS):
-        _check_keys(entry, ("name", "unit", "scale"), "observation")
-        scale = _number(entry["scale"], "scale")
-        observation.append((_text(entry["name"], "name"), _text(entry["unit"], "unit"), scale))
-    hidden = _list(content["hidden"], "hidden", MOST_LAYERS)
+def _card(content: Any) -> Card:
+    values = _fields(Card, content, "card")
+    if values["environment"] != ENVIRONMENT:
+        raise ValueError(f"it is made for {values['environment']!r}, this is {ENVIRONMENT!r}")
+    hidden = _list(values["hidden"], "hidden", MOST_LAYERS)
     for size in hidden:
         if type(size) is not int or not 1 <= size <= MOST_UNITS:
             raise ValueError(f"hidden must hold whole numbers from 1 to {MOST_UNITS}, got {size!r}")
-    if not isinstance(content["about"], dict):
+    if not isinstance(values["about"], dict):
         raise ValueError("about must be an object")
-    return Card(
-        name=_text(content["name"], "name"),
-        observation=tuple(observation),
-        voltage_max=_number(content["voltage_max"], "voltage_max"),
-        interface=read_interface(content["interface"]),
+    values.update(
+        name=_text(values["name"], "name"),
+        observation=tuple(map(_entry, _list(values["observation"], "observation", MOST_INPUTS))),
+        voltage_max=_number(values["voltage_max"], "voltage_max"),
+        interface=read_interface(values["interface"]),
         hidden=tuple(hidden),
-        weights_sha256=_text(content["weights_sha256"], "weights_sha256"),
-        about=cast(dict[str, Any], content["about"]),
+        weights_sha256=_text(values["weights_sha256"], "weights_sha256"),
     )
+    return Card(**values)
+
+
+def _entry(content: Any) -> tuple[str, str, float]:
+    if set(_object(content)) != {"name", "unit", "scale"}:
+        raise ValueError("observation must hold objects with name, unit, scale")
+    return _text(content["name"], "name"), _text(content["unit"], "unit"), _number(content["scale"], "scale")
 
 
 def _base(content: Any) -> Base:
-    _check_keys(content, ("controller", "paces", "gains"), "base")
-    gains = _list(content["gains"], "gains", MOST_INPUTS)
+    values = _fields(Base, content, "base")
+    controller = _text(values["controller"], "controller")
+    gains = _list(values["gains"], "gains", MOST_INPUTS)
     if not all(isinstance(each, dict) for each in gains):
         raise ValueError("gains must be objects")
-    paces = [_number(pace, "paces") for pace in _list(content["paces"], "paces", MOST_INPUTS)]
-    return Base(controller=_text(content["controller"], "controller"), paces=tuple(paces), gains=tuple(gains))
+    values.update(
+        controller=controller,
+        paces=tuple(_number(pace, "paces") for pace in _list(values["paces"], "paces", MOST_INPUTS)),
+        gains=tuple({**gains_of(restore_guided(controller, each)), **each} for each in gains),
+    )
+    return Base(**values)
 
 
-def _check_keys(content: Any, keys: tuple[str, ...], what: str) -> None:
-    if not isinstance(content, dict) or set(cast(dict[str, Any], content)) != set(keys):
-        raise ValueError(f"{what} must be an object with {', '.join(keys)}")
+def _fields(kind: type[Any], content: Any, what: str) -> dict[str, Any]:
+    """Return a value for each field of a dataclass, from an object that may be older than some of them."""
+    try:
+        return completed(kind, _object(content))
+    except ValueError as error:
+        raise ValueError(f"{what} must be an object with the fields of {kind.__name__}: {error}") from None
+
+
+def _object(content: Any) -> dict[str, Any]:
+    if not isinstance(content, dict):
+        raise ValueError(f"there must be an object, there is {content!r:.40}")
+    return cast("dict[str, Any]", content)
 
 
 def _list(value: Any, what: str, most: int, *, at_least: int = 1) -> list[Any]:

@@ -5,10 +5,10 @@ A network sees quantities of the observation and a few derived from it, each shi
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pter_gym.compiled.layout import Layout
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import Machine, require, require_kind, require_number
+from pter_gym.policies.stored import gains_of, make_guided
 
 if TYPE_CHECKING:
     from pter_gym.controllers import PaceSchedule
@@ -97,7 +98,7 @@ class Base:
     paces
         Commanded paces [m/s], rising.
     gains
-        For each pace, the fields of the controller in which it differs from its defaults.
+        For each pace, fields of the controller; those that are not named have their defaults.
     """
 
     controller: str
@@ -113,24 +114,17 @@ class Base:
 
     def schedule(self) -> "PaceSchedule":
         """Return the controller: gains linear in the commanded pace between those of the paces."""
-        from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
+        from pter_gym.controllers import PaceSchedule
 
-        guided = [name for name, kind in CONTROLLERS.items() if issubclass(kind, Guided)]
-        if self.controller not in guided:
-            raise unknown_name("base.controller", self.controller, guided)
-        kind: Any = CONTROLLERS[self.controller]
-        known = kind.__dataclass_fields__
-        for gains in self.gains:
-            for name in gains:
-                if name not in known:
-                    raise unknown_name("base.gains", name, known)
-        made = [kind(**{name: _plain(value) for name, value in gains.items()}) for gains in self.gains]
+        made = [make_guided(self.controller, gains) for gains in self.gains]
         return PaceSchedule(tuple(zip(self.paces, made, strict=True)))
 
-
-def _plain(value: Any) -> Any:
-    """Return a value as dataclasses have it: JSON knows no tuples."""
-    return tuple(cast(list[Any], value)) if isinstance(value, list) else value
+    def complete(self) -> "Base":
+        """Return it with all gains named, which is what can be stored: defaults change."""
+        made = [controller for _, controller in self.schedule().knots]
+        return replace(
+            self, gains=tuple({**gains_of(each), **given} for each, given in zip(made, self.gains, strict=True))
+        )
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,15 @@ from filelock import FileLock
 
 from pter_gym.benchmark.tuned import Table, read_table
 from pter_gym.internal.files import write_text_atomic
+from pter_gym.policies.stored import gains_of, make_guided
 from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tuning.search import Study
 
 HEADING = (
-    "Gains of controllers in SI, found by `pter tune` on training draws; the others are those of pter.toml. Each entry",
-    "holds the command that made it, the trials of its study, the training draws of each trial, and the scores on as",
-    "many draws that the search had not seen: interquartile mean of the path error [m], means of the others.",
+    "Gains of controllers in SI, found by `pter tune` on training draws. Each entry holds the command that made it,",
+    "the trials of its study, the training draws of each trial, and the scores on as many draws that the search had",
+    "not seen: interquartile mean of the path error [m], means of the others. Gains that were not searched have the",
+    "defaults of the entry; without any there, those of gain_defaults.toml.",
 )
 
 
@@ -28,12 +30,14 @@ def command_of(study: Study) -> str:
 
 def entry_of(study: Study) -> dict[str, Any]:
     """Return what a file holds of a study."""
+    usual = gains_of(make_guided(study.controller, {}))
     return {
         "command": command_of(study),
         "trials": study.trials,
         "episodes": study.episodes,
         **study.verdict._asdict(),
         "gains": study.gains,
+        "defaults": {name: value for name, value in usual.items() if name not in study.gains},
     }
 
 
@@ -66,7 +70,9 @@ def _lines(table: Table) -> Iterator[str]:
 
 
 def _value(value: object) -> str:
-    """Return a number, a switch, a string of ours or a table of these as TOML has it."""
+    """Return a number, a switch, a string of ours or a list or table of these as TOML has it."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_value, cast('tuple[object, ...]', value)))}]"
     if isinstance(value, Mapping):
         parts = cast("Mapping[str, object]", value).items()
         return "{ " + ", ".join(f"{name} = {_value(part)}" for name, part in parts) + " }"

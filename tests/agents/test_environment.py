@@ -3,16 +3,24 @@
 import subprocess
 import sys
 import warnings
+from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
 pytestmark = pytest.mark.agents
 
 
+def make_env() -> Any:
+    """The environment as Stable-Baselines3's algorithms want it."""
+    from stable_baselines3.common.monitor import Monitor
+
+    return Monitor(gymnasium.make("pter_gym:PTER/PathFollowing-v0", action_unit="normalised"))
+
+
 def test_checker_is_silent():
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
-    from pter_agents import make_env
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -21,8 +29,6 @@ def test_checker_is_silent():
 
 def test_monitor_reports_the_episode():
     pytest.importorskip("stable_baselines3")
-    from pter_agents import make_env
-
     env = make_env()
     env.reset(seed=3)
     total, length, done, info = 0.0, 0, False, {}
@@ -36,8 +42,6 @@ def test_monitor_reports_the_episode():
 @pytest.mark.slow
 def test_ppo_learns_for_two_rollouts():
     algorithms = pytest.importorskip("stable_baselines3")
-    from pter_agents import make_env
-
     model = algorithms.PPO("MlpPolicy", make_env(), n_steps=256, batch_size=64, n_epochs=2, seed=0, device="cpu")
     before = [p.detach().clone() for p in model.policy.parameters()]
     model.learn(total_timesteps=512)
@@ -50,9 +54,10 @@ def test_ppo_learns_for_two_rollouts():
 def test_missing_stable_baselines_says_what_to_install():
     program = (
         "import sys; sys.modules['stable_baselines3'] = None\n"
-        "from pter_agents import make_env\n"
-        "try: make_env()\n"
-        "except ImportError as error: print(error)\n"
+        "from pter_agents.command import train\n"
+        "from pter_gym.errors import DependencyError\n"
+        "try: train('ppo', smoke=True)\n"
+        "except DependencyError as error: print(error)\n"
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert 'pip install "pter-gym[agents]"' in result.stdout

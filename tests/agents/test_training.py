@@ -25,8 +25,8 @@ pytest.importorskip("stable_baselines3")
 
 from pter_agents import checkpoints as stored  # noqa: E402
 from pter_agents import command, exporting, prepare, training, worlds  # noqa: E402
+from pter_agents.algorithms import ALGORITHMS, FOLDER, load_settings, settings_from  # noqa: E402
 from pter_agents.errors import TrainingDivergedError  # noqa: E402
-from pter_agents.settings import ALGORITHMS, FOLDER, Settings, load_settings, settings_from  # noqa: E402
 from pter_gym.policies import Neural, load_policy  # noqa: E402
 
 SMALL = {"worlds": 16, "steps": 8, "minibatch": 64, "epochs": 2, "contexts": 4, "hidden": [8], "value_hidden": [8]}
@@ -47,7 +47,7 @@ def torch_as_before() -> Any:
 
 
 def arguments(algorithm: str = "residual", rollouts: int = 4, **changes: Any) -> training.Arguments:
-    settings = settings_from({**asdict(load_settings(algorithm)), **SMALL, "episode": 20, **changes})
+    settings = settings_from(algorithm, {**asdict(load_settings(algorithm)), **SMALL, "episode": 20, **changes})
     return training.Arguments(
         algorithm=algorithm,
         scenario="standard",
@@ -74,7 +74,7 @@ def weights(path: Path) -> list[bytes]:
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_each_algorithm_has_one_whole_file(algorithm: str) -> None:
     content = tomllib.loads((FOLDER / f"{algorithm}.toml").read_text(encoding="utf-8"))
-    assert set(content) == set(Settings.__dataclass_fields__)
+    assert set(content) == set(ALGORITHMS[algorithm].learner.settings.__dataclass_fields__)
     assert asdict(load_settings(algorithm))["worlds"] == content["worlds"]
     assert (load_settings(algorithm).base == "none") == (algorithm == "ppo")
 
@@ -123,7 +123,7 @@ def test_unknown_names_tell_the_nearest(tmp_path: Path) -> None:
 )
 def test_hyperparameters_out_of_range_are_named(name: str, value: Any) -> None:
     with pytest.raises(ParameterError, match=name):
-        settings_from({**asdict(load_settings("ppo")), **SMALL, name: value})
+        settings_from("ppo", {**asdict(load_settings("ppo")), **SMALL, name: value})
 
 
 def test_a_file_changes_what_it_names_alone(tmp_path: Path) -> None:
@@ -366,6 +366,21 @@ def test_a_resumed_run_ends_where_an_uninterrupted_one_does(
     assert weights(resumed) == weights(whole)
 
 
+def test_a_finished_run_that_is_resumed_keeps_its_scores(tmp_path: Path) -> None:
+    given = replace(arguments(rollouts=2), validate_every=1)
+    last = training.train(given, tmp_path)
+    before = json.loads((tmp_path / training.PROGRESS).read_text())
+    assert list(before) == ["128", "256"]
+    done: list[int] = []
+    assert training.train(given, tmp_path, resume=True, on_progress=done.append) == last
+    assert json.loads((tmp_path / training.PROGRESS).read_text()) == before
+    assert done == [256]
+    training.train(replace(given, steps=3 * ROLLOUT), tmp_path, resume=True)
+    after = json.loads((tmp_path / training.PROGRESS).read_text())
+    assert list(after) == ["128", "256", "384"]
+    assert {steps: after[steps] for steps in before} == before
+
+
 def test_the_same_seed_gives_the_same_policy_and_another_another(tmp_path: Path) -> None:
     runs = [
         training.train(replace(arguments(rollouts=2), seed=seed), tmp_path / name)
@@ -540,7 +555,8 @@ def test_the_commands_are_declared_and_ask_for_the_extra(tmp_path: Path, monkeyp
     monkeypatch.delitem(sys.modules, "pter_agents.training")
     monkeypatch.delattr("pter_agents.training")
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
-    monkeypatch.delitem(sys.modules, "pter_agents.checkpoints")
-    monkeypatch.delattr("pter_agents.checkpoints")
+    for name in ("pter_agents.checkpoints", "pter_agents.ppo"):
+        monkeypatch.delitem(sys.modules, name)
+        monkeypatch.delattr(name)
     with pytest.raises(DependencyError, match=r'pip install "pter-gym\[agents\]"'):
         command.train("ppo", out=tmp_path)

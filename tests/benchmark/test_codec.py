@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pter_gym.benchmark.episodes import CODEC
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
 from pter_gym.hands import MultiSineHand
-from pter_gym.internal.codec import from_plain, known_types, to_plain
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, MACHINES, Machine
 from pter_gym.tasks.path_following import PathFollowing
 
 
 def through_json(value: object) -> object:
-    return from_plain(json.loads(json.dumps(to_plain(value), allow_nan=False)))
+    return CODEC.from_plain(json.loads(json.dumps(CODEC.to_plain(value), allow_nan=False)))
 
 
 @pytest.mark.parametrize("value", [*MACHINES.values(), PathFollowing(), MultiSineHand(random_phases=True)])
@@ -44,7 +44,7 @@ def test_numbers_of_numpy_become_plain_ones() -> None:
 
 def test_every_part_of_a_machine_and_a_task_is_known() -> None:
     assert {"Machine", "Clutch", "TorqueCurve", "Arm", "Hand", "PathFollowing", "Line", "MultiSineHand"} <= set(
-        known_types()
+        CODEC.kinds
     )
 
 
@@ -66,33 +66,33 @@ Imposter.__name__ = "Machine"
 @pytest.mark.parametrize("value", [Stranger(), Imposter(), Impedance(), [1.0], {"a": 1}, object(), Machine])
 def test_what_is_unknown_is_not_stored(value: object) -> None:
     with pytest.raises(ParameterError, match="stored type must be among"):
-        to_plain(value)
+        CODEC.to_plain(value)
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
 def test_only_finite_numbers(number: float) -> None:
     with pytest.raises(ParameterError, match="finite"):
-        to_plain((1.0, number))
+        CODEC.to_plain((1.0, number))
 
 
 def test_unknown_names_are_refused_with_the_nearest() -> None:
-    plain = to_plain(BASELINE)
+    plain = CODEC.to_plain(BASELINE)
     assert isinstance(plain, dict)
     with pytest.raises(ParameterError, match="did you mean 'Machine'"):
-        from_plain({**plain, "type": "Machin"})
+        CODEC.from_plain({**plain, "type": "Machin"})
     with pytest.raises(ParameterError, match=r"stored fields of Machine .* did you mean 'substep'"):
-        from_plain({**plain, "substeps": 1})
+        CODEC.from_plain({**plain, "substeps": 1})
     with pytest.raises(ParameterError, match="no field 'arm'"):
-        from_plain({name: part for name, part in plain.items() if name != "arm"})
+        CODEC.from_plain({name: part for name, part in plain.items() if name != "arm"})
     for bad in ({}, {"type": 3}, {"type": "os.system"}):
         with pytest.raises(ParameterError, match="stored type"):
-            from_plain(bad)
+            CODEC.from_plain(bad)
     with pytest.raises(ParameterError, match="what JSON holds"):
-        from_plain(object())
+        CODEC.from_plain(object())
 
 
 def test_dataclasses_check_what_was_stored() -> None:
-    plain = to_plain(replace(DELRIN_THEORETICAL, substep=0.005))
+    plain = CODEC.to_plain(replace(DELRIN_THEORETICAL, substep=0.005))
     assert isinstance(plain, dict)
     with pytest.raises(ParameterError, match="substep"):
-        from_plain({**plain, "substep": -1.0})
+        CODEC.from_plain({**plain, "substep": -1.0})

@@ -277,6 +277,11 @@ def test_gains_are_written_beside_others_and_found(tmp_path: Path) -> None:
         "mean_pace_error": 0.05,
         "segment_pace_error": 0.1,
         "gains": {"stiffness": 123.4, "tip_space": True},
+        "defaults": {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in vars(Impedance()).items()
+            if name not in ("stiffness", "tip_space")
+        },
     }
     tuned = Impedance(stiffness=123.4, tip_space=True)
     assert find_tuned("impedance-tuned", "standard", path=path) == PaceSchedule(((PACES["slow"], tuned),))

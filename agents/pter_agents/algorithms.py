@@ -1,0 +1,129 @@
+"""What ``pter train`` can train: one entry for each algorithm, whose file says how it learns.
+
+An algorithm NAME is an entry of ``ALGORITHMS`` and the module that it names; NAME.toml beside this file has the usual
+values of its hyper-parameters. Nothing here needs torch until an algorithm's module is asked for.
+"""
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.internal.codec import tuple_of
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+    from torch import nn
+
+    from pter_agents.settings import Settings
+    from pter_agents.worlds import InterfaceVecEnv
+
+FOLDER = Path(__file__).parent
+
+SMOKE = {"worlds": 64, "steps": 32, "contexts": 16}
+"""Hyper-parameters of a run that shows that training works, not that it learns."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learner:
+    """How an algorithm learns: ``LEARNER`` in its module.
+
+    Attributes
+    ----------
+    settings
+        Its hyper-parameters.
+    smoke
+        Those that differ in a smoke run, besides ``SMOKE``.
+    make_model
+        Makes an untrained model from hyper-parameters, worlds, and the seed of all that it draws. A loss or weight that
+        is not finite raises a FloatingPointError while it learns.
+    actor
+        Returns the linear layers of a model's policy with the tanh between them, from inputs to the mean action.
+    """
+
+    settings: "type[Settings]"
+    smoke: Mapping[str, Any]
+    make_model: "Callable[[Any, InterfaceVecEnv, int], OnPolicyAlgorithm]"
+    actor: "Callable[[OnPolicyAlgorithm], nn.Sequential]"
+
+
+class Algorithm(NamedTuple):
+    """What an algorithm's policy decides, and the module that has its ``LEARNER``."""
+
+    action: str
+    module: str
+
+    @property
+    def learner(self) -> Learner:
+        """How it learns; needs the agents extra."""
+        return import_module(self.module).LEARNER
+
+
+ALGORITHMS: Mapping[str, Algorithm] = MappingProxyType(
+    {
+        "ppo": Algorithm("the clutch voltages", "pter_agents.ppo"),
+        "residual": Algorithm("corrections to a controller", "pter_agents.ppo"),
+    }
+)
+"""The algorithms by name."""
+
+
+def find_algorithm(name: str) -> Algorithm:
+    """Return an algorithm.
+
+    Raises
+    ------
+    ParameterError
+        If there is none of that name; it tells the nearest.
+    """
+    if name not in ALGORITHMS:
+        raise unknown_name("algorithm", name, ALGORITHMS)
+    return ALGORITHMS[name]
+
+
+def load_settings(algorithm: str, file: Path | None = None) -> "Settings":
+    """Return the hyper-parameters of an algorithm, with those in a file in place of the usual ones.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such algorithm or hyper-parameter, which tells the nearest, or a value is out of range, or the
+        file cannot be read.
+    """
+    find_algorithm(algorithm)
+    values = read_table(FOLDER / f"{algorithm}.toml")
+    if file is not None:
+        values |= read_table(file)
+    return settings_from(algorithm, values)
+
+
+def smoke_settings(algorithm: str, settings: "Settings", **changes: Any) -> "Settings":
+    """Return hyper-parameters of a smoke run with some changes; networks and what they see stay as they are."""
+    return settings_from(algorithm, {**asdict(settings), **SMOKE, **find_algorithm(algorithm).learner.smoke, **changes})
+
+
+def settings_from(algorithm: str, values: Mapping[str, Any]) -> "Settings":
+    """Return the hyper-parameters of an algorithm from plain values; see ``load_settings``."""
+    kind = find_algorithm(algorithm).learner.settings
+    known = {item.name: item.type for item in fields(kind)}
+    for name in values:
+        if name not in known:
+            raise unknown_name("config", name, known)
+    for name, expected in known.items():
+        if name not in values:
+            raise ParameterError(f"config must hold {name}")
+        if expected is str and not isinstance(values[name], str):
+            raise ParameterError(f"Settings.{name} must be a string, got {values[name]!r}")
+    return kind(**{name: tuple_of(value) for name, value in values.items()})
+
+
+def read_table(file: Path) -> dict[str, Any]:
+    """Return the values of a TOML file, or raise a ParameterError."""
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ParameterError(f"config {file} cannot be read: {error}") from None

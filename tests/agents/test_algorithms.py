@@ -1,0 +1,67 @@
+"""An algorithm is one entry and one file: one that only this test knows is trained, goes on, and is exported."""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import pytest
+
+from pter_gym.errors import ParameterError
+
+pytestmark = pytest.mark.agents
+
+pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3")
+
+from pter_agents import algorithms, command, exporting, prepare, training  # noqa: E402
+from pter_agents.ppo import PPOSettings  # noqa: E402
+from pter_agents.settings import Settings  # noqa: E402
+from pter_gym.policies import load_policy  # noqa: E402
+
+OF_PPO = {item.name for item in fields(PPOSettings)} - {item.name for item in fields(Settings)}
+
+
+@pytest.fixture
+def added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The name of an algorithm that was added."""
+    known = algorithms.read_table(algorithms.FOLDER / "ppo.toml")
+    lines = [f"{name} = {value!r}".replace("False", "false") for name, value in known.items() if name not in OF_PPO]
+    (tmp_path / "advantage.toml").write_text("\n".join([*lines, "rate = 1e-3"]))
+    entry = algorithms.Algorithm("the clutch voltages", "advantage")
+    monkeypatch.setattr(algorithms, "FOLDER", tmp_path)
+    monkeypatch.setattr(algorithms, "ALGORITHMS", MappingProxyType({**algorithms.ALGORITHMS, "advantage": entry}))
+    monkeypatch.setattr(prepare, "SAMPLE_WORLDS", 16)
+    monkeypatch.setattr(prepare, "SAMPLE_STEPS", 20)
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    yield "advantage"
+    sys.modules.pop("advantage", None)
+
+
+def test_an_algorithm_is_one_entry_and_one_file(added: str, tmp_path: Path) -> None:
+    command.train(added, smoke=True, out=tmp_path / "run")
+    command.train(added, smoke=True, out=tmp_path / "run", resume=True)
+    arguments, _ = training.RunFolder(tmp_path / "run").read()
+    settings: Any = arguments.settings
+    assert (arguments.algorithm, settings.rate, settings.worlds) == (added, 1e-3, 64)
+    path, difference = exporting.export_run(tmp_path / "run", tmp_path / "out")
+    assert difference <= exporting.SAME
+    about = load_policy(added, path.parent).card.about
+    assert (about["algorithm"], about["steps"]) == (added, 3 * 64 * 32)
+
+
+def test_an_algorithm_has_its_own_hyperparameters(added: str, tmp_path: Path) -> None:
+    file = tmp_path / "some.toml"
+    file.write_text("epochs = 3")
+    with pytest.raises(ParameterError, match="config must be among"):
+        algorithms.load_settings(added, file)
+    file.write_text("rate = 0.0")
+    with pytest.raises(ParameterError, match=r"AdvantageSettings\.rate must be a finite number and > 0"):
+        algorithms.load_settings(added, file)
+
+
+def test_the_help_names_each_algorithm() -> None:
+    for name, algorithm in algorithms.ALGORITHMS.items():
+        assert f"{name} ({algorithm.action})" in command.TRAINED
