@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import pter_gym
 from pter_gym.errors import ParameterError
 from pter_gym.hands import eq5
 from pter_gym.paper.experiments import calibration
 from pter_gym.paper.experiments.calibration import HAND_MAX, SPACE, Case, FitArguments, Reading, at, decode, setup_of
 from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE
-from pter_gym.params import preset as presets
 from pter_gym.params.preset import PRESET, format_preset, load_preset, parse_preset
 from pter_gym.tasks.path_following import check_machine, sin_elbow
 
-FILE = Path(presets.__file__).parent / "presets" / "pter.toml"
+FILE = Path(pter_gym.__file__).parent / "presets" / "pter.toml"
 REACHED = np.array(
     [
         [0.0925, 0.091, 0.0925],
@@ -56,7 +56,7 @@ def test_integrator_error_is_small():
 
 
 def test_many_candidates_at_once_give_the_same_table(table: np.ndarray):
-    tables, _ = calibration._tables([setup_of(decode(points(1)[0])), setup_of(PRESET)], 1e-3)
+    tables, _ = calibration.tables_of([setup_of(decode(points(1)[0])), setup_of(PRESET)], 1e-3)
     np.testing.assert_allclose(tables[1], table, rtol=1e-12)
 
 
