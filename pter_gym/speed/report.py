@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from pter_gym.envs.vector import whole_number
+from pter_gym.internal.checks import whole_number
 from pter_gym.speed.machine import describe_machine, versions
 from pter_gym.speed.ours import (
     CPU_SIZES,
