@@ -21,7 +21,7 @@ def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pt
     """
     from pter_gym.internal.files import write_text_atomic
     from pter_gym.plots import save
-    from pter_gym.speed import make_plan, measure, notes, tables
+    from pter_gym.speed import as_json, make_plan, measure, notes, tables
     from pter_gym.speed.plot import cost_figure
 
     plan = make_plan(quick=quick, max_worlds=max_worlds)
@@ -34,7 +34,7 @@ def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pt
         console.print()
     for note in notes(found):
         console.print(note, highlight=False)
-    write_text_atomic(out / "speed.json", json.dumps(found.as_json(), indent=2) + "\n")
+    write_text_atomic(out / "speed.json", json.dumps(as_json(found), indent=2) + "\n")
     save(cost_figure(found), out / "speed.png")
     for name in ("speed.json", "speed.png"):
         console.print(f"wrote {out / name}", highlight=False)
