@@ -1,4 +1,6 @@
-"""Make the stored evaluation episodes in pter_gym/episodes anew. They change every published score: raise the versions.
+"""Make the stored evaluation episodes in pter_gym/episodes again.
+
+They change every published score: raise the versions of the scenarios.
 
 Each is a draw from its scenario with a generator of its own, apart from all training draws, and with the phases of the
 hand's sines drawn here, so that nothing about an episode is left to a random stream but the noise of its sensors.
@@ -8,6 +10,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import tyro
 
 from pter_gym.benchmark.episodes import store_episodes
 from pter_gym.hands import SINES, HumanArm, MultiSineHand
@@ -32,7 +35,8 @@ def stratum(task: PathFollowing, scenario: str) -> str:
     return type(part).__name__
 
 
-for number, (name, count) in enumerate(COUNTS.items()):
+def store(name: str, count: int, number: int) -> None:
+    """Draw the episodes of a scenario, and store them."""
     rng = np.random.default_rng([20261120, number])
     scenario = SCENARIOS[name]
     draws = Randomisation(machine=scenario.machine, task=scenario.task)
@@ -42,3 +46,13 @@ for number, (name, count) in enumerate(COUNTS.items()):
     strata = [stratum(task, name) for task in tasks]
     path = store_episodes(name, machines, tasks, list(range(count)), strata, version=scenario.version)
     print(path.name, path.stat().st_size, {kind: strata.count(kind) for kind in sorted(set(strata))})
+
+
+def main() -> None:
+    """Make the stored evaluation episodes again; they change every published score."""
+    for number, (name, count) in enumerate(COUNTS.items()):
+        store(name, count, number)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
