@@ -20,7 +20,7 @@ def read_boards(results: Path) -> list[dict]:
 
 
 def write_block(page: Path, name: str, content: str) -> None:
-    """Put content between `<!-- name -->` and `<!-- /name -->`, which must stand once in the page."""
+    """Put content between `<!-- name -->` and `<!-- /name -->`, which must be in the page once."""
     block = re.compile(rf"<!-- {name} -->\n.*?<!-- /{name} -->\n", re.DOTALL)
     text, count = block.subn(lambda _: f"<!-- {name} -->\n{content}<!-- /{name} -->\n", page.read_text("utf-8"))
     if count != 1:

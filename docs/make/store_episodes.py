@@ -30,7 +30,7 @@ def with_phases(task: PathFollowing, rng: np.random.Generator) -> PathFollowing:
 
 
 def stratum(task: PathFollowing, scenario: str) -> str:
-    """The kind of episode within which intervals draw anew."""
+    """The kind of episode within which intervals draw again."""
     part = task.hand if scenario == "hands" else task.path
     return type(part).__name__
 

@@ -103,7 +103,7 @@ def measure(plan: Plan, on_progress: Callable[[str], object] = lambda _: None) -
     singles, missing = single_steps((CARTPOLE, REACHER), plan.single_steps, plan.single_rounds)
     ratios, absent = _beside_peers(plan, on_progress)
     on_progress("the substep loop and the peak of the arithmetic")
-    roofline = measure_roofline(plan.roofline_rounds, compile_anew=not plan.quick)
+    roofline = measure_roofline(plan.roofline_rounds, recompile=not plan.quick)
     skipped = [*every.skipped, *missing, *absent, *_left_out(plan)]
     if isinstance(device, Skipped):
         skipped.append(device)

@@ -22,7 +22,7 @@ class Product:
     Attributes
     ----------
     place
-        Where it stands in the paper.
+        Where it is in the paper.
     title
         What it shows.
     remark
