@@ -1,6 +1,7 @@
 """The scripts that write pages: blocks between comments, tables, and cells that say what the results hold."""
 
 import re
+from importlib import import_module
 from pathlib import Path
 
 import pages
@@ -8,6 +9,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "classical-control.md"
+SCRIPTS = sorted({path.stem for path in (ROOT / "docs" / "make").glob("*.py")} - {"pages"})
+NEEDS = {"ablations": "torch", "images": "pygame", "seeds": "torch"}
 BLOCKS = ("board: standard", "separation", "bounds", "lag", "torque", "board: everything", "lost")
 
 
@@ -56,3 +59,10 @@ def test_the_page_on_classical_control_has_all_tables_and_where_they_are_from(na
     assert re.search(r"stored episodes|training draws of .*, seeds? \d+", block)
     rows = [line for line in block.splitlines() if line.startswith("|")]
     assert all(line.count("|") in {head.count("|") for head in rows} for line in rows)
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_a_script_loads_and_says_what_it_is_for(name: str) -> None:
+    if name in NEEDS:
+        pytest.importorskip(NEEDS[name])
+    assert import_module(name).main.__doc__
