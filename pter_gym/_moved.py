@@ -10,6 +10,7 @@ from types import MappingProxyType, ModuleType
 
 MOVED = MappingProxyType(
     {
+        "pter_gym.benchmark.speed": "pter_gym.speed",
         "pter_gym.cli": "pter_gym.commands.main",
         "pter_gym.demonstrations": "pter_gym.benchmark.demonstrations",
         "pter_gym.envs.batch": "pter_gym.engine.batch",
@@ -25,7 +26,12 @@ MOVED = MappingProxyType(
         "pter_gym.vector_checker": "pter_gym.envs.checker",
     }
 )
-"""New name of each module by its old one."""
+"""New name of each module by its old one; what a package holds has moved with it."""
+
+
+def new_name(name: str) -> str | None:
+    """Return where a module is that is called by its old name, None for any other name."""
+    return next((new + name[len(old) :] for old, new in MOVED.items() if f"{name}.".startswith(f"{old}.")), None)
 
 
 class _OldNames(MetaPathFinder, Loader):
@@ -38,11 +44,11 @@ class _OldNames(MetaPathFinder, Loader):
         target: ModuleType | None = None,  # noqa: ARG002
     ) -> ModuleSpec | None:
         """Return a spec for an old name, None for any other."""
-        return spec_from_loader(fullname, self) if fullname in MOVED else None
+        return spec_from_loader(fullname, self) if new_name(fullname) else None
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         """Return the module under its new name."""
-        module = import_module(MOVED[spec.name])
+        module = import_module(str(new_name(spec.name)))
         spec.loader_state = module.__spec__
         return module
 
@@ -55,4 +61,4 @@ class _OldNames(MetaPathFinder, Loader):
 
 def find_old_names() -> None:
     """Let old names of modules be imported."""
-    sys.meta_path.append(_OldNames())
+    sys.meta_path.insert(0, _OldNames())  # first, or the modules of a moved package would load twice

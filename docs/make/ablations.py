@@ -15,14 +15,13 @@ from textwrap import fill
 from typing import Any
 
 import tyro
-from pages import ROOT, write_block
+from pages import AGENTS, put_block
 
 from pter_agents.algorithms import load_settings
 from pter_agents.training import PROGRESS, RUN, Arguments, RunFolder, check_same
 from pter_agents.training import train as train_run
 from pter_gym.benchmark import PACES
 
-PAGE = ROOT / "docs" / "agents.md"
 EPISODES = 128
 
 VARIANTS: dict[str, dict[str, Any]] = {
@@ -117,10 +116,7 @@ def main(
     )
     for variant, own in folders.items():
         text += row(variant, [list(reached(folder).values())[-1] for folder in own])
-    if write:
-        write_block(PAGE, "ablations", text)
-    else:
-        print(text)
+    put_block(AGENTS, "ablations", text, write=write)
 
 
 if __name__ == "__main__":

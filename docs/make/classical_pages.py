@@ -7,13 +7,13 @@ simulated here, on training draws, with the gains that the package ships; it tak
 """
 
 import itertools
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
+import tyro
 from figures.classical import arm_and_deviation, clutches_along_path
-from pages import BELOW, LEFT_OUT, ROOT, board_table, joined, read_boards, table, write_block
+from pages import BELOW, IMAGES, LEFT_OUT, ROOT, board_table, joined, read_boards, signed, table, write_block
 from studies.bounds import DRAWS, SEARCH_DRAWS, SEED, Actuators, Outcome, adapted, drawn_task, try_out
 from studies.clutch_use import clutch_use, episodes
 
@@ -30,7 +30,6 @@ from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import PACES, find_scenario
 
 PAGE = ROOT / "docs" / "classical-control.md"
-IMAGES = ROOT / "docs" / "images"
 CLASSICAL = ["impedance", "torque-feedback", *TUNED]
 DRAWN = ("impedance", "impedance-tuned", "velocity-ratio-tuned", "single-dof-tuned")
 DRAWN_PACE = "medium"
@@ -48,7 +47,7 @@ def by_tuning(boards: list[dict]) -> str:
     lines = []
     for name, other in pairs:
         errors = [[found[pace][each]["path_error_m"]["value"] for each in (name, other)] for pace in PACES]
-        changes = ", ".join(f"{100 * (mine / its - 1):+.0f} %" for mine, its in errors).replace("-", "−")
+        changes = signed(", ".join(f"{100 * (mine / its - 1):+.0f} %" for mine, its in errors))
         lines.append(f"- `{name}` against `{other}`: {changes}.\n")
     return "\nPath error at the three paces:\n\n" + "".join(lines)
 
@@ -65,7 +64,7 @@ def separation() -> str:
             row = [
                 f"`{name}`",
                 f"{1000 * use.path_error.value:.1f}",
-                f"{1000 * use.signed_error:+.1f}".replace("-", "−"),
+                signed(f"{1000 * use.signed_error:+.1f}"),
             ]
             row += [joined(", ".join(f"{x:.1f}" for x in use.volts))]
             row += [f"{100 * x:.0f}" for x in (use.any_saturated, use.one_stuck, use.at_rest)]
@@ -202,9 +201,10 @@ def pictures() -> None:
     save(figure, IMAGES / "classical-clutches.png")
 
 
-def main() -> None:
+def main(results: tyro.conf.Positional[Path]) -> None:
+    """Write the tables and pictures of docs/classical-control.md, and the README's leaderboards with intervals."""
     begin = time.perf_counter()
-    boards = read_boards(Path(sys.argv[1]))
+    boards = read_boards(results)
     known = {name: None for board in boards for name in board["policies"] if name not in LEFT_OUT}
     classical = [name for name in known if name not in shipped_policies()]
     for scenario in ("standard", "everything"):
@@ -223,4 +223,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import tyro
 from numpy.typing import NDArray
-from pages import ROOT, write_block
+from pages import AGENTS, put_block, signed
 from scipy.stats import rankdata, spearmanr
 
 from pter_gym.benchmark import PACES, find_policy
@@ -27,8 +27,6 @@ from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, M
 from pter_gym.policies import load_policy
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import PathFollowing
-
-PAGE = ROOT / "docs" / "agents.md"
 
 SEED = 2**31 + 2
 FIRST_RESET = 2**41
@@ -184,11 +182,6 @@ def correlation(values: list[str | float], errors: list[Array]) -> str:
     return signed(f", rank correlation {np.mean(found):+.2f}")
 
 
-def signed(text: str) -> str:
-    """The same with typographic minus signs."""
-    return text.replace("-", "−")
-
-
 def main(
     policy: str = "residual",
     policies: Path | None = None,
@@ -211,10 +204,7 @@ def main(
     found = [each for each in (part(name, runs) for name in FACTORS) if each is not None]
     for each in sorted(found, key=lambda each: -float(np.sum(each.explained))):
         text += each.text
-    if write:
-        write_block(PAGE, "contexts", text)
-    else:
-        print(text)
+    put_block(AGENTS, "contexts", text, write=write)
 
 
 if __name__ == "__main__":

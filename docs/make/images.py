@@ -3,14 +3,15 @@
 `error-against-pace.png` is made with the leaderboards, by `docs/make/scenario_pages.py`.
 """
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pygame
+import tyro
 from figures.pages import clutches_over_time
+from pages import IMAGES
 
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.measures import column, four
@@ -20,8 +21,6 @@ from pter_gym.engine.batch import Batch
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.plots import save
 from pter_gym.scenarios import find_pace, find_scenario
-
-FOLDER = Path(__file__).parent
 
 TIME = 0.65
 
@@ -81,6 +80,13 @@ def print_modes(name: str, telemetry: np.ndarray) -> None:
 
 PICTURES: dict[str, Callable[[Path], None]] = {"pter.png": pter, "clutches.png": clutches}
 
-for name in sys.argv[1:] or PICTURES:
-    PICTURES[name](FOLDER / name)
-    print(f"wrote {FOLDER / name}")
+
+def main(names: tyro.conf.Positional[tuple[str, ...]] = tuple(PICTURES)) -> None:
+    """Make pictures of README and the documents: pter.png, clutches.png; all by default."""
+    for name in names:
+        PICTURES[name](IMAGES / name)
+        print(f"wrote {IMAGES / name}")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

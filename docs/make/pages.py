@@ -8,6 +8,8 @@ from pter_gym.internal.files import write_text_atomic
 from pter_gym.scenarios import PACES
 
 ROOT = Path(__file__).parents[2]
+AGENTS = ROOT / "docs" / "agents.md"
+IMAGES = ROOT / "docs" / "images"
 LEFT_OUT = ("free", "locked", "random")
 BELOW = "†"
 
@@ -18,12 +20,20 @@ def read_boards(results: Path) -> list[dict]:
 
 
 def write_block(page: Path, name: str, content: str) -> None:
-    """Put content between `<!-- name -->` and `<!-- /name -->`, which must stand once in the page."""
+    """Put content between `<!-- name -->` and `<!-- /name -->`, which must be in the page once."""
     block = re.compile(rf"<!-- {name} -->\n.*?<!-- /{name} -->\n", re.DOTALL)
     text, count = block.subn(lambda _: f"<!-- {name} -->\n{content}<!-- /{name} -->\n", page.read_text("utf-8"))
     if count != 1:
         raise ValueError(f"{page} must have one block {name!r}, but has {count}")
     write_text_atomic(page, text)
+
+
+def put_block(page: Path, name: str, content: str, *, write: bool) -> None:
+    """Put content into a page, or print it."""
+    if write:
+        write_block(page, name, content)
+    else:
+        print(content)
 
 
 def table(header: list[str], rows: list[list[str]], align: str = "---:") -> str:
@@ -37,10 +47,20 @@ def joined(text: str) -> str:
     return text.replace(" ", "\u00a0")
 
 
+def signed(text: str) -> str:
+    """The text with typographic minus signs."""
+    return text.replace("-", "−")
+
+
+def path_error(scores: dict) -> str:
+    """Path error in mm with its interval."""
+    low, value, high = (1000 * scores["path_error_m"][key] for key in ("low", "value", "high"))
+    return f"{value:.1f} ({low:.1f} … {high:.1f})"
+
+
 def error_cell(scores: dict, *, details: bool) -> str:
     """Path error in mm with its interval; with details, arrivals and pace errors; marked below the line."""
-    low, value, high = (1000 * scores["path_error_m"][key] for key in ("low", "value", "high"))
-    text = joined(f"{value:.1f} ({low:.1f} … {high:.1f})" + ("" if scores["rank"] else f" {BELOW}"))
+    text = joined(path_error(scores) + ("" if scores["rank"] else f" {BELOW}"))
     if not details:
         return text
     arrives, mean, segments = (

@@ -1,14 +1,14 @@
 """Put the leaderboards of a results folder into the docs and README.md: `python docs/make/scenario_pages.py RESULTS`.
 
-It reads `benchmark.json` alone. Of several numbers of episodes of a scenario at a pace, the largest counts; README's
-picture shows each policy on the most episodes that it has.
+RESULTS is a folder of `pter benchmark`, of which `benchmark.json` alone is read. Of several numbers of episodes of a
+scenario at a pace, the largest counts; README's picture shows each policy on the most episodes that it has.
 """
 
-import sys
 from pathlib import Path
 
+import tyro
 from figures.pages import LOOKS, Score, error_against_commanded_pace
-from pages import LEFT_OUT, ROOT, joined, read_boards, write_block
+from pages import IMAGES, LEFT_OUT, ROOT, joined, path_error, read_boards, write_block
 
 from pter_gym.benchmark.statistics import Interval
 from pter_gym.plots import save
@@ -16,7 +16,7 @@ from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS
 
 DOCS = ROOT / "docs" / "scenarios"
-PICTURE = ROOT / "docs" / "images" / "error-against-pace.png"
+PICTURE = IMAGES / "error-against-pace.png"
 PICTURED = "standard"
 PRIVILEGED = "predictive"  # knows what no robot can, so it is no part of the suite
 HEAD = """| | Policy | Path error [mm] | Arrives [%] | Mean pace off [%] | Segments off [%] | RMS acceleration [m/s²] |
@@ -26,12 +26,10 @@ HEAD = """| | Policy | Path error [mm] | Arrives [%] | Mean pace off [%] | Segme
 
 def row(name: str, s: dict) -> str:
     """One policy's line."""
-    low, value, high = (1000 * s["path_error_m"][key] for key in ("low", "value", "high"))
     percent = [f"{100 * s[key]['value']:.3g}" for key in ("completed", "mean_pace_error", "segment_pace_error")]
     rank = "–" if s["rank"] is None else s["rank"]
     acceleration = f"{s['rms_acceleration_m_s2']['value']:.2f}"
-    error = joined(f"{value:.1f} ({low:.1f} … {high:.1f})")
-    return f"| {rank} | `{name}` | {error} | {' | '.join(percent)} | {acceleration} |\n"
+    return f"| {rank} | `{name}` | {joined(path_error(s))} | {' | '.join(percent)} | {acceleration} |\n"
 
 
 def section(board: dict) -> str:
@@ -92,12 +90,18 @@ def draw(boards: list[dict]) -> None:
     print(f"wrote {PICTURE}")
 
 
-every = read_boards(Path(sys.argv[1]))
-boards = largest(every)
-for scenario in sorted({board["scenario"] for board in boards}):
-    found = "\n".join(section(board) for board in boards if board["scenario"] == scenario)
-    write_block(DOCS / f"{scenario}.md", "scores", found)
-    print(DOCS / f"{scenario}.md")
-write_block(ROOT / "README.md", "suite", summary(boards))
-if any(board["scenario"] == PICTURED for board in boards):
-    draw([board for board in every if board["scenario"] == PICTURED])
+def main(results: tyro.conf.Positional[Path]) -> None:
+    """Put the leaderboards of a results folder into the docs and README.md."""
+    every = read_boards(results)
+    boards = largest(every)
+    for scenario in sorted({board["scenario"] for board in boards}):
+        found = "\n".join(section(board) for board in boards if board["scenario"] == scenario)
+        write_block(DOCS / f"{scenario}.md", "scores", found)
+        print(DOCS / f"{scenario}.md")
+    write_block(ROOT / "README.md", "suite", summary(boards))
+    if any(board["scenario"] == PICTURED for board in boards):
+        draw([board for board in every if board["scenario"] == PICTURED])
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

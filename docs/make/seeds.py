@@ -13,8 +13,8 @@ from textwrap import fill
 from typing import Any
 
 import tyro
-from ablations import PAGE, finish, is_finished
-from pages import table, write_block
+from ablations import finish, is_finished
+from pages import AGENTS, put_block, table
 
 from pter_agents.algorithms import load_settings
 from pter_agents.exporting import export_run
@@ -71,10 +71,7 @@ def main(
             print(f"seed {seed}: {folder}", flush=True)
     head = f"`{algorithm}` on `{scenario}`, {steps / 1e6:g} M steps, the stored episodes at {', '.join(PACES)} pace:"
     text = f"{fill(head, 120)}\n\n{table(HEADER, rows, '---')}"
-    if write:
-        write_block(PAGE, "seeds", text)
-    else:
-        print(text)
+    put_block(AGENTS, "seeds", text, write=write)
 
 
 if __name__ == "__main__":

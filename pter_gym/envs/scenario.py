@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from pter_gym.envs.devices import make_vector_env
 from pter_gym.envs.single import PathFollowingEnv
-from pter_gym.envs.vector import make_vector_env
 from pter_gym.scenarios import find_scenario
 
 
@@ -36,6 +36,6 @@ def make_vec(
     context_seed: int = 0,
     **keywords: Any,
 ) -> Any:
-    """Return many worlds of a scenario; see ``make_env`` and ``pter_gym.envs.vector.make_vector_env``."""
+    """Return many worlds of a scenario; see ``make_env`` and ``pter_gym.envs.devices.make_vector_env``."""
     drawn = find_scenario(scenario).randomisation(pace, contexts=contexts, seed=context_seed)
     return make_vector_env(num_envs, randomisation=drawn, **keywords)

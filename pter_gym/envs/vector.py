@@ -1,11 +1,7 @@
 """The native vector environment: many worlds in one compiled call, with Gymnasium's semantics."""
 
-import operator
-import os
-import sys
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -18,13 +14,14 @@ from pter_gym.compiled.layout import Layout
 from pter_gym.engine import world
 from pter_gym.engine.batch import ActionUnit, Array, Batch, Observations, Returns
 from pter_gym.envs.single import find_pairs
-from pter_gym.errors import DependencyError, ParameterError
+from pter_gym.errors import ParameterError
+from pter_gym.internal.checks import whole_number
+from pter_gym.internal.computer import available_cores, available_memory
 from pter_gym.params import Machine
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
 from pter_gym.tasks.path_following.telemetry import COLUMNS
 
-Device = Literal["cpu", "cuda"]
 Mask = NDArray[np.bool_]
 
 _ENDED = {
@@ -218,36 +215,6 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         return np.array(mask, np.bool_)
 
 
-def make_vector_env(num_envs: int = 1, *, device: Device = "cpu", **keywords: Any) -> PathFollowingVectorEnv:
-    """Return the vector environment on a device; the entry point of ``gymnasium.make_vec``.
-
-    Parameters
-    ----------
-    num_envs
-        N.
-    device
-        ``"cpu"`` or ``"cuda"``.
-    **keywords
-        Of ``PathFollowingVectorEnv``.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such device.
-    DependencyError
-        If the CUDA device or what it needs is missing.
-    """
-    if device == "cpu":
-        return PathFollowingVectorEnv(num_envs, **keywords)
-    if device == "cuda":
-        try:
-            from pter_gym.envs.cuda import CudaPathFollowingVectorEnv
-        except ImportError as error:
-            raise DependencyError('device="cuda" needs: pip install "pter-gym[gpu]"') from error
-        return CudaPathFollowingVectorEnv(num_envs, **keywords)
-    raise ParameterError(f"device must be cpu or cuda, got {device!r}")
-
-
 def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     """Return an autoreset mode given as itself, by its value or by its name.
 
@@ -262,25 +229,11 @@ def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     raise ParameterError(f"autoreset_mode must be one of {', '.join(m.name for m in AutoresetMode)}, got {mode!r}")
 
 
-def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
-    """Return a whole number, or raise a ParameterError that names the field."""
-    try:
-        number = operator.index(value)
-    except TypeError:
-        number = at_least - 1
-    if number < at_least or isinstance(value, bool):
-        raise ParameterError(f"{field} must be a whole number ≥ {at_least}, got {value!r}")
-    return number
-
-
 BYTES_PER_WORLD = 1800
 """What a world takes at most, measured: its state, its part of the spaces and of two steps' returns [B]."""
 
 BYTES_OF_TELEMETRY = 2000
 """What a world takes besides with telemetry [B]."""
-
-CONTAINER_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
-"""Where Linux says how much memory the processes of a container may use."""
 
 
 def check_memory(worlds: int, telemetry: bool) -> None:
@@ -288,25 +241,3 @@ def check_memory(worlds: int, telemetry: bool) -> None:
     most = available_memory() // (BYTES_PER_WORLD + (BYTES_OF_TELEMETRY if telemetry else 0))
     if worlds > most:
         raise ParameterError(f"num_envs must be ≤ {most}, which fit into this machine's memory, got {worlds}")
-
-
-def available_memory() -> int:
-    """Return how much memory [B] this machine has, or this process may use if that is less."""
-    sizes = [int(text) for text in map(_read, CONTAINER_LIMITS) if text.isdigit()]
-    if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
-        sizes.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    return min(sizes, default=sys.maxsize)
-
-
-def _read(path: str) -> str:
-    try:
-        return Path(path).read_text(encoding="ascii").strip()
-    except OSError:
-        return ""
-
-
-def available_cores() -> int:
-    """Return how many cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

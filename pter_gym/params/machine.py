@@ -2,7 +2,7 @@
 
 Each field names its unit and where its value comes from: ``published`` in the paper, ``derived`` from published values,
 ``fitted`` to the paper's results, or ``chosen`` by us. A fitted value is not a fact about PTER. The values that the
-paper does not print stand in one file, ``presets/pter.toml``.
+paper does not print are in one file, ``presets/pter.toml``.
 """
 
 import math

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pter_gym._version import __version__
-from pter_gym.envs.vector import available_cores, available_memory
+from pter_gym.internal.computer import available_cores, available_memory
 
 _PACKAGES = ("gymnasium", "numpy", "numba", "llvmlite", "numba-cuda", "torch", "mujoco", "envpool")
 

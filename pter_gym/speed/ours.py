@@ -13,8 +13,8 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from pter_gym.envs.vector import available_cores, available_memory
 from pter_gym.errors import DependencyError, ParameterError
+from pter_gym.internal.computer import available_cores, available_memory
 from pter_gym.params import BASELINE
 from pter_gym.speed.timing import Effort, Load, block_rate, rate, seconds_of
 from pter_gym.tasks.path_following import PathFollowing, substeps

@@ -9,6 +9,7 @@ import importlib.metadata
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from itertools import cycle
 from typing import Any
 
@@ -144,40 +145,42 @@ CARTPOLE = "Gymnasium CartPole-v1, native"
 
 def peers(quick: bool) -> tuple[Peer, ...]:
     """Return all peers; a quick run tries one number of worlds each."""
+    return *_rollouts(quick), *_environments(quick)
+
+
+def _rollouts(quick: bool) -> tuple[Peer, ...]:
+    """Return MuJoCo on the mechanism."""
     threads = all_threads()
     mechanism = (
         f"one physics step of 1 ms of the same arm and clutches, voltages held for {ROLLOUT_SUBSTEPS} steps as in ours "
         f"beside it, the hand's force given; no observation, reward or reset; {threads} threads"
     )
-    reacher = "two physics steps of 10 ms of a two-link arm with motors, observation and reward"
+
+    def peer(name: str, one_step: str, kind: Kind = Kind.SUBSTEPS, *, soft: bool = False) -> Peer:
+        modules = ("mujoco", "mujoco.rollout")
+        sizes = (64,) if quick else (64, 256)
+        return Peer(name, "mujoco", modules, one_step, kind, sizes, partial(_rollout, threads=threads, soft=soft))
+
     return (
-        Peer(
-            ROLLOUT,
-            "mujoco",
-            ("mujoco", "mujoco.rollout"),
-            f"{mechanism}; friction as hard as ours (no-slip iterations), which agrees with ours to 1e-8",
-            Kind.SUBSTEPS,
-            (64,) if quick else (64, 256),
-            lambda worlds: _rollout(worlds, threads, soft=False),
-        ),
-        Peer(
+        peer(ROLLOUT, f"{mechanism}; friction as hard as ours (no-slip iterations), which agrees with ours to 1e-8"),
+        peer(
             ROLLOUT_WHOLE,
-            "mujoco",
-            ("mujoco", "mujoco.rollout"),
             "the same beside the substeps of our usual env-steps, ten each, which observe, reward and reset too",
             Kind.SUBSTEPS_OF_ENV_STEPS,
-            (64,) if quick else (64, 256),
-            lambda worlds: _rollout(worlds, threads, soft=False),
         ),
-        Peer(
+        peer(
             ROLLOUT_SOFT,
-            "mujoco",
-            ("mujoco", "mujoco.rollout"),
             f"{mechanism}; friction as soft as by default, which lets a stuck clutch creep",
-            Kind.SUBSTEPS,
-            (64,) if quick else (64, 256),
-            lambda worlds: _rollout(worlds, threads, soft=True),
+            soft=True,
         ),
+    )
+
+
+def _environments(quick: bool) -> tuple[Peer, ...]:
+    """Return other environments."""
+    threads = all_threads()
+    reacher = "two physics steps of 10 ms of a two-link arm with motors, observation and reward"
+    return (
         Peer(
             REACHER,
             "gymnasium",

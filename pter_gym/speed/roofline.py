@@ -65,14 +65,14 @@ class Roofline:
     widths: tuple[int, ...]
 
 
-def measure_roofline(rounds: int, *, compile_anew: bool = True) -> Roofline:
+def measure_roofline(rounds: int, *, recompile: bool = True) -> Roofline:
     """Count, and measure peak and substep loop in turn.
 
     Parameters
     ----------
     rounds
         Each takes control steps of 1,024 worlds, some five times as long, and the peak.
-    compile_anew
+    recompile
         Whether to ask LLVM about the block kernel, which has to compile again for that.
     """
     counts = count_operations()
@@ -85,7 +85,7 @@ def measure_roofline(rounds: int, *, compile_anew: bool = True) -> Roofline:
         nanoseconds_per_substep=1e9 * statistics.median(each.substep for each in found),
         share=statistics.median(counts.substep / (each.substep * each.peak) for each in found),
         share_of_step=statistics.median(counts.step / (each.step * each.peak) for each in found),
-        widths=tuple(sorted(vectorised_loops("one_step"))) if compile_anew else (),
+        widths=tuple(sorted(vectorised_loops("one_step"))) if recompile else (),
     )
 
 
@@ -172,7 +172,7 @@ def one_step() -> None:
 
 
 def vectorised_loops(function: str) -> list[int]:
-    """Return the width of each loop that LLVM vectorised when a function of this module compiled anew."""
+    """Return the width of each loop that LLVM vectorised as a function of this module compiled again."""
     code = (
         "import llvmlite.binding as llvm; llvm.set_option('', '-pass-remarks=loop-vectorize');"
         f"from {__name__} import {function}; {function}()"

@@ -2,17 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from pter_gym.speed import peers
+from pter_gym.speed.measurement import CARTPOLE, REFERENCE_WORLDS, Speed
 
-if TYPE_CHECKING:
-    from pter_gym.speed.report import Speed
-
-REFERENCE_WORLDS = 16_384
 FLAT_FROM, FLAT_TO = 4_096, 1_000_000
-CARTPOLE = "CartPole-v1"
-REACHER = "Reacher-v5"
 
 
 @dataclass(frozen=True)
@@ -47,13 +41,13 @@ class Target:
         return self.value >= self.limit if self.at_least else self.value <= self.limit
 
 
-def targets(speed: "Speed") -> list[Target]:
+def targets(speed: Speed) -> list[Target]:
     """Return all targets with what a run found."""
     rules = _CPU if speed.cuda is None else _CPU + _CUDA
     return [Target(name, unit, at_least, limit, find(speed)) for name, unit, at_least, limit, find in rules]
 
 
-def flatness(speed: "Speed") -> float | None:
+def flatness(speed: Speed) -> float | None:
     """Return by how much the largest time of an env-step exceeds the smallest, from 4,096 to 1,000,000 worlds."""
     times = {row.worlds: row.nanoseconds_per_step for row in speed.all_threads.rows}
     if FLAT_FROM not in times or FLAT_TO not in times:
@@ -62,37 +56,37 @@ def flatness(speed: "Speed") -> float | None:
     return max(found) / min(found) - 1.0
 
 
-def _at_reference(speed: "Speed") -> float | None:
+def _at_reference(speed: Speed) -> float | None:
     rates = {row.worlds: row.steps_per_second for row in speed.all_threads.rows}
     return rates.get(REFERENCE_WORLDS)
 
 
-def _ratio(peer: str) -> Callable[["Speed"], float | None]:
-    def find(speed: "Speed") -> float | None:
+def _ratio(peer: str) -> Callable[[Speed], float | None]:
+    def find(speed: Speed) -> float | None:
         ratios = {row.name: row.ratio for row in speed.peers if row.our_worlds == REFERENCE_WORLDS}
         return ratios.get(peer)
 
     return find
 
 
-def _single(speed: "Speed") -> float | None:
+def _single(speed: Speed) -> float | None:
     return next((row.ratio for row in speed.single_steps if row.peer == CARTPOLE), None)
 
 
-def _cuda_rate(speed: "Speed") -> float | None:
+def _cuda_rate(speed: Speed) -> float | None:
     rows = speed.cuda.rows if speed.cuda else ()
     return max((row.steps_per_second for row in rows if row.worlds >= FLAT_TO), default=None)
 
 
-def _cuda_compiling(speed: "Speed") -> float | None:
+def _cuda_compiling(speed: Speed) -> float | None:
     return speed.cuda.compile_seconds if speed.cuda else None
 
 
-def _cuda_overhead(speed: "Speed") -> float | None:
+def _cuda_overhead(speed: Speed) -> float | None:
     return speed.cuda.overhead_microseconds if speed.cuda else None
 
 
-_Rule = tuple[str, str, bool, float, Callable[["Speed"], float | None]]
+_Rule = tuple[str, str, bool, float, Callable[[Speed], float | None]]
 
 _CPU: tuple[_Rule, ...] = (
     (f"env-steps, {REFERENCE_WORLDS:,} worlds, all cores", "1/s", True, 8e6, _at_reference),

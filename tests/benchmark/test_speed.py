@@ -12,7 +12,7 @@ import pytest
 
 from pter_gym.commands import main as cli
 from pter_gym.errors import ParameterError
-from pter_gym.speed import Plan, Speed, make_plan, notes, tables
+from pter_gym.speed import Plan, Speed, as_json, make_plan, notes, tables
 from pter_gym.speed import ours as own
 from pter_gym.speed.counting import count_operations
 from pter_gym.speed.ours import (
@@ -329,7 +329,7 @@ def test_file_and_tables_hold_all(capsys: pytest.CaptureFixture[str]):
     from rich.console import Console
 
     speed = made_up()
-    content = json.loads(json.dumps(speed.as_json(), allow_nan=False))
+    content = json.loads(json.dumps(as_json(speed), allow_nan=False))
     assert set(content) == FIELDS
     assert [row["met"] for row in content["targets"]] == [target.met for target in targets(speed)]
     for table in tables(speed):

@@ -16,8 +16,8 @@ import numpy as np
 
 from pter_gym.engine.batch import Batch, Returns
 from pter_gym.engine.world import SAME_STEP, SINE, TERMINATED, TRUNCATED
-from pter_gym.envs.vector import available_cores
 from pter_gym.hands import SINES, MultiSineHand
+from pter_gym.internal.computer import available_cores
 from pter_gym.params import BASELINE, Hand, Machine, with_friction
 from pter_gym.physics.arm import Motion
 from pter_gym.scenarios import SCENARIOS

@@ -56,7 +56,7 @@ def test_integrator_error_is_small():
 
 
 def test_many_candidates_at_once_give_the_same_table(table: np.ndarray):
-    tables, _ = calibration._tables([setup_of(decode(points(1)[0])), setup_of(PRESET)], 1e-3)
+    tables, _ = calibration.tables_of([setup_of(decode(points(1)[0])), setup_of(PRESET)], 1e-3)
     np.testing.assert_allclose(tables[1], table, rtol=1e-12)
 
 

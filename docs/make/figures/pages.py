@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
+from studies.clutch_use import stuck_clutches
 
 from pter_gym.benchmark.measures import column, four
 from pter_gym.benchmark.statistics import Interval
 from pter_gym.internal import palette
-from pter_gym.physics.friction import ClutchMode
 from pter_gym.plots.benchmark import MILLIMETRE
 from pter_gym.plots.leaderboard import plain_ticks
 from pter_gym.plots.style import COLOURS, REFERENCE, WIDTH, label, styled
@@ -210,15 +210,15 @@ def clutches_over_time(episodes: Mapping[str, Array], voltage_max: float, title:
 def _draw_guided(panels: Sequence[Axes], telemetry: Array, voltage_max: float) -> None:
     """Draw one policy's episode: the distance in the first panel, a clutch in each of the others."""
     time, volts = column(telemetry, "time"), four(telemetry, "volts")
+    stuck = stuck_clutches(column(telemetry, "mode"))
     panels[0].axhline(0.0, color=REFERENCE, linestyle="-", linewidth=4.0, alpha=0.3)
     panels[0].plot(time, column(telemetry, "normal_error") / MILLIMETRE, color=INK, linestyle="-", linewidth=1.5)
     for clutch, axes in enumerate(panels[1:]):
         colour = CLUTCH_COLOURS[clutch]
-        stuck = np.isin(column(telemetry, "mode"), (clutch + 1, ClutchMode.ZERO_DOF))
         axes.fill_between(time, 0.0, volts[:, clutch], step="pre", color=colour, alpha=FILLED, linewidth=0.0)
         axes.plot(time, volts[:, clutch], color=colour, linestyle="-", linewidth=1.0, drawstyle="steps-pre")
         bottom = -STUCK * voltage_max
-        axes.broken_barh(_spans(time, stuck), (bottom, -0.6 * bottom), color=INK, linewidth=0.0)
+        axes.broken_barh(_spans(time, stuck[:, clutch]), (bottom, -0.6 * bottom), color=INK, linewidth=0.0)
     panels[-1].set_xlabel("time [s]")
 
 

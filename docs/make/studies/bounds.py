@@ -69,7 +69,7 @@ SEARCHED: Mapping[type[Guided], tuple[str, ...]] = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True)
 class Actuators:
-    """What stands in the clutches' places."""
+    """What is in the clutches' places."""
 
     pushes: bool = quantity("1", "chosen: motors, whose torque may have any sign", default=False)
     time_constant: float = quantity("s", "published: section IV-C.3; 0 is no lag", default=TIME_CONSTANT)

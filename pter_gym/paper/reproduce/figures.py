@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from pter_gym.errors import ParameterError
+from pter_gym.paper import plots
 from pter_gym.paper.experiments.study import Study
 from pter_gym.paper.reproduce import tables
-from pter_gym.plots import paper
 from pter_gym.plots.style import png
 
 Draw = Callable[[Study], Figure]
@@ -22,7 +22,7 @@ class Product:
     Attributes
     ----------
     place
-        Where it stands in the paper.
+        Where it is in the paper.
     title
         What it shows.
     remark
@@ -47,7 +47,7 @@ PRODUCTS: dict[str, Product] = {
         remark="One clutch is locked by a large voltage, which leaves the tip a single line to move on. The clutch "
         "under test has a small voltage, and a torque on one link rises until it gives way. The paper shows clutch 1 "
         "with clutch 2 locked; the other three tests are ours.",
-        pictures={"fig3": lambda study: paper.single_dof_paths(study.single_dof)},
+        pictures={"fig3": lambda study: plots.single_dof_paths(study.single_dof)},
         columns=tables.single_dof_paths,
     ),
     "fig4": Product(
@@ -56,7 +56,7 @@ PRODUCTS: dict[str, Product] = {
         remark="The clutch under test carries its share of the rising input torque up to 63.5 in·lbf, then falls back "
         "to the dynamic torque. For clutches 3 and 4 the locked clutch carries the other half. The torque of clutch "
         "2, where that one is locked, grows with the speed of link A through the velocity term and the coupled masses.",
-        pictures={"fig4": lambda study: paper.single_dof_torques(study.single_dof)},
+        pictures={"fig4": lambda study: plots.single_dof_torques(study.single_dof)},
         columns=tables.single_dof_torques,
     ),
     "step": Product(
@@ -64,7 +64,7 @@ PRODUCTS: dict[str, Product] = {
         title="Step response of a clutch",
         remark="A constant tip force keeps a clutch slipping while its voltage steps up. The torque that it generates "
         "is a first-order step response, since the lag is that of the normal force.",
-        pictures={"step": lambda study: paper.clutch_step(study.step_response)},
+        pictures={"step": lambda study: plots.clutch_step(study.step_response)},
         columns=tables.clutch_step,
     ),
     "fig5": Product(
@@ -72,14 +72,14 @@ PRODUCTS: dict[str, Product] = {
         title="Torque over voltage",
         remark="A linear and a quadratic segment for each torque. The marks are a bench test like the paper's, made on "
         "the simulated clutch: with T_k above T_s it first slips at T_k, since below that motion does not persist.",
-        pictures={"fig5": lambda study: paper.torque_over_voltage(study.torque_curves)},
+        pictures={"fig5": lambda study: plots.torque_over_voltage(study.torque_curves)},
         columns=tables.torque_curves,
     ),
     "fig7": Product(
         place="Fig. 7",
         title="Average position error",
         remark="The same test at each time constant, for each material. The paper shows the present clutches.",
-        pictures={"fig7": lambda study: paper.error_over_time_constant(study.sweeps)},
+        pictures={"fig7": lambda study: plots.error_over_time_constant(study.sweeps)},
         columns=tables.errors,
     ),
     "fig8": Product(
@@ -88,8 +88,8 @@ PRODUCTS: dict[str, Product] = {
         remark="The largest acceleration of the tip, low-pass filtered and without the first 0.2 s, in which the push "
         "sets in. Path length and mean speed stand in the paper's text.",
         pictures={
-            "fig8": lambda study: paper.peak_acceleration_over_time_constant(study.sweeps),
-            "fig8_way_and_speed": lambda study: paper.way_and_speed_over_time_constant(study.sweeps),
+            "fig8": lambda study: plots.peak_acceleration_over_time_constant(study.sweeps),
+            "fig8_way_and_speed": lambda study: plots.way_and_speed_over_time_constant(study.sweeps),
         },
         columns=tables.accelerations,
     ),
@@ -98,7 +98,7 @@ PRODUCTS: dict[str, Product] = {
         title="Comparison of the friction materials",
         remark="Averages over the runs at several time constants. A bar shows how far from the paper's number a value "
         "may lie to count as met.",
-        pictures={"table1": lambda study: paper.table_comparison(study.table1)},
+        pictures={"table1": lambda study: plots.table_comparison(study.table1)},
         columns=tables.table1_columns,
     ),
     "fig9": Product(
@@ -107,7 +107,7 @@ PRODUCTS: dict[str, Product] = {
         remark="Link A moves against a constant voltage on clutch 1, and a step force turns it back. At zero slip the "
         "present clutches hold until T_s is exceeded, then fall to T_k: a jump. With T_k above T_s there is none. The "
         "jump lasts as long as the slip stays inside the stick band, which is a few steps of the simulation.",
-        pictures={"fig9": lambda study: paper.reversal_torques(study.reversals)},
+        pictures={"fig9": lambda study: plots.reversal_torques(study.reversals)},
         columns=tables.reversals,
     ),
     "fig10": Product(
@@ -115,14 +115,14 @@ PRODUCTS: dict[str, Product] = {
         title="Position error over the feedback gain",
         remark="At the manufacturer's time constant of 0.105 s. V per in·lbf is our reading of the gain's unit; the "
         "paper prints none.",
-        pictures={"fig10": lambda study: paper.error_over_gain(study.gain_sweep)},
+        pictures={"fig10": lambda study: plots.error_over_gain(study.gain_sweep)},
         columns=tables.gains,
     ),
     "fig11": Product(
         place="Fig. 11",
         title="Line following with torque feedback",
         remark="The same test without and with feedback, seen along the line.",
-        pictures={"fig11": lambda study: paper.followed_lines(study.line_following)},
+        pictures={"fig11": lambda study: plots.followed_lines(study.line_following)},
         columns=tables.lines,
     ),
 }

@@ -38,7 +38,7 @@ def _cells(values: NDArray[Any]) -> Iterable[str]:
 
 
 def stacked(parts: Iterable[Mapping[str, ArrayLike]]) -> Columns:
-    """Return the rows of several parts below each other; a single value stands in each row of its part."""
+    """Return the rows of several parts below each other; a single value is in each row of its part."""
     tables = list(parts)
     columns: dict[str, list[NDArray[Any]]] = {name: [] for name in tables[0]}
     for table in tables:

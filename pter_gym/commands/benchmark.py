@@ -1,0 +1,193 @@
+"""``pter benchmark``: controllers on the paper's standard test, or ranked on a scenario."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from pter_gym.commands.arguments import numbers, split
+from pter_gym.errors import ParameterError
+from pter_gym.internal.terminal import make_folder, progress_bar
+
+if TYPE_CHECKING:
+    from pter_gym.benchmark import Leaderboard, Result, ResultsFolder
+
+POLICIES = "impedance,torque-feedback,free,locked,random"
+TIME_CONSTANTS = "0.01,0.03,0.06,0.105,0.15,0.2"
+MACHINE = "baseline"
+PACES = "slow,medium,brisk"
+
+
+def benchmark(
+    policies: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = POLICIES,
+    scenario: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
+    paces: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = PACES,
+    episodes: Annotated[int | None, tyro.conf.arg(metavar="COUNT")] = None,
+    machine: str = MACHINE,
+    time_constants: Annotated[str, tyro.conf.arg(metavar="SECONDS,…")] = TIME_CONSTANTS,
+    seed: int = 0,
+    out: Path = Path("pter-benchmark"),
+) -> None:
+    """Run the paper's standard test on controllers and compare them, or rank them on a scenario.
+
+    The standard test prints a table and writes benchmark.json, tip_paths.png (as in the paper's Fig. 11) and
+    error_against_time.png. A scenario prints a leaderboard for each pace and writes benchmark.json, a file for each run
+    and pictures. Runs that stand in the folder already are not repeated; several benchmarks may share a folder.
+
+    Args:
+        policies: Separated by commas: impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random;
+            on a scenario also impedance-tuned and so on, predictive and predictive-honest; trained ones: see
+            docs/agents.md.
+        scenario: Scenario whose stored evaluation episodes are run; the paper's standard test by default.
+        paces: Commanded paces of a scenario, separated by commas: slow, medium, brisk.
+        episodes: How many of the scenario's episodes to run; all by default. Ranks need 200.
+        machine: Clutch material of the standard test: baseline, delrin_experimental or delrin_theoretical.
+        time_constants: Time constants of the standard test's clutches [s], separated by commas; one episode each.
+        seed: Seed of the standard test's episodes, and of random and predictive policies, at least 0.
+        out: Folder for the results; made if need be.
+    """
+    if scenario is None:
+        given = {"paces": paces != PACES, "episodes": episodes is not None}
+        refuse(given, "--scenario")
+        standard_test(split(policies), machine, numbers("time_constants", time_constants), seed, out)
+    else:
+        given = {"machine": machine != MACHINE, "time_constants": time_constants != TIME_CONSTANTS}
+        refuse(given, "no --scenario: it has machines of its own")
+        scenario_benchmark(scenario, split(policies), split(paces), episodes, seed, out)
+
+
+def refuse(given: Mapping[str, bool], needed: str) -> None:
+    """Raise a ParameterError that names an argument that was given where it has no meaning."""
+    for name, is_given in given.items():
+        if is_given:
+            raise ParameterError(f"{name} needs {needed}")
+
+
+def standard_test(names: list[str], machine: str, seconds: list[float], seed: int, out: Path) -> None:
+    """Run the paper's standard test on controllers, print its table and write its results to a folder."""
+    from pter_gym.benchmark import find_controller, run_standard_test
+    from pter_gym.envs.single import find_machine
+
+    console = Console()
+    chosen = {name: find_controller(name, seed) for name in names}
+    chosen_machine = find_machine(machine)
+    make_folder(out)
+    with progress_bar(console) as progress:
+        task = progress.add_task("standard test", total=len(chosen))
+        result = run_standard_test(
+            chosen,
+            machine=chosen_machine,
+            time_constants=seconds,
+            seed=seed,
+            on_progress=lambda _: progress.advance(task),
+        )
+    console.print(scores_table(result))
+    for path in write_result(result, out):
+        console.print(f"wrote {path}", highlight=False)
+
+
+def scenario_benchmark(
+    scenario: str, names: list[str], paces: list[str], episodes: int | None, seed: int, out: Path
+) -> None:
+    """Run controllers on a scenario's evaluation episodes, print its leaderboards and write its results to a folder."""
+    from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
+    from pter_gym.benchmark.leaderboard import table
+
+    console = Console()
+    results = ResultsFolder(out)
+    with progress_bar(console) as progress:
+        task = progress.add_task(scenario, total=len(names) * len(paces))
+        runs = run_scenario(
+            scenario,
+            {name: find_policy(name, seed, scenario) for name in names},
+            paces,
+            episodes=episodes,
+            results=results,
+            on_progress=lambda _: progress.advance(task),
+        )
+    boards = [board for board in results.summarise() if board.has_episodes_of(runs[0])]
+    for board in boards:
+        console.print(table(board), "")
+    for path in [results.summary, *draw_boards(boards, results)]:
+        console.print(f"wrote {path}", highlight=False)
+
+
+def scores_table(result: "Result") -> Table:
+    """Return a table with one row per policy and time constant, in SI; it fits a terminal of 80 columns."""
+    table = Table(
+        title=f"The paper's standard test, seed {result.seed}",
+        caption="path error: the larger average, over time or path; unfinished parts at the worst error or the bound",
+        box=None,
+        padding=(0, 1),
+        collapse_padding=True,
+        pad_edge=False,
+    )
+    table.add_column("policy", no_wrap=True)
+    for header in (
+        "τ\n\n\\[s]",
+        "path\nerror\n\\[mm]",
+        "mean\nerror\n\\[mm]",
+        "mean\nspeed\n\\[m/s]",
+        "mean\nacc.\n\\[m/s²]",
+        "peak\nacc.\n\\[m/s²]",
+        "way\n\n\\[m]",
+        "at\nthe\nend",
+        "time\n\n\\[s]",
+        "brake\nwork\n\\[J]",
+    ):
+        table.add_column(header, justify="right", no_wrap=True)
+    for name, runs in result.runs.items():
+        for k, run in enumerate(runs):
+            s = run.score
+            table.add_row(
+                name if k == 0 else "",
+                f"{run.time_constant:g}",
+                f"{1000 * s.path_error_m:.1f}",
+                f"{1000 * s.mean_error_m:.1f}",
+                f"{s.mean_speed_m_s:.3f}",
+                f"{s.mean_acceleration_m_s2:.2f}",
+                f"{s.peak_acceleration_m_s2:.2f}",
+                f"{s.path_length_m:.3f}",
+                "yes" if s.completed else "no",
+                f"{s.duration_s:.2f}",
+                f"{s.dissipated_j:.2f}",
+            )
+        table.add_row()
+    return table
+
+
+def write_result(result: "Result", out: Path) -> list[Path]:
+    """Write ``benchmark.json`` and the pictures to a folder that exists; return their paths."""
+    from pter_gym.internal.files import write_text_atomic
+    from pter_gym.plots import save
+    from pter_gym.plots.benchmark import error_against_time, tip_paths
+
+    paths = [out / "benchmark.json", out / "tip_paths.png", out / "error_against_time.png"]
+    write_text_atomic(paths[0], json.dumps(result.as_json(), indent=2) + "\n")
+    save(tip_paths(result), paths[1])
+    save(error_against_time(result), paths[2])
+    return paths
+
+
+def draw_boards(boards: "Sequence[Leaderboard]", results: "ResultsFolder") -> list[Path]:
+    """Draw the leaderboards of one scenario into the folder of their results; return the pictures' paths."""
+    from pter_gym.benchmark.episodes import load_episodes
+    from pter_gym.plots import leaderboard as plots
+    from pter_gym.plots import save
+
+    runs = results.runs()
+    scenario = boards[0].scenario
+    figures = {
+        "profiles": plots.profiles(boards, runs),
+        "error-against-pace": plots.error_against_pace(boards),
+        "error-against-smoothness": plots.error_against_smoothness(boards),
+    }
+    for board in boards:
+        figures[f"trajectories-{board.pace}"] = plots.trajectories(board, runs, load_episodes(scenario, board.pace))
+    for name, figure in figures.items():
+        save(figure, results.path / f"{scenario}-{name}.png")
+    return [results.path / f"{scenario}-{name}.png" for name in figures]

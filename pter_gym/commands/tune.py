@@ -1,0 +1,65 @@
+"""``pter tune``: the search for a controller's gains."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from pter_gym.commands.arguments import check_folder_of
+from pter_gym.internal.terminal import progress_bar
+
+
+def tune(
+    controller: Annotated[str, tyro.conf.Positional],
+    scenario: Annotated[str, tyro.conf.arg(metavar="NAME")] = "standard",
+    pace: Annotated[str, tyro.conf.arg(metavar="NAME")] = "medium",
+    trials: int = 2000,
+    episodes: int = 200,
+    storage: Path = Path("pter-tune.db"),
+    seed: int = 0,
+    out: Path | None = None,
+) -> None:
+    """Search for a controller's gains on training draws of a scenario, at a commanded pace.
+
+    The trials are kept in an SQLite file: a search that was stopped goes on where it was, and several may share the
+    work. The best gains are those with the smallest path error of all that arrive and keep the pace. Needs Optuna:
+    install pter-gym[tune].
+
+    Args:
+        controller: impedance, torque-feedback, single-dof or velocity-ratio.
+        scenario: Scenario whose training draws are used; its evaluation episodes are never read.
+        pace: Commanded pace: slow, medium or brisk.
+        trials: Gains to try, at least 1.
+        episodes: Training draws for each trial, at least 1.
+        storage: SQLite file of the trials; its folder must exist.
+        seed: Seed of the draws and the search, at least 0.
+        out: File for the best gains, whose other entries stay; they are only printed by default.
+    """
+    from pter_gym.tuning import add_study
+    from pter_gym.tuning import tune as search
+
+    if out is not None:
+        check_folder_of(out)
+    console = Console(highlight=False, soft_wrap=True)
+    with progress_bar(console) as progress:
+        task = progress.add_task(f"{controller}, {scenario}, {pace}", total=trials)
+
+        def show(finished: int, best: float) -> None:
+            progress.update(
+                task, completed=finished, description=f"{controller}, {scenario}, {pace}: {1000 * best:.1f} mm"
+            )
+
+        study = search(
+            controller, scenario, pace, trials=trials, episodes=episodes, storage=storage, seed=seed, on_trial=show
+        )
+    found = study.verdict
+    for name, gain in study.gains.items():
+        console.print(f"{name} = {gain!r}")
+    console.print(
+        f"path error {1000 * found.path_error_m:.1f} mm, at the end {100 * found.completed:.3g} %, mean pace "
+        f"±{100 * found.mean_pace_error:.3g} %, segment pace ±{100 * found.segment_pace_error:.3g} % on other draws"
+    )
+    if out is not None:
+        add_study(study, out)
+        console.print(f"wrote {out}")

@@ -1,0 +1,58 @@
+"""What the figures share: remarks beside the data, headlines, legends, and names of machines for a reader."""
+
+from typing import Literal
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pter_gym.paper.experiments.claims import NAMES
+
+MARKERS = ("o", "s", "^", "D")
+
+
+FAINT = "#8b929c"
+"""Colour of remarks and marks beside the data."""
+
+
+def mark(
+    axes: Axes,
+    text: str,
+    position: tuple[float, float],
+    offset: tuple[float, float] = (0.0, 0.0),
+    *,
+    aligned: Literal["left", "center"] = "left",
+    colour: str = FAINT,
+) -> None:
+    """Write a remark at a position in the data, moved by an offset in points."""
+    axes.annotate(
+        text,
+        position,
+        offset,
+        textcoords="offset points",
+        ha=aligned,
+        color=colour,
+        fontsize=8.5,
+        annotation_clip=False,
+    )
+
+
+def mark_line(axes: Axes, text: str, x: float, *, top: bool) -> None:
+    """Write a remark beside a vertical line, at the top or the bottom of the axes."""
+    low, high = axes.get_ylim()
+    mark(axes, text, (x, high if top else low), (4.0, -11.0 if top else 5.0))
+
+
+def headline(figure: Figure, text: str) -> None:
+    """Write the title of a figure with several panels."""
+    figure.suptitle(text, x=0.01, ha="left", fontsize=11.0)
+
+
+def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
+    """Show the legend of one of several panels below all of them."""
+    handles, names = axes.get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=columns)
+
+
+def name_of(machine: str) -> str:
+    """Return a machine's name for a reader."""
+    return NAMES.get(machine, machine.replace("_", " ")).removeprefix("the ")
