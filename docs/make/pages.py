@@ -7,7 +7,7 @@ from pathlib import Path
 from pter_gym.internal.files import write_text_atomic
 from pter_gym.scenarios import PACES
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 LEFT_OUT = ("free", "locked", "random")
 BELOW = "†"
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from pter_gym.envs import world as kernel
+from pter_gym.engine import world as kernel
 from pter_gym.envs.checker import Outcome, Report, check_vector_env
 from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.hands import MultiSineHand

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from studies import bounds
 from studies.bounds import CLUTCHES, SEARCHED, SEED, Actuators, adapted, drawn_task, try_out
 from studies.clutch_use import clutch_use, episodes, stuck_clutches
 
@@ -15,7 +16,6 @@ from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import Impedance, SingleDof
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
-from pter_gym.paper.experiments import bounds
 from pter_gym.params import BASELINE
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.scenarios import PACES

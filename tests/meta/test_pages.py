@@ -1,27 +1,14 @@
 """The scripts that write pages: blocks between comments, tables, and cells that say what the results hold."""
 
 import re
-import sys
 from pathlib import Path
-from types import ModuleType
 
+import pages
 import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "classical-control.md"
 BLOCKS = ("board: standard", "separation", "bounds", "lag", "torque", "board: everything", "lost")
-
-
-@pytest.fixture
-def pages(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """The module as the scripts beside it find it; left out where only the package is."""
-    if not (ROOT / ".ci" / "pages.py").exists():
-        pytest.skip("the scripts are not here")
-    monkeypatch.syspath_prepend(str(ROOT / ".ci"))
-    monkeypatch.delitem(sys.modules, "pages", raising=False)
-    import pages as found  # type: ignore[import-not-found]
-
-    return found
 
 
 def scores(error: float, rank: int | None) -> dict[str, object]:
@@ -38,7 +25,7 @@ def boards() -> list[dict[str, object]]:
     ]
 
 
-def test_a_block_is_replaced_and_nothing_else(pages: ModuleType, tmp_path: Path) -> None:
+def test_a_block_is_replaced_and_nothing_else(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("before\n<!-- a -->\nold \\1\n<!-- /a -->\nbetween\n<!-- b -->\n<!-- /b -->\n", "utf-8")
     pages.write_block(page, "a", "new \\2\n")
@@ -50,7 +37,7 @@ def test_a_block_is_replaced_and_nothing_else(pages: ModuleType, tmp_path: Path)
         pages.write_block(page, "c", "")
 
 
-def test_a_leaderboard_has_intervals_and_marks_what_is_below_the_line(pages: ModuleType) -> None:
+def test_a_leaderboard_has_intervals_and_marks_what_is_below_the_line() -> None:
     text = pages.board_table(boards(), "standard", ["bad", "good", "other"]).replace("\u00a0", " ")
     head, _, good, bad = text.splitlines()[2:]
     assert head == "| Policy | slow (0.12 m/s) | medium (0.25 m/s) | brisk (0.5 m/s) |"
