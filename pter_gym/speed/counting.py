@@ -77,7 +77,7 @@ def count_operations() -> Counts:
 
 def count_here() -> Counts:
     """Return the counts of some random control steps; with ``NUMBA_DISABLE_JIT=1`` only."""
-    from pter_gym.envs import kernels
+    from pter_gym.engine import kernels
     from pter_gym.speed.ours import substeps_per_step
 
     teach_to_count()
