@@ -69,11 +69,17 @@ def nothing() -> None:
 OURS = dict.fromkeys(Kind, Load(nothing, 1, nothing))
 
 
+def short_plan(**given: Any) -> Plan:
+    """What was asked for, each rate measured by one call."""
+    return replace(make_plan(**given), rates=SHORT, comparisons=SHORT, single_steps=10)
+
+
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A quick run of the command without EnvPool: its folder and its JSON."""
     out = tmp_path_factory.mktemp("speed")
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pter_gym.speed.make_plan", short_plan)
         patch.setitem(sys.modules, "envpool", None)
         assert cli.main(["speed", "--quick", "--max-worlds", "256", "--out", str(out)]) == 0
     return out, json.loads((out / "speed.json").read_text(encoding="utf-8"))
