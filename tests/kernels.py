@@ -36,9 +36,9 @@ def main(part: str) -> None:
 
 def compile_all() -> None:
     """Compile both parts; what goes wrong here goes wrong in a test too, where it is told."""
-    parts = [subprocess.Popen([sys.executable, __file__, part], stderr=subprocess.DEVNULL) for part in ("steps", "rest")]
-    for part in parts:
-        part.wait()
+    command = [sys.executable, __file__]
+    for process in [subprocess.Popen([*command, part], stderr=subprocess.DEVNULL) for part in ("steps", "rest")]:
+        process.wait()
 
 
 if __name__ == "__main__":
