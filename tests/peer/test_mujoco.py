@@ -26,6 +26,7 @@ from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 STEPS = 2000
 SEEDS = range(20)
+FEW_AND_MORE = [SEEDS[:5], pytest.param(SEEDS[5:], marks=pytest.mark.long)]
 STEP = BASELINE.substep
 ARM = ArmNumbers(
     BASELINE.arm.length_a,
@@ -176,18 +177,20 @@ def test_one_free_step_of_ours_has_the_same_acceleration():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("machine", [EQUAL, DELRIN_THEORETICAL], ids=["equal", "dynamic above breakaway"])
+@pytest.mark.parametrize("seeds", FEW_AND_MORE, ids=["few", "more"])
 @pytest.mark.parametrize("subset", range(16))
-def test_one_torque_for_stick_and_slip(subset, machine):
+def test_one_torque_for_stick_and_slip(subset, machine, seeds):
     """T_s = T_k; and T_s < T_k, where the breakaway torque is unobservable."""
-    for seed in SEEDS:
+    for seed in seeds:
         case = draw(subset, seed)
         assert np.abs(ours(machine, case).theta - roll(machine, case)).max() <= 1e-8
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seeds", FEW_AND_MORE, ids=["few", "more"])
 @pytest.mark.parametrize("subset", range(16))
-def test_breakaway_above_dynamic(subset):
-    for seed in SEEDS:
+def test_breakaway_above_dynamic(subset, seeds):
+    for seed in seeds:
         case = draw(subset, seed)
         assert np.abs(ours(BASELINE, case).theta - karnopp(case, BASELINE.slip_threshold)).max() <= 1e-8
 
