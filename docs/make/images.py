@@ -22,7 +22,7 @@ from pter_gym.physics.friction import ClutchMode
 from pter_gym.plots import save
 from pter_gym.scenarios import find_pace, find_scenario
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).parents[1] / "images"
 
 TIME = 0.65
 
