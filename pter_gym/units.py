@@ -15,11 +15,6 @@ def to_inches(metres: float) -> float:
     return metres / INCH
 
 
-def from_inches(inches: float) -> float:
-    """Return a length, speed or acceleration in in, in/s, in/s² as m, m/s, m/s²."""
-    return inches * INCH
-
-
 def to_inch_pounds(newton_metres: float) -> float:
     """Return a torque in N·m as in·lbf."""
     return newton_metres / INCH_POUND

@@ -17,7 +17,6 @@ from pter_gym.params import BASELINE, Machine, require, require_number
 from pter_gym.tasks.path_following import PathFollowing, check_machine
 
 Drawn = TypeVar("Drawn")
-Tags = tuple[str, ...]
 
 TRIES = 200
 """Draws of one pair of machine and task before a randomisation is refused, because its paths leave the arm's reach."""

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 RATIOS = np.array([[1, 0], [1, 1], [0, -1], [2, 1]])
 """Slip of clutch x per rate of the joints (A, B − A)."""
@@ -92,21 +91,3 @@ def build(arm: ArmNumbers, step: float, torque: Sequence[float] = (0.0, 0.0, 0.0
     </mujoco>""")
     model.tendon_frictionloss[:] = torque
     return model
-
-
-def to_joints(angles: ArrayLike) -> NDArray[np.float64]:
-    """Return (A, B − A) from (A, B), for angles and rates alike; the last axis has length two."""
-    angles = np.asarray(angles, float)
-    return np.stack([angles[..., 0], angles[..., 1] - angles[..., 0]], axis=-1)
-
-
-def to_links(joints: ArrayLike) -> NDArray[np.float64]:
-    """Return (A, B) from (A, B − A)."""
-    joints = np.asarray(joints, float)
-    return np.stack([joints[..., 0], joints[..., 0] + joints[..., 1]], axis=-1)
-
-
-def to_joint_torque(torque: ArrayLike) -> NDArray[np.float64]:
-    """Return generalised forces on (A, B − A) from torques on the links A and B: the same power."""
-    torque = np.asarray(torque, float)
-    return np.stack([torque[..., 0] + torque[..., 1], torque[..., 1]], axis=-1)

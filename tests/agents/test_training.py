@@ -2,10 +2,8 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
 import tomllib
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -390,36 +388,53 @@ def test_the_same_seed_gives_the_same_policy_and_another_another(tmp_path: Path)
     assert weights(runs[0]) != weights(runs[2])
 
 
+KILLED_RUNS = """
+import os, random, signal, sys, time
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+import test_training as t
+
+t.prepare.SAMPLE_WORLDS, t.prepare.SAMPLE_STEPS = 16, 20
+t.torch.set_num_threads(1)  # a forked process has no other
+out, times = Path(sys.argv[1]), random.Random(5)
+t.training.train(t.arguments(rollouts=1), out.with_name("first"))  # loads what the forked ones would load each
+newest = -1
+for _ in range(20):
+    run = os.fork()
+    if run == 0:
+        t.training.train(t.arguments(rollouts=400), out, resume=(out / "run.json").exists())
+        os._exit(0)
+    until = time.monotonic() + 60.0
+    while t.newest_steps(out) <= newest and time.monotonic() < until:
+        time.sleep(0.01)
+    time.sleep(times.uniform(0.0, 0.2))
+    os.kill(run, signal.SIGKILL)
+    os.waitpid(run, 0)
+    for path in t.stored.checkpoints(out):
+        assert len(t.weights(path)) > 4
+    steps = t.newest_steps(out)
+    assert steps > newest, "it goes on from its newest checkpoint"
+    newest = steps
+print(newest)
+"""
+
+
+def newest_steps(out: Path) -> int:
+    """Steps of the newest checkpoint, or −1 where there is none."""
+    found = stored.checkpoints(out) if out.exists() else []
+    return int(found[-1].stem.split("-")[1]) if found else -1
+
+
 @pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_killed_run_has_whole_checkpoints_and_goes_on(tmp_path: Path) -> None:
-    program = (
-        "import sys; from pathlib import Path\n"
-        f"sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-        "import test_training as t\n"
-        "from pter_agents import prepare\n"
-        "prepare.SAMPLE_WORLDS, prepare.SAMPLE_STEPS = 16, 20\n"
-        "out = Path(sys.argv[1])\n"
-        "t.training.train(t.arguments(rollouts=400), out, resume=(out / 'run.json').exists())\n"
+    """Each run is forked from one process that has loaded everything."""
+    program = KILLED_RUNS.format(tests=str(Path(__file__).parent))
+    killed = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "run")], capture_output=True, text=True, check=False
     )
-    out = tmp_path / "run"
-    rng = np.random.default_rng(5)
-    newest = -1
-    for _ in range(20):
-        process = subprocess.Popen([sys.executable, "-c", program, str(out)])
-        until = time.monotonic() + 60.0
-        while not (out.exists() and len(stored.checkpoints(out)) > 0) and time.monotonic() < until:
-            time.sleep(0.05)
-        time.sleep(2.5 + float(rng.uniform(0.0, 0.5)))
-        os.kill(process.pid, signal.SIGKILL)
-        process.wait()
-        found = stored.checkpoints(out)
-        assert found
-        for path in found:
-            assert len(weights(path)) > 4
-        steps = int(found[-1].stem.split("-")[1])
-        assert steps >= newest
-        newest = steps
-    assert newest > ROLLOUT
+    assert killed.returncode == 0, killed.stderr
+    assert int(killed.stdout.splitlines()[-1]) > ROLLOUT
 
 
 def test_another_run_in_the_folder_is_refused(tmp_path: Path) -> None:

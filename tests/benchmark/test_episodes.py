@@ -18,7 +18,7 @@ from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.paths import Line
 from pter_gym.scenarios import PACES, SCENARIOS, Scenario
 from pter_gym.scenarios.evaluation_draws import evaluation_draws
-from pter_gym.tasks.path_following import T_SUCCESS, T_TIME, T_VELOCITY, PathFollowing
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 TASKS = [PathFollowing(), PathFollowing(path=Line(length=0.5)), PathFollowing()]
 
@@ -153,12 +153,12 @@ def test_every_hand_can_go_faster_than_the_pace(scenario: str, pace: str) -> Non
     policy = Free().bind(BASELINE, batch.layout)
     obs, _ = batch.reset(list(episodes.seeds))
     _, rows = batch.rollout(obs, policy.law, policy.gains, 1000)
-    speed = np.nanmax(np.hypot(rows[..., T_VELOCITY], rows[..., T_VELOCITY + 1]), axis=0)
+    speed = np.nanmax(np.hypot(rows[..., COLUMN.tip_velocity.x], rows[..., COLUMN.tip_velocity.y]), axis=0)
     paces = np.array([task.pace for task in episodes.tasks])
     assert (speed / paces).min() > 1.15
-    arrived = (rows[..., T_SUCCESS] == 1.0).any(axis=0)
+    arrived = (rows[..., COLUMN.is_success] == 1.0).any(axis=0)
     forces = arrived & [isinstance(task.hand, MultiSineHand) for task in episodes.tasks]
-    taken = np.nanmax(rows[..., T_TIME], axis=0)
+    taken = np.nanmax(rows[..., COLUMN.time], axis=0)
     assert forces.any()
     assert (np.array([task.path.length for task in episodes.tasks]) / taken / paces)[forces].min() > 1.15
 

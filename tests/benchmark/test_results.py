@@ -252,8 +252,7 @@ def test_the_summary_is_read_and_written_under_a_lock(tmp_path: Path) -> None:
 @pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGINT])
 def test_a_benchmark_that_is_stopped_goes_on(signal_number: int, tmp_path: Path, simulated: list[int]) -> None:
     out = tmp_path / "out"
-    policies = "impedance,torque-feedback,free,locked,random"
-    arguments = ["--policies", policies, "--episodes", "150", "--out", str(out)]
+    arguments = ["--policies", "free,locked,random", "--episodes", "70", "--out", str(out)]
     process = start(*arguments)
     while not list(out.glob("runs/*.json")):
         assert process.poll() is None
@@ -261,14 +260,14 @@ def test_a_benchmark_that_is_stopped_goes_on(signal_number: int, tmp_path: Path,
     process.send_signal(signal_number)
     process.communicate(timeout=60)
     finished = list(out.glob("runs/*.json"))
-    assert 0 < len(finished) < 15
+    assert 0 < len(finished) < 9
     assert process.returncode in (-signal_number, cli.INTERRUPTED)
     assert all(read_run(path) is not None for path in finished)
     before = {path: path.read_bytes() for path in finished}
     assert cli.main(["benchmark", "--scenario", "standard", *arguments]) == 0
-    assert len(simulated) == 15 - len(finished)
+    assert len(simulated) == 9 - len(finished)
     assert {path: path.read_bytes() for path in finished} == before
-    assert all(len(names) == 5 for names in summary_of(out).values())
+    assert all(len(names) == 3 for names in summary_of(out).values())
 
 
 # --- the command ---

@@ -69,11 +69,17 @@ def nothing() -> None:
 OURS = dict.fromkeys(Kind, Load(nothing, 1, nothing))
 
 
+def short_plan(**given: Any) -> Plan:
+    """What was asked for, each rate measured by one call."""
+    return replace(make_plan(**given), rates=SHORT, comparisons=SHORT, single_steps=10, roofline_rounds=1)
+
+
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A quick run of the command without EnvPool: its folder and its JSON."""
     out = tmp_path_factory.mktemp("speed")
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pter_gym.speed.make_plan", short_plan)
         patch.setitem(sys.modules, "envpool", None)
         assert cli.main(["speed", "--quick", "--max-worlds", "256", "--out", str(out)]) == 0
     return out, json.loads((out / "speed.json").read_text(encoding="utf-8"))
@@ -91,8 +97,10 @@ def test_quick_run_writes_numbers_and_a_picture(quick: tuple[Path, dict[str, Any
         rows = content[sweep_of]["rows"]
         assert [row["worlds"] for row in rows] == [1, 16, 256]
         assert all(row["steps_per_second"] * row["nanoseconds_per_step"] == pytest.approx(1e9) for row in rows)
-    assert 0.0 < content["roofline"]["share"] < 1.0
-    assert content["roofline"]["peak_width"] >= 1
+    roofline = content["roofline"]
+    rate = roofline["operations_per_substep"] / (1e-9 * roofline["nanoseconds_per_substep"])
+    assert roofline["share"] == pytest.approx(rate / roofline["peak"])
+    assert roofline["peak_width"] >= 1
     assert content["all_threads"]["bytes_per_world"] > 0.0
 
 

@@ -57,12 +57,12 @@ def test_controllers_arrive_and_feedback_helps(result: Result) -> None:
 
 
 def test_locked_never_arrives_and_free_feels_no_clutch(result: Result) -> None:
-    from pter_gym.tasks.path_following import T_TOLD
+    from pter_gym.tasks.path_following import COLUMN
 
     assert not any(run.score.completed for run in result.runs["locked"])
     free = result.runs["free"]
     assert all(run.score.dissipated_j == 0.0 for run in free)
-    moves = [run.telemetry[:, :T_TOLD] for run in free]  # what is told of the clutches differs
+    moves = [run.telemetry[:, : COLUMN.told.time_constant] for run in free]  # what is told of the clutches differs
     assert moves[0].tobytes() == moves[2].tobytes()
 
 

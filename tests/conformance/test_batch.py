@@ -14,7 +14,7 @@ import pter_gym  # noqa: F401  (registers the environment)
 from pter_gym.controllers import Random, TorqueFeedback
 from pter_gym.controllers.base import Policy
 from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import SKIP, TERMINATED
+from pter_gym.engine.world import FLAG, SKIP
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.paths import Line
@@ -47,7 +47,7 @@ def live(batch: Batch, seeds: list[int], actions: np.ndarray) -> list[np.ndarray
     for rows in actions:
         returns = batch.step(rows)
         out += [returns.obs, returns.rewards, returns.flags, returns.telemetry]
-        ended = returns.flags[TERMINATED]
+        ended = returns.flags[FLAG.terminated]
         if ended.any():
             obs, telemetry = batch.reset(chosen=ended)
             out += [obs[ended], telemetry[ended]]
@@ -78,7 +78,7 @@ def test_a_row_of_a_batch_has_the_bits_of_a_single_world(count: int) -> None:
         returns = batch.step(rows)
         for k in range(count):
             records[k].append((returns.obs[k], returns.telemetry[0, k]))
-        ended = returns.flags[TERMINATED]
+        ended = returns.flags[FLAG.terminated]
         episodes += ended
         if ended.any():
             obs, telemetry = batch.reset(chosen=ended)

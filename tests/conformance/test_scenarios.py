@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 import pter_gym
 from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import CONTEXT_AT, CONTEXT_ROWS, SAME_STEP, SEGMENT, STEP
+from pter_gym.engine.world import ROW, SAME_STEP
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand
 from pter_gym.params import BASELINE, Hand
@@ -19,6 +19,7 @@ from pter_gym.paths import Arc
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Repeat, Shared, Tuple, Uniform, Vary
 from pter_gym.tasks.path_following import CONTEXT, PathFollowing
+from pter_gym.tasks.path_following.context import CONTEXT_WIDTH
 
 
 def test_each_scenario_is_registered_under_its_id() -> None:
@@ -172,7 +173,7 @@ def test_the_truth_of_a_world_is_its_state_and_its_machine_and_task() -> None:
     after = batch.truth()
     changed = (after != first).any(axis=0)
     assert changed.sum() > 8
-    context = first.shape[1] - CONTEXT_ROWS
+    context = first.shape[1] - CONTEXT_WIDTH
     assert not changed[context:].any()
     assert differing[context:].any()
 
@@ -182,7 +183,14 @@ def test_a_state_of_other_machines_is_refused() -> None:
     batch = Batch([BASELINE, replace(BASELINE, clutch_scale=(0.9,) * 4)], PathFollowing())
     batch.reset([0, 1])
     state = batch.get_state()
-    wrong = ((CONTEXT_AT, 1e9), (CONTEXT_AT, -1.0), (SEGMENT, 7.0), (STEP, -1.0), (STEP, np.nan), (STEP, 1e300))
+    wrong = (
+        (ROW.context_at, 1e9),
+        (ROW.context_at, -1.0),
+        (ROW.foot.segment, 7.0),
+        (ROW.step, -1.0),
+        (ROW.step, np.nan),
+        (ROW.step, 1e300),
+    )
     for row, value in wrong:
         broken = {**state, "worlds": state["worlds"].copy()}
         broken["worlds"][0, row, 0] = value

@@ -72,9 +72,9 @@ def seeds(count: int) -> list[int]:
 
 
 @cache
-def actions(count: int) -> np.ndarray:
-    """Random voltages (STEPS, count, 4), half of them zero; those of a world do not depend on how many there are."""
-    drawn = np.random.default_rng(7).random((count, STEPS, 8), np.float32)
+def actions(count: int, steps: int = STEPS) -> np.ndarray:
+    """Random voltages (steps, count, 4), half of them zero; those of a world do not depend on how many there are."""
+    drawn = np.random.default_rng(7).random((count, STEPS, 8), np.float32)[:, :steps]
     return np.ascontiguousarray((24.0 * drawn[..., :4] * (drawn[..., 4:] < 0.5)).swapaxes(0, 1))
 
 
@@ -210,11 +210,13 @@ def test_any_number_of_threads(mode: AutoresetMode) -> None:
 
 @pytest.mark.slow
 def test_ten_thousand_worlds() -> None:
+    """For so long that each has ended and gone on."""
     count = 10_000
+    given = actions(count, LIMIT + 10)
     order = np.random.default_rng(2).permutation(count)
     envs = [make(count, SAME_STEP, num_threads=threads) for threads in (1, 2, 3, 5)]
-    turned = live(make(count, SAME_STEP, list(order)), [seeds(count)[k] for k in order], actions(count)[:, order])
-    lives = zip(turned, *(live(env, seeds(count), actions(count)) for env in envs), strict=True)
+    turned = live(make(count, SAME_STEP, list(order)), [seeds(count)[k] for k in order], given[:, order])
+    lives = zip(turned, *(live(env, seeds(count), given) for env in envs), strict=True)
     for step, (in_order, one, *others) in enumerate(lives):
         require_same(rows(one, slice(ALONE)), alone(SAME_STEP)[step], step)
         require_same(rows(one, order), in_order, step)

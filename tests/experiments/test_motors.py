@@ -12,12 +12,12 @@ from pter_gym.benchmark.measures import column, four, vector
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import Impedance, PaceSchedule, SingleDof, TorqueFeedback
-from pter_gym.controllers.laws import OMEGA_A, OMEGA_B
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.hands import RELAXED, HumanArm, MultiSineHand
 from pter_gym.params import BASELINE, Arm
 from pter_gym.tasks.path_following import PathFollowing, Sensing
+from pter_gym.tasks.path_following.observation import SEEN
 
 pytestmark = pytest.mark.slow
 
@@ -37,12 +37,12 @@ def held(*volts: float) -> Law:
 
 def clutch_volts(*volts: float) -> Law:
     """Voltages for clutches, which find the signs of their torques themselves; none at rest."""
-    return lambda obs: np.where(obs[:, [OMEGA_A]] != 0.0, np.float32(volts), np.float32(0.0))
+    return lambda obs: np.where(obs[:, [SEEN.omega_a]] != 0.0, np.float32(volts), np.float32(0.0))
 
 
 def braking(*volts: float) -> Law:
     """The same for motors, with the signs of slipping clutches' torques."""
-    return lambda obs: -np.sign(obs[:, [OMEGA_A, OMEGA_B]] @ np.float32(W).T) * np.float32(volts)
+    return lambda obs: -np.sign(obs[:, [SEEN.omega_a, SEEN.omega_b]] @ np.float32(W).T) * np.float32(volts)
 
 
 def batch(machine: Any = BASELINE, task: PathFollowing = TASK) -> Batch:

@@ -15,13 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from pter_gym.engine.batch import Batch, Returns
-from pter_gym.engine.world import SAME_STEP, SINE, TERMINATED, TRUNCATED
+from pter_gym.engine.world import FLAG, ROW, SAME_STEP
 from pter_gym.hands import SINES, MultiSineHand
 from pter_gym.internal.computer import available_cores
 from pter_gym.params import BASELINE, Hand, Machine, with_friction
-from pter_gym.physics.arm import Motion
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.tasks.path_following import T_ENERGY, T_KINETIC, PathFollowing
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 KINDS = 256
 ACTIONS = 64
@@ -30,7 +29,7 @@ SIZES = 10
 UNIT_LIMIT = 1e-12
 ENERGY_LIMIT = 1e-12
 MEMORY_LIMIT = 8.0
-VECTORS = [Motion._fields.index("cos_a"), Motion._fields.index("cos_b"), *range(SINE, SINE + 2 * SINES, 2)]
+VECTORS = [ROW.motion.cos_a, ROW.motion.cos_b, *(sine.cos for sine in ROW.sines)]
 
 
 @dataclass
@@ -77,7 +76,7 @@ def make(worlds: int, telemetry: bool) -> Batch:
 
 def ended(returns: Returns) -> np.ndarray:
     """Which worlds ended in a step, (N,)."""
-    return returns.flags[TERMINATED] | returns.flags[TRUNCATED]
+    return returns.flags[FLAG.terminated] | returns.flags[FLAG.truncated]
 
 
 def look_at_returns(findings: Findings, returns: Returns) -> None:
@@ -102,9 +101,11 @@ def look_at_energy(findings: Findings, one: Returns, two: Returns) -> None:
     """Compare the kinetic energy of two successive steps with work, losses and residual, relative to the largest."""
     on = ~(ended(one) | ended(two))
     before, after = one.telemetry[0][on], two.telemetry[0][on]
-    work, dissipated, lost, residual = after[:, T_ENERGY : T_ENERGY + 4].T
-    change = after[:, T_KINETIC] - before[:, T_KINETIC]
-    terms = np.abs([after[:, T_KINETIC], before[:, T_KINETIC], work, dissipated, lost, residual]).max(axis=0)
+    work, dissipated, lost, residual = after[:, [*COLUMN.energy]].T
+    change = after[:, COLUMN.kinetic_energy] - before[:, COLUMN.kinetic_energy]
+    terms = np.abs(
+        [after[:, COLUMN.kinetic_energy], before[:, COLUMN.kinetic_energy], work, dissipated, lost, residual]
+    ).max(axis=0)
     error = np.abs(change - (work - dissipated - lost + residual)) / np.maximum(terms, 1e-9)
     findings.energy_error = max(findings.energy_error, float(error.max(initial=0.0)))
 

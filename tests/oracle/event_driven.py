@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -55,12 +56,13 @@ class Plant:
     def load(self, t: float, theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """Torque on the links of everything but the clutches and the inertia [N·m]."""
         l_a, l_b = self.lengths
-        sin, cos = np.sin(theta), np.cos(theta)
-        jacobian = np.array([[-l_a * sin[0], -l_b * sin[1]], [l_a * cos[0], l_b * cos[1]]])
-        tip = np.array([l_a * cos[0] + l_b * cos[1], l_a * sin[0] + l_b * sin[1]])
-        pull = self.force(t) - self.damping * (jacobian @ omega) - self.stiffness * (tip - np.array(self.target))
-        c_sin = (self.coupling + self.mass * l_a * l_b) * math.sin(theta[0] - theta[1])
-        return jacobian.T @ pull - c_sin * np.array([omega[1] ** 2, -(omega[0] ** 2)])
+        (a, b), (omega_a, omega_b) = theta.tolist(), omega.tolist()
+        ax, ay, bx, by = l_a * math.cos(a), l_a * math.sin(a), l_b * math.cos(b), l_b * math.sin(b)
+        x, y = self.force(t).tolist()
+        x -= self.damping * (-ay * omega_a - by * omega_b) + self.stiffness * (ax + bx - self.target[0])
+        y -= self.damping * (ax * omega_a + bx * omega_b) + self.stiffness * (ay + by - self.target[1])
+        c_sin = (self.coupling + self.mass * l_a * l_b) * math.sin(a - b)
+        return np.array([ax * y - ay * x - c_sin * omega_b**2, bx * y - by * x + c_sin * omega_a**2])
 
 
 AT_REST, SLIDING = "rest", "sector"
@@ -74,6 +76,11 @@ class Phase:
     sign: tuple[float, ...]
     inside: tuple[bool, ...] = (True,) * 4
 
+    @cached_property
+    def held(self) -> np.ndarray:
+        """Which clutches have their breakaway torque."""
+        return np.array(self.inside) | (np.array(self.sign) == 0.0)
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -86,8 +93,9 @@ class Motion:
 
 
 def capacities(plant: Plant, phase: Phase, t: float) -> np.ndarray:
-    held = np.array(phase.inside) | (np.array(phase.sign) == 0.0)
-    return np.where(held, plant.breakaway(t), plant.dynamic(t))
+    if phase.held.all():
+        return plant.breakaway(t)
+    return np.where(phase.held, plant.breakaway(t), plant.dynamic(t))
 
 
 def _remaining(plant: Plant, phase: Phase, t: float, y: np.ndarray) -> np.ndarray:
@@ -100,7 +108,9 @@ def acceleration(plant: Plant, phase: Phase, t: float, y: np.ndarray) -> np.ndar
         return np.zeros(2)
     mass, left = plant.inertia(y[:2]), _remaining(plant, phase, t, y)
     if phase.stuck == SLIDING:
-        return np.linalg.solve(mass, left)
+        (m_aa, m_ab), (_, m_bb) = mass.tolist()
+        a, b = left.tolist()
+        return np.array([m_bb * a - m_ab * b, m_aa * b - m_ab * a]) / (m_aa * m_bb - m_ab * m_ab)
     d = LINE[phase.stuck]
     return d * (d @ left) / (d @ mass @ d)
 

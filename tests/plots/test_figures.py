@@ -10,6 +10,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pter_gym.benchmark.metrics import vector
 from pter_gym.plots import save
 from pter_gym.plots.benchmark import Trace, error_figure, last_time_shown, tip_path_figure
 from pter_gym.plots.style import COLOURS, STYLE
@@ -125,7 +126,7 @@ def test_figures_of_a_standard_test(tmp_path: Path):
         assert set(lines(figure)) >= {"desired path", "impedance", "free"}
         assert "τ = 0.105 s" in main_axes(figure).get_title(loc="left")
     assert "τ = 0.03 s" in main_axes(tip_paths(result, 0.02)).get_title(loc="left")
-    tip = result.runs["free"][1].telemetry[:, 3:5]
+    tip = vector(result.runs["free"][1].telemetry, "tip")
     np.testing.assert_array_equal(lines(tip_paths(result))["free"], tip)
 
 

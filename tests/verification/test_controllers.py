@@ -36,21 +36,19 @@ Array = NDArray[np.float64]
 def allocate(want: Array, low: Array, high: Array, metric: Array) -> Array:
     """Enumerate which clutches sit at a bound: least weighted distance, then least norm, among the feasible points."""
     root = np.linalg.cholesky(metric).T
-    best: tuple[float, float, Array] | None = None
-    for states in product((-1, 0, 1), repeat=4):
-        fixed = np.array(states)
-        torque = np.where(fixed < 0, low, np.where(fixed > 0, high, 0.0))
-        free = fixed == 0
+    found: list[Array] = []
+    for states in product((False, True), repeat=4):
+        free = np.array(states)
+        bounds = product(*((0.0,) if state else ends for state, *ends in zip(states, low, high, strict=True)))
+        torque = np.array(list(bounds))
         if free.any():
-            torque[free] = np.linalg.pinv(root @ W[free].T, rcond=1e-9) @ (root @ (want - W.T @ torque))
-        if (torque < low - 1e-9).any() or (torque > high + 1e-9).any():
-            continue
-        rest = root @ (W.T @ torque - want)
-        candidate = (round(float(rest @ rest), 9), float(torque @ torque), torque)
-        if best is None or candidate[:2] < best[:2]:
-            best = candidate
-    assert best is not None
-    return best[2]
+            inverse = np.linalg.pinv(root @ W[free].T, rcond=1e-9)
+            torque[:, free] = (want - torque @ W) @ root.T @ inverse.T
+        found.append(torque)
+    torques = np.concatenate(found)
+    torques = torques[((torques >= low - 1e-9) & (torques <= high + 1e-9)).all(axis=1)]
+    distance = (((torques @ W - want) @ root.T) ** 2).sum(axis=1).round(9)
+    return torques[np.lexsort(((torques**2).sum(axis=1), distance))[0]]
 
 
 def jacobian_of(physical: dict[str, float]) -> Array:

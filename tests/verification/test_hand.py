@@ -11,7 +11,7 @@ from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.hands import EQ5_FREQUENCIES, MultiSineHand, eq5
 from pter_gym.params import BASELINE, Arm
-from pter_gym.tasks.path_following import T_FORCE, T_TIME, PathFollowing
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 
 def test_eq5_as_printed() -> None:
@@ -30,11 +30,11 @@ def test_the_kernel_follows_the_closed_form_for_ten_seconds(phases: tuple[float,
     policy = Free().bind(heavy, batch.layout)
     obs, _ = batch.reset([0])
     rows = batch.rollout(obs, policy.law, policy.gains, 1000)[1][:, 0]
-    assert np.isfinite(rows[-1, T_TIME])
-    expected = [hand.normal_force(time - heavy.substep) for time in rows[:, T_TIME]]
+    assert np.isfinite(rows[-1, COLUMN.time])
+    expected = [hand.normal_force(time - heavy.substep) for time in rows[:, COLUMN.time]]
     tolerance = 10_000 * 4 * np.finfo(float).eps * sum(hand.amplitudes)
-    np.testing.assert_allclose(rows[:, T_FORCE + 1], expected, rtol=0.0, atol=tolerance)
-    np.testing.assert_array_equal(rows[:, T_FORCE], 7.0)
+    np.testing.assert_allclose(rows[:, COLUMN.force.y], expected, rtol=0.0, atol=tolerance)
+    np.testing.assert_array_equal(rows[:, COLUMN.force.x], 7.0)
 
 
 def test_random_phases_keep_amplitudes_and_frequencies() -> None:
@@ -44,8 +44,8 @@ def test_random_phases_keep_amplitudes_and_frequencies() -> None:
     policy = Free().bind(heavy, batch.layout)
     obs, _ = batch.reset(list(range(200)))
     rows = batch.rollout(obs, policy.law, policy.gains, 100)[1]
-    force = rows[:, :, T_FORCE + 1]
-    time = rows[:, 0, T_TIME] - heavy.substep
+    force = rows[:, :, COLUMN.force.y]
+    time = rows[:, 0, COLUMN.time] - heavy.substep
     frequency = 2.0 * math.pi * EQ5_FREQUENCIES[2]
     basis = np.stack([np.sin(frequency * time), np.cos(frequency * time)], axis=1)
     fitted = np.linalg.lstsq(basis, force, rcond=None)[0]

@@ -105,10 +105,9 @@ def test_the_error_halves_with_the_step(name):
     for error in means(name).values():
         assert order(error) >= 0.9
         assert np.all(error[1:] <= error[:-1] / 2.0**0.5), "a plateau"
+    assert_most_scenarios_count_and_switch_modes(name)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MACHINES)
-def test_most_scenarios_count_and_switch_modes(name):
+def assert_most_scenarios_count_and_switch_modes(name):
     assert len(kept(name)) >= 0.75 * len(SCENARIOS)
     assert sum(len(sequence(exact)) - 1 for _, exact in kept(name)) >= 60

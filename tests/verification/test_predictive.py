@@ -11,15 +11,15 @@ from pter_gym.controllers import Free, SingleDof
 from pter_gym.controllers.predictive import Honest, Planner, Privileged, Settings
 from pter_gym.controllers.predictive.hand import HandModel
 from pter_gym.controllers.predictive.honest import Belief, known_part
-from pter_gym.controllers.predictive.planner import PLANS, SPEED_ALONG, play
+from pter_gym.controllers.predictive.planner import PLANS, play
 from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import ARC_LENGTH, DRIVE, REACHED, SUCCESS, TERMINATED
+from pter_gym.engine.world import FLAG, ROW
 from pter_gym.errors import ParameterError
 from pter_gym.hands import RecordedForces
 from pter_gym.params import BASELINE
-from pter_gym.physics.model import LAGGED_VOLTS
 from pter_gym.scenarios import find_scenario
-from pter_gym.tasks.path_following import T_SUCCESS, T_TERMINATED, T_VOLTS, PathFollowing, Sensing, observation_layout
+from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensing, observation_layout
+from pter_gym.tasks.path_following.observation import SEEN
 
 GUIDE = SingleDof(damping_tangential=250.0, pace_fraction=0.75, approach=20.0, strength=150.0, slow=0.5, feedback=2.0)
 FEW = Settings(samples=64, rounds=3, elite=8)
@@ -69,7 +69,7 @@ def test_the_best_plan_costs_no_more_than_the_guides_and_comes_true() -> None:
         place = step / FEW.knot_steps
         volts = [np.interp(place, np.arange(FEW.knots), planner.latest[:, clutch]) for clutch in range(4)]
         returns = world.step(np.array(volts)[None])
-        np.testing.assert_allclose(returns.telemetry[0, 0, T_VOLTS : T_VOLTS + 4], volts, rtol=1e-6)
+        np.testing.assert_allclose(returns.telemetry[0, 0, [*COLUMN.volts]], volts, rtol=1e-6)
         seen = world.layout.as_dict(returns.obs[0])
         off = abs(seen["speed_along"] - TASK.pace)
         terms.append(abs(seen["normal_error"]) + FEW.pace_weight * off)
@@ -83,7 +83,7 @@ def test_a_plan_that_leaves_the_workspace_costs_the_workspace() -> None:
     world = Batch(MACHINE, narrow, 1)
     obs, _ = world.reset([1])
     costs = planner.costs(state_of(world), obs[0], np.zeros((4, settings.knots, 4)))
-    assert world.rollout(obs, *_law(Free(), world), settings.horizon)[1][:2, 0, T_TERMINATED].max() == 1.0
+    assert world.rollout(obs, *_law(Free(), world), settings.horizon)[1][:2, 0, COLUMN.terminated].max() == 1.0
     assert (costs > narrow.error_max).all()
 
 
@@ -104,13 +104,13 @@ def test_outcome_is_the_end_of_a_rollout() -> None:
     seen, flags = batch.outcome(obs, play, gains, 60, batch.empty_memory())
     np.testing.assert_array_equal(seen, last)
     np.testing.assert_array_equal(batch.get_state()["worlds"], after["worlds"])
-    np.testing.assert_array_equal(flags[TERMINATED], (rows[..., T_TERMINATED] == 1.0).any(axis=0))
-    np.testing.assert_array_equal(flags[SUCCESS], (rows[..., T_SUCCESS] == 1.0).any(axis=0))
-    assert flags[TERMINATED].any()
+    np.testing.assert_array_equal(flags[FLAG.terminated], (rows[..., COLUMN.terminated] == 1.0).any(axis=0))
+    np.testing.assert_array_equal(flags[FLAG.success], (rows[..., COLUMN.is_success] == 1.0).any(axis=0))
+    assert flags[FLAG.terminated].any()
 
 
 def test_the_cost_reads_the_speed_along() -> None:
-    assert observation_layout(BASELINE, "encoders").index("speed_along") == SPEED_ALONG
+    assert observation_layout(BASELINE, "encoders").index("speed_along") == SEEN.speed.along
 
 
 # --- what the honest one knows ---
@@ -153,9 +153,9 @@ def test_the_rebuilt_state_is_the_true_one_on_the_nominal_machine() -> None:
     for _ in range(20):
         belief.update(obs[0])
         true = state_of(world)
-        rows = slice(0, LAGGED_VOLTS)  # motion and the clutches' torques
+        rows = slice(0, ROW.lagged_volts.x1)  # motion and the clutches' torques
         np.testing.assert_allclose(belief.rows[rows], true[rows], atol=2e-4)
-        arc = slice(ARC_LENGTH, REACHED + 1)  # where it is on the path
+        arc = slice(ROW.foot.arc_length, ROW.reached + 1)  # where it is on the path
         np.testing.assert_allclose(belief.rows[arc], true[arc], atol=1e-5)
         obs = world.step(rng.uniform(4.0, 14.0, (1, 4))).obs
 
@@ -175,7 +175,7 @@ def test_recorded_forces_are_what_the_hand_then_does() -> None:
     forces = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [7.0, 8.0]])
     batch.record_forces(forces)
     obs, _ = batch.reset([0, 1])
-    assert batch.get_state()["worlds"][0, DRIVE, 0] == 1.0
+    assert batch.get_state()["worlds"][0, ROW.drive.force.along, 0] == 1.0
     for k in range(3):
         for name, column in (("force_along", 0), ("force_across", 1)):
             np.testing.assert_allclose(batch.layout.physical(obs, name), forces[k, column], rtol=1e-6)

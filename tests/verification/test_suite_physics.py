@@ -14,15 +14,7 @@ from pter_gym.hands import HUMAN_ARMS, HumanArm, MultiSineHand, RecordedForces, 
 from pter_gym.params import BASELINE, Hand
 from pter_gym.paths import Arc, Line
 from pter_gym.tasks.path_following import (
-    T_ARC_LENGTH,
-    T_ENERGY,
-    T_ERROR,
-    T_FORCE,
-    T_KINETIC,
-    T_TERMINATED,
-    T_THETA,
-    T_TIP,
-    T_VELOCITY,
+    COLUMN,
     PathFollowing,
     Sensing,
 )
@@ -42,7 +34,7 @@ def stepped(task: PathFollowing, volts: np.ndarray, machine=BASELINE, **options)
         returns = batch.step(command[None])
         rows.append(returns.telemetry[0, 0])
         seen.append(returns.obs[0])
-    assert not any(row[T_TERMINATED] for row in rows)
+    assert not any(row[COLUMN.terminated] for row in rows)
     return np.array(rows), np.array(seen)
 
 
@@ -78,15 +70,17 @@ def test_a_human_arm_moves_the_tip_as_in_open_loop(name: str, lead: float) -> No
     force = hand.impedance.damping * np.repeat(velocity, COUNT, axis=0)
     open_loop = simulate(
         machine,
-        initial_state(machine, rows[0, T_THETA : T_THETA + 2]),
+        initial_state(machine, rows[0, [*COLUMN.theta]]),
         np.repeat(volts, COUNT, axis=0),
         force,
         hand_target=target,
     )
-    np.testing.assert_allclose(rows[1:, T_THETA : T_THETA + 2], open_loop.theta[COUNT - 1 :: COUNT], atol=1e-10)
-    np.testing.assert_allclose(rows[1:, T_KINETIC], open_loop.kinetic_energy[COUNT - 1 :: COUNT], atol=1e-10)
+    np.testing.assert_allclose(rows[1:, [*COLUMN.theta]], open_loop.theta[COUNT - 1 :: COUNT], atol=1e-10)
     np.testing.assert_allclose(
-        rows[1:, T_ENERGY], open_loop.hand_work.reshape(-1, COUNT).sum(axis=1), rtol=1e-9, atol=1e-10
+        rows[1:, COLUMN.kinetic_energy], open_loop.kinetic_energy[COUNT - 1 :: COUNT], atol=1e-10
+    )
+    np.testing.assert_allclose(
+        rows[1:, COLUMN.energy.hand_work], open_loop.hand_work.reshape(-1, COUNT).sum(axis=1), rtol=1e-9, atol=1e-10
     )
 
 
@@ -94,9 +88,9 @@ def test_the_intent_waits_for_a_tip_that_cannot_move() -> None:
     """Locked: the spring's pull is at most stiffness · lead, up to the bend of the path."""
     hand = HumanArm(impedance=HUMAN_ARMS["tense"], lead=0.05, amplitudes=(0.0,) * 5)
     rows, _ = stepped(PathFollowing(path=Line(length=0.5), hand=hand, pace=0.4), np.full((150, 4), 24.0))
-    pull = np.hypot(rows[1:, T_FORCE], rows[1:, T_FORCE + 1])
+    pull = np.hypot(rows[1:, COLUMN.force.x], rows[1:, COLUMN.force.y])
     assert pull.max() <= 600.0 * 0.0501 + hand.impedance.damping * 0.4 * hand.eagerness
-    assert pull[-1] == pytest.approx(600.0 * math.hypot(0.05, rows[-1, T_ERROR]), rel=1e-9)
+    assert pull[-1] == pytest.approx(600.0 * math.hypot(0.05, rows[-1, COLUMN.normal_error]), rel=1e-9)
 
 
 def test_a_hand_may_come_with_the_machine_or_with_the_task() -> None:
@@ -117,7 +111,7 @@ def test_recorded_forces_act_as_recorded(tmp_path: File) -> None:
     rows, _ = stepped(replace(TASK, hand=hand), np.zeros((50, 4)))
     last = PERIOD * np.arange(1, 51) - H  # the last substep of a period begins then
     instants = PERIOD * np.arange(51)
-    for column, force in ((T_FORCE, hand.along), (T_FORCE + 1, hand.across)):
+    for column, force in ((COLUMN.force.x, hand.along), (COLUMN.force.y, hand.across)):
         held = np.interp(instants, hand.times, force)
         np.testing.assert_allclose(rows[1:, column], np.interp(last, instants, held), atol=1e-12)
 
@@ -150,7 +144,7 @@ def test_torque_errors_and_drift_scale_the_clutches() -> None:
     volts = np.tile([5.0, 2.0, 1.0, 3.0], (40, 1))
     a, _ = stepped(TASK, volts, replace(BASELINE, clutch_scale=(factor,) * 4))
     b, _ = stepped(TASK, volts, replace(BASELINE, clutch=curves))
-    np.testing.assert_allclose(a[:, T_TIP : T_TIP + 2], b[:, T_TIP : T_TIP + 2], atol=1e-12)
+    np.testing.assert_allclose(a[:, [*COLUMN.tip]], b[:, [*COLUMN.tip]], atol=1e-12)
 
     rate, fast = -0.5, replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=1e-4))
     locked = replace(PathFollowing(), friction_drift=rate, hand=MultiSineHand(push=0.0, amplitudes=(0.0,) * 5))
@@ -169,10 +163,10 @@ def test_quantised_angles_are_multiples_and_everything_else_follows_them() -> No
     rows, seen = stepped(task, np.full((30, 4), 2.0))
     angle = np.arctan2(seen[:, 1].astype(float), seen[:, 0])
     assert np.abs(np.remainder(angle / resolution + 0.5, 1.0) - 0.5).max() < 1e-4  # float32 observations
-    assert np.abs(angle - rows[:, T_THETA]).max() <= 0.5 * resolution + 1e-6
+    assert np.abs(angle - rows[:, COLUMN.theta.a]).max() <= 0.5 * resolution + 1e-6
     exact = Batch(BASELINE, PathFollowing()).layout
     error = exact.physical(seen, "normal_error")
-    assert np.abs(error - rows[:, T_ERROR]).max() > 1e-6
+    assert np.abs(error - rows[:, COLUMN.normal_error]).max() > 1e-6
 
 
 def test_noise_has_its_size_and_comes_from_the_seed() -> None:
@@ -208,7 +202,7 @@ def test_sensors_are_late_by_whole_control_steps(delay: int) -> None:
         column = layout.index(name)
         np.testing.assert_allclose(seen[delay:, column], now[: len(now) - delay, column], atol=2e-7)
     np.testing.assert_array_equal(seen[:, layout.index("volts_1")], now[:, layout.index("volts_1")])
-    assert np.isfinite(rows[:, T_VELOCITY]).all()
+    assert np.isfinite(rows[:, COLUMN.tip_velocity.x]).all()
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ from pter_gym.physics.model import (
     store_motion,
 )
 from pter_gym.physics.step import Energy, energy_terms, free_motion
-from pter_gym.tasks.path_following import IDEAL_SENSING, PARAM_ROWS, T_ENERGY, PathFollowing
+from pter_gym.tasks.path_following import COLUMN, IDEAL_SENSING, PARAM_ROWS, PathFollowing
 
 Array = NDArray[np.float64]
 
@@ -180,10 +180,10 @@ def _build_step(digest: str) -> Any:
             observe_world(w, i, config)
             write_observation(w, i, obs, i, config, constants)
             record_step(w, i, telemetry, 0, i, h * count, constants)
-            telemetry[0, i, T_ENERGY] = hand
-            telemetry[0, i, T_ENERGY + 1] = taken
-            telemetry[0, i, T_ENERGY + 2] = loss
-            telemetry[0, i, T_ENERGY + 3] = residual
+            telemetry[0, i, COLUMN.energy.hand_work] = hand
+            telemetry[0, i, COLUMN.energy.hand_work + 1] = taken
+            telemetry[0, i, COLUMN.energy.hand_work + 2] = loss
+            telemetry[0, i, COLUMN.energy.hand_work + 3] = residual
 
     return step
 

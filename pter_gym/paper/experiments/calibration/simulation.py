@@ -11,8 +11,8 @@ from pter_gym.benchmark.measures import column, low_pass, vector
 from pter_gym.benchmark.recorded import START_UP
 from pter_gym.compiled.compiler import device
 from pter_gym.controllers.laws import IMPEDANCE, guide
-from pter_gym.engine.law import MEMORY
 from pter_gym.engine.batch import Batch
+from pter_gym.engine.law import MEMORY
 from pter_gym.paper.experiments.setup import Setup
 from pter_gym.params import Machine
 from pter_gym.physics.clutch import PerClutch

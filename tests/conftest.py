@@ -1,0 +1,16 @@
+"""Kernels are compiled before the workers of pytest-xdist start; the slow tests come first."""
+
+import pytest
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Without workers, the first test that needs a kernel compiles it."""
+    if session.config.getoption("numprocesses", None):
+        import kernels
+
+        kernels.compile_all()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)

@@ -1,0 +1,45 @@
+"""Compile the simulator's kernels into numba's cache: once for all processes of a test run, in two at the same time."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from pter_gym.benchmark.simulation import simulate
+from pter_gym.controllers import Free
+from pter_gym.engine.batch import Batch
+from pter_gym.params import BASELINE
+from pter_gym.physics import open_loop
+from pter_gym.tasks.path_following import PathFollowing
+
+ROOT = Path(__file__).parents[1]
+
+
+def main(part: str) -> None:
+    """Compile one of two parts, which take about as long."""
+    batch = Batch(BASELINE, PathFollowing(), 1)
+    policy = Free().bind(BASELINE, batch.layout)
+    if part == "steps":
+        simulate(batch, policy, [0], 1)
+        simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
+    else:
+        obs, _ = batch.reset([0])
+        policy(obs)
+        start = open_loop.initial_state(BASELINE, (0.5, 2.0))
+        open_loop.simulate(BASELINE, start, np.zeros(4), np.zeros(2), duration=BASELINE.substep)
+        sys.path.append(str(ROOT / "docs" / "make"))
+        from studies.motors import simulate_motors
+
+        simulate_motors(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
+
+
+def compile_all() -> None:
+    """Compile both parts; what goes wrong here goes wrong in a test too, where it is told."""
+    command = [sys.executable, __file__]
+    for process in [subprocess.Popen([*command, part], stderr=subprocess.DEVNULL) for part in ("steps", "rest")]:
+        process.wait()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
