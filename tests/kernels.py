@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pter_gym.benchmark.simulation import simulate
+from pter_gym.benchmark.simulation import simulate, simulate_alone
 from pter_gym.controllers import Free
+from pter_gym.controllers.predictive import Privileged, Settings
 from pter_gym.engine.batch import Batch
 from pter_gym.params import BASELINE
 from pter_gym.physics import open_loop
@@ -23,6 +24,8 @@ def main(part: str) -> None:
     if part == "steps":
         simulate(batch, policy, [0], 1)
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
+        plans = Privileged(Free(), Settings(samples=8, rounds=1, elite=1, horizon=10))
+        simulate_alone(plans, BASELINE, PathFollowing(), 0, 1)
     else:
         obs, _ = batch.reset([0])
         policy(obs)
