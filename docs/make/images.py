@@ -22,11 +22,6 @@ from pter_gym.physics.friction import ClutchMode
 from pter_gym.plots import save
 from pter_gym.scenarios import find_pace, find_scenario
 
-<<<<<<< HEAD
-=======
-FOLDER = Path(__file__).parents[1] / "images"
-
->>>>>>> wt-c
 TIME = 0.65
 
 SCENARIO, PACE = "standard", "medium"

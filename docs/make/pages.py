@@ -8,11 +8,8 @@ from pter_gym.internal.files import write_text_atomic
 from pter_gym.scenarios import PACES
 
 ROOT = Path(__file__).parents[2]
-<<<<<<< HEAD
 AGENTS = ROOT / "docs" / "agents.md"
 IMAGES = ROOT / "docs" / "images"
-=======
->>>>>>> wt-c
 LEFT_OUT = ("free", "locked", "random")
 BELOW = "†"
 

@@ -170,7 +170,7 @@ def _paths(kind: Any, before: str = "") -> Iterator[str]:
 
 
 def _made(kind: Any, number: str, names: dict[str, Any], before: str = "") -> str:
-    """Return the source that makes a compiled record; ``number`` is that of an entry, and ``names`` gets the classes."""
+    """Return the source that makes a compiled record from ``number``, that of an entry; ``names`` gets the classes."""
     if not isinstance(kind, types.BaseNamedTuple):
         return number.replace("AT", before)
     record: Any = kind

@@ -60,7 +60,7 @@ def test_a_human_arm_moves_the_tip_as_in_open_loop(name: str, lead: float) -> No
     volts = np.tile([2.0, 1.0, 0.0, 0.5], (100, 1))
     rows, _ = stepped(task, volts)
 
-    places = intended(hand, task.pace, rows[:, T_ARC_LENGTH])
+    places = intended(hand, task.pace, rows[:, COLUMN.arc_length])
     points = np.array([path.point(s) for s in places])
     velocity = np.diff(points, axis=0) / PERIOD
     target = np.concatenate(

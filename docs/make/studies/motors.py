@@ -16,51 +16,28 @@ from numpy.typing import NDArray
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.compiled.compiler import compile_kernel, device
 from pter_gym.compiled.layout import Layout
+from pter_gym.compiled.records import load, read, store
 from pter_gym.controllers import Impedance, PaceSchedule, Policy, bind
-from pter_gym.controllers.allocation import allocate
-from pter_gym.controllers.gains import LENGTH_A, LENGTH_B, TORQUE_LIMIT, read_gains, table_voltage
-from pter_gym.controllers.laws import PACE, pace_integral, see_tip, wanted_force
+from pter_gym.controllers.gains import NOMINAL, read_gains, table_voltage
+from pter_gym.controllers.laws import allocate_in, pace_integral, physical, see_tip, wanted_force
 from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import (
-    ALIVE,
-    COMMAND,
-    CONTEXT_AT,
-    HEADING,
-    LIMIT,
-    PARAM,
-    SCRATCH_ROWS,
-    SINE,
-    SUBSTEP,
-    SUBSTEPS,
-    TORQUE,
-    hand_force,
-    judge_step,
-    locate,
-    observe_world,
-    push_tip,
-    record_step,
-    take_command,
-    write_observation,
-)
+from pter_gym.engine.episode import conclude_step
+from pter_gym.engine.hand import hand_force
+from pter_gym.engine.recording import record_step
+from pter_gym.engine.sensing import write_observation
+from pter_gym.engine.step import add_energy, push_tip, take_command
+from pter_gym.engine.world import CONFIG, CONSTANT_ROWS, ROW, ROWS, STORED_ROWS
 from pter_gym.errors import ParameterError
-from pter_gym.hands import NO_HAND, MultiSineHand, renew_sines
+from pter_gym.hands import NO_HAND, MultiSineHand
+from pter_gym.hands.model import renew_sines
 from pter_gym.params import Machine, require, require_kind
-from pter_gym.physics.arm import Linkage, Load, Motion, advance_position, joint_torque
+from pter_gym.physics.arm import Linkage, Load, Motion, Vector, advance_position, joint_torque
 from pter_gym.physics.clutch import Curve, PerClutch, curve_torque, relax
-from pter_gym.physics.friction import resolve
-from pter_gym.physics.model import (
-    DYNAMIC,
-    SCALE,
-    TORQUE_DECAY,
-    dynamic_curve,
-    linkage,
-    load_four,
-    load_motion,
-    store_four,
-    store_motion,
-)
+from pter_gym.physics.friction import resolve, torques_on_links
 from pter_gym.physics.step import Energy, energy_terms, free_motion
-from pter_gym.tasks.path_following import COLUMN, IDEAL_SENSING, PARAM_ROWS, PathFollowing
+from pter_gym.tasks.path_following import IDEAL_SENSING, PathFollowing
+from pter_gym.tasks.path_following.observation import SEEN
+from pter_gym.tasks.path_following.situation import to_world
 
 Array = NDArray[np.float64]
 
@@ -77,22 +54,15 @@ def push_freely(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
     The wanted tip force is that of ``pter_gym.controllers.laws.guide``; the allocation may choose any sign of torque.
     """
-    pace = obs[PACE] * scales[PACE]
+    pace = physical(obs, scales, SEEN.pace)
+    nominal = read(gains, NOMINAL, 0)
     g = read_gains(gains, pace)
-    tip = see_tip(obs, scales, gains)
-    length_a = gains[LENGTH_A]
-    length_b = gains[LENGTH_B]
-    limit = gains[TORQUE_LIMIT]
+    tip = see_tip(obs, scales, nominal)
+    limit = nominal.torque_limit
     force_x, force_y = wanted_force(g, tip, pace, pace_integral(obs, g, tip, pace, memory))
-    tip_space = g.tip_space >= 0.5
-    wanted = allocate(
-        length_a * (tip.cos_a * force_y - tip.sin_a * force_x),
-        length_b * (tip.cos_b * force_y - tip.sin_b * force_x),
-        PerClutch(-limit, -limit, -limit, -limit),
-        PerClutch(limit, limit, limit, limit),
-        length_a * length_a if tip_space else 1.0,
-        length_a * length_b * (tip.cos_a * tip.cos_b + tip.sin_a * tip.sin_b) if tip_space else 0.0,
-        length_b * length_b if tip_space else 1.0,
+    want_a, want_b = joint_torque(tip.arm, tip.q, force_x, force_y)
+    wanted = allocate_in(
+        g, tip, want_a, want_b, PerClutch(-limit, -limit, -limit, -limit), PerClutch(limit, limit, limit, limit)
     )
     return PerClutch(
         signed(table_voltage(gains, abs(wanted.x1)), wanted.x1),
@@ -114,20 +84,17 @@ def motor_torques(curve: Curve, scale: PerClutch, volts: PerClutch, signs: PerCl
 
 
 @device
-def motor_substep(
-    q: Motion, torque: PerClutch, arm: Linkage, force_x: float, force_y: float, h: float
-) -> tuple[Motion, Energy]:
+def motor_substep(q: Motion, torque: PerClutch, arm: Linkage, force: Vector, h: float) -> tuple[Motion, Energy]:
     """Advance the arm by h [s] under motor torques [N·m] and a force at the tip [N].
 
     In the energy terms [J], ``dissipated`` is what the motors take; it is negative where they push.
     """
-    on_a = torque.x1 + torque.x3 + torque.x4
-    on_b = torque.x2 - torque.x3 + torque.x4
+    on_a, on_b = torques_on_links(torque)
     nothing = PerClutch(0.0, 0.0, 0.0, 0.0)
-    impact = free_motion(q, arm, Load(force_x, force_y, on_a, on_b, 0.0, 0.0), h)
+    impact = free_motion(q, arm, Load(force.x, force.y, on_a, on_b, 0.0, 0.0), h)
     omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, nothing)
     after = advance_position(q, omega_a, omega_b, h)
-    hand_a, hand_b = joint_torque(arm, q, force_x, force_y)
+    hand_a, hand_b = joint_torque(arm, q, force.x, force.y)
     terms = energy_terms(q, after, arm, impact, nothing, h)
     return after, Energy(
         h * (omega_a * hand_a + omega_b * hand_b),
@@ -138,52 +105,36 @@ def motor_substep(
 
 
 @device
-def move(w: Any, i: int, target: PerClutch, h: float) -> Energy:
-    """Advance world i by a substep; its lagged torques stand where a clutch has its dynamic ones."""
-    torque = relax(load_four(w, DYNAMIC, i), target, w[PARAM + TORQUE_DECAY, i])
-    store_four(w, DYNAMIC, i, torque)
-    along, across = hand_force(w, i)
+def move(w: Any, i: int, target: PerClutch, h: float) -> None:
+    """Advance world i by a substep; its lagged torques are where a clutch has its dynamic ones."""
+    torque = relax(load(w, ROW.torques.dynamic, i), target, w[ROW.machine.torque_decay, i])
+    store(w, ROW.torques.dynamic, i, torque)
+    force = to_world(hand_force(w, i), load(w, ROW.foot.heading, i))
     push_tip(w, i)
-    cos = w[HEADING, i]
-    sin = w[HEADING + 1, i]
-    after, energy = motor_substep(
-        load_motion(w, i), torque, linkage(w, PARAM, i), along * cos - across * sin, along * sin + across * cos, h
-    )
-    store_motion(w, i, after)
-    return energy
+    after, energy = motor_substep(load(w, ROW.motion, i), torque, load(w, ROW.machine.arm, i), force, h)
+    store(w, ROW.motion, i, after)
+    add_energy(w, i, energy)
 
 
 def _build_step(digest: str) -> Any:
-    def step(w: Any, volts: Any, obs: Any, telemetry: Any, config: Any, constants: Any) -> None:
+    def step(w: Any, words: Any, volts: Any, obs: Any, telemetry: Any, config: Any, constants: Any) -> None:
         _ = digest
-        h = config[SUBSTEP]
-        count = int(config[SUBSTEPS])
+        h = config[CONFIG.substep]
+        count = int(config[CONFIG.substeps])
         for i in range(obs.shape[0]):
-            if w[ALIVE, i] == 0.0:
+            if w[ROW.alive, i] == 0.0:
                 continue
             signs = PerClutch(volts[i, 0], volts[i, 1], volts[i, 2], volts[i, 3])
             take_command(w, i, PerClutch(abs(signs.x1), abs(signs.x2), abs(signs.x3), abs(signs.x4)))
-            target = motor_torques(
-                dynamic_curve(w, PARAM, i), load_four(w, PARAM + SCALE, i), load_four(w, COMMAND, i), signs
-            )
-            hand = taken = loss = residual = 0.0
+            machine = load(w, ROW.machine, i)
+            target = motor_torques(machine.dynamic, machine.scale, load(w, ROW.command, i), signs)
             for _k in range(count):
-                energy = move(w, i, target, h)
-                hand += energy.hand_work
-                taken += energy.dissipated
-                loss += energy.numerical_loss
-                residual += energy.residual
-            store_four(w, TORQUE, i, load_four(w, DYNAMIC, i))
-            renew_sines(w, SINE, i)
-            locate(w, i, constants)
-            judge_step(w, i, h * count, config[LIMIT])
-            observe_world(w, i, config)
+                move(w, i, target, h)
+            store(w, ROW.torque, i, load(w, ROW.torques.dynamic, i))
+            store(w, ROW.sines, i, renew_sines(load(w, ROW.sines, i)))
+            conclude_step(w, i, words[i, 0], words[i, 1], config, constants)
             write_observation(w, i, obs, i, config, constants)
             record_step(w, i, telemetry, 0, i, h * count, constants)
-            telemetry[0, i, COLUMN.energy.hand_work] = hand
-            telemetry[0, i, COLUMN.energy.hand_work + 1] = taken
-            telemetry[0, i, COLUMN.energy.hand_work + 2] = loss
-            telemetry[0, i, COLUMN.energy.hand_work + 3] = residual
 
     return step
 
@@ -237,20 +188,21 @@ def simulate_motors(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_s
     arrays = batch.device_arrays()
     w = _columns(arrays["worlds"], arrays["constants"], batch.num_worlds)
     kernel, telemetry = _step_kernel(), [first]
-    while len(telemetry) <= max_steps and w[ALIVE].any():
+    while len(telemetry) <= max_steps and w[ROW.alive].any():
         rows = np.full((1, *first.shape), np.nan)
         volts = np.asarray(acting.act(obs), np.float64)
-        kernel(w, volts, obs, rows, arrays["config"], arrays["constants"])
+        kernel(w, arrays["words"], volts, obs, rows, arrays["config"], arrays["constants"])
         telemetry.append(rows[0])
     return np.stack(telemetry)
 
 
 def _columns(worlds: Array, constants: Array, count: int) -> Array:
     """Return the rows of ``count`` worlds and of their constants, one column each, from blocks of them."""
-    w = np.zeros((SCRATCH_ROWS, count))
+    w = np.zeros((ROWS, count))
     stored = worlds.shape[1]
     w[:stored] = worlds.transpose(1, 0, 2).reshape(stored, -1)[:, :count]
-    w[PARAM : PARAM + PARAM_ROWS] = constants[w[CONTEXT_AT].astype(np.intp) + np.arange(PARAM_ROWS)[:, None]]
+    places = w[ROW.context_at].astype(np.intp) + np.arange(CONSTANT_ROWS)[:, None]
+    w[STORED_ROWS : STORED_ROWS + CONSTANT_ROWS] = constants[places]
     return w
 
 
