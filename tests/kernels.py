@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pter_gym.benchmark.simulation import simulate, simulate_alone
+from pter_gym.benchmark.simulation import record_episode, simulate
 from pter_gym.controllers import Free
 from pter_gym.controllers.predictive import Privileged, Settings
 from pter_gym.engine.batch import Batch
@@ -25,7 +25,7 @@ def main(part: str) -> None:
         simulate(batch, policy, [0], 1)
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
         plans = Privileged(Free(), Settings(samples=8, rounds=1, elite=1, horizon=10))
-        simulate_alone(plans, BASELINE, PathFollowing(), 0, 1)
+        record_episode(plans, BASELINE, PathFollowing(), 0, 1)
     else:
         obs, _ = batch.reset([0])
         policy(obs)

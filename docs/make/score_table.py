@@ -1,5 +1,6 @@
 """Write the table of scores in docs/scoring.md, after one was added or changed: `python docs/make/score_table.py`."""
 
+import tyro
 from pages import ROOT, table, write_block
 
 from pter_gym.benchmark.metrics import METRICS
@@ -17,5 +18,10 @@ def score_table() -> str:
     return table(["Score", "Unit", "Meaning", "Of many episodes"], rows, "---")
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Write the table of scores."""
     write_block(PAGE, NAME, score_table())
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

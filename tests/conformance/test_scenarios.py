@@ -18,8 +18,8 @@ from pter_gym.params import BASELINE, Hand
 from pter_gym.paths import Arc
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Repeat, Shared, Tuple, Uniform, Vary
-from pter_gym.tasks.path_following import CONTEXT, PathFollowing
-from pter_gym.tasks.path_following.context import CONTEXT_WIDTH
+from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tasks.path_following.context import CONTEXT_WIDTH, TOLD
 
 
 def test_each_scenario_is_registered_under_its_id() -> None:
@@ -77,7 +77,7 @@ def test_the_telemetry_and_the_observation_tell_the_context() -> None:
     machines, tasks = map(list, zip(*pairs, strict=True))
     batch = Batch(machines, tasks, observe_context=True)
     obs, rows = batch.reset([0] * 10)
-    told = rows[:, -len(CONTEXT) :]
+    told = rows[:, -len(TOLD) :]
     np.testing.assert_array_equal(told[:, 0], [machine.clutch.time_constant for machine in machines])
     top = BASELINE.clutch.voltage_max
     for machine, row in zip(machines, told, strict=True):
@@ -85,9 +85,9 @@ def test_the_telemetry_and_the_observation_tell_the_context() -> None:
             np.mean(machine.clutch_scale) * machine.clutch.dynamic.torque(top) / BASELINE.clutch.dynamic.torque(top)
         )
         assert row[2] == pytest.approx(expected, rel=1e-12)
-    scaled = np.clip(told / CONTEXT.scales, -1.0, 1.0)
-    np.testing.assert_allclose(obs[:, -len(CONTEXT) :], scaled, rtol=1e-6)
-    assert batch.layout.names[-len(CONTEXT) :] == CONTEXT.names
+    scaled = np.clip(told / TOLD.scales, -1.0, 1.0)
+    np.testing.assert_allclose(obs[:, -len(TOLD) :], scaled, rtol=1e-6)
+    assert batch.layout.names[-len(TOLD) :] == TOLD.names
 
 
 def test_the_same_seed_gives_the_same_pairs() -> None:

@@ -109,7 +109,7 @@ def test_the_check_sees_a_wrong_import(tmp_path: Path, monkeypatch: pytest.Monke
         "pter_gym.envs",
         "pter_gym.physics",
         "pter_gym.tasks",
-        "pter_gym.commands.main",
+        "pter_gym.commands",
     }
 
 

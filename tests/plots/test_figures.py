@@ -10,7 +10,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pter_gym.benchmark.metrics import vector
+from pter_gym.benchmark.measures import vector
 from pter_gym.plots import save
 from pter_gym.plots.benchmark import Trace, error_figure, last_time_shown, tip_path_figure
 from pter_gym.plots.style import COLOURS, STYLE

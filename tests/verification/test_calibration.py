@@ -15,7 +15,8 @@ from pter_gym.paper.experiments import calibration
 from pter_gym.paper.experiments.calibration import HAND_MAX, SPACE, Case, FitArguments, Reading, at, decode, setup_of
 from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE
 from pter_gym.params.preset import PRESET, format_preset, load_preset, parse_preset
-from pter_gym.tasks.path_following import check_machine, sin_elbow
+from pter_gym.tasks.path_following import check_machine
+from pter_gym.tasks.path_following.specification import sin_elbow
 
 FILE = Path(pter_gym.__file__).parent / "presets" / "pter.toml"
 REACHED = np.array(

@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 from itertools import product
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pter_gym.compiled.records import flat, leaves
 from pter_gym.controllers import (
     Free,
     Guided,
@@ -19,13 +20,13 @@ from pter_gym.controllers import (
     SingleDof,
     TorqueFeedback,
     VelocityRatio,
-    laws,
 )
 from pter_gym.controllers.gains import table_voltage
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
-from pter_gym.tasks.path_following import PathFollowing, observation_layout
+from pter_gym.tasks.path_following import PathFollowing, Sensors, observation_layout
+from pter_gym.tasks.path_following.observation import SEEN, Observation
 from pter_gym.units import INCH_POUND
 
 W = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
@@ -364,24 +365,15 @@ def test_table_is_clamped_and_zero_torque_is_zero_volts() -> None:
     assert (np.diff(volts) >= 0.0).all()
 
 
-def test_positions_in_the_observation() -> None:
-    for name in (
-        "COS_A",
-        "SIN_A",
-        "COS_B",
-        "SIN_B",
-        "OMEGA_A",
-        "OMEGA_B",
-        "NORMAL_ERROR",
-        "HEADING_COS",
-        "HEADING_SIN",
-        "CURVATURE",
-        "PACE",
-        "PROGRESS",
-    ):
-        assert getattr(laws, name) == LAYOUT.index(name.lower())
-    assert LAYOUT.index("torque_1") == laws.TORQUE
-    assert LAYOUT.index("volts_1") == laws.VOLTS
+@pytest.mark.parametrize("sensors", get_args(Sensors))
+def test_the_record_is_the_layout(sensors: Sensors) -> None:
+    """A law reads by the places in ``SEEN``; they are those of the names, whatever the sensors."""
+    layout = observation_layout(BASELINE, sensors)
+    places = dict(zip((leaf.name for leaf in leaves(Observation)), flat(SEEN), strict=True))
+    assert {name: places[name] for name in layout.names} == {name: layout.index(name) for name in layout.names}
+    assert (SEEN.omega_a, SEEN.heading.sin, SEEN.torque.x4) == tuple(
+        map(places.get, ("omega_a", "heading_sin", "torque_4"))
+    )
 
 
 def test_simple_policies() -> None:

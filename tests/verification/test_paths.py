@@ -119,7 +119,7 @@ def test_the_foot_of_a_moving_point_is_the_nearest_one_nearby(path: Path, seed: 
         segment = foot.segment
         assert foot.arc_length == pytest.approx(s, abs=1e-10)
         assert foot.normal_error == pytest.approx(e, abs=1e-10)
-        assert math.remainder(math.atan2(foot.heading_sin, foot.heading_cos) - heading, math.tau) == pytest.approx(
+        assert math.remainder(math.atan2(foot.heading.sin, foot.heading.cos) - heading, math.tau) == pytest.approx(
             0.0, abs=1e-8
         )
         assert point_at(constants, 0, len(table), s) == pytest.approx((x, y), abs=1e-14)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym.paper.experiments.feedback import BEST_GAIN
-from pter_gym.paper.experiments.pose import linkage, motion, plain
+from pter_gym.paper.experiments.pose import linkage, motion
 from pter_gym.paper.experiments.study import Study
 from pter_gym.paper.experiments.time_constants import TableRow, peak_torque
 from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE
@@ -81,7 +81,7 @@ def velocity_share(study: Study) -> float:
     """Share of V2 in the torque of the locked clutch 2 at the end of the test of clutch 1."""
     test = study.single_dof.tests[0]
     run = test.trajectory
-    _, v2 = plain(velocity_torque)(linkage(study.single_dof.machine), motion(run.theta[-1], run.omega[-1]))
+    _, v2 = velocity_torque(linkage(study.single_dof.machine), motion(run.theta[-1], run.omega[-1]))
     return v2 / float(test.locked_torque[-1])
 
 

@@ -1,8 +1,5 @@
 """The pose in which the single-clutch tests start, and plain Python faces of the arm's equations."""
 
-from collections.abc import Callable
-from typing import Any, TypeVar
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -11,20 +8,14 @@ from pter_gym.physics import arm, friction
 from pter_gym.physics.model import model_of
 
 Array = NDArray[np.float64]
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 POSE = (0.5, 2.0)
 """Angles of the links [rad]: tip in front of the drive, elbow near a right angle."""
 
 
-def plain(function: Function) -> Function:
-    """Return the Python function behind a compiled one, which is quicker for a few calls."""
-    return getattr(function, "py_func", function)
-
-
 def linkage(machine: Machine) -> arm.Linkage:
     """Return the constants of a machine's arm as the equations take them."""
-    return arm.Linkage(*model_of(machine)[: len(arm.Linkage._fields)])
+    return model_of(machine).arm
 
 
 def motion(theta: ArrayLike, omega: ArrayLike = (0.0, 0.0)) -> arm.Motion:
@@ -35,17 +26,16 @@ def motion(theta: ArrayLike, omega: ArrayLike = (0.0, 0.0)) -> arm.Motion:
 
 def slip_rows() -> Array:
     """Return W, shape (4, 2): slip velocities of the clutches from the links' angular velocities."""
-    slip = plain(friction.slip_velocities)
-    return np.array([slip(1.0, 0.0), slip(0.0, 1.0)]).T
+    return np.array(friction.COUPLING)
 
 
 def tip(machine: Machine, theta: ArrayLike) -> Array:
     """Return the tip position [m], shape (2,), at angles [rad]."""
-    return np.array(plain(arm.tip_position)(linkage(machine), motion(theta)))
+    return np.array(arm.tip_position(linkage(machine), motion(theta)))
 
 
 def tip_force(machine: Machine, theta: ArrayLike, joint_torque: ArrayLike) -> Array:
     """Return the tip force [N], shape (2,), that loads the links with given torques [N·m] at angles [rad]."""
-    load = plain(arm.joint_torque)
     at = linkage(machine), motion(theta)
-    return np.linalg.solve(np.array([load(*at, 1.0, 0.0), load(*at, 0.0, 1.0)]).T, np.asarray(joint_torque, float))
+    columns = [arm.joint_torque(*at, 1.0, 0.0), arm.joint_torque(*at, 0.0, 1.0)]
+    return np.linalg.solve(np.array(columns).T, np.asarray(joint_torque, float))
