@@ -37,7 +37,7 @@ class Learner:
     settings
         Its hyper-parameters.
     smoke
-        Those that differ in a smoke run, besides ``SMOKE``.
+        Those that differ in a smoke run, in addition to ``SMOKE``.
     make_model
         Makes an untrained model from hyper-parameters, worlds, and the seed of all that it draws. A loss or weight that
         is not finite raises a FloatingPointError while it learns.

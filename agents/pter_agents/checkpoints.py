@@ -84,7 +84,7 @@ def resume_from(model: OnPolicyAlgorithm, worlds: InterfaceVecEnv, path: Path) -
 
 
 def _state(model: OnPolicyAlgorithm, worlds: InterfaceVecEnv) -> State:
-    """Return all that a run's future depends on besides networks and optimiser."""
+    """Return all that a run's future depends on, apart from networks and optimiser."""
     drawn: Any = np.random.get_state(legacy=True)  # noqa: NPY002 (Stable-Baselines3 draws from it)
     _, keys, position, has_gauss, gauss = drawn
     own: Any = model

@@ -111,7 +111,7 @@ def compare(actor: nn.Sequential, worlds: InterfaceVecEnv, name: str, folder: Pa
     layout = worlds.worlds.observation_layout
     policy = load_policy(name, folder).bind(BASELINE, layout)
     worlds.venv.seed(0)
-    obs: Any = worlds.venv.reset()  # worlds that end begin anew without being forgotten, for both policies alike
+    obs: Any = worlds.venv.reset()  # worlds that end begin again and are not forgotten, for both policies alike
     net = network_of(actor)
     past = worlds.interface.begin(WORLDS)
     largest = 0.0

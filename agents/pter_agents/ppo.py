@@ -18,7 +18,7 @@ from pter_gym.params import require, require_number
 
 @dataclass(frozen=True, kw_only=True)
 class PPOSettings(Settings):
-    """Hyper-parameters of proximal policy optimisation, besides those of ``Settings``.
+    """Hyper-parameters of proximal policy optimisation, in addition to those of ``Settings``.
 
     Attributes
     ----------

@@ -36,13 +36,13 @@ class Settings:
         What the networks do not see of it, by name or by group: ``"torque"`` is ``torque_1`` to ``torque_4``. The base
         controller of a residual policy and a privileged value network see it all the same.
     history, averages
-        How many control steps ago the networks see their inputs besides those of now, and over about how many they
-        see them averaged.
+        The networks see their inputs of now; how many control steps ago they see them too, and over about how many
+        they see them averaged.
     hidden, value_hidden
         Units of the hidden layers of policy and value.
     privileged
-        Whether the value network sees, besides what the policy sees, all that is true of a world: its state, and the
-        numbers of its machine and task.
+        Whether the value network sees what the policy sees and all that is true of a world: its state, and the numbers
+        of its machine and task.
     worlds, steps
         Worlds that are simulated at once, and control steps of each between two updates.
     error, pace, acceleration, effort, failure

@@ -29,7 +29,7 @@ from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios.randomisation import Randomisation
 
 RUN = "run.json"
-"""File in a run's folder that says what is trained; checkpoints and logs stand beside it."""
+"""File in a run's folder that says what is trained; checkpoints and logs are beside it."""
 
 PROGRESS = "validation.json"
 """File in a run's folder with the scores during training."""
@@ -206,7 +206,7 @@ def train(
     Parameters
     ----------
     arguments
-        What to train. With ``resume`` they must be those of the run in the folder, but for the steps.
+        What to train. With ``resume`` they must be those of the run in the folder, except for the steps.
     out
         Folder of the run.
     resume
@@ -289,7 +289,7 @@ def check_same(known: Arguments, given: Arguments) -> None:
         return
     before, after = plain(known), plain(given)
     other = next(name for name in before if name != "steps" and before[name] != after[name])
-    raise ParameterError(f"{other} is {before[other]!r} in the run that stands in the folder, got {after[other]!r}")
+    raise ParameterError(f"{other} is {before[other]!r} in the run that is in the folder, got {after[other]!r}")
 
 
 def plain(arguments: Arguments) -> Mapping[str, Any]:

@@ -91,8 +91,8 @@ class Truth(NamedTuple):
 class InterfaceVecEnv(VecEnvWrapper):
     """Worlds as the network of a policy meets them: its inputs as observations, its outputs as actions.
 
-    Behind the inputs of the policy stand those of the value network alone. Those of an episode's last observation are
-    from one control step earlier: the world has begun anew by then.
+    The inputs of the value network alone follow those of the policy. Those of an episode's last observation are from
+    one control step earlier: the world has begun again by then.
 
     ``infos`` of an episode's last step hold ``episode`` with its return and length, as Stable-Baselines3 logs them.
 

@@ -40,13 +40,13 @@ class Episodes:
     scenario
         Name of the scenario.
     checksum
-        SHA-256 of the file that they stand in.
+        SHA-256 of the file that holds them.
     machines, tasks
         What to simulate; the tasks command the pace that was asked for.
     seeds
         Seeds of the resets.
     strata
-        Label of the group in which an episode is drawn anew for intervals.
+        Label of the stratum within which the bootstrap draws episodes.
     """
 
     scenario: str

@@ -212,7 +212,7 @@ def _conditions(episodes: Episodes, pace: str, name: str, seed: int, identity: s
 
 
 def identity(policy: AnyPolicy, bound: BoundPolicy) -> str | None:
-    """Return what a policy is, so that a run need not be repeated, or None if nobody can tell.
+    """Return what a policy is, so a run need not be repeated, or None if that cannot be told.
 
     That is what it says itself in ``identity``; of a compiled law, its gains in words and a hash of gains and law.
     """

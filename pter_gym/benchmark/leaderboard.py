@@ -27,7 +27,7 @@ class Leaderboard:
     episodes, data
         How many of the stored episodes were run, and the SHA-256 of the stored ones.
     config_hash
-        SHA-256 of all that the scores depend on besides the policies.
+        SHA-256 of all that the scores depend on, apart from the policies.
     standings
         One per policy.
     """

@@ -57,7 +57,7 @@ def four(telemetry: Array, name: str) -> Array:
 def path_averages(arc_length: Array, errors: Array, length: Array, error_max: Array) -> Array:
     """Return the path-average error ∫|e|ds/L [m] of each episode, shape (N,).
 
-    Each new increment of arc length counts with the largest error since the previous one, so that neither an excursion
+    Each new increment of arc length counts with the largest error since the previous one, so neither an excursion
     at a standstill nor a step back is free. The part of the path that was not reached counts with the worst error seen
     or ``error_max``, whichever is larger.
 

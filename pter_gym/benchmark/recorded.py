@@ -125,7 +125,7 @@ class Recorded(Travel):
 
     @cached_property
     def acceleration(self) -> Array:
-        """The same behind the low-pass."""
+        """Acceleration of the tip behind the low-pass [m/s²], (T, N)."""
         return norm(low_pass(vector(self.steps, "acceleration"), self.period))
 
     def mean(self, values: ArrayLike) -> Array:

@@ -71,7 +71,7 @@ class Result:
 
 
 def config_hash(machine: Machine, task: PathFollowing, time_constants: Sequence[float]) -> str:
-    """Return the SHA-256 of all that a standard test depends on besides the policies and the seed."""
+    """Return the SHA-256 of all that a standard test depends on, apart from the policies and the seed."""
     config = {"machine": asdict(machine), "task": asdict(task), "time_constants": list(time_constants)}
     return hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest()
 

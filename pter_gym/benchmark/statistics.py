@@ -24,7 +24,7 @@ LEVEL = 0.95
 """Confidence level of an interval."""
 
 SEED = 20211206
-"""Seed of the bootstrap, so that the same scores give the same interval."""
+"""Seed of the bootstrap, so the same scores give the same interval."""
 
 
 class Interval(NamedTuple):

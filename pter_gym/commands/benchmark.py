@@ -36,7 +36,7 @@ def benchmark(
 
     The standard test prints a table and writes benchmark.json, tip_paths.png (as in the paper's Fig. 11) and
     error_against_time.png. A scenario prints a leaderboard for each pace and writes benchmark.json, a file for each run
-    and pictures. Runs that stand in the folder already are not repeated; several benchmarks may share a folder.
+    and pictures. Runs that are in the folder already are not repeated; several benchmarks may share a folder.
 
     Args:
         policies: Separated by commas: impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random;

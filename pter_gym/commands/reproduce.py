@@ -16,7 +16,7 @@ def reproduce(
     """Make the paper's figures and Table I, and check what it claims.
 
     Writes a picture and a CSV file for each figure, and table1.json. With `all` also claims.json, where each claim of
-    the paper stands beside what was measured, and report.html, which shows everything.
+    the paper is beside what was measured, and report.html, which shows everything.
 
     Args:
         figures: all, fig3, fig4, step, fig5, fig7, fig8, table1, fig9, fig10 or fig11; several are possible.

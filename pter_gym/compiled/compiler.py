@@ -1,7 +1,7 @@
 """The one wrapper around numba.
 
 ``device`` marks a scalar function on one world. ``compile_kernel`` turns a function that loops over worlds into machine
-code. Arithmetic is strict (no fast-math, no contraction), so that a world in a vectorised loop has the bits of a world
+code. Arithmetic is strict (no fast-math, no contraction), so a world in a vectorised loop has the bits of a world
 alone.
 """
 
@@ -163,7 +163,7 @@ def _digest(kernel: FunctionType) -> str:
 
 
 def _source(code: CodeType) -> bytes:
-    """Return the file that a function stands in, or its bytecode where there is no file, as in a notebook."""
+    """Return the file that holds a function, or its bytecode where there is no file, as in a notebook."""
     try:
         return Path(code.co_filename).read_bytes()
     except OSError:

@@ -1,6 +1,6 @@
 """Which clutch torques come closest to the wanted joint torques (paper section III-A), solved exactly.
 
-The reachable joint torques form the same zonotope as in the friction problem, so that the nearest one is a friction
+The reachable joint torques form the same zonotope as in the friction problem, so the nearest one is a friction
 problem too: the metric takes the place of the mass matrix, and what remains unreached that of the velocity.
 """
 

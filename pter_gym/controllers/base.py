@@ -80,7 +80,7 @@ class BoundPolicy(ABC):
 
     @property
     def fingerprint(self) -> str | None:
-        """Nobody can tell."""
+        """None: what a plain callable does cannot be told."""
         return None
 
     def reset(self, batch: Any = None) -> None:  # noqa: B027
@@ -241,7 +241,7 @@ class Policy(BoundPolicy):
 
     @staticmethod
     def empty_memory(worlds: int) -> NDArray[np.float64]:
-        """Return what a law keeps at the start of an episode, a row for each world: (N, MEMORY)."""
+        """Return what a law keeps at the start of an episode, a row for each world: (N, width of ``Memory``)."""
         return empty_memory(worlds)
 
 

@@ -18,7 +18,7 @@ class Guided(ABC):
     """A controller that wants a tip force, finds clutch torques for it, and their voltages in a table.
 
     The controller knows the nominal machine that it is bound to: its link lengths and inertias, and the dynamic torque
-    curve at ``table_volts``. Between these it interpolates, so that its table is not the plant's curve. Below 4 V,
+    curve at ``table_volts``. Between these it interpolates, so its table is not the plant's curve. Below 4 V,
     where the paper could not measure, the table is extrapolated to (0 V, 0 N·m).
     """
 

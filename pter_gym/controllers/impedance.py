@@ -50,7 +50,7 @@ class TorqueFeedback(Impedance):
     hold_when_stuck: bool = quantity("1", "chosen: leave the loop out where it has no effect", default=False)
 
     def __post_init__(self) -> None:
-        """Check the loop besides the rest."""
+        """Check the gain of the torque loop too."""
         super().__post_init__()
         require_number(self, "feedback", at_least=0.0)
         require_flag(self, "hold_when_stuck")

@@ -15,7 +15,7 @@ class Free:
     """All clutches released: 0 V."""
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:  # noqa: ARG002
-        """Return the policy."""
+        """Return the policy that gives 0 V in all worlds."""
         return Policy(np.array([CONSTANT, 0.0, 0.0, 0.0, 0.0]), layout)
 
 
@@ -24,7 +24,7 @@ class Locked:
     """All clutches at their largest voltage."""
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
-        """Return the policy."""
+        """Return the policy that gives the largest voltage of a machine's clutches."""
         return Policy(np.array([CONSTANT, *4 * [machine.clutch.voltage_max]]), layout)
 
 
@@ -40,5 +40,5 @@ class Random:
         require(self.seed == int(self.seed), self, "seed", self.seed, "an integer")
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
-        """Return the policy."""
+        """Return the policy that draws up to the largest voltage of a machine's clutches."""
         return Policy(np.array([RANDOM, self.seed, machine.clutch.voltage_max]), layout)

@@ -92,7 +92,7 @@ def matching(tip: Tip, u_x: float, u_y: float, turn: float, line: tuple[float, f
     line_x, line_y = tip_velocity(arm, at_speed(q, line[0], line[1]))
     along = line_x * u_x + line_y * u_y
     m12 = arm.coupling * cos_difference(q)
-    drive = -sign(w[0] * q.omega_a + w[1] * q.omega_b)  # M⁻¹ but for its determinant, which is positive
+    drive = -sign(w[0] * q.omega_a + w[1] * q.omega_b)  # M⁻¹ without the factor 1/det M, which is positive
     change = at_speed(q, drive * (arm.m22 * w[0] - m12 * w[1]), drive * (arm.m11 * w[1] - m12 * w[0]))
     change_x, change_y = tip_velocity(arm, change)
     helps = (tip.velocity.x * change_y - tip.velocity.y * change_x) * turn > 0.0

@@ -48,7 +48,7 @@ NO_LIMIT = float("inf")
 
 
 class Returns(NamedTuple):
-    """What a step returns: fresh arrays, but for ``final_obs``.
+    """What a step returns: fresh arrays, except ``final_obs``.
 
     Attributes
     ----------
@@ -302,7 +302,7 @@ class Batch:
         steps
             Number of control periods.
         memory
-            What the law keeps, from ``empty_memory``; it is changed, so that a further rollout may go on with it. Empty
+            What the law keeps, from ``empty_memory``; it is changed, so a further rollout may go on with it. Empty
             by default.
 
         Returns

@@ -1,8 +1,8 @@
 """The block kernel: whole control steps of many worlds on a CPU.
 
 Worlds are stored in blocks of up to 64 lanes, (blocks, rows, lanes). A block is copied into one scratch array, whose
-innermost loops over lanes are vectorised, and back; the constants of its worlds are read from where they stand once for
-all worlds that share them. Lanes without a world hold zeros and the constants of another.
+innermost loops over lanes are vectorised, and back. Worlds that share constants read them from one place. Lanes without
+a world hold zeros and the constants of another.
 """
 
 from functools import cache

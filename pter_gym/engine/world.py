@@ -124,7 +124,7 @@ LANES = 64
 REFUSE, SKIP, NEXT_STEP, SAME_STEP = range(4)
 """What to do with a world that has ended: refuse to step, leave it out, reset it at the next step or at once.
 
-With SAME_STEP no world stays ended, so that one which is not alive was never reset and is refused.
+With SAME_STEP no world stays ended: a world that is not alive was never reset, and is refused.
 """
 
 
@@ -147,7 +147,7 @@ CONFIG_WIDTH = width(Config)
 
 
 class Arrays(NamedTuple):
-    """The arrays that a kernel works on besides the worlds: N worlds, O entries, T steps, K columns.
+    """The arrays that a kernel works on in addition to the worlds: N worlds, O entries, T steps, K columns.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     PTER is a planar five-bar arm without motors (Swanson, Romagna, Book and Barraco, Georgia Tech, 1999). A person
     pushes its handle. Four electromagnetic friction clutches resist or couple its two axes: clutch 1 brakes link A
     against the ground, clutch 2 link B, clutch 3 couples A to B, clutch 4 couples A to B through a gear that inverts
-    the motion. A clutch only removes energy, so that nothing an agent does can push the hand. Clutches stick and slip
+    the motion. A clutch only removes energy, so nothing an agent does can push the hand. Clutches stick and slip
     (Karnopp's model), and their torque lags the voltage with a time constant of about 0.1 s.
 
     The hand's force is the paper's: a constant push along the path and the multi-sine of Eq. 5 across it.
@@ -228,7 +228,7 @@ def find_pairs(
     """
     if randomisation is not None:
         if task is not None or machine != "baseline":
-            raise ParameterError("randomisation must stand alone: it brings machine and task")
+            raise ParameterError("randomisation must be given without machine and task: it brings both")
         machines, tasks = zip(*randomisation.pairs(), strict=True)
         return list(machines), tasks
     goal = PathFollowing() if task is None else task

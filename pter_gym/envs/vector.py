@@ -36,7 +36,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
 
     A world that is seeded s lives the same episodes, bit for bit, as a single environment that is reset with seed s,
     whatever the number of worlds and of threads. ``infos`` holds ``telemetry`` (N, len(telemetry_layout)) and
-    ``is_success`` (N,) with their masks, and with ``AutoresetMode.SAME_STEP`` what Gymnasium asks for besides.
+    ``is_success`` (N,) with their masks, and with ``AutoresetMode.SAME_STEP`` what else Gymnasium asks for.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ BYTES_PER_WORLD = 1800
 """What a world takes at most, measured: its state, its part of the spaces and of two steps' returns [B]."""
 
 BYTES_OF_TELEMETRY = 2000
-"""What a world takes besides with telemetry [B]."""
+"""What telemetry adds to the memory of a world [B]."""
 
 
 def check_memory(worlds: int, telemetry: bool) -> None:

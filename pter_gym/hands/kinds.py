@@ -1,6 +1,6 @@
 """The hand that holds the tip: forces of its own, or an arm with an intent.
 
-All hands push along the path and disturb across it with up to five sines. A human arm pulls the tip besides towards a
+All hands push along the path and disturb across it with up to five sines. A human arm also pulls the tip towards a
 point that moves along the path; recorded forces add to the rest.
 """
 
@@ -42,7 +42,7 @@ class Operator(ABC):
     impedance: Hand = NO_HAND
     frequencies: tuple[float, ...] = ()
     plans: ClassVar[bool] = True
-    """Whether it does more than push and disturb, so that its worlds have to store what it plans."""
+    """Whether it does more than push and disturb, so its worlds have to store what it plans."""
 
     @abstractmethod
     def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def write_bytes_atomic(path: str | os.PathLike[str], data: bytes) -> None:
-    """Write a file so that nobody ever sees a part of it.
+    """Write a file whole or not at all: nobody ever sees a part of it.
 
     The data go to a temporary file in the same directory, to the disk, and only then to their name. When anything fails
     or interrupts, an earlier file of that name stays as it was and the temporary file is removed.

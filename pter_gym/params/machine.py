@@ -116,7 +116,7 @@ class Clutch:
 
 @dataclass(frozen=True, kw_only=True)
 class Hand:
-    """What the hand adds to the arm at the tip besides its force. The paper's tests have none of it.
+    """What the hand adds to the arm at the tip in addition to its force. The paper's tests have none of it.
 
     The mass goes into the arm exactly, the damping is implicit, the spring explicit.
     """

@@ -24,7 +24,7 @@ TOLERANCE = 1e-5
 """Largest distance of a fitted chain from its curve [m], at the points looked at."""
 
 LARGEST_TURN = 1.5
-"""Largest turn of one arc [rad]: longer ones are cut, so that a point's angle about their centre is unique."""
+"""Largest turn of one arc [rad]: longer ones are cut, so a point's angle about their centre is unique."""
 
 _SHORTEST = 1e-4
 _CHECKS = 5

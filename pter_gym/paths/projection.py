@@ -2,7 +2,7 @@
 
 The flat array of constants holds the chain, an ``ArcSegment`` for each arc.
 A point keeps the arc that it was on and walks to a neighbour when its foot leaves that arc. Neighbours share a normal
-at their joint, so the foot moves continuously as long as the point stays nearer to the path than its centre of
+at their joint, so the foot moves continuously while the point stays nearer to the path than its centre of
 curvature.
 """
 

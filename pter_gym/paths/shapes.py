@@ -57,7 +57,7 @@ class Arc(Path):
         require(self.angle != 0.0, self, "angle", self.angle, "a turn other than 0")
 
     def make_arcs(self) -> Arcs:
-        """Return the arc."""
+        """Return the chain of one arc."""
         curvature = math.copysign(1.0 / self.radius, self.angle)
         start = complex(self.x, self.y), cmath.rect(1.0, self.direction)
         return chain([(*start, curvature, self.radius * abs(self.angle))])
@@ -81,7 +81,7 @@ class Circle(Path):
         require_flag(self, "clockwise")
 
     def make_arcs(self) -> Arcs:
-        """Return the lap."""
+        """Return the chain of one arc that closes."""
         turn = -1.0 if self.clockwise else 1.0
         outward = cmath.rect(1.0, self.start)
         begin = complex(self.center_x, self.center_y) + self.radius * outward
@@ -210,8 +210,8 @@ def read_path(file: File | str) -> Spline:
     Raises
     ------
     ParameterError
-        If the file cannot be read, a column is missing, a number is not finite, there are fewer than two points, or one
-        stands twice in a row.
+        If the file cannot be read, a column is missing, a number is not finite, there are fewer than two points, or a
+        point occurs twice in a row.
     """
     columns = read_columns(File(file), ("x", "y"))
     points = tuple(zip(columns["x"].tolist(), columns["y"].tolist(), strict=True))

@@ -58,7 +58,7 @@ class Motion(NamedTuple):
 
 
 class Load(NamedTuple):
-    """What acts on the arm besides the clutches.
+    """What acts on the arm in addition to the clutches.
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ COUPLING = ((1.0, 0.0), (0.0, 1.0), (1.0, -1.0), (1.0, 1.0))
 """W: how the slip velocity of each clutch follows from the angular velocities of the links (paper Eqs. 3 and 4)."""
 
 LINES = ((0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (1.0, -1.0))
-"""Angular velocities of the links, but for a factor, at which each clutch does not slip."""
+"""Angular velocities of the links, up to a factor, at which each clutch does not slip."""
 
 
 class ClutchMode(IntEnum):
@@ -172,7 +172,7 @@ def along_edge(beyond: float, across: float, low: float, high: float, slack: flo
 
     ``beyond`` is how far the point lies beyond the edge's line (0: inside), ``across`` its coordinate along that line,
     on which the edge runs from ``low`` to ``high``. A point that faces the inside of an edge has found its projection,
-    so that its distance is given as −1; it is infinite where the edge does not count.
+    so its distance is given as −1; it is infinite where the edge does not count.
     """
     nearest = between(across, low, high)
     shift = across - nearest

@@ -329,7 +329,7 @@ def _rows(name: str, values: ArrayLike, steps: int, width: int) -> Array:
     array = _numbers(name, values)
     if array.shape not in ((width,), (steps, width)):
         raise ParameterError(f"{name} must have the shape ({width},) or ({steps}, {width}), got {array.shape}")
-    # a copy, since a read-only view is another type for the compiler, which would compile the kernel anew
+    # a copy: a read-only view is another type, for which the kernel would be compiled again
     return np.array(np.broadcast_to(array, (steps, width)), order="C")
 
 

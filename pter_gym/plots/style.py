@@ -24,7 +24,7 @@ WIDTH = 7.5
 DPI = 160
 
 REFERENCE = "#3b4048"
-"""Colour of what is desired, so that no policy has it."""
+"""Colour of what is desired, so no policy has it."""
 
 COLOURS = (palette.BLUE, palette.VERMILLION, palette.GREEN, palette.PURPLE, palette.ORANGE, palette.SKY_BLUE)
 DASHES = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (2, 1)))

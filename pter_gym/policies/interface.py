@@ -140,7 +140,7 @@ class Interface:
     base
         What the outputs correct; None for the middle of the range.
     history
-        How many control steps ago the network sees all inputs besides those of now, rising. Before the start of an
+        The network sees all inputs of now; how many control steps ago it sees them too, rising. Before the start of an
         episode they are as they were at the start.
     averages
         Time constants in control steps, rising: the network sees all inputs behind a first-order low-pass as well.

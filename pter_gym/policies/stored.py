@@ -48,12 +48,12 @@ def restore_guided(name: str, gains: Values, defaults: Values | None = None) -> 
     gains
         Those that the data name.
     defaults
-        Those that they rely on besides; without, those in ``DEFAULTS``.
+        Those that the data rely on and do not name; by default, those in ``DEFAULTS``.
 
     Raises
     ------
     ParameterError
-        If a gain is unknown or refused, or is in none of both and does not declare what its absence meant.
+        If a gain is unknown or refused, or is in neither and does not declare what its absence meant.
     """
     named = {**(_defaults().get(name, {}) if defaults is None else defaults), **gains}
     return make_guided(name, completed(_kind(name, named), named))

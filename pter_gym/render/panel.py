@@ -98,7 +98,7 @@ def signed(value: float, digits: int) -> str:
 
 
 class Badge(NamedTuple):
-    """Colours of a clutch's state: they differ in lightness, so that they need no colour vision."""
+    """Colours of a clutch's state: they differ in lightness, so they need no colour vision."""
 
     fill: str
     ink: str

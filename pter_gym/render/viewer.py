@@ -22,7 +22,7 @@ class Viewer:
     Parameters
     ----------
     machine, task
-        What is drawn; they fix the view, so that the same state gives the same picture.
+        What is drawn; they fix the view, so the same state gives the same picture.
     mode
         ``"rgb_array"`` returns pictures and needs no display; ``"human"`` shows them in a window, at most one for each
         control period. A window that its user closes stays closed, and the program goes on without it.

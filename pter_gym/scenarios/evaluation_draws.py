@@ -27,7 +27,7 @@ class EvaluationDraw(NamedTuple):
 def evaluation_draws(scenario: Scenario) -> list[EvaluationDraw]:
     """Return the evaluation episodes of a scenario, always the same.
 
-    The phases of the hand's sines are drawn here, so that nothing about an episode is left to a random stream but the
+    The phases of the hand's sines are drawn here, so nothing about an episode is left to a random stream but the
     noise of its sensors.
     """
     rng = np.random.default_rng(_seed(scenario))

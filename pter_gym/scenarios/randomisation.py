@@ -29,7 +29,7 @@ class Distribution(Protocol):
     """What a value is drawn from."""
 
     def draw(self, rng: np.random.Generator) -> Any:
-        """Return a value."""
+        """Return a value drawn with a generator."""
         ...
 
     def extremes(self) -> Sequence[Any]:
@@ -50,11 +50,11 @@ class Uniform:
         require_number(self, "high", at_least=self.low)
 
     def draw(self, rng: np.random.Generator) -> float:
-        """Return a number."""
+        """Return a number drawn evenly."""
         return float(rng.uniform(self.low, self.high))
 
     def extremes(self) -> Sequence[float]:
-        """Return both ends."""
+        """Return the smallest and the largest number."""
         return self.low, self.high
 
 
@@ -71,11 +71,11 @@ class LogUniform:
         require_number(self, "high", at_least=self.low)
 
     def draw(self, rng: np.random.Generator) -> float:
-        """Return a number."""
+        """Return a number whose logarithm is drawn evenly."""
         return math.exp(rng.uniform(math.log(self.low), math.log(self.high)))
 
     def extremes(self) -> Sequence[float]:
-        """Return both ends."""
+        """Return the smallest and the largest number."""
         return self.low, self.high
 
 
@@ -87,7 +87,7 @@ class Repeat:
     count: int
 
     def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
-        """Return a tuple."""
+        """Return ``count`` independent draws."""
         return tuple(self.of.draw(rng) for _ in range(self.count))
 
     def extremes(self) -> Sequence[tuple[Any, ...]]:
@@ -102,7 +102,7 @@ class Tuple:
     of: tuple[Distribution, ...]
 
     def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
-        """Return a tuple."""
+        """Return one draw from each distribution."""
         return tuple(each.draw(rng) for each in self.of)
 
     def extremes(self) -> Sequence[tuple[Any, ...]]:
@@ -120,7 +120,7 @@ class Shared:
     count: int
 
     def draw(self, rng: np.random.Generator) -> tuple[float, ...]:
-        """Return a tuple."""
+        """Return ``count`` products of one shared draw and draws of their own."""
         factor = self.common.draw(rng)
         return tuple(factor * self.own.draw(rng) for _ in range(self.count))
 
@@ -175,7 +175,7 @@ class Vary(Generic[Drawn]):
         self.extremes()
 
     def draw(self, rng: np.random.Generator) -> Drawn:
-        """Return a draw."""
+        """Return the base with its drawn fields."""
         return cast(Drawn, replace(cast(Any, self.base), **{k: v.draw(rng) for k, v in self.fields.items()}))
 
     def extremes(self) -> Sequence[Drawn]:

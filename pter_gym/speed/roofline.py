@@ -5,7 +5,7 @@ stores. It does not contract a product and a sum into one operation (FMA), since
 would no longer be the same bits alone and in a batch.
 
 The time of the substep loop is the difference between two control steps from the same states, one with more substeps
-than the other, so that what a control step does besides is not in it.
+than the other, so what else a control step does is not in it.
 """
 
 import os
@@ -112,7 +112,7 @@ def _rounds(count: int) -> list[_Round]:
 
 
 def _stepper(times: int) -> Any:
-    """Return a function that tells the time [s] of a control step that is some times as long as usual.
+    """Return a function that tells the time [s] of a control step with ``times`` as many substeps as usual.
 
     It begins from the same states each time, a little after the start of the episodes.
     """
@@ -136,7 +136,7 @@ def _stepper(times: int) -> Any:
 
 @cache
 def peak_kernel() -> Any:
-    """Return the compiled ``peak(x (12, 64), factor, term, calls)``, whose every column multiplies and adds."""
+    """Return the compiled ``peak(x (12, 64), factor, term, calls)``; every column multiplies and adds."""
 
     def peak(x: Any, factor: float, term: float, calls: int) -> None:
         w = np.empty((2 * _CHAINS, _LANES))

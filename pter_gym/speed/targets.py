@@ -1,4 +1,4 @@
-"""What the simulator's speed shall be, and whether it is."""
+"""The targets for the simulator's speed, and whether they are met."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class Target:
     name, unit
         What is wished for.
     at_least
-        Whether the number shall be large; otherwise it shall be small.
+        Whether a large number is good; otherwise a small one is.
     limit
         The wish.
     value

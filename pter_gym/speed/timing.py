@@ -61,7 +61,7 @@ def rate(load: Load, effort: Effort) -> float:
 
 
 def compare(load: Load, peer: Load, effort: Effort) -> Comparison:
-    """Measure two loads in turn, so that what else the machine does meets both."""
+    """Measure two loads in turn: what else the machine does meets both."""
     load.call()
     peer.call()
     pairs = [(block_rate(load, effort.seconds), block_rate(peer, effort.seconds)) for _ in range(effort.rounds)]

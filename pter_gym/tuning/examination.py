@@ -19,7 +19,7 @@ RESERVE = 0.9
 may miss it on others."""
 
 MISSING = 0.5
-"""The same of the limit on what is missing, where a single draw weighs much."""
+"""Part of the leaderboard's limit on missing completions that the search keeps to: there a single draw weighs much."""
 
 PENALTY = 1.0
 """Path error [m] that counts for each unit over a limit."""

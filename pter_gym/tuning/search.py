@@ -135,7 +135,7 @@ def make(controller: str, gains: dict[str, float | bool]) -> Guided:
 
 
 def _judge(study: Any, trial: Any, tried: Controller, rungs: Sequence[Examination]) -> None:
-    """Judge a trial on more and more draws, as long as it keeps up, and tell the study."""
+    """Judge a trial on more and more draws while it keeps up, and tell the study."""
     from optuna.trial import TrialState
 
     for k, rung in enumerate(rungs[:-1]):

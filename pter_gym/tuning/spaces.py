@@ -56,7 +56,7 @@ SPACES: Mapping[str, Space] = MappingProxyType(
         "velocity-ratio": {**_STEERING, "slow": Range(0.02, 2.0), "tip_space": SWITCH},
     }
 )
-"""The coordinates of each controller's search, in SI: its gains, but for the damper along the path.
+"""The coordinates of each controller's search, in SI: its gains, except for the damper along the path.
 
 In its place comes ``braking``, the force [N] with which it holds the hand back at the commanded pace. That force has
 to balance the hand's push, whatever the other gains are.

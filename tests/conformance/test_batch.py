@@ -60,7 +60,7 @@ def same(one: dict[str, np.ndarray], two: dict[str, np.ndarray]) -> bool:
 
 
 def draw(count: int) -> np.ndarray:
-    """Random voltages (STEPS, count, 4): half of them low, so that episodes end and begin anew."""
+    """Random voltages (STEPS, count, 4): half of them low, so episodes end and begin again."""
     rng = np.random.default_rng(7)
     return (rng.uniform(0.0, 24.0, (STEPS, count, 4)) * rng.integers(0, 2, (STEPS, count, 4))).astype(np.float32)
 

@@ -1,4 +1,4 @@
-"""Kernels are compiled once, and from laws that stand in no file."""
+"""Kernels are compiled once, and from laws that are in no file."""
 
 import numba
 import numpy as np

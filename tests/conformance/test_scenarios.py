@@ -156,7 +156,7 @@ def test_unknown_names_are_told_the_nearest() -> None:
 
 def test_a_randomisation_stands_alone() -> None:
     drawn = SCENARIOS["standard"].randomisation(contexts=2)
-    with pytest.raises(ParameterError, match="must stand alone"):
+    with pytest.raises(ParameterError, match="randomisation must be given without machine and task"):
         gymnasium.make("PTER/PathFollowing-v0", randomisation=drawn, task=PathFollowing())
 
 
@@ -168,7 +168,7 @@ def test_the_truth_of_a_world_is_its_state_and_its_machine_and_task() -> None:
     assert first.shape[0] == 3
     assert np.isfinite(first).all()
     differing = first[0] != first[1]
-    assert 5 <= differing.sum() < 40, "sines, where the context stands, and what follows from the time constant"
+    assert 5 <= differing.sum() < 40, "sines, where the context begins, and what follows from the time constant"
     batch.step(np.full((3, 4), 7.0))
     after = batch.truth()
     changed = (after != first).any(axis=0)
@@ -179,7 +179,7 @@ def test_the_truth_of_a_world_is_its_state_and_its_machine_and_task() -> None:
 
 
 def test_a_state_of_other_machines_is_refused() -> None:
-    """A state says where a world's constants stand; one that points elsewhere must not be followed."""
+    """A state says where a world's constants begin; a state that points elsewhere must not be followed."""
     batch = Batch([BASELINE, replace(BASELINE, clutch_scale=(0.9,) * 4)], PathFollowing())
     batch.reset([0, 1])
     state = batch.get_state()

@@ -203,7 +203,7 @@ def test_the_cases_visit_every_mode_often():
 VOLTS = np.array(
     [[21.5, 3, 0, 5], [2, 21.5, 9, 0], [0, 0, 0, 0], [9, 0, 22, 4], [5, 0, 2, 22], [24, 24, 24, 24], [19, 19.5, 0, 8]]
 )
-"""Held voltages of seven worlds, exact in float32: the paper's modes occur, but for a stuck clutch 1 alone."""
+"""Held voltages of seven worlds, exact in float32: the paper's modes occur, except a stuck clutch 1 alone."""
 
 MACHINES = (
     BASELINE,

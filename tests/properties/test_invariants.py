@@ -208,7 +208,7 @@ def part(world: World, rows: slice) -> World:
 def test_a_motion_does_not_know_what_time_it_is(world, cut):
     """The second part, started from the end of the first, is the rest of the whole.
 
-    A state holds angles, not the unit vectors that the substep turns, so that a restart rounds them anew.
+    A state holds angles, not the unit vectors that the substep turns, so a restart rounds them again.
     """
     whole = world.run()
     first = part(world, slice(0, cut)).run()

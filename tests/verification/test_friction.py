@@ -7,7 +7,7 @@ entries up to ‖M‖ is off by 2u‖M‖² or, relative to itself, 2uκ; so are
     |δω| ≤ ROUNDINGS · u · (‖M⁻¹‖ P + κ |ω|)       with a ROUNDINGS of eight,
 
 and a point p that is farther than 8uκP from every line on which the mode changes must get its mode right. Where κ is
-below 10⁵ that is well under 1e-10 of the free velocity M⁻¹p, which is asserted as it stands.
+below 10⁵ that is well under 1e-10 of the free velocity M⁻¹p, which is asserted as such.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def intended(hand: HumanArm, pace: float, arc_lengths: np.ndarray) -> np.ndarray
 @pytest.mark.parametrize("name", HUMAN_ARMS)
 @pytest.mark.parametrize("lead", [0.12, 0.01])
 def test_a_human_arm_moves_the_tip_as_in_open_loop(name: str, lead: float) -> None:
-    """The same mass, damper, spring and target through ``simulate``: equal but for rounding in 1,000 substeps."""
+    """The same mass, damper, spring and target through ``simulate``: equal up to rounding in 1,000 substeps."""
     hand = HumanArm(
         impedance=HUMAN_ARMS[name], eagerness=1.5, rise=0.25, lead=lead, amplitudes=(0.0,) * 5, phases=(0.1,) * 5
     )

@@ -45,7 +45,7 @@ LOOKS: Mapping[str, tuple[str, Any]] = {
 """Colour and dashes of the policies that have their own; a controller has one colour with and without tuning."""
 
 SHIFT = 0.022
-"""Factor, less 1, between the places of two policies at the same pace, so that their intervals stay apart."""
+"""Factor, less 1, between the places of two policies at the same pace, so their intervals stay apart."""
 
 LINE = 0.05
 """Smallest distance of two names relative to the height of the axes."""

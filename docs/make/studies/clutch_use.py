@@ -23,7 +23,7 @@ SATURATED = 1.0 - 1e-6
 
 @dataclass(frozen=True)
 class ClutchUse:
-    """What a law does at one pace, means over all control instants of all draws but for the path error.
+    """What a law does at one pace, means over all control instants of all draws except for the path error.
 
     Attributes
     ----------

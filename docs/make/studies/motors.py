@@ -2,7 +2,7 @@
 
 A slipping clutch's torque opposes its slip; a motor's has the sign of its command. A command is a voltage with a sign:
 the torque tends to the clutches' dynamic torque at that voltage, with that sign, behind the clutches' lag. Motors have
-no friction, so that nothing ever sticks. All else is the environment's own: arm, hand, draws, observation, telemetry.
+no friction, so nothing ever sticks. All else is the environment's own: arm, hand, draws, observation, telemetry.
 """
 
 from collections.abc import Sequence
@@ -161,7 +161,7 @@ def on_motors(controller: Impedance | PaceSchedule, machine: Machine, layout: La
 def simulate_motors(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: int) -> Array:
     """Return the telemetry of new episodes on motors, (steps + 1, N, len(TELEMETRY)), NaN after the end of an episode.
 
-    It is that of ``pter_gym.benchmark.simulation.simulate`` but for this: torques and powers have any sign, voltages
+    It is that of ``pter_gym.benchmark.simulation.simulate`` except for this: torques and powers have any sign, voltages
     are magnitudes, and ``dissipated`` is what the motors take, negative where they push.
 
     Parameters
@@ -207,7 +207,7 @@ def _columns(worlds: Array, constants: Array, count: int) -> Array:
 
 
 def _check(machine: Machine, task: PathFollowing) -> None:
-    """Raise a ParameterError unless motors can stand in for the clutches of a machine in a task."""
+    """Raise a ParameterError unless motors can replace the clutches of a machine in a task."""
     require(machine.clutch.lag == "normal_force", machine.clutch, "lag", machine.clutch.lag, "normal_force")
     require(machine.hand == NO_HAND, machine, "hand", machine.hand, "a force alone")
     require_kind(task, "hand", MultiSineHand)

@@ -175,7 +175,7 @@ class Planner:
     def _next_round(self, plans: Array, costs: Array) -> Array:
         """Return plans that are spread as the best of a round were, half about the best and half about their mean.
 
-        The first is the best itself, so that no round is worse than the one before.
+        The first is the best itself, so no round is worse than the one before.
         """
         s = self.settings
         elite = plans[np.argpartition(costs, s.elite - 1)[: s.elite]]

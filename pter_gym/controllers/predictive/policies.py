@@ -41,7 +41,7 @@ class Predictive(ABC):
     @property
     @abstractmethod
     def privileged(self) -> bool:
-        """Whether it knows what no controller can know, so that its scores are a bound and not a rank."""
+        """Whether it knows what no controller can know, so its scores are a bound and not a rank."""
 
     @property
     def sensors(self) -> Literal["force"]:
@@ -50,7 +50,7 @@ class Predictive(ABC):
 
     @property
     def identity(self) -> str:
-        """What it is, gains of the guide included, so that a finished run need not be repeated."""
+        """What it is, gains of the guide included, so a finished run need not be repeated."""
         return repr(self)
 
     @abstractmethod
@@ -118,7 +118,7 @@ class Privileged(Predictive):
 
     @property
     def privileged(self) -> bool:
-        """It is."""
+        """True: it knows the episode that it plans for."""
         return True
 
     def begin(self, machine: Machine, task: PathFollowing) -> Decide:
@@ -132,7 +132,7 @@ class Honest(Predictive):
 
     @property
     def privileged(self) -> bool:
-        """It is not."""
+        """False: it knows what a controller can know."""
         return False
 
     def begin(self, machine: Machine, task: PathFollowing) -> Decide:  # noqa: ARG002

@@ -65,7 +65,7 @@ def _autoreset_final_masks(subject: Subject) -> str:
             for key in ("final_obs", "final_info"):
                 _check_final(key, returned.infos, returned.ended)
     if all(visit.end.ended.all() for visit in visits_of(subject)):
-        raise Missing("all worlds end together, so that masks tell nothing: let make vary their episodes")
+        raise Missing("all worlds end together, so masks tell nothing: let make vary their episodes")
     return "final_obs and final_info are there for the worlds that ended, and for no other"
 
 

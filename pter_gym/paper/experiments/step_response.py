@@ -12,7 +12,7 @@ from pter_gym.physics.open_loop import initial_state, simulate
 Array = NDArray[np.float64]
 
 VOLTS = 4.0
-"""Voltage after the step [V]: low, so that the arm stays slow."""
+"""Voltage after the step [V]: low, so the arm stays slow."""
 
 LEAD = 0.02
 """Time before the step [s]."""

@@ -86,7 +86,7 @@ PRODUCTS: dict[str, Product] = {
         place="Fig. 8",
         title="Peak acceleration, path length and speed",
         remark="The largest acceleration of the tip, low-pass filtered and without the first 0.2 s, in which the push "
-        "sets in. Path length and mean speed stand in the paper's text.",
+        "sets in. Path length and mean speed are in the paper's text.",
         pictures={
             "fig8": lambda study: plots.peak_acceleration_over_time_constant(study.sweeps),
             "fig8_way_and_speed": lambda study: plots.way_and_speed_over_time_constant(study.sweeps),

@@ -99,8 +99,8 @@ def _introduction(claims: Sequence[Claim]) -> str:
         "<h1>The paper and the simulation</h1>\n"
         "<p>Each claim of Swanson, Romagna, Book and Barraco, <cite>Influence of Actuator Dynamics on Passive Haptic "
         "Interface Performance</cite> (1999), that can be checked, beside what "
-        f"pter_gym {escape(__version__)} gives. The paper prints few of the robot’s parameters; those used here stand "
-        'at the <a href="#parameters">end</a>, each with its origin.</p>\n'
+        f"pter_gym {escape(__version__)} gives. The paper prints few of the robot’s parameters; those used here are "
+        'listed at the <a href="#parameters">end</a>, each with its origin.</p>\n'
         f'<ul class="verdicts">\n{words}\n</ul>\n{shortfall}'
     )
 

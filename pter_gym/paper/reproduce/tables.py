@@ -140,7 +140,7 @@ def errors(study: Study) -> Columns:
 
 
 def accelerations(study: Study) -> Columns:
-    """Fig. 8: peak acceleration over the time constant, with what the text says besides."""
+    """Fig. 8: peak acceleration over the time constant, with what the text says too."""
     return stacked(
         {
             "model": name,

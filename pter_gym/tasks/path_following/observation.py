@@ -40,7 +40,7 @@ def largest_voltage(machine: Machine) -> float:
 class Observation(NamedTuple):
     """All entries that an observation may hold, without those of the context.
 
-    What only some sensors bring comes last, so that the places of the others are the same with all sensors.
+    What only some sensors bring comes last, so the places of the others are the same with all sensors.
     """
 
     cos_a: Annotated[float, Seen("1", "cosine of link A's angle")]
