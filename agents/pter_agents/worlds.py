@@ -52,7 +52,7 @@ def training_draws(
 
 
 def all_paces() -> tuple[float, ...]:
-    """Return the commanded paces [m/s], each as often as it is fast, so that all take about the same share of time."""
+    """Return the commanded paces [m/s], each as often as it is fast, so all take about the same share of time."""
     slowest = min(PACES.values())
     return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
 

@@ -1,4 +1,4 @@
-"""The fixed evaluation episodes: stored as data with a checksum, so that no random stream decides what they are.
+"""The fixed evaluation episodes: stored as data with a checksum, so no random stream decides what they are.
 
 ``pter_gym/episodes`` holds one file for each scenario and one with their checksums. ``docs/make/store_episodes.py``
 makes them; nothing that runs does.

@@ -77,7 +77,7 @@ class Conditions:
     data
         SHA-256 of the stored episodes.
     identity
-        What the policy is, gains and law included; None if nobody can tell, as of a plain function.
+        What the policy is, gains and law included; None if that cannot be told, as of a plain function.
     version
         Of the package.
     code

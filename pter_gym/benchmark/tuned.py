@@ -1,7 +1,7 @@
 """Controllers with gains that ``pter tune`` found on training draws, as the package ships them.
 
-``pter_gym/presets/tuned.toml`` has a table for each scenario, controller and pace: the gains, the defaults of those
-that were not searched, the command that found them, and their scores on training draws that the search had not seen.
+``pter_gym/presets/tuned.toml`` has a table for each scenario, controller and pace: the gains, the defaults of the
+others, the command of the search, and scores on training draws that the search had not seen.
 """
 
 import tomllib

@@ -59,8 +59,8 @@ class SingleDof(Steering):
     """Single-DOF lines: engage the clutch on whose line of motion the tip moves most nearly as wanted.
 
     While one clutch is stuck, the tip has a single degree of freedom, along a line that the pose and the clutch
-    determine. Of the clutches whose friction turns the tip's velocity towards the wanted direction, with the nominal
-    mass matrix, the law engages the one whose line has the largest cos² of the angle to that direction. Its torque is
+    determine. Some clutches turn the tip's velocity towards the wanted direction, by the nominal mass matrix. Of these
+    the law engages the clutch with the largest cos² of the angle between its line and that direction. Its torque is
     strength·|sin δ| with the angle δ between velocity and wanted direction, and adds to what the damper along the path
     asks of it. ``reluctance`` is added to the cos² of the clutch engaged last, against chatter.
     """

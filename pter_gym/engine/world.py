@@ -1,4 +1,4 @@
-"""One world: all that a kernel knows of it, as one record whose rows are those of the kernel's array."""
+"""One world as one record: its entries are the rows of a kernel's array."""
 
 from typing import Annotated, Any, NamedTuple
 

@@ -1,4 +1,4 @@
-"""Checks that an argument is what it has to be."""
+"""Checks of arguments."""
 
 import operator
 from typing import Any

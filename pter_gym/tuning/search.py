@@ -219,7 +219,7 @@ def _suggest(trial: Any, controller: str) -> dict[str, float | bool]:
 
 
 def _finished(study: Any) -> tuple[list[Any], list[Any]]:
-    """Return the trials that have a value, and those of them that were judged on all draws, the best one first."""
+    """Return the trials with a value, and those among them that were judged on all draws, the best first."""
     finished = [trial for trial in study.get_trials(deepcopy=False) if trial.value is not None]
     whole = [trial for trial in finished if trial.state.name == "COMPLETE"]
     return finished, sorted(whole, key=lambda trial: (trial.value, trial.number))

@@ -1,4 +1,4 @@
-"""An algorithm is one entry and one file: one that only this test knows is trained, goes on, and is exported."""
+"""An algorithm is one entry and one file. This test adds one, trains it, resumes it and exports it."""
 
 import sys
 from collections.abc import Iterator

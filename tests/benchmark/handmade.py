@@ -1,4 +1,4 @@
-"""Telemetry made by hand, so that its scores are known."""
+"""Telemetry made by hand, so its scores are known."""
 
 from dataclasses import replace
 

@@ -98,7 +98,7 @@ def test_a_row_of_a_batch_has_the_bits_of_a_single_world(count: int) -> None:
         for (obs, row), (batch_obs, batch_row) in zip(mine, records[k], strict=True):
             assert obs.tobytes() == batch_obs.tobytes()
             assert row.tobytes() == batch_row.tobytes()
-    assert episodes.sum() > 0, "no episode ended, so that no reset was compared"
+    assert episodes.sum() > 0, "no episode ended, so no reset was compared"
 
 
 def digest() -> str:

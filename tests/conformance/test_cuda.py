@@ -36,7 +36,7 @@ def on_host(array: Any) -> NDArray[Any]:
 def worst_difference(mode: AutoresetMode, steps: int, worlds: int, limit: int) -> float:
     """Step the same worlds on both devices and return the largest difference of observations and rewards.
 
-    Each step begins from equal states, so that differences do not grow through stick-slip.
+    Each step begins from equal states, so differences do not grow through stick-slip.
     """
     from pter_gym.scenarios import SCENARIOS
 

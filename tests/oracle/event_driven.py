@@ -28,7 +28,7 @@ LINE_SLIPS = LINE @ W.T
 
 TOLERANCE = {"rtol": 1e-11, "atol": 1e-12, "max_step": 0.01}
 FIRST_STEP = 1e-7
-"""Short, so that a slip which leaves zero at the start of a phase is seen to do so [s]."""
+"""Short, so a slip that leaves zero at the start of a phase is seen [s]."""
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ The package minimises over velocities (13 candidates in the plane). Here the unk
     impulse = argmin ½ (p − Wᵀλ)ᵀ M⁻¹ (p − Wᵀλ)   over the box  |λ_x| ≤ c_x,        velocity = M⁻¹ (p − Wᵀλ),
 
 a bounded least-squares problem. Each clutch is at its lower bound, at its upper bound or free: 3⁴ = 81 states. Any
-two rows of W are independent, so the nine states with three or four free clutches repeat, with the velocity zero,
-what a state with two free clutches says already; the other 72 are tried one by one and the one that violates the
-optimality conditions least is taken.
+two rows of W are independent, so the nine states with three or four free clutches add nothing: the velocity is zero, as
+in a state with two free clutches. The other 72 are tried one by one, and the state that violates the optimality
+conditions least is taken.
 
 The arithmetic is plain `+ − × ÷` on whatever numbers come in: `numpy.longdouble` arrays for many problems at once,
 `fractions.Fraction` for an exact answer to one.

@@ -230,7 +230,7 @@ TASKS = tuple(
 def test_batch_moves_as_mujoco_does():
     """Whole control steps of seven machines, voltages and hands in one batch; MuJoCo gets the hand's force alone.
 
-    From rest with released clutches, so that their torques rise with their lag. The tolerance is that of the single
+    From rest with released clutches, so their torques rise with their lag. The tolerance is that of the single
     runs above: both solve each step to rounding, which stick-slip carries on.
     """
     batch = Batch(MACHINES, TASKS)

@@ -1,4 +1,4 @@
-"""Trained policies as files: what they do, and that a file that is not one is refused before a number is used."""
+"""Trained policies as files: what they do, and that other files are refused before a number is used."""
 
 import json
 import pickle

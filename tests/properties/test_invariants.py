@@ -189,7 +189,7 @@ def mirrored(world: World) -> World:
 @DETERMINISTIC
 @given(worlds())
 def test_the_mirror_image_of_a_motion_is_a_motion(world):
-    """Changing a sign rounds nothing, so that the two agree in every bit but the choice of a shared torque."""
+    """Changing a sign rounds nothing, so the two agree in every bit except the choice of a shared torque."""
     run, image = world.run(), mirrored(world).run()
     assert np.array_equal(image.theta, -run.theta)
     assert np.array_equal(image.omega, -run.omega)

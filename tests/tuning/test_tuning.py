@@ -127,7 +127,7 @@ def test_only_trials_that_keep_up_are_judged_on_all_draws(tmp_path: Path, monkey
 
     monkeypatch.setattr(Examination, "judge", counting)
     tune("impedance", "standard", "brisk", trials=40, episodes=32, storage=tmp_path / "a.db")
-    search = judged[: -judged.count(32) // 2]  # fewer than FINALISTS, so that each is judged on other draws too
+    search = judged[: -judged.count(32) // 2]  # fewer than FINALISTS, so each is judged on other draws too
     assert search[:3] == [2, 8, 32]
     assert search.count(2) == 40 > search.count(8) > search.count(32) >= 1
     study = optuna.load_study(study_name=None, storage=f"sqlite:///{tmp_path / 'a.db'}")

@@ -236,7 +236,7 @@ def test_the_papers_rule_agrees_wherever_an_axis_moves(kind, engaged):
 
 @pytest.mark.parametrize("engaged", range(5))
 def test_the_papers_rule_agrees_from_rest_as_often_as_published(engaged):
-    """Within three standard errors, so that another version of numpy's generators may draw other states."""
+    """Within three standard errors, so another version of numpy's generators may draw other states."""
     document = (Path(__file__).parents[2] / "docs" / "verification.md").read_text(encoding="utf-8")
     for rate, recorded in zip(agreement("rest", engaged), RECORDED_AGREEMENT[engaged], strict=True):
         assert abs(rate - recorded) <= 3.0 * np.sqrt(recorded * (1.0 - recorded) / 1_000)

@@ -58,7 +58,7 @@ class Statement:
     at_least, at_most
         Between these the claim holds.
     given
-        Whether a number was fitted to this claim or put into the model, so that its holding is no evidence.
+        Whether a number was fitted to this claim or put into the model, so its holding is no evidence.
     note
         What a reader should know.
     reason
