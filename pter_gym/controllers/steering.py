@@ -104,8 +104,9 @@ def steered(g: Gains, tip: Tip, wanted: PerClutch, last: float) -> tuple[PerClut
     """Return the clutch torques [N·m] with that of the best line's clutch added, and its number, 0 for none.
 
     Some clutches turn the tip's velocity towards the wanted direction. Of these the clutch is engaged whose single-DOF
-    line matches that direction best, with strength·|sin of the angle between velocity and wanted direction|. Below
-    the speed ``slow`` the torque is less, in proportion to the speed. The clutch engaged last has ``reluctance`` added to its cos².
+    line matches that direction best, with strength·|sin of the angle between velocity and wanted direction|. Below the
+    speed ``slow`` the torque is less, in proportion to the speed. The clutch engaged last has ``reluctance`` added to
+    its cos².
     """
     u_x, u_y = wanted_direction(g, tip)
     speed = math.sqrt(tip.velocity.x * tip.velocity.x + tip.velocity.y * tip.velocity.y)
