@@ -208,9 +208,7 @@ def simulate(
         machine.substep,
         record,
     )
-    diverged = ~np.isfinite(record).all(axis=1)
-    if diverged.any():
-        raise DivergenceError(f"the motion diverged in substep {int(diverged.argmax())}: make machine.substep smaller")
+    _check_finite(record)
     return _trajectory(record, machine.substep, state, _unpack(packed))
 
 
@@ -267,6 +265,12 @@ def _build(digest: str) -> Any:
 @cache
 def _kernel() -> Any:
     return compile_kernel(_build)
+
+
+def _check_finite(record: Array) -> None:
+    diverged = ~np.isfinite(record).all(axis=1)
+    if diverged.any():
+        raise DivergenceError(f"the motion diverged in substep {int(diverged.argmax())}: make machine.substep smaller")
 
 
 def _trajectory(record: Array, h: float, initial: State, final: State) -> Trajectory:
