@@ -50,7 +50,7 @@ def locate(w: Any, i: int, constants: Any) -> None:
     """Project the tip onto the path."""
     x, y = tip_position(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     path = load(w, ROW.task.path, i)
-    foot = project(constants, int(path.first), int(path.count), int(w[ROW.foot.segment, i]), x, y)
+    foot = project(constants, int(path.first), int(path.arcs), int(w[ROW.foot.segment, i]), x, y)
     store(w, ROW.foot, i, foot)
     w[ROW.reached, i] = foot.arc_length if foot.arc_length > w[ROW.reached, i] else w[ROW.reached, i]
 

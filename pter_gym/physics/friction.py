@@ -76,7 +76,7 @@ def side(multiplier: float, capacity: float) -> float:
 
 @device
 def rest_sides(
-    g1: float, g2: float, g3: float, g4: float, moves1: bool, moves2: bool, moves3: bool, moves4: bool
+    g1: float, g2: float, g3: float, g4: float, moves1: bool, moves2: bool, moves3: bool
 ) -> tuple[float, float, float, float]:
     """Return on which side of each line, if its minimum is at rest, another line's overload puts the solution."""
     return (
@@ -122,7 +122,7 @@ def resolve(m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerCl
     side3 = side(0.5 * (q4 - s3 * (m11 - m22) - g3 * (c.x1 - c.x2)), c.x3)
     side4 = side(0.5 * (q3 - s4 * (m11 - m22) - g4 * (c.x1 - c.x2)), c.x4)
 
-    rest1, rest2, rest3, rest4 = rest_sides(g1, g2, g3, g4, moves1, moves2, moves3, moves4)
+    rest1, rest2, rest3, rest4 = rest_sides(g1, g2, g3, g4, moves1, moves2, moves3)
     f1 = c.x1 * (side1 if moves1 else rest1)
     f2 = c.x2 * (side2 if moves2 else rest2)
     f3 = c.x3 * (side3 if moves3 else rest3)
@@ -143,14 +143,8 @@ def resolve(m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerCl
     stuck2 = stuck2 | (sector & moves2 & (side2 * omega_b < 0.0))
     stuck3 = stuck3 | (sector & moves3 & (side3 * (omega_a - omega_b) < 0.0))
     stuck4 = stuck4 | (sector & moves4 & (side4 * (omega_a + omega_b) < 0.0))
-    omega_a = s4 if stuck4 else omega_a
-    omega_b = -s4 if stuck4 else omega_b
-    omega_a = s3 if stuck3 else omega_a
-    omega_b = s3 if stuck3 else omega_b
-    omega_a = s2 if stuck2 else omega_a
-    omega_b = 0.0 if stuck2 else omega_b
-    omega_a = 0.0 if stuck1 else omega_a
-    omega_b = s1 if stuck1 else omega_b
+    omega_a = 0.0 if stuck1 else (s2 if stuck2 else (s3 if stuck3 else (s4 if stuck4 else omega_a)))
+    omega_b = s1 if stuck1 else (0.0 if stuck2 else (s3 if stuck3 else (-s4 if stuck4 else omega_b)))
     moves = moves1 | moves2 | moves3 | moves4
     return (omega_a if moves else 0.0), (omega_b if moves else 0.0)
 
