@@ -41,9 +41,9 @@ class Device(CPUDispatcher):
         """Keep what was compiled for compiled callers."""
         self.overloads[tuple(cres.signature.args)] = cres
 
-    def _compile_for_args(self, *args: Any, **kws: Any) -> Any:  # noqa: ARG002
-        """Return what answers a call from Python."""
-        return self.py_func
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Call the Python function."""
+        return self.py_func(*args, **kwargs)
 
 
 def _for_compiled_callers(function: Function, **options: Any) -> Function:

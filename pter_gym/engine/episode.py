@@ -37,6 +37,22 @@ _SECOND_DRAWS = np.uint64(1)
 _ONE = np.uint64(1)
 
 
+@device
+def fetch_world(w: Any, i: int, worlds: Any, world: int) -> None:
+    """Read what changes of a world into column ``i``, zero for what its block does not store."""
+    width = worlds.shape[2]
+    for row in range(STORED_ROWS):
+        w[row, i] = worlds[world // width, row, world % width] if row < worlds.shape[1] else 0.0
+
+
+@device
+def put_back(w: Any, i: int, worlds: Any, world: int) -> None:
+    """Write column ``i`` to the block of a world."""
+    width = worlds.shape[2]
+    for row in range(worlds.shape[1]):
+        worlds[world // width, row, world % width] = w[row, i]
+
+
 @outlined
 def take_context(w: Any, i: int, constants: Any) -> None:
     """Read the constants of a world, where the world says that they begin."""

@@ -27,7 +27,8 @@ class RewardWeights:
             require_number(self, item.name, at_least=0.0)
 
 
-Terms = NamedTuple("Terms", [(item.name, float) for item in fields(RewardWeights)])
+_TERMS = [(item.name, float) for item in fields(RewardWeights)]
+Terms = NamedTuple("Terms", _TERMS)
 """One number for each term of the reward, in the order of ``RewardWeights``."""
 
 
