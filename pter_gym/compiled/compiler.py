@@ -15,6 +15,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core import config
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 
@@ -26,6 +27,7 @@ _WITHOUT_WRAPPERS: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 WITHOUT_ARRAYS: Any = {**_INLINED, **_WITHOUT_WRAPPERS, "_nrt": False}
 """Options of code that is inlined into kernels, makes no arrays and is called by no Python code when compiled."""
 
+_NUMBA: Any = config
 _CONSTANTS = (bool, int, float, str, tuple, np.generic)
 
 
@@ -39,13 +41,13 @@ class Device(CPUDispatcher):
         """Keep what was compiled for compiled callers."""
         self.overloads[tuple(cres.signature.args)] = cres
 
-    def _compile_for_args(self, *args: Any, **kws: Any) -> Any:  # noqa: ARG002
-        """Return what answers a call from Python."""
-        return self.py_func
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Call the Python function."""
+        return self.py_func(*args, **kwargs)
 
 
 def _for_compiled_callers(function: Function, **options: Any) -> Function:
-    if numba.config.DISABLE_JIT:
+    if _NUMBA.DISABLE_JIT:
         return function
     return cast(Function, Device(function, targetoptions={"nopython": True, "boundscheck": None, **options}))
 

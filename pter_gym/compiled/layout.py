@@ -6,6 +6,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym.errors import ParameterError
+
 
 @dataclass(frozen=True)
 class Field:
@@ -19,9 +21,15 @@ class Field:
 
 @dataclass(frozen=True)
 class Layout:
-    """The fields of a flat array in their order."""
+    """The fields of a flat array in their order. Raises ParameterError if two have one name."""
 
     fields: tuple[Field, ...]
+
+    def __post_init__(self) -> None:
+        """Check that each name means one field."""
+        repeated = sorted({name for name in self.names if self.names.count(name) > 1})
+        if repeated:
+            raise ParameterError(f"fields must have different names, got several called {', '.join(repeated)}")
 
     def __len__(self) -> int:
         """Return the number of entries."""

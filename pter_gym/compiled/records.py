@@ -13,15 +13,13 @@ and writes by name::
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
 
 from numba import types
 from numba.extending import overload
 
 from pter_gym.compiled.compiler import WITHOUT_ARRAYS
 from pter_gym.compiled.layout import Field, Layout
-
-Record = TypeVar("Record", bound=tuple[Any, ...])
 
 
 @dataclass(frozen=True)
@@ -79,12 +77,17 @@ def is_record(kind: Any) -> bool:
     return isinstance(kind, type) and issubclass(kind, tuple)
 
 
+def _holds_many(value: Any) -> bool:
+    """Tell whether a value is a record, not a number."""
+    return isinstance(value, tuple)
+
+
 def width(kind: type[Any]) -> int:
     """Return how many numbers a record holds."""
     return sum(width(inner) if is_record(inner) else 1 for _, _, inner in parts(kind))
 
 
-def rows(kind: type[Record], first: int = 0) -> Record:
+def rows(kind: type[Any], first: int = 0) -> Any:
     """Return a record whose entries are their row numbers, counted from ``first`` on."""
     found: list[Any] = []
     for _, _, inner in parts(kind):
@@ -118,22 +121,18 @@ def layout_of(kind: type[Any], machine: Any = None) -> Layout:
 
 def flat(record: tuple[Any, ...]) -> tuple[float, ...]:
     """Return the numbers of a record in their order."""
-    return tuple(
-        number
-        for part in record
-        for number in (flat(cast("tuple[Any, ...]", part)) if isinstance(part, tuple) else (part,))
-    )
+    return tuple(number for part in record for number in (flat(part) if _holds_many(part) else (part,)))
 
 
 def load(w: Any, at: Any, i: Any) -> Any:
     """Read a record from column ``i`` of an array (rows, worlds); ``at`` holds its row numbers."""
-    return type(at)(*(load(w, row, i) for row in at)) if isinstance(at, tuple) else w[at, i]
+    return type(at)(*(load(w, row, i) for row in at)) if _holds_many(at) else w[at, i]
 
 
 def store(w: Any, at: Any, i: Any, value: Any) -> None:
     """Write a record to column ``i`` of an array (rows, worlds); ``at`` holds its row numbers."""
-    if isinstance(at, tuple):
-        for row, part in zip(cast("tuple[Any, ...]", at), value, strict=True):
+    if _holds_many(at):
+        for row, part in zip(at, value, strict=True):
             store(w, row, i, part)
     else:
         w[at, i] = value
@@ -141,13 +140,13 @@ def store(w: Any, at: Any, i: Any, value: Any) -> None:
 
 def read(array: Any, at: Any, first: Any) -> Any:
     """Read a record from an array (numbers,) in which it begins at ``first``; ``at`` holds its places from there."""
-    return type(at)(*(read(array, place, first) for place in at)) if isinstance(at, tuple) else array[first + at]
+    return type(at)(*(read(array, place, first) for place in at)) if _holds_many(at) else array[first + at]
 
 
 def write(array: Any, at: Any, value: Any) -> None:
     """Write a record to an array (numbers,); ``at`` holds its places."""
-    if isinstance(at, tuple):
-        for place, part in zip(cast("tuple[Any, ...]", at), value, strict=True):
+    if _holds_many(at):
+        for place, part in zip(at, value, strict=True):
             write(array, place, part)
     else:
         array[at] = value
@@ -155,7 +154,7 @@ def write(array: Any, at: Any, value: Any) -> None:
 
 def blend(low: Any, high: Any, part: Any) -> Any:
     """Return the record that lies a part of the way from one record to another of its kind."""
-    if isinstance(low, tuple):
+    if _holds_many(low):
         return type(low)(*(blend(a, b, part) for a, b in zip(low, high, strict=True)))
     return low + part * (high - low)
 

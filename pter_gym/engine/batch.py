@@ -1,6 +1,5 @@
 """Many worlds in one call. The single environment and the vector environments are doors to this."""
 
-import os
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, Literal, NamedTuple, get_args
@@ -9,33 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym.compiled.records import flat, read
-from pter_gym.engine.contexts import (
-    check_shared,
-    constants_of,
-    distinct,
-    empty_blocks,
-    is_plain,
-    number_drawing,
-    number_of_pairs,
-)
+from pter_gym.engine.contexts import number_drawing, number_of_pairs
 from pter_gym.engine.kernels import advance_kernel, reset_kernel
 from pter_gym.engine.law import empty_memory
 from pter_gym.engine.threads import Threads
-from pter_gym.engine.world import (
-    BASIC_ROWS,
-    CONFIG,
-    FLAGS,
-    NEXT_STEP,
-    REFUSE,
-    ROW,
-    SAME_STEP,
-    SKIP,
-    STORED_ROWS,
-    Config,
-)
+from pter_gym.engine.world import CONFIG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
+from pter_gym.engine.worlds import Worlds
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import Machine
-from pter_gym.tasks.path_following.context import CONTEXT, CONTEXT_WIDTH, TOLD
+from pter_gym.tasks.path_following.context import TOLD
 from pter_gym.tasks.path_following.observation import ENTRIES, SEEN, Sensors, observation_layout
 from pter_gym.tasks.path_following.specification import PathFollowing, substeps
 from pter_gym.tasks.path_following.telemetry import COLUMNS
@@ -73,7 +54,7 @@ class Returns(NamedTuple):
     telemetry: Array
 
 
-class Batch:
+class Batch(Worlds):
     """N worlds, each with its own machine, task, seed and episode count.
 
     Parameters
@@ -137,7 +118,7 @@ class Batch:
         if max_steps is not None and max_steps < 1:
             raise ParameterError(f"max_steps must be ≥ 1 or None, got {max_steps!r}")
         given = number_of_pairs(machines, tasks, None if draws else num_worlds)
-        self.num_worlds = number_drawing(num_worlds) if draws else given
+        drawing = number_drawing(num_worlds) if draws else None
         listed_machines = [machines] * given if isinstance(machines, Machine) else list(machines)
         listed_tasks = [tasks] * given if isinstance(tasks, PathFollowing) else list(tasks)
         self.machine = listed_machines[0]
@@ -146,16 +127,7 @@ class Batch:
         voltage_max = self.machine.clutch.voltage_max
         self.action_low, self.action_high = (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
         self._config = np.array([*flat(self._shared(observe_context, max_steps)), *self.layout.scales])
-        self.pairs, numbers = distinct(listed_machines, listed_tasks)
-        check_shared(self.pairs)
-        self._constants = constants_of(self.pairs)
-        self._worlds = empty_blocks(
-            np.zeros(self.num_worlds) if draws else float(CONTEXT_WIDTH) * numbers,
-            len(self.pairs) if draws else 1,
-            BASIC_ROWS if all(is_plain(task) for _, task in self.pairs) else STORED_ROWS,
-        )
-        self._words = np.zeros((self.num_worlds, 2), np.uint64)
-        self._seeded = np.zeros(self.num_worlds, np.bool_)
+        super().__init__(listed_machines, listed_tasks, drawing)
         self._actions = np.empty((self.num_worlds, 4))
         self._records = int(telemetry)
         self._final_obs = np.empty((0, len(self.layout)), np.float32)
@@ -201,7 +173,7 @@ class Batch:
             holds the pose, and zero for what only a step tells.
         """
         chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
-        words = self._next_words(seeds, chosen)
+        words = self.next_words(seeds, chosen)
         obs = np.empty((self.num_worlds, len(self.layout)), np.float32)
         telemetry = np.empty((self._records, self.num_worlds, COLUMNS))
         kernel = reset_kernel()
@@ -344,115 +316,18 @@ class Batch:
         self._run(advance_kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
         return obs, flags
 
-    def record_forces(self, forces: Array) -> None:
-        """Replace the recorded forces of all hands.
-
-        Parameters
-        ----------
-        forces
-            Along and across the path at the control instants [N], shape (T, 2), as ``RecordedForces.sampled`` gives
-            them.
-
-        Raises
-        ------
-        ParameterError
-            If the hands have no recording in common, or it has another number of instants.
-        """
-        recordings = {
-            (int(context[CONTEXT.hand.record_first]), int(context[CONTEXT.hand.record_count]))
-            for context in self._constants[: CONTEXT_WIDTH * len(self.pairs)].reshape(-1, CONTEXT_WIDTH)
-        }
-        first, count = recordings.pop()
-        if recordings or count == 0 or forces.shape != (count, 2):
-            raise ParameterError(
-                f"forces must be those of the recording that all hands share, ({count}, 2), got {forces.shape}"
-            )
-        self._constants[first : first + 2 * count] = forces.ravel()
-
     def empty_memory(self) -> Array:
         """Return the memory of a law at the start of an episode; see ``pter_gym.engine.law``."""
         return empty_memory(self.num_worlds)
 
-    def get_state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
-        return {
-            "worlds": self._worlds.copy(),
-            "words": self._words.copy(),
-            "seeded": self._seeded.copy(),
-        }
-
-    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
-        """Bring the worlds to a state from ``get_state`` of a batch of the same size.
-
-        Raises
-        ------
-        ParameterError
-            If a part is missing, has another shape or type, or belongs to other machines or tasks; nothing has changed.
-        """
-        own = {"worlds": self._worlds, "words": self._words, "seeded": self._seeded}
-        for name, mine in own.items():
-            part = state.get(name)
-            if not isinstance(part, np.ndarray) or part.shape != mine.shape or part.dtype != mine.dtype:
-                raise ParameterError(f"state[{name!r}] must be an array of {mine.dtype} with the shape {mine.shape}")
-        worlds = state["worlds"]
-        if not self._fits(worlds):
-            raise ParameterError("state['worlds'] must be of an environment with the same machines and tasks")
-        self._worlds[:] = worlds
-        self._words[:] = state["words"]
-        self._seeded[:] = state["seeded"]
-
-    def _fits(self, worlds: Array) -> bool:
-        """Tell whether worlds from elsewhere point at constants, arcs and instants that there are."""
-        if not ((worlds[:, ROW.step] >= 0.0) & (worlds[:, ROW.step] < 2.0**31)).all():
-            return False
-        same = np.array_equal(
-            worlds[:, ROW.draws_from : ROW.draws + 1], self._worlds[:, ROW.draws_from : ROW.draws + 1]
-        )
-        numbers = (worlds[:, ROW.context_at] - worlds[:, ROW.draws_from]) / CONTEXT_WIDTH
-        if not same or not np.isin(numbers, np.arange(int(worlds[:, ROW.draws].max()))).all():
-            return False
-        arcs = self._constants[worlds[:, ROW.context_at].astype(np.intp) + CONTEXT.task.path.count]
-        return bool(
-            np.isin(worlds[:, ROW.foot.segment], np.arange(int(arcs.max()))).all()
-            and (worlds[:, ROW.foot.segment] < arcs).all()
-        )
-
-    @property
-    def context(self) -> list[int]:
-        """The number of each world's present pair of machine and task in ``pairs``."""
-        numbers = self._worlds[:, ROW.context_at].reshape(-1)[: self.num_worlds] / CONTEXT_WIDTH
-        return numbers.astype(np.intp).tolist()
-
-    def truth(self) -> Array:
-        """Return all that is true of each world, (N, entries): its state, then the numbers of its machine and task.
-
-        In no particular units and order; for critics, which may know more than the policies that they judge.
-        """
-        worlds = self._worlds.transpose(0, 2, 1).reshape(-1, self._worlds.shape[1])[: self.num_worlds]
-        context = worlds[:, ROW.context_at, None].astype(np.intp) + np.arange(CONTEXT_WIDTH)
-        return np.concatenate([worlds, self._constants[context]], axis=1)
-
     def device_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that a kernel on another device needs: worlds, words, config, constants, who has begun."""
-        return {
-            "worlds": self._worlds,
-            "words": self._words,
-            "config": self._config,
-            "constants": self._constants,
-            "seeded": self._seeded,
-        }
+        return {**self._changing, "config": self._config, "constants": self._constants}
 
     @property
     def nbytes(self) -> int:
         """Bytes that the worlds take between steps."""
-        return (
-            self._worlds.nbytes
-            + self._constants.nbytes
-            + self._words.nbytes
-            + self._seeded.nbytes
-            + self._actions.nbytes
-            + self._final_obs.nbytes
-        )
+        return super().nbytes + self._actions.nbytes + self._final_obs.nbytes
 
     def _run(
         self,
@@ -480,24 +355,6 @@ class Batch:
     def close(self) -> None:
         """Stop the threads, if there are any."""
         self._threads.close()
-
-    def _next_words(self, seeds: Sequence[int | None] | None, chosen: NDArray[np.bool_]) -> NDArray[np.uint64]:
-        """Return seed and episode count of each world after a reset of the chosen ones, (N, 2)."""
-        words = self._words.copy()
-        given = np.zeros(self.num_worlds, np.bool_)
-        if seeds is not None:
-            if len(seeds) != self.num_worlds:
-                raise ParameterError(f"seeds must hold {self.num_worlds} entries, got {len(seeds)}")
-            for seed in seeds:
-                if seed is not None and not 0 <= seed < 2**64:
-                    raise ParameterError(f"seeds must lie within [0, 2⁶⁴), got {seed!r}")
-            given = chosen & np.array([seed is not None for seed in seeds])
-            words[given, 0] = np.array([0 if seed is None else seed for seed in seeds], np.uint64)[given]
-            words[given, 1] = 0
-        words[chosen & ~given & self._seeded, 1] += np.uint64(1)
-        fresh = chosen & ~given & ~self._seeded
-        words[fresh, 0] = np.frombuffer(os.urandom(8 * int(fresh.sum())), np.uint64)
-        return words
 
     def _take(self, actions: ArrayLike, shape: tuple[int, ...]) -> None:
         """Copy actions of a shape to where the kernel reads them."""

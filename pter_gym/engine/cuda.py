@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numba import cuda as numba_cuda
 
-from pter_gym.engine.episode import conclude_step, end_step, start_episode, take_context
+from pter_gym.engine.episode import conclude_step, end_step, fetch_world, put_back, start_episode, take_context
 from pter_gym.engine.sensing import see, write_observation
 from pter_gym.engine.step import given_volts, is_refused, move_world
-from pter_gym.engine.world import BASIC_ROWS, CONFIG, ROW, ROWS, STORED_ROWS, Arrays
+from pter_gym.engine.world import BASIC_ROWS, CONFIG, ROW, ROWS, Arrays
 
 cuda: Any = numba_cuda
 
@@ -41,25 +41,20 @@ def advance(
     if world >= obs.shape[0]:
         return
     a = Arrays(words, obs, final_obs, rewards, flags, telemetry, config, constants)
-    width = worlds.shape[2]
-    b = world // width
-    lane = world % width
     low, high, slack = config[CONFIG.low], config[CONFIG.high], config[CONFIG.slack]
-    if is_refused(worlds[b, ROW.alive, lane], actions, low - slack, high + slack, ended, world):
+    w = cuda.local.array((ROWS, 1), np.float64)
+    fetch_world(w, 0, worlds, world)
+    if is_refused(w[ROW.alive, 0], actions, low - slack, high + slack, ended, world):
         cuda.atomic.min(refused, 0, world)
         rewards[world] = np.nan
         return
-    w = cuda.local.array((ROWS, 1), np.float64)
-    for row in range(STORED_ROWS):
-        w[row, 0] = worlds[b, row, lane] if row < worlds.shape[1] else 0.0
     take_context(w, 0, constants)
     if w[ROW.alive, 0] != 0.0:
         volts = given_volts(actions, world, low, w[ROW.machine.voltage_max, 0] / (high - low))
         move_world(w, 0, volts, config, worlds.shape[1] > BASIC_ROWS)
     conclude_step(w, 0, words[world, 0], words[world, 1], config, constants)
     end_step(w, 0, world, a, 0, ended)
-    for row in range(worlds.shape[1]):
-        worlds[b, row, lane] = w[row, 0]
+    put_back(w, 0, worlds, world)
 
 
 @cuda.jit
@@ -68,18 +63,13 @@ def reset(worlds: Any, words: Any, chosen: Any, seeded: Any, obs: Any, config: A
     world = cuda.grid(1)
     if world >= obs.shape[0]:
         return
-    width = worlds.shape[2]
-    b = world // width
-    lane = world % width
     w = cuda.local.array((ROWS, 1), np.float64)
-    for row in range(STORED_ROWS):
-        w[row, 0] = worlds[b, row, lane] if row < worlds.shape[1] else 0.0
+    fetch_world(w, 0, worlds, world)
     take_context(w, 0, constants)
     if chosen[world]:
         if not seeded[world]:
             words[world, 1] += _ONE
         start_episode(w, 0, words[world, 0], words[world, 1], config, constants)
-        for row in range(worlds.shape[1]):
-            worlds[b, row, lane] = w[row, 0]
+        put_back(w, 0, worlds, world)
     see(w, 0, config, constants)
     write_observation(w, 0, obs, world, config, constants)

@@ -37,6 +37,22 @@ _SECOND_DRAWS = np.uint64(1)
 _ONE = np.uint64(1)
 
 
+@device
+def fetch_world(w: Any, i: int, worlds: Any, world: int) -> None:
+    """Read what changes of a world into column ``i``, zero for what its block does not store."""
+    width = worlds.shape[2]
+    for row in range(STORED_ROWS):
+        w[row, i] = worlds[world // width, row, world % width] if row < worlds.shape[1] else 0.0
+
+
+@device
+def put_back(w: Any, i: int, worlds: Any, world: int) -> None:
+    """Write column ``i`` to the block of a world."""
+    width = worlds.shape[2]
+    for row in range(worlds.shape[1]):
+        worlds[world // width, row, world % width] = w[row, i]
+
+
 @outlined
 def take_context(w: Any, i: int, constants: Any) -> None:
     """Read the constants of a world, where the world says that they begin."""
@@ -50,7 +66,7 @@ def locate(w: Any, i: int, constants: Any) -> None:
     """Project the tip onto the path."""
     x, y = tip_position(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     path = load(w, ROW.task.path, i)
-    foot = project(constants, int(path.first), int(path.count), int(w[ROW.foot.segment, i]), x, y)
+    foot = project(constants, int(path.first), int(path.arcs), int(w[ROW.foot.segment, i]), x, y)
     store(w, ROW.foot, i, foot)
     w[ROW.reached, i] = foot.arc_length if foot.arc_length > w[ROW.reached, i] else w[ROW.reached, i]
 

@@ -51,8 +51,8 @@ def intended(w: Any, i: int, constants: Any, period: float) -> Target:
     leash = w[ROW.foot.arc_length, i] + hand.intent_lead
     moved = moved if moved < leash else leash
     moved = moved if moved > at else at
-    x, y = point_at(constants, int(path.first), int(path.count), at)
-    to_x, to_y = point_at(constants, int(path.first), int(path.count), moved)
+    x, y = point_at(constants, int(path.first), int(path.arcs), at)
+    to_x, to_y = point_at(constants, int(path.first), int(path.arcs), moved)
     w[ROW.intent, i] = moved
     return Target(Vector(x, y), Vector((to_x - x) / period, (to_y - y) / period))
 

@@ -13,9 +13,11 @@ import numpy as np
 from pter_gym.compiled.compiler import compile_kernel, device, inlined
 from pter_gym.engine.episode import (
     end_step,
+    fetch_world,
     has_begun,
     judge_step,
     locate,
+    put_back,
     start_episode,
     take_context,
 )
@@ -113,13 +115,6 @@ def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
 
 
 @device
-def _scatter(w: Any, i: int, worlds: Any, b: int) -> None:
-    """Write lane i back to its block."""
-    for row in range(worlds.shape[1]):
-        worlds[b, row, i] = w[row, i]
-
-
-@device
 def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
     """Write the lanes that are alive back to their block."""
     if _count(w, ROW.alive, lanes) == lanes:
@@ -129,7 +124,7 @@ def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
     else:
         for i in range(lanes):
             if w[ROW.alive, i] != 0.0:
-                _scatter(w, i, worlds, b)
+                put_back(w, i, worlds, b * worlds.shape[2] + i)
 
 
 @device
@@ -237,7 +232,7 @@ def _close(w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: in
     for i in range(lanes):
         end_step(w, i, begin + i, a, t, ended)
         if has_begun(w, i) and w[ROW.alive, i] == 0.0:
-            _scatter(w, i, worlds, b)
+            put_back(w, i, worlds, begin + i)
 
 
 @device
@@ -310,16 +305,12 @@ def _build_reset(digest: str) -> Any:
     def reset(worlds: Any, words: Any, chosen: Any, obs: Any, telemetry: Any, config: Any, constants: Any) -> None:
         _ = digest
         w = _scratch()  # of the same type as above, for which all functions are compiled already
-        _clear(w, worlds)
-        width = worlds.shape[2]
         for world in range(obs.shape[0]):
-            b = world // width
-            i = world % width
-            for row in range(worlds.shape[1]):
-                w[row, i] = worlds[b, row, i]
+            i = world % worlds.shape[2]
+            fetch_world(w, i, worlds, world)
             if chosen[world]:
                 start_episode(w, i, words[world, 0], words[world, 1], config, constants)
-                _scatter(w, i, worlds, b)
+                put_back(w, i, worlds, world)
             else:
                 take_context(w, i, constants)
             see(w, i, config, constants)
@@ -334,17 +325,14 @@ def _build_reset(digest: str) -> Any:
 def advance_kernel(inlined: Any = no_law) -> Any:
     """Return the compiled ``advance`` with a control law inside.
 
-    ``advance(worlds (B, BASIC_ROWS or STORED_ROWS, lanes), words (N, 2), given, obs (N, O), final_obs (N or 0, O),
-    rewards (N,), flags (FLAGS, N), telemetry (T, N, K), config, constants, ended, steps, first, last)`` runs ``steps``
-    control steps of the worlds in the blocks first … last − 1.
+    ``advance(worlds, words, given, obs, final_obs, rewards, flags, telemetry, config, constants, ended, steps, first,
+    last)`` runs ``steps`` control steps of the worlds in the blocks first … last − 1. ``worlds`` has the shape
+    (B, BASIC_ROWS or STORED_ROWS, lanes), ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP, and ``Arrays`` describes
+    what is not described here.
 
     ``given`` holds the actions (N, 4), or where the voltages come from the law its memory (N, M). A call for all blocks
     or for none looks at the actions of all worlds first; the number of the first that is refused is returned before
     anything is touched, −1 when all went well. A call for some blocks does not look.
-    The entries of ``config`` are named in ``pter_gym.engine.world``; the O scales of the observation and the law's
-    gains follow. ``constants`` holds what does not change: contexts, arcs of paths, recorded forces. ``ended`` is
-    REFUSE, SKIP, NEXT_STEP or SAME_STEP. T may be 0, for no telemetry. With SAME_STEP the last observation of an
-    episode goes to ``final_obs`` and its last telemetry to a second layer.
     """
     return compile_kernel(_build_advance, law=inlined)
 
@@ -353,7 +341,7 @@ def advance_kernel(inlined: Any = no_law) -> Any:
 def reset_kernel() -> Any:
     """Return the compiled ``reset``.
 
-    ``reset(worlds, words (N, 2), chosen (N,), obs (N, O), telemetry (1 or 0, N, K), config, constants)`` starts new
-    episodes of the chosen worlds from their seeds and episode counts, and writes the present observation of all worlds.
+    ``reset(worlds, words, chosen, obs, telemetry, config, constants)`` starts new episodes of the worlds in ``chosen``,
+    (N,), from their seeds and episode counts, and writes the present observation of all worlds; see ``Arrays``.
     """
     return compile_kernel(_build_reset)

@@ -117,7 +117,7 @@ def observe_reading(w: Any, i: int, config: Any, constants: Any) -> None:
     path = load(w, ROW.task.path, i)
     x, y = tip_position(arm, q)
     v_x, v_y = tip_velocity(arm, q)
-    foot = project(constants, int(path.first), int(path.count), int(w[ROW.foot.segment, i]), x, y)
+    foot = project(constants, int(path.first), int(path.arcs), int(w[ROW.foot.segment, i]), x, y)
     seen = observation(
         q,
         situation(foot, v_x, v_y),

@@ -13,7 +13,6 @@ from pter_gym.tasks.path_following.context import TaskModel
 from pter_gym.tasks.path_following.observation import Observation
 from pter_gym.tasks.path_following.reward import Terms
 from pter_gym.tasks.path_following.situation import PathVector
-from pter_gym.tasks.path_following.specification import MAX_DELAY
 
 
 class Target(NamedTuple):
@@ -45,9 +44,6 @@ class Readings(NamedTuple):
     now: Reading
     one_ago: Reading
     two_ago: Reading
-
-
-assert len(Readings._fields) == 1 + MAX_DELAY
 
 
 class Flags(NamedTuple):

@@ -75,6 +75,19 @@ def side(multiplier: float, capacity: float) -> float:
 
 
 @device
+def rest_sides(
+    g1: float, g2: float, g3: float, g4: float, moves1: bool, moves2: bool, moves3: bool
+) -> tuple[float, float, float, float]:
+    """Return on which side of each line, if its minimum is at rest, another line's overload puts the solution."""
+    return (
+        g2 if moves2 else (g3 if moves3 else g4),
+        g1 if moves1 else (g3 if moves3 else -g4),
+        -g1 if moves1 else (g2 if moves2 else g4),
+        g1 if moves1 else (g2 if moves2 else g3),
+    )
+
+
+@device
 def resolve(m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch) -> tuple[float, float]:
     """Return the angular velocities [rad/s] after friction. Exact, without iteration or branch.
 
@@ -109,10 +122,7 @@ def resolve(m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerCl
     side3 = side(0.5 * (q4 - s3 * (m11 - m22) - g3 * (c.x1 - c.x2)), c.x3)
     side4 = side(0.5 * (q3 - s4 * (m11 - m22) - g4 * (c.x1 - c.x2)), c.x4)
 
-    rest1 = g2 if moves2 else (g3 if moves3 else g4)
-    rest2 = g1 if moves1 else (g3 if moves3 else -g4)
-    rest3 = -g1 if moves1 else (g2 if moves2 else g4)
-    rest4 = g1 if moves1 else (g2 if moves2 else g3)
+    rest1, rest2, rest3, rest4 = rest_sides(g1, g2, g3, g4, moves1, moves2, moves3)
     f1 = c.x1 * (side1 if moves1 else rest1)
     f2 = c.x2 * (side2 if moves2 else rest2)
     f3 = c.x3 * (side3 if moves3 else rest3)
@@ -133,14 +143,8 @@ def resolve(m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerCl
     stuck2 = stuck2 | (sector & moves2 & (side2 * omega_b < 0.0))
     stuck3 = stuck3 | (sector & moves3 & (side3 * (omega_a - omega_b) < 0.0))
     stuck4 = stuck4 | (sector & moves4 & (side4 * (omega_a + omega_b) < 0.0))
-    omega_a = s4 if stuck4 else omega_a
-    omega_b = -s4 if stuck4 else omega_b
-    omega_a = s3 if stuck3 else omega_a
-    omega_b = s3 if stuck3 else omega_b
-    omega_a = s2 if stuck2 else omega_a
-    omega_b = 0.0 if stuck2 else omega_b
-    omega_a = 0.0 if stuck1 else omega_a
-    omega_b = s1 if stuck1 else omega_b
+    omega_a = 0.0 if stuck1 else (s2 if stuck2 else (s3 if stuck3 else (s4 if stuck4 else omega_a)))
+    omega_b = s1 if stuck1 else (0.0 if stuck2 else (s3 if stuck3 else (-s4 if stuck4 else omega_b)))
     moves = moves1 | moves2 | moves3 | moves4
     return (omega_a if moves else 0.0), (omega_b if moves else 0.0)
 
@@ -182,6 +186,15 @@ def along_edge(beyond: float, across: float, low: float, high: float, slack: flo
 
 
 @device
+def nearer(
+    u: float, v: float, distance: float, other_u: float, other_v: float, other_distance: float
+) -> tuple[float, float, float]:
+    """Return the nearer of two points with its squared distance, the first one if they are equally far."""
+    closer = other_distance < distance
+    return (other_u if closer else u), (other_v if closer else v), (other_distance if closer else distance)
+
+
+@device
 def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch) -> PerClutch:
     """Return the four torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high; the load must be reachable.
 
@@ -217,9 +230,7 @@ def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch) -> PerC
         smallest(high.x3, sum_high - edge_v, edge_v + diff_high),
         slack,
     )
-    u = nearest if distance < best else u
-    v = edge_v if distance < best else v
-    best = distance if distance < best else best
+    u, v, best = nearer(u, v, best, nearest, edge_v, distance)
     nearest, distance = along_edge(
         u0 + v0 - edge_sum,
         u0 - v0,
@@ -227,9 +238,7 @@ def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch) -> PerC
         smallest(diff_high, 2.0 * high.x3 - edge_sum, edge_sum - 2.0 * low.x4),
         slack,
     )
-    u = 0.5 * (edge_sum + nearest) if 0.5 * distance < best else u
-    v = 0.5 * (edge_sum - nearest) if 0.5 * distance < best else v
-    best = 0.5 * distance if 0.5 * distance < best else best
+    u, v, best = nearer(u, v, best, 0.5 * (edge_sum + nearest), 0.5 * (edge_sum - nearest), 0.5 * distance)
     nearest, distance = along_edge(
         u0 - v0 - edge_diff,
         u0 + v0,
@@ -237,9 +246,7 @@ def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch) -> PerC
         smallest(sum_high, 2.0 * high.x3 - edge_diff, edge_diff + 2.0 * high.x4),
         slack,
     )
-    u = 0.5 * (nearest + edge_diff) if 0.5 * distance < best else u
-    v = 0.5 * (nearest - edge_diff) if 0.5 * distance < best else v
-    best = 0.5 * distance if 0.5 * distance < best else best
+    u, v, best = nearer(u, v, best, 0.5 * (nearest + edge_diff), 0.5 * (nearest - edge_diff), 0.5 * distance)
 
     inside = best >= 0.5 * _FAR
     u = between(u0 if inside else u, low.x3, high.x3)

@@ -208,9 +208,7 @@ def simulate(
         machine.substep,
         record,
     )
-    diverged = ~np.isfinite(record).all(axis=1)
-    if diverged.any():
-        raise DivergenceError(f"the motion diverged in substep {int(diverged.argmax())}: make machine.substep smaller")
+    _check_finite(record)
     return _trajectory(record, machine.substep, state, _unpack(packed))
 
 
@@ -269,8 +267,16 @@ def _kernel() -> Any:
     return compile_kernel(_build)
 
 
+def _check_finite(record: Array) -> None:
+    diverged = ~np.isfinite(record).all(axis=1)
+    if diverged.any():
+        raise DivergenceError(f"the motion diverged in substep {int(diverged.argmax())}: make machine.substep smaller")
+
+
 def _trajectory(record: Array, h: float, initial: State, final: State) -> Trajectory:
-    columns = {name: record[:, at if isinstance(at, int) else [*at]] for name, at in COLUMN._asdict().items()}
+    columns: dict[str, Any] = {
+        name: record[:, at if isinstance(at, int) else [*at]] for name, at in COLUMN._asdict().items()
+    }
     energies = dict(zip(Energy._fields, columns.pop("energy").T, strict=True))
     columns["mode"] = columns["mode"].astype(np.int8)
     return Trajectory(
@@ -293,8 +299,9 @@ def _pack(state: State) -> Array:
     if min(map(min, limits)) < 0.0:
         raise ParameterError("state: torques and lagged voltages must be ≥ 0")
     breakaway, dynamic, lagged = (PerClutch(*limit) for limit in limits)
-    units = np.cos(theta[0]), np.sin(theta[0]), np.cos(theta[1]), np.sin(theta[1])
-    return np.array(flat(Moving(Motion(*theta, *omega, *units), Torques(breakaway, dynamic), lagged)))
+    units = [np.cos(theta[0]), np.sin(theta[0]), np.cos(theta[1]), np.sin(theta[1])]
+    motion = Motion(*np.concatenate([theta, omega, units]))
+    return np.array(flat(Moving(motion, Torques(breakaway, dynamic), lagged)))
 
 
 def _unpack(packed: Array) -> State:

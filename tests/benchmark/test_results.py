@@ -305,6 +305,14 @@ WRONG = {
     "time constants": (["--scenario", "standard", "--time-constants", "0.1"], "time_constants needs no --scenario"),
     "paces alone": (["--paces", "slow"], "paces needs --scenario"),
     "episodes alone": (["--episodes", "5"], "episodes needs --scenario"),
+    "standard test: policy": (
+        ["--policies", "pid"],
+        "impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random",
+    ),
+    "standard test: time constant": (["--time-constants", "fast"], "numbers"),
+    "standard test: no time constant": (["--time-constants", ","], "time_constants"),
+    "standard test: machine": (["--machine", "steel"], "baseline, delrin_experimental, delrin_theoretical"),
+    "standard test: seed": (["--seed=-3"], "seed"),
 }
 
 
@@ -317,9 +325,12 @@ def test_a_wrong_argument_names_what_is_accepted(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_cannot_be_written_to_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("test", [[], ["--scenario", "standard"]], ids=["standard test", "scenario"])
+def test_a_folder_that_cannot_be_written_to_is_named(
+    test: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "file").write_text("in the way")
-    assert cli.main(["benchmark", "--scenario", "standard", "--out", str(tmp_path / "file")]) == 2
+    assert cli.main(["benchmark", *test, "--out", str(tmp_path / "file")]) == 2
     assert "out must be a folder" in capsys.readouterr().err
 
 

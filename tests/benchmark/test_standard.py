@@ -150,30 +150,6 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
 
-WRONG = {
-    "policy": (["--policies", "pid"], "impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random"),
-    "time constant": (["--time-constants", "fast"], "numbers"),
-    "no time constant": (["--time-constants", ","], "time_constants"),
-    "machine": (["--machine", "steel"], "baseline, delrin_experimental, delrin_theoretical"),
-    "seed": (["--seed=-3"], "seed"),
-}
-
-
-@pytest.mark.parametrize(("arguments", "accepted"), WRONG.values(), ids=WRONG)
-def test_a_wrong_argument_names_what_is_accepted(
-    arguments: list[str], accepted: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main(["benchmark", *arguments, "--out", str(tmp_path / "out")]) == 2
-    assert accepted in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_an_unwritable_folder_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "file").write_text("in the way")
-    assert cli.main(["benchmark", "--out", str(tmp_path / "file")]) == 2
-    assert "out must be a folder" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("arguments", [["--help"], ["benchmark", "--help"]])
 def test_help_explains(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:

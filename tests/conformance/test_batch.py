@@ -14,11 +14,11 @@ import pter_gym  # noqa: F401  (registers the environment)
 from pter_gym.controllers import Random, TorqueFeedback
 from pter_gym.controllers.base import Policy
 from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import FLAG, SKIP
+from pter_gym.engine.world import FLAG, SKIP, Readings
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.paths import Line
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.tasks.path_following import MAX_DELAY, TELEMETRY, PathFollowing
 
 STEPS = 200
 TASK = PathFollowing(path=Line(length=0.2), start_offset=0.01, hand=MultiSineHand(random_phases=True))
@@ -193,3 +193,7 @@ def test_step_leaves_earlier_returns_untouched() -> None:
     for obs, obs_copy, row, row_copy in kept:
         assert obs.tobytes() == obs_copy.tobytes()
         assert row.tobytes() == row_copy.tobytes()
+
+
+def test_a_world_keeps_what_its_sensors_read_for_the_longest_delay() -> None:
+    assert len(Readings._fields) == 1 + MAX_DELAY

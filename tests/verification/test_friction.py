@@ -17,18 +17,34 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from oracle import friction as oracle
 from oracle import paper_rule
 from oracle.problems import Problems, families
 from oracle.sharing import share
-from pter_gym.physics.friction import ClutchMode, resolve_friction, share_torque
+from pter_gym.physics.clutch import PerClutch
+from pter_gym.physics.friction import (
+    COUPLING,
+    LINES,
+    ClutchMode,
+    mode_of,
+    resolve_friction,
+    share_torque,
+    slip_velocities,
+    torques_on_links,
+)
 
 UNIT = 2.0**-53
 ROUNDINGS = 8
 W = np.array(oracle.W, float)
 FAMILIES = families()
+
+
+DETERMINISTIC = settings(derandomize=True, deadline=None, database=None, max_examples=200)
+NUMBERS = st.floats(-1e100, 1e100)
 
 
 def identify(index: int) -> str:
@@ -49,6 +65,34 @@ def expected(index: int) -> oracle.Solution:
 def rounding(problems: Problems, omega: np.ndarray) -> np.ndarray:
     """The derived bound on the error of a velocity, (n,)."""
     return ROUNDINGS * UNIT * (problems.compliance * problems.momentum + problems.condition * np.hypot(*omega.T))
+
+
+@DETERMINISTIC
+@given(NUMBERS, NUMBERS)
+def test_slip_velocities_are_those_of_the_coupling(omega_a, omega_b):
+    assert slip_velocities(omega_a, omega_b) == tuple(a * omega_a + b * omega_b for a, b in COUPLING)
+
+
+@DETERMINISTIC
+@given(st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS))
+def test_torques_on_links_are_those_of_the_coupling(torque):
+    assert torques_on_links(PerClutch(*torque)) == tuple(
+        sum(row[link] * each for row, each in zip(COUPLING, torque, strict=True)) for link in (0, 1)
+    )
+
+
+def test_the_coupling_is_the_papers():
+    assert np.array_equal(COUPLING, W)
+
+
+@DETERMINISTIC
+@given(NUMBERS.filter(bool))
+def test_along_its_line_only_its_clutch_does_not_slip(speed):
+    for number, (row, (a, b)) in enumerate(zip(COUPLING, LINES, strict=True)):
+        assert row[0] * a + row[1] * b == 0.0
+        slips = slip_velocities(speed * a, speed * b)
+        assert [clutch for clutch, slip in enumerate(slips) if slip == 0.0] == [number]
+        assert mode_of(speed * a, speed * b) == ClutchMode(1 + number)
 
 
 def test_there_are_a_hundred_thousand_problems():

@@ -16,7 +16,7 @@ class PathModel(NamedTuple):
     """Where the arcs of a path are in the constants, and its length."""
 
     first: Annotated[float, Entry("1", "where its arcs begin in the constants")]
-    count: Annotated[float, Entry("1", "number of its arcs")]
+    arcs: Annotated[float, Entry("1", "number of its arcs")]
     length: Annotated[float, Entry("m", "its arc length")]
 
 

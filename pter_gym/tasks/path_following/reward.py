@@ -1,6 +1,5 @@
 """The reward: its terms, their weights and how each is found. Weights, telemetry and the sum follow from here."""
 
-from collections import namedtuple
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
@@ -28,7 +27,8 @@ class RewardWeights:
             require_number(self, item.name, at_least=0.0)
 
 
-Terms: Any = namedtuple("Terms", [item.name for item in fields(RewardWeights)])
+_TERMS = [(item.name, float) for item in fields(RewardWeights)]
+Terms = NamedTuple("Terms", _TERMS)
 """One number for each term of the reward, in the order of ``RewardWeights``."""
 
 

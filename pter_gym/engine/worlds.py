@@ -1,0 +1,159 @@
+"""What the worlds of a batch are at an instant: their blocks, seeds and constants, to look at, copy and restore."""
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.engine.contexts import check_shared, constants_of, distinct, empty_blocks, is_plain
+from pter_gym.engine.world import BASIC_ROWS, ROW, STORED_ROWS
+from pter_gym.errors import ParameterError
+from pter_gym.params import Machine
+from pter_gym.tasks.path_following.context import CONTEXT, CONTEXT_WIDTH
+from pter_gym.tasks.path_following.specification import PathFollowing
+
+Array = NDArray[np.float64]
+
+
+class Worlds:
+    """N worlds that have not begun, without the kernels that move them.
+
+    Parameters
+    ----------
+    machines, tasks
+        One for each world, or where worlds draw one for each pair to draw from.
+    drawing
+        Number of worlds that draw one of the pairs at each reset, or None where each world keeps its own.
+
+    Attributes
+    ----------
+    num_worlds
+        N.
+    pairs
+        The distinct pairs of machine and task; ``context`` holds their numbers.
+
+    Raises
+    ------
+    ParameterError
+        If the worlds disagree on what they must share, or a machine cannot do its task.
+    """
+
+    def __init__(self, machines: Sequence[Machine], tasks: Sequence[PathFollowing], drawing: int | None = None) -> None:
+        self.num_worlds = len(machines) if drawing is None else drawing
+        self.pairs, numbers = distinct(machines, tasks)
+        check_shared(self.pairs)
+        self._constants = constants_of(self.pairs)
+        self._worlds = empty_blocks(
+            float(CONTEXT_WIDTH) * numbers if drawing is None else np.zeros(drawing),
+            1 if drawing is None else len(self.pairs),
+            BASIC_ROWS if all(is_plain(task) for _, task in self.pairs) else STORED_ROWS,
+        )
+        self._words = np.zeros((self.num_worlds, 2), np.uint64)
+        self._seeded = np.zeros(self.num_worlds, np.bool_)
+
+    def next_words(self, seeds: Sequence[int | None] | None, chosen: NDArray[np.bool_]) -> NDArray[np.uint64]:
+        """Return seed and episode count of each world after a reset of the chosen ones, (N, 2)."""
+        words = self._words.copy()
+        given = np.zeros(self.num_worlds, np.bool_)
+        if seeds is not None:
+            if len(seeds) != self.num_worlds:
+                raise ParameterError(f"seeds must hold {self.num_worlds} entries, got {len(seeds)}")
+            for seed in seeds:
+                if seed is not None and not 0 <= seed < 2**64:
+                    raise ParameterError(f"seeds must lie within [0, 2⁶⁴), got {seed!r}")
+            given = chosen & np.array([seed is not None for seed in seeds])
+            words[given, 0] = np.array([0 if seed is None else seed for seed in seeds], np.uint64)[given]
+            words[given, 1] = 0
+        words[chosen & ~given & self._seeded, 1] += np.uint64(1)
+        fresh = chosen & ~given & ~self._seeded
+        words[fresh, 0] = np.frombuffer(os.urandom(8 * int(fresh.sum())), np.uint64)
+        return words
+
+    def record_forces(self, forces: Array) -> None:
+        """Replace the recorded forces of all hands.
+
+        Parameters
+        ----------
+        forces
+            Along and across the path at the control instants [N], shape (T, 2), as ``RecordedForces.sampled`` gives
+            them.
+
+        Raises
+        ------
+        ParameterError
+            If the hands have no recording in common, or it has another number of instants.
+        """
+        recordings = {
+            (int(context[CONTEXT.hand.record_first]), int(context[CONTEXT.hand.record_count]))
+            for context in self._constants[: CONTEXT_WIDTH * len(self.pairs)].reshape(-1, CONTEXT_WIDTH)
+        }
+        first, count = recordings.pop()
+        if recordings or count == 0 or forces.shape != (count, 2):
+            raise ParameterError(
+                f"forces must be those of the recording that all hands share, ({count}, 2), got {forces.shape}"
+            )
+        self._constants[first : first + 2 * count] = forces.ravel()
+
+    @property
+    def _changing(self) -> dict[str, NDArray[Any]]:
+        """The arrays that resets and steps change."""
+        return {"worlds": self._worlds, "words": self._words, "seeded": self._seeded}
+
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
+        return {name: part.copy() for name, part in self._changing.items()}
+
+    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
+        """Bring the worlds to a state from ``get_state`` of a batch of the same size.
+
+        Raises
+        ------
+        ParameterError
+            If a part is missing, has another shape or type, or belongs to other machines or tasks; nothing has changed.
+        """
+        for name, mine in self._changing.items():
+            part = state.get(name)
+            if not isinstance(part, np.ndarray) or part.shape != mine.shape or part.dtype != mine.dtype:
+                raise ParameterError(f"state[{name!r}] must be an array of {mine.dtype} with the shape {mine.shape}")
+        if not self._fits(state["worlds"]):
+            raise ParameterError("state['worlds'] must be of an environment with the same machines and tasks")
+        for name, mine in self._changing.items():
+            mine[:] = state[name]
+
+    def _fits(self, worlds: Array) -> bool:
+        """Tell whether worlds from elsewhere point at constants, arcs and instants that there are."""
+        if not ((worlds[:, ROW.step] >= 0.0) & (worlds[:, ROW.step] < 2.0**31)).all():
+            return False
+        same = np.array_equal(
+            worlds[:, ROW.draws_from : ROW.draws + 1], self._worlds[:, ROW.draws_from : ROW.draws + 1]
+        )
+        numbers = (worlds[:, ROW.context_at] - worlds[:, ROW.draws_from]) / CONTEXT_WIDTH
+        if not same or not np.isin(numbers, np.arange(int(worlds[:, ROW.draws].max()))).all():
+            return False
+        arcs = self._constants[worlds[:, ROW.context_at].astype(np.intp) + CONTEXT.task.path.arcs]
+        return bool(
+            np.isin(worlds[:, ROW.foot.segment], np.arange(int(arcs.max()))).all()
+            and (worlds[:, ROW.foot.segment] < arcs).all()
+        )
+
+    @property
+    def context(self) -> list[int]:
+        """The number of each world's present pair of machine and task in ``pairs``."""
+        numbers = self._worlds[:, ROW.context_at].reshape(-1)[: self.num_worlds] / CONTEXT_WIDTH
+        return numbers.astype(np.intp).tolist()
+
+    def truth(self) -> Array:
+        """Return all that is true of each world, (N, entries): its state, then the numbers of its machine and task.
+
+        In no particular units and order; for critics, which may know more than the policies that they judge.
+        """
+        worlds = self._worlds.transpose(0, 2, 1).reshape(-1, self._worlds.shape[1])[: self.num_worlds]
+        context = worlds[:, ROW.context_at, None].astype(np.intp) + np.arange(CONTEXT_WIDTH)
+        return np.concatenate([worlds, self._constants[context]], axis=1)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that all this takes."""
+        return self._worlds.nbytes + self._constants.nbytes + self._words.nbytes + self._seeded.nbytes

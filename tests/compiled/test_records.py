@@ -1,0 +1,202 @@
+"""Records: their rows and names, and that compiled code reads and writes them as plain Python does."""
+
+from typing import Annotated, Any, NamedTuple
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pter_gym.compiled.layout import Field
+from pter_gym.compiled.records import (
+    Entry,
+    blend,
+    flat,
+    layout_of,
+    leaves,
+    load,
+    read,
+    rows,
+    store,
+    width,
+    write,
+)
+from pter_gym.errors import ParameterError
+
+DETERMINISTIC = settings(derandomize=True, deadline=None, database=None, max_examples=100)
+
+
+class Bare(NamedTuple):
+    x: float
+    y: float
+
+
+class Side(NamedTuple):
+    left: Annotated[float, Entry("", "on the left", name="l")]
+    right: Annotated[float, Entry("", "on the right")]
+
+
+class Sides(NamedTuple):
+    now: Annotated[Side, Entry("V", "voltage now")]
+    before: Annotated[Side, Entry("V", "voltage before")]
+    first: Annotated[Side, Entry("V", "voltage at first", name="start")]
+
+
+class Whole(NamedTuple):
+    length: Annotated[float, Entry("m", "length", 2.0)]
+    force: Annotated[Side, Entry("N", "force", lambda machine: 10.0 * machine)]
+    bare: Bare
+    volts: Sides
+    last: float
+
+
+WIDTH = 12
+AT = rows(Whole)
+LANES = 3
+
+NUMBERS = st.lists(st.floats(), min_size=WIDTH, max_size=WIDTH)
+
+
+def whole(n: list[float]) -> Whole:
+    """Return a record with its numbers, put in by hand."""
+    volts = Sides(Side(n[5], n[6]), Side(n[7], n[8]), Side(n[9], n[10]))
+    return Whole(n[0], Side(n[1], n[2]), Bare(n[3], n[4]), volts, n[11])
+
+
+@numba.njit
+def stored_and_loaded(w, i, value):
+    store(w, AT, i, value)
+    return load(w, AT, i)
+
+
+@numba.njit
+def written_and_read(array, first, value):
+    write(array[first:], AT, value)
+    return read(array, AT, first)
+
+
+@numba.njit
+def between(low, high, part):
+    return blend(low, high, part)
+
+
+@numba.njit
+def moved(w, i, k):
+    """Copy one of three equal records to the next, where k is known only when the code runs."""
+    store(w, AT.volts[k + 1], i, load(w, AT.volts[k], i))
+    return load(w, AT.volts[k + 1], i)
+
+
+def plain(function: Any) -> Any:
+    """Return the Python function that was compiled."""
+    return getattr(function, "py_func", function)
+
+
+def same(a: tuple[Any, ...], b: tuple[Any, ...]) -> bool:
+    return type(a) is type(b) and np.array_equal(flat(a), flat(b), equal_nan=True)
+
+
+def test_rows_are_numbered_in_their_order() -> None:
+    assert whole(list(range(WIDTH))) == AT
+    assert flat(AT) == tuple(range(WIDTH))
+    assert flat(rows(Whole, 7)) == tuple(range(7, 7 + WIDTH))
+    assert AT.volts.first == Side(9, 10)
+
+
+def test_width_counts_the_numbers() -> None:
+    assert (width(Whole), width(Sides), width(Side)) == (WIDTH, 6, 2)
+
+
+def test_an_entry_names_what_is_within_it() -> None:
+    assert [leaf.name for leaf in leaves(Whole)] == [
+        "length",
+        "force_l",
+        "force_right",
+        "x",
+        "y",
+        "now_l",
+        "now_right",
+        "before_l",
+        "before_right",
+        "start_l",
+        "start_right",
+        "last",
+    ]
+
+
+def test_layout_says_unit_meaning_and_scale() -> None:
+    layout = layout_of(Whole, 3.0)
+    assert len(layout) == WIDTH
+    assert layout.fields[AT.length] == Field("length", "m", "length", 2.0)
+    assert layout.fields[AT.force.left] == Field("force_l", "N", "force on the left", 30.0)
+    assert layout.fields[AT.volts.first.right] == Field("start_right", "V", "voltage at first on the right", 1.0)
+
+
+def test_a_number_without_an_entry_has_its_name_alone() -> None:
+    fields = layout_of(Whole, 1.0).fields
+    assert fields[AT.bare.y] == Field("y", "", "", 1.0)
+    assert fields[AT.last] == Field("last", "", "", 1.0)
+
+
+def test_two_entries_of_one_name_are_refused() -> None:
+    class Twice(NamedTuple):
+        here: Bare
+        there: Bare
+
+    with pytest.raises(ParameterError, match="different names, got several called x, y"):
+        layout_of(Twice)
+
+
+@DETERMINISTIC
+@given(NUMBERS)
+def test_flat_has_the_numbers_in_their_order(numbers: list[float]) -> None:
+    assert np.array_equal(flat(whole(numbers)), numbers, equal_nan=True)
+
+
+@DETERMINISTIC
+@given(NUMBERS, st.integers(0, LANES - 1))
+def test_what_is_stored_is_loaded(numbers: list[float], lane: int) -> None:
+    value = whole(numbers)
+    found = {}
+    for function in (stored_and_loaded, plain(stored_and_loaded)):
+        w = np.full((WIDTH + 1, LANES), -1.0)
+        assert same(function(w, lane, value), value)
+        assert (np.delete(w, lane, axis=1) == -1.0).all()
+        assert (w[WIDTH] == -1.0).all()
+        found[function] = w.tobytes()
+    assert len(set(found.values())) == 1
+
+
+@DETERMINISTIC
+@given(NUMBERS, st.integers(0, 4))
+def test_what_is_written_is_read(numbers: list[float], first: int) -> None:
+    value = whole(numbers)
+    found = set()
+    for function in (written_and_read, plain(written_and_read)):
+        array = np.full(WIDTH + 5, -1.0)
+        assert same(function(array, first, value), value)
+        assert np.array_equal(array[first : first + WIDTH], numbers, equal_nan=True)
+        assert (np.delete(array, slice(first, first + WIDTH)) == -1.0).all()
+        found.add(array.tobytes())
+    assert len(found) == 1
+
+
+@DETERMINISTIC
+@given(NUMBERS, NUMBERS, st.floats(0.0, 1.0))
+def test_compiled_blends_are_those_of_python(low: list[float], high: list[float], part: float) -> None:
+    expected = [a + part * (b - a) for a, b in zip(low, high, strict=True)]
+    for function in (between, plain(between)):
+        assert same(function(whole(low), whole(high), part), whole(expected))
+
+
+@DETERMINISTIC
+@given(NUMBERS, st.integers(0, 1))
+def test_records_of_one_kind_may_be_chosen_by_an_index(numbers: list[float], k: int) -> None:
+    value = whole(numbers)
+    for function in (moved, plain(moved)):
+        w = np.zeros((WIDTH, LANES))
+        store(w, AT, 1, value)
+        assert same(function(w, 1, k), value.volts[k])
+        assert same(load(w, AT.volts[k + 1], 1), value.volts[k])
+        assert same(load(w, AT.volts[k], 1), value.volts[k])
