@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.codec import tuple_of
+from pter_gym.internal.codec import ABSENT, tuple_of
 
 if TYPE_CHECKING:
     from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
@@ -113,6 +113,7 @@ def settings_from(algorithm: str, values: Mapping[str, Any]) -> "Settings":
     for name in values:
         if name not in known:
             raise unknown_name("config", name, known)
+    values = {**{item.name: item.metadata[ABSENT] for item in fields(kind) if ABSENT in item.metadata}, **values}
     for name, expected in known.items():
         if name not in values:
             raise ParameterError(f"config must hold {name}")
