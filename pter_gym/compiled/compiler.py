@@ -26,6 +26,8 @@ _WITHOUT_WRAPPERS: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 WITHOUT_ARRAYS: Any = {**_INLINED, **_WITHOUT_WRAPPERS, "_nrt": False}
 """Options of code that is inlined into kernels, makes no arrays and is called by no Python code when compiled."""
 
+PACKAGE = __name__.partition(".")[0]
+
 _CONSTANTS = (bool, int, float, str, tuple, np.generic)
 
 
@@ -151,7 +153,7 @@ def _digest(kernel: FunctionType) -> str:
                 value = cast(Any, value).py_func
             if isinstance(value, FunctionType):
                 pending.append(value)
-            elif isinstance(value, type) and value.__module__.startswith(__package__ or ""):
+            elif isinstance(value, type) and value.__module__.startswith(PACKAGE):
                 constants.add(f"{name}={getattr(value, '_fields', value)!r}")
             elif isinstance(value, _CONSTANTS) and not isinstance(value, ModuleType):
                 constants.add(f"{name}={value!r}")
