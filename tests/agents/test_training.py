@@ -73,6 +73,7 @@ def weights(path: Path) -> list[bytes]:
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_each_algorithm_has_one_whole_file(algorithm: str) -> None:
     content = tomllib.loads((FOLDER / f"{algorithm}.toml").read_text(encoding="utf-8"))
+    assert content.pop("algorithm") == ALGORITHMS[algorithm]._asdict()
     fields = ALGORITHMS[algorithm].learner.settings.__dataclass_fields__
     assert set(content) == {name for name, field in fields.items() if ABSENT not in field.metadata}
     assert asdict(load_settings(algorithm))["worlds"] == content["worlds"]
