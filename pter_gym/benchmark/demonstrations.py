@@ -224,7 +224,7 @@ def _check(found: Demonstrations) -> None:
     """Raise a ValueError unless rows, episodes, names and scores go together."""
     rows, episodes = len(found.obs), len(found)
     info: Any = found.info
-    entries: Any = info.get("entries") if isinstance(info, dict) else None
+    entries: Any = cast("dict[str, Any]", info).get("entries") if isinstance(info, dict) else None
     if not entries or entries != [name for name in ENTRIES if name in entries]:
         raise ValueError("info must name the entries of the observation")
     for name, width in zip(ROWS, (len(entries), 4), strict=True):

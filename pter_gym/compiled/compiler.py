@@ -27,6 +27,7 @@ WITHOUT_ARRAYS: Any = {**_INLINED, **_WITHOUT_WRAPPERS, "_nrt": False}
 """Options of code that is inlined into kernels, makes no arrays and is called by no Python code when compiled."""
 
 PACKAGE = __name__.partition(".")[0]
+"""Name of the package, whose records have to be looked at."""
 
 _CONSTANTS = (bool, int, float, str, tuple, np.generic)
 

@@ -6,7 +6,7 @@ The terms of the telemetry, their sum and the hyper-parameters of a training fol
 from collections import namedtuple
 from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, field, fields
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from pter_gym.compiled.compiler import device
 from pter_gym.compiled.records import written
@@ -114,7 +114,7 @@ class RewardWeights:
 WEIGHTS: tuple[Field[Any], ...] = fields(RewardWeights)
 """The weights, in the order of the terms."""
 
-Terms: Any = namedtuple("Terms", [item.name for item in WEIGHTS])
+Terms: Any = cast("Any", namedtuple)("Terms", [item.name for item in WEIGHTS])
 """One number for each term of the reward."""
 
 
