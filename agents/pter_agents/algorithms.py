@@ -1,7 +1,8 @@
-"""What ``pter train`` can train: one entry for each algorithm, whose file says how it learns.
+"""What ``pter train`` can train: a table for each algorithm, and the module that says how it learns.
 
-An algorithm NAME is an entry of ``ALGORITHMS`` and the module that it names; NAME.toml beside this file has the usual
-values of its hyper-parameters. Nothing here needs torch until an algorithm's module is asked for.
+An algorithm NAME is NAME.toml beside this file: under ``algorithm`` what its policy decides and the module that has its
+``LEARNER``, then the usual values of its hyper-parameters. Several algorithms may share a module. Nothing here needs
+torch until an algorithm's module is asked for.
 """
 
 import tomllib
@@ -13,7 +14,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.codec import tuple_of
+from pter_gym.internal.codec import ABSENT, tuple_of
 
 if TYPE_CHECKING:
     from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from pter_agents.worlds import InterfaceVecEnv
 
 FOLDER = Path(__file__).parent
+
+ENTRY = "algorithm"
+"""Key under which a file says that it is an algorithm's, and not hyper-parameters for one."""
 
 SMOKE = {"worlds": 64, "steps": 32, "contexts": 16}
 """Hyper-parameters of a run that shows that training works, not that it learns."""
@@ -63,12 +67,21 @@ class Algorithm(NamedTuple):
         return import_module(self.module).LEARNER
 
 
-ALGORITHMS: Mapping[str, Algorithm] = MappingProxyType(
-    {
-        "ppo": Algorithm("the clutch voltages", "pter_agents.ppo"),
-        "residual": Algorithm("corrections to a controller", "pter_agents.ppo"),
-    }
-)
+def read_table(file: Path) -> dict[str, Any]:
+    """Return the values of a TOML file, or raise a ParameterError."""
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ParameterError(f"config {file} cannot be read: {error}") from None
+
+
+def listed(folder: Path) -> Mapping[str, Algorithm]:
+    """Return the algorithms by name whose tables are in a folder."""
+    tables = {path.stem: read_table(path) for path in sorted(folder.glob("*.toml"))}
+    return MappingProxyType({name: Algorithm(**table[ENTRY]) for name, table in tables.items() if ENTRY in table})
+
+
+ALGORITHMS = listed(FOLDER)
 """The algorithms by name."""
 
 
@@ -96,6 +109,7 @@ def load_settings(algorithm: str, file: Path | None = None) -> "Settings":
     """
     find_algorithm(algorithm)
     values = read_table(FOLDER / f"{algorithm}.toml")
+    del values[ENTRY]
     if file is not None:
         values |= read_table(file)
     return settings_from(algorithm, values)
@@ -113,17 +127,10 @@ def settings_from(algorithm: str, values: Mapping[str, Any]) -> "Settings":
     for name in values:
         if name not in known:
             raise unknown_name("config", name, known)
+    values = {**{item.name: item.metadata[ABSENT] for item in fields(kind) if ABSENT in item.metadata}, **values}
     for name, expected in known.items():
         if name not in values:
             raise ParameterError(f"config must hold {name}")
         if expected is str and not isinstance(values[name], str):
             raise ParameterError(f"Settings.{name} must be a string, got {values[name]!r}")
     return kind(**{name: tuple_of(value) for name, value in values.items()})
-
-
-def read_table(file: Path) -> dict[str, Any]:
-    """Return the values of a TOML file, or raise a ParameterError."""
-    try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ParameterError(f"config {file} cannot be read: {error}") from None

@@ -9,8 +9,11 @@ from rich.console import Console
 from pter_agents.algorithms import ALGORITHMS, load_settings, smoke_settings
 from pter_gym.errors import DependencyError
 from pter_gym.internal.terminal import progress_bar
+from pter_gym.scenarios import SCENARIOS
 
 TRAINED = "What to train: " + ", ".join(f"{name} ({each.action})" for name, each in ALGORITHMS.items()) + "."
+
+DRAWN = f"Scenario whose draws are trained on: {', '.join(SCENARIOS)}."
 
 MISSING = 'training needs Stable-Baselines3: pip install "pter-gym[agents]"'
 
@@ -20,7 +23,7 @@ SMOKE_EPISODES = 8
 
 def train(
     algo: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ALGO", help=TRAINED)],
-    scenario: str = "standard",
+    scenario: Annotated[str, tyro.conf.arg(help=DRAWN)] = "standard",
     pace: str = "all",
     steps: int = 20_000_000,
     seed: int = 0,
@@ -35,7 +38,6 @@ def train(
     are not trained on; progress.csv, and what TensorBoard shows.
 
     Args:
-        scenario: Scenario whose draws are trained on: standard, paths, hands, materials or everything.
         pace: Commanded pace: slow, medium, brisk, or all of them in turn.
         steps: Control steps of all worlds together.
         seed: Seed of weights, worlds, draws and actions, at least 0.

@@ -1,6 +1,6 @@
 """Hyper-parameters that all algorithms have: one frozen dataclass, to which an algorithm adds its own."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, get_args
 
 from pter_gym.benchmark.tuned import TUNED
@@ -16,8 +16,8 @@ BASES = (PLAIN, "impedance", "torque-feedback", *TUNED)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
-    """Hyper-parameters of worlds, reward, and what the networks see and do.
+class Settings(RewardWeights):
+    """Hyper-parameters of worlds, and what the networks see and do, besides the weights of the reward.
 
     Attributes
     ----------
@@ -45,8 +45,6 @@ class Settings:
         of its machine and task.
     worlds, steps
         Worlds that are simulated at once, and control steps of each between two updates.
-    error, pace, acceleration, effort, failure
-        Weights of the reward, see ``RewardWeights``.
     drift, window
         Weight [1/s] of a further term of the reward: the relative pace error behind a low-pass of so many control
         steps. Stick-slip hides a mean that is off the pace from the term of the momentary speed.
@@ -69,11 +67,6 @@ class Settings:
     privileged: bool
     worlds: int
     steps: int
-    error: float
-    pace: float
-    acceleration: float
-    effort: float
-    failure: float
     drift: float
     window: int
     episode: int
@@ -107,13 +100,7 @@ class Settings:
 
     def reward(self) -> RewardWeights:
         """Return the weights of the reward."""
-        return RewardWeights(
-            error=self.error,
-            pace=self.pace,
-            acceleration=self.acceleration,
-            effort=self.effort,
-            failure=self.failure,
-        )
+        return RewardWeights(**{item.name: getattr(self, item.name) for item in fields(RewardWeights)})
 
 
 def require_whole(owner: object, name: str) -> None:

@@ -27,13 +27,13 @@ from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import observation_layout
 
 ENTRIES = observation_layout(BASELINE, "force").names
-"""Names of the entries of an observation."""
+"""Names of the entries of an observation; a file has those that there were when it was written."""
 
 NAMES = ("policy", "scenario", "pace")
 """What each episode is called by."""
 
-ROWS = {"obs": len(ENTRIES), "volts": 4}
-"""Arrays with one row for each decision, and their entries."""
+ROWS = ("obs", "volts")
+"""Arrays with one row for each decision."""
 
 MOST_FILE, MOST_UNPACKED = 1 << 26, 1 << 28
 """Largest file, and largest content of it [B]."""
@@ -223,7 +223,11 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
 def _check(found: Demonstrations) -> None:
     """Raise a ValueError unless rows, episodes, names and scores go together."""
     rows, episodes = len(found.obs), len(found)
-    for name, width in ROWS.items():
+    info: Any = found.info
+    entries: Any = cast("dict[str, Any]", info).get("entries") if isinstance(info, dict) else None
+    if not entries or entries != [name for name in ENTRIES if name in entries]:
+        raise ValueError("info must name the entries of the observation")
+    for name, width in zip(ROWS, (len(entries), 4), strict=True):
         array = getattr(found, name)
         if array.dtype != np.float32 or array.shape != (rows, width) or not np.isfinite(array).all():
             raise ValueError(f"{name} must be finite numbers of float32 with the shape ({rows}, {width})")
@@ -239,5 +243,3 @@ def _check(found: Demonstrations) -> None:
     for name, values in found.scores.items():
         if values.shape != (episodes,) or values.dtype.kind not in "bf" or not np.isfinite(values).all():
             raise ValueError(f"score_{name} must be {episodes} finite numbers")
-    if not isinstance(found.info, dict) or found.info.get("entries") != list(ENTRIES):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise ValueError("info must name the entries of the observation")

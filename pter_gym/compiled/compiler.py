@@ -28,6 +28,10 @@ WITHOUT_ARRAYS: Any = {**_INLINED, **_WITHOUT_WRAPPERS, "_nrt": False}
 """Options of code that is inlined into kernels, makes no arrays and is called by no Python code when compiled."""
 
 _NUMBA: Any = config
+
+PACKAGE = __name__.partition(".")[0]
+"""Name of the package, whose records have to be looked at."""
+
 _CONSTANTS = (bool, int, float, str, tuple, np.generic)
 
 
@@ -153,7 +157,7 @@ def _digest(kernel: FunctionType) -> str:
                 value = cast(Any, value).py_func
             if isinstance(value, FunctionType):
                 pending.append(value)
-            elif isinstance(value, type) and value.__module__.startswith(__package__ or ""):
+            elif isinstance(value, type) and value.__module__.startswith(PACKAGE):
                 constants.add(f"{name}={getattr(value, '_fields', value)!r}")
             elif isinstance(value, _CONSTANTS) and not isinstance(value, ModuleType):
                 constants.add(f"{name}={value!r}")

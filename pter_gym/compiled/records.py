@@ -180,19 +180,19 @@ def _made(kind: Any, number: str, names: dict[str, Any], before: str = "") -> st
     return f"{record.instance_class.__name__}({', '.join(inner)})"
 
 
-def _function(arguments: str, lines: Iterable[str], names: dict[str, Any]) -> Any:
-    """Return a function with a body: numba knows a record's class when it compiles, so its code is written out then."""
+def written(arguments: str, lines: Iterable[str], names: dict[str, Any]) -> Any:
+    """Return a function with a body that knows some names: what is made for a record's class is written out."""
     exec(f"def written({arguments}):\n    " + "\n    ".join(lines), names)
     return names["written"]
 
 
 def _returning(kind: Any, arguments: str, number: str) -> Any:
     names: dict[str, Any] = {}
-    return _function(arguments, [f"return {_made(kind, number, names)}"], names)
+    return written(arguments, [f"return {_made(kind, number, names)}"], names)
 
 
 def _doing(kind: Any, arguments: str, number: str) -> Any:
-    return _function(arguments, [number.replace("AT", path) for path in _paths(kind)], {})
+    return written(arguments, [number.replace("AT", path) for path in _paths(kind)], {})
 
 
 @overload(load, jit_options=WITHOUT_ARRAYS)

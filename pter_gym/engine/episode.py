@@ -117,12 +117,12 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     )
     acceleration = tip_acceleration(w, i, period)
     outcome = Outcome(
-        normal_error=at.normal_error,
-        speed_along=at.speed.along,
+        at=at,
         pace=w[ROW.task.pace, i],
         acceleration=math.sqrt(acceleration.x * acceleration.x + acceleration.y * acceleration.y),
         volts=load(w, ROW.command, i),
         voltage_max=w[ROW.machine.voltage_max, i],
+        energy=load(w, ROW.energy, i),
         failed=failure,
     )
     terms = reward_terms(load(w, ROW.task.weight, i), outcome, period)

@@ -53,9 +53,9 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
 
     ## Rewards
-    The sum of four running costs, each a rate times the control period with a weight in `task.reward`: distance from
-    the path, deviation from the commanded pace, tip acceleration, and mean squared voltage; and a penalty on leaving
-    the workspace. Each term is in the telemetry.
+    The sum of running costs, each a rate times the control period with a weight in `task.reward`, and a penalty on
+    leaving the workspace. The costs are those of the distance from the path, the deviation from the commanded pace, the
+    tip's acceleration and the mean squared voltage. Each term is in the telemetry.
 
     `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose, tip, force, mode,
     volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` says whether the end of

@@ -74,9 +74,9 @@ class Card:
         return found
 
     def check_layout(self, layout: Layout) -> None:
-        """Raise a ParameterError unless observations of this layout are those that the policy was trained on."""
+        """Raise a ParameterError unless observations of this layout have all entries that it was trained on."""
         other = fields_of(layout)
-        if other != self.observation:
+        if not set(self.observation) <= set(other):
             raise ParameterError(
                 f"policy {self.name!r} needs observations with the entries {_told(self.observation)}; "
                 f"these have {_told(other)}"

@@ -46,7 +46,7 @@ class Neural:
         Raises
         ------
         ParameterError
-            If the observations have other entries than those that it was trained on, or the largest voltage differs.
+            If the observations lack an entry that it was trained on, or the largest voltage differs.
         """
         self.card.check_layout(layout)
         top = machine.clutch.voltage_max

@@ -3,15 +3,15 @@
 ``PTER/<Scenario>-v0`` is ``PTER/PathFollowing-v0`` on a scenario's training draws. The episodes on which policies are
 compared are stored data; see ``pter_gym.benchmark``.
 
-A new scenario is one more entry of ``_listed``: its id, its stored episodes and their strata follow from it. This
-module imports nothing heavy, since ``import pter_gym`` reads it.
+A new scenario is one more function at the end, with what is told of it above: its id, its stored episodes and their
+strata follow from there. This module imports nothing heavy, since ``import pter_gym`` reads it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from pter_gym.errors import unknown_name
 
@@ -29,6 +29,9 @@ class Varied(NamedTuple):
 
     machine: "Machine | Vary[Machine]"
     task: "PathFollowing | Vary[PathFollowing]"
+
+
+Varies = Callable[[], Varied]
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ class Scenario:
     version: int
     asks: str
     episodes: int
-    varies: Callable[[], Varied]
+    varies: Varies
     stratum: Literal["path", "hand"] = "path"
     place: int | None = None
 
@@ -124,6 +127,29 @@ def find_scenario(name: str) -> Scenario:
     return SCENARIOS[name]
 
 
+_KNOWN: dict[str, Scenario] = {}
+
+SCENARIOS = MappingProxyType(_KNOWN)
+"""The scenarios by name."""
+
+
+def _scenario(name: str, version: int, **told: Any) -> Callable[[Varies], Varies]:
+    """List a scenario, whose other fields but ``varies`` are given; the decorated function is that."""
+
+    def listed(varies: Varies) -> Varies:
+        _KNOWN[name] = Scenario(name=name, version=version, varies=varies, **told)
+        return varies
+
+    return listed
+
+
+@_scenario(
+    "standard",
+    0,
+    asks="The paper's line, hand and clutches; the phases of the disturbance differ.",
+    episodes=200,
+    place=0,
+)
 def _standard() -> Varied:
     from pter_gym.params import BASELINE
     from pter_gym.scenarios.variations import STANDARD
@@ -131,6 +157,13 @@ def _standard() -> Varied:
     return Varied(BASELINE, STANDARD)
 
 
+@_scenario(
+    "paths",
+    0,
+    asks="Other paths, most of them curved; the paper's hand and clutches.",
+    episodes=300,
+    place=1,
+)
 def _paths() -> Varied:
     from pter_gym.params import BASELINE
     from pter_gym.scenarios.randomisation import Vary
@@ -139,6 +172,14 @@ def _paths() -> Varied:
     return Varied(BASELINE, Vary(replace(STANDARD, error_max=WIDTH), path=CURVES))
 
 
+@_scenario(
+    "hands",
+    0,
+    asks="Other hands on the paper's line: forces of any spectrum, and human arms with mass, damper and spring.",
+    episodes=300,
+    stratum="hand",
+    place=2,
+)
 def _hands() -> Varied:
     from pter_gym.params import BASELINE
     from pter_gym.scenarios.randomisation import OneOf, Vary
@@ -147,6 +188,13 @@ def _hands() -> Varied:
     return Varied(BASELINE, Vary(STANDARD, hand=OneOf((FORCES, HUMANS))))
 
 
+@_scenario(
+    "materials",
+    0,
+    asks="Other clutches on the paper's line: material, time constant, torque errors and drift.",
+    episodes=300,
+    place=3,
+)
 def _materials() -> Varied:
     from pter_gym.params import BASELINE
     from pter_gym.scenarios.randomisation import Vary
@@ -156,6 +204,13 @@ def _materials() -> Varied:
     return Varied(machine, Vary(STANDARD, friction_drift=DRIFT))
 
 
+@_scenario(
+    "everything",
+    0,
+    asks="Paths, hands and clutches as in the other scenarios, other inertias, and sensors with noise and delay.",
+    episodes=1000,
+    place=4,
+)
 def _everything() -> Varied:
     from pter_gym.params import BASELINE
     from pter_gym.scenarios import variations as v
@@ -170,51 +225,3 @@ def _everything() -> Varied:
         sensing=v.SENSORS,
     )
     return Varied(machine, task)
-
-
-def _listed() -> Iterator[Scenario]:
-    yield Scenario(
-        name="standard",
-        version=0,
-        asks="The paper's line, hand and clutches; the phases of the disturbance differ.",
-        episodes=200,
-        varies=_standard,
-        place=0,
-    )
-    yield Scenario(
-        name="paths",
-        version=0,
-        asks="Other paths, most of them curved; the paper's hand and clutches.",
-        episodes=300,
-        varies=_paths,
-        place=1,
-    )
-    yield Scenario(
-        name="hands",
-        version=0,
-        asks="Other hands on the paper's line: forces of any spectrum, and human arms with mass, damper and spring.",
-        episodes=300,
-        varies=_hands,
-        stratum="hand",
-        place=2,
-    )
-    yield Scenario(
-        name="materials",
-        version=0,
-        asks="Other clutches on the paper's line: material, time constant, torque errors and drift.",
-        episodes=300,
-        varies=_materials,
-        place=3,
-    )
-    yield Scenario(
-        name="everything",
-        version=0,
-        asks="Paths, hands and clutches as in the other scenarios, other inertias, and sensors with noise and delay.",
-        episodes=1000,
-        varies=_everything,
-        place=4,
-    )
-
-
-SCENARIOS = MappingProxyType({scenario.name: scenario for scenario in _listed()})
-"""The scenarios by name."""

@@ -1,10 +1,10 @@
-"""An algorithm is one entry and one file. This test adds one, trains it, resumes it and exports it."""
+"""An algorithm is one table and one module: one that only this test knows is trained, goes on, and is exported."""
 
+import json
 import sys
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import pytest
@@ -27,12 +27,12 @@ OF_PPO = {item.name for item in fields(PPOSettings)} - {item.name for item in fi
 @pytest.fixture
 def added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """The name of an algorithm that was added."""
-    known = algorithms.read_table(algorithms.FOLDER / "ppo.toml")
-    lines = [f"{name} = {value!r}".replace("False", "false") for name, value in known.items() if name not in OF_PPO]
-    (tmp_path / "advantage.toml").write_text("\n".join([*lines, "rate = 1e-3"]))
-    entry = algorithms.Algorithm("the clutch voltages", "advantage")
+    known = asdict(algorithms.load_settings("ppo"))
+    entry = 'algorithm = { action = "the clutch voltages", module = "advantage" }'
+    lines = [f"{name} = {json.dumps(value)}" for name, value in known.items() if name not in OF_PPO]
+    (tmp_path / "advantage.toml").write_text("\n".join([entry, *lines, "rate = 1e-3"]))
     monkeypatch.setattr(algorithms, "FOLDER", tmp_path)
-    monkeypatch.setattr(algorithms, "ALGORITHMS", MappingProxyType({**algorithms.ALGORITHMS, "advantage": entry}))
+    monkeypatch.setattr(algorithms, "ALGORITHMS", algorithms.listed(tmp_path))
     monkeypatch.setattr(prepare, "SAMPLE_WORLDS", 16)
     monkeypatch.setattr(prepare, "SAMPLE_STEPS", 20)
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
@@ -40,7 +40,7 @@ def added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     sys.modules.pop("advantage", None)
 
 
-def test_an_algorithm_is_one_entry_and_one_file(added: str, tmp_path: Path) -> None:
+def test_an_algorithm_is_one_table_and_one_module(added: str, tmp_path: Path) -> None:
     command.train(added, smoke=True, out=tmp_path / "run")
     command.train(added, smoke=True, out=tmp_path / "run", resume=True)
     arguments, _ = training.RunFolder(tmp_path / "run").read()

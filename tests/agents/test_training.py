@@ -14,6 +14,7 @@ import pytest
 
 from pter_gym.benchmark import run_scenario
 from pter_gym.errors import DataError, DependencyError, ParameterError
+from pter_gym.internal.codec import ABSENT
 from pter_gym.params import BASELINE
 
 pytestmark = pytest.mark.agents
@@ -72,9 +73,11 @@ def weights(path: Path) -> list[bytes]:
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_each_algorithm_has_one_whole_file(algorithm: str) -> None:
     content = tomllib.loads((FOLDER / f"{algorithm}.toml").read_text(encoding="utf-8"))
-    assert set(content) == set(ALGORITHMS[algorithm].learner.settings.__dataclass_fields__)
+    assert content.pop("algorithm") == ALGORITHMS[algorithm]._asdict()
+    fields = ALGORITHMS[algorithm].learner.settings.__dataclass_fields__
+    assert set(content) == {name for name, field in fields.items() if ABSENT not in field.metadata}
     assert asdict(load_settings(algorithm))["worlds"] == content["worlds"]
-    assert (load_settings(algorithm).base == "none") == (algorithm == "ppo")
+    assert (load_settings(algorithm).base == "none") == (ALGORITHMS[algorithm].action == "the clutch voltages")
 
 
 def test_unknown_names_tell_the_nearest(tmp_path: Path) -> None:
@@ -530,7 +533,7 @@ def test_an_exported_policy_acts_like_the_run(algorithm: str, tmp_path: Path) ->
     policy = load_policy("mine", tmp_path / "out")
     assert isinstance(policy, Neural)
     assert policy.card.about["steps"] == 2 * ROLLOUT
-    assert (policy.card.interface.base is None) == (algorithm == "ppo")
+    assert (policy.card.interface.base is None) == (ALGORITHMS[algorithm].action == "the clutch voltages")
     text = (tmp_path / "out" / "mine.md").read_text(encoding="utf-8")
     assert policy.card.about["command"] in text
 

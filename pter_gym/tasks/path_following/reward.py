@@ -1,25 +1,108 @@
-"""The reward: its terms, their weights and how each is found. Weights, telemetry and the sum follow from here."""
+"""The reward: each term is declared once, as a field of ``RewardWeights``, with its weight and how it is found.
 
-from dataclasses import dataclass, fields
+The terms of the telemetry, their sum and the hyper-parameters of a training follow from there.
+"""
+
+from collections.abc import Callable
+from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, NamedTuple
 
 from pter_gym.compiled.compiler import device
+from pter_gym.compiled.records import written
 from pter_gym.params import quantity, require_number
 from pter_gym.physics.clutch import PerClutch
+from pter_gym.physics.step import Energy
+from pter_gym.tasks.path_following.situation import Situation
 
 ERROR_UNIT = 0.01
 ACCELERATION_UNIT = 10.0
+
+
+class Outcome(NamedTuple):
+    """What a control step has led to.
+
+    Attributes
+    ----------
+    at
+        Where the tip is with respect to the path.
+    pace
+        Commanded pace [m/s].
+    acceleration
+        Of the tip, mean over the control step [m/s²].
+    volts, voltage_max
+        Voltages and their limit [V].
+    energy
+        What the hand and the clutches did in the control step [J].
+    failed
+        Whether the tip has left the workspace.
+    """
+
+    at: Situation
+    pace: float
+    acceleration: float
+    volts: PerClutch
+    voltage_max: float
+    energy: Energy
+    failed: bool
+
+
+Find = Callable[[float, Outcome, float], float]
+
+
+def term(unit: str, provenance: str, find: Find, *, default: float, absent: Any = MISSING) -> Any:
+    """Declare a term of the reward, which is never positive.
+
+    Parameters
+    ----------
+    unit, provenance, default, absent
+        Of its weight; see ``quantity``. A term that is new has ``absent=0.0``.
+    find
+        From the weight, what a control step has led to and its period [s] to the term; it is compiled.
+    """
+    declared = quantity(unit, provenance, absent=absent).metadata
+    return field(default=default, metadata={**declared, "find": device(find)})
+
+
+@device
+def mean_square(volts: PerClutch) -> float:
+    """Return the mean squared voltage [V²]."""
+    return 0.25 * (volts.x1 * volts.x1 + volts.x2 * volts.x2 + volts.x3 * volts.x3 + volts.x4 * volts.x4)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RewardWeights:
     """Weights of the reward terms, each a rate per second; the reward is never positive."""
 
-    error: float = quantity("1/s", "chosen: per 10 mm of normal error", default=1.0)
-    pace: float = quantity("1/s", "chosen: per commanded pace of speed error along the path", default=1.0)
-    acceleration: float = quantity("1/s", "chosen: per 10 m/s² of tip acceleration", default=0.1)
-    effort: float = quantity("1/s", "chosen: per mean squared voltage, relative to the largest", default=0.1)
-    failure: float = quantity("1", "chosen: once, on leaving the workspace", default=100.0)
+    error: float = term(
+        "1/s",
+        "chosen: per 10 mm of normal error",
+        lambda weight, seen, period: -period * weight * abs(seen.at.normal_error) / ERROR_UNIT,
+        default=1.0,
+    )
+    pace: float = term(
+        "1/s",
+        "chosen: per commanded pace of speed error along the path",
+        lambda weight, seen, period: -period * weight * abs(seen.at.speed.along - seen.pace) / seen.pace,
+        default=1.0,
+    )
+    acceleration: float = term(
+        "1/s",
+        "chosen: per 10 m/s² of tip acceleration",
+        lambda weight, seen, period: -period * weight * seen.acceleration / ACCELERATION_UNIT,
+        default=0.1,
+    )
+    effort: float = term(
+        "1/s",
+        "chosen: per mean squared voltage, relative to the largest",
+        lambda weight, seen, period: -period * weight * mean_square(seen.volts) / (seen.voltage_max * seen.voltage_max),
+        default=0.1,
+    )
+    failure: float = term(
+        "1",
+        "chosen: once, on leaving the workspace",
+        lambda weight, seen, period: -weight if seen.failed else 0.0,  # noqa: ARG005
+        default=100.0,
+    )
 
     def __post_init__(self) -> None:
         """Check that no weight is negative."""
@@ -27,47 +110,22 @@ class RewardWeights:
             require_number(self, item.name, at_least=0.0)
 
 
-_TERMS = [(item.name, float) for item in fields(RewardWeights)]
+WEIGHTS: tuple[Field[Any], ...] = fields(RewardWeights)
+"""The weights, in the order of the terms."""
+
+_TERMS = [(item.name, float) for item in WEIGHTS]
 Terms = NamedTuple("Terms", _TERMS)
-"""One number for each term of the reward, in the order of ``RewardWeights``."""
+"""One number for each term of the reward."""
 
 
-class Outcome(NamedTuple):
-    """What a control step has led to, as far as the reward asks.
-
-    Attributes
-    ----------
-    normal_error, speed_along, pace
-        Distance from the path [m], speed along it and commanded pace [m/s].
-    acceleration
-        Of the tip, mean over the control step [m/s²].
-    volts, voltage_max
-        Voltages and their limit [V].
-    failed
-        Whether the tip has left the workspace.
-    """
-
-    normal_error: float
-    speed_along: float
-    pace: float
-    acceleration: float
-    volts: PerClutch
-    voltage_max: float
-    failed: bool
+def _in_turn() -> Any:
+    """Return ``reward_terms(weight, seen, period)``: the terms of a control step of ``period`` [s], each weighed."""
+    names = {f"find_{item.name}": item.metadata["find"] for item in WEIGHTS}
+    found = (f"find_{item.name}(weight.{item.name}, seen, period)" for item in WEIGHTS)
+    return device(written("weight, seen, period", [f"return Terms({', '.join(found)})"], {**names, "Terms": Terms}))
 
 
-@device
-def reward_terms(weight: Any, seen: Outcome, period: float) -> Any:
-    """Return the terms of a control step of ``period`` [s], each with its weight. None is positive."""
-    volts = seen.volts
-    mean_square = 0.25 * (volts.x1 * volts.x1 + volts.x2 * volts.x2 + volts.x3 * volts.x3 + volts.x4 * volts.x4)
-    return Terms(
-        error=-period * weight.error * abs(seen.normal_error) / ERROR_UNIT,
-        pace=-period * weight.pace * abs(seen.speed_along - seen.pace) / seen.pace,
-        acceleration=-period * weight.acceleration * seen.acceleration / ACCELERATION_UNIT,
-        effort=-period * weight.effort * mean_square / (seen.voltage_max * seen.voltage_max),
-        failure=-weight.failure if seen.failed else 0.0,
-    )
+reward_terms = _in_turn()
 
 
 @device
