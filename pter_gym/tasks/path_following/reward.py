@@ -1,10 +1,10 @@
 """The reward: its terms, their weights and how each is found. Weights, telemetry and the sum follow from here."""
 
-from collections import namedtuple
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pter_gym.compiled.compiler import device
+from pter_gym.compiled.records import Entry
 from pter_gym.params import quantity, require_number
 from pter_gym.physics.clutch import PerClutch
 
@@ -16,10 +16,10 @@ ACCELERATION_UNIT = 10.0
 class RewardWeights:
     """Weights of the reward terms, each a rate per second; the reward is never positive."""
 
-    error: float = quantity("1/s", "chosen: per 10 mm of normal error", default=1.0)
-    pace: float = quantity("1/s", "chosen: per commanded pace of speed error along the path", default=1.0)
-    acceleration: float = quantity("1/s", "chosen: per 10 m/s² of tip acceleration", default=0.1)
-    effort: float = quantity("1/s", "chosen: per mean squared voltage, relative to the largest", default=0.1)
+    error: float = quantity("1/s", f"chosen: per {1000 * ERROR_UNIT:g} mm of distance from the path", default=1.0)
+    pace: float = quantity("1/s", "chosen: per 100 % of deviation from the commanded pace", default=1.0)
+    acceleration: float = quantity("1/s", f"chosen: per {ACCELERATION_UNIT:g} m/s² of tip acceleration", default=0.1)
+    effort: float = quantity("1/s", "chosen: per mean of the squared voltages, relative to the largest", default=0.1)
     failure: float = quantity("1", "chosen: once, on leaving the workspace", default=100.0)
 
     def __post_init__(self) -> None:
@@ -28,7 +28,18 @@ class RewardWeights:
             require_number(self, item.name, at_least=0.0)
 
 
-Terms: Any = namedtuple("Terms", [item.name for item in fields(RewardWeights)])
+def weighted(unit: str, provenance: str) -> Entry:
+    """Return what a record of terms says of one whose weight has a unit and a provenance."""
+    return Entry(unit, "{}: " + provenance.removeprefix("chosen: "))
+
+
+Terms: Any = NamedTuple(
+    "Terms",
+    [
+        (item.name, Annotated[float, weighted(item.metadata["unit"], item.metadata["provenance"])])
+        for item in fields(RewardWeights)
+    ],
+)
 """One number for each term of the reward, in the order of ``RewardWeights``."""
 
 
