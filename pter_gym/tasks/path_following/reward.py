@@ -1,5 +1,6 @@
 """The reward: its terms, their weights and how each is found. Weights, telemetry and the sum follow from here."""
 
+from collections import namedtuple
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, NamedTuple
 
@@ -33,14 +34,10 @@ def weighted(unit: str, provenance: str) -> Entry:
     return Entry(unit, "{}: " + provenance.removeprefix("chosen: "))
 
 
-Terms: Any = NamedTuple(
-    "Terms",
-    [
-        (item.name, Annotated[float, weighted(item.metadata["unit"], item.metadata["provenance"])])
-        for item in fields(RewardWeights)
-    ],
-)
+Terms: Any = namedtuple("Terms", [item.name for item in fields(RewardWeights)])
 """One number for each term of the reward, in the order of ``RewardWeights``."""
+
+Terms.__annotations__ = {item.name: Annotated[float, weighted(**item.metadata)] for item in fields(RewardWeights)}
 
 
 class Outcome(NamedTuple):
