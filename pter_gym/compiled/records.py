@@ -13,7 +13,6 @@ and writes by name::
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import reduce
 from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from numba import types
@@ -60,7 +59,9 @@ class Leaf:
         """Return name, unit, meaning and scale."""
         told = self.entries[0] if self.entries else NO_ENTRY
         unit = next((entry.unit for entry in self.entries if entry.unit), "")
-        meaning = reduce(lambda outer, entry: entry.meaning.replace("{}", outer) or outer, self.entries, "")
+        meaning = ""
+        for entry in self.entries:
+            meaning = entry.meaning.replace("{}", meaning) or meaning
         scale = told.scale if isinstance(told.scale, (int, float)) else told.scale(machine)
         return Field(self.name, unit, meaning, scale)
 
