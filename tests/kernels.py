@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from documents import run_extending, run_own_controller
 from pter_gym.benchmark.simulation import record_episode, simulate
-from pter_gym.controllers import Free
+from pter_gym.controllers import Free, Impedance
 from pter_gym.controllers.predictive import Privileged, Settings
 from pter_gym.engine.batch import Batch
 from pter_gym.params import BASELINE
@@ -26,21 +27,24 @@ def main(part: str) -> None:
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
         plans = Privileged(Free(), Settings(samples=8, rounds=1, elite=1, horizon=10))
         record_episode(plans, BASELINE, PathFollowing(), 0, 1)
+        run_extending()  # after the others: its law shares what they have compiled
+        run_own_controller()
     else:
         obs, _ = batch.reset([0])
         policy(obs)
         start = open_loop.initial_state(BASELINE, (0.5, 2.0))
         open_loop.simulate(BASELINE, start, np.zeros(4), np.zeros(2), duration=BASELINE.substep)
         sys.path.append(str(ROOT / "docs" / "make"))
-        from studies.motors import simulate_motors
+        from studies.motors import on_motors, simulate_motors
 
-        simulate_motors(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
+        simulate_motors(batch, on_motors(Impedance(), BASELINE, batch.layout), [0], 1)
 
 
 def compile_all() -> None:
     """Compile both parts; what goes wrong here goes wrong in a test too, where it is told."""
     command = [sys.executable, __file__]
-    for process in [subprocess.Popen([*command, part], stderr=subprocess.DEVNULL) for part in ("steps", "rest")]:
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    for process in [subprocess.Popen([*command, part], **quiet) for part in ("steps", "rest")]:
         process.wait()
 
 

@@ -3,10 +3,13 @@
 from dataclasses import dataclass, fields
 from typing import Any, get_args
 
+from pter_agents.algorithms import load_settings
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import unknown_name
 from pter_gym.params import require, require_number
 from pter_gym.tasks.path_following import RewardWeights, Sensors
+
+__all__ = ["BASES", "PLAIN", "Settings", "load_settings", "require_whole"]
 
 PLAIN = "none"
 """Name of the base of a policy that corrects no controller."""

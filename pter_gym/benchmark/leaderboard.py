@@ -8,9 +8,11 @@ from rich.table import Table
 
 from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import METRICS
-from pter_gym.benchmark.ranking import Standing, find_standings
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, Standing, find_standings
 from pter_gym.benchmark.runs import ScenarioRun
 from pter_gym.scenarios import PACES
+
+__all__ = ["COMPLETION", "FULL", "PACE_ERROR", "Leaderboard", "leaderboards", "rank", "table"]
 
 FULL = 200
 """Fewest episodes for a rank that is not provisional."""

@@ -29,7 +29,8 @@ class Entry:
     Attributes
     ----------
     unit, meaning
-        Its unit, and what it says in a few words.
+        Its unit, and what it says in a few words. Within a record, ``{}`` is what the record's own entry says:
+        ``"clutch 1's {}"``.
     scale
         The value that is stored as 1, or a function that finds it for a machine.
     name
@@ -55,9 +56,12 @@ class Leaf:
     def field(self, machine: Any = None) -> Field:
         """Return name, unit, meaning and scale."""
         told = self.entries[0] if self.entries else NO_ENTRY
-        meaning = " ".join(entry.meaning for entry in self.entries if entry.meaning)
+        unit = next((entry.unit for entry in self.entries if entry.unit), "")
+        meaning = ""
+        for entry in self.entries:
+            meaning = entry.meaning.replace("{}", meaning) or meaning
         scale = told.scale if isinstance(told.scale, (int, float)) else told.scale(machine)
-        return Field(self.name, told.unit, meaning, scale)
+        return Field(self.name, unit, meaning, scale)
 
 
 def parts(kind: type[Any]) -> Iterator[tuple[str, Entry | None, type[Any]]]:

@@ -25,7 +25,7 @@ class Nominal(NamedTuple):
     length_b: Annotated[float, Entry("m", "length of link B")]
     inertia_a: Annotated[float, Entry("kg·m²", "inertia about axis A")]
     inertia_b: Annotated[float, Entry("kg·m²", "inertia about axis B")]
-    coupling: Annotated[float, Entry("kg·m²", "of the axes")]
+    coupling: Annotated[float, Entry("kg·m²", "inertial coupling of the axes")]
     torque_limit: Annotated[float, Entry("N·m", "torque at the largest voltage")]
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
 

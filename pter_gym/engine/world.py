@@ -18,32 +18,32 @@ from pter_gym.tasks.path_following.situation import PathVector
 class Target(NamedTuple):
     """The point that a hand means to be at, and its velocity."""
 
-    position: Annotated[Vector, Entry("m", "where the hand means to be")]
-    velocity: Annotated[Vector, Entry("m/s", "of that point")]
+    position: Annotated[Vector, Entry("m", "the point where the hand means to be")]
+    velocity: Annotated[Vector, Entry("m/s", "the velocity of that point")]
 
 
 class Drive(NamedTuple):
     """Recorded forces, and their change in a substep."""
 
     force: Annotated[PathVector, Entry("N", "recorded force")]
-    change: Annotated[PathVector, Entry("N", "its change in a substep")]
+    change: Annotated[PathVector, Entry("N", "change per substep of the recorded force")]
 
 
 class Reading(NamedTuple):
     """What the sensors read at a control instant."""
 
-    theta: Annotated[PerLink, Entry("rad", "angle")]
-    omega: Annotated[PerLink, Entry("rad/s", "angular velocity")]
-    torque: Annotated[PerClutch, Entry("N·m", "generated torque")]
-    force: Annotated[PathVector, Entry("N", "hand's force")]
+    theta: Annotated[PerLink, Entry("rad", "angle{}")]
+    omega: Annotated[PerLink, Entry("rad/s", "angular velocity{}")]
+    torque: Annotated[PerClutch, Entry("N·m", "generated torque{}")]
+    force: Annotated[PathVector, Entry("N", "the hand's force{}")]
 
 
 class Readings(NamedTuple):
     """What the sensors read now, one and two control steps ago."""
 
-    now: Reading
-    one_ago: Reading
-    two_ago: Reading
+    now: Annotated[Reading, Entry("", ", as read now")]
+    one_ago: Annotated[Reading, Entry("", ", as read one control step ago")]
+    two_ago: Annotated[Reading, Entry("", ", as read two control steps ago")]
 
 
 class Flags(NamedTuple):
@@ -63,7 +63,7 @@ class World(NamedTuple):
     lagged_volts: Annotated[PerClutch, Entry("V", "voltage behind the lag")]
     command: Annotated[PerClutch, Entry("V", "last command")]
     torque: Annotated[PerClutch, Entry("N·m", "last generated torque")]
-    sines: Annotated[Sines, Entry("1", "unit vectors of the disturbance")]
+    sines: Annotated[Sines, Entry("1", "the present phase")]
     step: Annotated[float, Entry("1", "control steps since the reset")]
     alive: Annotated[float, Entry("1", "1 while the episode goes on")]
     foot: Foot
@@ -83,12 +83,12 @@ class World(NamedTuple):
     # what a control step works with
     steady: Torques
     impact: Impact
-    omega: Annotated[PerLink, Entry("rad/s", "angular velocities after friction")]
+    omega: Annotated[PerLink, Entry("rad/s", "angular velocity after friction")]
     limit: Annotated[PerClutch, Entry("N·m", "torque limit in this substep")]
     crossing: Annotated[float, Entry("1", "1 if a slip velocity has jumped over the stick band")]
     energy: Energy
-    force: Annotated[Vector, Entry("N", "of the hand on the tip")]
-    start_velocity: Annotated[Vector, Entry("m/s", "of the tip at the start of the step")]
+    force: Annotated[Vector, Entry("N", "the hand's force on the tip")]
+    start_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity at the start of the step")]
     began: Annotated[float, Entry("1", "1 if the world was alive before the step")]
     terms: Annotated[Terms, Entry("1", "reward term", name="reward")]
     reward: Annotated[float, Entry("1", "sum of the reward terms")]

@@ -11,21 +11,21 @@ from pter_gym.physics.arm import UnitVector
 class PerSine(NamedTuple):
     """One number for each sine."""
 
-    n0: Annotated[float, Entry(name="0")]
-    n1: Annotated[float, Entry(name="1")]
-    n2: Annotated[float, Entry(name="2")]
-    n3: Annotated[float, Entry(name="3")]
-    n4: Annotated[float, Entry(name="4")]
+    n0: Annotated[float, Entry("", "{} of sine 0", name="0")]
+    n1: Annotated[float, Entry("", "{} of sine 1", name="1")]
+    n2: Annotated[float, Entry("", "{} of sine 2", name="2")]
+    n3: Annotated[float, Entry("", "{} of sine 3", name="3")]
+    n4: Annotated[float, Entry("", "{} of sine 4", name="4")]
 
 
 class Sines(NamedTuple):
     """A unit vector for each sine."""
 
-    n0: Annotated[UnitVector, Entry(name="0")]
-    n1: Annotated[UnitVector, Entry(name="1")]
-    n2: Annotated[UnitVector, Entry(name="2")]
-    n3: Annotated[UnitVector, Entry(name="3")]
-    n4: Annotated[UnitVector, Entry(name="4")]
+    n0: Annotated[UnitVector, Entry("", "{} of sine 0", name="0")]
+    n1: Annotated[UnitVector, Entry("", "{} of sine 1", name="1")]
+    n2: Annotated[UnitVector, Entry("", "{} of sine 2", name="2")]
+    n3: Annotated[UnitVector, Entry("", "{} of sine 3", name="3")]
+    n4: Annotated[UnitVector, Entry("", "{} of sine 4", name="4")]
 
 
 class HandModel(NamedTuple):
@@ -33,14 +33,14 @@ class HandModel(NamedTuple):
 
     push: Annotated[float, Entry("N", "constant force along the path")]
     random_phases: Annotated[float, Entry("1", "1 if a reset draws the phases of the sines")]
-    intent_speed: Annotated[float, Entry("m/s", "of the intended point, 0 for none")]
-    intent_rise: Annotated[float, Entry("s", "in which the intent gathers speed")]
+    intent_speed: Annotated[float, Entry("m/s", "speed of the intended point, 0 for none")]
+    intent_rise: Annotated[float, Entry("s", "time in which the intent gathers speed")]
     intent_lead: Annotated[float, Entry("m", "how far the intent may run ahead of the tip")]
-    record_first: Annotated[float, Entry("1", "where its recording begins in the constants")]
-    record_count: Annotated[float, Entry("1", "instants of its recording, 0 for none")]
-    amplitude: Annotated[PerSine, Entry("N", "of the sines across the path")]
-    phase: Annotated[PerSine, Entry("rad", "of the sines at the start")]
-    turn: Annotated[Sines, Entry("1", "of the sines in a substep")]
+    record_first: Annotated[float, Entry("1", "where the hand's recording begins in the constants")]
+    record_count: Annotated[float, Entry("1", "instants of the hand's recording, 0 for none")]
+    amplitude: Annotated[PerSine, Entry("N", "amplitude")]
+    phase: Annotated[PerSine, Entry("rad", "starting phase")]
+    turn: Annotated[Sines, Entry("1", "the turn per substep")]
 
 
 SINES = len(PerSine._fields)

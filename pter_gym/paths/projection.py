@@ -20,11 +20,11 @@ SEGMENT_WIDTH = width(ArcSegment)
 class Foot(NamedTuple):
     """Projection of a point onto a path."""
 
-    arc_length: Annotated[float, Entry("m", "projection of the tip on the path")]
+    arc_length: Annotated[float, Entry("m", "arc length of the tip's projection on the path")]
     normal_error: Annotated[float, Entry("m", "distance from the path, positive to its left")]
-    heading: Annotated[UnitVector, Entry("1", "path's heading there,")]
+    heading: Annotated[UnitVector, Entry("1", "the path's heading at the tip's projection")]
     curvature: Annotated[float, Entry("1/m", "curvature of the path there, positive to the left")]
-    segment: Annotated[float, Entry("1", "number of the arc")]
+    segment: Annotated[float, Entry("1", "number of the arc that holds the projection")]
 
 
 @device

@@ -14,22 +14,22 @@ from pter_gym.compiled.records import Entry
 class Vector(NamedTuple):
     """A vector in the world frame, or a point from the axis of the drive."""
 
-    x: float
-    y: float
+    x: Annotated[float, Entry("", "x of {}")]
+    y: Annotated[float, Entry("", "y of {}")]
 
 
 class UnitVector(NamedTuple):
     """Cosine and sine of an angle."""
 
-    cos: Annotated[float, Entry("1", "cosine")]
-    sin: Annotated[float, Entry("1", "sine")]
+    cos: Annotated[float, Entry("1", "cosine of {}")]
+    sin: Annotated[float, Entry("1", "sine of {}")]
 
 
 class PerLink(NamedTuple):
     """One number for each of the two links."""
 
-    a: Annotated[float, Entry("", "of link A")]
-    b: Annotated[float, Entry("", "of link B")]
+    a: Annotated[float, Entry("", "link A's {}")]
+    b: Annotated[float, Entry("", "link B's {}")]
 
 
 class Linkage(NamedTuple):
@@ -39,9 +39,9 @@ class Linkage(NamedTuple):
     length_b: Annotated[float, Entry("m", "length of link B")]
     m11: Annotated[float, Entry("kg·m²", "inertia about axis A, with the hand's mass")]
     m22: Annotated[float, Entry("kg·m²", "inertia about axis B, with the hand's mass")]
-    coupling: Annotated[float, Entry("kg·m²", "of the axes, with the hand's mass: M12 = coupling·cos(θA − θB)")]
-    damping: Annotated[float, Entry("N·s/m", "of the hand")]
-    stiffness: Annotated[float, Entry("N/m", "of the hand")]
+    coupling: Annotated[float, Entry("kg·m²", "M12 over cos(θA − θB) in the mass matrix, with the hand's mass")]
+    damping: Annotated[float, Entry("N·s/m", "the hand's damping")]
+    stiffness: Annotated[float, Entry("N/m", "the hand's stiffness")]
 
 
 class Motion(NamedTuple):

@@ -9,10 +9,10 @@ from pter_gym.compiled.records import Entry
 class PerClutch(NamedTuple):
     """One number for each of the four clutches: A to ground, B to ground, A to B, A to B through the inverting gear."""
 
-    x1: Annotated[float, Entry("", "of clutch 1", name="1")]
-    x2: Annotated[float, Entry("", "of clutch 2", name="2")]
-    x3: Annotated[float, Entry("", "of clutch 3", name="3")]
-    x4: Annotated[float, Entry("", "of clutch 4", name="4")]
+    x1: Annotated[float, Entry("", "clutch 1's {}", name="1")]
+    x2: Annotated[float, Entry("", "clutch 2's {}", name="2")]
+    x3: Annotated[float, Entry("", "clutch 3's {}", name="3")]
+    x4: Annotated[float, Entry("", "clutch 4's {}", name="4")]
 
 
 class Torques(NamedTuple):
@@ -25,9 +25,9 @@ class Torques(NamedTuple):
 class Curve(NamedTuple):
     """Torque over voltage: ``slope·v + curvature·max(v − knee, 0)²`` [N·m/V, V, N·m/V²]."""
 
-    slope: Annotated[float, Entry("N·m/V", "of the linear segment")]
-    knee: Annotated[float, Entry("V", "where the quadratic segment begins")]
-    curvature: Annotated[float, Entry("N·m/V²", "of the quadratic segment")]
+    slope: Annotated[float, Entry("N·m/V", "slope of the linear segment of the {}")]
+    knee: Annotated[float, Entry("V", "voltage at which the quadratic segment of the {} begins")]
+    curvature: Annotated[float, Entry("N·m/V²", "curvature of the quadratic segment of the {}")]
 
 
 @device

@@ -20,7 +20,7 @@ class Model(NamedTuple):
     torque_decay: Annotated[float, Entry("1", "part of the torque's lag that a substep leaves, 0 for no lag")]
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
     slip_threshold: Annotated[float, Entry("rad/s", "stick band δω")]
-    scale: Annotated[PerClutch, Entry("1", "torques over those of the curves")]
+    scale: Annotated[PerClutch, Entry("1", "torque, relative to that of the curves")]
 
 
 def model_of(machine: Machine) -> Model:

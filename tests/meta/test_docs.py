@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from documents import extending_blocks, run_extending
 from pter_gym import params
 from pter_gym.scenarios import SCENARIOS
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
-EXTENDING = ROOT / "docs" / "extending.md"
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 PARAMETER_CLASSES = [item for _, item in inspect.getmembers(params, dataclasses.is_dataclass) if inspect.isclass(item)]
 
@@ -49,12 +49,11 @@ def test_readme_example_runs(capsys: pytest.CaptureFixture[str]):
 @pytest.mark.slow
 def test_the_page_on_extending_runs(capsys: pytest.CaptureFixture[str]):
     """All blocks one after another, each of at most twenty lines of code."""
-    blocks = re.findall(r"^```python\n(.*?)^```$", EXTENDING.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    blocks = extending_blocks()
     assert len(blocks) > 5
-    names: dict[str, object] = {"__name__": "extending"}
     for block in blocks:
         assert len([line for line in block.splitlines() if line.strip()]) <= 20
-        exec(compile(block, str(EXTENDING), "exec"), names)
+    run_extending()
     assert "cautious" in capsys.readouterr().out
 
 

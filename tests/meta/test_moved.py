@@ -26,3 +26,45 @@ def test_a_module_of_a_moved_package_loads_once(old_first: bool):
 def test_an_unknown_module_of_a_moved_package_is_missing():
     with pytest.raises(ModuleNotFoundError, match="no_such_module"):
         import_module("pter_gym.experiments.no_such_module")
+
+
+PROMISED = """
+import pter_gym
+from pter_agents.exporting import export_run
+from pter_agents.settings import load_settings
+from pter_agents.training import PROGRESS, Arguments, train
+from pter_agents.worlds import training_draws
+from pter_gym import BASELINE, simulate
+from pter_gym.benchmark import PACES, ResultsFolder, find_controller, find_policy, leaderboards, run_scenario
+from pter_gym.benchmark import run_standard_test, score_episodes
+from pter_gym.benchmark.episodes import load_episodes
+from pter_gym.benchmark.leaderboard import COMPLETION, FULL, PACE_ERROR, leaderboards, table
+from pter_gym.benchmark.simulation import bind, simulate, time_limit
+from pter_gym.benchmark.statistics import bootstrap_interval, difference_interval, probability_of_improvement
+from pter_gym.controllers import Impedance, PerClutch, Policy, device
+from pter_gym.demonstrations import read_demonstrations
+from pter_gym.envs.batch import Batch
+from pter_gym.envs.single import PathFollowingEnv
+from pter_gym.errors import ParameterError
+from pter_gym.experiments import Setup, Study, check, reversals, time_constant_sweep, torque_curves
+from pter_gym.operators import HumanArm, RecordedForces, read_forces
+from pter_gym.params import BASELINE, Hand, with_friction
+from pter_gym.paths import read_path
+from pter_gym.paths.arcs import Arcs, Path, fit_arcs
+from pter_gym.physics.clutch import PerClutch
+from pter_gym.plots import paper
+from pter_gym.plots.benchmark import error_against_time, tip_paths
+from pter_gym.plots.leaderboard import error_against_pace, trajectories
+from pter_gym.policies import load_policy
+from pter_gym.randomisation import LogUniform, OneOf, Randomisation, Uniform, Vary
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.units import to_inch_pounds, to_inches
+"""
+"""What documents and notebooks of version 0.1.0 import."""
+
+
+@pytest.mark.parametrize("statement", PROMISED.strip().splitlines())
+def test_what_version_0_1_0_shows_still_imports(statement: str):
+    if "pter_agents" in statement:
+        pytest.importorskip("stable_baselines3")
+    exec(statement, {})

@@ -15,46 +15,46 @@ from pter_gym.tasks.path_following.specification import IDEAL_SENSING, PathFollo
 class PathModel(NamedTuple):
     """Where the arcs of a path are in the constants, and its length."""
 
-    first: Annotated[float, Entry("1", "where its arcs begin in the constants")]
-    arcs: Annotated[float, Entry("1", "number of its arcs")]
-    length: Annotated[float, Entry("m", "its arc length")]
+    first: Annotated[float, Entry("1", "where the path's arcs begin in the constants")]
+    arcs: Annotated[float, Entry("1", "number of the path's arcs")]
+    length: Annotated[float, Entry("m", "length of the path")]
 
 
 class SensingModel(NamedTuple):
     """What is between the machine and the observation."""
 
     angle_resolution: Annotated[float, Entry("rad", "step of the joint encoders")]
-    velocity_noise: Annotated[float, Entry("rad/s", "standard deviation")]
-    torque_noise: Annotated[float, Entry("N·m", "standard deviation")]
-    force_noise: Annotated[float, Entry("N", "standard deviation")]
+    velocity_noise: Annotated[float, Entry("rad/s", "standard deviation of the angular velocities' noise")]
+    torque_noise: Annotated[float, Entry("N·m", "standard deviation of the torques' noise")]
+    force_noise: Annotated[float, Entry("N", "standard deviation of the force's noise")]
     delay: Annotated[float, Entry("1", "control steps from measurement to observation")]
-    is_ideal: Annotated[float, Entry("1", "1 if there is nothing between them")]
+    is_ideal: Annotated[float, Entry("1", "1 if sensors are exact and without delay")]
 
 
 class TaskModel(NamedTuple):
     """Constants of one task."""
 
-    path: Annotated[PathModel, Entry("", "of the path")]
+    path: Annotated[PathModel, Entry()]
     pace: Annotated[float, Entry("m/s", "commanded mean speed along the path")]
     error_max: Annotated[float, Entry("m", "the workspace ends this far from the path")]
     singularity_margin: Annotated[float, Entry("1", "smallest |sin(θA − θB)| of the workspace")]
     start_offset: Annotated[float, Entry("m", "half-range of the start's normal offset")]
     friction_drift: Annotated[float, Entry("1/s", "relative change of all clutch torques in a second")]
-    weight: Annotated[Terms, Entry("1/s", "weight of a reward term")]
+    weight: Annotated[Terms, Entry("", "weight")]
     sensing: SensingModel
 
 
 class Told(NamedTuple):
     """What the telemetry tells of machine and task, and the observation if it is asked to."""
 
-    time_constant: Annotated[float, Entry("s", "of the clutches", 0.5)]
+    time_constant: Annotated[float, Entry("s", "time constant of the clutches", 0.5)]
     breakaway_factor: Annotated[float, Entry("1", "largest breakaway torque over that of the present clutches", 2.0)]
     dynamic_factor: Annotated[float, Entry("1", "largest dynamic torque over that of the present clutches", 2.0)]
     friction_drift: Annotated[float, Entry("1/s", "relative change of the clutch torques in a second", 0.5)]
-    hand_mass: Annotated[float, Entry("kg", "of the hand at the tip", 5.0)]
-    hand_damping: Annotated[float, Entry("N·s/m", "of the hand at the tip", 100.0)]
-    hand_stiffness: Annotated[float, Entry("N/m", "of the hand towards its intent", 1000.0)]
-    hand_push: Annotated[float, Entry("N", "constant force along the path", FORCE_SCALE)]
+    hand_mass: Annotated[float, Entry("kg", "mass that the hand adds at the tip", 5.0)]
+    hand_damping: Annotated[float, Entry("N·s/m", "damping that the hand adds at the tip", 100.0)]
+    hand_stiffness: Annotated[float, Entry("N/m", "stiffness of the hand towards its intent", 1000.0)]
+    hand_push: Annotated[float, Entry("N", "constant force of the hand along the path", FORCE_SCALE)]
 
 
 class Context(NamedTuple):

@@ -50,14 +50,14 @@ class Observation(NamedTuple):
     omega_a: Annotated[float, Seen("rad/s", "angular velocity of link A", OMEGA_SCALE)]
     omega_b: Annotated[float, Seen("rad/s", "angular velocity of link B", OMEGA_SCALE)]
     normal_error: Annotated[float, Seen("m", "distance from the path, positive to its left", ERROR_SCALE)]
-    progress: Annotated[float, Seen("1", "projection of the tip on the path, over its length")]
-    heading: Annotated[UnitVector, Seen("1", "path's heading there,")]
+    progress: Annotated[float, Seen("1", "arc length of the tip's projection on the path, over the path's length")]
+    heading: Annotated[UnitVector, Seen("1", "the path's heading at the tip's projection")]
     curvature: Annotated[float, Seen("1/m", "curvature of the path there, positive to the left", CURVATURE_SCALE)]
-    speed: Annotated[PathVector, Seen("m/s", "tip velocity", SPEED_SCALE)]
+    speed: Annotated[PathVector, Seen("m/s", "the tip's velocity", SPEED_SCALE)]
     pace: Annotated[float, Seen("m/s", "commanded mean speed along the path", SPEED_SCALE)]
     volts: Annotated[PerClutch, Seen("V", "last voltage", largest_voltage)]
     torque: Annotated[PerClutch, Seen("N·m", "generated torque", TORQUE_SCALE, sensors=("torque", "force"))]
-    force: Annotated[PathVector, Seen("N", "hand's force", FORCE_SCALE, sensors=("force",))]
+    force: Annotated[PathVector, Seen("N", "the hand's force", FORCE_SCALE, sensors=("force",))]
 
 
 SEEN = rows(Observation)

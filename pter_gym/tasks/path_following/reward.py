@@ -5,10 +5,10 @@ The terms of the telemetry, their sum and the hyper-parameters of a training fol
 
 from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, field, fields
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pter_gym.compiled.compiler import device
-from pter_gym.compiled.records import written
+from pter_gym.compiled.records import Entry, written
 from pter_gym.params import quantity, require_number
 from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.step import Energy
@@ -75,25 +75,25 @@ class RewardWeights:
 
     error: float = term(
         "1/s",
-        "chosen: per 10 mm of normal error",
+        f"chosen: per {1000 * ERROR_UNIT:g} mm of distance from the path",
         lambda weight, seen, period: -period * weight * abs(seen.at.normal_error) / ERROR_UNIT,
         default=1.0,
     )
     pace: float = term(
         "1/s",
-        "chosen: per commanded pace of speed error along the path",
+        "chosen: per 100 % of deviation from the commanded pace",
         lambda weight, seen, period: -period * weight * abs(seen.at.speed.along - seen.pace) / seen.pace,
         default=1.0,
     )
     acceleration: float = term(
         "1/s",
-        "chosen: per 10 m/s² of tip acceleration",
+        f"chosen: per {ACCELERATION_UNIT:g} m/s² of tip acceleration",
         lambda weight, seen, period: -period * weight * seen.acceleration / ACCELERATION_UNIT,
         default=0.1,
     )
     effort: float = term(
         "1/s",
-        "chosen: per mean squared voltage, relative to the largest",
+        "chosen: per mean of the squared voltages, relative to the largest",
         lambda weight, seen, period: -period * weight * mean_square(seen.volts) / (seen.voltage_max * seen.voltage_max),
         default=0.1,
     )
@@ -113,7 +113,14 @@ class RewardWeights:
 WEIGHTS: tuple[Field[Any], ...] = fields(RewardWeights)
 """The weights, in the order of the terms."""
 
-_TERMS = [(item.name, float) for item in WEIGHTS]
+
+def weighted(weight: Field[Any]) -> Any:
+    """Return the type of a term: a number with the unit of its weight, and what that is per."""
+    told = weight.metadata
+    return Annotated[float, Entry(told["unit"], "{}: " + told["provenance"].removeprefix("chosen: "))]
+
+
+_TERMS = [(item.name, weighted(item)) for item in WEIGHTS]
 Terms = NamedTuple("Terms", _TERMS)
 """One number for each term of the reward."""
 

@@ -12,8 +12,8 @@ from pter_gym.physics.arm import Linkage, Motion, UnitVector, Vector, sin_differ
 class PathVector(NamedTuple):
     """A vector by its parts along and across the path."""
 
-    along: Annotated[float, Entry("", "along the path")]
-    across: Annotated[float, Entry("", "across the path, positive to its left")]
+    along: Annotated[float, Entry("", "{} along the path")]
+    across: Annotated[float, Entry("", "{} across the path, positive to its left")]
 
 
 class Situation(NamedTuple):

@@ -15,20 +15,20 @@ from pter_gym.tasks.path_following.reward import Terms
 class Telemetry(NamedTuple):
     """What a control step records."""
 
-    time: Annotated[float, Entry("s", "since the start of the episode")]
+    time: Annotated[float, Entry("s", "time since the start of the episode")]
     theta: Annotated[PerLink, Entry("rad", "angle")]
-    tip: Annotated[Vector, Entry("m", "tip position")]
-    tip_velocity: Annotated[Vector, Entry("m/s", "tip velocity")]
-    acceleration: Annotated[Vector, Entry("m/s²", "tip acceleration, mean over the control period")]
-    arc_length: Annotated[float, Entry("m", "projection of the tip on the path")]
+    tip: Annotated[Vector, Entry("m", "the tip's position")]
+    tip_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity")]
+    acceleration: Annotated[Vector, Entry("m/s²", "the tip's acceleration, mean over the control period")]
+    arc_length: Annotated[float, Entry("m", "arc length of the tip's projection on the path")]
     reached: Annotated[float, Entry("m", "largest arc length so far")]
     normal_error: Annotated[float, Entry("m", "distance from the path, positive to its left")]
-    force: Annotated[Vector, Entry("N", "hand's force in the last substep")]
+    force: Annotated[Vector, Entry("N", "the hand's force in the last substep")]
     mode: Annotated[float, Entry("1", "ClutchMode after the last substep")]
     volts: Annotated[PerClutch, Entry("V", "voltage")]
     torque: Annotated[PerClutch, Entry("N·m", "generated torque in the last substep")]
     power: Annotated[PerClutch, Entry("W", "power on the arm in the last substep")]
-    kinetic_energy: Annotated[float, Entry("J", "of the arm, with the hand's mass")]
+    kinetic_energy: Annotated[float, Entry("J", "kinetic energy of the arm with the hand's mass")]
     energy: Energy
     terms: Annotated[Terms, Entry("1", "reward term", name="reward")]
     reward: Annotated[float, Entry("1", "sum of the reward terms")]
