@@ -14,7 +14,7 @@ from pter_gym.controllers import PaceSchedule
 from pter_gym.envs.sb3 import PterVecEnv
 from pter_gym.params import BASELINE
 from pter_gym.policies.interface import Base, Input, Interface, available, quantities, seen_without
-from pter_gym.policies.stored import gains_of
+from pter_gym.policies.stored_gains import gains_of
 from pter_gym.scenarios.randomisation import Randomisation
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}

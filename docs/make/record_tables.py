@@ -77,7 +77,7 @@ def default(item: Field[Any]) -> str:
 
 def world_table(first: int, last: int) -> str:
     """Rows of a world by the field of ``World`` that holds them."""
-    entries = iter(layout_of(World, BASELINE).fields)
+    entries = (leaf.field(BASELINE) for leaf in leaves(World))
     rows = [
         [code(name), code(entry.name), entry.unit, entry.meaning]
         for name, _, kind in parts(World)

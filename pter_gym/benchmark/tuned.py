@@ -13,7 +13,7 @@ from pter_gym.benchmark.runs import PACKAGE
 from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
 from pter_gym.errors import DataError, ParameterError, unknown_name
 from pter_gym.internal.codec import reading
-from pter_gym.policies.stored import restore_guided
+from pter_gym.policies.stored_gains import restore_guided
 from pter_gym.scenarios import PACES
 
 TABLE = PACKAGE / "presets" / "tuned.toml"

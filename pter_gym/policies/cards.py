@@ -11,7 +11,7 @@ from pter_gym.compiled.layout import Layout
 from pter_gym.errors import ParameterError
 from pter_gym.internal.codec import completed, reading
 from pter_gym.policies.interface import Base, Input, Interface
-from pter_gym.policies.stored import gains_of, restore_guided
+from pter_gym.policies.stored_gains import gains_of, restore_guided
 
 FORMAT = 1
 """Version of the format."""

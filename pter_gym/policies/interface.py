@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pter_gym.compiled.layout import Layout
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import Machine, require, require_kind, require_number
-from pter_gym.policies.stored import gains_of, make_guided
+from pter_gym.policies.stored_gains import gains_of, make_guided
 
 if TYPE_CHECKING:
     from pter_gym.controllers import PaceSchedule

@@ -8,7 +8,7 @@ from filelock import FileLock
 
 from pter_gym.benchmark.tuned import Table, read_table
 from pter_gym.internal.files import write_text_atomic
-from pter_gym.policies.stored import gains_of, make_guided
+from pter_gym.policies.stored_gains import gains_of, make_guided
 from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tuning.search import Study
 

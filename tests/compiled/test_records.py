@@ -33,8 +33,8 @@ class Bare(NamedTuple):
 
 
 class Side(NamedTuple):
-    left: Annotated[float, Entry("", "on the left", name="l")]
-    right: Annotated[float, Entry("", "on the right")]
+    left: Annotated[float, Entry("", "{} on the left", name="l")]
+    right: Annotated[float, Entry("", "{} on the right")]
 
 
 class Sides(NamedTuple):
