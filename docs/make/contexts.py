@@ -194,7 +194,7 @@ def main(
     means = [three([float(each.of(scores).mean()) for _, scores in runs], 1) for each in COLUMNS]
     head = (
         f"`{policy}` on {draws} training draws of `{scenario}`, seed {SEED}; means at slow, medium and brisk pace. "
-        f"What explains most stands first; thirds explain {100.0 * 2 / (draws - 1):.1f} % by chance. Parts that "
+        f"What explains most comes first; thirds explain {100.0 * 2 / (draws - 1):.1f} % by chance. Parts that "
         f"explain less than {SHOWN:g} % of each score have no groups here."
     )
     text = (

@@ -72,10 +72,10 @@ def leaderboards(runs: Sequence[ScenarioRun]) -> tuple[Leaderboard, ...]:
     for run in runs:
         at = run.conditions
         groups.setdefault((at.scenario, PACES[at.pace], at.episodes, at.data), []).append(run)
-    return tuple(leaderboard_of(groups[place]) for place in sorted(groups))
+    return tuple(rank(groups[place]) for place in sorted(groups))
 
 
-def leaderboard_of(runs: Sequence[ScenarioRun]) -> Leaderboard:
+def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
     """Return the leaderboard of runs on the same episodes at the same pace; a policy's training seeds count as one."""
     at = runs[0].conditions
     return Leaderboard(at.scenario, at.pace, at.episodes, at.data, at.config_hash, find_standings(runs))

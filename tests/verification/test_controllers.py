@@ -250,7 +250,7 @@ def test_the_damper_along_the_path_leaves_a_fraction_of_the_pace_alone() -> None
     assert (found != Impedance().bind(BASELINE, LAYOUT)(obs)).any()
 
 
-def test_the_integral_of_the_pace_adds_to_the_brake_and_begins_anew() -> None:
+def test_the_integral_of_the_pace_adds_to_the_brake_and_begins_again() -> None:
     """What a damper and the integral give together, another damper gives alone at that speed."""
     row = observations(400)[(observations(400)[:, LAYOUT.index("speed_along")] > 0.0)][7].copy()
     jacobian = jacobian_of(dict(zip(LAYOUT.names, row * LAYOUT.scales, strict=True)))
