@@ -9,11 +9,8 @@ eight sectors (its two-DOF mode). Line x has the direction d_x with W_x·d_x = 0
 """
 
 from enum import IntEnum
-from functools import cache
-from typing import Any
 
-from pter_gym.compiled.compiler import compile_kernel, device
-from pter_gym.errors import ParameterError
+from pter_gym.compiled.compiler import device
 from pter_gym.physics.clutch import PerClutch
 
 _FAR = 1e300
@@ -287,101 +284,3 @@ def generated_torques(omega_a: float, omega_b: float, load_a: float, load_b: flo
         upper_bound(w.x4, limit.x4),
     )
     return share(load_a, load_b, low, high)
-
-
-def _build_resolve(digest: str) -> Any:
-    def kernel(
-        m11: float, m12: float, m22: float, p_a: float, p_b: float, c1: float, c2: float, c3: float, c4: float
-    ) -> tuple[float, float, int]:
-        _ = digest
-        omega_a, omega_b = resolve(m11, m12, m22, p_a, p_b, PerClutch(c1, c2, c3, c4))
-        return omega_a, omega_b, mode_of(omega_a, omega_b)
-
-    return kernel
-
-
-def _build_share(digest: str) -> Any:
-    def kernel(
-        load_a: float,
-        load_b: float,
-        l1: float,
-        l2: float,
-        l3: float,
-        l4: float,
-        u1: float,
-        u2: float,
-        u3: float,
-        u4: float,
-    ) -> PerClutch:
-        _ = digest
-        return share(load_a, load_b, PerClutch(l1, l2, l3, l4), PerClutch(u1, u2, u3, u4))
-
-    return kernel
-
-
-@cache
-def _resolve_kernel() -> Any:
-    return compile_kernel(_build_resolve)
-
-
-@cache
-def _share_kernel() -> Any:
-    return compile_kernel(_build_share)
-
-
-def resolve_friction(
-    m11: float,
-    m12: float,
-    m22: float,
-    p_a: float,
-    p_b: float,
-    c1: float,
-    c2: float,
-    c3: float,
-    c4: float,
-) -> tuple[float, float, ClutchMode]:
-    """Return the velocities after one substep of joint friction, and the mode.
-
-    Parameters
-    ----------
-    m11, m12, m22
-        Mass matrix [kg·m²], positive definite.
-    p_a, p_b
-        Momentum after the substep if no clutch acted [N·m·s].
-    c1, c2, c3, c4
-        Largest impulse of each clutch over the substep [N·m·s], ≥ 0.
-
-    Returns
-    -------
-    omega_a, omega_b, mode
-        Angular velocities [rad/s], the exact minimiser of ``½·ωᵀMω − pᵀω + Σ c_x·|W_x·ω|``, and the paper's mode
-        (section III-A).
-
-    Raises
-    ------
-    ParameterError
-        If the mass matrix is not positive definite, a capacity is negative, or a number is not finite.
-    """
-    values = (m11, m12, m22, p_a, p_b, c1, c2, c3, c4)
-    numbers = tuple(float(value) for value in values)
-    if not all(abs(x) < float("inf") for x in numbers):
-        raise ParameterError("mass matrix, momentum and capacities must be finite numbers")
-    if not (numbers[0] > 0.0 and numbers[0] * numbers[2] > numbers[1] * numbers[1]):
-        raise ParameterError("m11, m12, m22: the mass matrix must be positive definite")
-    if min(numbers[5:]) < 0.0:
-        raise ParameterError("c1, c2, c3, c4: capacities must be ≥ 0")
-    omega_a, omega_b, mode = _resolve_kernel()(*numbers)
-    return omega_a, omega_b, ClutchMode(mode)
-
-
-def share_torque(
-    load_a: float, load_b: float, low: tuple[float, float, float, float], high: tuple[float, float, float, float]
-) -> PerClutch:
-    """Return the four clutch torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high [N·m].
-
-    The load must be reachable within the bounds; the nearest torques within them are returned where it is not.
-    """
-    bounds = (*map(float, low), *map(float, high))
-    if len(bounds) != 8 or not all(abs(x) < float("inf") for x in bounds) or any(map(float.__gt__, bounds, bounds[4:])):
-        raise ParameterError("low, high: four finite numbers each, low ≤ high")
-    return PerClutch(*_share_kernel()(float(load_a), float(load_b), *bounds))

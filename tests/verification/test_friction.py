@@ -21,6 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from compiled_friction import resolve_friction, share_torque
 from oracle import friction as oracle
 from oracle import paper_rule
 from oracle.problems import Problems, families
@@ -31,8 +32,6 @@ from pter_gym.physics.friction import (
     LINES,
     ClutchMode,
     mode_of,
-    resolve_friction,
-    share_torque,
     slip_velocities,
     torques_on_links,
 )

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pter_gym.paper.experiments.pose import POSE, slip_rows, tip
 from pter_gym.params import BASELINE, BREAKAWAY_SMALL_VOLTAGE, Machine
+from pter_gym.physics.friction import LINES
 from pter_gym.physics.open_loop import Trajectory, initial_state, simulate
 
 Array = NDArray[np.float64]
@@ -147,5 +148,4 @@ def _test(machine: Machine, clutch: int, breakaway: float) -> SingleDofTest:
 
 def _line(machine: Machine, locked: int, turns: Array) -> Array:
     """Return tip positions [m], shape (K, 2), with one clutch locked and the driven link turned by angles [rad]."""
-    direction = {1: (0.0, 1.0), 2: (1.0, 0.0), 3: (1.0, 1.0), 4: (1.0, -1.0)}[locked]
-    return np.array([tip(machine, np.add(POSE, np.multiply(turn, direction))) for turn in turns])
+    return np.array([tip(machine, np.add(POSE, np.multiply(turn, LINES[locked - 1]))) for turn in turns])
