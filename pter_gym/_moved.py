@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
-from importlib.util import spec_from_loader
-from types import MappingProxyType, ModuleType
+from importlib.util import find_spec, spec_from_loader
+from types import CodeType, MappingProxyType, ModuleType
+from typing import Any
 
 MOVED = MappingProxyType(
     {
@@ -51,6 +52,12 @@ class _OldNames(MetaPathFinder, Loader):
         module = import_module(str(new_name(spec.name)))
         spec.loader_state = module.__spec__
         return module
+
+    def get_code(self, fullname: str) -> CodeType | None:
+        """Return the code of a module, for ``python -m``."""
+        spec = find_spec(str(new_name(fullname)))
+        loader: Any = spec and spec.loader
+        return loader and loader.get_code(spec.name)
 
     def exec_module(self, module: ModuleType) -> None:
         """Give the module its own spec back, which the import system has replaced."""

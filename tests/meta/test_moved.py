@@ -23,6 +23,11 @@ def test_a_module_of_a_moved_package_loads_once(old_first: bool):
     subprocess.run([sys.executable, "-c", program], check=True)
 
 
+def test_an_old_name_can_be_run():
+    command = [sys.executable, "-m", "pter_gym.cli", "--version"]
+    assert subprocess.run(command, check=True, capture_output=True, text=True).stdout.startswith("pter ")
+
+
 def test_an_unknown_module_of_a_moved_package_is_missing():
     with pytest.raises(ModuleNotFoundError, match="no_such_module"):
         import_module("pter_gym.experiments.no_such_module")
