@@ -55,9 +55,8 @@ class _OldNames(MetaPathFinder, Loader):
 
     def get_code(self, fullname: str) -> CodeType | None:
         """Return the code of a module, for ``python -m``."""
-        spec = find_spec(str(new_name(fullname)))
-        loader: Any = spec and spec.loader
-        return loader and loader.get_code(spec.name)
+        spec: Any = find_spec(str(new_name(fullname)))
+        return spec.loader.get_code(spec.name)
 
     def exec_module(self, module: ModuleType) -> None:
         """Give the module its own spec back, which the import system has replaced."""
