@@ -27,6 +27,9 @@ FOLDER = Path(__file__).parents[1] / "episodes"
 
 CHECKSUMS = "checksums.json"
 
+_OPERATING_SYSTEM, _UNIX = 9, 3
+"""Place of a byte in the header of gzip, and its value in the shipped files (RFC 1952)."""
+
 CODEC = Codec(dataclasses_in(params, hands, paths, path_following))
 """Knows the parts of machines and tasks."""
 
@@ -151,13 +154,20 @@ def store_episodes(
         "episodes": entries,
     }
     folder.mkdir(parents=True, exist_ok=True)
-    data = gzip.compress(json.dumps(content, ensure_ascii=False, allow_nan=False).encode(), mtime=0)
+    data = _compressed(json.dumps(content, ensure_ascii=False, allow_nan=False).encode())
     sums = _checksums(folder) if (folder / CHECKSUMS).exists() else {}
     path = folder / f"{scenario}.json.gz"
     write_bytes_atomic(path, data)
     sums[scenario] = hashlib.sha256(data).hexdigest()
     write_text_atomic(folder / CHECKSUMS, json.dumps(dict(sorted(sums.items())), indent=2) + "\n")
     return path
+
+
+def _compressed(content: bytes) -> bytes:
+    """Return content as gzip, the same with all versions of Python, which name the operating system differently."""
+    data = bytearray(gzip.compress(content, mtime=0))
+    data[_OPERATING_SYSTEM] = _UNIX
+    return bytes(data)
 
 
 def _checksums(folder: Path) -> dict[str, str]:
