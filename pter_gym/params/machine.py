@@ -211,9 +211,12 @@ DELRIN_THEORETICAL = Machine(
 )
 """PTER with Delrin clutches as in the literature: T_k > T_s (paper section IV-B.2)."""
 
-MACHINES = {
+PAPER_MACHINES = {
     "baseline": BASELINE,
     "delrin_experimental": DELRIN_EXPERIMENTAL,
     "delrin_theoretical": DELRIN_THEORETICAL,
 }
-"""The three machines of Table I by name."""
+"""The three machines of Table I by name: those of the study of 1999."""
+
+MACHINES = {**PAPER_MACHINES}
+"""Machines that environments and commands know by name; another clutch material is one more entry."""

@@ -11,7 +11,7 @@ from pter_gym.paper.experiments.holding import largest_load
 from pter_gym.paper.experiments.pose import POSE, slip_rows, tip, tip_force
 from pter_gym.paper.experiments.reversal import last_before_reversal
 from pter_gym.paper.experiments.torque_curves import RAMP_TIME
-from pter_gym.params import BASELINE, DELRIN_THEORETICAL, MACHINES, Machine, TorqueCurve
+from pter_gym.params import BASELINE, DELRIN_THEORETICAL, PAPER_MACHINES, Machine, TorqueCurve
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.units import from_inch_pounds
 
@@ -23,10 +23,10 @@ def holds(machine: Machine, volts: float) -> float:
 # --- Figs. 3 and 4 ---
 
 
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", PAPER_MACHINES)
 @pytest.mark.parametrize("inch_pounds", [40.0, 63.5])
 def test_single_dof_tests_give_way_at_the_level_that_was_asked_for(name, inch_pounds):
-    machine, level = MACHINES[name], from_inch_pounds(inch_pounds)
+    machine, level = PAPER_MACHINES[name], from_inch_pounds(inch_pounds)
     result = single_dof(machine, level)
     assert [test.clutch for test in result.tests] == [1, 2, 3, 4]
     for test in result.tests:
@@ -86,15 +86,15 @@ def test_plain_equations_are_those_of_the_oracle():
 # --- step response ---
 
 
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", PAPER_MACHINES)
 def test_step_response_is_first_order(name):
-    response = step_response(MACHINES[name])
+    response = step_response(PAPER_MACHINES[name])
     after = response.time > 0.0
     assert response.slipping.all()
     assert (response.torque[:, ~after] == 0.0).all()
     for torque in response.torque:
         rate = np.polyfit(response.time[after], np.log(1.0 - torque[after] / response.final), 1)[0]
-        assert -1.0 / rate == pytest.approx(MACHINES[name].clutch.time_constant, rel=1e-6)
+        assert -1.0 / rate == pytest.approx(PAPER_MACHINES[name].clutch.time_constant, rel=1e-6)
 
 
 def test_a_lag_of_the_voltage_is_not_first_order_where_the_curve_bends():
@@ -113,9 +113,9 @@ def test_a_lag_of_the_voltage_is_not_first_order_where_the_curve_bends():
 def test_the_bench_test_finds_the_curves_again(study):
     curves = study.torque_curves
     for name, material in curves.materials.items():
-        clutch = MACHINES[name].clutch
+        clutch = PAPER_MACHINES[name].clutch
         for k, volts in enumerate(curves.bench_volts):
-            held = holds(MACHINES[name], float(volts))
+            held = holds(PAPER_MACHINES[name], float(volts))
             increment = held * BASELINE.substep / RAMP_TIME
             assert abs(material.bench_breakaway[k] - held) <= increment
             assert material.bench_dynamic[k] == pytest.approx(clutch.dynamic.torque(float(volts)), rel=1e-9)
@@ -135,7 +135,7 @@ def test_curves_of_other_machines():
 
 def test_the_torque_jumps_by_the_excess_of_the_breakaway_torque(study):
     for name, reversal in study.reversals.machines.items():
-        held = holds(MACHINES[name], study.reversals.volts)
+        held = holds(PAPER_MACHINES[name], study.reversals.volts)
         assert reversal.jump == pytest.approx(held / reversal.dynamic - 1.0, abs=1e-12)
         slip = reversal.trajectory.slip_velocity[:, 0]
         assert slip[reversal.index] < 0.0

@@ -10,7 +10,7 @@ from pter_gym.controllers import Impedance, TorqueFeedback
 from pter_gym.errors import ParameterError
 from pter_gym.paper.experiments import Setup, gain_sweep, line_following, table1, time_constant_sweep
 from pter_gym.paper.experiments.time_constants import PAPER_TABLE, TableRow, peak_torque, with_equal_peaks
-from pter_gym.params import BASELINE, DELRIN_THEORETICAL, MACHINES
+from pter_gym.params import BASELINE, DELRIN_THEORETICAL, PAPER_MACHINES
 from pter_gym.units import INCH_POUND
 
 TAUS = [0.03, 0.105]
@@ -19,8 +19,8 @@ TAUS = [0.03, 0.105]
 def test_a_sweep_is_the_benchmark_on_each_machine():
     setup = Setup(own_table=True)
     sweeps = time_constant_sweep(setup, TAUS)
-    assert list(sweeps) == list(MACHINES)
-    for name, machine in MACHINES.items():
+    assert list(sweeps) == list(PAPER_MACHINES)
+    for name, machine in PAPER_MACHINES.items():
         controller = Impedance(**{f: getattr(setup.controller, f) for f in Impedance.__dataclass_fields__})
         runs = run_standard_test({"": controller}, machine=machine, task=setup.task, time_constants=TAUS).runs[""]
         assert sweeps[name].position_error.tolist() == [run.score.mean_error_m for run in runs]
@@ -51,7 +51,9 @@ def test_table_1_averages_the_runs():
 
 def test_which_table_the_controller_of_a_delrin_machine_has():
     baseline_table, own_table = (time_constant_sweep(Setup(own_table=own), TAUS) for own in (False, True))
-    same = {name: (baseline_table[name].position_error == own_table[name].position_error).all() for name in MACHINES}
+    same = {
+        name: (baseline_table[name].position_error == own_table[name].position_error).all() for name in PAPER_MACHINES
+    }
     assert same == {"baseline": True, "delrin_experimental": False, "delrin_theoretical": False}
 
 
@@ -66,7 +68,7 @@ def test_equal_peaks_change_the_size_of_the_torques_alone():
     machines = with_equal_peaks(Setup()).machines
     for name, machine in machines.items():
         assert peak_torque(machine) == pytest.approx(peak_torque(BASELINE))
-        clutch, original = machine.clutch, MACHINES[name].clutch
+        clutch, original = machine.clutch, PAPER_MACHINES[name].clutch
         assert clutch.dynamic.torque(9.0) / clutch.breakaway.torque(9.0) == pytest.approx(
             original.dynamic.torque(9.0) / original.breakaway.torque(9.0)
         )
@@ -132,12 +134,12 @@ def test_a_gain_or_a_time_constant_out_of_range_is_refused():
 @pytest.fixture(scope="module")
 def refined() -> dict[str, TableRow]:
     """Table I with substeps of 0.1 ms and the same control period."""
-    return table1(Setup(machines={name: replace(machine, substep=1e-4) for name, machine in MACHINES.items()}))
+    return table1(Setup(machines={name: replace(machine, substep=1e-4) for name, machine in PAPER_MACHINES.items()}))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("entry", ["position_error", "tip_speed", "tip_acceleration"])
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", PAPER_MACHINES)
 def test_a_finer_substep_hardly_moves_table_1(study, refined, name, entry):
     change = getattr(refined[name], entry) / getattr(study.table1[name], entry) - 1.0
     assert abs(change) <= 0.02

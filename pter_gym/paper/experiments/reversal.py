@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.paper.experiments.pose import POSE, tip_force
-from pter_gym.params import BASELINE, BREAKAWAY_SMALL_VOLTAGE, MACHINES, Machine
+from pter_gym.params import BASELINE, BREAKAWAY_SMALL_VOLTAGE, PAPER_MACHINES, Machine
 from pter_gym.physics.open_loop import Trajectory, initial_state, simulate
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ class Reversals:
     machines: dict[str, Reversal]
 
 
-def reversals(machines: Mapping[str, Machine] = MACHINES, volts: float | None = None) -> Reversals:
+def reversals(machines: Mapping[str, Machine] = PAPER_MACHINES, volts: float | None = None) -> Reversals:
     """Let a step force turn back link A, which slips in clutch 1 at a constant voltage.
 
     The arm moves at the start; the force, along link B, opposes that motion and is large enough to reverse it.

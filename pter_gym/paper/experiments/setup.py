@@ -8,7 +8,7 @@ from pter_gym.benchmark.metrics import Score
 from pter_gym.benchmark.standard import TIME_CONSTANTS
 from pter_gym.controllers import TorqueFeedback
 from pter_gym.hands import MultiSineHand
-from pter_gym.params import MACHINES, Machine, quantity, require, require_flag, require_numbers
+from pter_gym.params import PAPER_MACHINES, Machine, quantity, require, require_flag, require_numbers
 from pter_gym.tasks.path_following import PathFollowing
 
 ErrorAverage = Literal["time", "path"]
@@ -19,7 +19,7 @@ class Setup:
     """Machines, task and controller of the paper's experiments, and the choices that its text leaves open."""
 
     machines: Mapping[str, Machine] = quantity(
-        "1", "see Machine; by name, the baseline first", default_factory=lambda: dict(MACHINES)
+        "1", "see Machine; by name, the baseline first", default_factory=lambda: dict(PAPER_MACHINES)
     )
     task: PathFollowing = quantity("1", "see PathFollowing", default=PathFollowing())
     controller: TorqueFeedback = quantity("1", "see TorqueFeedback", default=TorqueFeedback())

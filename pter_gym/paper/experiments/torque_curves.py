@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.paper.experiments.pose import POSE
-from pter_gym.params import MACHINES, Machine
+from pter_gym.params import PAPER_MACHINES, Machine
 from pter_gym.physics.open_loop import initial_state, simulate
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ class TorqueCurves:
     materials: dict[str, MaterialCurves]
 
 
-def torque_curves(machines: Mapping[str, Machine] = MACHINES) -> TorqueCurves:
+def torque_curves(machines: Mapping[str, Machine] = PAPER_MACHINES) -> TorqueCurves:
     """Return the torque curves of clutch 1 and what a bench test makes of them.
 
     In the bench test, as in the paper's, the voltage is constant and a slowly rising torque acts on link A until the
