@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numba
 import pytest
 
 from pter_gym.benchmark import PACES, find_policy, run_scenario
@@ -20,6 +21,7 @@ def test_the_table_is_what_the_solver_finds(name: str, scenario: str) -> None:
         assert damping_table()[scenario][name][pace] == pytest.approx(solved, rel=1e-3)
 
 
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="takes an hour without the compiler")
 def test_an_entry_of_the_table_is_what_the_solver_finds() -> None:
     """The cheapest one; all of them are solved in the test above."""
     solved = damping_for_pace(TorqueFeedback(), PACES["brisk"], "standard")
