@@ -247,9 +247,11 @@ def test_the_summary_is_read_and_written_under_a_lock(tmp_path: Path) -> None:
     assert summary_of(tmp_path) == {("brisk", COUNT): ["free", "locked"]}
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
-@pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize(
+    "signal_number",
+    [pytest.param(signal.SIGKILL, marks=pytest.mark.slow), pytest.param(signal.SIGINT, marks=pytest.mark.long)],
+)
 def test_a_benchmark_that_is_stopped_goes_on(signal_number: int, tmp_path: Path, simulated: list[int]) -> None:
     out = tmp_path / "out"
     arguments = ["--policies", "free,locked,random", "--episodes", "70", "--out", str(out)]

@@ -208,7 +208,7 @@ def test_any_number_of_threads(mode: AutoresetMode) -> None:
             require_same(one, other, step)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ten_thousand_worlds() -> None:
     """For so long that each has ended and gone on."""
     count = 10_000
