@@ -11,7 +11,9 @@ from pter_gym.benchmark.simulation import record_episode, simulate
 from pter_gym.controllers import Free, Impedance
 from pter_gym.controllers.predictive import Privileged, Settings
 from pter_gym.engine.batch import Batch
-from pter_gym.params import BASELINE
+from pter_gym.paper.experiments.calibration import Case, at, run_cases, setup_of
+from pter_gym.params import BASELINE, TIME_CONSTANT
+from pter_gym.params.preset import PRESET
 from pter_gym.physics import open_loop
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -27,6 +29,7 @@ def main(part: str) -> None:
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
         plans = Privileged(Free(), Settings(samples=8, rounds=1, elite=1, horizon=10))
         record_episode(plans, BASELINE, PathFollowing(), 0, 1)
+        run_cases([Case(at(BASELINE, TIME_CONSTANT), setup_of(PRESET))])
         run_extending()  # after the others: its law shares what they have compiled
         run_own_controller()
     else:

@@ -428,7 +428,7 @@ def newest_steps(out: Path) -> int:
     return int(found[-1].stem.split("-")[1]) if found else -1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_killed_run_has_whole_checkpoints_and_goes_on(tmp_path: Path) -> None:
     """Each run is forked from one process that has loaded everything."""

@@ -220,7 +220,7 @@ def start(*arguments: str) -> "subprocess.Popen[bytes]":
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_benchmarks_in_one_folder_lose_nothing(tmp_path: Path) -> None:
     out = tmp_path / "out"
     rest = ("--episodes", str(COUNT), "--out", str(out))

@@ -332,7 +332,7 @@ def test_gymnasiums_processes_after_the_parent_has_used_threads(method: str) -> 
 
 
 @pytest.mark.agents
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("method", START_METHODS)
 def test_stable_baselines_processes_after_the_parent_has_used_threads(method: str) -> None:
     vec_env = pytest.importorskip("stable_baselines3.common.vec_env")

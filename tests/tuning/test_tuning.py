@@ -160,7 +160,7 @@ def test_offspring_stay_within_the_ranges_and_come_from_their_parents(name: str)
                 assert spread > 0.15 if parents[1] is low else spread < 0.02
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_killed_tuner_loses_the_running_trial_at_most(tmp_path: Path) -> None:
     storage = tmp_path / "trials.db"
     tuner = subprocess.Popen(command(storage, "--trials", "100000"), stdout=subprocess.DEVNULL)
