@@ -189,7 +189,7 @@ def begun(storage: Path) -> int:
             return 0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_tuners_share_the_work(tmp_path: Path) -> None:
     storage = tmp_path / "trials.db"
     tuners = [subprocess.Popen(command(storage, "--trials", "16"), stdout=subprocess.DEVNULL) for _ in range(2)]
