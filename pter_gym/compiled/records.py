@@ -68,7 +68,7 @@ def parts(kind: type[Any]) -> Iterator[tuple[str, Entry | None, type[Any]]]:
     """Yield name, entry and kind of each field of a record."""
     hints = get_type_hints(kind, include_extras=True)
     for name in kind._fields:
-        hint = hints.get(name, float)
+        hint = hints[name]
         entry = None
         if get_origin(hint) is Annotated:
             hint, *told = get_args(hint)
@@ -200,25 +200,25 @@ def _doing(kind: Any, arguments: str, number: str) -> Any:
 
 
 @overload(load, jit_options=WITHOUT_ARRAYS)
-def _load(w, at, i):  # pyright: ignore  # noqa: ARG001, PGH003
+def _load(w, at, i):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
     return _returning(at, "w, at, i", "w[atAT, i]")
 
 
 @overload(store, jit_options=WITHOUT_ARRAYS)
-def _store(w, at, i, value):  # pyright: ignore  # noqa: ARG001, PGH003
+def _store(w, at, i, value):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
     return _doing(at, "w, at, i, value", "w[atAT, i] = valueAT")
 
 
 @overload(read, jit_options=WITHOUT_ARRAYS)
-def _read(array, at, first):  # pyright: ignore  # noqa: ARG001, PGH003
+def _read(array, at, first):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
     return _returning(at, "array, at, first", "array[first + atAT]")
 
 
 @overload(write, jit_options=WITHOUT_ARRAYS)
-def _write(array, at, value):  # pyright: ignore  # noqa: ARG001, PGH003
+def _write(array, at, value):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
     return _doing(at, "array, at, value", "array[atAT] = valueAT")
 
 
 @overload(blend, jit_options=WITHOUT_ARRAYS)
-def _blend(low, high, part):  # pyright: ignore  # noqa: ARG001, PGH003
+def _blend(low, high, part):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
     return _returning(low, "low, high, part", "lowAT + part * (highAT - lowAT)")
