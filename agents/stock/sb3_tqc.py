@@ -1,0 +1,25 @@
+"""sb3-contrib's TQC with its defaults: `python agents/stock/sb3_tqc.py --seed 0`, then its leaderboard."""
+
+from pathlib import Path
+
+import torch
+import tyro
+from sb3_contrib import TQC
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.vec_env import VecNormalize
+
+from pter_gym.benchmark import ResultsFolder, find_policy, from_sb3, print_boards, run_scenario
+
+
+def train(seed: int = 0, steps: int = 300_000, worlds: int = 4, out: Path = Path("stock")) -> None:
+    torch.set_num_threads(1)
+    keywords = {"action_unit": "normalised"}
+    venv = make_vec_env("PTER/Standard-v0", n_envs=worlds, seed=seed, env_kwargs=keywords)
+    venv = VecNormalize(venv, norm_reward=False)
+    model = TQC("MlpPolicy", venv, seed=seed, device="cpu").learn(steps)
+    policies = {f"sb3-tqc-{seed}": from_sb3(model, venv), "torque-feedback": find_policy("torque-feedback")}
+    print_boards(run_scenario("standard", policies, fresh=seed, results=ResultsFolder(out)))
+
+
+if __name__ == "__main__":
+    tyro.cli(train)

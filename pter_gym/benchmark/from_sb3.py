@@ -1,0 +1,135 @@
+"""Models of Stable-Baselines3 and sb3-contrib as policies; neither of them is imported here."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from pter_gym.compiled.layout import Layout
+from pter_gym.controllers import BoundPolicy
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE, Machine
+from pter_gym.tasks.path_following import Sensors, observation_layout
+
+Observations = NDArray[np.float32]
+
+
+def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelController":
+    """Return what runs a model in ``run_scenario``: deterministic, with its recurrent states kept for each world.
+
+    Parameters
+    ----------
+    model
+        Of any algorithm: its ``predict`` takes observations, states and the starts of episodes. Its actions are
+        volts or normalised, whatever the bounds of its action space say.
+    vec_normalize
+        What normalised the observations in training: a ``VecNormalize``, or Gymnasium's ``NormalizeObservation``.
+        Its statistics are used as they are at each decision, and not changed.
+
+    Raises
+    ------
+    ParameterError
+        If observations or actions of the model are not those of an environment of this package.
+    """
+    return ModelController(model, _normalising(vec_normalize), _sensors_of(model), *_bounds_of(model))
+
+
+@dataclass(frozen=True, eq=False)
+class ModelController:
+    """A model that is ready to be bound; made by ``from_sb3``.
+
+    Attributes
+    ----------
+    model
+        With ``predict``.
+    normalise
+        Turns observations into what the model was trained on.
+    sensors
+        What the observations must hold.
+    low, high
+        Bounds of its actions, (4,).
+    """
+
+    model: Any
+    normalise: Callable[[Observations], Observations]
+    sensors: Sensors
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+    def bind(self, machine: Machine, layout: Layout) -> "ModelPolicy":
+        """Return the policy for a nominal machine and the layout of the observations that it will get.
+
+        Raises
+        ------
+        ParameterError
+            If the observations have another number of entries.
+        """
+        (entries,) = self.model.observation_space.shape
+        if len(layout) != entries:
+            raise ParameterError(f"observations must have the {entries} entries of the model, got {len(layout)}")
+        return ModelPolicy(self, layout, machine.clutch.voltage_max)
+
+
+class ModelPolicy(BoundPolicy):
+    """A model that is ready to act."""
+
+    def __init__(self, controller: ModelController, layout: Layout, voltage_max: float) -> None:
+        self.layout = layout
+        self._controller = controller
+        self._volts_per_unit = voltage_max / (controller.high - controller.low)
+        self._voltage_max = voltage_max
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the recurrent states: new episodes begin."""
+        self._state: Any = None
+        self._begins = True
+
+    def act(self, observations: Observations) -> NDArray[np.float64]:
+        """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries)."""
+        actions, self._state = self._controller.model.predict(
+            self._controller.normalise(observations),
+            state=self._state,
+            episode_start=np.full(len(observations), self._begins),
+            deterministic=True,
+        )
+        self._begins = False
+        volts = (np.asarray(actions, np.float64) - self._controller.low) * self._volts_per_unit
+        return np.clip(volts, 0.0, self._voltage_max)
+
+
+def _sensors_of(model: Any) -> Sensors:
+    """Return the sensors whose observations are as wide as a model's."""
+    space = getattr(model, "observation_space", None)
+    widths: dict[int, Sensors] = {len(observation_layout(BASELINE, each)): each for each in get_args(Sensors)}
+    if not isinstance(space, spaces.Box) or len(space.shape) != 1 or space.shape[0] not in widths:
+        known = " or ".join(f"{width} ({sensors})" for width, sensors in widths.items())
+        raise ParameterError(f"model.observation_space must be a Box of {known} entries, got {space}")
+    return widths[space.shape[0]]
+
+
+def _bounds_of(model: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the bounds of a model's actions, which are those of the voltages."""
+    space = getattr(model, "action_space", None)
+    if not isinstance(space, spaces.Box) or space.shape != (4,) or not space.is_bounded():
+        raise ParameterError(f"model.action_space must be a Box of 4 entries with bounds, got {space}")
+    return space.low.astype(np.float64), space.high.astype(np.float64)
+
+
+def _normalising(wrapper: Any) -> Callable[[Observations], Observations]:
+    """Return what normalises observations as a wrapper does, without a change to its statistics."""
+    if wrapper is None:
+        return lambda obs: obs
+    if callable(getattr(wrapper, "normalize_obs", None)):
+        return wrapper.normalize_obs
+    if not all(hasattr(wrapper, name) for name in ("obs_rms", "epsilon")):
+        raise ParameterError(f"vec_normalize must be a VecNormalize or a NormalizeObservation, got {wrapper!r}")
+    return lambda obs: _standardised(obs, wrapper)
+
+
+def _standardised(obs: Observations, wrapper: Any) -> Observations:
+    """Return observations as Gymnasium's ``NormalizeObservation`` has them."""
+    return ((obs - wrapper.obs_rms.mean) / np.sqrt(wrapper.obs_rms.var + wrapper.epsilon)).astype(np.float32)

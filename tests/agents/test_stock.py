@@ -1,0 +1,110 @@
+"""Stock algorithms: the scripts run, know nothing of the trainer, and a minute of PPO does not lock the arm."""
+
+import importlib.util
+import re
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pter_gym.benchmark import PACES, ResultsFolder, from_sb3
+from pter_gym.benchmark.simulation import run, time_limit
+from pter_gym.engine.batch import Batch
+from pter_gym.envs.scenario import training_draws
+from pter_gym.params import BASELINE
+from pter_gym.scenarios import find_scenario
+from pter_gym.tasks.path_following import COLUMN, observation_layout
+
+pytestmark = pytest.mark.agents
+torch = pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3")
+from stable_baselines3 import PPO  # noqa: E402  (after the skip)
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize  # noqa: E402
+
+from pter_gym.envs.sb3 import make_sb3_vec_env  # noqa: E402  (needs Stable-Baselines3)
+
+STOCK = Path(__file__).parents[2] / "agents" / "stock"
+SCRIPTS = sorted(STOCK.glob("*.py"))
+TINY: dict[str, dict[str, Any]] = {
+    "cleanrl_ppo": {"steps": 256, "n": 2, "horizon": 64},
+    "sb3_ppo": {"steps": 64, "worlds": 2},
+    "sb3_sac": {"steps": 240, "worlds": 2},
+    "sb3_tqc": {"steps": 240, "worlds": 2},
+}
+
+OMEGA = [index for index, name in enumerate(observation_layout(BASELINE, "torque").names) if name.startswith("omega")]
+NEAR_START = 0.25
+"""Of the path; an arm that goes no further is stuck."""
+
+
+def load(script: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(script.stem, script)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_a_script_is_short_and_knows_nothing_of_the_trainer(script: Path) -> None:
+    text = script.read_text("utf-8")
+    assert len(text.splitlines()) <= 60
+    assert "pter_agents" not in text
+    assert not re.search(r"\b(reward|starts|error_max)=", text)
+    assert script.stem in TINY
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_a_script_trains_and_scores(script: Path, tmp_path: Path, capsys: Any) -> None:
+    if script.stem == "sb3_tqc":
+        pytest.importorskip("sb3_contrib")
+    threads = torch.get_num_threads()
+    load(script).train(**TINY[script.stem], seed=3, out=tmp_path)
+    torch.set_num_threads(threads)
+    runs = ResultsFolder(tmp_path).runs()
+    name = f"{script.stem.replace('_', '-')}-3"
+    assert {(run.conditions.policy, run.conditions.pace, run.conditions.fresh) for run in runs} == {
+        (policy, pace, 3) for policy in (name, "torque-feedback") for pace in PACES
+    }
+    assert name in capsys.readouterr().out
+
+
+class CostOfSpeed(VecEnvWrapper):
+    """A reward that teaches to lock: the joints' speeds cost their squares, and nothing pays."""
+
+    def reset(self) -> Any:
+        return self.venv.reset()
+
+    def step_wait(self) -> Any:
+        observations, _, dones, infos = self.venv.step_wait()
+        return observations, -np.square(observations[:, OMEGA]).sum(axis=1), dones, infos
+
+
+def progress_after_a_minute(taught: Callable[[VecEnv], VecEnv]) -> NDArray[np.float64]:
+    """Return how much of each path a policy goes that stock PPO has learnt in a minute."""
+    torch.manual_seed(0)
+    worlds = make_sb3_vec_env(4, randomisation=training_draws("standard"), max_episode_steps=1000)
+    venv = VecNormalize(taught(worlds))
+    model = PPO("MlpPolicy", venv, seed=0, device="cpu").learn(100_000)
+    machines, tasks = zip(*find_scenario("standard").randomisation("medium", contexts=16, seed=5).pairs(), strict=True)
+    limits = [time_limit(task) for task in tasks]
+    rows = run(Batch(machines, tasks), from_sb3(model, venv), list(range(16)), limits).telemetry
+    return np.nanmax(rows[..., COLUMN.reached], axis=0) / [task.path.length for task in tasks]
+
+
+@pytest.mark.slow
+def test_a_minute_of_stock_ppo_does_not_lock_the_arm() -> None:
+    reached = progress_after_a_minute(lambda worlds: worlds)
+    assert reached.min() > NEAR_START
+    assert reached.mean() > 0.75
+
+
+@pytest.mark.long
+def test_a_minute_of_stock_ppo_locks_the_arm_where_that_pays() -> None:
+    assert progress_after_a_minute(CostOfSpeed).min() < NEAR_START

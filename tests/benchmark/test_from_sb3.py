@@ -1,0 +1,152 @@
+"""Models of Stable-Baselines3 and sb3-contrib in the benchmark, trained for a moment."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import spaces
+from gymnasium.wrappers.vector import NormalizeObservation
+
+from pter_gym.benchmark import from_sb3, run_scenario
+from pter_gym.benchmark.simulation import run
+from pter_gym.controllers import bind
+from pter_gym.engine.batch import Batch
+from pter_gym.engine.world import SKIP
+from pter_gym.envs.vector import PathFollowingVectorEnv
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.tasks.path_following import PathFollowing, Sensors, observation_layout
+
+pytestmark = pytest.mark.agents
+sb3 = pytest.importorskip("stable_baselines3")
+vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
+contrib = pytest.importorskip("sb3_contrib")
+from pter_gym.envs.sb3 import make_sb3_vec_env  # noqa: E402  (needs Stable-Baselines3)
+
+SMALL: dict[str, Any] = {"policy_kwargs": {"net_arch": [8]}, "device": "cpu", "seed": 0}
+RECURRENT: dict[str, Any] = {**SMALL, "policy_kwargs": {"net_arch": [8], "lstm_hidden_size": 8}}
+ON_POLICY: dict[str, Any] = {"n_steps": 32, "batch_size": 32}
+KINDS = {
+    "PPO": lambda env: sb3.PPO("MlpPolicy", env, **SMALL, **ON_POLICY),
+    "SAC": lambda env: sb3.SAC("MlpPolicy", env, **SMALL, learning_starts=16),
+    "TQC": lambda env: contrib.TQC("MlpPolicy", env, **SMALL, learning_starts=16),
+    "RecurrentPPO": lambda env: contrib.RecurrentPPO("MlpLstmPolicy", env, **RECURRENT, **ON_POLICY),
+}
+
+
+def trained(kind: str, unit: str = "normalised", sensors: Sensors = "torque") -> tuple[Any, Any]:
+    """A model and what normalised its observations."""
+    venv = vec_env.VecNormalize(make_sb3_vec_env(2, action_unit=unit, sensors=sensors), clip_obs=3.0)
+    return KINDS[kind](venv).learn(64), venv
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", ["normalised", "volt"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_model_acts_as_in_its_own_environment(kind: str, unit: Any) -> None:
+    model, venv = trained(kind, unit)
+    statistics = venv.obs_rms.mean.copy(), venv.obs_rms.var.copy(), venv.obs_rms.count
+    task, seeds = PathFollowing(start_offset=0.01), [5, 6, 7]
+    ours = run(Batch(BASELINE, task, 3), from_sb3(model, venv), seeds, [40] * 3)
+    batch = Batch(BASELINE, task, 3, action_unit=unit)
+    obs, rows = batch.reset(seeds)
+    state, begins = None, np.ones(3, np.bool_)
+    for row in ours.telemetry:
+        np.testing.assert_array_equal(row, rows)
+        actions, state = model.predict(venv.normalize_obs(obs), state, begins, deterministic=True)
+        obs, _, _, _, (rows,) = batch.step(actions, SKIP)
+        begins[:] = False
+    assert ours.steps > 5
+    assert statistics[2] == venv.obs_rms.count
+    np.testing.assert_array_equal(statistics[:2], (venv.obs_rms.mean, venv.obs_rms.var))
+
+
+@pytest.mark.slow
+def test_two_lines_score_a_model() -> None:
+    model, venv = trained("RecurrentPPO", sensors="force")
+    first, second = (run_scenario("standard", {"mine": from_sb3(model, venv)}, ["brisk"], episodes=2) for _ in range(2))
+    np.testing.assert_array_equal(first[0].scores["path_error_m"], second[0].scores["path_error_m"])
+    assert first[0].conditions.identity is None
+
+
+class Remembering:
+    """Acts as a recurrent model does: its state counts the decisions of each world since the start of an episode."""
+
+    def __init__(self, sensors: Sensors = "encoders") -> None:
+        self.observation_space = spaces.Box(-1.0, 1.0, (len(observation_layout(BASELINE, sensors)),))
+        self.action_space = spaces.Box(np.array([0.0, -1.0, -10.0, 0.0], np.float32), np.float32(10.0))
+
+    def predict(self, obs: Any, state: Any, episode_start: Any, deterministic: bool) -> tuple[Any, Any]:
+        assert deterministic
+        assert episode_start.shape == (len(obs),)
+        count = np.where(episode_start, 0.0, 0.0 if state is None else state) + 1.0
+        return np.stack([count, -np.ones(len(obs)), np.zeros(len(obs)), 10.0 * np.ones(len(obs))], axis=1), count
+
+
+def test_states_belong_to_worlds_and_begin_again_at_a_reset() -> None:
+    controller = from_sb3(Remembering())
+    assert controller.sensors == "encoders"
+    layout = observation_layout(BASELINE, "encoders")
+    one, other = (bind(controller, BASELINE, layout) for _ in range(2))
+    for worlds in (3, 1):
+        one.reset()
+        obs = np.zeros((worlds, len(layout)), np.float32)
+        found = [one.act(obs) for _ in range(3)]
+        np.testing.assert_allclose([volts[:, 0] for volts in found], 2.4 * np.arange(1, 4)[:, None] * np.ones(worlds))
+        np.testing.assert_allclose(found[0][:, 1:], np.tile([0.0, 12.0, 24.0], (worlds, 1)))
+    np.testing.assert_allclose(other.act(obs)[:, 0], 2.4)
+
+
+def test_gymnasiums_statistics_are_taken_too() -> None:
+    env = NormalizeObservation(PathFollowingVectorEnv(4, sensors="encoders"))
+    env.reset(seed=0)
+    for _ in range(20):
+        env.step(env.action_space.sample())
+    env.update_running_mean = False
+    seen: list[Any] = []
+    model = Remembering()
+    policy = from_sb3(model, env).bind(BASELINE, observation_layout(BASELINE, "encoders"))
+    predict = model.predict
+    model.predict = lambda obs, **given: (seen.append(obs), predict(obs, **given))[1]  # type: ignore[method-assign]
+    raw = env.env.reset(seed=3)[0]
+    policy.act(raw)
+    np.testing.assert_allclose(seen[0], env.observations(raw), rtol=1e-6)
+    assert seen[0].dtype == np.float32
+
+
+@pytest.mark.parametrize("sensors", ["encoders", "torque", "force"])
+def test_sensors_follow_from_the_width_of_the_observations(sensors: Sensors) -> None:
+    assert from_sb3(Remembering(sensors)).sensors == sensors
+
+
+def model_with(**spaces_given: Any) -> Any:
+    model = Remembering()
+    return SimpleNamespace(**{**vars(model), **spaces_given})
+
+
+@pytest.mark.parametrize(
+    ("model", "match"),
+    [
+        (model_with(observation_space=spaces.Box(-1.0, 1.0, (5,))), "observation_space must be a Box of"),
+        (model_with(observation_space=spaces.Dict({})), "observation_space must be a Box of"),
+        (model_with(action_space=spaces.Box(-1.0, 1.0, (3,))), "action_space must be a Box of 4 entries"),
+        (model_with(action_space=spaces.Box(-np.inf, np.inf, (4,))), "action_space must be a Box of 4 entries"),
+        (model_with(action_space=spaces.Discrete(4)), "action_space must be a Box of 4 entries"),
+        (object(), "observation_space must be a Box of"),
+    ],
+)
+def test_models_of_other_environments_are_refused(model: Any, match: str) -> None:
+    with pytest.raises(ParameterError, match=match):
+        from_sb3(model)
+
+
+def test_what_normalises_nothing_is_refused() -> None:
+    with pytest.raises(ParameterError, match="vec_normalize must be a VecNormalize or a NormalizeObservation"):
+        from_sb3(Remembering(), gymnasium.Env())
+
+
+def test_observations_of_another_width_are_refused() -> None:
+    with pytest.raises(ParameterError, match="observations must have the"):
+        from_sb3(Remembering("encoders")).bind(BASELINE, observation_layout(BASELINE, "force"))
