@@ -48,9 +48,6 @@ class Settings(RewardWeights):
         of its machine and task.
     worlds, steps
         Worlds that are simulated at once, and control steps of each between two updates.
-    drift, window
-        Weight [1/s] of a further term of the reward: the relative pace error behind a low-pass of so many control
-        steps. Stick-slip hides a mean that is off the pace from the term of the momentary speed.
     episode
         Control steps after which a training episode is truncated.
     contexts
@@ -70,8 +67,6 @@ class Settings(RewardWeights):
     privileged: bool
     worlds: int
     steps: int
-    drift: float
-    window: int
     episode: int
     contexts: int
 
@@ -88,8 +83,7 @@ class Settings(RewardWeights):
         require_number(self, "reach", above=0.0)
         require_number(self, "start", at_least=-1.0, at_most=1.0)
         require_number(self, "deviation", above=0.0)
-        require_number(self, "drift", at_least=0.0)
-        for name in ("worlds", "steps", "window", "episode", "contexts"):
+        for name in ("worlds", "steps", "episode", "contexts"):
             require_whole(self, name)
         require(type(self.privileged) is bool, self, "privileged", self.privileged, "true or false")
         for name in ("hidden", "value_hidden"):

@@ -268,7 +268,7 @@ def make_training_worlds(settings: Settings, draws: Randomisation, interface: In
     """
     truth = sample_truth(settings, draws, seed) if settings.privileged else None
     worlds = make_worlds(draws, settings.worlds, settings.episode, settings.sensors)
-    return InterfaceVecEnv(worlds, interface, settings.drift, settings.window, truth)
+    return InterfaceVecEnv(worlds, interface, truth)
 
 
 def make_model(settings: Settings, worlds: InterfaceVecEnv, arguments: Arguments) -> OnPolicyAlgorithm:

@@ -102,15 +102,11 @@ class InterfaceVecEnv(VecEnvWrapper):
         The worlds.
     interface
         What the network sees and does.
-    drift, window
-        Weight [1/s] of the reward's term for the mean pace, and the time constant of that mean in control steps.
     truth
         How to scale what is true of a world for the value network; None if it sees what the policy sees.
     """
 
-    def __init__(
-        self, venv: PterVecEnv, interface: Interface, drift: float = 0.0, window: int = 1, truth: Truth | None = None
-    ) -> None:
+    def __init__(self, venv: PterVecEnv, interface: Interface, truth: Truth | None = None) -> None:
         size = interface.size + (0 if truth is None else len(truth.center))
         super().__init__(
             venv,
@@ -123,15 +119,11 @@ class InterfaceVecEnv(VecEnvWrapper):
         self._base = np.zeros((venv.num_envs, 4))
         self._truth = truth
         self._known = np.zeros((venv.num_envs, size - interface.size))
-        self._drift = drift * self.worlds.batch.pairs[0][1].control_period
-        self._share = 1.0 / window
-        self._mean_pace_error = np.zeros(venv.num_envs)
         self._returns = np.zeros(venv.num_envs)
         self._lengths = np.zeros(venv.num_envs, np.int64)
 
     def reset(self) -> NDArray[np.float32]:
         """Start new episodes."""
-        self._mean_pace_error[:] = 0.0
         self._returns[:] = 0.0
         self._lengths[:] = 0
         self._past.forget(np.ones(self.num_envs, np.bool_))
@@ -149,8 +141,7 @@ class InterfaceVecEnv(VecEnvWrapper):
         final = np.array(obs)
         for world in map(int, ended):
             final[world] = infos[world]["terminal_observation"]
-        found = (rewards - self._drift * np.abs(self._pace_mean(final))).astype(np.float32)
-        self._returns += found
+        self._returns += rewards
         self._lengths += 1
         if len(ended):
             last = np.hstack([self.interface.see(final, self._past, passing=True)[0], self._known])
@@ -158,17 +149,15 @@ class InterfaceVecEnv(VecEnvWrapper):
             for world in map(int, ended):
                 infos[world]["terminal_observation"] = last[world].astype(np.float32)
                 infos[world]["episode"] = {"r": float(self._returns[world]), "l": int(self._lengths[world])}
-            self._mean_pace_error[ended] = 0.0
             self._returns[ended] = 0.0
             self._lengths[ended] = 0
-        return self._see(obs), found, done, infos
+        return self._see(obs), rewards, done, infos
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes."""
         own = {
             "base": self._base,
             "known": self._known,
-            "mean_pace_error": self._mean_pace_error,
             "returns": self._returns,
             "lengths": self._lengths,
         }
@@ -184,16 +173,8 @@ class InterfaceVecEnv(VecEnvWrapper):
         self._past.set_state(state)
         self._base = state["base"]
         self._known = state["known"]
-        self._mean_pace_error = state["mean_pace_error"]
         self._returns = state["returns"]
         self._lengths = state["lengths"]
-
-    def _pace_mean(self, obs: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Return the low-passed relative pace error of all worlds, (N,), and let it go on."""
-        layout = self.interface.layout
-        error = layout.physical(obs, "speed_along") / layout.physical(obs, "pace") - 1.0
-        self._mean_pace_error += self._share * (error - self._mean_pace_error)
-        return self._mean_pace_error
 
     def _see(self, obs: Any) -> NDArray[np.float32]:
         inputs, self._base = self.interface.see(obs, self._past)

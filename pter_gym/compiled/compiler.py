@@ -7,7 +7,7 @@ alone.
 
 import hashlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
@@ -140,7 +140,7 @@ def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:
 
 
 def _digest(kernel: FunctionType) -> str:
-    """Hash this file, the sources of all functions that the kernel reaches and the constants that they name."""
+    """Hash this file, the functions that the kernel reaches, with their sources, and the constants that they name."""
     sources = {Path(__file__).read_bytes()}
     constants: set[str] = set()
     seen: set[int] = set()
@@ -150,22 +150,42 @@ def _digest(kernel: FunctionType) -> str:
         if id(function) in seen:
             continue
         seen.add(id(function))
-        sources.add(_source(function.__code__))
-        for name in function.__code__.co_names:
-            value: Any = function.__globals__.get(name)
-            if isinstance(value, Dispatcher):
-                value = cast(Any, value).py_func
+        code = function.__code__
+        sources.add(_source(code))
+        constants.add(f"{function.__module__}.{function.__qualname__}:{code.co_firstlineno}")
+        for name, named in _named(function):
+            value: Any = cast(Any, named).py_func if isinstance(named, Dispatcher) else named
             if isinstance(value, FunctionType):
                 pending.append(value)
             elif isinstance(value, type) and value.__module__.startswith(PACKAGE):
                 constants.add(f"{name}={getattr(value, '_fields', value)!r}")
-            elif isinstance(value, _CONSTANTS) and not isinstance(value, ModuleType):
+            elif isinstance(value, np.ndarray):
+                constants.add(f"{name}={value.dtype.str}{value.shape}{hashlib.sha256(value.tobytes()).hexdigest()}")
+            elif isinstance(value, _CONSTANTS):
                 constants.add(f"{name}={value!r}")
     content = hashlib.sha256()
     for source in sorted(sources):
         content.update(source)
     content.update("\n".join(sorted(constants)).encode())
     return content.hexdigest()
+
+
+def _named(function: FunctionType) -> Iterator[tuple[str, Any]]:
+    """Yield what a function names outside itself: globals, attributes of modules, its closure and its defaults."""
+    names = _names(function.__code__)
+    known = [(name, function.__globals__[name]) for name in names if name in function.__globals__]
+    yield from known
+    for prefix, module in known:
+        if isinstance(module, ModuleType):
+            yield from ((f"{prefix}.{name}", vars(module)[name]) for name in names if name in vars(module))
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    yield from ((name, cell.cell_contents) for name, cell in cells)
+    yield from ((f"default {k}", value) for k, value in enumerate(function.__defaults__ or ()))
+
+
+def _names(code: CodeType) -> set[str]:
+    """Return the names in a function's code and in that of the functions within it."""
+    return set(code.co_names).union(*(_names(inner) for inner in code.co_consts if isinstance(inner, CodeType)))
 
 
 def _source(code: CodeType) -> bytes:

@@ -281,6 +281,12 @@ class Batch(Worlds):
         -------
         observations, telemetry
             The last observations, and float64 (steps, N, len(TELEMETRY)); NaN after the end of an episode.
+
+        Raises
+        ------
+        ActionError
+            If the law returns a voltage that is not finite; worlds and memory are as before. One beyond the range is
+            clipped.
         """
         telemetry = np.full((steps, self.num_worlds, COLUMNS), np.nan)
         obs, _ = self._follow(obs, law, gains, memory, telemetry, steps)
@@ -300,6 +306,11 @@ class Batch(Worlds):
         -------
         observations, flags
             The last observations, and bool (FLAGS, N): whether the episode ended in these steps, and how.
+
+        Raises
+        ------
+        ActionError
+            As ``rollout`` does.
         """
         return self._follow(obs, law, gains, memory, np.empty((0, self.num_worlds, COLUMNS)), steps)
 
@@ -313,7 +324,12 @@ class Batch(Worlds):
         config[CONFIG.has_law] = 1.0
         rewards = np.empty(self.num_worlds)
         flags = np.zeros((FLAGS, self.num_worlds), np.bool_)
-        self._run(advance_kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
+        worlds, kept = self._worlds.copy(), memory.copy()
+        refused = self._run(advance_kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
+        if refused >= 0:
+            volts = self._row(refused)[[*ROW.command]]
+            self._worlds[:], memory[:] = worlds, kept
+            raise ActionError(f"the law's voltages of world {refused} must be finite, got {volts.tolist()}")
         return obs, flags
 
     def empty_memory(self) -> Array:
@@ -348,9 +364,10 @@ class Batch(Worlds):
         if len(shares) == 1:
             return kernel(*arguments, steps, *shares[0])
         refused = kernel(*arguments, 0, 0, 0)
-        if refused < 0:
-            self._threads.share_out(partial(kernel, *arguments, steps), shares)
-        return refused
+        if refused >= 0:
+            return refused
+        found = self._threads.share_out(partial(kernel, *arguments, steps), shares)
+        return min((world for world in found if world >= 0), default=-1)
 
     def close(self) -> None:
         """Stop the threads, if there are any."""
@@ -368,9 +385,13 @@ class Batch(Worlds):
             raise ActionError(f"action must hold real numbers, got dtype {array.dtype}")
         self._actions[...] = array
 
-    def _refuse(self, world: int) -> None:
+    def _row(self, world: int) -> Array:
+        """Return what is stored of a world, (rows,)."""
         width = self._worlds.shape[2]
-        if self._worlds[world // width, ROW.alive, world % width] == 0.0:
+        return self._worlds[world // width, :, world % width]
+
+    def _refuse(self, world: int) -> None:
+        if self._row(world)[ROW.alive] == 0.0:
             raise ResetNeededError(f"world {world} needs a reset: it was never reset or its episode has ended")
         raise ActionError(
             f"action of world {world} must be finite and within [{self.action_low:g}, {self.action_high:g}], "

@@ -11,6 +11,7 @@ from pter_gym.compiled.records import load, store
 from pter_gym.engine.hand import plan_hand, plans
 from pter_gym.engine.recording import record_reset, record_step, tip_acceleration
 from pter_gym.engine.sensing import see, situated, take_reading, write_observation
+from pter_gym.engine.starts import explore, place, spread
 from pter_gym.engine.world import (
     BASIC_ROWS,
     CONFIG,
@@ -25,10 +26,10 @@ from pter_gym.engine.world import (
 )
 from pter_gym.hands.model import SINES, unit_vector
 from pter_gym.paths.projection import project, segment_at
-from pter_gym.physics.arm import tip_position
+from pter_gym.physics.arm import UnitVector, Vector, tip_position
 from pter_gym.tasks.path_following.context import CONTEXT_WIDTH
 from pter_gym.tasks.path_following.reward import Outcome, reward_terms, total
-from pter_gym.tasks.path_following.situation import left_workspace, motion_at, reached_end
+from pter_gym.tasks.path_following.situation import left_workspace, reached_end
 from pter_gym.tasks.path_following.specification import MAX_DELAY
 
 _RESET_STREAM = np.uint64(0x5245534554)
@@ -67,8 +68,11 @@ def locate(w: Any, i: int, constants: Any) -> None:
     x, y = tip_position(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     path = load(w, ROW.task.path, i)
     foot = project(constants, int(path.first), int(path.arcs), int(w[ROW.foot.segment, i]), x, y)
+    w[ROW.travel, i] = foot.arc_length - w[ROW.foot.arc_length, i]
     store(w, ROW.foot, i, foot)
-    w[ROW.reached, i] = foot.arc_length if foot.arc_length > w[ROW.reached, i] else w[ROW.reached, i]
+    advance = foot.arc_length - w[ROW.reached, i]
+    w[ROW.advance, i] = advance if advance > 0.0 else 0.0
+    w[ROW.reached, i] = foot.arc_length if advance > 0.0 else w[ROW.reached, i]
 
 
 @outlined
@@ -87,10 +91,15 @@ def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: A
         angle = 2.0 * np.pi * draws[k] if w[ROW.hand.random_phases, i] != 0.0 else w[ROW.hand.phase[k], i]
         store(w, ROW.sines[k], i, unit_vector(angle))
     arc = segment_at(constants, int(w[ROW.task.path.first, i]), 0)
-    offset = w[ROW.task.start_offset, i] * (2.0 * u0 - 1.0)
-    x = arc.x - offset * arc.heading_sin
-    y = arc.y + offset * arc.heading_cos
-    store(w, ROW.motion, i, motion_at(load(w, ROW.machine.arm, i), x, y))
+    place(
+        w,
+        i,
+        Vector(arc.x, arc.y),
+        UnitVector(arc.heading_cos, arc.heading_sin),
+        spread(u0, w[ROW.task.start_offset, i]),
+    )
+    if w[ROW.task.starts.moving, i] + w[ROW.task.starts.gripped, i] > 0.0:
+        explore(w, i, seed, episode, constants)
     w[ROW.alive, i] = 1.0
     locate(w, i, constants)
     if plans(w, i):
@@ -107,18 +116,29 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     w[ROW.began, i] = w[ROW.alive, i]
     w[ROW.step, i] += 1.0
     at = situated(w, i)
-    success = reached_end(at.arc_length, w[ROW.task.path.length, i])
-    failure = (not success) & left_workspace(
-        at.arc_length,
-        at.normal_error,
-        load(w, ROW.motion, i),
-        w[ROW.task.error_max, i],
-        w[ROW.task.singularity_margin, i],
+    length = w[ROW.task.path.length, i]
+    w[ROW.pace_ratio, i] += w[ROW.task.pace_decay, i] * (
+        w[ROW.travel, i] / (period * w[ROW.task.pace, i]) - w[ROW.pace_ratio, i]
+    )
+    at_end = reached_end(at.arc_length, length)
+    success = at_end & (abs(at.normal_error) <= w[ROW.task.arrival, i])
+    failure = (not success) & (
+        at_end
+        | left_workspace(
+            at.arc_length,
+            at.normal_error,
+            load(w, ROW.motion, i),
+            w[ROW.task.error_max, i],
+            w[ROW.task.singularity_margin, i],
+        )
     )
     acceleration = tip_acceleration(w, i, period)
     outcome = Outcome(
         at=at,
+        advance=w[ROW.advance, i],
+        path_length=length,
         pace=w[ROW.task.pace, i],
+        pace_ratio=w[ROW.pace_ratio, i],
         acceleration=math.sqrt(acceleration.x * acceleration.x + acceleration.y * acceleration.y),
         volts=load(w, ROW.command, i),
         voltage_max=w[ROW.machine.voltage_max, i],

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from pter_gym.compiled.compiler import compile_kernel, device, inlined
+from pter_gym.compiled.records import store
 from pter_gym.engine.episode import (
     end_step,
     fetch_world,
@@ -27,6 +28,7 @@ from pter_gym.engine.recording import record_reset
 from pter_gym.engine.sensing import observe_reading, observe_world, see, take_reading, write_observation
 from pter_gym.engine.step import (
     aim_torques,
+    are_finite,
     catch_crossing,
     find_velocity,
     given_volts,
@@ -289,7 +291,12 @@ def _build_advance(digest: str) -> Any:
                 if has_law:
                     for i in range(lanes):
                         if w[ROW.alive, i] != 0.0:
-                            take_command(w, i, law(obs[begin + i], scales, gains, given[begin + i]))
+                            volts = law(obs[begin + i], scales, gains, given[begin + i])
+                            if not are_finite(volts):
+                                store(w, ROW.command, i, volts)
+                                put_back(w, i, worlds, begin + i)
+                                return begin + i
+                            take_command(w, i, volts)
                 else:
                     _begin_given(w, lanes, given, begin, low, high)
                 _move(w, worlds, lanes, config)
@@ -333,6 +340,9 @@ def advance_kernel(inlined: Any = no_law) -> Any:
     ``given`` holds the actions (N, 4), or where the voltages come from the law its memory (N, M). A call for all blocks
     or for none looks at the actions of all worlds first; the number of the first that is refused is returned before
     anything is touched, −1 when all went well. A call for some blocks does not look.
+
+    Where a law returns a voltage that is not finite, the number of its world is returned. That world's command then
+    holds the voltages, and other worlds have moved.
     """
     return compile_kernel(_build_advance, law=inlined)
 

@@ -15,7 +15,7 @@ from pter_gym.paths.projection import project
 from pter_gym.physics.arm import Motion, PerLink, tip_position, tip_velocity
 from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.friction import between
-from pter_gym.tasks.path_following.observation import ENTRIES, observation
+from pter_gym.tasks.path_following.observation import BOUND, ENTRIES, observation
 from pter_gym.tasks.path_following.situation import PathVector, Situation, situation
 from pter_gym.tasks.path_following.specification import MAX_DELAY
 
@@ -133,9 +133,9 @@ def observe_reading(w: Any, i: int, config: Any, constants: Any) -> None:
 
 @device
 def scale_entries(w: Any, i: int, config: Any) -> None:
-    """Bring the entries of an observation from their units into [−1, 1]."""
+    """Bring the entries of an observation from their units to their scales, within ±BOUND."""
     for k in range(ENTRIES):
-        w[_FIRST_SEEN + k, i] = between(w[_FIRST_SEEN + k, i] * config[_FIRST_INVERSE_SCALE + k], -1.0, 1.0)
+        w[_FIRST_SEEN + k, i] = between(w[_FIRST_SEEN + k, i] * config[_FIRST_INVERSE_SCALE + k], -BOUND, BOUND)
 
 
 @device
@@ -147,7 +147,7 @@ def write_observation(w: Any, i: int, obs: Any, world: int, config: Any, constan
             obs[world, k] = w[_FIRST_SEEN + k, i]
     told = int(w[ROW.context_at, i]) + CONSTANT_ROWS - plain
     for k in range(plain, obs.shape[1]):
-        obs[world, k] = between(constants[told + k] / config[CONFIG_WIDTH + k], -1.0, 1.0)
+        obs[world, k] = between(constants[told + k] / config[CONFIG_WIDTH + k], -BOUND, BOUND)
 
 
 @device

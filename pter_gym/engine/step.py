@@ -1,5 +1,6 @@
 """How a world moves in a control step, as scalar functions on column ``i`` of an array ``w`` with the rows ``ROW``."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,12 @@ def given_volts(actions: Any, world: int, low: float, volts_per_unit: float) -> 
         (actions[world, 2] - low) * volts_per_unit,
         (actions[world, 3] - low) * volts_per_unit,
     )
+
+
+@device
+def are_finite(volts: PerClutch) -> bool:
+    """Tell whether all voltages are finite numbers."""
+    return math.isfinite(volts.x1) & math.isfinite(volts.x2) & math.isfinite(volts.x3) & math.isfinite(volts.x4)
 
 
 @device

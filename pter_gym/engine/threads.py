@@ -4,7 +4,6 @@ import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 INLINE_BLOCKS = 16
 """Batches of fewer blocks are stepped by the caller's thread alone: waking another one costs more than it saves."""
@@ -33,15 +32,19 @@ class Threads:
         share = -(-blocks // self.count)
         return [(first, min(first + share, blocks)) for first in range(0, blocks, share)]
 
-    def share_out(self, call: Callable[[int, int], Any], shares: list[Share]) -> None:
-        """Call a compiled function for all shares, in all threads at once. An interrupt (Ctrl-C) waits for all."""
+    def share_out(self, call: Callable[[int, int], int], shares: list[Share]) -> list[int]:
+        """Return what a compiled function does of each share, in any order; it is called in all threads at once.
+
+        An interrupt (Ctrl-C) waits for all.
+        """
         left = iter(shares)
         done: list[Share] = []
+        found: list[int] = []
 
         def work() -> None:
             for share in left:
                 try:
-                    call(*share)
+                    found.append(call(*share))
                 finally:
                     done.append(share)
 
@@ -56,6 +59,7 @@ class Threads:
             while len(done) < len(shares):
                 time.sleep(1e-4)
             raise
+        return found
 
     def close(self) -> None:
         """Stop the threads, if there are any."""

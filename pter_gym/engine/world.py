@@ -68,6 +68,7 @@ class World(NamedTuple):
     alive: Annotated[float, Entry("1", "1 while the episode goes on")]
     foot: Foot
     reached: Annotated[float, Entry("m", "largest arc length so far")]
+    pace_ratio: Annotated[float, Entry("1", "mean of late of the pace along the path over the commanded one")]
     context_at: Annotated[float, Entry("1", "where its context begins in the constants")]
     draws_from: Annotated[float, Entry("1", "where the contexts that it draws from begin")]
     draws: Annotated[float, Entry("1", "number of contexts that it draws from")]
@@ -89,6 +90,8 @@ class World(NamedTuple):
     energy: Energy
     force: Annotated[Vector, Entry("N", "the hand's force on the tip")]
     start_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity at the start of the step")]
+    travel: Annotated[float, Entry("m", "change of the arc length")]
+    advance: Annotated[float, Entry("m", "how far beyond the largest arc length before the step")]
     began: Annotated[float, Entry("1", "1 if the world was alive before the step")]
     terms: Annotated[Terms, Entry("1", "reward term", name="reward")]
     reward: Annotated[float, Entry("1", "sum of the reward terms")]

@@ -4,13 +4,28 @@ from typing import Any
 
 from pter_gym.envs.devices import make_vector_env
 from pter_gym.envs.single import PathFollowingEnv
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios.randomisation import Randomisation
+from pter_gym.tasks.path_following import STARTS, RewardWeights, Starts
+
+OWN = ("task", "machine", "randomisation")
+"""Arguments of ``PTER/PathFollowing-v0`` that a scenario brings itself."""
+
+TRAINING_WIDTH = 0.1
+"""Half-width of the workspace in training [m]; beyond it an agent learns to keep the pace beside the path."""
 
 
-def make_env(
-    scenario: str, pace: float | str | None = None, contexts: int = 512, context_seed: int = 0, **keywords: Any
-) -> PathFollowingEnv:
-    """Return the environment of a scenario.
+def training_draws(
+    scenario: str,
+    pace: float | str | None = None,
+    contexts: int = 512,
+    context_seed: int = 0,
+    reward: RewardWeights | None = None,
+    error_max: float | None = TRAINING_WIDTH,
+    starts: Starts | str = "path",
+) -> Randomisation:
+    """Return what the environment of a scenario draws its episodes from.
 
     Parameters
     ----------
@@ -20,22 +35,55 @@ def make_env(
         Commanded pace [m/s] or its name in ``PACES``; None draws it between the slowest and the fastest of them.
     contexts, context_seed
         Number of pairs of machine and task to draw from, and the seed of their list.
-    **keywords
-        Of ``PathFollowingEnv``.
+    reward
+        Weights of the reward; the scenario's by default.
+    error_max
+        Half-width of the workspace [m], so that an episode which goes astray ends early. None takes that of the
+        evaluation episodes, in which nothing is lost by going further away, but for the path error.
+    starts
+        How episodes begin, or its name in ``pter_gym.tasks.path_following.STARTS``: anywhere along the path, moving,
+        by default, without which no stock algorithm learns; ``"rest"`` begins as evaluation episodes do.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is out of range; it is named as it was given.
     """
-    drawn = find_scenario(scenario).randomisation(pace, contexts=contexts, seed=context_seed)
-    return PathFollowingEnv(randomisation=drawn, **keywords)
+    if isinstance(starts, str) and starts not in STARTS:
+        raise unknown_name("starts", starts, STARTS)
+    stated = {
+        "reward": reward,
+        "error_max": error_max,
+        "starts": STARTS[starts] if isinstance(starts, str) else starts,
+    }
+    return find_scenario(scenario).randomisation(
+        pace,
+        contexts=contexts,
+        seed=context_seed,
+        **{name: value for name, value in stated.items() if value is not None},
+    )
 
 
-def make_vec(
-    num_envs: int = 1,
-    *,
-    scenario: str,
-    pace: float | str | None = None,
-    contexts: int = 512,
-    context_seed: int = 0,
-    **keywords: Any,
-) -> Any:
+def make_env(scenario: str, **keywords: Any) -> PathFollowingEnv:
+    """Return the environment of a scenario; keywords are those of ``training_draws`` and of ``PathFollowingEnv``."""
+    drawn, rest = _split(scenario, keywords)
+    return PathFollowingEnv(randomisation=drawn, **rest)
+
+
+def make_vec(num_envs: int = 1, *, scenario: str, **keywords: Any) -> Any:
     """Return many worlds of a scenario; see ``make_env`` and ``pter_gym.envs.devices.make_vector_env``."""
-    drawn = find_scenario(scenario).randomisation(pace, contexts=contexts, seed=context_seed)
-    return make_vector_env(num_envs, randomisation=drawn, **keywords)
+    drawn, rest = _split(scenario, keywords)
+    return make_vector_env(num_envs, randomisation=drawn, **rest)
+
+
+def _split(scenario: str, keywords: dict[str, Any]) -> tuple[Randomisation, dict[str, Any]]:
+    """Return a scenario's draws, and the keywords that are not about them."""
+    for name in OWN:
+        if name in keywords:
+            raise ParameterError(
+                f"{name} must not be given: {find_scenario(scenario).id} draws its own; "
+                "PTER/PathFollowing-v0 takes it, and pace, reward, error_max, starts change what is drawn"
+            )
+    known = training_draws.__annotations__.keys() & keywords.keys()
+    drawn = training_draws(scenario, **{name: keywords[name] for name in known})
+    return drawn, {name: value for name, value in keywords.items() if name not in known}

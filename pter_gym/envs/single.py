@@ -1,7 +1,7 @@
 """The Gymnasium environment: a batch of one world."""
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import gymnasium
 import numpy as np
@@ -14,6 +14,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import MACHINES, Machine
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensors
+from pter_gym.tasks.path_following.observation import BOUND
 
 RenderMode = Literal["human", "rgb_array"]
 
@@ -37,25 +38,30 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     moves.
 
     ## Observation Space
-    `Box(-1, 1, (18,), float32)`, with torque sensors 22 entries, with force sensors 24. Entries are stored relative to
-    a scale and limited to [-1, 1]; `env.unwrapped.observation_layout` names them and holds the scales:
+    `Box(-25, 25, (20,), float32)`, with torque sensors 24 entries, with force sensors 26. Entries are stored relative
+    to scales of the size that is usual in use, so most are between -1 and 1, and limited to 25 of them;
+    `env.unwrapped.observation_layout` names them and holds the scales:
 
     | entries | meaning |
     |---|---|
     | `cos_a`, `sin_a`, `cos_b`, `sin_b` | absolute angles of links A and B |
     | `omega_a`, `omega_b` | their angular velocities |
-    | `normal_error`, `progress` | distance from the path, positive to its left; part of the path covered |
+    | `normal_error`, `near_error` | distance from the path, positive to its left; the same up to 10 mm |
+    | `progress` | part of the path covered |
     | `heading_cos`, `heading_sin`, `curvature` | the path there |
     | `speed_along`, `speed_across` | tip velocity along and across the path |
-    | `pace` | commanded mean speed along the path |
+    | `pace`, `pace_error` | commanded mean speed along the path; `speed_along` over it, less 1 |
     | `volts_1`, `volts_2`, `volts_3`, `volts_4` | last voltages |
     | `torque_1`, `torque_2`, `torque_3`, `torque_4` | generated torques (`sensors="torque"` and `"force"`) |
     | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
 
     ## Rewards
-    The sum of running costs, each a rate times the control period with a weight in `task.reward`, and a penalty on
-    leaving the workspace. The costs are those of the distance from the path, the deviation from the commanded pace, the
-    tip's acceleration and the mean squared voltage. Each term is in the telemetry.
+    Each new centimetre of the path pays: the whole path 1000 if the tip is on it and keeps the commanded pace. What it
+    pays falls with the distance from the path (by 1/e at 60 mm) and with the ratio of the pace, a mean over a tenth
+    of a second, to the commanded one (its third power below 1, its inverse fourth power above). A pace off the
+    commanded one costs as time goes by: at rest, 100 in the time that the path takes at the pace. A step pays at most
+    what its new arc length is worth, so no episode pays more than 1000. Weights are in `task.reward`, which can also
+    charge for the tip's acceleration, for voltages and for leaving the workspace. Each term is in the telemetry.
 
     `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose, tip, force, mode,
     volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` says whether the end of
@@ -66,17 +72,21 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     draw, with `task.hand.random_phases` the phases of the disturbance are drawn; both from the seed alone. A reset
     without a seed goes on to the next episode of the present seed.
 
+    With `task.starts`, for training, a share of the episodes begins anywhere along the path, off it and moving, and
+    another share at its start with clutches that have settled at drawn voltages; see
+    `pter_gym.tasks.path_following.Starts`. Evaluation episodes never do.
+
     ## Episode End
     ### Termination
-    The tip reaches the end of the path (`is_success`), or leaves the workspace: too far from the path, backed off from
-    its start, or near a singular pose.
+    The tip reaches the end of the path (`is_success` if it is within `task.arrival`, 0.125 m, of it), or leaves the
+    workspace: too far from the path, backed off from its start, or near a singular pose.
 
     ### Truncation
     After 1000 control steps, by Gymnasium's `TimeLimit`.
 
     ## Arguments
     - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
-    - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, start, sensing, reward weights.
+    - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, arrival, starts, sensing, reward weights.
     - `randomisation`: a `Randomisation` from which each episode draws machine and task, instead of these two.
     - `observe_context`: whether the observation ends with what is told of machine and task (time constant, torque and
       drift of the clutches, what the hand adds). The telemetry tells it always.
@@ -115,7 +125,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.batch.task.control_period)}
         self.render_mode = render_mode
         self.action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
-        self.observation_space = spaces.Box(-1.0, 1.0, (len(self.batch.layout),), np.float32)
+        self.observation_space = spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32)
         self._viewer: Any = None
         self._shown: NDArray[np.float64] | None = None
         self._trail: list[NDArray[np.float64]] = []
@@ -228,9 +238,19 @@ def find_pairs(
     """
     if randomisation is not None:
         if task is not None or machine != "baseline":
-            raise ParameterError("randomisation must be given without machine and task: it brings both")
+            raise ParameterError("task and machine must not be given with a randomisation, which brings both")
         machines, tasks = zip(*randomisation.pairs(), strict=True)
         return list(machines), tasks
-    goal = PathFollowing() if task is None else task
+    goal = PathFollowing() if task is None else check_tasks(task)
     single = isinstance(machine, (Machine, str))
     return find_machine(machine) if single else [find_machine(each) for each in machine], goal
+
+
+def check_tasks(task: PathFollowing | Sequence[PathFollowing]) -> PathFollowing | Sequence[PathFollowing]:
+    """Return a task or tasks as they were given, or raise a ParameterError that names what is none."""
+    given: object = task
+    many = isinstance(given, Sequence) and not isinstance(given, str)
+    for each in cast(Sequence[object], given) if many else [given]:
+        if not isinstance(each, PathFollowing):
+            raise ParameterError(f"task must be a PathFollowing, or for many worlds a sequence of them, got {each!r}")
+    return task

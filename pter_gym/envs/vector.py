@@ -20,6 +20,7 @@ from pter_gym.internal.computer import available_cores, available_memory
 from pter_gym.params import Machine
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
+from pter_gym.tasks.path_following.observation import BOUND
 from pter_gym.tasks.path_following.telemetry import COLUMNS
 
 Mask = NDArray[np.bool_]
@@ -96,7 +97,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         self._ended = _ENDED[self.autoreset_mode]
         self._records = telemetry
         self.single_action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
-        self.single_observation_space = spaces.Box(-1.0, 1.0, (len(self.batch.layout),), np.float32)
+        self.single_observation_space = spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
 

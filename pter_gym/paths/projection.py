@@ -78,8 +78,8 @@ def project(constants: Any, first: int, count: int, segment: int, x: float, y: f
 
 
 @device
-def point_at(constants: Any, first: int, count: int, s: float) -> tuple[float, float]:
-    """Return the point (x, y) [m] of a chain at an arc length [m]; beyond the ends its first and last arc go on."""
+def segment_of(constants: Any, first: int, count: int, s: float) -> int:
+    """Return the number of the arc that holds an arc length [m]."""
     low = 0
     high = count - 1
     while low < high:
@@ -88,7 +88,13 @@ def point_at(constants: Any, first: int, count: int, s: float) -> tuple[float, f
             low = middle
         else:
             high = middle - 1
-    arc = segment_at(constants, first, low)
+    return low
+
+
+@device
+def point_at(constants: Any, first: int, count: int, s: float) -> tuple[float, float]:
+    """Return the point (x, y) [m] of a chain at an arc length [m]; beyond the ends its first and last arc go on."""
+    arc = segment_at(constants, first, segment_of(constants, first, count, s))
     along = s - arc.start
     half = 0.5 * arc.curvature * along
     chord = along * (math.sin(half) / half if half != 0.0 else 1.0)

@@ -93,6 +93,15 @@ def tip_velocity(arm: Linkage, q: Motion) -> tuple[float, float]:
 
 
 @device
+def moving(arm: Linkage, q: Motion, velocity: Vector) -> Motion:
+    """Return the arm in the pose of ``q`` with the velocity of the tip [m/s]; the pose must not be singular."""
+    scale = 1.0 / (q.cos_a * q.sin_b - q.sin_a * q.cos_b)
+    omega_a = scale * (velocity.x * q.cos_b + velocity.y * q.sin_b) / arm.length_a
+    omega_b = -scale * (velocity.x * q.cos_a + velocity.y * q.sin_a) / arm.length_b
+    return Motion(q.theta_a, q.theta_b, omega_a, omega_b, q.cos_a, q.sin_a, q.cos_b, q.sin_b)
+
+
+@device
 def joint_torque(arm: Linkage, q: Motion, force_x: float, force_y: float) -> tuple[float, float]:
     """Return Jᵀ·F [N·m], the torque on each link of a force at the tip [N]."""
     return (

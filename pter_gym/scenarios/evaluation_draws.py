@@ -1,4 +1,4 @@
-"""The draws of which stored evaluation episodes are made, apart from all training draws."""
+"""The draws of evaluation episodes, stored and fresh ones, apart from all training draws."""
 
 import math
 from dataclasses import replace
@@ -13,7 +13,10 @@ from pter_gym.scenarios.suite import Scenario
 from pter_gym.tasks.path_following import PathFollowing
 
 STREAM = 20261120
-"""Where the seeds of all evaluation episodes begin."""
+"""Where the seeds of all stored evaluation episodes begin."""
+
+FRESH, FRESH_RESETS = 20261121, 20261122
+"""Where the seeds of all fresh evaluation episodes begin, and of the seeds of their resets."""
 
 
 class EvaluationDraw(NamedTuple):
@@ -24,24 +27,59 @@ class EvaluationDraw(NamedTuple):
     stratum: str
 
 
-def evaluation_draws(scenario: Scenario) -> list[EvaluationDraw]:
-    """Return the evaluation episodes of a scenario, always the same.
+def evaluation_draws(scenario: Scenario, seed: int | None = None) -> list[EvaluationDraw]:
+    """Return evaluation episodes of a scenario, always the same for the same seed.
 
     The phases of the hand's sines are drawn here, so nothing about an episode is left to a random stream but the
     noise of its sensors.
+
+    Parameters
+    ----------
+    scenario
+        Whose episodes to draw.
+    seed
+        Seed ≥ 0 of fresh episodes: as many as the stored ones, with the same stratum at each place. None draws those
+        that are stored.
     """
     rng = np.random.default_rng(_seed(scenario))
     draws = Randomisation(machine=scenario.machine, task=scenario.task)
     pairs = [draws.draw(rng) for _ in range(scenario.episodes)]
-    found = [(machine, _with_phases(task, rng)) for machine, task in pairs]
-    return [EvaluationDraw(machine, task, type(getattr(task, scenario.stratum)).__name__) for machine, task in found]
+    stored = [_labelled(scenario, machine, _with_phases(task, rng)) for machine, task in pairs]
+    return stored if seed is None else _fresh(scenario, draws, [draw.stratum for draw in stored], seed)
+
+
+def fresh_reset_seeds(scenario: Scenario, seed: int) -> list[int]:
+    """Return the seeds of the resets of fresh episodes."""
+    rng = np.random.default_rng([FRESH_RESETS, seed, *_name(scenario)])
+    return rng.integers(2**63, size=scenario.episodes).tolist()
+
+
+def _fresh(scenario: Scenario, draws: Randomisation, strata: list[str], seed: int) -> list[EvaluationDraw]:
+    """Return new draws with these strata at their places; a draw whose stratum is full is let go."""
+    free: dict[str, list[int]] = {}
+    for place, stratum in reversed(list(enumerate(strata))):
+        free.setdefault(stratum, []).append(place)
+    rng = np.random.default_rng([FRESH, seed, *_name(scenario)])
+    found: dict[int, EvaluationDraw] = {}
+    while len(found) < len(strata):
+        machine, task = draws.draw(rng)
+        draw = _labelled(scenario, machine, _with_phases(task, rng))
+        if places := free.get(draw.stratum):
+            found[places.pop()] = draw
+    return [found[place] for place in range(len(strata))]
+
+
+def _labelled(scenario: Scenario, machine: Machine, task: PathFollowing) -> EvaluationDraw:
+    return EvaluationDraw(machine, task, type(getattr(task, scenario.stratum)).__name__)
 
 
 def _seed(scenario: Scenario) -> list[int]:
-    """Return the seed of a scenario's evaluation episodes: from its name, or from its place in an old list."""
-    if scenario.place is not None:
-        return [STREAM, scenario.place]
-    return [STREAM, *f"{scenario.name}-v{scenario.version}".encode()]
+    """Return the seed of a scenario's stored episodes: from its name, or from its place in an old list."""
+    return [STREAM, *_name(scenario)] if scenario.place is None else [STREAM, scenario.place]
+
+
+def _name(scenario: Scenario) -> bytes:
+    return f"{scenario.name}-v{scenario.version}".encode()
 
 
 def _with_phases(task: PathFollowing, rng: np.random.Generator) -> PathFollowing:

@@ -8,12 +8,12 @@ strata follow from there. This module imports nothing heavy, since ``import pter
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from pter_gym.errors import unknown_name
+from pter_gym.errors import ParameterError, unknown_name
 
 if TYPE_CHECKING:
     from pter_gym.params import Machine
@@ -78,7 +78,9 @@ class Scenario:
         """What varies of the task."""
         return self.varies().task
 
-    def randomisation(self, pace: float | str | None = None, *, contexts: int = 512, seed: int = 0) -> "Randomisation":
+    def randomisation(
+        self, pace: float | str | None = None, *, contexts: int = 512, seed: int = 0, **stated: Any
+    ) -> "Randomisation":
         """Return the training draws.
 
         Parameters
@@ -87,15 +89,29 @@ class Scenario:
             Commanded pace [m/s] or its name in ``PACES``; None draws it between the slowest and the fastest of them.
         contexts, seed
             Number of pairs of machine and task, and the seed of their list.
+        **stated
+            Fields of the task that all episodes share, such as ``reward``, ``error_max`` and ``starts``.
+
+        Raises
+        ------
+        ParameterError
+            If the task has no such field, the scenario draws it, or its value is out of range.
         """
         from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Vary
 
         speeds = PACES.values()
         commanded = LogUniform(min(speeds), max(speeds)) if pace is None else OneOf((find_pace(pace),))
-        fields = self.task.fields if isinstance(self.task, Vary) else {}
+        drawn = self.task.fields if isinstance(self.task, Vary) else {}
         base = self.task.base if isinstance(self.task, Vary) else self.task
+        known = [item.name for item in fields(base) if item.name not in (*drawn, "pace")]
+        for name in stated:
+            if name not in known:
+                raise ParameterError(
+                    f"{name} must be one of what all episodes of {self.name} share: {', '.join(known)}"
+                )
+        base = replace(base, **stated)
         return Randomisation(
-            machine=self.machine, task=Vary(base, **fields, pace=commanded), contexts=contexts, seed=seed
+            machine=self.machine, task=Vary(base, **drawn, pace=commanded), contexts=contexts, seed=seed
         )
 
 

@@ -114,7 +114,7 @@ def test_unknown_names_tell_the_nearest(tmp_path: Path) -> None:
         ("hidden", [0]),
         ("hidden", 64),
         ("hidden", [1.5]),
-        ("error", -1.0),
+        ("tracking", -1.0),
         ("learning_rate", float("nan")),
         ("base", 3),
         ("sensors", []),
@@ -129,11 +129,11 @@ def test_hyperparameters_out_of_range_are_named(name: str, value: Any) -> None:
 
 def test_a_file_changes_what_it_names_alone(tmp_path: Path) -> None:
     file = tmp_path / "some.toml"
-    file.write_text("error = 2.5\n")
-    assert load_settings("ppo", file) == replace(load_settings("ppo"), error=2.5)
+    file.write_text("tracking = 2.5\n")
+    assert load_settings("ppo", file) == replace(load_settings("ppo"), tracking=2.5)
     with pytest.raises(ParameterError, match="cannot be read"):
         load_settings("ppo", tmp_path / "none.toml")
-    file.write_text("error = ")
+    file.write_text("tracking = ")
     with pytest.raises(ParameterError, match="cannot be read"):
         load_settings("ppo", file)
 
@@ -168,43 +168,6 @@ def test_only_the_value_network_sees_what_is_true() -> None:
         values = [policy.predict_values(each) for each in (first, other)]
     assert torch.equal(*actions)
     assert not torch.isclose(*values).any()
-
-
-def test_the_reward_counts_the_mean_pace() -> None:
-    from pter_agents.prepare import make_interface
-
-    draws = worlds.training_draws("hands", "all", contexts=4, seed=0)
-    interface = make_interface(arguments().settings, "hands", draws, 0)
-    plain, counting = (
-        worlds.InterfaceVecEnv(worlds.make_worlds(draws, 16, 20), interface, drift, 5) for drift in (0.0, 3.0)
-    )
-    layout = counting.worlds.observation_layout
-    for each in (plain, counting):
-        each.venv.seed(1)
-        each.reset()
-    mean = np.zeros(16)
-    rng = np.random.default_rng(0)
-    ended = 0
-    for _ in range(45):
-        actions = rng.uniform(-1.0, 1.0, (16, 4)).astype(np.float32)
-        _, rewards, done, _ = plain.step(actions)
-        seen: dict[str, np.ndarray] = {}
-        step = counting.venv.step_wait
-
-        def remember(step: Any = step, seen: dict[str, np.ndarray] = seen) -> Any:
-            obs, rewards, done, infos = step()
-            last = np.array([infos[k].get("terminal_observation", obs[k]) for k in range(16)])
-            seen["error"] = layout.physical(last, "speed_along") / layout.physical(last, "pace") - 1.0
-            return obs, rewards, done, infos
-
-        counting.venv.step_wait = remember  # type: ignore[method-assign]
-        _, others, _, _ = counting.step(actions)
-        counting.venv.step_wait = step  # type: ignore[method-assign]
-        mean += 0.2 * (seen["error"] - mean)
-        np.testing.assert_allclose(rewards - others, 3.0 * 0.01 * np.abs(mean), rtol=1e-4, atol=1e-4)
-        mean[done] = 0.0
-        ended += done.sum()
-    assert ended > 0
 
 
 def test_worlds_show_the_interface_and_their_last_observation() -> None:
@@ -342,7 +305,7 @@ def test_the_newest_two_checkpoints_are_kept(tmp_path: Path) -> None:
     [
         ("ppo", {"history": [], "averages": []}),
         ("residual", {"history": [1, 4], "averages": [1, 4]}),
-        ("residual", {"base": "single-dof-tuned", "drift": 2.0, "privileged": True}),
+        ("residual", {"base": "single-dof-tuned", "privileged": True}),
     ],
 )
 def test_a_resumed_run_ends_where_an_uninterrupted_one_does(
@@ -445,8 +408,8 @@ def test_another_run_in_the_folder_is_refused(tmp_path: Path) -> None:
     before = weights(stored.checkpoints(tmp_path)[-1])
     with pytest.raises(ParameterError, match="holds a run already"):
         training.train(arguments(rollouts=1), tmp_path)
-    with pytest.raises(ParameterError, match=r"error is 1\.0 in the run .* got 2\.0"):
-        training.train(arguments(rollouts=2, error=2.0), tmp_path, resume=True)
+    with pytest.raises(ParameterError, match=r"tracking is 1000\.0 in the run .* got 2\.0"):
+        training.train(arguments(rollouts=2, tracking=2.0), tmp_path, resume=True)
     with pytest.raises(ParameterError, match="seed is 3"):
         training.train(replace(arguments(), seed=5), tmp_path, resume=True)
     with pytest.raises(ParameterError, match="there is no run"):

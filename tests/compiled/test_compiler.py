@@ -7,7 +7,7 @@ import numba
 import numpy as np
 import pytest
 
-from pter_gym.compiled.compiler import device
+from pter_gym.compiled.compiler import compile_kernel, device, digest_of
 
 
 class Point(NamedTuple):
@@ -84,3 +84,54 @@ def test_threads_may_call_it_while_it_compiles() -> None:
 
 def test_it_keeps_name_and_docstring() -> None:
     assert make_device().__name__ == "scaled"
+
+
+# --- the cache of kernels ---
+
+TABLE = np.array([1.0, 2.0])
+law: Any = None
+
+
+@device
+def one(x: float) -> float:
+    return x + 1.0
+
+
+@device
+def two(x: float) -> float:
+    return x + 2.0
+
+
+def adding(amount: float) -> Any:
+    @device
+    def law(x: float) -> float:
+        return x + amount
+
+    return law
+
+
+@device
+def from_a_table(x: float) -> float:
+    return x + TABLE[1]
+
+
+def build_kernel(digest: str) -> Any:
+    def kernel(x: float) -> Any:
+        _ = digest
+        return law(x)
+
+    return kernel
+
+
+def test_laws_of_one_file_that_differ_have_kernels_of_their_own() -> None:
+    laws = {1.0: one, 2.0: two, 3.0: adding(3.0), 4.0: adding(4.0)}
+    assert len({digest_of(each) for each in laws.values()}) == 4
+    assert digest_of(adding(3.0)) == digest_of(adding(3.0))
+    for amount, each in laws.items():
+        assert compile_kernel(build_kernel, law=each)(0.0) == amount
+
+
+def test_an_array_that_a_law_names_is_part_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = digest_of(from_a_table)
+    monkeypatch.setitem(globals(), "TABLE", np.array([1.0, 3.0]))
+    assert digest_of(from_a_table) != before

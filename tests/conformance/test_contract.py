@@ -14,10 +14,10 @@ from pter_gym.compiled.layout import Layout
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import BASELINE, Arm, Clutch, Hand, Machine, TorqueCurve
 from pter_gym.paths import Line
-from pter_gym.tasks.path_following import PathFollowing, RewardWeights, observation_layout
+from pter_gym.tasks.path_following import PathFollowing, RewardWeights, Starts, observation_layout
 
 ID = "PTER/PathFollowing-v0"
-SENSORS = {"encoders": 18, "torque": 22, "force": 24}
+SENSORS = {"encoders": 20, "torque": 24, "force": 26}
 
 
 @pytest.mark.parametrize("sensors", SENSORS)
@@ -96,19 +96,20 @@ def test_free_arm_reaches_the_end_and_terminates() -> None:
             break
     assert terminated
     assert not truncated
-    assert info["is_success"] is True
+    assert info["is_success"] is False, "a free arm passes the end 0.3 m beside it"
 
 
 def test_reward_is_the_sum_of_its_terms() -> None:
-    env = gymnasium.make(ID)
+    env = gymnasium.make(ID, task=PathFollowing(reward=RewardWeights(effort=2.0)))
     layout: Layout = env.unwrapped.telemetry_layout  # pyright: ignore[reportAttributeAccessIssue]
     env.reset(seed=0)
     _, reward, _, _, info = env.step(np.full(4, 6.0, np.float32))
     row = layout.as_dict(info["telemetry"])
-    terms = [row[f"reward_{name}"] for name in ("error", "pace", "acceleration", "effort", "failure")]
+    terms = [row[f"reward_{name}"] for name in ("tracking", "pace", "acceleration", "effort", "failure")]
     assert reward == pytest.approx(sum(terms), rel=1e-15)
-    assert all(term <= 0.0 for term in terms)
-    assert row["reward_effort"] == pytest.approx(-0.01 * 0.1 * (6.0 / 24.0) ** 2, rel=1e-12)
+    assert terms[0] > 0.0
+    assert all(term <= 0.0 for term in terms[1:])
+    assert row["reward_effort"] == pytest.approx(-0.01 * 2.0 * (6.0 / 24.0) ** 2, rel=1e-12)
 
 
 BAD_ACTIONS: dict[str, Any] = {
@@ -155,11 +156,12 @@ def test_one_bad_row_moves_no_world_and_is_named() -> None:
 
 
 def test_rounding_beyond_the_bounds_is_clipped() -> None:
-    env = gymnasium.make(ID).unwrapped
+    env: Any = gymnasium.make(ID).unwrapped
     env.reset(seed=0)
     ulp = float(np.spacing(np.float32(24.0)))
     obs = env.step(np.array([24.0 + 3.9 * ulp, -3.9 * ulp, 0.0, 24.0]))[0]
-    assert obs[14:18].tolist() == [1.0, 0.0, 0.0, 1.0]
+    first = env.observation_layout.index("volts_1")
+    assert obs[first : first + 4].tolist() == [1.0, 0.0, 0.0, 1.0]
 
 
 def test_step_before_reset_and_after_the_end() -> None:
@@ -240,7 +242,10 @@ BAD_PARAMETERS: dict[str, Any] = {
     "error_max": lambda: PathFollowing(error_max=0.0),
     "singularity_margin": lambda: PathFollowing(singularity_margin=1.0),
     "start_offset": lambda: PathFollowing(start_offset=0.3),
-    "error": lambda: RewardWeights(error=-1.0),
+    "arrival": lambda: PathFollowing(arrival=0.0),
+    "tracking": lambda: RewardWeights(tracking=-1.0),
+    "gripped": lambda: Starts(moving=0.6, gripped=0.5),
+    "starts": lambda: PathFollowing(starts="path"),  # pyright: ignore[reportArgumentType]
     "path": lambda: PathFollowing(path="line"),  # pyright: ignore[reportArgumentType]
 }
 

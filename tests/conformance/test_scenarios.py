@@ -20,6 +20,7 @@ from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Repeat, Shared, Tuple, Uniform, Vary
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tasks.path_following.context import CONTEXT_WIDTH, TOLD
+from pter_gym.tasks.path_following.observation import BOUND
 
 
 def test_each_scenario_is_registered_under_its_id() -> None:
@@ -85,7 +86,7 @@ def test_the_telemetry_and_the_observation_tell_the_context() -> None:
             np.mean(machine.clutch_scale) * machine.clutch.dynamic.torque(top) / BASELINE.clutch.dynamic.torque(top)
         )
         assert row[2] == pytest.approx(expected, rel=1e-12)
-    scaled = np.clip(told / TOLD.scales, -1.0, 1.0)
+    scaled = np.clip(told / TOLD.scales, -BOUND, BOUND)
     np.testing.assert_allclose(obs[:, -len(TOLD) :], scaled, rtol=1e-6)
     assert batch.layout.names[-len(TOLD) :] == TOLD.names
 
@@ -156,7 +157,7 @@ def test_unknown_names_are_told_the_nearest() -> None:
 
 def test_a_randomisation_stands_alone() -> None:
     drawn = SCENARIOS["standard"].randomisation(contexts=2)
-    with pytest.raises(ParameterError, match="randomisation must be given without machine and task"):
+    with pytest.raises(ParameterError, match="task and machine must not be given with a randomisation"):
         gymnasium.make("PTER/PathFollowing-v0", randomisation=drawn, task=PathFollowing())
 
 

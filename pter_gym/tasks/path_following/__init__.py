@@ -8,24 +8,30 @@ respect to its path (``situation``).
 from pter_gym.tasks.path_following.observation import Sensors, observation_layout
 from pter_gym.tasks.path_following.reward import RewardWeights
 from pter_gym.tasks.path_following.specification import (
+    AT_REST,
     IDEAL_SENSING,
     MAX_DELAY,
+    STARTS,
     PathFollowing,
     Sensing,
+    Starts,
     check_machine,
     substeps,
 )
 from pter_gym.tasks.path_following.telemetry import COLUMN, TELEMETRY
 
 __all__ = [
+    "AT_REST",
     "COLUMN",
     "IDEAL_SENSING",
     "MAX_DELAY",
+    "STARTS",
     "TELEMETRY",
     "PathFollowing",
     "RewardWeights",
     "Sensing",
     "Sensors",
+    "Starts",
     "check_machine",
     "observation_layout",
     "substeps",

@@ -8,7 +8,7 @@ from pter_gym.hands import HandModel
 from pter_gym.params import PRESENT_CLUTCH, Machine
 from pter_gym.physics.model import Model, model_of
 from pter_gym.tasks.path_following.observation import FORCE_SCALE
-from pter_gym.tasks.path_following.reward import Terms
+from pter_gym.tasks.path_following.reward import PACE_WINDOW, Terms
 from pter_gym.tasks.path_following.specification import IDEAL_SENSING, PathFollowing, held_machine
 
 
@@ -31,14 +31,25 @@ class SensingModel(NamedTuple):
     is_ideal: Annotated[float, Entry("1", "1 if sensors are exact and without delay")]
 
 
+class StartModel(NamedTuple):
+    """How episodes begin."""
+
+    moving: Annotated[float, Entry("1", "share of the episodes that begin anywhere along the path, moving")]
+    gripped: Annotated[float, Entry("1", "share of the episodes that begin at rest with settled clutches")]
+    offset: Annotated[float, Entry("m", "half-range of the distance from the path of those that begin moving")]
+
+
 class TaskModel(NamedTuple):
     """Constants of one task."""
 
     path: Annotated[PathModel, Entry()]
     pace: Annotated[float, Entry("m/s", "commanded mean speed along the path")]
+    pace_decay: Annotated[float, Entry("1", "part of a new speed in the mean that the reward judges")]
     error_max: Annotated[float, Entry("m", "the workspace ends this far from the path")]
+    arrival: Annotated[float, Entry("m", "how near to the path its end counts as reached")]
     singularity_margin: Annotated[float, Entry("1", "smallest |sin(θA − θB)| of the workspace")]
     start_offset: Annotated[float, Entry("m", "half-range of the start's normal offset")]
+    starts: StartModel
     friction_drift: Annotated[float, Entry("1/s", "relative change of all clutch torques in a second")]
     weight: Annotated[Terms, Entry("", "weight")]
     sensing: SensingModel
@@ -47,13 +58,13 @@ class TaskModel(NamedTuple):
 class Told(NamedTuple):
     """What the telemetry tells of machine and task, and the observation if it is asked to."""
 
-    time_constant: Annotated[float, Entry("s", "time constant of the clutches", 0.5)]
-    breakaway_factor: Annotated[float, Entry("1", "largest breakaway torque over that of the present clutches", 2.0)]
-    dynamic_factor: Annotated[float, Entry("1", "largest dynamic torque over that of the present clutches", 2.0)]
-    friction_drift: Annotated[float, Entry("1/s", "relative change of the clutch torques in a second", 0.5)]
-    hand_mass: Annotated[float, Entry("kg", "mass that the hand adds at the tip", 5.0)]
-    hand_damping: Annotated[float, Entry("N·s/m", "damping that the hand adds at the tip", 100.0)]
-    hand_stiffness: Annotated[float, Entry("N/m", "stiffness of the hand towards its intent", 1000.0)]
+    time_constant: Annotated[float, Entry("s", "time constant of the clutches", 0.1)]
+    breakaway_factor: Annotated[float, Entry("1", "largest breakaway torque over that of the present clutches")]
+    dynamic_factor: Annotated[float, Entry("1", "largest dynamic torque over that of the present clutches")]
+    friction_drift: Annotated[float, Entry("1/s", "relative change of the clutch torques in a second", 0.01)]
+    hand_mass: Annotated[float, Entry("kg", "mass that the hand adds at the tip")]
+    hand_damping: Annotated[float, Entry("N·s/m", "damping that the hand adds at the tip", 20.0)]
+    hand_stiffness: Annotated[float, Entry("N/m", "stiffness of the hand towards its intent", 300.0)]
     hand_push: Annotated[float, Entry("N", "constant force of the hand along the path", FORCE_SCALE)]
 
 
@@ -102,9 +113,12 @@ def task_model(task: PathFollowing, arcs: tuple[int, int]) -> TaskModel:
     return TaskModel(
         path=PathModel(*arcs, task.path.length),
         pace=task.pace,
+        pace_decay=-math.expm1(-task.control_period / PACE_WINDOW),
         error_max=task.error_max,
+        arrival=task.arrival,
         singularity_margin=task.singularity_margin,
         start_offset=task.start_offset,
+        starts=StartModel(task.starts.moving, task.starts.gripped, task.starts.offset),
         friction_drift=task.friction_drift,
         weight=Terms(*(getattr(weights, term) for term in Terms._fields)),
         sensing=SensingModel(

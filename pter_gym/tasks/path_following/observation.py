@@ -13,16 +13,20 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import Machine
 from pter_gym.physics.arm import Motion, UnitVector
 from pter_gym.physics.clutch import PerClutch
+from pter_gym.physics.friction import between
 from pter_gym.tasks.path_following.situation import PathVector, Situation
 
 Sensors = Literal["encoders", "torque", "force"]
 
-ERROR_SCALE = 0.25
-SPEED_SCALE = 4.0
-OMEGA_SCALE = 10.0
-TORQUE_SCALE = 100.0
-FORCE_SCALE = 200.0
-CURVATURE_SCALE = 20.0
+BOUND = 25.0
+"""Entries are limited to ±BOUND of their scales, which are of the size that is usual in use."""
+
+ERROR_SCALE = 0.01
+SPEED_SCALE = 0.2
+OMEGA_SCALE = 0.5
+TORQUE_SCALE = 20.0
+FORCE_SCALE = 50.0
+CURVATURE_SCALE = 5.0
 
 
 @dataclass(frozen=True)
@@ -50,11 +54,13 @@ class Observation(NamedTuple):
     omega_a: Annotated[float, Seen("rad/s", "angular velocity of link A", OMEGA_SCALE)]
     omega_b: Annotated[float, Seen("rad/s", "angular velocity of link B", OMEGA_SCALE)]
     normal_error: Annotated[float, Seen("m", "distance from the path, positive to its left", ERROR_SCALE)]
+    near_error: Annotated[float, Seen("m", "the same, limited to the scale", ERROR_SCALE)]
     progress: Annotated[float, Seen("1", "arc length of the tip's projection on the path, over the path's length")]
     heading: Annotated[UnitVector, Seen("1", "the path's heading at the tip's projection")]
     curvature: Annotated[float, Seen("1/m", "curvature of the path there, positive to the left", CURVATURE_SCALE)]
     speed: Annotated[PathVector, Seen("m/s", "the tip's velocity", SPEED_SCALE)]
     pace: Annotated[float, Seen("m/s", "commanded mean speed along the path", SPEED_SCALE)]
+    pace_error: Annotated[float, Seen("1", "speed along the path over the commanded pace, less 1")]
     volts: Annotated[PerClutch, Seen("V", "last voltage", largest_voltage)]
     torque: Annotated[PerClutch, Seen("N·m", "generated torque", TORQUE_SCALE, sensors=("torque", "force"))]
     force: Annotated[PathVector, Seen("N", "the hand's force", FORCE_SCALE, sensors=("force",))]
@@ -68,7 +74,7 @@ ENTRIES = width(Observation)
 
 
 def observation_layout(machine: Machine, sensors: Sensors, told: Layout | None = None) -> Layout:
-    """Return the layout of the observation; each entry is stored relative to its scale and limited to [−1, 1].
+    """Return the layout of the observation; each entry is stored relative to its scale, within ±BOUND.
 
     Parameters
     ----------
@@ -113,11 +119,13 @@ def observation(
         omega_a=q.omega_a,
         omega_b=q.omega_b,
         normal_error=at.normal_error,
+        near_error=between(at.normal_error, -ERROR_SCALE, ERROR_SCALE),
         progress=at.arc_length / path_length,
         heading=at.heading,
         curvature=at.curvature,
         speed=at.speed,
         pace=pace,
+        pace_error=at.speed.along / pace - 1.0,
         volts=volts,
         torque=torque,
         force=force,

@@ -3,6 +3,7 @@
 The terms of the telemetry, their sum and the hyper-parameters of a training follow from there.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Annotated, Any, NamedTuple
@@ -14,7 +15,18 @@ from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.step import Energy
 from pter_gym.tasks.path_following.situation import Situation
 
-ERROR_UNIT = 0.01
+ERROR_WIDTH = 0.06
+"""Distance from the path [m] at which tracking pays 1/e of what it pays on the path."""
+
+PACE_WINDOW = 0.1
+"""Time constant [s] of the mean of the pace that is judged: about the lag of the clutches."""
+
+FASTEST = 50.0
+"""Ratio to the commanded pace beyond which a pace costs no more."""
+
+PERFECT = 1000.0
+"""What the whole path at the commanded pace and without error pays."""
+
 ACCELERATION_UNIT = 10.0
 
 
@@ -25,8 +37,14 @@ class Outcome(NamedTuple):
     ----------
     at
         Where the tip is with respect to the path.
+    advance
+        How far the tip came beyond the largest arc length before [m].
+    path_length
+        Of the path [m].
     pace
         Commanded pace [m/s].
+    pace_ratio
+        Change of the arc length over time, over the commanded pace; a mean over about ``PACE_WINDOW``.
     acceleration
         Of the tip, mean over the control step [m/s²].
     volts, voltage_max
@@ -34,11 +52,14 @@ class Outcome(NamedTuple):
     energy
         What the hand and the clutches did in the control step [J].
     failed
-        Whether the tip has left the workspace.
+        Whether the tip has left the workspace or missed the end of the path.
     """
 
     at: Situation
+    advance: float
+    path_length: float
     pace: float
+    pace_ratio: float
     acceleration: float
     volts: PerClutch
     voltage_max: float
@@ -50,7 +71,7 @@ Find = Callable[[float, Outcome, float], float]
 
 
 def term(unit: str, provenance: str, find: Find, *, default: float, absent: Any = MISSING) -> Any:
-    """Declare a term of the reward, which is never positive.
+    """Declare a term of the reward.
 
     Parameters
     ----------
@@ -69,39 +90,63 @@ def mean_square(volts: PerClutch) -> float:
     return 0.25 * (volts.x1 * volts.x1 + volts.x2 * volts.x2 + volts.x3 * volts.x3 + volts.x4 * volts.x4)
 
 
+@device
+def pace_share(ratio: float) -> float:
+    """Return what share of the pay a pace earns, from its ratio to the commanded one: 1 at that, less on both sides."""
+    slower = ratio if ratio > 0.0 else 0.0
+    square = ratio * ratio
+    return slower * square if ratio < 1.0 else 1.0 / (square * square)
+
+
+@device
+def error_share(error: float) -> float:
+    """Return what share of the pay is earned at a distance from the path [m]."""
+    return math.exp(-abs(error) / ERROR_WIDTH)
+
+
+@device
+def pace_cost(ratio: float) -> float:
+    """Return what a pace costs, from its ratio to the commanded one: the difference, so a rush costs by the way."""
+    slower = ratio if ratio > 0.0 else 0.0
+    faster = ratio if ratio < FASTEST else FASTEST
+    return 1.0 - slower if ratio < 1.0 else faster - 1.0
+
+
 @dataclass(frozen=True, kw_only=True)
 class RewardWeights:
-    """Weights of the reward terms, each a rate per second; the reward is never positive."""
+    """Weights of the reward terms."""
 
-    error: float = term(
-        "1/s",
-        f"chosen: per {1000 * ERROR_UNIT:g} mm of distance from the path",
-        lambda weight, seen, period: -period * weight * abs(seen.at.normal_error) / ERROR_UNIT,
-        default=1.0,
+    tracking: float = term(
+        "1",
+        "chosen: for the whole path at the commanded pace without error",
+        lambda weight, seen, period: (  # noqa: ARG005
+            weight * seen.advance / seen.path_length * pace_share(seen.pace_ratio) * error_share(seen.at.normal_error)
+        ),
+        default=PERFECT,
     )
     pace: float = term(
-        "1/s",
-        "chosen: per 100 % of deviation from the commanded pace",
-        lambda weight, seen, period: -period * weight * abs(seen.at.speed.along - seen.pace) / seen.pace,
-        default=1.0,
+        "1",
+        "chosen: at rest, for the time that the path takes at the commanded pace",
+        lambda weight, seen, period: -weight * pace_cost(seen.pace_ratio) * seen.pace * period / seen.path_length,
+        default=0.1 * PERFECT,
     )
     acceleration: float = term(
         "1/s",
         f"chosen: per {ACCELERATION_UNIT:g} m/s² of tip acceleration",
         lambda weight, seen, period: -period * weight * seen.acceleration / ACCELERATION_UNIT,
-        default=0.1,
+        default=0.0,
     )
     effort: float = term(
         "1/s",
         "chosen: per mean of the squared voltages, relative to the largest",
         lambda weight, seen, period: -period * weight * mean_square(seen.volts) / (seen.voltage_max * seen.voltage_max),
-        default=0.1,
+        default=0.0,
     )
     failure: float = term(
         "1",
-        "chosen: once, on leaving the workspace",
+        "chosen: once, on leaving the workspace or missing the end of the path",
         lambda weight, seen, period: -weight if seen.failed else 0.0,  # noqa: ARG005
-        default=100.0,
+        default=0.0,
     )
 
     def __post_init__(self) -> None:

@@ -62,9 +62,9 @@ def reached_end(arc_length: float, path_length: float) -> bool:
 def left_workspace(
     arc_length: float, normal_error: float, q: Motion, error_max: float, singularity_margin: float
 ) -> bool:
-    """Tell whether the tip is too far from the path, has backed off its start, or the pose is near a singular one."""
+    """Tell whether the tip is too far from the path or has backed off its start, or the pose is singular or NaN."""
     far = (abs(normal_error) > error_max) | (arc_length < -error_max)
-    return far | (abs(sin_difference(q)) < singularity_margin)
+    return far | (not abs(sin_difference(q)) >= singularity_margin)
 
 
 @device

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.hands import NO_HAND, MultiSineHand, Operator
 from pter_gym.params import Arm, Machine, quantity, require, require_kind, require_number
 from pter_gym.paths import Line, Path
-from pter_gym.tasks.path_following.observation import ERROR_SCALE, SPEED_SCALE
+from pter_gym.tasks.path_following.observation import BOUND, ERROR_SCALE, SPEED_SCALE
 from pter_gym.tasks.path_following.reward import RewardWeights
 
 MAX_DELAY = 2
@@ -50,6 +51,35 @@ IDEAL_SENSING = Sensing()
 
 
 @dataclass(frozen=True, kw_only=True)
+class Starts:
+    """How episodes begin: at rest at the start of the path with the clutches released, by default all of them.
+
+    Others are for training, which explores more states so. An episode that begins ``moving`` has its tip anywhere
+    along the path, off it by an even draw, at up to twice the commanded pace; one that begins ``gripped`` is at rest at
+    the start of the path. Both have clutches that have settled at voltages of their own, each released once in five.
+    """
+
+    moving: float = quantity("1", "chosen: share of the episodes", default=0.0)
+    gripped: float = quantity("1", "chosen: share of the episodes", default=0.0)
+    offset: float = quantity(
+        "m", "chosen: half-range of the distance from the path where an episode begins moving", default=0.05
+    )
+
+    def __post_init__(self) -> None:
+        """Check that shares are shares."""
+        require_number(self, "moving", at_least=0.0, at_most=1.0)
+        require_number(self, "gripped", at_least=0.0, at_most=1.0 - self.moving)
+        require_number(self, "offset", at_least=0.0, at_most=BOUND * ERROR_SCALE)
+
+
+AT_REST = Starts()
+"""All episodes begin at rest at the start of the path."""
+
+STARTS = MappingProxyType({"rest": AT_REST, "path": Starts(moving=0.4, gripped=0.3)})
+"""Starts by name: those of evaluation episodes, and those to train with."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class PathFollowing:
     """The task: path, hand, commanded pace, workspace, start and reward."""
 
@@ -58,10 +88,14 @@ class PathFollowing:
     pace: float = quantity("m/s", "derived: the baseline's mean tip speed in Table I, 19.69 in/s", default=0.5)
     control_period: float = quantity("s", "chosen: 100 Hz control", default=0.01)
     error_max: float = quantity("m", "chosen: the workspace ends this far from the path", default=0.25)
+    arrival: float = quantity(
+        "m", "chosen: half of error_max; within this of the path its end is a success", default=0.125, absent=0.125
+    )
     singularity_margin: float = quantity("1", "chosen: smallest |sin(θA − θB)| of the workspace", default=0.2)
     start_offset: float = quantity("m", "chosen: half-range of the start's normal offset, drawn at reset", default=0.0)
     friction_drift: float = quantity("1/s", "chosen: relative change of all clutch torques in a second", default=0.0)
     sensing: Sensing = quantity("1", "see Sensing", default=IDEAL_SENSING)
+    starts: Starts = quantity("1", "see Starts", default=AT_REST, absent=AT_REST)
     reward: RewardWeights = quantity("1", "see RewardWeights", default=RewardWeights())
 
     def __post_init__(self) -> None:
@@ -70,9 +104,11 @@ class PathFollowing:
         require_kind(self, "hand", Operator)
         require_kind(self, "reward", RewardWeights)
         require_kind(self, "sensing", Sensing)
-        require_number(self, "pace", above=0.0, at_most=SPEED_SCALE)
+        require_kind(self, "starts", Starts)
+        require_number(self, "pace", above=0.0, at_most=BOUND * SPEED_SCALE)
         require_number(self, "control_period", above=0.0, at_most=1.0)
-        require_number(self, "error_max", above=0.0, at_most=ERROR_SCALE)
+        require_number(self, "error_max", above=0.0, at_most=BOUND * ERROR_SCALE)
+        require_number(self, "arrival", above=0.0)
         require_number(self, "singularity_margin", above=0.0, below=1.0)
         require_number(self, "start_offset", at_least=0.0, below=self.error_max)
         require_number(self, "friction_drift", at_least=-1.0, at_most=1.0)

@@ -1,0 +1,132 @@
+"""The reward agrees with the score: who scores clearly better returns more, at any usual discount."""
+
+from functools import partial
+from itertools import permutations
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from benchmark.test_attacks import Attack, Course, beside, every, locks, rides, within
+from benchmark.test_attacks_on_reward import DISCOUNTS, returns
+from pter_gym.benchmark import PACES, find_policy
+from pter_gym.benchmark.metrics import score_episodes
+from pter_gym.benchmark.simulation import run
+from pter_gym.benchmark.statistics import interquartile_mean
+from pter_gym.controllers import bind
+from pter_gym.engine.batch import Batch
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.policies import shipped_policies
+from pter_gym.scenarios import SCENARIOS, find_scenario
+from pter_gym.tasks.path_following import COLUMN
+from pter_gym.tasks.path_following.reward import PERFECT
+
+DRAWS = 50
+SEED = 991
+"""Of training draws."""
+
+CLEARLY = 2.0
+"""Ratio of path errors beyond which scores differ clearly."""
+
+AGREEING = 0.97
+"""Smallest share of the pairs in which the reward agrees. Laws that stick and slip earn less than they score."""
+
+GAMES: dict[str, Attack] = {
+    "rushes": rides(lambda *_: 4.0),
+    "crawls": rides(lambda *_: 0.4),
+    "rides beside": beside(-0.15),
+    "stops and goes": locks(partial(every, steps=30, of=60)),
+}
+"""What is made of honest policies, and has no rank or a large error."""
+
+LINGERS = rides(within(0, 0.3))
+
+LAWS = ("impedance", "torque-feedback")
+TUNED = ("impedance-tuned", "torque-feedback-tuned", "single-dof-tuned", "velocity-ratio-tuned")
+IDLE = ("locked", "free", "random")
+
+
+class Judged(NamedTuple):
+    """What a policy scores, and its returns under ``DISCOUNTS``."""
+
+    error: float
+    ranks: bool
+    returns: tuple[float, ...]
+
+
+def policies(course: Course) -> dict[str, Any]:
+    """Return policies that a scenario has, honest and not."""
+    found: dict[str, Any] = {}
+    for name in (*IDLE, *LAWS, *TUNED, *shipped_policies()):
+        try:
+            found[name] = bind(find_policy(name, scenario=course.scenario), BASELINE, course.batch.layout)
+        except ParameterError:
+            continue
+    for honest in ("residual", "single-dof-tuned"):
+        attacked = course.attacked(found[honest], course.telemetry(found[honest]))
+        found |= {f"{honest} {game}": play(attacked) for game, play in (*GAMES.items(), ("lingers", LINGERS))}
+    return found
+
+
+def judge(policy: Any, course: Course) -> Judged:
+    rows = course.telemetry(policy)
+    scores = score_episodes(rows, course.tasks)
+    error = float(interquartile_mean(scores["path_error_m"]))
+    return Judged(error, course.ranked(scores), tuple(returns(rows, discount) for discount in DISCOUNTS))
+
+
+def judged(scenario: str, pace: str) -> dict[str, Judged]:
+    course = Course(scenario, pace, DRAWS, SEED)
+    return {name: judge(policy, course) for name, policy in policies(course).items()}
+
+
+def disagreements(found: dict[str, Judged]) -> tuple[int, list[str]]:
+    """Return how many pairs differ clearly, and those in which the better one returns less; none of them is a game."""
+    pairs, wrong = 0, list[str]()
+    for (name, better), (other, worse) in permutations(found.items(), 2):
+        if not better.ranks or better.error * CLEARLY >= worse.error:
+            continue
+        for discount, more, less in zip(DISCOUNTS, better.returns, worse.returns, strict=True):
+            pairs += 1
+            if more <= less:
+                wrong.append(f"γ {discount}: {name} {more:.1f}, {other} {less:.1f}")
+                assert not is_game(other), wrong[-1]
+    return pairs, wrong
+
+
+def is_game(name: str) -> bool:
+    return name in IDLE or any(name.endswith(game) for game in GAMES)
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [pytest.param(name, marks=pytest.mark.slow if name == "standard" else pytest.mark.long) for name in SCENARIOS],
+)
+def test_who_scores_clearly_better_returns_more(scenario: str) -> None:
+    pairs, wrong = 0, list[str]()
+    for pace in PACES:
+        count, found = disagreements(judged(scenario, pace))
+        pairs += count
+        wrong += [f"{pace}, {each}" for each in found]
+    assert pairs > 100
+    assert len(wrong) <= (1.0 - AGREEING) * pairs, f"{len(wrong)} of {pairs}:\n" + "\n".join(wrong)
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_an_episode_pays_at_most_its_new_arc_length(scenario: str) -> None:
+    """Whatever the voltages: a step pays at most what it newly covers, an episode at most ``PERFECT``."""
+    pairs = find_scenario(scenario).randomisation(contexts=16, seed=3).pairs()
+    machines, tasks = map(list, zip(*pairs, strict=True))
+    batch = Batch(machines, tasks)
+    rng = np.random.default_rng(0)
+    rows = run(batch, lambda _: rng.choice([0.0, 3.0, 24.0], (16, 4)), list(range(16)), [400] * 16).telemetry
+    lengths = np.array([task.path.length for task in tasks])
+    new = np.nan_to_num(np.diff(rows[..., COLUMN.reached], axis=0))
+    tracking = np.nan_to_num(rows[1:, :, COLUMN.terms.tracking])
+    assert (tracking <= PERFECT * new / lengths * (1.0 + 1e-12)).all()
+    assert (tracking.sum(axis=0) <= PERFECT).all()
+    assert tracking.max() > 0.0
+    pace = np.nan_to_num(rows[1:, :, COLUMN.terms.pace])
+    assert (pace <= 0.0).all()
+    assert pace.min() < 0.0

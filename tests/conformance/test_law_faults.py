@@ -1,0 +1,60 @@
+"""A compiled law that returns what is no voltage is refused, and nothing has moved."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pter_gym.controllers import PerClutch, device
+from pter_gym.engine.batch import Batch
+from pter_gym.engine.law import MEMORY
+from pter_gym.errors import ActionError
+from pter_gym.params import BASELINE
+from pter_gym.tasks.path_following import PathFollowing
+
+TASK = PathFollowing(start_offset=0.01)
+STEP, WORLD, VALUE = range(3)
+
+
+@device
+def fails_later(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Hold clutch 4, and from a step on return a value as the voltage of clutch 2, in the worlds from one on."""
+    memory[MEMORY.kept] += 1.0
+    fails = memory[MEMORY.kept] > gains[STEP] and memory[MEMORY.world] >= gains[WORLD]
+    return PerClutch(0.0, gains[VALUE] if fails else 1.0, 0.0, 24.0)
+
+
+def states(batch: Batch, memory: np.ndarray) -> bytes:
+    return b"".join(part.tobytes() for part in (*batch.get_state().values(), memory))
+
+
+@pytest.mark.parametrize(("count", "threads"), [(1, 1), (70, 1), (2000, 1), (2000, 3)])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_number_that_is_not_finite_is_refused_and_nothing_has_moved(count: int, threads: int, value: float) -> None:
+    batch = Batch(BASELINE, TASK, count, num_threads=threads)
+    obs, _ = batch.reset(range(count))
+    memory = batch.empty_memory()
+    obs, _ = batch.rollout(obs, fails_later, np.array([9.0, 0.0, 0.0]), 5, memory)
+    before, seen = states(batch, memory), obs.tobytes()
+    gains = np.array([7.0, count // 2, value])
+    match = rf"world {count // 2} must be finite, got \[0\.0, {value}, 0\.0, 24\.0\]"
+    with pytest.raises(ActionError, match=match):
+        batch.rollout(obs, fails_later, gains, 20, memory)
+    with pytest.raises(ActionError, match=match):
+        batch.outcome(obs, fails_later, gains, 20, memory)
+    assert states(batch, memory) == before
+    assert obs.tobytes() == seen
+    batch.outcome(obs, fails_later, gains, 2, memory)  # the steps before it go well
+    batch.close()
+
+
+def test_a_voltage_beyond_the_range_is_clipped() -> None:
+    rows = []
+    for value in (1e300, -5.0, BASELINE.clutch.voltage_max, 0.0):
+        batch = Batch(BASELINE, TASK, 2)
+        obs, _ = batch.reset([0, 1])
+        rows.append(batch.rollout(obs, fails_later, np.array([3.0, 0.0, value]), 8)[1])
+    np.testing.assert_array_equal(rows[0], rows[2])
+    np.testing.assert_array_equal(rows[1], rows[3])
+    assert not np.array_equal(rows[0], rows[1])

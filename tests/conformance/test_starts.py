@@ -1,0 +1,126 @@
+"""How episodes begin: at rest in evaluation, anywhere in training where the user asks for it."""
+
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from pter_gym.benchmark.episodes import load_episodes, scenarios
+from pter_gym.engine.batch import Batch
+from pter_gym.engine.world import ROW
+from pter_gym.envs.scenario import TRAINING_WIDTH, training_draws
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.scenarios import SCENARIOS
+from pter_gym.tasks.path_following import AT_REST, COLUMN, STARTS, PathFollowing, Starts
+
+MOVING, GRIPPED = Starts(moving=1.0), Starts(gripped=1.0)
+COUNT = 512
+
+
+def first_rows(scenario: str, starts: Starts, seed: int = 0) -> tuple[np.ndarray, list[PathFollowing]]:
+    """Return the telemetry of resets, and the tasks that were begun."""
+    pairs = SCENARIOS[scenario].randomisation(contexts=64, starts=starts).pairs()
+    machines, tasks = map(list, zip(*pairs, strict=True))
+    batch = Batch(machines, tasks, COUNT, draws=True)
+    rows = batch.reset(range(seed, seed + COUNT))[1]
+    return rows, [tasks[k] for k in rows[:, COLUMN.context].astype(int)]
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_moving_starts_are_all_along_the_path_and_within_the_workspace(scenario: str) -> None:
+    rows, tasks = first_rows(scenario, MOVING)
+    share = rows[:, COLUMN.arc_length] / [task.path.length for task in tasks]
+    assert share.min() < 0.02
+    assert 0.9 < share.max() < 0.93
+    np.testing.assert_allclose(rows[:, COLUMN.reached], rows[:, COLUMN.arc_length], rtol=1e-12, atol=1e-12)
+    errors = np.abs(rows[:, COLUMN.normal_error])
+    assert (errors <= MOVING.offset + 1e-12).all()
+    assert errors.max() > 0.9 * MOVING.offset
+    speed = np.hypot(*rows[:, [*COLUMN.tip_velocity]].T) / [task.pace for task in tasks]
+    assert speed.max() < 2.07, "twice the pace along the path and half of it across"
+    assert 0.9 < speed.mean() < 1.2
+    assert np.isfinite(rows).all()
+
+
+def test_gripped_starts_are_at_rest_with_settled_clutches() -> None:
+    rows, _ = first_rows("standard", GRIPPED)
+    at_rest, _ = first_rows("standard", AT_REST)
+    np.testing.assert_array_equal(rows[:, [*COLUMN.tip]], at_rest[:, [*COLUMN.tip]])
+    assert not rows[:, [*COLUMN.tip_velocity]].any()
+    volts = rows[:, [*COLUMN.volts]]
+    released = (volts == 0.0).mean()
+    assert abs(released - 0.2) < 4.0 * np.sqrt(0.2 * 0.8 / volts.size)
+    engaged = volts[volts > 0.0]
+    assert abs(engaged.mean() - 12.0) < 4.0 * 24.0 / np.sqrt(12.0 * engaged.size)
+    assert not at_rest[:, [*COLUMN.volts]].any()
+
+
+def test_settled_clutches_hold_what_they_would_after_a_long_time() -> None:
+    task = PathFollowing(starts=GRIPPED)
+    batch = Batch(BASELINE, task, 16)
+    volts = batch.reset(range(16))[1][:, [*COLUMN.volts]]
+    gripped = batch.truth()
+    still = Batch(replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=1e-6)), PathFollowing(), 16)
+    still.reset(range(16))
+    still.step(volts)
+    first, last = ROW.torques.breakaway.x1, ROW.torques.dynamic.x4 + 1
+    np.testing.assert_allclose(gripped[:, first:last], still.truth()[:, first:last], rtol=1e-12)
+
+
+def test_shares_are_kept_and_each_seed_begins_the_same_way() -> None:
+    starts = STARTS["path"]
+    rows, _ = first_rows("standard", starts)
+    again, _ = first_rows("standard", starts)
+    np.testing.assert_array_equal(rows, again)
+    moving = (rows[:, COLUMN.arc_length] > 0.0).mean()
+    gripped = ((rows[:, COLUMN.arc_length] <= 1e-9) & rows[:, [*COLUMN.volts]].any(axis=1)).mean()
+    for found, share in ((moving, starts.moving), (gripped, starts.gripped)):
+        assert abs(found - share) < 4.0 * np.sqrt(share * (1.0 - share) / COUNT)
+
+
+def test_no_evaluation_episode_explores() -> None:
+    for scenario in scenarios():
+        assert {task.starts for task in load_episodes(scenario, "slow").tasks} == {AT_REST}
+
+
+@pytest.mark.parametrize(
+    ("keywords", "told"),
+    {
+        "starts": ({"starts": "anywhere"}, "starts must be among"),
+        "pace": ({"pace": "fast"}, "pace must be among"),
+        "error_max": ({"error_max": -1.0}, r"error_max must be .* > 0"),
+        "reward": ({"reward": 3}, "reward must be of type RewardWeights"),
+        "task": ({"task": PathFollowing()}, r"^task must not be given: PTER/Standard-v0 draws its own"),
+        "randomisation": ({"randomisation": 1}, "^randomisation must not be given"),
+        "machine": ({"machine": "baseline"}, "^machine must not be given"),
+    }.values(),
+)
+@pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+def test_a_wrong_argument_is_named_as_the_user_wrote_it(make: Any, keywords: dict[str, Any], told: str) -> None:
+    with pytest.raises(ParameterError, match=told):
+        make("PTER/Standard-v0", **keywords)
+
+
+def test_a_task_that_is_no_task_is_named() -> None:
+    for make in (gymnasium.make, gymnasium.make_vec):
+        with pytest.raises(ParameterError, match=r"^task must be a PathFollowing.*got 'circle'"):
+            make("PTER/PathFollowing-v0", task="circle")
+
+
+@pytest.mark.parametrize("scenario", scenarios())
+def test_training_ends_near_the_path_and_no_evaluation_is_narrower(scenario: str) -> None:
+    evaluated = {task.error_max for task in load_episodes(scenario, "slow").tasks}
+    for keywords, expected in (({}, {TRAINING_WIDTH}), ({"error_max": None}, evaluated)):
+        assert {task.error_max for _, task in training_draws(scenario, contexts=4, **keywords).pairs()} == expected
+    assert min(evaluated) >= TRAINING_WIDTH
+
+
+def test_a_scenario_takes_what_its_episodes_share_and_nothing_that_it_draws() -> None:
+    env: Any = gymnasium.make("PTER/Standard-v0", error_max=0.08, starts=MOVING, pace="slow").unwrapped
+    env.reset(seed=0)
+    assert (env.task.error_max, env.task.starts, env.task.pace) == (0.08, MOVING, 0.12)
+    with pytest.raises(ParameterError, match="path must be one of what all episodes of paths share"):
+        SCENARIOS["paths"].randomisation(path=None)
