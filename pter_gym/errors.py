@@ -34,6 +34,10 @@ class DataError(PterError, RuntimeError):
     """A stored file is missing, or is not what was stored."""
 
 
+class PolicyError(PterError, RuntimeError):
+    """A policy in a process of its own has failed, has ended, or does not answer in time."""
+
+
 def unknown_name(field: str, name: object, known: Iterable[str]) -> ParameterError:
     """Return the error for an unknown name, which lists the known ones and points to the nearest."""
     known = list(known)

@@ -1,7 +1,7 @@
-"""The fixed evaluation episodes: stored as data with a checksum, so no random stream decides what they are.
+"""The evaluation episodes: stored ones, which everybody can look at, and fresh ones, which a seed draws.
 
-``pter_gym/episodes`` holds one file for each scenario and one with their checksums. ``docs/make/store_episodes.py``
-makes them; nothing that runs does.
+``pter_gym/episodes`` holds one file of stored ones for each scenario and one with their checksums.
+``docs/make/store_episodes.py`` makes them; nothing that runs does.
 """
 
 import gzip
@@ -9,16 +9,18 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
 from pter_gym import hands, params, paths
 from pter_gym.errors import DataError, ParameterError, unknown_name
+from pter_gym.internal.checks import whole_number
 from pter_gym.internal.codec import Codec, dataclasses_in, reading
 from pter_gym.internal.files import write_bytes_atomic, write_text_atomic
 from pter_gym.params import Machine
-from pter_gym.scenarios import find_pace
+from pter_gym.scenarios import find_pace, find_scenario
+from pter_gym.scenarios.evaluation_draws import evaluation_draws, fresh_reset_seeds
 from pter_gym.tasks import path_following
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -26,6 +28,9 @@ FOLDER = Path(__file__).parents[1] / "episodes"
 """Where the package keeps its evaluation episodes."""
 
 CHECKSUMS = "checksums.json"
+
+SEEDS = 2**64
+"""Seeds of fresh episodes are smaller."""
 
 _OPERATING_SYSTEM, _UNIX = 9, 3
 """Place of a byte in the header of gzip, and its value in the shipped files (RFC 1952)."""
@@ -43,7 +48,7 @@ class Episodes:
     scenario
         Name of the scenario.
     checksum
-        SHA-256 of the file that holds them.
+        SHA-256 of the file that holds them; of fresh ones, of the JSON that it would hold.
     machines, tasks
         What to simulate; the tasks command the pace that was asked for.
     seeds
@@ -107,12 +112,13 @@ def load_episodes(scenario: str, pace: str, *, folder: Path = FOLDER) -> Episode
         If a file is missing or not what was stored.
     """
     speed = find_pace(pace)
-    sums = _checksums(folder)
-    if scenario not in sums:
-        raise unknown_name("scenario", scenario, sorted(sums))
-    stored = _read(folder / f"{scenario}.json.gz", sums[scenario])
-    paced = {id(task): replace(task, pace=speed) for task in stored.tasks}
-    return replace(stored, tasks=tuple(paced[id(task)] for task in stored.tasks))
+    return _at_pace(_stored(scenario, folder), speed)
+
+
+def stored_strata(scenario: str, *, folder: Path = FOLDER) -> tuple[str, tuple[str, ...]]:
+    """Return the checksum of a scenario's stored episodes and their strata; raises as ``load_episodes``."""
+    stored = _stored(scenario, folder)
+    return stored.checksum, stored.strata
 
 
 def store_episodes(
@@ -138,6 +144,75 @@ def store_episodes(
     folder
         Where to write; made if need be.
     """
+    folder.mkdir(parents=True, exist_ok=True)
+    data = _compressed(_encoded(scenario, machines, tasks, seeds, strata, version))
+    sums = _checksums(folder) if (folder / CHECKSUMS).exists() else {}
+    path = folder / f"{scenario}.json.gz"
+    write_bytes_atomic(path, data)
+    sums[scenario] = hashlib.sha256(data).hexdigest()
+    write_text_atomic(folder / CHECKSUMS, json.dumps(dict(sorted(sums.items())), indent=2) + "\n")
+    return path
+
+
+def fresh_episodes(scenario: str, pace: str, seed: int) -> Episodes:
+    """Return new evaluation episodes of a scenario at a pace: as many as the stored ones, strata at the same places.
+
+    Parameters
+    ----------
+    scenario
+        Name of the scenario.
+    pace
+        ``slow``, ``medium`` or ``brisk``; the episodes differ in nothing else from those at another pace.
+    seed
+        Whole number within [0, 2⁶⁴).
+
+    Raises
+    ------
+    ParameterError
+        If there is no such scenario or pace, or the seed is out of range.
+    """
+    speed = find_pace(pace)
+    find_scenario(scenario)
+    return _at_pace(_draw(scenario, check_fresh(seed)), speed)
+
+
+def find_episodes(scenario: str, pace: str, fresh: int | None = None, *, folder: Path = FOLDER) -> Episodes:
+    """Return the stored evaluation episodes of a scenario at a pace, or the fresh ones of a seed."""
+    return load_episodes(scenario, pace, folder=folder) if fresh is None else fresh_episodes(scenario, pace, fresh)
+
+
+def check_fresh(seed: Any) -> int:
+    """Return the seed of fresh episodes, or raise a ParameterError."""
+    number = whole_number("fresh", seed, at_least=0)
+    if number >= SEEDS:
+        raise ParameterError(f"fresh must be a whole number within [0, 2⁶⁴), got {seed!r}")
+    return number
+
+
+@lru_cache(8)
+def _draw(scenario: str, seed: int) -> Episodes:
+    found = find_scenario(scenario)
+    machines, tasks, strata = zip(*evaluation_draws(found, seed), strict=True)
+    seeds = fresh_reset_seeds(found, seed)
+    data = _encoded(scenario, machines, tasks, seeds, strata, found.version)
+    return Episodes(scenario, hashlib.sha256(data).hexdigest(), machines, tasks, tuple(seeds), strata)
+
+
+def _at_pace(episodes: Episodes, speed: float) -> Episodes:
+    """Return episodes at a commanded pace [m/s]; tasks that are one stay one."""
+    paced = {id(task): replace(task, pace=speed) for task in episodes.tasks}
+    return replace(episodes, tasks=tuple(paced[id(task)] for task in episodes.tasks))
+
+
+def _encoded(
+    scenario: str,
+    machines: Sequence[Machine],
+    tasks: Sequence[PathFollowing],
+    seeds: Sequence[int],
+    strata: Sequence[str],
+    version: int,
+) -> bytes:
+    """Return what a file of episodes holds, as JSON."""
     parts: dict[str, int] = {}
 
     def number(part: object) -> int:
@@ -153,14 +228,7 @@ def store_episodes(
         "parts": [json.loads(part) for part in parts],
         "episodes": entries,
     }
-    folder.mkdir(parents=True, exist_ok=True)
-    data = _compressed(json.dumps(content, ensure_ascii=False, allow_nan=False).encode())
-    sums = _checksums(folder) if (folder / CHECKSUMS).exists() else {}
-    path = folder / f"{scenario}.json.gz"
-    write_bytes_atomic(path, data)
-    sums[scenario] = hashlib.sha256(data).hexdigest()
-    write_text_atomic(folder / CHECKSUMS, json.dumps(dict(sorted(sums.items())), indent=2) + "\n")
-    return path
+    return json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
 
 
 def _compressed(content: bytes) -> bytes:
@@ -175,6 +243,13 @@ def _checksums(folder: Path) -> dict[str, str]:
         return dict(json.loads(_bytes(folder / CHECKSUMS)))
     except (ValueError, TypeError) as error:
         raise DataError(f"evaluation data {folder / CHECKSUMS} were changed: {error}") from None
+
+
+def _stored(scenario: str, folder: Path) -> Episodes:
+    sums = _checksums(folder)
+    if scenario not in sums:
+        raise unknown_name("scenario", scenario, sorted(sums))
+    return _read(folder / f"{scenario}.json.gz", sums[scenario])
 
 
 def _bytes(path: Path) -> bytes:

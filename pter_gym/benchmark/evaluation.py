@@ -2,39 +2,45 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._version import __version__
-from pter_gym.benchmark.episodes import FOLDER, Episodes, load_episodes
+from pter_gym.benchmark.episodes import FOLDER, Episodes, find_episodes
+from pter_gym.benchmark.identity import SAID, derived_seed, identity_of
 from pter_gym.benchmark.measures import column, vector
 from pter_gym.benchmark.metrics import Scores, score_episodes
-from pter_gym.benchmark.naming import find_policy
+from pter_gym.benchmark.naming import find_policy, is_built_in
 from pter_gym.benchmark.results import ResultsFolder
-from pter_gym.benchmark.runs import Conditions, Planning, Sample, ScenarioRun, code_digest
+from pter_gym.benchmark.runs import (
+    INSTANTS,
+    Conditions,
+    Planning,
+    Sample,
+    ScenarioRun,
+    check_name,
+    code_digest,
+    sample_numbers,
+)
 from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
 from pter_gym.controllers import BoundPolicy, bind
+from pter_gym.controllers.base import Plans
+from pter_gym.controllers.predictive import UNPRIVILEGED
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
-from pter_gym.tasks.path_following import Sensors
+from pter_gym.tasks.path_following import Sensors, observation_layout
 
 Array = NDArray[np.float64]
 
 CHUNK = 64
 """Episodes that are simulated together; their telemetry is scored and let go."""
-
-SAMPLES = 4
-"""Episodes of a run that are kept to be drawn: the first of each stratum, then the first ones."""
-
-INSTANTS = 200
-"""Largest number of instants that are kept of such an episode."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +49,11 @@ class PerSeed:
 
     policies: tuple[AnyPolicy, ...]
 
+    def __post_init__(self) -> None:
+        """Check that no policy is there twice: a copy is no further seed."""
+        if not self.policies or len({id(each) for each in self.policies}) < len(self.policies):
+            raise ParameterError(f"policies must be one or more, all of them different, got {self.policies!r:.200}")
+
 
 def run_scenario(
     scenario: str,
@@ -50,7 +61,9 @@ def run_scenario(
     paces: Sequence[str] = tuple(PACES),
     *,
     episodes: int | None = None,
+    fresh: int | None = None,
     results: ResultsFolder | None = None,
+    reuse_callables: bool = False,
     num_threads: int = 2,
     on_progress: Callable[[str], None] = lambda _: None,
     data: Path = FOLDER,
@@ -63,14 +76,19 @@ def run_scenario(
         Its name.
     policies
         By name: controllers, which are bound to the nominal machine, any ``policy(observations) -> volts``, float32
-        (N, entries) to (N, 4), or one of these for each training seed; or names of built-in policies alone. What a
-        callable is, its attribute ``identity`` may say (a string); without one, it is run again each time.
+        (N, entries) to (N, 4), ``Isolated`` ones, or one of these for each training seed; or names of built-in policies
+        and paths of exported ones alone.
     paces
         Names of commanded paces.
     episodes
-        How many of the stored episodes to run, from the first on; all by default.
+        How many of the episodes to run, from the first on; all by default.
+    fresh
+        Seed within [0, 2⁶⁴) of fresh episodes, see ``fresh_seed``; the stored ones by default.
     results
         Where each finished run is kept, and taken from if it was finished before.
+    reuse_callables
+        Whether to believe a callable whose attribute ``identity``, a string, says what it is. Nobody can tell what a
+        callable does, so it is run again each time otherwise.
     num_threads
         Threads that share the episodes of a compiled law; the scores do not depend on it.
     on_progress
@@ -85,13 +103,10 @@ def run_scenario(
     DataError
         If the stored episodes were changed.
     """
-    named = (
-        policies if isinstance(policies, Mapping) else {name: find_policy(name, scenario=scenario) for name in policies}
-    )
-    for field, given in (("policies", named), ("paces", paces)):
-        if not given:
-            raise ParameterError(f"{field} must hold at least one name")
-    sets = {pace: load_episodes(scenario, pace, folder=data) for pace in paces}
+    named = _named(policies, scenario)
+    if not paces:
+        raise ParameterError("paces must hold at least one name")
+    sets = {pace: find_episodes(scenario, pace, fresh, folder=data) for pace in paces}
     sets = {pace: full if episodes is None else full.first(episodes) for pace, full in sets.items()}
     if results:
         results.make()
@@ -99,31 +114,107 @@ def run_scenario(
     for pace, chosen in sets.items():
         batches = Batches(chosen)
         for name, policy in named.items():
-            for seed, trained in enumerate(policy.policies if isinstance(policy, PerSeed) else (policy,)):
-                runs.append(_find_or_run(trained, batches, (pace, name, seed), results, num_threads))
+            for seed, trained in enumerate(each_seed(policy)):
+                bound = batches.bind(trained)
+                identity = identity_of(trained, bound.policy, trusted=reuse_callables)
+                _check_built_in(name, identity)
+                conditions = _conditions(chosen, fresh, pace, name, seed, identity)
+                runs.append(_find_or_run(conditions, bound, batches, results, num_threads))
             on_progress(f"{name}, {pace}")
     return tuple(runs)
 
 
+def fresh_seed(scenario: str, policies: Mapping[str, AnyPolicy | PerSeed] | Sequence[str]) -> int:
+    """Return the seed of fresh episodes that follows from what is judged: all policies, the code and the scenario.
+
+    Parameters
+    ----------
+    scenario, policies
+        As in ``run_scenario``; all that are compared on the episodes.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such policy, or its content cannot be told, as of a plain callable; it names the policy.
+    """
+    identities = {
+        name: [
+            identity_of(each, bind(each, BASELINE, observation_layout(BASELINE, sensors_of(each))))
+            for each in each_seed(policy)
+        ]
+        for name, policy in _named(policies, scenario).items()
+    }
+    return derived_seed(identities, code_digest(), scenario)
+
+
+def each_seed(policy: AnyPolicy | PerSeed) -> tuple[AnyPolicy, ...]:
+    """Return a policy as it came out of each of its training seeds."""
+    return policy.policies if isinstance(policy, PerSeed) else (policy,)
+
+
+def _named(
+    policies: Mapping[str, AnyPolicy | PerSeed] | Sequence[str], scenario: str
+) -> Mapping[str, AnyPolicy | PerSeed]:
+    if not policies:
+        raise ParameterError("policies must hold at least one name")
+    for name in policies:
+        check_name(name)
+    if isinstance(policies, Mapping):
+        return policies
+    return {name: find_policy(name, scenario=scenario) for name in policies}
+
+
+def _conditions(
+    episodes: Episodes, fresh: int | None, pace: str, policy: str, seed: int, identity: str | None
+) -> Conditions:
+    """Return the conditions of a run by the present code."""
+    return Conditions(
+        scenario=episodes.scenario,
+        pace=pace,
+        policy=policy,
+        seed=seed,
+        episodes=len(episodes),
+        data=episodes.checksum,
+        identity=identity,
+        version=__version__,
+        code=code_digest(),
+        fresh=fresh,
+    )
+
+
+def _check_built_in(name: str, identity: str | None) -> None:
+    """Raise a ParameterError if nobody can tell whether a policy is the built-in one of its name."""
+    if (identity is None or identity.startswith(SAID)) and is_built_in(name):
+        raise ParameterError(f"policies must have names of their own for callables, {name!r} is a built-in policy")
+
+
 def _find_or_run(
-    policy: AnyPolicy, batches: "Batches", names: tuple[str, str, int], results: ResultsFolder | None, num_threads: int
+    conditions: Conditions, bound: "Bound", batches: "Batches", results: ResultsFolder | None, num_threads: int
 ) -> ScenarioRun:
-    """Return the run of a policy, with the names of pace, policy and training seed; from the results if it is there."""
-    conditions = _conditions(batches.episodes, *names, identity(policy, batches.bind(policy)))
+    """Return a run, from the results if it is there."""
     found = results and results.find(conditions)
     if found:
         return found
-    made = ScenarioRun(conditions, batches.episodes.strata, *evaluate(policy, batches, num_threads))
+    made = ScenarioRun(conditions, batches.episodes.strata, *evaluate(bound, batches, num_threads))
     if results:
         results.add(made)
     return made
 
 
+class Bound(NamedTuple):
+    """A policy as it acts, what its observations hold, and what was bound."""
+
+    policy: BoundPolicy
+    sensors: Sensors
+    kind: type
+
+
 class Part(NamedTuple):
-    """What comes out of one batch: scores, samples, and the mean processor time of a decision [ms]."""
+    """What comes out of one batch: scores, samples, how it was planned, mean processor time of a decision [ms]."""
 
     scores: Scores
     samples: list[Sample]
+    plans: Plans | None
     decision_ms: float
 
 
@@ -140,32 +231,32 @@ class Batches:
         chunk = self.chunks[number]
         return Batch(self.episodes.machines[chunk], self.episodes.tasks[chunk], sensors=sensors)
 
-    def bind(self, policy: AnyPolicy) -> BoundPolicy:
-        """Return a policy that can act in any of the batches."""
-        return bind(policy, BASELINE, self.batch(0, sensors_of(policy)).layout)
+    def bind(self, policy: AnyPolicy) -> Bound:
+        """Return a policy that can act in any of the batches; it is bound once, so what is judged is what acts."""
+        sensors = sensors_of(policy)
+        return Bound(bind(policy, BASELINE, self.batch(0, sensors).layout), sensors, type(policy))
 
-    def run(self, number: int, policy: AnyPolicy) -> Part:
+    def run(self, number: int, bound: Bound) -> Part:
         """Return what comes out of one batch."""
-        chunk, batch = self.chunks[number], self.batch(number, sensors_of(policy))
+        chunk, batch = self.chunks[number], self.batch(number, bound.sensors)
         tasks = self.episodes.tasks[chunk]
         limits = [time_limit(task) for task in tasks]
-        episodes = run(batch, policy, self.episodes.seeds[chunk], limits)
+        episodes = run(batch, bound.policy, self.episodes.seeds[chunk], limits)
         telemetry = episodes.telemetry
         for world, limit in enumerate(limits):
             telemetry[limit + 1 :, world] = np.nan
         scores = score_episodes(telemetry, tasks, voltage_max=batch.machine.clutch.voltage_max)
         here = (k for k in self.kept if chunk.start <= k < chunk.stop)
-        return Part(scores, [_sample(k, telemetry[:, k - chunk.start]) for k in here], episodes.decision_ms)
+        return Part(
+            scores, [_sample(k, telemetry[:, k - chunk.start]) for k in here], episodes.plans, episodes.decision_ms
+        )
 
 
-def evaluate(
-    policy: AnyPolicy, batches: Batches, num_threads: int
-) -> tuple[Scores, tuple[Sample, ...], Planning | None]:
+def evaluate(bound: Bound, batches: Batches, num_threads: int) -> tuple[Scores, tuple[Sample, ...], Planning | None]:
     """Return the scores of a policy on all episodes, samples of them, and how it plans, if it does."""
-    bound = batches.bind(policy)
     numbers = range(len(batches.chunks))
-    one = partial(batches.run, policy=policy)
-    if bound.compiled and num_threads > 1:
+    one = partial(batches.run, bound=bound)
+    if bound.policy.compiled and num_threads > 1:
         with ThreadPoolExecutor(num_threads, thread_name_prefix="pter-benchmark") as pool:
             parts = list(pool.map(one, numbers))
     else:
@@ -174,20 +265,14 @@ def evaluate(
     return scores, tuple(sample for part in parts for sample in part.samples), _planning(bound, batches, parts)
 
 
-def _planning(policy: BoundPolicy, batches: Batches, parts: Sequence[Part]) -> Planning | None:
-    """Return how a policy planned, if it did."""
-    if policy.plans is None:
+def _planning(bound: Bound, batches: Batches, parts: Sequence[Part]) -> Planning | None:
+    """Return how a policy planned, if it did; what it was told nobody knows, unless it is one of the package's own."""
+    plans = next((part.plans for part in parts if part.plans is not None), None)
+    if plans is None:
         return None
-    privileged, horizon, rollouts = policy.plans
-    seconds = horizon * batches.episodes.tasks[0].control_period
+    seconds = plans.horizon * batches.episodes.tasks[0].control_period
     took = float(np.mean([part.decision_ms for part in parts]))
-    return Planning(privileged, round(seconds, 6), rollouts, round(took, 2))
-
-
-def sample_numbers(strata: Sequence[str]) -> list[int]:
-    """Return the numbers of the episodes that are kept to be drawn."""
-    first_of_each = (strata.index(stratum) for stratum in dict.fromkeys(strata))
-    return sorted(list(dict.fromkeys([*first_of_each, *range(len(strata))]))[:SAMPLES])
+    return Planning(bound.kind not in UNPRIVILEGED, round(seconds, 6), plans.rollouts, round(took, 2))
 
 
 def _sample(number: int, telemetry: Array) -> Sample:
@@ -195,29 +280,3 @@ def _sample(number: int, telemetry: Array) -> Sample:
     shown = np.unique(np.linspace(0, len(finished) - 1, INSTANTS).round().astype(int))
     theta = np.stack([column(finished, "theta_a"), column(finished, "theta_b")], axis=-1)
     return Sample(number, vector(finished, "tip")[shown].round(5), theta[shown].round(5))
-
-
-def _conditions(episodes: Episodes, pace: str, name: str, seed: int, identity: str | None) -> Conditions:
-    return Conditions(
-        scenario=episodes.scenario,
-        pace=pace,
-        policy=name,
-        seed=seed,
-        episodes=len(episodes),
-        data=episodes.checksum,
-        identity=identity,
-        version=__version__,
-        code=code_digest(),
-    )
-
-
-def identity(policy: AnyPolicy, bound: BoundPolicy) -> str | None:
-    """Return what a policy is, so a run need not be repeated, or None if that cannot be told.
-
-    That is what it says itself in ``identity``; of a compiled law, its gains in words and a hash of gains and law.
-    """
-    if bound.fingerprint is not None:
-        name = repr(policy) if is_dataclass(policy) else type(policy).__qualname__
-        return f"{name} {bound.fingerprint}"
-    said: Any = getattr(policy, "identity", None)
-    return said if isinstance(said, str) else None

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from pter_gym._version import __version__
@@ -27,7 +29,9 @@ class Leaderboard:
     scenario, pace
         Names.
     episodes, data
-        How many of the stored episodes were run, and the SHA-256 of the stored ones.
+        How many of the episodes were run, and the SHA-256 of all of them.
+    fresh
+        Seed of fresh episodes; None for the stored ones.
     config_hash
         SHA-256 of all that the scores depend on, apart from the policies.
     standings
@@ -40,6 +44,7 @@ class Leaderboard:
     data: str
     config_hash: str
     standings: tuple[Standing, ...]
+    fresh: int | None = None
 
     @property
     def provisional(self) -> bool:
@@ -49,7 +54,8 @@ class Leaderboard:
     def has_episodes_of(self, run: ScenarioRun) -> bool:
         """Tell whether a run, at whatever pace, had the same episodes."""
         at = run.conditions
-        return (self.scenario, self.episodes, self.data) == (at.scenario, at.episodes, at.data)
+        mine = (self.scenario, self.episodes, self.data, self.fresh)
+        return mine == (at.scenario, at.episodes, at.data, at.fresh)
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``benchmark.json`` holds of this leaderboard, in SI."""
@@ -59,6 +65,7 @@ class Leaderboard:
             "pace_m_s": PACES[self.pace],
             "episodes": self.episodes,
             "episodes_sha256": self.data,
+            "fresh": self.fresh,
             "version": __version__,
             "config_hash": self.config_hash,
             "provisional": self.provisional,
@@ -68,24 +75,26 @@ class Leaderboard:
 
 def leaderboards(runs: Sequence[ScenarioRun]) -> tuple[Leaderboard, ...]:
     """Return a leaderboard for each scenario, pace and set of episodes among runs of the same code."""
-    groups: dict[tuple[str, float, int, str], list[ScenarioRun]] = {}
+    groups: dict[tuple[str, float, int, int, str], list[ScenarioRun]] = {}
     for run in runs:
         at = run.conditions
-        groups.setdefault((at.scenario, PACES[at.pace], at.episodes, at.data), []).append(run)
+        seed = -1 if at.fresh is None else at.fresh
+        groups.setdefault((at.scenario, PACES[at.pace], at.episodes, seed, at.data), []).append(run)
     return tuple(rank(groups[place]) for place in sorted(groups))
 
 
 def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
     """Return the leaderboard of runs on the same episodes at the same pace; a policy's training seeds count as one."""
     at = runs[0].conditions
-    return Leaderboard(at.scenario, at.pace, at.episodes, at.data, at.config_hash, find_standings(runs))
+    return Leaderboard(at.scenario, at.pace, at.episodes, at.data, at.config_hash, find_standings(runs), at.fresh)
 
 
 def table(board: Leaderboard) -> Table:
     """Return a leaderboard for a terminal of 80 columns: intervals of 95 %, and below it why others have no rank."""
     kind = "provisional, " if board.provisional else ""
+    which = "episodes" if board.fresh is None else f"fresh episodes, seed {board.fresh}"
     shown = Table(
-        title=f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} episodes",
+        title=f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} {which}",
         caption=_caption(board),
         caption_justify="left",
         box=None,
@@ -101,8 +110,14 @@ def table(board: Leaderboard) -> Table:
         shown.add_column(column.title, justify="right", no_wrap=True)
     for standing in board.standings:
         place = "–" if standing.rank is None else str(standing.rank)
-        shown.add_row(place, standing.label, *(column.text(standing.scores[name]) for name, column in order))
+        shown.add_row(place, escape(standing.label), *(column.text(standing.scores[name]) for name, column in order))
     return shown
+
+
+def print_boards(runs: Sequence[ScenarioRun]) -> None:
+    """Print the leaderboards of runs to the terminal."""
+    for board in leaderboards(runs):
+        Console().print(table(board), "")
 
 
 def _caption(board: Leaderboard) -> str:
@@ -112,7 +127,7 @@ def _caption(board: Leaderboard) -> str:
         for standing in board.standings
         if (p := standing.planning)
     ]
-    return "\n".join(lines)
+    return escape("\n".join(lines))
 
 
 def _standing_json(standing: Standing) -> dict[str, Any]:

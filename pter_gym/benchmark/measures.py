@@ -15,26 +15,28 @@ CUTOFF = 20.0
 """Cut-off [Hz] of the first-order low-pass on the tip acceleration."""
 
 SEGMENTS = 10
-"""Equal parts of a path in which the pace is held against the commanded one; the first is left out."""
+"""Equal parts of a path, in each of which the pace is held against the commanded one and the error is judged."""
 
 
-class Progress(NamedTuple):
-    """How far episodes came along their paths.
+class Marks(NamedTuple):
+    """When the running maximum of the arc length passed K marks on each of N paths.
 
     Attributes
     ----------
-    times
-        When the running maximum of the arc length passed 0, 1, … ``SEGMENTS`` tenths of the path [s], linear between
-        control instants, NaN where it never did; shape (SEGMENTS + 1, N).
-    reached
-        The largest arc length, within [0, length] [m], shape (N,).
-    end
-        Length of the episode [s], shape (N,).
+    before, after
+        Rows between which each was passed, shape (K, N).
+    part
+        Where between them, from 0 to 1, NaN where it never was; shape as above.
     """
 
-    times: Array
-    reached: Array
-    end: Array
+    before: NDArray[np.intp]
+    after: NDArray[np.intp]
+    part: Array
+
+    def find(self, values: Array) -> Array:
+        """Return what values, one row for each arc length, were then: linear between rows, NaN for never."""
+        first, last = (np.take_along_axis(values, rows, axis=0) for rows in (self.before, self.after))
+        return first + self.part * (last - first)
 
 
 def column(telemetry: Array, name: str) -> Array:
@@ -54,63 +56,55 @@ def four(telemetry: Array, name: str) -> Array:
     return telemetry[..., first : first + 4]
 
 
-def path_averages(arc_length: Array, errors: Array, length: Array, error_max: Array) -> Array:
-    """Return the path-average error ∫|e|ds/L [m] of each episode, shape (N,).
-
-    Each new increment of arc length counts with the largest error since the previous one, so neither an excursion
-    at a standstill nor a step back is free. The part of the path that was not reached counts with the worst error seen
-    or ``error_max``, whichever is larger.
-
-    Parameters
-    ----------
-    arc_length, errors
-        Projection on the path [m] and |normal error| [m] at each control instant from the reset on, shape (T + 1, N);
-        NaN after the end of an episode.
-    length, error_max
-        Length of the path and workspace bound [m], shape (N,).
-    """
-    errors = np.nan_to_num(errors)
-    increments = np.diff(running_maximum(np.clip(arc_length, 0.0, length)), axis=0)
-    worst_since = np.zeros_like(length)
-    integral = np.zeros_like(length)
-    for increment, error in zip(increments, errors[1:], strict=True):
-        worst_since = np.maximum(worst_since, error)
-        integral += worst_since * increment
-        worst_since[increment > 0.0] = 0.0
-    begin = np.clip(arc_length[0], 0.0, length)
-    missing = length - begin - increments.sum(axis=0)
-    worst = np.maximum(errors.max(axis=0), error_max)
-    return (integral + begin * errors[0] + np.maximum(missing, 0.0) * worst) / length
-
-
 def running_maximum(values: Array) -> Array:
     """Return the largest value so far, over the first axis; NaN leaves it as it is."""
     return np.fmax.accumulate(values, axis=0)
 
 
-def find_progress(arc_length: Array, time: Array, length: Array) -> Progress:
-    """Return how far episodes came along their paths and when; shapes as in ``path_averages``, times [s]."""
-    furthest = running_maximum(arc_length)
-    end = np.nanmax(time, axis=0)
-    worlds = np.arange(len(length))
-    times = np.full((SEGMENTS + 1, len(length)), np.nan)
-    for k in range(SEGMENTS + 1):
-        mark = length * k / SEGMENTS if k < SEGMENTS else length
-        passed = furthest >= mark
-        after = passed.argmax(axis=0)
-        before = np.maximum(after - 1, 0)
-        s_before, s_after = furthest[before, worlds], furthest[after, worlds]
-        t_before, t_after = time[before, worlds], time[after, worlds]
-        part = np.where(s_after > s_before, (mark - s_before) / np.where(s_after > s_before, s_after - s_before, 1), 1)
-        times[k] = np.where(passed.any(axis=0), t_before + part * (t_after - t_before), np.nan)
-    return Progress(times, np.clip(furthest[-1], 0.0, length), end)
+def find_marks(furthest: Array, marks: Array) -> Marks:
+    """Return when marks were passed.
+
+    Parameters
+    ----------
+    furthest
+        Running maximum of the arc length from 0 on [m], shape (R, N).
+    marks
+        Arc lengths ≥ 0 [m], shape (K, N).
+    """
+    passed = np.stack([furthest >= mark for mark in marks], axis=1)
+    after = passed.argmax(axis=0)
+    before = np.maximum(after - 1, 0)
+    low, high = (np.take_along_axis(furthest, rows, axis=0) for rows in (before, after))
+    part = np.divide(marks - low, high - low, where=high > low, out=np.ones_like(marks))
+    return Marks(before, after, np.where(passed.any(axis=0), part, np.nan))
 
 
-def pace_errors(entered: Array, left: Array, end: Array, stretch: Array, pace: Array) -> Array:
-    """Return the pace errors of stretches [m] by when they were entered and left [s], NaN for never."""
-    until = np.where(np.isfinite(left), left, end)
-    errors = np.abs((until - np.where(np.isfinite(entered), entered, end)) * pace / stretch - 1.0)
-    return np.where(np.isfinite(left), errors, np.maximum(errors, 1.0))
+def way_integral(furthest: Array, errors: Array) -> Array:
+    """Return ∫|e|ds [m²] up to each row, shape (T + 2, N).
+
+    Each new increment of arc length counts with the largest error since the previous one, so neither an excursion
+    at a standstill nor a step back is free.
+
+    Parameters
+    ----------
+    furthest
+        Running maximum of the arc length from 0 on [m], shape (T + 2, N): 0, then each control instant.
+    errors
+        |normal error| [m] at each control instant, shape (T + 1, N); NaN after the end of an episode.
+    """
+    parts = np.zeros_like(furthest)
+    worst_since = np.zeros_like(furthest[0])
+    for part, increment, error in zip(parts[1:], np.diff(furthest, axis=0), np.nan_to_num(errors), strict=True):
+        worst_since = np.maximum(worst_since, error)
+        part[:] = worst_since * increment
+        worst_since[increment > 0.0] = 0.0
+    return parts.cumsum(axis=0)
+
+
+def pace_errors(relative_times: Array, finished: Mask) -> Array:
+    """Return the pace errors of stretches: |t/T − 1|, and at least 1 for one that was not finished."""
+    errors = np.abs(relative_times - 1.0)
+    return np.where(finished, errors, np.maximum(errors, 1.0))
 
 
 def smoothness(speed: Array, acceleration: Array, counted: Mask, period: float) -> Array:

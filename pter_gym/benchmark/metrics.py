@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.benchmark.measures import column
-from pter_gym.benchmark.recorded import Array, Recorded, Travel
+from pter_gym.benchmark.recorded import PRICE, Array, Recorded, Travel
 from pter_gym.benchmark.statistics import Interval
 from pter_gym.params import BASELINE
 from pter_gym.physics.friction import ClutchMode
@@ -74,6 +74,8 @@ class Metric(NamedTuple):
         How the leaderboard shows it, if it does.
     from_travel
         Whether ``Travel`` is enough to find it; otherwise it takes ``Recorded``.
+    low, high
+        Smallest and largest value that it can have, None for none.
     """
 
     unit: str
@@ -82,20 +84,36 @@ class Metric(NamedTuple):
     mean: bool = False
     column: Column | None = None
     from_travel: bool = False
+    low: float | None = None
+    high: float | None = None
 
 
 def of_travel(
-    unit: str, meaning: str, find: Callable[[Travel], Values], *, mean: bool = False, column: Column | None = None
+    unit: str,
+    meaning: str,
+    find: Callable[[Travel], Values],
+    *,
+    mean: bool = False,
+    column: Column | None = None,
+    low: float | None = 0.0,
+    high: float | None = None,
 ) -> Any:
     """Declare a score that needs no more than ``Travel``, as those do that decide on ranks; see ``Metric``."""
-    return field(metadata={"metric": Metric(unit, meaning, find, mean, column, from_travel=True)})
+    return field(metadata={"metric": Metric(unit, meaning, find, mean, column, True, low, high)})
 
 
 def of_record(
-    unit: str, meaning: str, find: Callable[[Recorded], Values], *, mean: bool = False, column: Column | None = None
+    unit: str,
+    meaning: str,
+    find: Callable[[Recorded], Values],
+    *,
+    mean: bool = False,
+    column: Column | None = None,
+    low: float | None = 0.0,
+    high: float | None = None,
 ) -> Any:
     """Declare a score that needs all of the telemetry; see ``Metric``."""
-    return field(metadata={"metric": Metric(unit, meaning, find, mean, column)})
+    return field(metadata={"metric": Metric(unit, meaning, find, mean, column, False, low, high)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,31 +125,28 @@ class Score:
 
     path_error_m: float = of_travel(
         "m",
-        "the larger of the two averages of |e|, over time and over the path",
-        lambda e: np.maximum(e.mean_error, e.path_average),
+        f"mean over ten segments of the larger of ∫|e|dt/t and ∫|e|ds/(L/10), times r^{PRICE:g} if r = t·v/(L/10) > 1, "
+        f"else {1.0 + PRICE:g} − {PRICE:g}r",
+        lambda e: e.segment_errors().mean(axis=0),
         column=Column(1, "path error\n\\[mm]", millimetres),
     )
-    mean_error_m: float = of_travel("m", "time average of |e|", lambda e: e.mean_error)
-    path_average_error_m: float = of_travel(
-        "m",
-        "∫|e|ds/L over new arc length, unfinished parts at the worst error or the bound",
-        lambda e: e.path_average,
-    )
+    mean_error_m: float = of_travel("m", "time average of |e|; ranks do not use it", Travel.mean_error)
+    path_average_error_m: float = of_travel("m", "path average ∫|e|ds/L; ranks do not use it", Travel.path_average)
     mean_pace_error: float = of_travel(
         "1",
-        "|T·v/L − 1| with the commanded pace v, first segment left out",
+        "|T·v/L − 1| with the commanded pace v",
         Travel.mean_pace_error,
         mean=True,
         column=Column(3, "mean\npace\n\\[±%]", percent),
     )
     segment_pace_error: float = of_travel(
         "1",
-        "mean of |t·v/(L/10) − 1| over ten segments but the first",
+        "mean of |t·v/(L/10) − 1| over ten segments",
         Travel.segment_pace_error,
         mean=True,
         column=Column(4, "segment\npace\n\\[±%]", percent),
     )
-    mean_pace_m_s: float = of_travel("m/s", "mean speed along the path, first segment left out", Travel.mean_pace)
+    mean_pace_m_s: float = of_travel("m/s", "mean speed along the path", Travel.mean_pace)
     mean_speed_m_s: float = of_record("m/s", "time average of the tip's speed", lambda e: e.mean(e.speed))
     mean_acceleration_m_s2: float = of_record("m/s²", "time average", lambda e: e.mean_of(e.acceleration))
     rms_acceleration_m_s2: float = of_record(
@@ -154,6 +169,8 @@ class Score:
         "1",
         "−ln of the dimensionless jerk; larger is smoother",
         Recorded.smoothness,
+        low=None,
+        high=0.0,
         column=Column(6, "smooth-\nness", one_decimal),
     )
     path_length_m: float = of_record("m", "way of the tip", Recorded.way)
@@ -162,20 +179,22 @@ class Score:
         "the end of the path was reached",
         Travel.completed,
         mean=True,
+        high=1.0,
         column=Column(2, "at the\nend\n\\[%]", percent),
     )
-    duration_s: float = of_travel("s", "length of the episode", lambda e: e.progress.end)
-    effort: float = of_record("1", "mean of (V/V_max)² over time and clutches", Recorded.effort)
+    duration_s: float = of_travel("s", "length of the episode", lambda e: e.end)
+    effort: float = of_record("1", "mean of (V/V_max)² over time and clutches", Recorded.effort, high=1.0)
     dissipated_j: float = of_record("J", "energy taken by the clutches", lambda e: e.total("dissipated"))
-    hand_work_j: float = of_record("J", "work of the hand", lambda e: e.total("hand_work"))
+    hand_work_j: float = of_record("J", "work of the hand", lambda e: e.total("hand_work"), low=None)
     saturated: float = of_record(
-        "1", "fraction of the time with a clutch at its largest voltage", Recorded.saturated, mean=True
+        "1", "fraction of the time with a clutch at its largest voltage", Recorded.saturated, mean=True, high=1.0
     )
     stuck: float = of_record(
         "1",
         "fraction of the time at zero degrees of freedom",
         lambda e: e.mean(column(e.steps, "mode") == ClutchMode.ZERO_DOF),
         mean=True,
+        high=1.0,
     )
 
 

@@ -1,15 +1,21 @@
-"""Policies by their names: built-in controllers, the paper's at each pace, tuned ones, planners, and trained ones."""
+"""Policies as a user writes them: by name, by the path of an exported one, or as ``package.module:attribute``.
 
+Names are those of built-in controllers, the paper's at each pace, tuned ones, planners, and trained ones.
+"""
+
+from importlib.metadata import EntryPoint
+from pathlib import Path
 from types import MappingProxyType
 
 from pter_gym.benchmark.pacing import damping_table, paced
 from pter_gym.benchmark.runs import PACKAGE
+from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.benchmark.tuned import SUFFIX, find_tuned
 from pter_gym.controllers import CONTROLLERS, Controller, Random
 from pter_gym.controllers.impedance import Impedance
 from pter_gym.controllers.predictive import Honest, Privileged, Settings
-from pter_gym.errors import unknown_name
-from pter_gym.policies import load_policy, shipped_policies
+from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.policies import Neural, load_policy, shipped_policies
 
 PLANNERS = MappingProxyType({"predictive": Privileged, "predictive-honest": Honest})
 """Policies that plan, by name."""
@@ -19,13 +25,63 @@ GUIDE_TABLE = PACKAGE / "presets" / "guide.toml"
 """What guides them, with gains of its own: a plan cannot follow a law that switches within its knots."""
 
 
+FILES = (".json", ".safetensors")
+"""How the files of an exported policy end."""
+
+
+def read_policy(name: str, seed: int = 0, scenario: str = "standard") -> AnyPolicy:
+    """Return a policy as a user writes it: ``package.module:attribute``, or what ``find_policy`` finds.
+
+    Parameters
+    ----------
+    name
+        The attribute is a controller or a callable from observations to volts; a class is called without arguments to
+        make one. Its module is imported into this process.
+    seed, scenario
+        As in ``find_policy``.
+
+    Raises
+    ------
+    ParameterError
+        If there is none.
+    """
+    if not is_code(name):
+        return find_policy(name, seed, scenario)
+    try:
+        found = EntryPoint(name, name, "").load()
+    except (ImportError, AttributeError) as error:
+        raise ParameterError(f"policies: there is no {name!r}: {error}") from None
+    if not isinstance(found, type):
+        return found
+    try:
+        return found()
+    except TypeError as error:
+        raise ParameterError(f"policies: {name!r} must be made without arguments: {error}") from error
+
+
+def is_code(name: str) -> bool:
+    """Tell whether a user means an attribute of a module, ``package.module:attribute``."""
+    return ":" in name and not is_path(name)
+
+
+def is_built_in(name: str) -> bool:
+    """Tell whether this is the name of a built-in or shipped policy."""
+    return name.removesuffix(SUFFIX) in (*CONTROLLERS, *PLANNERS, *shipped_policies())
+
+
+def is_path(name: str) -> bool:
+    """Tell whether a user means files of an exported policy: they are in a folder, or have one of the endings."""
+    return "/" in name or name != Path(name).name or name.endswith(FILES)
+
+
 def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Controller:
     """Return a policy by name: a controller with a damper for each pace, tuned gains, one that plans, or trained.
 
     Parameters
     ----------
     name
-        In ``CONTROLLERS``, one of those with gains and ``-tuned`` after its name, in ``PLANNERS``, or a trained policy.
+        In ``CONTROLLERS``, one of those with gains and ``-tuned`` after its name, in ``PLANNERS``, a trained policy, or
+        the path of an exported one.
     seed
         Of the random policy, and of those that plan.
     scenario
@@ -38,7 +94,7 @@ def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Control
     """
     if name in PLANNERS:
         return PLANNERS[name](find_tuned(GUIDE, scenario, path=GUIDE_TABLE), Settings(seed=seed))
-    if name.endswith(SUFFIX):
+    if name.endswith(SUFFIX) and not is_path(name):
         return find_tuned(name, scenario)
     controller = find_controller(name, seed)
     dampers = damping_table().get(scenario, {}).get(name)
@@ -51,7 +107,7 @@ def find_controller(name: str, seed: int = 0) -> Controller:
     Parameters
     ----------
     name
-        Its name.
+        Its name, or the path of an exported policy: ``folder/name``, with or without the ending of one of its files.
     seed
         Of the random policy.
 
@@ -59,7 +115,11 @@ def find_controller(name: str, seed: int = 0) -> Controller:
     ------
     ParameterError
         If there is neither of that name; it tells the nearest.
+    DataError
+        If a file of the policy is not what it must be.
     """
+    if is_path(name):
+        return _exported(name)
     trained = shipped_policies()
     if name in trained:
         return load_policy(name)
@@ -67,3 +127,12 @@ def find_controller(name: str, seed: int = 0) -> Controller:
         raise unknown_name("policies", name, (*CONTROLLERS, *trained))
     kind = CONTROLLERS[name]
     return Random(seed=seed) if kind is Random else kind()
+
+
+def _exported(name: str) -> Neural:
+    """Return the exported policy at a path."""
+    path = Path(name)
+    stem = path.stem if name.endswith(FILES) else path.name
+    if not (path.parent / f"{stem}{FILES[0]}").is_file():
+        raise ParameterError(f"policies: there is no exported policy {name!r}: no {path.parent / stem}{FILES[0]}")
+    return load_policy(stem, path.parent)

@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import cache
 from types import MappingProxyType
 
-from pter_gym.benchmark.metrics import score_episodes
+from pter_gym.benchmark.recorded import Recorded
 from pter_gym.benchmark.runs import PACKAGE
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.controllers import CONTROLLERS, Impedance, PaceSchedule, TorqueFeedback, bind
@@ -49,7 +49,7 @@ def damping_table() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
 def damping_for_pace(
     controller: Impedance, pace: float, scenario: str = "standard", *, draws: int = DRAWS, seed: int = SEED
 ) -> float:
-    """Return the damper along the path [N·s/m] with which a controller keeps a mean pace on training draws.
+    """Return the damper along the path [N·s/m] with which a controller keeps a pace on training draws.
 
     Where no damper from 10 to 3000 N·s/m gives that pace, it is the end of this range that comes nearest.
 
@@ -58,7 +58,7 @@ def damping_for_pace(
     controller
         Its other gains stay.
     pace
-        Commanded mean speed along the path [m/s].
+        Commanded mean speed along the path [m/s]. It is kept behind the first segment, which has the start-up.
     scenario
         Name of the scenario.
     draws, seed
@@ -70,7 +70,7 @@ def damping_for_pace(
     low, high = math.log(LOWEST), math.log(HIGHEST)
     while high - low > 1e-4:
         middle = 0.5 * (low + high)
-        if _mean_pace(replace(controller, damping_tangential=math.exp(middle)), batch) > pace:
+        if _cruising_pace(replace(controller, damping_tangential=math.exp(middle)), batch) > pace:
             low = middle
         else:
             high = middle
@@ -89,8 +89,8 @@ def solve_table() -> dict[str, dict[str, dict[str, float]]]:
     }
 
 
-def _mean_pace(controller: Impedance, batch: Batch) -> float:
+def _cruising_pace(controller: Impedance, batch: Batch) -> float:
     tasks = [task for _, task in batch.pairs]
     policy = bind(controller, BASELINE, batch.layout)
     telemetry = simulate(batch, policy, list(range(len(tasks))), max(map(time_limit, tasks)))
-    return float(score_episodes(telemetry, tasks)["mean_pace_m_s"].mean())
+    return float(Recorded(telemetry, tasks, BASELINE.clutch.voltage_max).cruising_pace().mean())

@@ -1,23 +1,46 @@
 """A folder of results: one file for each run, and ``benchmark.json``, which is made again from all of them.
 
 Files are written whole or not at all, so an interrupted benchmark goes on where it stopped, and several benchmarks may
-write to one folder at once: each run has its own file, and the summary is read and written under a lock.
+write to one folder at once: each run has its own file, and the summary is read and written under a lock. A file that is
+broken, edited, copied or renamed is left out, with its reason, and stops nobody.
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from filelock import FileLock
 
+from pter_gym.benchmark.episodes import FOLDER
+from pter_gym.benchmark.gaps import find_gaps
 from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
-from pter_gym.benchmark.runs import Conditions, ScenarioRun, code_digest, read_run, run_path, write_run
+from pter_gym.benchmark.run_files import read_run, run_path, write_run
+from pter_gym.benchmark.runs import Conditions, ScenarioRun
 from pter_gym.benchmark.statistics import LEVEL, RESAMPLES, SEED
+from pter_gym.errors import DataError
 from pter_gym.internal.files import write_text_atomic
 from pter_gym.internal.terminal import make_folder
 
 SUMMARY = "benchmark.json"
 LOCK = ".lock"
+
+LONGEST = 300
+"""Most characters of a reason."""
+
+
+class LeftOut(NamedTuple):
+    """A file that is left out, and why."""
+
+    file: str
+    reason: str
+
+
+class Contents(NamedTuple):
+    """What a folder holds: the runs that count, and the files that do not."""
+
+    runs: tuple[ScenarioRun, ...]
+    left_out: tuple[LeftOut, ...]
 
 
 @dataclass(frozen=True)
@@ -28,9 +51,12 @@ class ResultsFolder:
     ----------
     path
         Where it is.
+    data
+        Folder of the stored episodes.
     """
 
     path: Path
+    data: Path = FOLDER
 
     @property
     def summary(self) -> Path:
@@ -42,31 +68,75 @@ class ResultsFolder:
         make_folder(self.path / "runs")
 
     def find(self, conditions: Conditions) -> ScenarioRun | None:
-        """Return the finished run under just these conditions, or None."""
-        if conditions.key is None:
+        """Return the finished run under just these conditions, or None; there is none without an identity."""
+        if conditions.identity is None:
             return None
-        run = read_run(run_path(self.path, conditions))
-        return run if run is not None and run.conditions == conditions else None
+        try:
+            run = read_run(run_path(self.path, conditions), data=self.data)
+        except DataError:
+            return None
+        return run if run.conditions == conditions else None
 
     def add(self, run: ScenarioRun) -> None:
         """Keep a run; one under the same names is replaced."""
         write_run(self.path, run)
 
+    def read(self) -> Contents:
+        """Return the runs that count, and each other file with the reason why it does not."""
+        runs: list[ScenarioRun] = []
+        left_out: list[LeftOut] = []
+        for path in sorted((self.path / "runs").glob("*.json")):
+            try:
+                runs.append(read_run(path, data=self.data))
+            except DataError as error:
+                left_out.append(_left_out(path.name, str(error).removeprefix(f"{path.name}: ")))
+        kept, copies = _without_copies(runs)
+        return Contents(kept, tuple(sorted([*left_out, *copies])))
+
     def runs(self) -> tuple[ScenarioRun, ...]:
-        """Return all runs that were made with the present code."""
-        found = (read_run(path) for path in sorted((self.path / "runs").glob("*.json")))
-        return tuple(run for run in found if run is not None and run.conditions.code == code_digest())
+        """Return all runs that count."""
+        return self.read().runs
 
     def summarise(self) -> tuple[Leaderboard, ...]:
         """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
         with FileLock(self.path / LOCK):
-            runs = self.runs()
-            boards = leaderboards(runs)
-            used = {path.name for path in (run_path(self.path, run.conditions) for run in runs)}
-            content = {
-                "bootstrap": {"level": LEVEL, "resamples": RESAMPLES, "seed": SEED},
-                "leaderboards": [board.as_json() for board in boards],
-                "left_out": sorted(p.name for p in (self.path / "runs").glob("*.json") if p.name not in used),
-            }
-            write_text_atomic(self.summary, json.dumps(content, indent=2, allow_nan=False) + "\n")
+            contents = self.read()
+            boards = leaderboards(contents.runs)
+            text = json.dumps(summary_of(contents, boards), indent=2, allow_nan=False)
+            write_text_atomic(self.summary, text + "\n")
         return boards
+
+
+def summary_of(contents: Contents, boards: tuple[Leaderboard, ...]) -> dict[str, Any]:
+    """Return what ``benchmark.json`` holds, in SI."""
+    return {
+        "bootstrap": {"level": LEVEL, "resamples": RESAMPLES, "seed": SEED},
+        "leaderboards": [board.as_json() for board in boards],
+        "gaps": [gap.as_json() for gap in find_gaps(contents.runs)],
+        "left_out": [each._asdict() for each in contents.left_out],
+    }
+
+
+def _without_copies(runs: list[ScenarioRun]) -> tuple[tuple[ScenarioRun, ...], list[LeftOut]]:
+    """Take out the runs whose policy is that of an earlier training seed: a copy is no further seed.
+
+    Policies whose content nobody can tell are the same if all their scores are.
+    """
+    first: dict[tuple[object, ...], int] = {}
+    kept: list[ScenarioRun] = []
+    copies: list[LeftOut] = []
+    for run in sorted(runs, key=lambda run: run.conditions.seed):
+        at = run.conditions
+        scores = () if at.identity else tuple(values.tobytes() for values in run.scores.values())
+        seed = first.setdefault((replace(at, seed=0), *scores), at.seed)
+        if seed == at.seed:
+            kept.append(run)
+        else:
+            copies.append(_left_out(run_path(Path(), at).name, f"it is the policy of seed {seed}"))
+    return tuple(kept), copies
+
+
+def _left_out(file: str, reason: str) -> LeftOut:
+    """Return a file that is left out; a name that no terminal can print is written in ASCII."""
+    short = reason if len(reason) <= LONGEST else f"{reason[:LONGEST]}…"
+    return LeftOut(*(text if text.isprintable() else ascii(text) for text in (file, short)))

@@ -1,12 +1,11 @@
-"""One policy on the episodes of one scenario at one pace: its scores, and the file that holds them."""
+"""One policy on the episodes of one scenario at one pace: what was run, and its scores."""
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -14,11 +13,20 @@ from numpy.typing import NDArray
 
 from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import SCORES, Scores
-from pter_gym.internal.files import write_text_atomic
+from pter_gym.errors import ParameterError
 
 Array = NDArray[np.float64]
 
 PACKAGE = Path(__file__).parents[1]
+
+SAMPLES = 4
+"""Episodes of a run that are kept to be drawn: the first of each stratum, then the first ones."""
+
+LONGEST_NAME = 200
+"""Most characters of a policy's name, as it is in the name of a file."""
+
+INSTANTS = 200
+"""Largest number of instants that are kept of such an episode."""
 
 
 @dataclass(frozen=True)
@@ -75,13 +83,15 @@ class Conditions:
     episodes
         How many of the scenario's episodes were run, from the first on.
     data
-        SHA-256 of the stored episodes.
+        SHA-256 of the episodes.
     identity
-        What the policy is, gains and law included; None if that cannot be told, as of a plain function.
+        SHA-256 of the policy's content; None if that cannot be told, as of a plain function.
     version
         Of the package.
     code
         SHA-256 of the package's sources.
+    fresh
+        Seed of fresh episodes; None for the stored ones.
     """
 
     scenario: str
@@ -93,18 +103,13 @@ class Conditions:
     identity: str | None
     version: str
     code: str
-
-    @property
-    def key(self) -> str | None:
-        """Hash of all of them, or None if the policy is unknown: then no earlier run is known to be the same."""
-        if self.identity is None:
-            return None
-        return _hash(asdict(self))
+    fresh: int | None = None
 
     @property
     def config_hash(self) -> str:
         """Hash of all of them but the policy."""
-        return _hash({name: part for name, part in asdict(self).items() if name not in ("policy", "seed", "identity")})
+        parts = {name: part for name, part in asdict(self).items() if name not in ("policy", "seed", "identity")}
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -132,6 +137,16 @@ class ScenarioRun:
     planning: Planning | None = None
 
 
+def check_name(name: object) -> None:
+    """Raise a ParameterError unless something can be the name of a policy, in a table and in the name of a file."""
+    good = isinstance(name, str) and name.strip() == name != "" and name.isprintable()
+    if not good or len(quote(str(name), safe=" ")) > LONGEST_NAME:
+        raise ParameterError(
+            f"policies must have names of 1 to {LONGEST_NAME} printable characters, of which those that no file's name "
+            f"can hold count three or more, without a space at either end, got {name!r:.60}"
+        )
+
+
 def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
     """Return the runs of one policy's training seeds on the same episodes as one run; seeds are a further stratum."""
     if len(runs) == 1:
@@ -145,63 +160,10 @@ def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
     )
 
 
-def run_path(folder: Path, conditions: Conditions) -> Path:
-    """Return the file of a run in a folder of results."""
-    name = "-".join((conditions.scenario, conditions.pace, conditions.policy, str(conditions.episodes)))
-    name += f"-seed{conditions.seed}" if conditions.seed else ""
-    return folder / "runs" / f"{quote(name, safe=' ')}.json"
-
-
-def write_run(folder: Path, run: ScenarioRun) -> None:
-    """Write a run to its file, whole or not at all."""
-    path = run_path(folder, run.conditions)
-    content = {
-        "key": run.conditions.key,
-        **asdict(run.conditions),
-        "strata": run.strata,
-        "planning": run.planning and asdict(run.planning),
-        "scores": {name: values.tolist() for name, values in run.scores.items()},
-        "samples": [
-            {"episode": sample.episode, "tip_m": sample.tip.tolist(), "theta_rad": sample.theta.tolist()}
-            for sample in run.samples
-        ],
-    }
-    write_text_atomic(path, json.dumps(content, allow_nan=False) + "\n")
-
-
-def read_run(path: Path) -> ScenarioRun | None:
-    """Return the run in a file, or None if there is no whole run in it."""
-    try:
-        content: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
-        conditions = Conditions(**{name: content[name] for name in Conditions.__dataclass_fields__})
-        run = ScenarioRun(
-            conditions,
-            tuple(content["strata"]),
-            {name: np.array(content["scores"][name]) for name in SCORES},
-            tuple(
-                Sample(sample["episode"], np.array(sample["tip_m"]), np.array(sample["theta_rad"]))
-                for sample in content["samples"]
-            ),
-            content["planning"] and Planning(**content["planning"]),
-        )
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    return run if content["key"] == conditions.key and _is_whole(run) else None
-
-
-def _is_whole(run: ScenarioRun) -> bool:
-    """Tell whether there is a number for each episode under each name."""
-    count = run.conditions.episodes
-    numbers = all(values.shape == (count,) and values.dtype.kind in "bif" for values in run.scores.values())
-    return numbers and len(run.strata) == count
-
-
-def _refuse(constant: str) -> float:
-    raise ValueError(f"scores are finite, and not {constant}")
-
-
-def _hash(parts: Mapping[str, object]) -> str:
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+def sample_numbers(strata: Sequence[str]) -> list[int]:
+    """Return the numbers of the episodes that are kept to be drawn."""
+    first_of_each = (strata.index(stratum) for stratum in dict.fromkeys(strata))
+    return sorted(list(dict.fromkeys([*first_of_each, *range(len(strata))]))[:SAMPLES])
 
 
 @cache

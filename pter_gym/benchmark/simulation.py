@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.controllers import BoundPolicy, Controller, bind
+from pter_gym.controllers import BoundPolicy, Controller, Policy, bind
+from pter_gym.controllers.base import Plans
 from pter_gym.engine.batch import Batch
 from pter_gym.engine.world import SKIP
 from pter_gym.params import BASELINE, Machine
@@ -45,8 +46,10 @@ class Rollout:
         Control steps so far.
     ended
         Whose episodes have ended, bool (N,).
-    seen, sent
-        Observations and voltages of the control steps that were decided one by one.
+    plans
+        How the policy plans, if it does; then it was told the worlds.
+    seen
+        Observations of the control steps that were decided one by one.
     """
 
     def __init__(self, batch: Batch, seeds: Sequence[int], columns: Columns = ALL) -> None:
@@ -54,25 +57,39 @@ class Rollout:
         self.obs, first = batch.reset(seeds)
         self.steps = 0
         self.ended = np.zeros(batch.num_worlds, np.bool_)
+        self.plans: Plans | None = None
         self.seen: list[Observations] = [self.obs]
-        self.sent: list[Any] = []
         self._columns = columns
         self._rows = [first[None][..., self._columns]]
         self._memory = batch.empty_memory()
         self._decisions: list[tuple[float, int]] = []
 
+    def begin(self, policy: BoundPolicy) -> None:
+        """Tell a policy that new episodes begin; only one that plans is told the worlds."""
+        self.plans = policy.plans
+        if self.plans is None:
+            policy.reset()
+        else:
+            policy.reset_in(self.batch)
+
+    def advance(self, policy: BoundPolicy, steps: int) -> None:
+        """Go on by one control step, with a compiled law by so many at once."""
+        if isinstance(policy, Policy):
+            self._follow(policy.law, policy.gains, steps)
+        else:
+            self.step(policy)
+
     def step(self, policy: BoundPolicy) -> None:
         """Go on by one control step with what a policy decides; it sees as many entries as its layout has."""
-        obs = np.ascontiguousarray(self.obs[:, : len(policy.layout)])
+        obs = self.obs[:, : len(policy.layout)].copy()
         begin = time.thread_time()
         volts = policy.act(obs)
         self._decisions.append((time.thread_time() - begin, int((~self.ended).sum())))
         returns = self.batch.step(volts, SKIP)
         self.seen.append(returns.obs)
-        self.sent.append(volts)
         self._keep(returns.obs, returns.telemetry)
 
-    def follow(self, law: Callable[..., Any], gains: Array, steps: int) -> None:
+    def _follow(self, law: Callable[..., Any], gains: Array, steps: int) -> None:
         """Go on by so many control steps with a compiled law, which runs inside the kernel with a memory of its own."""
         self._keep(*self.batch.rollout(self.obs, law, gains, steps, self._memory))
 
@@ -121,10 +138,10 @@ def run(
     """
     episodes = Rollout(batch, seeds, columns)
     acting = bind(policy, BASELINE, batch.layout)
-    acting.reset(batch)
+    episodes.begin(acting)
     last = max(limits)
     while episodes.steps < last and not (episodes.ended | (np.array(limits) <= episodes.steps)).all():
-        acting.advance(episodes, stride or last)
+        episodes.advance(acting, stride or last)
     return episodes
 
 
@@ -151,7 +168,7 @@ class Episode(NamedTuple):
     obs
         Observations with force sensors, float32 (T + 1, entries).
     volts
-        What was decided [V], float32 (T, 4).
+        What was applied [V], float32 (T, 4).
     """
 
     telemetry: Array
@@ -173,11 +190,12 @@ def record_episode(policy: AnyPolicy, machine: Machine, task: PathFollowing, see
     """
     episode = Rollout(Batch(machine, task, 1, sensors="force"), [seed])
     acting = bind(policy, BASELINE, observation_layout(machine, sensors_of(policy)))
-    acting.reset(episode.batch)
+    episode.begin(acting)
     while episode.steps < max_steps and not episode.ended.all():
         episode.step(acting)
-    volts = np.array([np.asarray(volts, np.float32)[0] for volts in episode.sent])
-    return Episode(episode.telemetry[:, 0], np.concatenate(episode.seen), volts)
+    telemetry = episode.telemetry[:, 0]
+    volts = telemetry[1:, [*COLUMN.volts]].astype(np.float32)
+    return Episode(telemetry, np.concatenate(episode.seen), volts)
 
 
 def sensors_of(policy: AnyPolicy) -> Sensors:

@@ -89,6 +89,36 @@ def difference_interval(
     return _interval(float(statistic(a) - statistic(b)), statistic(a[chosen]) - statistic(b[chosen]))
 
 
+def unpaired_interval(
+    a: ArrayLike,
+    b: ArrayLike,
+    statistic: Statistic = interquartile_mean,
+    *,
+    strata: tuple[Sequence[Hashable] | None, Sequence[Hashable] | None] = (None, None),
+    resamples: int = RESAMPLES,
+    seed: int = SEED,
+) -> Interval:
+    """Return statistic(a) − statistic(b) on different episodes, shapes (N,) and (M,): each is drawn again by itself.
+
+    Parameters
+    ----------
+    a, b
+        One value per episode.
+    statistic
+        From (…, N) to (…).
+    strata
+        One label per episode of a, and of b; all alike by default.
+    resamples, seed
+        As in ``bootstrap_interval``; b has the seed after that of a.
+    """
+    values = [np.asarray(each, np.float64) for each in (a, b)]
+    samples = [
+        statistic(each[resample(len(each), labels, resamples, seed + k)])
+        for k, (each, labels) in enumerate(zip(values, strata, strict=True))
+    ]
+    return _interval(float(statistic(values[0]) - statistic(values[1])), samples[0] - samples[1])
+
+
 def probability_of_improvement(
     a: ArrayLike,
     b: ArrayLike,

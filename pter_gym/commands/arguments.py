@@ -1,5 +1,6 @@
-"""What the commands share about their arguments: lists in one text, and files to write."""
+"""What the commands share about their arguments: lists in one text, files to write, and modules."""
 
+import sys
 from pathlib import Path
 
 from pter_gym.errors import ParameterError
@@ -25,3 +26,9 @@ def check_folder_of(out: Path) -> None:
     """Raise a ParameterError unless the folder of a file to write exists."""
     if not out.parent.is_dir():
         raise ParameterError(f"out must be a file in a folder that exists, got {str(out)!r}")
+
+
+def import_from_here() -> None:
+    """Let ``package.module:attribute`` name what is in the present folder, as Python does for its scripts."""
+    if (here := str(Path.cwd())) not in sys.path:
+        sys.path.insert(0, here)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,12 +10,14 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from pter_gym.commands.arguments import numbers, split
+from pter_gym.commands.arguments import import_from_here, numbers, split
 from pter_gym.errors import ParameterError
 from pter_gym.internal.terminal import make_folder, progress_bar
 
 if TYPE_CHECKING:
-    from pter_gym.benchmark import Leaderboard, Result, ResultsFolder
+    from pter_gym.benchmark import Leaderboard, Result
+    from pter_gym.benchmark.runs import ScenarioRun
+    from pter_gym.benchmark.simulation import AnyPolicy
 
 POLICIES = "impedance,torque-feedback,free,locked,random"
 TIME_CONSTANTS = "0.01,0.03,0.06,0.105,0.15,0.2"
@@ -27,9 +30,11 @@ def benchmark(
     scenario: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
     paces: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = PACES,
     episodes: Annotated[int | None, tyro.conf.arg(metavar="COUNT")] = None,
+    fresh: Annotated[str | None, tyro.conf.arg(metavar="SEED|derived")] = None,
     machine: str = MACHINE,
     time_constants: Annotated[str, tyro.conf.arg(metavar="SECONDS,…")] = TIME_CONSTANTS,
     seed: int = 0,
+    isolated: bool = False,
     out: Path = Path("pter-benchmark"),
 ) -> None:
     """Run the paper's standard test on controllers and compare them, or rank them on a scenario.
@@ -41,23 +46,31 @@ def benchmark(
     Args:
         policies: Separated by commas: impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random;
             on a scenario also impedance-tuned and so on, predictive and predictive-honest; trained ones: see
-            docs/agents.md.
+            docs/agents.md; paths of exported ones; package.module:attribute for your own.
         scenario: Scenario whose stored evaluation episodes are run; the paper's standard test by default.
         paces: Commanded paces of a scenario, separated by commas: slow, medium, brisk.
         episodes: How many of the scenario's episodes to run; all by default. Ranks need 200.
+        fresh: Seed of fresh episodes, as many as the stored ones, or derived: it follows from the content of all
+            policies, the code and the scenario, so nobody can tune to it. The stored ones by default.
         machine: Clutch material of the standard test: baseline, delrin_experimental or delrin_theoretical.
         time_constants: Time constants of the standard test's clutches [s], separated by commas; one episode each.
         seed: Seed of the standard test's episodes, and of random and predictive policies, at least 0.
+        isolated: Whether each policy of a scenario runs in a process of its own; see docs/trust.md.
         out: Folder for the results; made if need be.
     """
     if scenario is None:
-        given = {"paces": paces != PACES, "episodes": episodes is not None}
+        given = {
+            "paces": paces != PACES,
+            "episodes": episodes is not None,
+            "fresh": fresh is not None,
+            "isolated": isolated,
+        }
         refuse(given, "--scenario")
         standard_test(split(policies), machine, numbers("time_constants", time_constants), seed, out)
     else:
         given = {"machine": machine != MACHINE, "time_constants": time_constants != TIME_CONSTANTS}
         refuse(given, "no --scenario: it has machines of its own")
-        scenario_benchmark(scenario, split(policies), split(paces), episodes, seed, out)
+        scenario_benchmark(scenario, split(policies), split(paces), episodes, fresh, seed, out, isolated=isolated)
 
 
 def refuse(given: Mapping[str, bool], needed: str) -> None:
@@ -69,11 +82,13 @@ def refuse(given: Mapping[str, bool], needed: str) -> None:
 
 def standard_test(names: list[str], machine: str, seconds: list[float], seed: int, out: Path) -> None:
     """Run the paper's standard test on controllers, print its table and write its results to a folder."""
-    from pter_gym.benchmark import find_controller, run_standard_test
+    from pter_gym.benchmark import run_standard_test
+    from pter_gym.benchmark.naming import find_controller, is_code, read_policy
     from pter_gym.envs.single import find_machine
 
     console = Console()
-    chosen = {name: find_controller(name, seed) for name in names}
+    import_from_here()
+    chosen = {name: read_policy(name) if is_code(name) else find_controller(name, seed) for name in names}
     chosen_machine = find_machine(machine)
     make_folder(out)
     with progress_bar(console) as progress:
@@ -91,29 +106,65 @@ def standard_test(names: list[str], machine: str, seconds: list[float], seed: in
 
 
 def scenario_benchmark(
-    scenario: str, names: list[str], paces: list[str], episodes: int | None, seed: int, out: Path
+    scenario: str,
+    names: list[str],
+    paces: list[str],
+    episodes: int | None,
+    fresh: str | None,
+    seed: int,
+    out: Path,
+    *,
+    isolated: bool,
 ) -> None:
     """Run controllers on a scenario's evaluation episodes, print its leaderboards and write its results to a folder."""
-    from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
+    from pter_gym.benchmark import Isolated, ResultsFolder, read_policy, run_scenario
+    from pter_gym.benchmark.gaps import find_gaps, gap_tables
     from pter_gym.benchmark.leaderboard import table
 
     console = Console()
     results = ResultsFolder(out)
-    with progress_bar(console) as progress:
+    import_from_here()
+    with ExitStack() as processes, progress_bar(console) as progress:
+
+        def find(name: str) -> "AnyPolicy":
+            if not isolated:
+                return read_policy(name, seed, scenario)
+            return processes.enter_context(Isolated(name, seed=seed, scenario=scenario))
+
+        policies = {name: find(name) for name in names}
         task = progress.add_task(scenario, total=len(names) * len(paces))
         runs = run_scenario(
             scenario,
-            {name: find_policy(name, seed, scenario) for name in names},
+            policies,
             paces,
             episodes=episodes,
+            fresh=fresh_number(fresh, scenario, policies),
             results=results,
             on_progress=lambda _: progress.advance(task),
         )
     boards = [board for board in results.summarise() if board.has_episodes_of(runs[0])]
     for board in boards:
         console.print(table(board), "")
-    for path in [results.summary, *draw_boards(boards, results)]:
+    contents = results.read()
+    for gaps in gap_tables([gap for gap in find_gaps(contents.runs) if gap.scenario == scenario]):
+        console.print(gaps, "")
+    for left in contents.left_out:
+        console.print(f"left out {left.file}: {left.reason}", highlight=False, markup=False)
+    for path in [results.summary, *draw_boards(boards, contents.runs, out)]:
         console.print(f"wrote {path}", highlight=False)
+
+
+def fresh_number(text: str | None, scenario: str, policies: "Mapping[str, AnyPolicy]") -> int | None:
+    """Return the seed of fresh episodes: a number, or the one that follows from the policies; None for the stored."""
+    from pter_gym.benchmark import fresh_seed
+
+    if text is None:
+        return None
+    if text == "derived":
+        return fresh_seed(scenario, policies)
+    if not (text.isascii() and text.isdigit() and len(text) <= 20):
+        raise ParameterError(f"fresh must be a whole number within [0, 2⁶⁴) or the word derived, got {text!r}")
+    return int(text)
 
 
 def scores_table(result: "Result") -> Table:
@@ -173,21 +224,24 @@ def write_result(result: "Result", out: Path) -> list[Path]:
     return paths
 
 
-def draw_boards(boards: "Sequence[Leaderboard]", results: "ResultsFolder") -> list[Path]:
-    """Draw the leaderboards of one scenario into the folder of their results; return the pictures' paths."""
-    from pter_gym.benchmark.episodes import load_episodes
+def draw_boards(boards: "Sequence[Leaderboard]", found: "Sequence[ScenarioRun]", folder: Path) -> list[Path]:
+    """Draw the leaderboards of one scenario, with what was found of its runs, into a folder; return the paths."""
+    from pter_gym.benchmark.episodes import find_episodes
     from pter_gym.plots import leaderboard as plots
     from pter_gym.plots import save
 
-    runs = results.runs()
-    scenario = boards[0].scenario
+    runs = [run for run in found if boards[0].has_episodes_of(run)]
+    scenario, fresh = boards[0].scenario, boards[0].fresh
+    name_of_set = scenario if fresh is None else f"{scenario}-fresh{fresh}"
     figures = {
         "profiles": plots.profiles(boards, runs),
         "error-against-pace": plots.error_against_pace(boards),
         "error-against-smoothness": plots.error_against_smoothness(boards),
     }
     for board in boards:
-        figures[f"trajectories-{board.pace}"] = plots.trajectories(board, runs, load_episodes(scenario, board.pace))
+        episodes = find_episodes(scenario, board.pace, fresh)
+        figures[f"trajectories-{board.pace}"] = plots.trajectories(board, runs, episodes)
+    paths = {name: folder / f"{name_of_set}-{name}.png" for name in figures}
     for name, figure in figures.items():
-        save(figure, results.path / f"{scenario}-{name}.png")
-    return [results.path / f"{scenario}-{name}.png" for name in figures]
+        save(figure, paths[name])
+    return list(paths.values())

@@ -15,6 +15,7 @@ from pter_gym.commands.record import record
 from pter_gym.commands.reproduce import reproduce
 from pter_gym.commands.speed import speed
 from pter_gym.commands.tune import tune
+from pter_gym.commands.verify import verify
 from pter_gym.errors import PterError
 
 GROUP = "pter.commands"
@@ -34,6 +35,7 @@ def commands() -> dict[str, Callable[..., Any]]:
         "reproduce": reproduce,
         "speed": speed,
         "tune": tune,
+        "verify": verify,
     }
     for entry in entry_points(group=GROUP):
         found[entry.name] = entry.load()
@@ -41,13 +43,13 @@ def commands() -> dict[str, Callable[..., Any]]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run ``pter`` and return its exit status: 0, 2 for a wrong argument, 130 after Ctrl-C."""
+    """Run ``pter`` and return its exit status: the command's, else 0; 2 for a wrong argument, 130 after Ctrl-C."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments == ["--version"]:
         Console().print(f"pter {__version__}", highlight=False)
         return 0
     try:
-        tyro.extras.subcommand_cli_from_dict(
+        status = tyro.extras.subcommand_cli_from_dict(
             commands(),
             prog="pter",
             description=DESCRIPTION,
@@ -59,7 +61,7 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         Console(stderr=True).print("interrupted; results that were written are whole", highlight=False)
         return INTERRUPTED
-    return 0
+    return status if isinstance(status, int) else 0
 
 
 if __name__ == "__main__":

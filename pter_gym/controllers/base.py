@@ -30,33 +30,18 @@ law: Any = built_in
 
 
 class Plans(NamedTuple):
-    """How a policy that plans comes to its decisions.
+    """How a policy that plans comes to its decisions; one that says so is told the worlds, and counts as privileged.
 
     Attributes
     ----------
-    privileged
-        Whether it knows what no controller can know.
     horizon
         Control steps that a plan covers.
     rollouts
         Plans that are simulated for each decision.
     """
 
-    privileged: bool
     horizon: int
     rollouts: int
-
-
-class Worlds(Protocol):
-    """Episodes that run, as a policy meets them."""
-
-    def step(self, policy: "BoundPolicy") -> None:
-        """Go on by one control step with what a policy decides."""
-        ...
-
-    def follow(self, law: Callable[..., Any], gains: NDArray[np.float64], steps: int) -> None:
-        """Go on by so many control steps with a compiled law, which runs inside the kernel with a memory of its own."""
-        ...
 
 
 class BoundPolicy(ABC):
@@ -83,22 +68,19 @@ class BoundPolicy(ABC):
         """None: what a plain callable does cannot be told."""
         return None
 
-    def reset(self, batch: Any = None) -> None:  # noqa: B027
-        """Forget the past: new episodes begin.
+    def reset(self) -> None:  # noqa: B027
+        """Forget the past: new episodes begin."""
 
-        Parameters
-        ----------
-        batch
-            The worlds in which they begin, a ``pter_gym.engine.batch.Batch``; only policies that plan need it.
+    def reset_in(self, batch: Any) -> None:  # noqa: ARG002
+        """Forget the past: new episodes begin in these worlds, a ``pter_gym.engine.batch.Batch``.
+
+        Only a policy with ``plans`` is told them.
         """
+        self.reset()
 
     @abstractmethod
     def act(self, observations: Observations) -> Any:
         """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries), contiguous."""
-
-    def advance(self, worlds: Worlds, steps: int) -> None:  # noqa: ARG002
-        """Take episodes further by one control step; a compiled law takes them ``steps`` further at once."""
-        worlds.step(self)
 
     def __call__(self, observation: Observations) -> Volts:
         """Return clutch voltages [V].
@@ -145,7 +127,7 @@ class PlainPolicy(BoundPolicy):
         self.layout = layout
         self._function = function
 
-    def reset(self, batch: Any = None) -> None:  # noqa: ARG002
+    def reset(self) -> None:
         """Tell the callable that new episodes begin."""
         forget = getattr(self._function, "reset", None)
         if callable(forget):
@@ -211,7 +193,7 @@ class Policy(BoundPolicy):
         """SHA-256 of gains and law."""
         return sha256(self.gains.tobytes() + digest_of(self.law).encode()).hexdigest()
 
-    def reset(self, batch: Any = None) -> None:  # noqa: ARG002
+    def reset(self) -> None:
         """Forget the past of all worlds."""
         self._memory = self.empty_memory(0)
 
@@ -220,10 +202,6 @@ class Policy(BoundPolicy):
         if len(self._memory) != len(observations):
             self._memory = self.empty_memory(len(observations))
         return self.volts(observations, self._memory)
-
-    def advance(self, worlds: Worlds, steps: int) -> None:
-        """Take episodes further by so many control steps, inside the kernel."""
-        worlds.follow(self.law, self.gains, steps)
 
     def volts(self, rows: Observations, memory: NDArray[np.float64]) -> Volts:
         """Return clutch voltages [V], float32 (N, 4).

@@ -258,7 +258,9 @@ def plain_ticks(axes: Axes, which: str, limits: tuple[float, float], most: int =
 
 
 def _headline(figure: Figure, boards: Sequence[Leaderboard], text: str) -> None:
-    figure.suptitle(f"{boards[0].scenario}: {text[0].lower()}{text[1:]}", x=0.01, ha="left", fontsize=11.0)
+    figure.suptitle(
+        f"{boards[0].scenario}: {text[0].lower()}{text[1:]}", x=0.01, ha="left", fontsize=11.0, parse_math=False
+    )
 
 
 def _legend(figure: Figure, looks: Mapping[str, tuple[str, Any]], note: str, *, marked: bool) -> None:
@@ -266,4 +268,6 @@ def _legend(figure: Figure, looks: Mapping[str, tuple[str, Any]], note: str, *, 
         Line2D([], [], color=colour, linestyle=dashes, marker="o" if marked else None)
         for colour, dashes in looks.values()
     ]
-    figure.legend(handles, list(looks), loc="outside lower center", ncols=min(5, len(looks)), title=note)
+    legend = figure.legend(handles, list(looks), loc="outside lower center", ncols=min(5, len(looks)), title=note)
+    for text in legend.get_texts():
+        text.set_parse_math(False)  # a name is shown as it is

@@ -75,11 +75,10 @@ class Card:
 
     def check_layout(self, layout: Layout) -> None:
         """Raise a ParameterError unless observations of this layout have all entries that it was trained on."""
-        other = fields_of(layout)
-        if not set(self.observation) <= set(other):
+        mine, other = self.observation, fields_of(layout)
+        if not {(name, unit) for name, unit, _ in mine} <= {(name, unit) for name, unit, _ in other}:
             raise ParameterError(
-                f"policy {self.name!r} needs observations with the entries {_told(self.observation)}; "
-                f"these have {_told(other)}"
+                f"policy {self.name!r} needs observations with the entries {_told(mine)}; these have {_told(other)}"
             )
 
     def as_json(self) -> dict[str, Any]:

@@ -49,16 +49,9 @@ def _relative(q: Quantities) -> Quantities:
     return found
 
 
-def _pace_error(q: Quantities) -> Quantities:
-    """Return the speed along the path relative to the commanded pace, less 1; −1 in the zeros of an ended episode."""
-    pace = q["pace"]
-    return {"pace_error": q["speed_along"] / np.where(pace > 0.0, pace, 1.0) - 1.0}
-
-
 DERIVED: Mapping[tuple[str, ...], Callable[[Quantities], Quantities]] = MappingProxyType(
     {
         ("heading_a_cos", "heading_a_sin", "heading_b_cos", "heading_b_sin"): _relative,
-        ("pace_error",): _pace_error,
     }
 )
 """Quantities that are derived from those of the observation, and how."""

@@ -1,11 +1,7 @@
 """A trained policy: a card, a network, and what acts."""
 
-import hashlib
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +29,6 @@ class Neural:
 
     card: Card
     network: Network
-
-    @cached_property
-    def identity(self) -> str:
-        """Name and SHA-256 of the card, which holds that of the weights."""
-        content: dict[str, Any] = {**self.card.as_json(), "about": None}
-        return f"{self.card.name} {hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()}"
 
     def bind(self, machine: Machine, layout: Layout) -> "NeuralPolicy":
         """Return the policy for a nominal machine and the layout of the observations that it will get.

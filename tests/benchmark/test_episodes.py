@@ -9,7 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pter_gym.benchmark.episodes import CHECKSUMS, FOLDER, load_episodes, scenarios, store_episodes
+from pter_gym.benchmark.episodes import (
+    CHECKSUMS,
+    FOLDER,
+    find_episodes,
+    fresh_episodes,
+    load_episodes,
+    scenarios,
+    store_episodes,
+)
 from pter_gym.controllers import Free
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
@@ -17,8 +25,11 @@ from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.paths import Line
 from pter_gym.scenarios import PACES, SCENARIOS, Scenario
-from pter_gym.scenarios.evaluation_draws import evaluation_draws
+from pter_gym.scenarios.evaluation_draws import FRESH, evaluation_draws
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
+
+PINNED_SEEDS, PINNED_PHASE = (4520789342001619517, 884188497553936371), 0.9484774122501277
+"""Of the first fresh episodes of one seed: results that name a seed mean the same episodes for ever."""
 
 TASKS = [PathFollowing(), PathFollowing(path=Line(length=0.5)), PathFollowing()]
 
@@ -85,6 +96,56 @@ def test_a_new_scenario_is_drawn_by_its_name_and_version() -> None:
     assert {draw.stratum for draw in first} <= {"HumanArm", "MultiSineHand"}
     for other in (replace(new, version=1), replace(new, name="others"), replace(new, place=2)):
         assert evaluation_draws(other) != first
+
+
+# --- fresh ones ---
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_fresh_episodes_are_as_many_with_the_same_strata(scenario: str) -> None:
+    stored, fresh = load_episodes(scenario, "slow"), fresh_episodes(scenario, "slow", 7)
+    assert fresh.strata == stored.strata
+    assert len(fresh.machines) == len(fresh.tasks) == len(fresh.seeds) == len(stored)
+    field = SCENARIOS[scenario].stratum
+    assert [type(getattr(task, field)).__name__ for task in fresh.tasks] == list(fresh.strata)
+    assert {task.pace for task in fresh.tasks} == {PACES["slow"]}
+    brisk = fresh_episodes(scenario, "brisk", 7)
+    assert tuple(replace(task, pace=PACES["slow"]) for task in brisk.tasks) == fresh.tasks
+    assert (brisk.checksum, brisk.seeds, brisk.machines) == (fresh.checksum, fresh.seeds, fresh.machines)
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_no_episode_is_drawn_twice(name: str) -> None:
+    """Stored ones, fresh ones of several seeds and training draws of the same seeds have no episode in common."""
+    sets = [load_episodes(name, "medium"), *(fresh_episodes(name, "medium", seed) for seed in (0, 2**64 - 1))]
+    drawn = [repr(pair) for each in sets for pair in zip(each.machines, each.tasks, strict=True)]
+    for seed in (0, FRESH):
+        drawn += map(repr, SCENARIOS[name].randomisation("medium", seed=seed, contexts=200).pairs())
+    varied = [pair for pair in drawn if "random_phases=True" not in pair]
+    assert len(set(varied)) == len(varied) >= 3 * 200
+    resets = [seed for each in sets for seed in each.seeds]
+    assert len(set(resets)) == len(resets)
+    assert len({each.checksum for each in sets}) == len(sets)
+
+
+def test_fresh_episodes_follow_from_the_seed() -> None:
+    pinned = fresh_episodes("paths", "medium", 5)
+    assert pinned.seeds[:2] == PINNED_SEEDS
+    hand = pinned.tasks[0].hand
+    assert isinstance(hand, MultiSineHand)
+    assert hand.phases[0] == PINNED_PHASE
+    assert find_episodes("paths", "medium", 5) == pinned
+    assert find_episodes("paths", "medium") == load_episodes("paths", "medium")
+
+
+@pytest.mark.parametrize("seed", [-1, 2**64, 1.5, "7", True, None])
+def test_a_seed_of_fresh_episodes_is_checked(seed: object) -> None:
+    with pytest.raises(ParameterError, match="fresh must be a whole number"):
+        fresh_episodes("standard", "slow", seed)  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match="scenario must be among"):
+        fresh_episodes("standart", "slow", 1)
+    with pytest.raises(ParameterError, match="pace must be among"):
+        fresh_episodes("standard", "slo", 1)
 
 
 def test_some_of_them() -> None:
@@ -156,11 +217,12 @@ def test_every_hand_can_go_faster_than_the_pace(scenario: str, pace: str) -> Non
     speed = np.nanmax(np.hypot(rows[..., COLUMN.tip_velocity.x], rows[..., COLUMN.tip_velocity.y]), axis=0)
     paces = np.array([task.pace for task in episodes.tasks])
     assert (speed / paces).min() > 1.15
-    arrived = (rows[..., COLUMN.is_success] == 1.0).any(axis=0)
-    forces = arrived & [isinstance(task.hand, MultiSineHand) for task in episodes.tasks]
+    lengths = np.array([task.path.length for task in episodes.tasks])
+    passed = np.nanmax(rows[..., COLUMN.reached], axis=0) >= lengths
+    forces = passed & [isinstance(task.hand, MultiSineHand) for task in episodes.tasks]
     taken = np.nanmax(rows[..., COLUMN.time], axis=0)
     assert forces.any()
-    assert (np.array([task.path.length for task in episodes.tasks]) / taken / paces)[forces].min() > 1.15
+    assert (lengths / taken / paces)[forces].min() > 1.15
 
 
 def test_no_stored_episode_is_among_the_training_draws() -> None:

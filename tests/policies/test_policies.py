@@ -15,8 +15,10 @@ import pytest
 from safetensors.numpy import save as save_tensors
 
 from pter_gym.benchmark import PACES, ResultsFolder, find_policy, run_scenario
+from pter_gym.benchmark.identity import identity_of
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import find_tuned
+from pter_gym.controllers import bind
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
@@ -42,6 +44,11 @@ LAYOUT = observation_layout(BASELINE, "torque")
 INPUTS = (Input("normal_error", 0.0, 0.01), Input("pace_error", 0.0, 0.5), Input("heading_a_cos"))
 HIDDEN = (5, 3)
 BASE = Base("torque-feedback", (0.1, 0.4), ({"damping_tangential": 400.0}, {"damping_tangential": 100.0}))
+
+
+def content_of(policy: Any) -> str | None:
+    """What the benchmark takes a policy for."""
+    return identity_of(policy, bind(policy, BASELINE, LAYOUT))
 
 
 def make_card(**changes: Any) -> Card:
@@ -187,7 +194,7 @@ def test_a_policy_with_a_history_begins_anew_in_each_benchmark(tmp_path: Path) -
 
 def test_inputs_are_limited_and_ended_worlds_give_numbers(folder: Path) -> None:
     bound = load_policy("tested", folder).card.interface.bind(BASELINE, LAYOUT)
-    obs = np.ones((2, len(LAYOUT)), np.float32)
+    obs = np.full((2, len(LAYOUT)), 25.0, np.float32)
     obs[1] = 0.0
     inputs, _ = bound.see(obs, bound.begin(2))
     assert inputs[0, 0] == LIMIT
@@ -209,7 +216,7 @@ def test_a_run_of_a_policy_is_not_repeated_unless_the_policy_changes(folder: Pat
     def run(chosen: Neural) -> bool:
         before = [file.stat().st_ino for file in results.path.glob("runs/*.json")]
         (found,) = run_scenario("standard", {"tested": chosen}, ["brisk"], episodes=2, results=results)
-        assert found.conditions.identity == chosen.identity
+        assert found.conditions.identity == content_of(chosen)
         return before != [file.stat().st_ino for file in results.path.glob("runs/*.json")]
 
     assert run(policy)
@@ -222,18 +229,21 @@ def test_the_identity_follows_what_acts_and_nothing_else(folder: Path) -> None:
     policy = load_policy("tested", folder)
     told = Neural(replace(policy.card, about={"score": 1.0}), policy.network)
     other = Neural(replace(policy.card, interface=replace(policy.card.interface, reach=11.0)), policy.network)
-    assert told.identity == policy.identity
-    assert other.identity != policy.identity
+    assert content_of(told) == content_of(policy)
+    assert content_of(other) != content_of(policy)
+    weights = (policy.network.weights[0] * 1.001, *policy.network.weights[1:])
+    changed = Neural(policy.card, replace(policy.network, weights=weights))
+    assert content_of(changed) != content_of(policy)
 
 
 def test_other_observations_are_refused_with_both_named(folder: Path) -> None:
     policy = load_policy("tested", folder)
-    with pytest.raises(ParameterError, match=r"torque_4 \[100 N·m\]; these have .*volts_4 \[24 V\]$"):
+    with pytest.raises(ParameterError, match=r"torque_4 \[20 N·m\]; these have .*volts_4 \[24 V\]$"):
         policy.bind(BASELINE, observation_layout(BASELINE, "encoders"))
     weak = replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=20.0))
     with pytest.raises(ParameterError, match="voltage_max must be 24 V, got 20"):
         policy.bind(weak, LAYOUT)
-    with pytest.raises(ParameterError, match="22 entries"):
+    with pytest.raises(ParameterError, match="24 entries"):
         policy.bind(BASELINE, LAYOUT)(np.zeros((2, 5), np.float32))
 
 
@@ -434,8 +444,7 @@ def test_missing_weights_and_weights_that_do_not_fit_are_refused(folder: Path) -
 @pytest.mark.parametrize("name", shipped_policies())
 def test_a_shipped_policy_acts_and_says_what_it_is(name: str) -> None:
     policy = load_policy(name)
-    assert find_policy(name).identity == policy.identity  # type: ignore[union-attr]
-    assert policy.identity.startswith(f"{name} ")
+    assert content_of(find_policy(name)) == content_of(policy)
     volts = policy.bind(BASELINE, LAYOUT)(observations())
     assert volts.shape == (16, 4)
     assert ((volts >= 0.0) & (volts <= 24.0)).all()

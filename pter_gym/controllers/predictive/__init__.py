@@ -7,6 +7,6 @@ so wherever its scores are shown, and has no rank. It shows what the clutches ca
 
 from pter_gym.controllers.predictive.honest import HonestPlanner
 from pter_gym.controllers.predictive.planner import Planner, Settings
-from pter_gym.controllers.predictive.policies import Honest, Predictive, Privileged
+from pter_gym.controllers.predictive.policies import UNPRIVILEGED, Honest, Predictive, Privileged
 
-__all__ = ["Honest", "HonestPlanner", "Planner", "Predictive", "Privileged", "Settings"]
+__all__ = ["UNPRIVILEGED", "Honest", "HonestPlanner", "Planner", "Predictive", "Privileged", "Settings"]

@@ -23,7 +23,7 @@ Decide = Callable[[Array, Observations], Array]
 """From the true state of a world, (rows,), and its observation with force sensors, (entries,), to volts, (4,)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Predictive(ABC):
     """A policy that plans: bound, it has a planner for each world of the batch in which episodes begin.
 
@@ -39,19 +39,9 @@ class Predictive(ABC):
     settings: Settings = Settings()
 
     @property
-    @abstractmethod
-    def privileged(self) -> bool:
-        """Whether it knows what no controller can know, so its scores are a bound and not a rank."""
-
-    @property
     def sensors(self) -> Literal["force"]:
         """What its observations must hold."""
         return "force"
-
-    @property
-    def identity(self) -> str:
-        """What it is, gains of the guide included, so a finished run need not be repeated."""
-        return repr(self)
 
     @abstractmethod
     def begin(self, machine: Machine, task: PathFollowing) -> Decide:
@@ -75,15 +65,19 @@ class PlanningPolicy(BoundPolicy):
 
     def __init__(self, policy: Predictive, layout: Layout) -> None:
         self.layout = layout
-        self.plans = Plans(policy.privileged, policy.settings.horizon, policy.settings.rollouts)
+        self.plans = Plans(policy.settings.horizon, policy.settings.rollouts)
         self._policy = policy
         self._batch: Batch | None = None
         self._deciders: list[Decide] = []
 
-    def reset(self, batch: Batch | None = None) -> None:
+    def reset(self) -> None:
+        """Forget the worlds."""
+        self._batch, self._deciders = None, []
+
+    def reset_in(self, batch: Batch) -> None:
         """Begin new episodes: a planner for each world of a batch, which has just been reset."""
         self._batch = batch
-        pairs = [] if batch is None else [batch.pairs[number] for number in batch.context]
+        pairs = [batch.pairs[number] for number in batch.context]
         self._deciders = [self._policy.begin(machine, task) for machine, task in pairs]
 
     def act(self, observations: Observations) -> NDArray[np.float32]:
@@ -92,10 +86,10 @@ class PlanningPolicy(BoundPolicy):
         Raises
         ------
         ParameterError
-            If ``reset`` has not told the batch of these worlds.
+            If ``reset_in`` has not told these worlds.
         """
         if self._batch is None or len(self._deciders) != len(observations):
-            raise ParameterError("batch must be told in reset, with as many worlds as there are observations")
+            raise ParameterError("batch must be told in reset_in, with as many worlds as there are observations")
         states = states_of(self._batch)
         volts = np.zeros((len(observations), 4), np.float32)
         for world in np.flatnonzero(states[:, ROW.alive]):
@@ -112,30 +106,24 @@ def states_of(batch: Batch) -> Array:
     return states
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Privileged(Predictive):
     """Model-predictive control that knows the true machine, the true hand and its future: a bound."""
-
-    @property
-    def privileged(self) -> bool:
-        """True: it knows the episode that it plans for."""
-        return True
 
     def begin(self, machine: Machine, task: PathFollowing) -> Decide:
         """Return what decides in one episode on a machine."""
         return Planner(self.settings, machine, replace(task, sensing=IDEAL_SENSING), self.guide).decide
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Honest(Predictive):
     """Model-predictive control from the observation, on the nominal machine; see ``honest``."""
-
-    @property
-    def privileged(self) -> bool:
-        """False: it knows what a controller can know."""
-        return False
 
     def begin(self, machine: Machine, task: PathFollowing) -> Decide:  # noqa: ARG002
         """Return what decides in one episode; of the task it keeps path, pace and workspace, of the machine nothing."""
         planner = HonestPlanner(self.settings, task, self.guide)
         return lambda state, obs: planner.decide(obs)  # noqa: ARG005
+
+
+UNPRIVILEGED: tuple[type, ...] = (Honest,)
+"""Policies that plan and get along with what a controller can know; of others, subclasses too, nobody can tell."""

@@ -1,0 +1,302 @@
+"""A policy in a process of its own, which gets observations and gives volts; nothing else crosses.
+
+A message is a header of fixed size and what it announces: raw float32 numbers, or JSON. ``serving`` is the other side.
+"""
+
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+import weakref
+from contextlib import suppress
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, NamedTuple, Self, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym import params
+from pter_gym.benchmark.naming import find_policy, is_code
+from pter_gym.benchmark.simulation import AnyPolicy
+from pter_gym.compiled.layout import Field, Layout
+from pter_gym.controllers import BoundPolicy
+from pter_gym.errors import ActionError, DataError, ParameterError, PolicyError, PterError
+from pter_gym.internal.codec import Codec, dataclasses_in
+from pter_gym.params import BASELINE, Machine
+from pter_gym.tasks.path_following import Sensors, observation_layout
+
+Observations = NDArray[np.float32]
+
+TIMEOUT = 60.0
+"""Longest time that a policy may take for an answer [s]: to start, to be bound or for a decision."""
+
+LONGEST = 86400.0
+"""Longest time that may be given to it [s]."""
+
+MOST_TEXT = 1 << 16
+"""Longest text that is read from a policy's process [B]."""
+
+CODEC = Codec([*dataclasses_in(params), Layout, Field])
+"""Knows the parts of a machine and of a layout."""
+
+FAULTS: dict[str, type[PterError]] = {
+    kind.__name__: kind for kind in (ActionError, DataError, ParameterError, PolicyError)
+}
+"""Errors that cross, by name."""
+
+
+class Kind(IntEnum):
+    """What a message is."""
+
+    FIND = 0  # text: what to find
+    BIND = 1  # text: machine and layout
+    RESET = 2
+    DECIDE = 3  # numbers: observations
+    DONE = 4  # text: what was found
+    VOLTS = 5  # numbers
+    FAULT = 6  # text: the name of an error, and its message
+
+
+HEADER = struct.Struct("<4I")
+"""Kind, number of the binding, rows and columns; text is one row of bytes."""
+
+
+class Header(NamedTuple):
+    """What a message announces."""
+
+    kind: int
+    binding: int = 0
+    rows: int = 0
+    columns: int = 0
+
+    @property
+    def size(self) -> int:
+        """Bytes that follow."""
+        return self.rows * self.columns * (4 if self.kind in (Kind.DECIDE, Kind.VOLTS) else 1)
+
+
+def pack_text(kind: Kind, content: object, binding: int = 0) -> bytes:
+    """Return a message of plain data."""
+    data = json.dumps(content).encode()
+    return HEADER.pack(kind, binding, 1, len(data)) + data
+
+
+def pack_numbers(kind: Kind, numbers: NDArray[np.float32], binding: int = 0) -> bytes:
+    """Return a message of numbers, (rows, columns)."""
+    return HEADER.pack(kind, binding, *numbers.shape) + np.ascontiguousarray(numbers, "<f4").tobytes()
+
+
+class Session:
+    """A process with a policy in it, from its start to its end.
+
+    Parameters
+    ----------
+    name
+        What the user wrote, for messages.
+    timeout
+        Longest time for an answer [s].
+
+    Raises
+    ------
+    PolicyError
+        If this system cannot start such a process.
+    """
+
+    def __init__(self, name: str, timeout: float) -> None:
+        if os.name != "posix":
+            raise PolicyError("isolated policies need Linux or macOS")
+        self.name, self.timeout = name, timeout
+        self._socket, theirs = socket.socketpair()
+        paths = os.pathsep.join(path or str(Path.cwd()) for path in sys.path)
+        with theirs:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "pter_gym.benchmark.serving", str(theirs.fileno())],
+                stdin=subprocess.DEVNULL,
+                stdout=2,
+                pass_fds=(theirs.fileno(),),
+                start_new_session=True,
+                env={**os.environ, "PYTHONPATH": paths},
+            )
+        self.close = weakref.finalize(self, _end, self.process, self._socket, os.getpid())
+
+    def ask(self, message: bytes) -> tuple[Header, bytes]:
+        """Return the answer to a message.
+
+        Raises
+        ------
+        PterError
+            What the other process tells of.
+        ActionError
+            If volts have a wrong shape.
+        PolicyError
+            If the process has ended, is too slow, or its answer is none. After all but the first, it is ended.
+        """
+        if not self.close.alive:
+            raise PolicyError(f"policy {self.name!r} has no process any more: it has failed or was closed")
+        try:
+            header, content = self._exchange(message)
+        except TimeoutError:
+            self.close()
+            raise PolicyError(f"policy {self.name!r} must answer within {self.timeout:g} s, and did not") from None
+        except (OSError, EOFError):
+            self.close()
+            status = self.process.returncode
+            raise PolicyError(f"policy {self.name!r}: its process has ended with exit status {status}") from None
+        except BaseException:
+            self.close()
+            raise
+        if header.kind == Kind.FAULT:
+            raise _fault(self.name, content)
+        return header, content
+
+    def _exchange(self, message: bytes) -> tuple[Header, bytes]:
+        """Send a message and return the answer; its size is looked at before it is read."""
+        deadline = time.monotonic() + self.timeout
+        asked = Header(*HEADER.unpack_from(message))
+        self._socket.settimeout(self.timeout)
+        self._socket.sendall(message)
+        header = Header(*HEADER.unpack(self._read(HEADER.size, deadline)))
+        decides = asked.kind == Kind.DECIDE
+        if header.kind not in (Kind.FAULT, Kind.VOLTS if decides else Kind.DONE):
+            raise PolicyError(f"policy {self.name!r}: its answer is none")
+        if header.kind == Kind.VOLTS and header[2:] != (asked.rows, 4):
+            raise ActionError(f"action must have the shape {(asked.rows, 4)}, got {header[2:]}")
+        if header.kind != Kind.VOLTS and header.size > MOST_TEXT:
+            raise PolicyError(f"policy {self.name!r}: its answer must have at most {MOST_TEXT} B, got {header.size}")
+        return header, self._read(header.size, deadline)
+
+    def _read(self, size: int, deadline: float) -> bytes:
+        """Return so many bytes, or raise a TimeoutError, or an EOFError if there will be no more."""
+        found = bytearray()
+        while len(found) < size:
+            self._socket.settimeout(max(deadline - time.monotonic(), 1e-6))
+            part = self._socket.recv(size - len(found))
+            if not part:
+                raise EOFError
+            found += part
+        return bytes(found)
+
+
+def _end(process: "subprocess.Popen[bytes]", own: socket.socket, owner: int) -> None:
+    """End a process and those that it has started, and wait for it; a forked copy of its owner leaves it alone."""
+    own.close()
+    if os.getpid() == owner:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def _fault(name: str, content: bytes) -> PterError:
+    """Return the error that a process tells of."""
+    try:
+        told: Any = json.loads(content)
+        kind, message = FAULTS[told["error"]], str(told["message"])
+    except (ValueError, KeyError, TypeError):
+        kind, message = PolicyError, f"policy {name!r} has failed"
+    return kind(message)
+
+
+class IsolatedPolicy(BoundPolicy):
+    """A policy that acts in another process, bound there under a number."""
+
+    def __init__(self, session: Session, layout: Layout, number: int) -> None:
+        self.layout = layout
+        self._session = session
+        self._number = number
+
+    def reset(self) -> None:
+        """Tell it that new episodes begin."""
+        self._session.ask(HEADER.pack(Kind.RESET, self._number, 0, 0))
+
+    def act(self, observations: Observations) -> NDArray[np.float32]:
+        """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries)."""
+        header, content = self._session.ask(pack_numbers(Kind.DECIDE, observations, self._number))
+        return np.frombuffer(content, "<f4").reshape(header.rows, header.columns)
+
+
+class Isolated:
+    """A policy in a process of its own: a controller that knows no more than what it is sent.
+
+    The process is a fresh interpreter. It gets the nominal machine and the layout of the observations, then
+    observations, and gives volts. It ends with ``close``, at the end of a ``with`` block, or when nobody needs it.
+
+    Parameters
+    ----------
+    name
+        ``package.module:attribute``, the path of an exported policy, or a built-in name. The attribute is a controller
+        or a callable from observations to volts; a class is called without arguments to make one.
+    seed, scenario
+        As in ``find_policy``, for built-in names.
+    timeout
+        Longest time for an answer [s]: to start, to be bound, for a decision.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such policy, it cannot be bound to the nominal machine, or it plans: planners need the worlds.
+    PolicyError
+        If its process fails.
+    """
+
+    def __init__(self, name: str, *, seed: int = 0, scenario: str = "standard", timeout: float = TIMEOUT) -> None:
+        _check(name, timeout)
+        self.name = name
+        self._seed, self._scenario = seed, scenario
+        self._session = Session(name, timeout)
+        try:
+            _, content = self._session.ask(
+                pack_text(Kind.FIND, {"name": name, "seed": int(seed), "scenario": scenario})
+            )
+            self.sensors: Sensors = _told_sensors(content)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def inside(self) -> AnyPolicy | None:
+        """The built-in or exported policy that acts there, to tell its content; None for code."""
+        return None if is_code(self.name) else find_policy(self.name, self._seed, self._scenario)
+
+    def bind(self, machine: Machine, layout: Layout) -> IsolatedPolicy:
+        """Return the policy for a nominal machine and the layout of the observations that it will get.
+
+        Raises
+        ------
+        ParameterError
+            If it cannot be bound to these.
+        """
+        content = {"machine": CODEC.to_plain(machine), "layout": CODEC.to_plain(layout)}
+        header, _ = self._session.ask(pack_text(Kind.BIND, content))
+        return IsolatedPolicy(self._session, layout, header.binding)
+
+    def close(self) -> None:
+        """End its process."""
+        self._session.close()
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End its process."""
+        self.close()
+
+
+def _check(name: Any, timeout: Any) -> None:
+    """Raise a ParameterError unless a policy is named and the time is one."""
+    if not isinstance(name, str):
+        raise ParameterError(f"name must be a text such as 'package.module:attribute', got {name!r}")
+    if not isinstance(timeout, (int, float)) or not 0.0 < timeout <= LONGEST:
+        raise ParameterError(f"timeout must lie within (0, {LONGEST:g}] s, got {timeout!r}")
+
+
+def _told_sensors(content: bytes) -> Sensors:
+    """Return what a policy's observations must hold, as its process says."""
+    told: Any = json.loads(content)
+    observation_layout(BASELINE, told)
+    return cast(Sensors, told)

@@ -1,0 +1,83 @@
+"""Names of policies, and training seeds that are none."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from pter_gym.benchmark import PerSeed, ResultsFolder, leaderboards, run_scenario, verify
+from pter_gym.benchmark.episodes import load_episodes
+from pter_gym.benchmark.leaderboard import table
+from pter_gym.controllers import Free
+from pter_gym.errors import ParameterError
+from pter_gym.plots import leaderboard as plots
+
+
+def release(obs: Any) -> Any:
+    return np.zeros((len(obs), 4))
+
+
+def release_too(obs: Any) -> Any:
+    return np.zeros((len(obs), 4))
+
+
+REFUSED: dict[str, Any] = {
+    "a name without a character": "",
+    "a name of spaces": "  ",
+    "a name with a control sequence": "mine\x1b[2J",
+    "a name of two lines": "mine\nother",
+    "a name that is no Unicode": "\ud800",
+    "a name that no file can have": "n" * 300,
+    "a number as a name": 7,
+    "a callable named as a built-in policy": "ppo-standard",
+    "a callable named as a tuned policy": "single-dof-tuned",
+    "a callable named as a planner": "predictive-honest",
+}
+
+SHOWN: dict[str, str] = {
+    "a name with slashes": "../../../etc/mine",
+    "a name with markup": "[/] [red]mine",
+    "a name with mathematics": r"$\frac$ mine",
+    "a name that looks like that of a shipped policy": "ppo-ѕtandard",
+}
+
+
+@pytest.mark.parametrize("attack", REFUSED)
+def test_a_name_that_cannot_be_one_is_refused_before_anything_runs(attack: str, tmp_path: Path) -> None:
+    results = ResultsFolder(tmp_path)
+    with pytest.raises(ParameterError, match="policies must have names"):
+        run_scenario("standard", {REFUSED[attack]: release}, ["brisk"], episodes=1, results=results)
+    assert results.runs() == ()
+
+
+@pytest.mark.parametrize("attack", SHOWN)
+def test_a_strange_name_is_shown_as_it_is_and_stays_in_its_folder(attack: str, tmp_path: Path) -> None:
+    name = SHOWN[attack]
+    results = ResultsFolder(tmp_path / "in" / "results")
+    policies = {name: release, "free": Free()}
+    runs = run_scenario("standard", policies, ["brisk"], episodes=1, results=results)
+    (board,) = results.summarise()
+    console = Console(file=io.StringIO(), width=120)
+    console.print(table(board))
+    assert name in console.file.getvalue()  # type: ignore[attr-defined]
+    assert {path.parent for path in tmp_path.rglob("*.json")} == {results.path, results.path / "runs"}
+    plots.trajectories(board, runs, load_episodes("standard", "brisk").first(1)).canvas.draw()
+    assert [verdict.file for verdict in verify(results) if not verdict.same] == [
+        path.name for path in (results.path / "runs").iterdir() if "free" not in path.name
+    ], "nobody finds a policy of this name"
+
+
+def test_the_same_policy_is_no_further_training_seed(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="policies must be one or more, all of them different"):
+        PerSeed((release, release))
+    with pytest.raises(ParameterError, match="policies must be one or more"):
+        PerSeed(())
+    results = ResultsFolder(tmp_path)
+    run_scenario("standard", {"mine": PerSeed((release, release_too))}, ["brisk"], episodes=8, results=results)
+    (left,) = results.read().left_out
+    assert left.reason == "it is the policy of seed 0"
+    (alone,) = leaderboards(run_scenario("standard", {"mine": release}, ["brisk"], episodes=8))
+    assert results.summarise()[0].standings[0].scores == alone.standings[0].scores

@@ -1,0 +1,191 @@
+"""Results that are run again: whoever computes every hash again has still scores that nobody else gets."""
+
+import json
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pter_gym.benchmark import PerSeed, ResultsFolder, Verdict, run_scenario, verify
+from pter_gym.benchmark import verification as verification_module
+from pter_gym.benchmark.run_files import HASH, file_hash
+from pter_gym.benchmark.verification import SAME
+from pter_gym.commands import main as cli
+from pter_gym.controllers import Free, Locked, Random
+from pter_gym.controllers.predictive import Honest, Settings
+from pter_gym.errors import ParameterError
+
+PLANNER = Honest(Free(), Settings(samples=4, rounds=1, elite=1, horizon=5))
+
+
+def release(obs: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.zeros((len(obs), 4), np.float32)
+
+
+POLICIES: dict[str, Any] = {
+    "agent": PerSeed((Random(seed=1), Random(seed=2))),
+    "mine": release,
+    "planner": PLANNER,
+    "said": Locked(),
+}
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = ResultsFolder(tmp_path_factory.mktemp("results"))
+    run_scenario("standard", ["free", "torque-feedback"], ["brisk"], episodes=3, results=folder)
+    run_scenario("standard", ["free"], ["brisk"], episodes=3, fresh=7, results=folder)
+    run_scenario("standard", POLICIES, ["brisk"], episodes=1, results=folder)
+    folder.summarise()
+    return folder.path
+
+
+@pytest.fixture
+def folder(original: Path, tmp_path: Path) -> ResultsFolder:
+    return ResultsFolder(Path(shutil.copytree(original, tmp_path / "results")))
+
+
+def edit(folder: ResultsFolder, name: str, **entries: Any) -> str:
+    """Edit a file, compute its hash again and write the summary again."""
+    path = folder.path / "runs" / name
+    content = json.loads(path.read_text())
+    content.update(entries)
+    content[HASH] = file_hash(content, name)
+    path.write_text(json.dumps(content))
+    folder.summarise()
+    return name
+
+
+def bad(verdicts: tuple[Verdict, ...]) -> dict[str, str]:
+    return {verdict.file: verdict.finding for verdict in verdicts if not verdict.same}
+
+
+def test_honest_results_are_the_same(folder: ResultsFolder) -> None:
+    seen: list[str] = []
+    before = {path: path.read_bytes() for path in folder.path.rglob("*.json")}
+    verdicts = verify(folder, POLICIES, on_progress=seen.append)
+    assert bad(verdicts) == {}
+    files = {path.name for path in (folder.path / "runs").iterdir()}
+    assert {verdict.file for verdict in verdicts} == files | {"benchmark.json"}
+    assert sorted(seen) == sorted(files)
+    assert {path: path.read_bytes() for path in folder.path.rglob("*.json")} == before
+
+
+def test_a_score_that_nobody_gets_is_found(folder: ResultsFolder) -> None:
+    name = "standard-brisk-free-3.json"
+    scores = json.loads((folder.path / "runs" / name).read_text())["scores"]
+    true = scores["path_error_m"][2]
+    scores["path_error_m"][2] = np.nextafter(true, 0.0)
+    edit(folder, name, scores=scores)
+    assert bad(verify(folder, POLICIES)) == {
+        name: f"differs: path_error_m of episode 2: {np.nextafter(true, 0.0).item()!r} instead of {true!r}"
+    }
+
+
+def test_planning_and_motion_are_compared_but_for_the_measured_time(folder: ResultsFolder) -> None:
+    name = "standard-brisk-planner-1.json"
+    planning = json.loads((folder.path / "runs" / name).read_text())["planning"]
+    edit(folder, name, planning={**planning, "decision_ms": 123.0})
+    assert bad(verify(folder, POLICIES)) == {}
+    edit(folder, name, planning={**planning, "rollouts": 1})
+    assert "planning" in bad(verify(folder, POLICIES))[name]
+    samples = json.loads((folder.path / "runs" / "standard-brisk-mine-1.json").read_text())["samples"]
+    samples[0]["tip_m"][5][0] += 0.001
+    edit(folder, "standard-brisk-mine-1.json", samples=samples)
+    assert bad(verify(folder, POLICIES))["standard-brisk-mine-1.json"] == "differs: the motion of episode 0"
+
+
+def test_another_policy_is_found(folder: ResultsFolder) -> None:
+    name = edit(folder, "standard-brisk-torque-feedback-3.json", identity="0" * 64)
+    assert bad(verify(folder, POLICIES))[name].startswith("another policy: the file says 00000000…")
+    found = bad(verify(folder, {**POLICIES, "said": Random(seed=3), "mine": Free()}))
+    assert found["standard-brisk-said-1.json"].startswith("another policy")
+    assert found["standard-brisk-mine-1.json"].startswith("another policy: the file says unknown")
+
+
+def test_other_fresh_episodes_are_found(folder: ResultsFolder) -> None:
+    name = edit(folder, "standard-brisk-free-3-fresh7.json", data="0" * 64)
+    assert bad(verify(folder, POLICIES))[name].startswith("other episodes: the file says 00000000…")
+
+
+def test_what_cannot_be_run_again_is_told(folder: ResultsFolder) -> None:
+    found = bad(verify(folder))
+    assert found["standard-brisk-mine-1.json"].startswith("it cannot be run again: policies must be among")
+    assert set(found) == {
+        f"standard-brisk-{name}.json" for name in ("mine-1", "agent-1", "agent-1-seed1", "planner-1", "said-1")
+    }
+    found = bad(verify(folder, {**POLICIES, "agent": Random(seed=1)}))
+    assert found == {
+        "standard-brisk-agent-1-seed1.json": "it cannot be run again: there is no training seed 1 of 'agent'"
+    }
+
+
+def test_results_of_other_code_and_broken_files_are_told(folder: ResultsFolder) -> None:
+    name = edit(folder, "standard-brisk-free-3.json", code="0" * 64, version="9")
+    (folder.path / "runs" / "broken.json").write_text("{")
+    folder.summarise()
+    found = bad(verify(folder, POLICIES))
+    assert found[name] == "it is of other code, version 9"
+    assert found["broken.json"].startswith("it is no JSON")
+    assert len(found) == 2
+
+
+def test_a_summary_that_is_edited_is_found(folder: ResultsFolder) -> None:
+    content = json.loads(folder.summary.read_text())
+    content["leaderboards"][0]["policies"].popitem()
+    for damage, finding in (
+        (json.dumps(content), "differs from what the runs give: leaderboards"),
+        ("[]", "differs from what the runs give: benchmark.json"),
+        ("{", "it cannot be read"),
+    ):
+        folder.summary.write_text(damage)
+        assert bad(verify(folder, POLICIES))["benchmark.json"].startswith(finding)
+
+
+@pytest.mark.parametrize("runs", [True, False])
+def test_a_folder_without_runs_is_refused(runs: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    if runs:
+        (tmp_path / "runs").mkdir()
+    with pytest.raises(ParameterError, match="results must be a folder with files in runs"):
+        verify(ResultsFolder(tmp_path))
+    assert cli.main(["verify", str(tmp_path)]) == 2
+    assert "results must be" in capsys.readouterr().err
+
+
+def test_code_is_imported_only_if_it_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine_to_verify.py").write_text(
+        "import numpy as np\n\ndef release(obs):\n    return np.zeros((len(obs), 4))\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    name = "mine_to_verify:release"
+    arguments = ["--policies", name, "--paces", "brisk", "--episodes", "1", "--out", "out"]
+    assert cli.main(["benchmark", "--scenario", "standard", *arguments]) == 0
+    monkeypatch.delitem(sys.modules, "mine_to_verify")
+    assert cli.main(["verify", "out"]) == 1
+    assert "mine_to_verify" not in sys.modules
+    assert "it cannot be run again: policies must be among" in capsys.readouterr().out
+    assert cli.main(["verify", "out", "--policies", name]) == 0
+
+
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = ["--policies", "free,locked", "--paces", "brisk", "--episodes", "2", "--out", str(tmp_path)]
+    for more in ([], ["--fresh", "3"], ["--fresh", "derived"]):
+        assert cli.main(["benchmark", "--scenario", "standard", *arguments, *more]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "fresh episodes, seed 3" in shown
+    assert "stored less fresh of seed 3" in shown
+    assert cli.main(["verify", str(tmp_path)]) == 0
+    assert "7 of 7 files are the same" in capsys.readouterr().out
+    monkeypatch.setattr(verification_module, "find_policy", lambda *_: Free())
+    assert cli.main(["verify", str(tmp_path)]) == 1
+    shown = capsys.readouterr().out
+    assert f"standard-brisk-free-2.json: {SAME}" in shown
+    assert "standard-brisk-locked-2.json: another policy" in shown
+    assert "4 of 7 files are the same" in shown
