@@ -1,6 +1,10 @@
-"""Kernels are compiled before the workers of pytest-xdist start; the slow tests come first."""
+"""Kernels are compiled before the workers of pytest-xdist start, which share the cores; the slow tests come first."""
+
+import os
 
 import pytest
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: else each worker's linear algebra waits for all cores
 
 
 @pytest.hookimpl(tryfirst=True)

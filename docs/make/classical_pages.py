@@ -202,7 +202,7 @@ def pictures() -> None:
 
 
 def main(results: tyro.conf.Positional[Path]) -> None:
-    """Write the tables and pictures of docs/classical-control.md, and the README's leaderboards with intervals."""
+    """Write the tables and pictures of docs/classical-control.md."""
     begin = time.perf_counter()
     boards = read_boards(results)
     known = {name: None for board in boards for name in board["policies"] if name not in LEFT_OUT}
@@ -211,7 +211,6 @@ def main(results: tyro.conf.Positional[Path]) -> None:
         details = scenario == "everything"
         content = board_table(boards, scenario, classical, details=details)
         write_block(PAGE, f"board: {scenario}", content if details else content + by_tuning(boards))
-        write_block(ROOT / "README.md", f"board: {scenario}", board_table(boards, scenario, list(known)))
     pictures()
     write_block(PAGE, "lost", lost())
     write_block(PAGE, "separation", separation())

@@ -14,9 +14,22 @@ LEFT_OUT = ("free", "locked", "random")
 BELOW = "†"
 
 
+def read_summary(results: Path) -> dict:
+    """What `benchmark.json` holds in a folder of `pter benchmark`."""
+    return json.loads((results / "benchmark.json").read_text("utf-8"))
+
+
 def read_boards(results: Path) -> list[dict]:
-    """The leaderboards of a folder of `pter benchmark`."""
-    return json.loads((results / "benchmark.json").read_text("utf-8"))["leaderboards"]
+    """The leaderboards of a folder of `pter benchmark`; of a scenario with fresh episodes, those alone."""
+    boards = read_summary(results)["leaderboards"]
+    fresh = {board["scenario"] for board in boards if board["fresh"] is not None}
+    return [board for board in boards if (board["fresh"] is not None) == (board["scenario"] in fresh)]
+
+
+def episodes_text(board: dict) -> str:
+    """Which episodes a leaderboard has, in words."""
+    kind = "stored episodes" if board["fresh"] is None else f"fresh episodes, seed {board['fresh']}"
+    return f"{board['episodes']:,} {kind}"
 
 
 def write_block(page: Path, name: str, content: str) -> None:
@@ -75,7 +88,7 @@ def board_table(boards: list[dict], scenario: str, names: list[str], *, details:
     missing = [pace for pace in PACES if pace not in found]
     if missing:
         raise ValueError(f"the results have no {scenario} at {', '.join(missing)}")
-    (episodes,) = {board["episodes"] for board in found.values()}
+    (episodes,) = {episodes_text(board) for board in found.values()}
     paces = [f"{pace} ({speed:g} m/s)" for pace, speed in PACES.items()]
     shown = [name for name in names if all(name in found[pace]["policies"] for pace in PACES)]
     errors = {name: [found[pace]["policies"][name] for pace in PACES] for name in shown}
@@ -83,4 +96,4 @@ def board_table(boards: list[dict], scenario: str, names: list[str], *, details:
         [f"`{name}`", *(error_cell(scores, details=details) for scores in errors[name])]
         for name in sorted(shown, key=lambda name: errors[name][0]["path_error_m"]["value"])
     ]
-    return f"`{scenario}`, {episodes:,} stored episodes:\n\n" + table(["Policy", *paces], rows, "---")
+    return f"`{scenario}`, {episodes}:\n\n" + table(["Policy", *paces], rows, "---")

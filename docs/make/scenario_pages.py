@@ -8,7 +8,20 @@ from pathlib import Path
 
 import tyro
 from figures.pages import LOOKS, Score, error_against_commanded_pace
-from pages import IMAGES, LEFT_OUT, ROOT, joined, path_error, read_boards, write_block
+from pages import (
+    IMAGES,
+    LEFT_OUT,
+    ROOT,
+    board_table,
+    episodes_text,
+    joined,
+    path_error,
+    read_boards,
+    read_summary,
+    signed,
+    table,
+    write_block,
+)
 
 from pter_gym.benchmark.statistics import Interval
 from pter_gym.plots import save
@@ -34,7 +47,7 @@ def row(name: str, s: dict) -> str:
 
 def section(board: dict) -> str:
     """One leaderboard, and in words why some have no rank."""
-    text = f"## {board['pace'].capitalize()}: {board['pace_m_s']:g} m/s, {board['episodes']} episodes\n\n{HEAD}"
+    text = f"## {board['pace'].capitalize()}: {board['pace_m_s']:g} m/s, {episodes_text(board)}\n\n{HEAD}"
     text += "".join(row(name, scores) for name, scores in board["policies"].items())
     below = [f"- `{name}` {scores['reason']}." for name, scores in board["policies"].items() if scores["reason"]]
     return text + ("\nBelow the line:\n\n" + "\n".join(below) + "\n" if below else "")
@@ -55,6 +68,28 @@ def summary(boards: list[dict]) -> str:
             cells.append(", ".join(e if s["rank"] else f"({e})" for e, s in zip(errors, found, strict=True)))
         lines.append(f"| `{name}` | {' | '.join(cells)} |\n")
     return "".join(lines)
+
+
+def shown_names(boards: list[dict]) -> list[str]:
+    """The policies of all leaderboards but those that anybody is better than, in the order in which they come."""
+    return list(dict.fromkeys(name for board in boards for name in board["policies"] if name not in LEFT_OUT))
+
+
+def gap_table(gaps: list[dict]) -> str:
+    """Stored less fresh path error of ``PICTURED`` with intervals: a line for each policy, a column for each pace."""
+    own = [gap for gap in gaps if gap["scenario"] == PICTURED and gap["policy"] not in LEFT_OUT]
+    names = list(dict.fromkeys(gap["policy"] for gap in sorted(own, key=lambda gap: gap["fresh_m"]["value"])))
+    cells = {(gap["policy"], gap["pace"]): gap["gap_m"] for gap in own}
+    rows = [[f"`{name}`", *(gap_text(cells.get((name, pace))) for pace in PACES)] for name in names]
+    return table(["Policy", *PACES], rows, "---")
+
+
+def gap_text(gap: dict | None) -> str:
+    """A gap in mm with its interval."""
+    if gap is None:
+        return ""
+    value, low, high = (1000 * gap[key] for key in ("value", "low", "high"))
+    return joined(signed(f"{value:+.2f} ({low:+.2f} … {high:+.2f})"))
 
 
 def largest(boards: list[dict]) -> list[dict]:
@@ -82,7 +117,8 @@ def draw(boards: list[dict]) -> None:
     """README's picture of one scenario."""
     shown = fronts(boards)
     count = max(board["episodes"] for board in boards)
-    title = f"{PICTURED}: path error against commanded pace, {count} episodes, 95 % intervals"
+    kind = "stored" if boards[0]["fresh"] is None else "fresh"
+    title = f"{PICTURED}: path error against commanded pace, {count} {kind} episodes, 95 % intervals"
     for name in shown:
         own = max(board["episodes"] for board in boards if name in board["policies"])
         title += f"\n{name}: {own} episodes" if own < count else ""
@@ -98,7 +134,12 @@ def main(results: tyro.conf.Positional[Path]) -> None:
         found = "\n".join(section(board) for board in boards if board["scenario"] == scenario)
         write_block(DOCS / f"{scenario}.md", "scores", found)
         print(DOCS / f"{scenario}.md")
-    write_block(ROOT / "README.md", "suite", summary(boards))
+    readme = ROOT / "README.md"
+    write_block(readme, "suite", summary(boards))
+    for scenario in ("standard", "everything"):
+        write_block(readme, f"board: {scenario}", board_table(boards, scenario, shown_names(boards)))
+    if gaps := read_summary(results)["gaps"]:
+        write_block(readme, "gap", gap_table(gaps))
     if any(board["scenario"] == PICTURED for board in boards):
         draw([board for board in every if board["scenario"] == PICTURED])
 

@@ -79,7 +79,7 @@ def test_shortfall_counts_what_the_leaderboard_asks():
 
 def test_adapted_gains_cost_no_more_on_their_draws_and_leave_the_rest(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(bounds, "POPULATION", 6)
-    monkeypatch.setattr(bounds, "GENERATIONS", 2)
+    monkeypatch.setattr(bounds, "GENERATIONS", 4)
     actuators = Actuators(torque=0.5)
     found = adapted(LAW, actuators, "brisk", draws=DRAWS)
     before, after = (try_out(x, actuators, "brisk", draws=DRAWS, seed=SEED - DRAWS) for x in (LAW, found))

@@ -61,7 +61,7 @@ def test_motors_without_voltage_are_released_clutches_bit_for_bit():
         simulate_motors(worlds, held(0.0, 0.0, 0.0, 0.0), SEEDS, 60),
     )
     np.testing.assert_array_equal(motors, free)
-    assert np.nanmax(column(free, "is_success")) == 1.0
+    assert np.nanmax(column(free, "terminated")) == 1.0
 
 
 @pytest.mark.parametrize("machine", [BASELINE, replace(BASELINE, clutch_scale=(0.8, 1.1, 1.3, 0.9))])

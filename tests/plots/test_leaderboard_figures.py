@@ -71,7 +71,7 @@ def test_error_against_pace_fills_who_has_a_rank(boards: tuple[Leaderboard, ...]
     for point, standing in zip(filled, ranked, strict=True):
         scores = standing.scores
         assert point.get_xdata()[0] == scores["mean_pace_m_s"].value
-        assert point.get_ydata()[0] == 1000.0 * scores["path_error_m"].value
+        assert point.get_ydata()[0] == pytest.approx(1000.0 * scores["path_error_m"].value)
     slow = [point for point in points if point.get_marker() == "<"]
     assert [float(point.get_xdata()[0]) for point in slow] == 2 * [plots.SLOWEST]
 

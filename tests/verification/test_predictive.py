@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pter_gym.benchmark.metrics import score
+from pter_gym.benchmark.recorded import Recorded
 from pter_gym.benchmark.simulation import record_episode
 from pter_gym.controllers import Free, SingleDof
 from pter_gym.controllers.predictive import Honest, Planner, Privileged, Settings
@@ -39,13 +40,16 @@ def pushed(across: list[float]) -> PathFollowing:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [Privileged, Honest])
 def test_it_beats_its_warm_start_and_keeps_the_pace(kind: type[Privileged | Honest]) -> None:
+    """It keeps path and pace behind the first segment; a plan costs no more for a slow start."""
     settings = Settings(samples=128, rounds=4)
     telemetry = record_episode(kind(GUIDE, settings), MACHINE, TASK, 3, 600).telemetry
     found = score(telemetry, TASK)
     expected = score(record_episode(GUIDE, MACHINE, TASK, 3, 600).telemetry, TASK)
     assert found.completed
-    assert found.path_error_m < 0.8 * expected.path_error_m
-    assert max(found.mean_pace_error, found.segment_pace_error) < 0.15
+    plain, others = (max(each.mean_error_m, each.path_average_error_m) for each in (found, expected))
+    assert plain < 0.8 * others
+    times = Recorded(telemetry[:, None], [TASK], MACHINE.clutch.voltage_max).relative_times[1:]
+    assert max(np.abs(times - 1.0).mean(), abs(times.mean() - 1.0)) < 0.15
     again = record_episode(kind(GUIDE, settings), MACHINE, TASK, 3, 20).telemetry
     np.testing.assert_array_equal(again, telemetry[:21])
 

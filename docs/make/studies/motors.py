@@ -184,7 +184,7 @@ def simulate_motors(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_s
         _check(machine, task)
     obs, first = batch.reset(seeds)
     acting = bind(policy, batch.machine, batch.layout)
-    acting.reset(batch)
+    acting.reset()
     arrays = batch.device_arrays()
     w = _columns(arrays["worlds"], arrays["constants"], batch.num_worlds)
     kernel, telemetry = _step_kernel(), [first]
