@@ -26,7 +26,7 @@ def train(seed: int = 0, steps: int = 5_000_000, n: int = 16, horizon: int = 204
     actor, critic, spread = network(size, 4, 0.01), network(size, 1, 1.0), nn.Parameter(torch.zeros(4))
     weights = [*actor.parameters(), *critic.parameters(), spread]
     adam, limited = torch.optim.Adam(weights, lr=3e-4, eps=1e-5), lambda x: torch.as_tensor(x).float().clamp(-10, 10)
-    obs = limited(envs.reset(seed=seed)[0])
+    obs, idle = limited(envs.reset(seed=seed)[0]), torch.zeros(n)  # idle: the step in which a world begins anew
     for update in range(updates := steps // (n * horizon)):
         adam.param_groups[0]["lr"] = 3e-4 * (1.0 - update / updates)
         taken, gains, gain = [], [], torch.zeros(n)
@@ -34,14 +34,15 @@ def train(seed: int = 0, steps: int = 5_000_000, n: int = 16, horizon: int = 204
             for _ in range(horizon):
                 acts, value = distributions.Normal(actor(obs), spread.exp()), critic(obs)[:, 0]
                 act = acts.sample()
-                after, reward, end, cut, _ = envs.step(act.clamp(-1, 1).numpy())
-                taken.append((obs, act, acts.log_prob(act).sum(1), value, limited(reward), limited(end | cut)))
-                obs = limited(after)
+                after, pay, end, cut, _ = envs.step(act.clamp(-1, 1).numpy())
+                taken.append((obs, act, acts.log_prob(act).sum(1), value, *map(limited, (pay, end, end | cut)), idle))
+                obs, idle = limited(after), taken[-1][-2]
             after = critic(obs)[:, 0]
-            for *_, value, reward, done in reversed(taken):
-                gain, after = reward - value + 0.99 * (1 - done) * (after + 0.95 * gain), value
+            for *_, value, pay, end, done, began in reversed(taken):
+                gain = (1 - began) * (pay - value + 0.99 * ((1 - end) * after + 0.95 * (1 - done) * gain))
+                after = value
                 gains.append(gain)
-        o, a, p, v, _, _ = (torch.stack(part).flatten(0, 1) for part in zip(*taken, strict=True))
+        o, a, p, v, *_ = (torch.stack(part).flatten(0, 1) for part in zip(*taken, strict=True))
         g = torch.stack(gains[::-1]).flatten()
         for k in (part for _ in range(10) for part in torch.randperm(n * horizon).chunk(32)):
             ratio = (distributions.Normal(actor(o[k]), spread.exp()).log_prob(a[k]).sum(1) - p[k]).exp()

@@ -11,7 +11,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from pter_gym.benchmark import ResultsFolder, find_policy, from_sb3, print_boards, run_scenario
 
 
-def train(seed: int = 0, steps: int = 3_000_000, worlds: int = 16, out: Path = Path("stock")) -> None:
+def train(seed: int = 0, steps: int = 3_000_000, worlds: int = 4, out: Path = Path("stock")) -> None:
     torch.set_num_threads(1)
     keywords = {"action_unit": "normalised"}
     venv = VecNormalize(make_vec_env("PTER/Standard-v0", n_envs=worlds, seed=seed, env_kwargs=keywords))

@@ -220,7 +220,7 @@ class Batch(Worlds):
             self._refuse(refused)
         return Returns(obs, self._final_obs, rewards, flags, telemetry)
 
-    def step_alone(self, action: ArrayLike) -> tuple[Observations, Array, float, bool, bool]:
+    def step_alone(self, action: ArrayLike) -> tuple[Observations, Array, float, bool, bool, bool]:
         """Advance a batch of one world, as ``step`` with ``REFUSE`` does, with less around it.
 
         Parameters
@@ -232,7 +232,7 @@ class Batch(Worlds):
         -------
         observation, telemetry
             Fresh arrays (len(layout),) and (len(TELEMETRY),).
-        reward, terminated, success
+        reward, terminated, truncated, success
             As Python has them.
         """
         self._take(action, (4,))
@@ -257,8 +257,8 @@ class Batch(Worlds):
         )
         if refused >= 0:
             self._refuse(refused)
-        (terminated,), _, (success,) = flags.tolist()
-        return obs[0], telemetry[0, 0], rewards.item(), terminated, success
+        (terminated,), (truncated,), (success,) = flags.tolist()
+        return obs[0], telemetry[0, 0], rewards.item(), terminated, truncated, success
 
     def rollout(
         self, obs: Observations, law: Any, gains: Array, steps: int, memory: Array | None = None

@@ -29,7 +29,7 @@ from pter_gym.paths.projection import project, segment_at
 from pter_gym.physics.arm import UnitVector, Vector, tip_position
 from pter_gym.tasks.path_following.context import CONTEXT_WIDTH
 from pter_gym.tasks.path_following.reward import Outcome, reward_terms, total
-from pter_gym.tasks.path_following.situation import left_workspace, reached_end
+from pter_gym.tasks.path_following.situation import left_workspace, reached_end, strayed
 from pter_gym.tasks.path_following.specification import MAX_DELAY
 
 _RESET_STREAM = np.uint64(0x5245534554)
@@ -149,7 +149,8 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     store(w, ROW.terms, i, terms)
     w[ROW.reward, i] = total(terms)
     terminated = success | failure
-    truncated = w[ROW.step, i] >= limit
+    astray = strayed(at.arc_length, at.normal_error, w[ROW.task.truncation_error, i])
+    truncated = (w[ROW.step, i] >= limit) | (astray & (not terminated))
     w[ROW.alive, i] = 1.0 if began & (not terminated) & (not truncated) else 0.0
     end = Flags(1.0 if terminated else 0.0, 1.0 if truncated else 0.0, 1.0 if success else 0.0)
     store(w, ROW.end, i, end)

@@ -71,7 +71,8 @@ def beside(w: Any, i: int, along: float, offset: float, constants: Any) -> Foot:
     x, y = point_at(constants, first, count, s)
     foot = project(constants, first, count, segment_of(constants, first, count, s), x, y)
     place(w, i, Vector(x, y), foot.heading, offset)
-    if left_workspace(s, offset, load(w, ROW.motion, i), w[ROW.task.error_max, i], w[ROW.task.singularity_margin, i]):
+    width = min(w[ROW.task.error_max, i], w[ROW.task.truncation_error, i])
+    if left_workspace(s, offset, load(w, ROW.motion, i), width, w[ROW.task.singularity_margin, i]):
         place(w, i, Vector(x, y), foot.heading, 0.0)
     w[ROW.foot.segment, i] = foot.segment
     w[ROW.reached, i] = s

@@ -50,7 +50,7 @@ class Flags(NamedTuple):
     """How an episode ends; the rows of the flags (FLAGS, N)."""
 
     terminated: Annotated[float, Entry("1", "1 at the end of the path and on leaving the workspace")]
-    truncated: Annotated[float, Entry("1", "1 at the time limit")]
+    truncated: Annotated[float, Entry("1", "1 at the time limit, and where the task ends an episode that has strayed")]
     success: Annotated[float, Entry("1", "1 at the end of the path")]
 
 

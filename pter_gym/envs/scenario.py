@@ -12,8 +12,8 @@ from pter_gym.tasks.path_following import STARTS, RewardWeights, Starts
 OWN = ("task", "machine", "randomisation")
 """Arguments of ``PTER/PathFollowing-v0`` that a scenario brings itself."""
 
-TRAINING_WIDTH = 0.1
-"""Half-width of the workspace in training [m]; beyond it an agent learns to keep the pace beside the path."""
+TRUNCATION_ERROR = 0.1
+"""Distance from the path [m] at which a training episode is truncated: nothing is to be learnt from what is beyond."""
 
 
 def training_draws(
@@ -22,7 +22,8 @@ def training_draws(
     contexts: int = 512,
     context_seed: int = 0,
     reward: RewardWeights | None = None,
-    error_max: float | None = TRAINING_WIDTH,
+    error_max: float | None = None,
+    truncation_error: float = TRUNCATION_ERROR,
     starts: Starts | str = "path",
 ) -> Randomisation:
     """Return what the environment of a scenario draws its episodes from.
@@ -38,8 +39,10 @@ def training_draws(
     reward
         Weights of the reward; the scenario's by default.
     error_max
-        Half-width of the workspace [m], so that an episode which goes astray ends early. None takes that of the
-        evaluation episodes, in which nothing is lost by going further away, but for the path error.
+        Half-width of the workspace [m], where an episode is terminated; that of the evaluation episodes by default.
+    truncation_error
+        Distance from the path [m] at which an episode is truncated, so that none goes far astray; what a state there is
+        worth is for the algorithm to estimate. Evaluation episodes are not truncated so.
     starts
         How episodes begin, or its name in ``pter_gym.tasks.path_following.STARTS``: anywhere along the path, moving,
         by default, without which no stock algorithm learns; ``"rest"`` begins as evaluation episodes do.
@@ -54,6 +57,7 @@ def training_draws(
     stated = {
         "reward": reward,
         "error_max": error_max,
+        "truncation_error": truncation_error,
         "starts": STARTS[starts] if isinstance(starts, str) else starts,
     }
     return find_scenario(scenario).randomisation(
@@ -82,7 +86,7 @@ def _split(scenario: str, keywords: dict[str, Any]) -> tuple[Randomisation, dict
         if name in keywords:
             raise ParameterError(
                 f"{name} must not be given: {find_scenario(scenario).id} draws its own; "
-                "PTER/PathFollowing-v0 takes it, and pace, reward, error_max, starts change what is drawn"
+                "PTER/PathFollowing-v0 takes it, and pace, reward, error_max, truncation_error, starts change what is drawn"
             )
     known = training_draws.__annotations__.keys() & keywords.keys()
     drawn = training_draws(scenario, **{name: keywords[name] for name in known})

@@ -174,10 +174,10 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         ResetNeededError
             Before the first reset and after the end of an episode.
         """
-        obs, row, reward, terminated, success = self.batch.step_alone(action)
+        obs, row, reward, terminated, truncated, success = self.batch.step_alone(action)
         if self.render_mode is not None:
             self._show(row)
-        return obs, reward, terminated, False, {"telemetry": row, "is_success": success}
+        return obs, reward, terminated, truncated, {"telemetry": row, "is_success": success}
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture (height, width, 3) in the mode ``rgb_array``; ``human`` shows each step by itself."""

@@ -10,11 +10,11 @@ import pytest
 from pter_gym.benchmark.episodes import load_episodes, scenarios
 from pter_gym.engine.batch import Batch
 from pter_gym.engine.world import ROW
-from pter_gym.envs.scenario import TRAINING_WIDTH, training_draws
-from pter_gym.errors import ParameterError
+from pter_gym.envs.scenario import TRUNCATION_ERROR, training_draws
+from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.tasks.path_following import AT_REST, COLUMN, STARTS, PathFollowing, Starts
+from pter_gym.tasks.path_following import AT_REST, COLUMN, STARTS, PathFollowing, RewardWeights, Starts
 
 MOVING, GRIPPED = Starts(moving=1.0), Starts(gripped=1.0)
 COUNT = 512
@@ -111,11 +111,43 @@ def test_a_task_that_is_no_task_is_named() -> None:
 
 
 @pytest.mark.parametrize("scenario", scenarios())
-def test_training_ends_near_the_path_and_no_evaluation_is_narrower(scenario: str) -> None:
-    evaluated = {task.error_max for task in load_episodes(scenario, "slow").tasks}
-    for keywords, expected in (({}, {TRAINING_WIDTH}), ({"error_max": None}, evaluated)):
-        assert {task.error_max for _, task in training_draws(scenario, contexts=4, **keywords).pairs()} == expected
-    assert min(evaluated) >= TRAINING_WIDTH
+def test_training_is_truncated_near_the_path_and_no_evaluation_is(scenario: str) -> None:
+    evaluated = load_episodes(scenario, "slow").tasks
+    assert all(task.truncation_error >= task.error_max for task in evaluated)
+    for _, task in training_draws(scenario, contexts=4).pairs():
+        assert task.error_max in {each.error_max for each in evaluated}
+        assert task.truncation_error == TRUNCATION_ERROR <= task.error_max
+
+
+NEAR = PathFollowing(truncation_error=0.1)
+"""A task whose disturbance takes a free arm away from the path."""
+
+
+def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
+    free = np.zeros(4)
+    for reward in (RewardWeights(), RewardWeights(failure=1000.0)):
+        near: Any = gymnasium.make("PTER/PathFollowing-v0", task=replace(NEAR, reward=reward)).unwrapped
+        wide: Any = gymnasium.make("PTER/PathFollowing-v0", task=PathFollowing(reward=reward)).unwrapped
+        near.reset(seed=0), wide.reset(seed=0)
+        truncated = terminated = False
+        while not (truncated or terminated):
+            observation, pay, terminated, truncated, info = near.step(free)
+            same, as_much, ends, _, told = wide.step(free)
+            assert (observation == same).all()
+            assert pay == as_much
+            assert abs(told["telemetry"][COLUMN.normal_error]) <= 0.1 or truncated
+        assert (terminated, truncated, ends, info["is_success"]) == (False, True, False, False)
+        with pytest.raises(ResetNeededError):
+            near.step(free)
+
+
+def test_leaving_the_workspace_terminates_where_it_also_strays() -> None:
+    env: Any = gymnasium.make("PTER/PathFollowing-v0", task=replace(NEAR, error_max=0.1)).unwrapped
+    env.reset(seed=0)
+    ends = (False, False)
+    while not any(ends):
+        _, _, *ends, _ = env.step(np.zeros(4))
+    assert tuple(ends) == (True, False)
 
 
 def test_a_scenario_takes_what_its_episodes_share_and_nothing_that_it_draws() -> None:

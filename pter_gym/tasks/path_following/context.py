@@ -46,6 +46,7 @@ class TaskModel(NamedTuple):
     pace: Annotated[float, Entry("m/s", "commanded mean speed along the path")]
     pace_decay: Annotated[float, Entry("1", "part of a new speed in the mean that the reward judges")]
     error_max: Annotated[float, Entry("m", "the workspace ends this far from the path")]
+    truncation_error: Annotated[float, Entry("m", "an episode is truncated this far from the path")]
     arrival: Annotated[float, Entry("m", "how near to the path its end counts as reached")]
     singularity_margin: Annotated[float, Entry("1", "smallest |sin(θA − θB)| of the workspace")]
     start_offset: Annotated[float, Entry("m", "half-range of the start's normal offset")]
@@ -115,6 +116,7 @@ def task_model(task: PathFollowing, arcs: tuple[int, int]) -> TaskModel:
         pace=task.pace,
         pace_decay=-math.expm1(-task.control_period / PACE_WINDOW),
         error_max=task.error_max,
+        truncation_error=task.truncation_error,
         arrival=task.arrival,
         singularity_margin=task.singularity_margin,
         start_offset=task.start_offset,

@@ -59,12 +59,17 @@ def reached_end(arc_length: float, path_length: float) -> bool:
 
 
 @device
+def strayed(arc_length: float, normal_error: float, furthest: float) -> bool:
+    """Tell whether the tip is further than ``furthest`` [m] from the path, or has backed that far off its start."""
+    return (abs(normal_error) > furthest) | (arc_length < -furthest)
+
+
+@device
 def left_workspace(
     arc_length: float, normal_error: float, q: Motion, error_max: float, singularity_margin: float
 ) -> bool:
-    """Tell whether the tip is too far from the path or has backed off its start, or the pose is singular or NaN."""
-    far = (abs(normal_error) > error_max) | (arc_length < -error_max)
-    return far | (not abs(sin_difference(q)) >= singularity_margin)
+    """Tell whether the tip has strayed from the path, or the pose is singular or NaN."""
+    return strayed(arc_length, normal_error, error_max) | (not abs(sin_difference(q)) >= singularity_margin)
 
 
 @device

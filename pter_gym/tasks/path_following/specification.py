@@ -21,6 +21,9 @@ MAX_DELAY = 2
 SHARPEST = 0.9
 """Largest ratio of the workspace's half-width to a path's radius of curvature: further in, a foot is not unique."""
 
+WIDEST = BOUND * ERROR_SCALE
+"""Largest half-width of a workspace [m]: what an observation can tell."""
+
 _PATH_SAMPLES = 257
 
 
@@ -69,7 +72,7 @@ class Starts:
         """Check that shares are shares."""
         require_number(self, "moving", at_least=0.0, at_most=1.0)
         require_number(self, "gripped", at_least=0.0, at_most=1.0 - self.moving)
-        require_number(self, "offset", at_least=0.0, at_most=BOUND * ERROR_SCALE)
+        require_number(self, "offset", at_least=0.0, at_most=WIDEST)
 
 
 AT_REST = Starts()
@@ -88,6 +91,9 @@ class PathFollowing:
     pace: float = quantity("m/s", "derived: the baseline's mean tip speed in Table I, 19.69 in/s", default=0.5)
     control_period: float = quantity("s", "chosen: 100 Hz control", default=0.01)
     error_max: float = quantity("m", "chosen: the workspace ends this far from the path", default=0.25)
+    truncation_error: float = quantity(
+        "m", "chosen: an episode is truncated this far from the path; none is by default", default=WIDEST, absent=WIDEST
+    )
     arrival: float = quantity(
         "m", "chosen: half of error_max; within this of the path its end is a success", default=0.125, absent=0.125
     )
@@ -107,10 +113,11 @@ class PathFollowing:
         require_kind(self, "starts", Starts)
         require_number(self, "pace", above=0.0, at_most=BOUND * SPEED_SCALE)
         require_number(self, "control_period", above=0.0, at_most=1.0)
-        require_number(self, "error_max", above=0.0, at_most=BOUND * ERROR_SCALE)
+        require_number(self, "error_max", above=0.0, at_most=WIDEST)
+        require_number(self, "truncation_error", above=0.0, at_most=WIDEST)
         require_number(self, "arrival", above=0.0)
         require_number(self, "singularity_margin", above=0.0, below=1.0)
-        require_number(self, "start_offset", at_least=0.0, below=self.error_max)
+        require_number(self, "start_offset", at_least=0.0, below=min(self.error_max, self.truncation_error))
         require_number(self, "friction_drift", at_least=-1.0, at_most=1.0)
 
 
