@@ -85,8 +85,8 @@ def _split(scenario: str, keywords: dict[str, Any]) -> tuple[Randomisation, dict
     for name in OWN:
         if name in keywords:
             raise ParameterError(
-                f"{name} must not be given: {find_scenario(scenario).id} draws its own; "
-                "PTER/PathFollowing-v0 takes it, and pace, reward, error_max, truncation_error, starts change what is drawn"
+                f"{name} must not be given: {find_scenario(scenario).id} draws its own; PTER/PathFollowing-v0 takes "
+                "it, and pace, reward, error_max, truncation_error, starts change what is drawn"
             )
     known = training_draws.__annotations__.keys() & keywords.keys()
     drawn = training_draws(scenario, **{name: keywords[name] for name in known})
