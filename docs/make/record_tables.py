@@ -15,7 +15,7 @@ from pter_gym.controllers.gains import Gains, Nominal
 from pter_gym.engine.law import Memory
 from pter_gym.engine.world import BASIC_ROWS, CONSTANT_ROWS, STORED_ROWS, World
 from pter_gym.params import BASELINE
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensing, Sensors
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensing, Sensors, Starts
 from pter_gym.tasks.path_following.context import TOLD
 from pter_gym.tasks.path_following.observation import Observation
 
@@ -108,6 +108,7 @@ def tables() -> dict[str, str]:
         "telemetry": entries_table(TELEMETRY),
         "reward": fields_table(RewardWeights),
         "task": fields_table(PathFollowing),
+        "starts": fields_table(Starts),
         "sensing": fields_table(Sensing),
         "stored by every world": world_table(0, BASIC_ROWS),
         "stored by some worlds": world_table(BASIC_ROWS, STORED_ROWS),

@@ -49,7 +49,7 @@ def benchmark(
             docs/agents.md; paths of exported ones; package.module:attribute for your own.
         scenario: Scenario whose stored evaluation episodes are run; the paper's standard test by default.
         paces: Commanded paces of a scenario, separated by commas: slow, medium, brisk.
-        episodes: How many of the scenario's episodes to run; all by default. Ranks need 200.
+        episodes: How many of the scenario's episodes to run; all by default. Ranks from fewer than 200 are provisional.
         fresh: Seed of fresh episodes, as many as the stored ones, or derived: it follows from the content of all
             policies, the code and the scenario, so nobody can tune to it. The stored ones by default.
         machine: Clutch material of the standard test: baseline, delrin_experimental or delrin_theoretical.
@@ -171,7 +171,7 @@ def scores_table(result: "Result") -> Table:
     """Return a table with one row per policy and time constant, in SI; it fits a terminal of 80 columns."""
     table = Table(
         title=f"The paper's standard test, seed {result.seed}",
-        caption="path error: the larger average, over time or path; unfinished parts at the worst error or the bound",
+        caption="path error: at equal pace, mean over ten segments; docs/scoring.md says how",
         box=None,
         padding=(0, 1),
         collapse_padding=True,

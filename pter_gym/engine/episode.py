@@ -29,7 +29,7 @@ from pter_gym.paths.projection import project, segment_at
 from pter_gym.physics.arm import UnitVector, Vector, tip_position
 from pter_gym.tasks.path_following.context import CONTEXT_WIDTH
 from pter_gym.tasks.path_following.reward import Outcome, reward_terms, total
-from pter_gym.tasks.path_following.situation import left_workspace, reached_end, strayed
+from pter_gym.tasks.path_following.situation import reached_end, singular, strayed
 from pter_gym.tasks.path_following.specification import MAX_DELAY
 
 _RESET_STREAM = np.uint64(0x5245534554)
@@ -122,15 +122,10 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     )
     at_end = reached_end(at.arc_length, length)
     success = at_end & (abs(at.normal_error) <= w[ROW.task.arrival, i])
+    error_max, truncation_error = w[ROW.task.error_max, i], w[ROW.task.truncation_error, i]
+    left_workspace = strayed(at.arc_length, at.normal_error, error_max) & (error_max < truncation_error)
     failure = (not success) & (
-        at_end
-        | left_workspace(
-            at.arc_length,
-            at.normal_error,
-            load(w, ROW.motion, i),
-            w[ROW.task.error_max, i],
-            w[ROW.task.singularity_margin, i],
-        )
+        at_end | left_workspace | singular(load(w, ROW.motion, i), w[ROW.task.singularity_margin, i])
     )
     acceleration = tip_acceleration(w, i, period)
     outcome = Outcome(
@@ -149,8 +144,8 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     store(w, ROW.terms, i, terms)
     w[ROW.reward, i] = total(terms)
     terminated = success | failure
-    astray = strayed(at.arc_length, at.normal_error, w[ROW.task.truncation_error, i])
-    truncated = (w[ROW.step, i] >= limit) | (astray & (not terminated))
+    astray = (not terminated) & strayed(at.arc_length, at.normal_error, truncation_error)
+    truncated = astray | (w[ROW.step, i] >= limit)
     w[ROW.alive, i] = 1.0 if began & (not terminated) & (not truncated) else 0.0
     end = Flags(1.0 if terminated else 0.0, 1.0 if truncated else 0.0, 1.0 if success else 0.0)
     store(w, ROW.end, i, end)

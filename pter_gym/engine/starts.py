@@ -12,7 +12,7 @@ from pter_gym.engine.world import ROW
 from pter_gym.paths.projection import Foot, point_at, project, segment_of
 from pter_gym.physics.arm import UnitVector, Vector, moving
 from pter_gym.physics.clutch import PerClutch, scaled, steady_torques
-from pter_gym.tasks.path_following.situation import PathVector, left_workspace, motion_at, to_world
+from pter_gym.tasks.path_following.situation import PathVector, motion_at, singular, strayed, to_world
 
 _STREAM = np.uint64(0x5354415254)
 _KIND, _GRIPS, _MOTION = np.uint64(0), np.uint64(1), np.uint64(2)
@@ -72,7 +72,7 @@ def beside(w: Any, i: int, along: float, offset: float, constants: Any) -> Foot:
     foot = project(constants, first, count, segment_of(constants, first, count, s), x, y)
     place(w, i, Vector(x, y), foot.heading, offset)
     width = min(w[ROW.task.error_max, i], w[ROW.task.truncation_error, i])
-    if left_workspace(s, offset, load(w, ROW.motion, i), width, w[ROW.task.singularity_margin, i]):
+    if strayed(s, offset, width) | singular(load(w, ROW.motion, i), w[ROW.task.singularity_margin, i]):
         place(w, i, Vector(x, y), foot.heading, 0.0)
     w[ROW.foot.segment, i] = foot.segment
     w[ROW.reached, i] = s

@@ -42,10 +42,11 @@ def training_draws(
         Half-width of the workspace [m], where an episode is terminated; that of the evaluation episodes by default.
     truncation_error
         Distance from the path [m] at which an episode is truncated, so that none goes far astray; what a state there is
-        worth is for the algorithm to estimate. Evaluation episodes are not truncated so.
+        worth is for the algorithm to estimate. Evaluation episodes are not truncated so, nor are those of a workspace
+        that is narrower than this.
     starts
         How episodes begin, or its name in ``pter_gym.tasks.path_following.STARTS``: anywhere along the path, moving,
-        by default, without which no stock algorithm learns; ``"rest"`` begins as evaluation episodes do.
+        by default; ``"rest"`` begins as evaluation episodes do, and exploring noise then sees little of the path.
 
     Raises
     ------

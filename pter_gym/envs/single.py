@@ -39,7 +39,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Observation Space
     `Box(-25, 25, (20,), float32)`, with torque sensors 24 entries, with force sensors 26. Entries are stored relative
-    to scales of the size that is usual in use, so most are between -1 and 1, and limited to 25 of them;
+    so that usual values are between -1 and 1, and limited to ±25;
     `env.unwrapped.observation_layout` names them and holds the scales:
 
     | entries | meaning |
@@ -82,11 +82,13 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     workspace: too far from the path, backed off from its start, or near a singular pose.
 
     ### Truncation
-    After 1000 control steps, by Gymnasium's `TimeLimit`.
+    After 1000 control steps, by Gymnasium's `TimeLimit`; or further than `task.truncation_error` from the path, or as
+    far back from its start. By default that is beyond any workspace, so the workspace ends the episode first.
 
     ## Arguments
     - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
-    - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, arrival, starts, sensing, reward weights.
+    - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error, arrival,
+      starts, sensing, reward weights.
     - `randomisation`: a `Randomisation` from which each episode draws machine and task, instead of these two.
     - `observe_context`: whether the observation ends with what is told of machine and task (time constant, torque and
       drift of the clutches, what the hand adds). The telemetry tells it always.

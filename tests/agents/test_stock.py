@@ -55,7 +55,7 @@ def test_a_script_is_short_and_knows_nothing_of_the_trainer(script: Path) -> Non
     text = script.read_text("utf-8")
     assert len(text.splitlines()) <= 60
     assert "pter_agents" not in text
-    assert not re.search(r"\b(reward|starts|error_max)=", text)
+    assert not re.search(r"\b(reward|starts|error_max|truncation_error)=", text)
     assert script.stem in TINY
 
 

@@ -14,10 +14,19 @@ from pter_gym.envs.scenario import TRUNCATION_ERROR, training_draws
 from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.tasks.path_following import AT_REST, COLUMN, STARTS, PathFollowing, RewardWeights, Starts
+from pter_gym.tasks.path_following import (
+    AT_REST,
+    COLUMN,
+    STARTS,
+    PathFollowing,
+    RewardWeights,
+    Starts,
+    observation_layout,
+)
 
 MOVING, GRIPPED = Starts(moving=1.0), Starts(gripped=1.0)
 COUNT = 512
+PROGRESS = observation_layout(BASELINE, "torque").names.index("progress")
 
 
 def first_rows(scenario: str, starts: Starts, seed: int = 0) -> tuple[np.ndarray, list[PathFollowing]]:
@@ -113,7 +122,7 @@ def test_a_task_that_is_no_task_is_named() -> None:
 @pytest.mark.parametrize("scenario", scenarios())
 def test_training_is_truncated_near_the_path_and_no_evaluation_is(scenario: str) -> None:
     evaluated = load_episodes(scenario, "slow").tasks
-    assert all(task.truncation_error >= task.error_max for task in evaluated)
+    assert all(task.truncation_error > task.error_max for task in evaluated)
     for _, task in training_draws(scenario, contexts=4).pairs():
         assert task.error_max in {each.error_max for each in evaluated}
         assert task.truncation_error == TRUNCATION_ERROR <= task.error_max
@@ -141,13 +150,27 @@ def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
             near.step(free)
 
 
-def test_leaving_the_workspace_terminates_where_it_also_strays() -> None:
-    env: Any = gymnasium.make("PTER/PathFollowing-v0", task=replace(NEAR, error_max=0.1)).unwrapped
+@pytest.mark.parametrize(("error_max", "terminated"), [(0.099, True), (0.1, False), (0.101, False)])
+def test_what_is_nearer_ends_an_episode_and_truncation_if_they_are_equal(error_max: float, terminated: bool) -> None:
+    env: Any = gymnasium.make("PTER/PathFollowing-v0", task=replace(NEAR, error_max=error_max)).unwrapped
     env.reset(seed=0)
     ends = (False, False)
     while not any(ends):
         _, _, *ends, _ = env.step(np.zeros(4))
-    assert tuple(ends) == (True, False)
+    assert tuple(ends) == (terminated, not terminated)
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_a_training_episode_that_strays_is_never_terminated_on_the_way(scenario: str) -> None:
+    worlds: Any = gymnasium.make_vec(SCENARIOS[scenario].id, 64, starts="rest")
+    worlds.reset(seed=0)
+    truncations = 0
+    for _ in range(200):
+        observations, _, terminated, truncated, infos = worlds.step(np.zeros((64, 4)))
+        strayed = np.abs(infos["telemetry"][:, COLUMN.normal_error]) > TRUNCATION_ERROR
+        assert not (terminated & strayed & (observations[:, PROGRESS] < 0.5)).any()
+        truncations += (truncated & strayed).sum()
+    assert truncations > 64
 
 
 def test_a_scenario_takes_what_its_episodes_share_and_nothing_that_it_draws() -> None:

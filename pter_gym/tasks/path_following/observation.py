@@ -19,7 +19,7 @@ from pter_gym.tasks.path_following.situation import PathVector, Situation
 Sensors = Literal["encoders", "torque", "force"]
 
 BOUND = 25.0
-"""Entries are limited to ±BOUND of their scales, which are of the size that is usual in use."""
+"""Entries are limited to ±BOUND; their scales are such that usual values are within ±1."""
 
 ERROR_SCALE = 0.01
 SPEED_SCALE = 0.2

@@ -65,11 +65,9 @@ def strayed(arc_length: float, normal_error: float, furthest: float) -> bool:
 
 
 @device
-def left_workspace(
-    arc_length: float, normal_error: float, q: Motion, error_max: float, singularity_margin: float
-) -> bool:
-    """Tell whether the tip has strayed from the path, or the pose is singular or NaN."""
-    return strayed(arc_length, normal_error, error_max) | (not abs(sin_difference(q)) >= singularity_margin)
+def singular(q: Motion, margin: float) -> bool:
+    """Tell whether |sin(θA − θB)| is below the margin or NaN."""
+    return not abs(sin_difference(q)) >= margin
 
 
 @device

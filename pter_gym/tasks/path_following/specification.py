@@ -92,10 +92,16 @@ class PathFollowing:
     control_period: float = quantity("s", "chosen: 100 Hz control", default=0.01)
     error_max: float = quantity("m", "chosen: the workspace ends this far from the path", default=0.25)
     truncation_error: float = quantity(
-        "m", "chosen: an episode is truncated this far from the path; none is by default", default=WIDEST, absent=WIDEST
+        "m",
+        "chosen: if not above error_max, an episode is truncated this far from the path; by default none is",
+        default=2.0 * WIDEST,
+        absent=2.0 * WIDEST,
     )
     arrival: float = quantity(
-        "m", "chosen: half of error_max; within this of the path its end is a success", default=0.125, absent=0.125
+        "m",
+        "chosen: half of error_max's default; within this of the path its end is a success",
+        default=0.125,
+        absent=0.125,
     )
     singularity_margin: float = quantity("1", "chosen: smallest |sin(θA − θB)| of the workspace", default=0.2)
     start_offset: float = quantity("m", "chosen: half-range of the start's normal offset, drawn at reset", default=0.0)
@@ -114,7 +120,7 @@ class PathFollowing:
         require_number(self, "pace", above=0.0, at_most=BOUND * SPEED_SCALE)
         require_number(self, "control_period", above=0.0, at_most=1.0)
         require_number(self, "error_max", above=0.0, at_most=WIDEST)
-        require_number(self, "truncation_error", above=0.0, at_most=WIDEST)
+        require_number(self, "truncation_error", above=0.0, at_most=2.0 * WIDEST)
         require_number(self, "arrival", above=0.0)
         require_number(self, "singularity_margin", above=0.0, below=1.0)
         require_number(self, "start_offset", at_least=0.0, below=min(self.error_max, self.truncation_error))
