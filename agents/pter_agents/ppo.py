@@ -91,8 +91,8 @@ class Falling:
     last: float
 
     def __call__(self, remaining: float) -> float:
-        """Return the rate where a share of the training remains."""
-        return self.last + (self.first - self.last) * remaining
+        """Return the rate where a share of the training remains; the last rollout may go beyond its end."""
+        return self.last + (self.first - self.last) * max(remaining, 0.0)
 
 
 def make_model(settings: PPOSettings, worlds: InterfaceVecEnv, seed: int) -> CheckedPPO:
