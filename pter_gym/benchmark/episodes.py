@@ -10,6 +10,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +77,7 @@ class Episodes:
         ParameterError
             If there are not so many.
         """
-        if not 1 <= count <= len(self):
+        if not isinstance(count, Integral) or not 1 <= count <= len(self):
             raise ParameterError(f"episodes must be from 1 to {len(self)} for {self.scenario}, got {count!r}")
         return replace(
             self,
@@ -162,7 +163,7 @@ def fresh_episodes(scenario: str, pace: str, seed: int) -> Episodes:
     scenario
         Name of the scenario.
     pace
-        ``slow``, ``medium`` or ``brisk``; the episodes differ in nothing else from those at another pace.
+        ``slow``, ``medium`` or ``brisk``; each has draws of its own.
     seed
         Whole number within [0, 2⁶⁴).
 
@@ -173,7 +174,7 @@ def fresh_episodes(scenario: str, pace: str, seed: int) -> Episodes:
     """
     speed = find_pace(pace)
     find_scenario(scenario)
-    return _at_pace(_draw(scenario, check_fresh(seed)), speed)
+    return _at_pace(_draw(scenario, check_fresh(seed), pace), speed)
 
 
 def find_episodes(scenario: str, pace: str, fresh: int | None = None, *, folder: Path = FOLDER) -> Episodes:
@@ -190,10 +191,10 @@ def check_fresh(seed: Any) -> int:
 
 
 @lru_cache(8)
-def _draw(scenario: str, seed: int) -> Episodes:
+def _draw(scenario: str, seed: int, pace: str) -> Episodes:
     found = find_scenario(scenario)
-    machines, tasks, strata = zip(*evaluation_draws(found, seed), strict=True)
-    seeds = fresh_reset_seeds(found, seed)
+    machines, tasks, strata = zip(*evaluation_draws(found, (seed, pace)), strict=True)
+    seeds = fresh_reset_seeds(found, (seed, pace))
     data = _encoded(scenario, machines, tasks, seeds, strata, found.version)
     return Episodes(scenario, hashlib.sha256(data).hexdigest(), machines, tasks, tuple(seeds), strata)
 

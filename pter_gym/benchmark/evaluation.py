@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._version import __version__
-from pter_gym.benchmark.episodes import FOLDER, Episodes, find_episodes
+from pter_gym.benchmark.episodes import FOLDER, Episodes, check_fresh, find_episodes
 from pter_gym.benchmark.identity import SAID, derived_seed, identity_of
 from pter_gym.benchmark.measures import column, vector
 from pter_gym.benchmark.metrics import Scores, score_episodes
@@ -28,7 +28,7 @@ from pter_gym.benchmark.runs import (
     sample_numbers,
 )
 from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
-from pter_gym.controllers import BoundPolicy, bind
+from pter_gym.controllers import BoundPolicy, Controller, bind
 from pter_gym.controllers.base import Plans
 from pter_gym.controllers.predictive import UNPRIVILEGED
 from pter_gym.engine.batch import Batch
@@ -106,6 +106,7 @@ def run_scenario(
     named = _named(policies, scenario)
     if not paces:
         raise ParameterError("paces must hold at least one name")
+    fresh = None if fresh is None else check_fresh(fresh)
     sets = {pace: find_episodes(scenario, pace, fresh, folder=data) for pace in paces}
     sets = {pace: full if episodes is None else full.first(episodes) for pace, full in sets.items()}
     if results:
@@ -114,12 +115,15 @@ def run_scenario(
     for pace, chosen in sets.items():
         batches = Batches(chosen)
         for name, policy in named.items():
+            conditions = _conditions(chosen, fresh, pace, name)
             for seed, trained in enumerate(each_seed(policy)):
                 bound = batches.bind(trained)
                 identity = identity_of(trained, bound.policy, trusted=reuse_callables)
                 _check_built_in(name, identity)
-                conditions = _conditions(chosen, fresh, pace, name, seed, identity)
-                runs.append(_find_or_run(conditions, bound, batches, results, num_threads))
+                at = replace(conditions, seed=seed, identity=identity)
+                runs.append(_find_or_run(at, bound, batches, results, num_threads))
+            if results:
+                results.end_seeds(replace(conditions, seed=len(each_seed(policy))))
             on_progress(f"{name}, {pace}")
     return tuple(runs)
 
@@ -138,10 +142,7 @@ def fresh_seed(scenario: str, policies: Mapping[str, AnyPolicy | PerSeed] | Sequ
         If there is no such policy, or its content cannot be told, as of a plain callable; it names the policy.
     """
     identities = {
-        name: [
-            identity_of(each, bind(each, BASELINE, observation_layout(BASELINE, sensors_of(each))))
-            for each in each_seed(policy)
-        ]
+        name: [identity_of(each, _bound_to_nominal(each)) for each in each_seed(policy)]
         for name, policy in _named(policies, scenario).items()
     }
     return derived_seed(identities, code_digest(), scenario)
@@ -159,23 +160,32 @@ def _named(
         raise ParameterError("policies must hold at least one name")
     for name in policies:
         check_name(name)
-    if isinstance(policies, Mapping):
-        return policies
-    return {name: find_policy(name, scenario=scenario) for name in policies}
+    if not isinstance(policies, Mapping):
+        return {name: find_policy(name, scenario=scenario) for name in policies}
+    for name, policy in policies.items():
+        for each in each_seed(policy):
+            if not isinstance(each, Controller) and not callable(each):
+                raise ParameterError(f"policies must have a method bind or be callable, {name!r} is {each!r:.200}")
+            if is_built_in(name):
+                _check_built_in(name, identity_of(each, _bound_to_nominal(each)))
+    return policies
 
 
-def _conditions(
-    episodes: Episodes, fresh: int | None, pace: str, policy: str, seed: int, identity: str | None
-) -> Conditions:
-    """Return the conditions of a run by the present code."""
+def _bound_to_nominal(policy: AnyPolicy) -> BoundPolicy:
+    """Return a policy that is bound to the nominal machine and to the sensors that it asks for."""
+    return bind(policy, BASELINE, observation_layout(BASELINE, sensors_of(policy)))
+
+
+def _conditions(episodes: Episodes, fresh: int | None, pace: str, policy: str) -> Conditions:
+    """Return the conditions of a run by the present code, of the first training seed and an unknown identity."""
     return Conditions(
         scenario=episodes.scenario,
         pace=pace,
         policy=policy,
-        seed=seed,
+        seed=0,
         episodes=len(episodes),
         data=episodes.checksum,
-        identity=identity,
+        identity=None,
         version=__version__,
         code=code_digest(),
         fresh=fresh,

@@ -26,7 +26,8 @@ def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelController":
         Of any algorithm: its ``predict`` takes observations, states and the starts of episodes. Its actions are
         volts or normalised, whatever the bounds of its action space say.
     vec_normalize
-        What normalised the observations in training: a ``VecNormalize``, or Gymnasium's ``NormalizeObservation``.
+        What normalised the observations in training: a ``VecNormalize``, or Gymnasium's ``NormalizeObservation``. By
+        default the ``VecNormalize`` that the model still has, if it has one.
         Its statistics are used as they are at each decision, and not changed.
 
     Raises
@@ -34,7 +35,9 @@ def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelController":
     ParameterError
         If observations or actions of the model are not those of an environment of this package.
     """
-    return ModelController(model, _normalising(vec_normalize), _sensors_of(model), *_bounds_of(model))
+    own = getattr(model, "get_vec_normalize_env", lambda: None)
+    wrapper = own() if vec_normalize is None else vec_normalize
+    return ModelController(model, _normalising(wrapper), _sensors_of(model), *_bounds_of(model))
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,7 +52,7 @@ class Gap:
 def find_gaps(runs: Sequence[ScenarioRun]) -> tuple[Gap, ...]:
     """Return the gap of each policy and pace that has runs on as many stored episodes as on fresh ones.
 
-    A policy's training seeds count as one; runs are of the same policy if their identities are the same.
+    A policy's training seeds count as one; runs are of the same policy if their identities are known and the same.
     """
     groups: dict[tuple[str, str, str, int], dict[int | None, list[ScenarioRun]]] = {}
     for run in runs:
@@ -64,6 +64,7 @@ def find_gaps(runs: Sequence[ScenarioRun]) -> tuple[Gap, ...]:
         for sets in groups.values()
         if None in sets
         for stored in [join_seeds(sets[None])]
+        if stored.conditions.identity is not None
         for seed in sorted(seed for seed in sets if seed is not None)
         if join_seeds(sets[seed]).conditions.identity == stored.conditions.identity
     ]

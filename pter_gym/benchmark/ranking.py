@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pter_gym.benchmark.metrics import METRICS
-from pter_gym.benchmark.runs import Planning, ScenarioRun, join_seeds
+from pter_gym.benchmark.runs import Planning, ScenarioRun, join_seeds, without_copies
 from pter_gym.benchmark.statistics import (
     Interval,
     bootstrap_interval,
@@ -72,7 +72,7 @@ class Standing:
 def find_standings(runs: Sequence[ScenarioRun]) -> tuple[Standing, ...]:
     """Rank runs on the same episodes at the same pace, the best first; a policy's training seeds count as one."""
     seeds: dict[str, list[ScenarioRun]] = {}
-    for run in runs:
+    for run in without_copies(runs)[0]:
         seeds.setdefault(run.conditions.policy, []).append(run)
     runs = [join_seeds(each) for each in seeds.values()]
     judged = [_judge(run) for run in runs]

@@ -16,7 +16,7 @@ from pter_gym.benchmark.episodes import FOLDER
 from pter_gym.benchmark.gaps import find_gaps
 from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
 from pter_gym.benchmark.run_files import read_run, run_path, write_run
-from pter_gym.benchmark.runs import Conditions, ScenarioRun
+from pter_gym.benchmark.runs import Conditions, ScenarioRun, without_copies
 from pter_gym.benchmark.statistics import LEVEL, RESAMPLES, SEED
 from pter_gym.errors import DataError
 from pter_gym.internal.files import write_text_atomic
@@ -81,6 +81,13 @@ class ResultsFolder:
         """Keep a run; one under the same names is replaced."""
         write_run(self.path, run)
 
+    def end_seeds(self, conditions: Conditions) -> None:
+        """Delete the runs of training seeds from this one on: they are of an earlier policy of the same name."""
+        at = conditions
+        while (path := run_path(self.path, at)).is_file():
+            path.unlink(missing_ok=True)
+            at = replace(at, seed=at.seed + 1)
+
     def read(self) -> Contents:
         """Return the runs that count, and each other file with the reason why it does not."""
         runs: list[ScenarioRun] = []
@@ -90,8 +97,11 @@ class ResultsFolder:
                 runs.append(read_run(path, data=self.data))
             except DataError as error:
                 left_out.append(_left_out(path.name, str(error).removeprefix(f"{path.name}: ")))
-        kept, copies = _without_copies(runs)
-        return Contents(kept, tuple(sorted([*left_out, *copies])))
+        kept, copies = without_copies(runs)
+        left_out += [
+            _left_out(run_path(Path(), run.conditions).name, f"it is the policy of seed {seed}") for run, seed in copies
+        ]
+        return Contents(kept, tuple(sorted(left_out)))
 
     def runs(self) -> tuple[ScenarioRun, ...]:
         """Return all runs that count."""
@@ -99,12 +109,16 @@ class ResultsFolder:
 
     def summarise(self) -> tuple[Leaderboard, ...]:
         """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
+        return self.summarise_contents()[1]
+
+    def summarise_contents(self) -> tuple[Contents, tuple[Leaderboard, ...]]:
+        """Do as ``summarise``, and return what the folder held too."""
         with FileLock(self.path / LOCK):
             contents = self.read()
             boards = leaderboards(contents.runs)
             text = json.dumps(summary_of(contents, boards), indent=2, allow_nan=False)
             write_text_atomic(self.summary, text + "\n")
-        return boards
+        return contents, boards
 
 
 def summary_of(contents: Contents, boards: tuple[Leaderboard, ...]) -> dict[str, Any]:
@@ -115,25 +129,6 @@ def summary_of(contents: Contents, boards: tuple[Leaderboard, ...]) -> dict[str,
         "gaps": [gap.as_json() for gap in find_gaps(contents.runs)],
         "left_out": [each._asdict() for each in contents.left_out],
     }
-
-
-def _without_copies(runs: list[ScenarioRun]) -> tuple[tuple[ScenarioRun, ...], list[LeftOut]]:
-    """Take out the runs whose policy is that of an earlier training seed: a copy is no further seed.
-
-    Policies whose content nobody can tell are the same if all their scores are.
-    """
-    first: dict[tuple[object, ...], int] = {}
-    kept: list[ScenarioRun] = []
-    copies: list[LeftOut] = []
-    for run in sorted(runs, key=lambda run: run.conditions.seed):
-        at = run.conditions
-        scores = () if at.identity else tuple(values.tobytes() for values in run.scores.values())
-        seed = first.setdefault((replace(at, seed=0), *scores), at.seed)
-        if seed == at.seed:
-            kept.append(run)
-        else:
-            copies.append(_left_out(run_path(Path(), at).name, f"it is the policy of seed {seed}"))
-    return tuple(kept), copies
 
 
 def _left_out(file: str, reason: str) -> LeftOut:

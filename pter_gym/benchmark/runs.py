@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -22,7 +22,7 @@ PACKAGE = Path(__file__).parents[1]
 SAMPLES = 4
 """Episodes of a run that are kept to be drawn: the first of each stratum, then the first ones."""
 
-LONGEST_NAME = 200
+LONGEST_NAME = 180
 """Most characters of a policy's name, as it is in the name of a file."""
 
 INSTANTS = 200
@@ -148,16 +148,41 @@ def check_name(name: object) -> None:
 
 
 def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
-    """Return the runs of one policy's training seeds on the same episodes as one run; seeds are a further stratum."""
+    """Return the runs of one policy's training seeds on the same episodes as one run; seeds are a further stratum.
+
+    Nobody can tell what it is if nobody can of one of them, and it plans, or is privileged, if one of them does.
+    """
     if len(runs) == 1:
         return runs[0]
+    identities = [run.conditions.identity for run in runs]
+    known = None if None in identities else "; ".join(map(str, identities))
+    plans = sorted((run.planning for run in runs if run.planning), key=lambda planning: not planning.privileged)
     return ScenarioRun(
-        conditions=replace(runs[0].conditions, identity="; ".join(str(run.conditions.identity) for run in runs)),
+        conditions=replace(runs[0].conditions, identity=known),
         strata=tuple(f"{stratum}, seed {run.conditions.seed}" for run in runs for stratum in run.strata),
         scores={name: np.concatenate([run.scores[name] for run in runs]) for name in SCORES},
         samples=runs[0].samples,
-        planning=runs[0].planning,
+        planning=plans[0] if plans else None,
     )
+
+
+def without_copies(runs: Iterable[ScenarioRun]) -> tuple[tuple[ScenarioRun, ...], tuple[tuple[ScenarioRun, int], ...]]:
+    """Return the runs that count, and those whose policy is that of an earlier training seed, with that seed.
+
+    A copy is no further seed. Policies whose content nobody can tell are the same if all their scores are.
+    """
+    first: dict[tuple[object, ...], int] = {}
+    kept: list[ScenarioRun] = []
+    copies: list[tuple[ScenarioRun, int]] = []
+    for run in sorted(runs, key=lambda run: run.conditions.seed):
+        at = run.conditions
+        scores = () if at.identity else tuple(values.tobytes() for values in run.scores.values())
+        seed = first.setdefault((replace(at, seed=0), *scores), at.seed)
+        if seed == at.seed:
+            kept.append(run)
+        else:
+            copies.append((run, seed))
+    return tuple(kept), tuple(copies)
 
 
 def sample_numbers(strata: Sequence[str]) -> list[int]:

@@ -142,10 +142,10 @@ def scenario_benchmark(
             results=results,
             on_progress=lambda _: progress.advance(task),
         )
-    boards = [board for board in results.summarise() if board.has_episodes_of(runs[0])]
+    contents, all_boards = results.summarise_contents()
+    boards = [board for board in all_boards if board.has_episodes_of(runs[0])]
     for board in boards:
         console.print(table(board), "")
-    contents = results.read()
     for gaps in gap_tables([gap for gap in find_gaps(contents.runs) if gap.scenario == scenario]):
         console.print(gaps, "")
     for left in contents.left_out:

@@ -30,9 +30,10 @@ def verify(
     """
     from pter_gym.benchmark import ResultsFolder, read_policy
     from pter_gym.benchmark import verify as run_again
+    from pter_gym.benchmark.naming import is_code
 
     import_from_here()
-    known = {name: read_policy(name, seed) for name in split(policies)}
+    known = {name: read_policy(name, seed) for name in split(policies) if is_code(name)}
     console = Console(highlight=False, soft_wrap=True, markup=False)
     with progress_bar(console) as progress:
         task = progress.add_task("verify", total=None)

@@ -5,6 +5,7 @@ from typing import Any
 from pter_gym.envs.devices import make_vector_env
 from pter_gym.envs.single import PathFollowingEnv
 from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.internal.checks import whole_number
 from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import STARTS, RewardWeights, Starts
@@ -64,7 +65,7 @@ def training_draws(
     return find_scenario(scenario).randomisation(
         pace,
         contexts=contexts,
-        seed=context_seed,
+        seed=whole_number("context_seed", context_seed, at_least=0),
         **{name: value for name, value in stated.items() if value is not None},
     )
 

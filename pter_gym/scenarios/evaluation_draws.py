@@ -27,7 +27,7 @@ class EvaluationDraw(NamedTuple):
     stratum: str
 
 
-def evaluation_draws(scenario: Scenario, seed: int | None = None) -> list[EvaluationDraw]:
+def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -> list[EvaluationDraw]:
     """Return evaluation episodes of a scenario, always the same for the same seed.
 
     The phases of the hand's sines are drawn here, so nothing about an episode is left to a random stream but the
@@ -37,29 +37,30 @@ def evaluation_draws(scenario: Scenario, seed: int | None = None) -> list[Evalua
     ----------
     scenario
         Whose episodes to draw.
-    seed
-        Seed ≥ 0 of fresh episodes: as many as the stored ones, with the same stratum at each place. None draws those
-        that are stored.
+    fresh
+        Seed ≥ 0 of fresh episodes, and the name of their pace: as many as the stored ones, with the same stratum at
+        each place. They differ from pace to pace, so nothing that a policy remembers of one tells it the next. None
+        draws those that are stored.
     """
     rng = np.random.default_rng(_seed(scenario))
     draws = Randomisation(machine=scenario.machine, task=scenario.task)
     pairs = [draws.draw(rng) for _ in range(scenario.episodes)]
     stored = [_labelled(scenario, machine, _with_phases(task, rng)) for machine, task in pairs]
-    return stored if seed is None else _fresh(scenario, draws, [draw.stratum for draw in stored], seed)
+    return stored if fresh is None else _fresh(scenario, draws, [draw.stratum for draw in stored], fresh)
 
 
-def fresh_reset_seeds(scenario: Scenario, seed: int) -> list[int]:
-    """Return the seeds of the resets of fresh episodes."""
-    rng = np.random.default_rng([FRESH_RESETS, seed, *_name(scenario)])
+def fresh_reset_seeds(scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
+    """Return the seeds of the resets of fresh episodes, from their seed and the name of their pace."""
+    rng = np.random.default_rng(_fresh_seed(FRESH_RESETS, scenario, fresh))
     return rng.integers(2**63, size=scenario.episodes).tolist()
 
 
-def _fresh(scenario: Scenario, draws: Randomisation, strata: list[str], seed: int) -> list[EvaluationDraw]:
+def _fresh(scenario: Scenario, draws: Randomisation, strata: list[str], fresh: tuple[int, str]) -> list[EvaluationDraw]:
     """Return new draws with these strata at their places; a draw whose stratum is full is let go."""
     free: dict[str, list[int]] = {}
     for place, stratum in reversed(list(enumerate(strata))):
         free.setdefault(stratum, []).append(place)
-    rng = np.random.default_rng([FRESH, seed, *_name(scenario)])
+    rng = np.random.default_rng(_fresh_seed(FRESH, scenario, fresh))
     found: dict[int, EvaluationDraw] = {}
     while len(found) < len(strata):
         machine, task = draws.draw(rng)
@@ -76,6 +77,11 @@ def _labelled(scenario: Scenario, machine: Machine, task: PathFollowing) -> Eval
 def _seed(scenario: Scenario) -> list[int]:
     """Return the seed of a scenario's stored episodes: from its name, or from its place in an old list."""
     return [STREAM, *_name(scenario)] if scenario.place is None else [STREAM, scenario.place]
+
+
+def _fresh_seed(stream: int, scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
+    seed, pace = fresh
+    return [stream, seed, *f"{pace} ".encode(), *_name(scenario)]
 
 
 def _name(scenario: Scenario) -> bytes:

@@ -8,6 +8,8 @@ from benchmark import (
     test_attacks_on_names,
     test_attacks_on_reward,
     test_attacks_on_stored,
+    test_episodes,
+    test_gaps,
     test_identity,
     test_isolation,
     test_planning,
@@ -24,6 +26,17 @@ ALONE: dict[str, Callable[..., None]] = {
     "the same policy as several training seeds": (
         test_attacks_on_names.test_the_same_policy_is_no_further_training_seed
     ),
+    "the same policy as several training seeds, without files": (
+        test_attacks_on_names.test_copies_of_a_policy_win_nothing_where_no_file_is_kept
+    ),
+    "training seeds of an earlier policy of the same name": (
+        test_attacks_on_names.test_training_seeds_of_an_earlier_policy_of_the_name_do_not_stay
+    ),
+    "a privileged planner as a training seed": (
+        test_planning.test_a_privileged_planner_among_training_seeds_makes_all_of_them_privileged
+    ),
+    "a policy that remembers the fresh episodes of another pace": test_episodes.test_no_episode_is_drawn_twice,
+    "other callables of one name on stored and fresh episodes": test_gaps.test_what_nobody_can_tell_is_not_compared,
     "a renamed file": test_run_files.test_a_renamed_file_is_left_out,
     "a broken file": test_run_files.test_a_cut_file_is_left_out,
     "a score that differs by a bit, hashed again": test_verification.test_a_score_that_nobody_gets_is_found,

@@ -5,6 +5,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ from pter_gym.scenarios import PACES, SCENARIOS, Scenario
 from pter_gym.scenarios.evaluation_draws import FRESH, evaluation_draws
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
-PINNED_SEEDS, PINNED_PHASE = (4520789342001619517, 884188497553936371), 0.9484774122501277
+PINNED_SEEDS, PINNED_PHASE = (4215971544462223395, 7145062265811555858), 2.012818905321554
 """Of the first fresh episodes of one seed: results that name a seed mean the same episodes for ever."""
 
 TASKS = [PathFollowing(), PathFollowing(path=Line(length=0.5)), PathFollowing()]
@@ -109,18 +110,17 @@ def test_fresh_episodes_are_as_many_with_the_same_strata(scenario: str) -> None:
     field = SCENARIOS[scenario].stratum
     assert [type(getattr(task, field)).__name__ for task in fresh.tasks] == list(fresh.strata)
     assert {task.pace for task in fresh.tasks} == {PACES["slow"]}
-    brisk = fresh_episodes(scenario, "brisk", 7)
-    assert tuple(replace(task, pace=PACES["slow"]) for task in brisk.tasks) == fresh.tasks
-    assert (brisk.checksum, brisk.seeds, brisk.machines) == (fresh.checksum, fresh.seeds, fresh.machines)
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_no_episode_is_drawn_twice(name: str) -> None:
-    """Stored ones, fresh ones of several seeds and training draws of the same seeds have no episode in common."""
-    sets = [load_episodes(name, "medium"), *(fresh_episodes(name, "medium", seed) for seed in (0, 2**64 - 1))]
-    drawn = [repr(pair) for each in sets for pair in zip(each.machines, each.tasks, strict=True)]
+    """Stored ones, fresh ones of all paces and several seeds, and training draws have no episode in common."""
+    fresh = [(pace, seed) for pace in PACES for seed in (0, 2**64 - 1)]
+    sets = [load_episodes(name, "medium"), *(fresh_episodes(name, pace, seed) for pace, seed in fresh)]
+    pairs = [pair for each in sets for pair in zip(each.machines, each.tasks, strict=True)]
     for seed in (0, FRESH):
-        drawn += map(repr, SCENARIOS[name].randomisation("medium", seed=seed, contexts=200).pairs())
+        pairs += SCENARIOS[name].randomisation("medium", seed=seed, contexts=200).pairs()
+    drawn = [repr((machine, replace(task, pace=PACES["medium"]))) for machine, task in pairs]
     varied = [pair for pair in drawn if "random_phases=True" not in pair]
     assert len(set(varied)) == len(varied) >= 3 * 200
     resets = [seed for each in sets for seed in each.seeds]
@@ -153,7 +153,8 @@ def test_some_of_them() -> None:
     few = episodes.first(3)
     assert (len(few), few.checksum) == (3, episodes.checksum)
     assert few.tasks == episodes.tasks[:3]
-    for count in (0, -1, len(episodes) + 1):
+    counts: list[Any] = [0, -1, len(episodes) + 1, 2.5, "2", None]
+    for count in counts:
         with pytest.raises(ParameterError, match="episodes must be from 1 to"):
             episodes.first(count)
 

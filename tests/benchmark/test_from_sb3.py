@@ -66,8 +66,10 @@ def test_a_model_acts_as_in_its_own_environment(kind: str, unit: Any) -> None:
 @pytest.mark.slow
 def test_two_lines_score_a_model() -> None:
     model, venv = trained("RecurrentPPO", sensors="force")
-    first, second = (run_scenario("standard", {"mine": from_sb3(model, venv)}, ["brisk"], episodes=2) for _ in range(2))
-    np.testing.assert_array_equal(first[0].scores["path_error_m"], second[0].scores["path_error_m"])
+    ways = (from_sb3(model, venv), from_sb3(model, venv), from_sb3(model))
+    first, *again = (run_scenario("standard", {"mine": way}, ["brisk"], episodes=2) for way in ways)
+    for other in again:
+        np.testing.assert_array_equal(first[0].scores["path_error_m"], other[0].scores["path_error_m"])
     assert first[0].conditions.identity is None
 
 

@@ -17,7 +17,7 @@ COUNT = 40
 
 
 def run_of(
-    policy: str, error: float, fresh: int | None, seed: int = 0, pace: str = "slow", identity: str = "x"
+    policy: str, error: float, fresh: int | None, seed: int = 0, pace: str = "slow", identity: str | None = "x"
 ) -> ScenarioRun:
     scores = {name: np.zeros(COUNT) for name in SCORES}
     scores["path_error_m"] = error * np.linspace(0.9, 1.1, COUNT)
@@ -40,6 +40,13 @@ def test_only_the_same_policy_on_as_many_episodes_is_compared() -> None:
     others = [run_of("other", 0.03, 7), run_of("mine", 0.03, 7, pace="brisk"), run_of("mine", 0.03, 7, identity="y")]
     assert find_gaps([stored, fewer, *others]) == ()
     assert find_gaps([run_of("mine", 0.02, 7), run_of("mine", 0.03, 8)]) == ()
+
+
+def test_what_nobody_can_tell_is_not_compared() -> None:
+    known = [run_of("mine", 0.02, fresh) for fresh in (None, 7)]
+    unknown = [run_of("mine", 0.02, fresh, seed=1, identity=None) for fresh in (None, 7)]
+    assert len(find_gaps(known)) == 1
+    assert find_gaps(unknown) == find_gaps([*known, *unknown]) == ()
 
 
 def test_training_seeds_count_as_one_and_fresh_seeds_do_not() -> None:

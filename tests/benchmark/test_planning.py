@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from pter_gym.benchmark import Leaderboard, ResultsFolder, evaluation, find_policy, leaderboards, run_scenario
+from pter_gym.benchmark import (
+    Leaderboard,
+    PerSeed,
+    ResultsFolder,
+    evaluation,
+    find_policy,
+    leaderboards,
+    run_scenario,
+)
 from pter_gym.benchmark.episodes import load_episodes
 from pter_gym.benchmark.identity import identity_of
 from pter_gym.benchmark.leaderboard import table
@@ -238,3 +246,14 @@ def test_a_planner_inside_a_policy_that_does_not_plan_has_no_worlds_to_plan_in()
     hidden = Binds(lambda layout: Wrapping(BOUND, layout, None))
     with pytest.raises(ParameterError, match="batch must be told in reset_in"):
         run_scenario("standard", {"hidden": hidden}, ["brisk"], episodes=1)
+
+
+@pytest.mark.parametrize("order", [("honest", "bound"), ("bound", "honest"), ("free", "bound")])
+def test_a_privileged_planner_among_training_seeds_makes_all_of_them_privileged(order: tuple[str, str]) -> None:
+    mixed = PerSeed(tuple(POLICIES[name] for name in order))
+    ((standing,),) = (
+        board.standings for board in leaderboards(run_scenario("standard", {"mixed": mixed}, ["brisk"], episodes=2))
+    )
+    assert standing.privileged
+    assert standing.rank is None
+    assert str(standing.reason).startswith("privileged")

@@ -146,6 +146,7 @@ def test_other_conditions_are_other_runs(tmp_path: Path, simulated: list[int], m
     assert times_simulated(Free()) == 1
     assert times_simulated(Free(), fresh=1) == 1
     assert times_simulated(Free(), fresh=1) == 0
+    assert times_simulated(Free(), fresh=np.int64(1)) == 0
     assert times_simulated(Free(), fresh=2) == 1
     monkeypatch.setattr(evaluation_module, "code_digest", lambda: "other code")
     assert times_simulated(Free()) == 1

@@ -189,3 +189,10 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch
     assert f"standard-brisk-free-2.json: {SAME}" in shown
     assert "standard-brisk-locked-2.json: another policy" in shown
     assert "4 of 7 files are the same" in shown
+
+
+def test_a_built_in_policy_that_is_named_has_the_gains_of_each_scenario(tmp_path: Path) -> None:
+    results = ResultsFolder(tmp_path)
+    run_scenario("hands", ["single-dof-tuned"], ["slow"], episodes=1, results=results)
+    results.summarise()
+    assert cli.main(["verify", str(tmp_path), "--policies", "single-dof-tuned"]) == 0

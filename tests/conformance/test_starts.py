@@ -102,6 +102,8 @@ def test_no_evaluation_episode_explores() -> None:
         "pace": ({"pace": "fast"}, "pace must be among"),
         "error_max": ({"error_max": -1.0}, r"error_max must be .* > 0"),
         "reward": ({"reward": 3}, "reward must be of type RewardWeights"),
+        "context_seed": ({"context_seed": -1}, "^context_seed must be a whole number ≥ 0"),
+        "truncation_error": ({"truncation_error": 0.0}, r"truncation_error must be .* > 0"),
         "task": ({"task": PathFollowing()}, r"^task must not be given: PTER/Standard-v0 draws its own"),
         "randomisation": ({"randomisation": 1}, "^randomisation must not be given"),
         "machine": ({"machine": "baseline"}, "^machine must not be given"),
