@@ -3,6 +3,7 @@
 Names are those of built-in controllers, the paper's at each pace, tuned ones, planners, and trained ones.
 """
 
+import re
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import MappingProxyType
@@ -24,6 +25,8 @@ GUIDE = "single-dof-tuned"
 GUIDE_TABLE = PACKAGE / "presets" / "guide.toml"
 """What guides them, with gains of its own: a plan cannot follow a law that switches within its knots."""
 
+CODE = re.compile(r"\w+(\.\w+)*:\w+(\.\w+)*")
+"""How an attribute of a module is written."""
 
 FILES = (".json", ".safetensors")
 """How the files of an exported policy end."""
@@ -47,6 +50,10 @@ def read_policy(name: str, seed: int = 0, scenario: str = "standard") -> AnyPoli
     """
     if not is_code(name):
         return find_policy(name, seed, scenario)
+    if not CODE.fullmatch(name):
+        raise ParameterError(
+            f"policies: there is no {name!r}: code must be written as package.module:attribute, in letters, digits, _"
+        )
     try:
         found = EntryPoint(name, name, "").load()
     except (ImportError, AttributeError) as error:

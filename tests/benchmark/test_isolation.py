@@ -195,6 +195,13 @@ def test_one_that_hangs_takes_what_it_started_with_it() -> None:
     pytest.fail("there is still a process of the group")
 
 
+@pytest.mark.parametrize("name", [".foo:bar", "a-b:bar", "os:", ":sep", "os:path:sep", "os..path:sep", "os:sep\n"])
+def test_code_is_written_as_package_module_attribute(name: str) -> None:
+    with pytest.raises(ParameterError, match=r"code must be written as package\.module:attribute") as caught:
+        read_policy(name)
+    assert f"there is no {name!r}" in str(caught.value)
+
+
 @pytest.mark.slow
 def test_the_command_runs_what_a_user_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names = ["impedance", f"{SHIPPED}/residual", f"{MODULE}:STIFF"]
