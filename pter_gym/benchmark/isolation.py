@@ -15,7 +15,7 @@ import weakref
 from contextlib import suppress
 from enum import IntEnum
 from pathlib import Path
-from typing import Any, NamedTuple, Self, cast
+from typing import Any, NamedTuple, Self, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,10 @@ from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.compiled.layout import Field, Layout
 from pter_gym.controllers import BoundPolicy
 from pter_gym.errors import ActionError, DataError, ParameterError, PolicyError, PterError
+from pter_gym.internal.checks import whole_number
 from pter_gym.internal.codec import Codec, dataclasses_in
-from pter_gym.params import BASELINE, Machine
-from pter_gym.tasks.path_following import Sensors, observation_layout
+from pter_gym.params import Machine
+from pter_gym.tasks.path_following import Sensors
 
 Observations = NDArray[np.float32]
 
@@ -111,17 +112,10 @@ class Session:
         if os.name != "posix":
             raise PolicyError("isolated policies need Linux or macOS")
         self.name, self.timeout = name, timeout
-        self._socket, theirs = socket.socketpair()
-        paths = os.pathsep.join(path or str(Path.cwd()) for path in sys.path)
-        with theirs:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", "pter_gym.benchmark.serving", str(theirs.fileno())],
-                stdin=subprocess.DEVNULL,
-                stdout=2,
-                pass_fds=(theirs.fileno(),),
-                start_new_session=True,
-                env={**os.environ, "PYTHONPATH": paths},
-            )
+        try:
+            self.process, self._socket = _start()
+        except OSError as error:
+            raise PolicyError(f"policy {name!r}: its process cannot be started: {error}") from error
         self.close = weakref.finalize(self, _end, self.process, self._socket, os.getpid())
 
     def ask(self, message: bytes) -> tuple[Header, bytes]:
@@ -132,9 +126,9 @@ class Session:
         PterError
             What the other process tells of.
         ActionError
-            If volts have a wrong shape.
+            If volts have a wrong shape; the process is ended.
         PolicyError
-            If the process has ended, is too slow, or its answer is none. After all but the first, it is ended.
+            If the policy has failed, or its process has ended, is too slow or gives no answer; the process is ended.
         """
         if not self.close.alive:
             raise PolicyError(f"policy {self.name!r} has no process any more: it has failed or was closed")
@@ -151,8 +145,33 @@ class Session:
             self.close()
             raise
         if header.kind == Kind.FAULT:
-            raise _fault(self.name, content)
+            raise self._fault(content)
         return header, content
+
+    def read_text(self, content: bytes) -> Any:
+        """Return the plain data of an answer; end the process and raise a PolicyError if there are none."""
+        try:
+            return json.loads(content)
+        except (ValueError, RecursionError):
+            raise self.no_answer() from None
+
+    def no_answer(self) -> PolicyError:
+        """End the process, and return the error for an answer that is none."""
+        self.close()
+        return PolicyError(f"policy {self.name!r}: its answer is none")
+
+    def _fault(self, content: bytes) -> PterError:
+        """Return the error that the process tells of; a PolicyError ends it."""
+        told = self.read_text(content)
+        try:
+            kind, message = FAULTS[told["error"]], told["message"]
+        except (KeyError, TypeError):
+            return self.no_answer()
+        if not isinstance(message, str):
+            return self.no_answer()
+        if kind is PolicyError:
+            self.close()
+        return kind(_printable(message))
 
     def _exchange(self, message: bytes) -> tuple[Header, bytes]:
         """Send a message and return the answer; its size is looked at before it is read."""
@@ -163,7 +182,7 @@ class Session:
         header = Header(*HEADER.unpack(self._read(HEADER.size, deadline)))
         decides = asked.kind == Kind.DECIDE
         if header.kind not in (Kind.FAULT, Kind.VOLTS if decides else Kind.DONE):
-            raise PolicyError(f"policy {self.name!r}: its answer is none")
+            raise self.no_answer()
         if header.kind == Kind.VOLTS and header[2:] != (asked.rows, 4):
             raise ActionError(f"action must have the shape {(asked.rows, 4)}, got {header[2:]}")
         if header.kind != Kind.VOLTS and header.size > MOST_TEXT:
@@ -182,6 +201,26 @@ class Session:
         return bytes(found)
 
 
+def _start() -> tuple["subprocess.Popen[bytes]", socket.socket]:
+    """Start a process that serves a policy, and return it with the socket to it."""
+    paths = os.pathsep.join(path or str(Path.cwd()) for path in sys.path)
+    own, theirs = socket.socketpair()
+    try:
+        with theirs:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "pter_gym.benchmark.serving", str(theirs.fileno())],
+                stdin=subprocess.DEVNULL,
+                stdout=2,
+                pass_fds=(theirs.fileno(),),
+                start_new_session=True,
+                env={**os.environ, "PYTHONPATH": paths},
+            )
+    except BaseException:
+        own.close()
+        raise
+    return process, own
+
+
 def _end(process: "subprocess.Popen[bytes]", own: socket.socket, owner: int) -> None:
     """End a process and those that it has started, and wait for it; a forked copy of its owner leaves it alone."""
     own.close()
@@ -191,14 +230,9 @@ def _end(process: "subprocess.Popen[bytes]", own: socket.socket, owner: int) -> 
         process.wait()
 
 
-def _fault(name: str, content: bytes) -> PterError:
-    """Return the error that a process tells of."""
-    try:
-        told: Any = json.loads(content)
-        kind, message = FAULTS[told["error"]], str(told["message"])
-    except (ValueError, KeyError, TypeError):
-        kind, message = PolicyError, f"policy {name!r} has failed"
-    return kind(message)
+def _printable(text: str) -> str:
+    """Return a text with escapes for what no terminal should be sent."""
+    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
 
 
 class IsolatedPolicy(BoundPolicy):
@@ -244,15 +278,15 @@ class Isolated:
     """
 
     def __init__(self, name: str, *, seed: int = 0, scenario: str = "standard", timeout: float = TIMEOUT) -> None:
-        _check(name, timeout)
+        _check(name, scenario, timeout)
         self.name = name
-        self._seed, self._scenario = seed, scenario
+        self._seed, self._scenario = whole_number("seed", seed, at_least=0), scenario
         self._session = Session(name, timeout)
         try:
             _, content = self._session.ask(
-                pack_text(Kind.FIND, {"name": name, "seed": int(seed), "scenario": scenario})
+                pack_text(Kind.FIND, {"name": name, "seed": self._seed, "scenario": scenario})
             )
-            self.sensors: Sensors = _told_sensors(content)
+            self.sensors: Sensors = _told_sensors(self._session, content)
         except BaseException:
             self.close()
             raise
@@ -287,16 +321,19 @@ class Isolated:
         self.close()
 
 
-def _check(name: Any, timeout: Any) -> None:
-    """Raise a ParameterError unless a policy is named and the time is one."""
+def _check(name: Any, scenario: Any, timeout: Any) -> None:
+    """Raise a ParameterError unless a policy and a scenario are named and the time is one."""
     if not isinstance(name, str):
         raise ParameterError(f"name must be a text such as 'package.module:attribute', got {name!r}")
+    if not isinstance(scenario, str):
+        raise ParameterError(f"scenario must be the name of one, got {scenario!r}")
     if not isinstance(timeout, (int, float)) or not 0.0 < timeout <= LONGEST:
         raise ParameterError(f"timeout must lie within (0, {LONGEST:g}] s, got {timeout!r}")
 
 
-def _told_sensors(content: bytes) -> Sensors:
+def _told_sensors(session: Session, content: bytes) -> Sensors:
     """Return what a policy's observations must hold, as its process says."""
-    told: Any = json.loads(content)
-    observation_layout(BASELINE, told)
+    told = session.read_text(content)
+    if told not in get_args(Sensors):
+        raise session.no_answer()
     return cast(Sensors, told)

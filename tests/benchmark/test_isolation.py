@@ -3,13 +3,16 @@
 import gc
 import os
 import signal
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmark.isolated_policies import TOLD
 from pter_gym.benchmark import Isolated, ResultsFolder, find_policy, read_policy, run_scenario
 from pter_gym.benchmark.identity import identity_of
 from pter_gym.benchmark.simulation import AnyPolicy
@@ -130,6 +133,39 @@ def test_a_fault_in_a_decision_is_told_by_name(name: str, kind: type[Exception],
             bound.act(OBS)
 
 
+@pytest.mark.parametrize(
+    ("name", "kind", "ends"),
+    [
+        ("raises", PolicyError, True),
+        ("leaves", PolicyError, True),
+        ("wrong_length", ActionError, True),
+        ("flat", ActionError, False),
+        ("words", ActionError, False),
+    ],
+)
+def test_a_fault_ends_the_process_unless_it_can_go_on(name: str, kind: type[Exception], ends: bool) -> None:
+    with Isolated(f"{MODULE}:{name}") as policy:
+        bound = policy.bind(BASELINE, LAYOUT)
+        with pytest.raises(kind):
+            bound.act(OBS)
+        assert (policy._session.process.poll() is not None) == ends
+        with pytest.raises(PolicyError if ends else kind, match="has no process any more" if ends else "action must"):
+            bound.act(OBS)
+
+
+@pytest.mark.parametrize("told", [told for told in TOLD if told != "a fault for terminals"])
+def test_an_answer_of_a_policys_own_is_refused_by_its_name(told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TOLD", told)
+    with pytest.raises(PolicyError, match=f"^policy '{MODULE}:Tells': its answer is none$"):
+        Isolated(f"{MODULE}:Tells")
+
+
+def test_a_message_for_terminals_is_escaped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TOLD", "a fault for terminals")
+    with pytest.raises(ParameterError, match=r"^\\x1b\[2J\\ud800 owned$"):
+        Isolated(f"{MODULE}:Tells")
+
+
 @pytest.mark.parametrize("name", ["not_a_number", "too_much"])
 def test_what_is_no_voltage_is_refused_as_everywhere(name: str) -> None:
     with (
@@ -163,6 +199,29 @@ def test_what_cannot_be_found_is_named_as_it_was_written(name: str, match: str) 
 def test_a_timeout_is_a_time(timeout: float) -> None:
     with pytest.raises(ParameterError, match=r"timeout must lie within \(0, 86400\] s"):
         Isolated("free", timeout=timeout)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "match"),
+    [
+        ({"seed": "a"}, "seed must be a whole number ≥ 0, got 'a'"),
+        ({"seed": 1.5}, "seed must be a whole number ≥ 0, got 1.5"),
+        ({"seed": -1}, "seed must be a whole number ≥ 0, got -1"),
+        ({"scenario": 3}, "scenario must be the name of one, got 3"),
+    ],
+)
+def test_wrong_arguments_start_no_process(wrong: dict[str, Any], match: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pter_gym.benchmark.isolation.Session", None)
+    with pytest.raises(ParameterError, match=match):
+        Isolated("impedance", **wrong)
+
+
+def test_without_an_interpreter_nothing_stays_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    before = len(list(Path("/dev/fd").iterdir()))
+    with pytest.raises(PolicyError, match=r"'free': its process cannot be started: .*'/nowhere/python'") as caught:
+        Isolated("free")
+    assert len(list(Path("/dev/fd").iterdir())) == before, caught
 
 
 def test_a_policy_is_named_and_not_given() -> None:
