@@ -257,7 +257,8 @@ class Isolated:
     """A policy in a process of its own: a controller that knows no more than what it is sent.
 
     The process is a fresh interpreter. It gets the nominal machine and the layout of the observations, then
-    observations, and gives volts. It ends with ``close``, at the end of a ``with`` block, or when nobody needs it.
+    observations, and gives volts. It ends with ``close``, at the end of a ``with`` block, with a PolicyError, or when
+    nobody needs it.
 
     Parameters
     ----------
@@ -273,6 +274,7 @@ class Isolated:
     ------
     ParameterError
         If there is no such policy, it cannot be bound to the nominal machine, or it plans: planners need the worlds.
+        Or if another argument is not what it must be; then nothing has started.
     PolicyError
         If its process fails.
     """
