@@ -1,7 +1,7 @@
 """Put the scripts of agents/stock, and what came of them, into docs/your-algorithm.md.
 
-`python docs/make/stock_pages.py [RESULTS]`: the table is made of the results folder that the scripts have written to,
-and stays as it is without one.
+`python docs/make/stock_pages.py [RESULTS]`: what the results folder holds, to which the scripts have written, goes into
+the table; rows of other seeds stay as they are.
 """
 
 import json
@@ -23,6 +23,9 @@ SCRIPTS = ROOT / "agents" / "stock"
 LONGEST = 40
 """Lines that the page shows of a script at most."""
 
+SHOWN = re.compile(r"\(?(?P<error>[\d.]+)(?P<unranked>\))?(?: (?P<arrives>\d+) %)?")
+"""A cell of the table."""
+
 SEEDED = re.compile(r"(?P<algorithm>.+)-(?P<seed>\d+)")
 
 
@@ -38,6 +41,29 @@ class Scored(NamedTuple):
         return shown if self.arrives >= 0.995 else f"{shown} {100 * self.arrives:.0f} %"
 
 
+Table = dict[str, dict[int, dict[str, Scored]]]
+"""Scores by policy, seed and pace."""
+
+
+def read_cell(text: str) -> Scored:
+    """Return what a cell of the table says."""
+    found = SHOWN.fullmatch(text)
+    if found is None:
+        raise ValueError(f"{PAGE} must have cells such as 41.2 or (41.2) 98 %, got {text!r}")
+    return Scored(float(found["error"]), not found["unranked"], float(found["arrives"] or 100) / 100)
+
+
+def read_page(text: str) -> Table:
+    """Return what the table of a page says, as ``read_scores`` does."""
+    found: Table = {}
+    block = re.search(r"<!-- results -->\n(.*?)<!-- /results -->", text, re.DOTALL)
+    for line in block[1].splitlines()[2:] if block else []:
+        name, seed, *cells = (cell.strip(" `") for cell in line.strip("|").split("|"))
+        if seed != "median":
+            found.setdefault(name, {})[int(seed)] = dict(zip(PACES, map(read_cell, cells), strict=True))
+    return found
+
+
 def scored(scores: dict[str, list[float]], pace: str) -> Scored:
     """Return what the scores of a run come to."""
     found = {
@@ -48,9 +74,9 @@ def scored(scores: dict[str, list[float]], pace: str) -> Scored:
     return Scored(1000 * found["path_error_m"].value, ranked, found["completed"].value)
 
 
-def read_scores(results: Path) -> dict[str, dict[int, dict[str, Scored]]]:
+def read_scores(results: Path) -> Table:
     """Return scores by policy, seed and pace; of the opponent by the seed of the episodes."""
-    found: dict[str, dict[int, dict[str, Scored]]] = {}
+    found: Table = {}
     for path in sorted((results / "runs").glob("*.json")):
         run = json.loads(path.read_text("utf-8"))
         named = SEEDED.fullmatch(run["policy"])
@@ -59,10 +85,10 @@ def read_scores(results: Path) -> dict[str, dict[int, dict[str, Scored]]]:
     return found
 
 
-def results_table(results: Path) -> str:
+def results_table(scores: Table) -> str:
     """One line for each policy and seed and one for their median, one column for each pace."""
     rows = []
-    for name, seeds in sorted(read_scores(results).items()):
+    for name, seeds in sorted(scores.items()):
         rows += [[f"`{name}`", str(seed), *(str(at[pace]) for pace in PACES)] for seed, at in sorted(seeds.items())]
         middle = [median(at[pace].error for at in seeds.values()) for pace in PACES]
         rows.append([f"`{name}`", "median", *(f"**{error:.1f}**" for error in middle)])
@@ -80,7 +106,10 @@ def main(results: tyro.conf.Positional[Path | None] = None) -> None:
     for script in sorted(SCRIPTS.glob("*.py")):
         write_block(PAGE, script.stem, f"```python\n{shown(script)}```\n")
     if results is not None:
-        write_block(PAGE, "results", results_table(results))
+        scores = read_page(PAGE.read_text("utf-8"))
+        for name, seeds in read_scores(results).items():
+            scores.setdefault(name, {}).update(seeds)
+        write_block(PAGE, "results", results_table(scores))
 
 
 if __name__ == "__main__":

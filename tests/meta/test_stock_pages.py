@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from stock_pages import LONGEST, PAGE, SCRIPTS, results_table, shown
+from stock_pages import LONGEST, PAGE, SCRIPTS, read_page, read_scores, results_table, shown
 
 from pter_gym.benchmark import PACES
 from pter_gym.benchmark.metrics import METRICS
@@ -26,7 +26,9 @@ def test_all_seeds_are_in_the_table_with_their_median(tmp_path: Path) -> None:
             scores = {**dict.fromkeys(METRICS, [0.0] * 4), "path_error_m": [error] * 4, "completed": [arrives] * 4}
             run = {"policy": name, "fresh": fresh, "pace": pace, "scores": scores}
             (tmp_path / "runs" / f"{name}-{pace}.json").write_text(json.dumps(run), "utf-8")
-    assert results_table(tmp_path).splitlines()[2:] == [
+    table = results_table(read_scores(tmp_path))
+    assert results_table(read_page(f"<!-- results -->\n{table}<!-- /results -->\n")) == table
+    assert table.splitlines()[2:] == [
         "| `law` | 1 | 40.0 | 40.0 | 40.0 |",
         "| `law` | median | **40.0** | **40.0** | **40.0** |",
         "| `ppo` | 0 | 30.0 | 30.0 | 30.0 |",
