@@ -51,7 +51,7 @@ def identity_of(policy: AnyPolicy, bound: BoundPolicy, *, trusted: bool = False)
     try:
         if type(bound) is Policy:
             _check_methods(bound)
-            return _sha256(["law", bound.fingerprint, _plain(bound.layout)])
+            return _sha256(["law", _known(bound.fingerprint), _plain(bound.layout)])
         return _sha256(["policy", _plain(policy)])
     except _UnknownError:
         said: object = getattr(policy, "identity", None)
@@ -85,6 +85,12 @@ def derived_seed(identities: Mapping[str, Iterable[str | None]], code: str, scen
                 )
             known.add(identity)
     return int(_sha256([sorted(known), code, scenario])[:16], 16)
+
+
+def _known(fingerprint: str | None) -> str:
+    if fingerprint is None:
+        raise _UnknownError
+    return fingerprint
 
 
 def _plain(value: object) -> object:

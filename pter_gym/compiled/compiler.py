@@ -5,19 +5,25 @@ code. Arithmetic is strict (no fast-math, no contraction), so a world in a vecto
 alone.
 """
 
+import builtins
+import dis
 import hashlib
 import inspect
-from collections.abc import Callable, Iterator
+import sys
+from collections import ChainMap
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from enum import Enum, EnumType
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
+from types import CellType, CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
-from numba.core import config
+from numba.core import config, types
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
+from numpy.typing import NDArray
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -32,7 +38,18 @@ _NUMBA: Any = config
 PACKAGE = __name__.partition(".")[0]
 """Name of the package, whose records have to be looked at."""
 
-_CONSTANTS = (bool, int, float, str, tuple, np.generic)
+_CONSTANTS = (bool, int, float, complex, str, bytes, type(None), type(...))
+
+_LIBRARIES = ("builtins", "math", "cmath", "_operator", "operator", "typing", "numpy", "numba")
+"""Packages whose parts are told by their names."""
+
+_CELL = "cell "
+
+_ROOTS = {"LOAD_GLOBAL": "", "LOAD_DEREF": _CELL}
+"""Instructions with which a dotted name begins, and how its text begins."""
+
+_UNREADABLE = ("IMPORT_NAME", "LOAD_BUILD_CLASS")
+"""Instructions after which nobody can tell what is read."""
 
 
 class Device(CPUDispatcher):
@@ -80,6 +97,7 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
 
     Numba's cache sees only the file of the kernel itself (numba issue 1833). So ``build`` gets a digest of every source
     that the kernel reaches and returns the kernel with that digest in its closure, which is part of numba's cache key.
+    A kernel that reads what has no digest is compiled in memory, each time.
 
     Parameters
     ----------
@@ -91,9 +109,10 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     """
     template = cast(FunctionType, build(""))
     digest = _digest(_bind(template, inlined))
-    function = _bind(cast(FunctionType, build(digest)), inlined)
+    function = _bind(cast(FunctionType, build(digest or "")), inlined)
+    stored = digest is not None and all(map(_has_module, inlined.values()))
     try:
-        kernel = numba.njit(nogil=True, error_model="numpy", cache=all(map(_has_module, inlined.values())))(function)
+        kernel = numba.njit(nogil=True, error_model="numpy", cache=stored)(function)
     except RuntimeError:  # numba found no folder that it may write to
         kernel = numba.njit(nogil=True, error_model="numpy")(function)
     if hasattr(kernel, "compile"):  # not with NUMBA_DISABLE_JIT=1
@@ -101,9 +120,9 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     return cast(Function, kernel)
 
 
-def digest_of(function: Callable[..., Any]) -> str:
-    """Return a hash of all sources and constants that a function reaches, compiled or not."""
-    return _digest(getattr(function, "py_func", function))
+def digest_of(function: Callable[..., Any]) -> str | None:
+    """Return a hash of all that a function reaches, compiled or not, or None if that cannot be told."""
+    return _digest(function)
 
 
 def _has_module(value: object) -> bool:
@@ -139,58 +158,197 @@ def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:
     return bound
 
 
-def _digest(kernel: FunctionType) -> str:
-    """Hash this file, the functions that the kernel reaches, with their sources, and the constants that they name."""
-    sources = {Path(__file__).read_bytes()}
-    constants: set[str] = set()
-    seen: set[int] = set()
-    pending: list[Any] = [kernel]
-    while pending:
-        function = pending.pop()
-        if id(function) in seen:
-            continue
-        seen.add(id(function))
-        code = function.__code__
-        sources.add(_source(code))
-        constants.add(f"{function.__module__}.{function.__qualname__}:{code.co_firstlineno}")
-        for name, named in _named(function):
-            value: Any = cast(Any, named).py_func if isinstance(named, Dispatcher) else named
-            if isinstance(value, FunctionType):
-                pending.append(value)
-            elif isinstance(value, type) and value.__module__.startswith(PACKAGE):
-                constants.add(f"{name}={getattr(value, '_fields', value)!r}")
-            elif isinstance(value, np.ndarray):
-                constants.add(f"{name}={value.dtype.str}{value.shape}{hashlib.sha256(value.tobytes()).hexdigest()}")
-            elif isinstance(value, _CONSTANTS):
-                constants.add(f"{name}={value!r}")
-    content = hashlib.sha256()
-    for source in sorted(sources):
-        content.update(source)
-    content.update("\n".join(sorted(constants)).encode())
-    return content.hexdigest()
+def _digest(function: object) -> str | None:
+    """Hash this file, the functions that a function reaches, with their files, and all that they read.
 
-
-def _named(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    """Yield what a function names outside itself: globals, attributes of modules, its closure and its defaults."""
-    names = _names(function.__code__)
-    known = [(name, function.__globals__[name]) for name in names if name in function.__globals__]
-    yield from known
-    for prefix, module in known:
-        if isinstance(module, ModuleType):
-            yield from ((f"{prefix}.{name}", vars(module)[name]) for name in names if name in vars(module))
-    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
-    yield from ((name, cell.cell_contents) for name, cell in cells)
-    yield from ((f"default {k}", value) for k, value in enumerate(function.__defaults__ or ()))
-
-
-def _names(code: CodeType) -> set[str]:
-    """Return the names in a function's code and in that of the functions within it."""
-    return set(code.co_names).union(*(_names(inner) for inner in code.co_consts if isinstance(inner, CodeType)))
-
-
-def _source(code: CodeType) -> bytes:
-    """Return the file that holds a function, or its bytecode where there is no file, as in a notebook."""
+    None where they read anything whose content cannot be told.
+    """
     try:
-        return Path(code.co_filename).read_bytes()
+        parts = _Content().all_of(function)
+    except _UnknownError:
+        return None
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+class _UnknownError(Exception):
+    """The content of something that a function reads cannot be told."""
+
+
+class _Content:
+    """Texts that differ where values differ.
+
+    The text of a function is its number, in the order in which functions are reached: so a function may call itself,
+    and two that exchange what they read do not look alike.
+    """
+
+    def __init__(self) -> None:
+        self._reached: list[FunctionType] = []
+        self._numbers: dict[int, int] = {}
+        self._known: dict[int, tuple[object, str]] = {}
+
+    def all_of(self, function: object) -> list[str]:
+        """Return the texts of a function, of all that it reaches, and the hashes of their files."""
+        parts = [self._of(function)]
+        files = {str(Path(__file__))}
+        for reached in self._reached:  # grows on the way
+            code = reached.__code__
+            files.add(code.co_filename)
+            parts.append(f"{reached.__module__}.{reached.__qualname__}:{code.co_firstlineno}{self._of(code)}")
+            parts.extend(f"{name}={self._of(value)}" for name, value in _reads(reached))
+        return parts + sorted(map(_file_hash, files))
+
+    def _of(self, value: Any) -> str:
+        if id(value) not in self._known:
+            texts = (each(value) for each in (_plain, self._several, self._code, self._kind, _library))
+            self._known[id(value)] = value, next(filter(None, texts))
+        return self._known[id(value)][1]
+
+    def _several(self, value: Any) -> str:
+        """Return the text of a tuple, also one with names, or of a set among the constants of code."""
+        kind = cast(Any, type(value))
+        if kind is frozenset:
+            return f"{{{','.join(sorted(map(self._of, value)))}}}"
+        if kind is tuple:
+            return f"({','.join(map(self._of, value))},)"
+        return f"{self._of(kind)}{self._of(tuple(value))}" if _has_fields(kind) else ""
+
+    def _code(self, value: Any) -> str:
+        """Return the text of a function, compiled or not, or of its code."""
+        if isinstance(value, Dispatcher):
+            options = tuple(sorted(cast(Any, value).targetoptions.items()))
+            return f"{self._of(cast(Any, value).py_func)}{self._of(options)}"
+        if isinstance(value, FunctionType) and not _in_library(value):
+            return f"#{self._number(value)}"
+        if isinstance(value, CodeType):
+            names = (value.co_names, value.co_varnames, value.co_freevars, value.co_cellvars)
+            counts = (value.co_argcount, value.co_kwonlyargcount, value.co_flags)
+            return self._of((value.co_code, value.co_exceptiontable, *names, *counts, value.co_consts))
+        return ""
+
+    def _number(self, function: FunctionType) -> int:
+        number = self._numbers.setdefault(id(function), len(self._reached))
+        if number == len(self._reached):
+            self._reached.append(function)
+        return number
+
+    def _kind(self, value: Any) -> str:
+        """Return the text of an enum, of one of its members, or of a class of named tuples."""
+        if isinstance(value, Enum):
+            return f"{self._of(type(value))}.{value.name}={self._of(value.value)}"
+        if isinstance(value, EnumType):
+            return f"{_full_name(value)}{self._of(tuple((key, each.value) for key, each in _members(value)))}"
+        if _has_fields(value):
+            return f"{_full_name(value)}{self._of((value._fields, tuple(value._field_defaults.items())))}"
+        return ""
+
+
+def _members(enum: Any) -> Iterable[tuple[str, Any]]:
+    return enum.__members__.items()
+
+
+def _has_fields(kind: Any) -> bool:
+    """Tell whether something is a class of named tuples."""
+    return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(cast(Any, kind), "_fields")
+
+
+def _full_name(kind: type) -> str:
+    return f"{kind.__module__}.{kind.__qualname__}"
+
+
+def _plain(value: Any) -> str:
+    """Return the text of a constant or an array."""
+    if type(value) in _CONSTANTS:
+        return repr(value)
+    if type(value) is np.ndarray or isinstance(value, np.generic):
+        return _array(cast(Any, value))
+    if isinstance(value, types.Number | types.Boolean):
+        return f"numba.{value.name}"
+    return ""
+
+
+def _array(array: NDArray[Any]) -> str:
+    """Return the text of an array or of a scalar of NumPy, if it holds no addresses."""
+    if array.dtype.hasobject:
+        return ""
+    return f"{type(array).__name__} {array.dtype!r}{array.shape}{hashlib.sha256(array.tobytes()).hexdigest()}"
+
+
+def _library(value: Any) -> str:
+    """Return the name of what is part of a library that numba knows, or a class of this package."""
+    if (
+        isinstance(value, ModuleType)
+        and sys.modules.get(value.__name__) is value
+        and _is_of(value.__name__, _LIBRARIES)
+    ):
+        return f"module {value.__name__}"
+    name = _in_library(value)
+    if not name:
+        raise _UnknownError
+    return name
+
+
+def _in_library(value: Any) -> str:
+    """Return the name under which a library keeps a value, if one does."""
+    module = "numpy" if isinstance(value, np.ufunc) else getattr(value, "__module__", None)
+    name = getattr(value, "__qualname__", None) or getattr(value, "__name__", None)
+    packages = (*_LIBRARIES, PACKAGE) if isinstance(value, type) else _LIBRARIES
+    if not isinstance(module, str) or not isinstance(name, str) or not _is_of(module, packages):
+        return ""
+    return f"{module}.{name}" if getattr(sys.modules.get(module), name, None) is value else ""
+
+
+def _is_of(module: str, packages: tuple[str, ...]) -> bool:
+    return module.partition(".")[0] in packages
+
+
+def _reads(function: FunctionType) -> Iterator[tuple[str, Any]]:
+    """Yield what a function reads outside itself, by its dotted names, and its defaults."""
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    scope: ChainMap[str, Any] = ChainMap(
+        {f"{_CELL}{name}": cell for name, cell in cells}, function.__globals__, builtins.__dict__
+    )
+    for path in dict.fromkeys(_paths(function.__code__)):
+        if path[0] in scope:
+            yield ".".join(path), _follow(scope[path[0]], path[1:])
+        elif not path[0].startswith(_CELL):  # else a name that the function itself shares with one within it
+            raise _UnknownError
+    yield "defaults", function.__defaults__
+    yield "defaults by name", tuple((function.__kwdefaults__ or {}).items())
+
+
+def _follow(value: Any, attributes: tuple[str, ...]) -> Any:
+    """Return what a dotted name leads to, as far as it leads through modules."""
+    try:
+        value = value.cell_contents if isinstance(value, CellType) else value
+        for attribute in attributes:
+            if not isinstance(value, ModuleType):
+                break
+            value = getattr(value, attribute)
+    except (AttributeError, ValueError) as error:
+        raise _UnknownError from error
+    return value
+
+
+def _paths(code: CodeType) -> Iterator[tuple[str, ...]]:
+    """Yield the dotted names that code and the functions within it read, where they begin outside of it."""
+    path: tuple[str, ...] = ()
+    for each in dis.get_instructions(code):
+        if each.opname in _UNREADABLE:
+            raise _UnknownError
+        if path and each.opname in ("LOAD_ATTR", "LOAD_METHOD"):
+            path += (str(each.argval),)
+        elif each.opname != "EXTENDED_ARG":
+            if path:
+                yield path
+            path = (_ROOTS[each.opname] + each.argval,) if each.opname in _ROOTS else ()
+    for inner in code.co_consts:
+        if isinstance(inner, CodeType):
+            yield from _paths(inner)
+
+
+def _file_hash(name: str) -> str:
+    """Hash the file that holds a function, if there is one: none in a notebook."""
+    try:
+        return hashlib.sha256(Path(name).read_bytes()).hexdigest()
     except OSError:
-        return code.co_code + repr((code.co_consts, code.co_names)).encode()
+        return ""

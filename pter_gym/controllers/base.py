@@ -189,9 +189,10 @@ class Policy(BoundPolicy):
         self.reset()
 
     @property
-    def fingerprint(self) -> str:
-        """SHA-256 of gains and law."""
-        return sha256(self.gains.tobytes() + digest_of(self.law).encode()).hexdigest()
+    def fingerprint(self) -> str | None:
+        """SHA-256 of gains and law; None if the law reads what cannot be told."""
+        digest = digest_of(self.law)
+        return digest and sha256(self.gains.tobytes() + digest.encode()).hexdigest()
 
     def reset(self) -> None:
         """Forget the past of all worlds."""

@@ -1,7 +1,9 @@
 """What a policy is: its content, never what it says of itself."""
 
 from dataclasses import dataclass, replace
+from enum import Enum
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -49,6 +51,49 @@ def releasing(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 @device
 def holding(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     return PerClutch(24.0, 24.0, 24.0, 24.0)
+
+
+def of_tuple(volts: float) -> Any:
+    weights = np.zeros(2000)
+    weights[1000] = volts
+    read = (weights,)
+
+    @device
+    def law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+        return PerClutch(read[0][1000], read[0][1000], read[0][1000], read[0][1000])
+
+    return law
+
+
+def of_submodule(volts: float) -> Any:
+    read, inner = ModuleType("outer"), ModuleType("outer.inner")
+    vars(read)["inner"], vars(inner)["VOLTS"] = inner, volts
+
+    @device
+    def law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+        return PerClutch(read.inner.VOLTS, read.inner.VOLTS, read.inner.VOLTS, read.inner.VOLTS)
+
+    return law
+
+
+def of_enum(volts: float) -> Any:
+    read = Enum("Volts", {"HELD": volts})
+
+    @device
+    def law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+        return PerClutch(read.HELD.value, read.HELD.value, read.HELD.value, read.HELD.value)
+
+    return law
+
+
+def of_object(volts: float) -> Any:
+    read = SimpleNamespace(volts=volts)
+
+    @device
+    def law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+        return PerClutch(read.volts, read.volts, read.volts, read.volts)
+
+    return law
 
 
 @dataclass(frozen=True)
@@ -129,6 +174,7 @@ def test_nobody_can_tell_what_a_callable_does() -> None:
         Rigged(np.zeros(5), observation_layout(BASELINE, "force")),
         own_method,
         own_act,
+        Mine(of_object(0.0)),
     ]
     for policy in unknown:
         assert content_of(policy) is None
@@ -151,6 +197,18 @@ def test_the_score_of_another_policy_is_not_reused(tmp_path: Path) -> None:
             run_scenario("standard", {"agent": each}, ["brisk"], episodes=1, results=folder)[0] for each in (one, two)
         ]
         assert runs[0].scores["path_error_m"] != runs[1].scores["path_error_m"]
+
+
+@pytest.mark.parametrize("law", [of_tuple, of_submodule, of_enum])
+def test_the_score_of_a_law_that_reads_another_value_is_not_reused(tmp_path: Path, law: Any) -> None:
+    folder = ResultsFolder(tmp_path)
+    runs = [
+        run_scenario("standard", {"mine": Mine(law(volts))}, ["brisk"], episodes=1, results=folder)[0]
+        for volts in (0.0, 12.0)
+    ]
+    assert runs[0].conditions.identity != runs[1].conditions.identity
+    assert runs[0].scores["path_error_m"] != runs[1].scores["path_error_m"]
+    assert content_of(Mine(law(12.0))) == content_of(Mine(law(12.0)))
 
 
 def test_what_is_judged_is_what_acts() -> None:
@@ -187,7 +245,7 @@ def test_the_derived_seed_follows_from_all_that_is_judged() -> None:
     assert len({seed, *others}) == 1 + len(others)
 
 
-@pytest.mark.parametrize("policy", [release, Says("agent 7"), PerSeed((Free(), release))])
+@pytest.mark.parametrize("policy", [release, Says("agent 7"), PerSeed((Free(), release)), Mine(of_object(0.0))])
 def test_no_seed_follows_from_what_nobody_can_tell(policy: Any) -> None:
     with pytest.raises(ParameterError, match="fresh must be a whole number for 'mine'"):
         fresh_seed("standard", {"free": Free(), "mine": policy})

@@ -1,6 +1,8 @@
 """Device functions: compiled for kernels, and plain Python for Python."""
 
 from concurrent.futures import ThreadPoolExecutor
+from enum import Enum, IntEnum
+from types import ModuleType, SimpleNamespace
 from typing import Any, NamedTuple
 
 import numba
@@ -135,3 +137,167 @@ def test_an_array_that_a_law_names_is_part_of_it(monkeypatch: pytest.MonkeyPatch
     before = digest_of(from_a_table)
     monkeypatch.setitem(globals(), "TABLE", np.array([1.0, 3.0]))
     assert digest_of(from_a_table) != before
+
+
+def package(volts: float) -> ModuleType:
+    """Return a package that keeps a number two modules below itself."""
+    outer, middle, inner = (ModuleType(name) for name in ("outer", "outer.middle", "outer.middle.inner"))
+    vars(outer)["middle"], vars(middle)["inner"], vars(inner)["VOLTS"] = middle, inner, volts
+    return outer
+
+
+def long(volts: float) -> Any:
+    """Return an array whose ``repr`` leaves out what is in its middle."""
+    array = np.zeros(2000)
+    array[1000] = volts
+    return array
+
+
+class Pair(NamedTuple):
+    weights: Any
+    other: float = 0.0
+
+
+def of_tuple(read: Any) -> Any:
+    @device
+    def law(x: float) -> float:
+        return x + read[0][1000]
+
+    return law
+
+
+def of_deep_tuple(read: Any) -> Any:
+    @device
+    def law(x: float) -> float:
+        return x + read[0][0][1000]
+
+    return law
+
+
+def of_package(read: Any) -> Any:
+    @device
+    def law(x: float) -> float:
+        return x + read.middle.inner.VOLTS
+
+    return law
+
+
+def of_enum(read: Any) -> Any:
+    @device
+    def law(x: float) -> float:
+        return x + read.VOLTS.value
+
+    return law
+
+
+def of_member(read: Any) -> Any:
+    @device
+    def law(x: float) -> float:
+        return x + read.value
+
+    return law
+
+
+def of_function(read: Any) -> Any:
+    @device
+    def law(x: float) -> float:
+        return x + read(0.0)
+
+    return law
+
+
+READ: dict[str, Any] = {
+    "tuple": (of_tuple, lambda volts: (long(volts),)),
+    "named tuple": (of_tuple, lambda volts: Pair(long(volts))),
+    "deep tuple": (of_deep_tuple, lambda volts: ((long(volts),),)),
+    "submodule": (of_package, package),
+    "enum": (of_enum, lambda volts: Enum("Volts", {"VOLTS": volts})),
+    "whole enum": (of_enum, lambda volts: IntEnum("Volts", {"VOLTS": int(volts)})),
+    "member": (of_member, lambda volts: Enum("Volts", {"VOLTS": volts}).VOLTS),
+    "function": (of_function, adding),
+}
+
+
+@pytest.mark.parametrize("kind", READ)
+def test_what_a_law_reads_is_part_of_it(kind: str) -> None:
+    make, read = READ[kind]
+    assert digest_of(make(read(12.0))) == digest_of(make(read(12.0))) is not None
+    for volts in (1.0, 12.0):
+        assert compile_kernel(build_kernel, law=make(read(volts)))(0.0) == volts
+    assert digest_of(make(read(1.0))) != digest_of(make(read(12.0)))
+
+
+def of_two(one: Any, two: Any) -> Any:
+    def law(x: float) -> float:
+        return one(x) - two(x)
+
+    return law
+
+
+LIKE: dict[str, Any] = {
+    "last bit": (adding(0.1), adding(0.1 + 1e-16)),
+    "last bit in an array": (of_tuple((np.array([0.1]),)), of_tuple((np.array([0.1 + 1e-16]),))),
+    "sign of zero": (adding(0.0), adding(-0.0)),
+    "type": (adding(1.0), adding(np.float64(1.0))),
+    "order": (of_two(adding(1.0), adding(2.0)), of_two(adding(2.0), adding(1.0))),
+    "line": ((lambda x: x + 1.0), (lambda x: x + 2.0)),
+    "options": (numba.njit(one.py_func), numba.njit(fastmath=True)(one.py_func)),
+    "names": (of_tuple(np.zeros(1, [("a", "f8")])), of_tuple(np.zeros(1, [("b", "f8")]))),
+}
+
+
+@pytest.mark.parametrize("pair", LIKE)
+def test_laws_that_look_alike_differ(pair: str) -> None:
+    found = [digest_of(each) for each in LIKE[pair]]
+    assert None not in found
+    assert found[0] != found[1]
+
+
+def of_alias(read: Any) -> Any:
+    def law(x: float) -> float:
+        module = read.middle.inner
+        return x + module.VOLTS
+
+    return law
+
+
+def of_import() -> Any:
+    def law(x: float) -> float:
+        from math import pi
+
+        return x + pi
+
+    return law
+
+
+@numba.vectorize
+def raised(x: float) -> float:
+    return x + 3.0
+
+
+UNKNOWN: dict[str, Any] = {
+    "an object": of_member(SimpleNamespace(value=1.0)),
+    "an object in a tuple": of_tuple((SimpleNamespace(),)),
+    "a list": of_tuple([1.0]),
+    "a class": of_enum(type("Volts", (), {"VOLTS": 1.0})),
+    "an enum of objects": of_enum(Enum("Volts", {"VOLTS": SimpleNamespace()})),
+    "addresses": of_tuple(np.array([object()])),
+    "another kind of array": of_tuple(np.ma.zeros(3)),
+    "a module by another name": of_alias(package(1.0)),
+    "a missing name": of_package(ModuleType("empty")),
+    "an import": of_import(),
+    "a function of arrays": of_function(raised),
+    "no function": SimpleNamespace(),
+}
+
+
+@pytest.mark.parametrize("kind", UNKNOWN)
+def test_what_cannot_be_told_has_no_digest(kind: str) -> None:
+    assert digest_of(UNKNOWN[kind]) is None
+
+
+def test_a_law_without_a_digest_is_compiled_in_memory() -> None:
+    stored, not_stored = (compile_kernel(build_kernel, law=each) for each in (one, of_function(raised)))
+    assert (stored(0.0), not_stored(0.0)) == (1.0, 3.0)
+    assert stored.stats.cache_path is not None
+    assert not_stored.stats.cache_path is None
