@@ -115,7 +115,9 @@ def test_episodes_that_make_no_sense_are_refused(damage: Any, message: str, tmp_
     refuse_episodes(gzip.compress(json.dumps(content).encode()), message, path)
 
 
-@pytest.mark.parametrize("data", [b"", b"\x00", b"\x1f\x8b\x08\x00", gzip.compress(b"[[["), gzip.compress(b"\xff")])
+@pytest.mark.parametrize(
+    "data", [b"", b"\x00", b"\x1f\x8b\x08\x00", gzip.compress(b"[[[", mtime=0), gzip.compress(b"\xff", mtime=0)]
+)
 def test_episodes_that_are_no_packed_json_are_refused(data: bytes, tmp_path: Path) -> None:
     refuse_episodes(data, "", tmp_path / "standard.json.gz")
 
