@@ -24,7 +24,7 @@ def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelController":
     ----------
     model
         Of any algorithm: its ``predict`` takes observations, states and the starts of episodes. Its actions are
-        volts or normalised, whatever the bounds of its action space say.
+        normalised where the lower bound of its action space is negative, and volts otherwise.
     vec_normalize
         What normalised the observations in training: a ``VecNormalize``, or Gymnasium's ``NormalizeObservation``. By
         default the ``VecNormalize`` that the model still has, if it has one.
@@ -82,7 +82,6 @@ class ModelPolicy(BoundPolicy):
     def __init__(self, controller: ModelController, layout: Layout, voltage_max: float) -> None:
         self.layout = layout
         self._controller = controller
-        self._volts_per_unit = voltage_max / (controller.high - controller.low)
         self._voltage_max = voltage_max
         self.reset()
 
@@ -100,8 +99,9 @@ class ModelPolicy(BoundPolicy):
             deterministic=True,
         )
         self._begins = False
-        volts = (np.asarray(actions, np.float64) - self._controller.low) * self._volts_per_unit
-        return np.clip(volts, 0.0, self._voltage_max)
+        most, low, high = self._voltage_max, self._controller.low, self._controller.high
+        linear = (np.asarray(actions, np.float64) - low) * (most / (high - low))
+        return np.clip(np.where(low < 0.0, linear * (linear / most), linear), 0.0, most)
 
 
 def _sensors_of(model: Any) -> Sensors:

@@ -72,7 +72,7 @@ class Batch(Worlds):
     observe_context
         Whether the observation ends with what is told of machine and task.
     action_unit
-        ``"volt"``: actions within [0, voltage_max]; ``"normalised"``: within [−1, 1] for the same voltages.
+        ``"volt"``: actions within [0, voltage_max]; ``"normalised"``: a within [−1, 1] for voltage_max·((a + 1)/2)².
     max_steps
         Control steps after which an episode is truncated; none by default.
     telemetry

@@ -50,7 +50,7 @@ def advance(
         return
     take_context(w, 0, constants)
     if w[ROW.alive, 0] != 0.0:
-        volts = given_volts(actions, world, low, w[ROW.machine.voltage_max, 0] / (high - low))
+        volts = given_volts(actions, world, low, high, w[ROW.machine.voltage_max, 0])
         move_world(w, 0, volts, config, worlds.shape[1] > BASIC_ROWS)
     conclude_step(w, 0, words[world, 0], words[world, 1], config, constants)
     end_step(w, 0, world, a, 0, ended)

@@ -194,7 +194,7 @@ def _goes_on(w: Any, lanes: int, ended: int) -> bool:
 def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high: float) -> None:
     """Begin a control step with the actions of the worlds from ``begin`` on."""
     for i in range(lanes):
-        take_command(w, i, given_volts(actions, begin + i, low, w[ROW.machine.voltage_max, i] / (high - low)))
+        take_command(w, i, given_volts(actions, begin + i, low, high, w[ROW.machine.voltage_max, i]))
 
 
 @device

@@ -32,13 +32,24 @@ def is_refused(alive: float, actions: Any, low: float, high: float, ended: int, 
 
 
 @device
-def given_volts(actions: Any, world: int, low: float, volts_per_unit: float) -> PerClutch:
+def scaled_volts(linear: float, low: float, voltage_max: float) -> float:
+    """Return the voltage [V] of an action, from its share of the bounds times the largest voltage [V].
+
+    A lower bound of 0 is that of a voltage. Of a normalised action, whose lower bound is negative, the square of the
+    share counts: steps are fine where clutches slip, and exploring noise about 0 V brakes little.
+    """
+    return linear * (linear / voltage_max) if low < 0.0 else linear
+
+
+@device
+def given_volts(actions: Any, world: int, low: float, high: float, voltage_max: float) -> PerClutch:
     """Return the voltages [V] of an action."""
+    per_unit = voltage_max / (high - low)
     return PerClutch(
-        (actions[world, 0] - low) * volts_per_unit,
-        (actions[world, 1] - low) * volts_per_unit,
-        (actions[world, 2] - low) * volts_per_unit,
-        (actions[world, 3] - low) * volts_per_unit,
+        scaled_volts((actions[world, 0] - low) * per_unit, low, voltage_max),
+        scaled_volts((actions[world, 1] - low) * per_unit, low, voltage_max),
+        scaled_volts((actions[world, 2] - low) * per_unit, low, voltage_max),
+        scaled_volts((actions[world, 3] - low) * per_unit, low, voltage_max),
     )
 
 

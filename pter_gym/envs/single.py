@@ -33,9 +33,9 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Action Space
     `Box(0, 24, (4,), float32)` with `action_unit="volt"`: the voltages of the four clutches, up to the machine's
-    largest voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: the same range. A value of up to four
-    float32 ulp beyond a bound is clipped; one further out, a NaN or a wrong shape raises `ActionError` and nothing
-    moves.
+    largest voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: `a` stands for the largest
+    voltage times `((a + 1) / 2)**2`, so steps are fine where the clutches slip. A value of up to four float32 ulp
+    beyond a bound is clipped; one further out, a NaN or a wrong shape raises `ActionError` and nothing moves.
 
     ## Observation Space
     `Box(-25, 25, (20,), float32)`, with torque sensors 24 entries, with force sensors 26. Entries are stored relative

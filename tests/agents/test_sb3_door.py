@@ -36,7 +36,7 @@ def make(count: int = COUNT, **options: Any) -> Any:
 def actions(steps: int = 250, count: int = COUNT) -> np.ndarray:
     """Random normalised actions, half of them for clutches without voltage, so episodes end in both ways."""
     rng = np.random.default_rng(11)
-    drawn = rng.uniform(-1.0, 1.0, (steps, count, 4))
+    drawn = 2.0 * np.sqrt(rng.uniform(0.0, 1.0, (steps, count, 4))) - 1.0
     return np.where(rng.random((steps, count, 1)) < 0.5, -1.0, drawn).astype(np.float32)
 
 

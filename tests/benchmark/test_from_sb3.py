@@ -97,7 +97,7 @@ def test_states_belong_to_worlds_and_begin_again_at_a_reset() -> None:
         obs = np.zeros((worlds, len(layout)), np.float32)
         found = [one.act(obs) for _ in range(3)]
         np.testing.assert_allclose([volts[:, 0] for volts in found], 2.4 * np.arange(1, 4)[:, None] * np.ones(worlds))
-        np.testing.assert_allclose(found[0][:, 1:], np.tile([0.0, 12.0, 24.0], (worlds, 1)))
+        np.testing.assert_allclose(found[0][:, 1:], np.tile([0.0, 6.0, 24.0], (worlds, 1)))
     np.testing.assert_allclose(other.act(obs)[:, 0], 2.4)
 
 

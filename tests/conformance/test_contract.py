@@ -74,9 +74,9 @@ def test_both_action_units_reach_the_same_voltages() -> None:
     volt.reset(seed=0)
     normalised.reset(seed=0)
     for k in range(20):
-        action = np.array([24.0, 6.0 * (k % 5), 12.0, 0.0], np.float32)
-        one = volt.step(action)
-        two = normalised.step(action / 12.0 - 1.0)
+        action = np.array([1.0, 0.5 * (k % 5) - 1.0, 0.0, -1.0], np.float32)
+        one = volt.step(24.0 * ((action + 1.0) / 2.0) ** 2)
+        two = normalised.step(action)
         assert one[0].tobytes() == two[0].tobytes()
 
 
