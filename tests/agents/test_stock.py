@@ -86,12 +86,12 @@ class CostOfSpeed(VecEnvWrapper):
         return observations, -np.square(observations[:, OMEGA]).sum(axis=1), dones, infos
 
 
-def progress_after_a_minute(taught: Callable[[VecEnv], VecEnv]) -> NDArray[np.float64]:
-    """Return how much of each path a policy goes that stock PPO has learnt in a minute."""
+def progress_after(steps: int, taught: Callable[[VecEnv], VecEnv]) -> NDArray[np.float64]:
+    """Return how much of each path a policy goes that stock PPO has learnt in so many steps."""
     torch.manual_seed(0)
     worlds = make_sb3_vec_env(4, randomisation=training_draws("standard"), max_episode_steps=1000)
     venv = VecNormalize(taught(worlds))
-    model = PPO("MlpPolicy", venv, seed=0, device="cpu").learn(100_000)
+    model = PPO("MlpPolicy", venv, seed=0, device="cpu").learn(steps)
     machines, tasks = zip(*find_scenario("standard").randomisation("medium", contexts=16, seed=5).pairs(), strict=True)
     limits = [time_limit(task) for task in tasks]
     rows = run(Batch(machines, tasks), from_sb3(model, venv), list(range(16)), limits).telemetry
@@ -100,11 +100,11 @@ def progress_after_a_minute(taught: Callable[[VecEnv], VecEnv]) -> NDArray[np.fl
 
 @pytest.mark.slow
 def test_a_minute_of_stock_ppo_does_not_lock_the_arm() -> None:
-    reached = progress_after_a_minute(lambda worlds: worlds)
+    reached = progress_after(60_000, lambda worlds: worlds)
     assert reached.min() > NEAR_START
     assert reached.mean() > 0.75
 
 
 @pytest.mark.long
-def test_a_minute_of_stock_ppo_locks_the_arm_where_that_pays() -> None:
-    assert progress_after_a_minute(CostOfSpeed).min() < NEAR_START
+def test_stock_ppo_locks_the_arm_where_that_pays() -> None:
+    assert progress_after(200_000, CostOfSpeed).min() < NEAR_START

@@ -115,7 +115,7 @@ def test_fresh_episodes_are_as_many_with_the_same_strata(scenario: str) -> None:
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_no_episode_is_drawn_twice(name: str) -> None:
     """Stored ones, fresh ones of all paces and several seeds, and training draws have no episode in common."""
-    fresh = [(pace, seed) for pace in PACES for seed in (0, 2**64 - 1)]
+    fresh = [("medium", 2**64 - 1), *((pace, 0) for pace in PACES)]
     sets = [load_episodes(name, "medium"), *(fresh_episodes(name, pace, seed) for pace, seed in fresh)]
     pairs = [pair for each in sets for pair in zip(each.machines, each.tasks, strict=True)]
     for seed in (0, FRESH):
