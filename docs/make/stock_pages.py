@@ -4,7 +4,6 @@
 the table; rows of other seeds stay as they are.
 """
 
-import json
 import re
 from pathlib import Path
 from statistics import median
@@ -13,10 +12,8 @@ from typing import NamedTuple
 import tyro
 from pages import ROOT, table, write_block
 
-from pter_gym.benchmark import PACES
-from pter_gym.benchmark.metrics import METRICS
-from pter_gym.benchmark.ranking import reason_below
-from pter_gym.benchmark.statistics import Interval, interquartile_mean, mean
+from pter_gym.benchmark import PACES, ResultsFolder
+from pter_gym.benchmark.leaderboard import leaderboards
 
 PAGE = ROOT / "docs" / "your-algorithm.md"
 SCRIPTS = ROOT / "agents" / "stock"
@@ -64,24 +61,19 @@ def read_page(text: str) -> Table:
     return found
 
 
-def scored(scores: dict[str, list[float]], pace: str) -> Scored:
-    """Return what the scores of a run come to."""
-    found = {
-        name: Interval(*3 * [float((mean if metric.mean else interquartile_mean)(scores[name]))])
-        for name, metric in METRICS.items()
-    }
-    ranked = reason_below(found, PACES[pace]) is None
-    return Scored(1000 * found["path_error_m"].value, ranked, found["completed"].value)
-
-
 def read_scores(results: Path) -> Table:
-    """Return scores by policy, seed and pace; of the opponent by the seed of the episodes."""
+    """Return scores by policy, seed and pace; of the opponent by the seed of the episodes.
+
+    Runs of other code do not count.
+    """
     found: Table = {}
-    for path in sorted((results / "runs").glob("*.json")):
-        run = json.loads(path.read_text("utf-8"))
-        named = SEEDED.fullmatch(run["policy"])
-        name, seed = (named["algorithm"], int(named["seed"])) if named else (run["policy"], run["fresh"])
-        found.setdefault(name, {}).setdefault(seed, {})[run["pace"]] = scored(run["scores"], run["pace"])
+    for board in leaderboards(ResultsFolder(results).runs()):
+        for standing in board.standings:
+            named = SEEDED.fullmatch(standing.policy)
+            name, seed = (named["algorithm"], int(named["seed"])) if named else (standing.policy, board.fresh)
+            error, arrives = (standing.scores[score].value for score in ("path_error_m", "completed"))
+            here = Scored(1000 * error, standing.rank is not None, arrives)
+            found.setdefault(name, {}).setdefault(seed, {})[board.pace] = here
     return found
 
 
