@@ -23,8 +23,8 @@ def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelController":
     Parameters
     ----------
     model
-        Of any algorithm: its ``predict`` takes observations, states and the starts of episodes. Its actions are
-        normalised where the lower bound of its action space is negative, and volts otherwise.
+        Of any algorithm: its ``predict`` takes observations, states and the starts of episodes. Its actions are clipped
+        to its action space; they are normalised where the lower bound is negative, and volts otherwise.
     vec_normalize
         What normalised the observations in training: a ``VecNormalize``, or Gymnasium's ``NormalizeObservation``. By
         default the ``VecNormalize`` that the model still has, if it has one.
@@ -100,8 +100,8 @@ class ModelPolicy(BoundPolicy):
         )
         self._begins = False
         most, low, high = self._voltage_max, self._controller.low, self._controller.high
-        linear = (np.asarray(actions, np.float64) - low) * (most / (high - low))
-        return np.clip(np.where(low < 0.0, linear * (linear / most), linear), 0.0, most)
+        linear = (np.clip(np.asarray(actions, np.float64), low, high) - low) * (most / (high - low))
+        return np.where(low < 0.0, linear * (linear / most), linear)
 
 
 def _sensors_of(model: Any) -> Sensors:

@@ -101,6 +101,24 @@ def test_states_belong_to_worlds_and_begin_again_at_a_reset() -> None:
     np.testing.assert_allclose(other.act(obs)[:, 0], 2.4)
 
 
+@pytest.mark.parametrize("low", [-1.0, 0.0])
+def test_actions_beyond_the_bounds_are_clipped_to_them(low: float) -> None:
+    """A square folds what lies beyond: −1.8 is to be 0 V, and not the 3.84 V of its mirror image."""
+    inside = np.full((2, 4), (low + 1.0) / 2.0)
+    given = {"below": low - 0.8, "low": low, "above": 1.7, "high": 1.0}
+    found: dict[str, Any] = {}
+    for name, action in given.items():
+        model = Remembering()
+        model.action_space = spaces.Box(low, 1.0, (4,))
+        model.predict = lambda *_, action=action, **__: (np.where(np.arange(4) < 2, action, inside), None)  # type: ignore[method-assign]
+        policy = from_sb3(model).bind(BASELINE, observation_layout(BASELINE, "encoders"))
+        found[name] = policy.act(np.zeros((2, len(policy.layout)), np.float32))
+    np.testing.assert_array_equal(found["below"], found["low"])
+    np.testing.assert_array_equal(found["above"], found["high"])
+    np.testing.assert_array_equal(found["low"][:, :2], 0.0)
+    np.testing.assert_array_equal(found["high"][:, :2], BASELINE.clutch.voltage_max)
+
+
 def test_gymnasiums_statistics_are_taken_too() -> None:
     env = NormalizeObservation(PathFollowingVectorEnv(4, sensors="encoders"))
     env.reset(seed=0)
