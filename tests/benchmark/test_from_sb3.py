@@ -108,9 +108,11 @@ def test_actions_beyond_the_bounds_are_clipped_to_them(low: float) -> None:
     given = {"below": low - 0.8, "low": low, "above": 1.7, "high": 1.0}
     found: dict[str, Any] = {}
     for name, action in given.items():
-        model = Remembering()
-        model.action_space = spaces.Box(low, 1.0, (4,))
-        model.predict = lambda *_, action=action, **__: (np.where(np.arange(4) < 2, action, inside), None)  # type: ignore[method-assign]
+        model = SimpleNamespace(
+            observation_space=Remembering().observation_space,
+            action_space=spaces.Box(low, 1.0, (4,)),
+            predict=lambda *_, action=action, **__: (np.where(np.arange(4) < 2, action, inside), None),
+        )
         policy = from_sb3(model).bind(BASELINE, observation_layout(BASELINE, "encoders"))
         found[name] = policy.act(np.zeros((2, len(policy.layout)), np.float32))
     np.testing.assert_array_equal(found["below"], found["low"])
