@@ -1,7 +1,7 @@
 """Measure how long a newcomer waits for the first step of the environment, with and without compilation.
 
-Each number is the processor time of a whole process, from its start to the end of its first step. The limits are ratios
-to what the same machine needs to import Gymnasium and numba, so that a slow or a busy machine judges as a fast one does.
+Each number is the processor time of a whole process, from its start to the end of its first step. The limits are
+ratios to what the same machine needs to import Gymnasium and numba: a slow or a busy machine judges as a fast one does.
 """
 
 import os
