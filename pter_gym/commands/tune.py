@@ -15,14 +15,15 @@ def tune(
     scenario: Annotated[str, tyro.conf.arg(metavar="NAME")] = "standard",
     pace: Annotated[str, tyro.conf.arg(metavar="NAME")] = "medium",
     trials: int = 2000,
+    starts: int = 3,
     episodes: int = 200,
-    storage: Path = Path("pter-tune.db"),
+    storage: Path = Path("pter-tune.journal"),
     seed: int = 0,
     out: Path | None = None,
 ) -> None:
     """Search for a controller's gains on training draws of a scenario, at a commanded pace.
 
-    The trials are kept in an SQLite file: a search that was stopped goes on where it was, and several may share the
+    The trials are kept in a journal file: a search that was stopped goes on where it was, and several may share the
     work. The best gains are those with the smallest path error of all that arrive and keep the pace. Needs Optuna:
     install pter-gym[tune].
 
@@ -30,9 +31,10 @@ def tune(
         controller: impedance, torque-feedback, single-dof or velocity-ratio.
         scenario: Scenario whose training draws are used; its evaluation episodes are never read.
         pace: Commanded pace: slow, medium or brisk.
-        trials: Gains to try, at least 1.
+        trials: Gains to try in each start, at least 1.
+        starts: Searches from other random gains, at least 1.
         episodes: Training draws for each trial, at least 1.
-        storage: SQLite file of the trials; its folder must exist.
+        storage: Journal file of the trials; its folder must exist.
         seed: Seed of the draws and the search, at least 0.
         out: File for the best gains, whose other entries stay; they are only printed by default.
     """
@@ -43,7 +45,7 @@ def tune(
         check_folder_of(out)
     console = Console(highlight=False, soft_wrap=True)
     with progress_bar(console) as progress:
-        task = progress.add_task(f"{controller}, {scenario}, {pace}", total=trials)
+        task = progress.add_task(f"{controller}, {scenario}, {pace}", total=starts * trials)
 
         def show(finished: int, best: float) -> None:
             progress.update(
@@ -51,7 +53,15 @@ def tune(
             )
 
         study = search(
-            controller, scenario, pace, trials=trials, episodes=episodes, storage=storage, seed=seed, on_trial=show
+            controller,
+            scenario,
+            pace,
+            trials=trials,
+            starts=starts,
+            episodes=episodes,
+            storage=storage,
+            seed=seed,
+            on_trial=show,
         )
     found = study.verdict
     for name, gain in study.gains.items():

@@ -31,9 +31,10 @@ BRAKE_LIMIT = 200.0
 """Largest magnitude of the force along the path that the pace's integral comes to [N]."""
 
 BEGINNING = 0.02
-"""Part of the path on which voltages of zero say that an episode has just begun."""
+"""Part of the path within which an episode begins; a tip that is back there from twice as far has begun another."""
 
-_WAITING = -1.0
+MANY = 1e6
+"""Control steps that no episode has."""
 
 _RANDOM_STREAM = np.uint64(0x52414E444F4D)
 
@@ -90,33 +91,28 @@ def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[floa
 
 
 @device
-def begins(obs: Any) -> bool:
-    """Tell whether an episode has just begun, also where the policy is not told so."""
-    volts = obs[SEEN.volts.x1] + obs[SEEN.volts.x2] + obs[SEEN.volts.x3] + obs[SEEN.volts.x4]
-    return (volts == 0.0) & (obs[SEEN.progress] < BEGINNING)
+def steps_before(obs: Any, memory: Any) -> float:
+    """Return how many control steps of the episode went before, and count this one.
+
+    An episode begins where a tip that was on its way is back at the start, whether or not the policy was told, and the
+    memory of the one before is emptied. An episode that the law finds under way has had ``MANY``.
+    """
+    progress = float(obs[SEEN.progress])
+    if (progress < BEGINNING) & (memory[MEMORY.progress] >= 2.0 * BEGINNING):
+        memory[MEMORY.kept] = 0.0
+        memory[MEMORY.brake] = 0.0
+        memory[MEMORY.steps] = 0.0
+    before = MANY if (memory[MEMORY.steps] == 0.0) & (progress >= BEGINNING) else memory[MEMORY.steps]
+    memory[MEMORY.steps] = before + 1.0
+    memory[MEMORY.progress] = progress
+    return before
 
 
 @device
-def grips(obs: Any, g: Gains, memory: Any) -> bool:
-    """Tell whether all clutches are to be fully engaged, as they are for ``grip`` control steps from the beginning.
-
-    A law that commands no voltage while the tip has hardly moved does not begin again.
-    """
-    left = g.grip if begins(obs) & (memory[MEMORY.grip] == 0.0) else memory[MEMORY.grip]
-    after = left - 1.0 if left > 1.0 else (_WAITING if left != 0.0 else 0.0)
-    memory[MEMORY.grip] = 0.0 if (after < 0.0) & (obs[SEEN.progress] >= BEGINNING) else after
-    return left >= 0.5
-
-
-@device
-def pace_integral(obs: Any, g: Gains, tip: Tip, pace: float, memory: Any) -> float:
-    """Return the integral of the pace [N] and let it go on: ``pace_integral``·(speed − pace) more at each control step.
-
-    It begins at zero.
-    """
-    before = 0.0 if begins(obs) else memory[MEMORY.brake]
-    speed = speed_along(tip)
-    memory[MEMORY.brake] = between(before + g.pace_integral * (speed - pace), -BRAKE_LIMIT, BRAKE_LIMIT)
+def pace_integral(g: Gains, tip: Tip, pace: float, memory: Any) -> float:
+    """Return the integral of the pace [N] after one more control step: ``pace_integral``·(speed − pace) is added."""
+    more = g.pace_integral * (speed_along(tip) - pace)
+    memory[MEMORY.brake] = between(memory[MEMORY.brake] + more, -BRAKE_LIMIT, BRAKE_LIMIT)
     return memory[MEMORY.brake]
 
 
@@ -133,7 +129,9 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     nominal = read(gains, NOMINAL, 0)
     g = read_gains(gains, pace)
     tip = see_tip(obs, scales, nominal)
-    force_x, force_y = wanted_force(g, tip, pace, pace_integral(obs, g, tip, pace, memory))
+    gripping = g.grip - steps_before(obs, memory) >= 0.5
+    integral = 0.0 if gripping else pace_integral(g, tip, pace, memory)
+    force_x, force_y = wanted_force(g, tip, pace, integral)
     want_a, want_b = joint_torque(tip.arm, tip.q, force_x, force_y)
     if nominal.kind == VELOCITY_RATIO:
         turn_a, turn_b = turning_torques(g, tip)
@@ -143,7 +141,7 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     wanted = passive_torques(g, tip, slip, nominal.torque_limit, want_a, want_b)
     if nominal.kind == SINGLE_DOF:
         wanted, memory[MEMORY.kept] = steered(g, tip, wanted, memory[MEMORY.kept])
-    least = nominal.voltage_max if grips(obs, g, memory) else 0.0
+    least = nominal.voltage_max if gripping else 0.0
     return PerClutch(
         max(least, looped_voltage(obs, scales, gains, g, wanted.x1, slip.x1, SEEN.torque.x1)),
         max(least, looped_voltage(obs, scales, gains, g, wanted.x2, slip.x2, SEEN.torque.x2)),

@@ -19,7 +19,8 @@ class Memory(NamedTuple):
 
     kept: Annotated[float, Entry("1", "the clutch engaged last, or a counter")]
     brake: Annotated[float, Entry("N", "force along the path that the pace's integral has come to")]
-    grip: Annotated[float, Entry("1", "control steps for which all clutches stay engaged, −1 for the wait after")]
+    steps: Annotated[float, Entry("1", "control steps of the episode that went before")]
+    progress: Annotated[float, Entry("1", "part of the path at the last of them")]
     world: Annotated[float, Entry("1", "number of the world")]
 
 

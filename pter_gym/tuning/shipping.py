@@ -14,9 +14,9 @@ from pter_gym.tuning.search import Study
 
 HEADING = (
     "Gains of controllers in SI, found by `pter tune` on training draws. Each entry holds the command that made it,",
-    "the trials of its study, the training draws of each trial, and the scores on as many draws that the search had",
-    "not seen: interquartile mean of the path error [m], means of the others. Gains that were not searched have the",
-    "defaults of the entry; without any there, those of gain_defaults.toml.",
+    "the trials of each start, the number of starts, the training draws of each trial, and the scores on as many draws",
+    "that the search had not seen: interquartile mean of the path error [m], means of the others. Gains that were not",
+    "searched have the defaults of the entry; without any there, those of gain_defaults.toml.",
 )
 
 
@@ -24,7 +24,7 @@ def command_of(study: Study) -> str:
     """Return the command that repeats a study."""
     return (
         f"pter tune {study.controller} --scenario {study.scenario} --pace {study.pace} --trials {study.trials} "
-        f"--episodes {study.episodes} --seed {study.seed}"
+        f"--starts {study.starts} --episodes {study.episodes} --seed {study.seed}"
     )
 
 
@@ -34,6 +34,7 @@ def entry_of(study: Study) -> dict[str, Any]:
     return {
         "command": command_of(study),
         "trials": study.trials,
+        "starts": study.starts,
         "episodes": study.episodes,
         **study.verdict._asdict(),
         "gains": study.gains,

@@ -236,6 +236,7 @@ def test_steering(gains: SingleDof | VelocityRatio) -> None:
 
 def test_the_engaged_clutch_is_kept_with_reluctance() -> None:
     obs = observations(400)
+    obs[:, LAYOUT.index("progress")] = 0.5  # all of one episode
     fickle, stubborn = (
         SingleDof(damping_tangential=0.0, reluctance=reluctance).bind(BASELINE, LAYOUT) for reluctance in (0.0, 0.99)
     )
@@ -263,12 +264,12 @@ def test_the_integral_of_the_pace_adds_to_the_brake_and_begins_again() -> None:
     row[LAYOUT.index("pace")] = 0.3 / LAYOUT.scales[LAYOUT.index("pace")]
     volts = slice(LAYOUT.index("volts_1"), LAYOUT.index("volts_4") + 1)
     row[volts] = 0.1
+    row[LAYOUT.index("progress")] = 0.5
     policy = Impedance(damping_tangential=100.0, pace_integral=10.0).bind(BASELINE, LAYOUT)
     for steps in range(1, 6):
         braking = 100.0 * 0.5 + 10.0 * 0.2 * steps
         alone = Impedance(damping_tangential=braking / 0.5).bind(BASELINE, LAYOUT)
         np.testing.assert_allclose(policy(row), alone(row), rtol=1e-4, atol=1e-4)
-    row[volts] = 0.0
     row[LAYOUT.index("progress")] = 0.0
     first = Impedance(damping_tangential=(100.0 * 0.5 + 2.0) / 0.5).bind(BASELINE, LAYOUT)
     np.testing.assert_allclose(policy(row), first(row), rtol=1e-4, atol=1e-4)
