@@ -6,22 +6,26 @@ torch until an algorithm's module is asked for.
 """
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from numpy.typing import NDArray
 
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.codec import ABSENT, tuple_of
 
 if TYPE_CHECKING:
-    from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
     from torch import nn
 
     from pter_agents.settings import Settings
-    from pter_agents.worlds import InterfaceVecEnv
+    from pter_agents.worlds import Worlds
+
+State = dict[str, NDArray[Any]]
+"""All that a training's future depends on, as arrays by name."""
 
 FOLDER = Path(__file__).parent
 
@@ -30,6 +34,45 @@ ENTRY = "algorithm"
 
 SMOKE = {"worlds": 64, "steps": 32, "contexts": 16}
 """Hyper-parameters of a run that shows that training works, not that it learns."""
+
+
+class Model(Protocol):
+    """What is trained.
+
+    Attributes
+    ----------
+    steps
+        Control steps of all worlds so far.
+    rollout
+        Control steps that ``advance`` adds.
+    """
+
+    steps: int
+    rollout: int
+
+    def advance(self) -> Mapping[str, float]:
+        """Collect a rollout, learn from it, and return what is worth a log; FloatingPointError if it diverges."""
+        ...
+
+    def actor(self) -> "nn.Sequential":
+        """Return the linear layers of the policy with the tanh between them, from inputs to the mean action."""
+        ...
+
+    def get_state(self) -> State:
+        """Return copies of all that the training's future depends on."""
+        ...
+
+    def set_state(self, state: State) -> None:
+        """Go on where ``get_state`` was called."""
+        ...
+
+    def set_weights(self, state: State) -> None:
+        """Take the networks of a state alone."""
+        ...
+
+    def close(self) -> None:
+        """Stop threads."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,16 +86,16 @@ class Learner:
     smoke
         Those that differ in a smoke run, in addition to ``SMOKE``.
     make_model
-        Makes an untrained model from hyper-parameters, worlds, and the seed of all that it draws. A loss or weight that
-        is not finite raises a FloatingPointError while it learns.
-    actor
-        Returns the linear layers of a model's policy with the tanh between them, from inputs to the mean action.
+        Makes an untrained model from hyper-parameters, worlds in as many parts of the same size as ``parts``, the
+        control steps of the whole training, and the seed of all that it draws.
+    parts
+        Parts of the worlds.
     """
 
     settings: "type[Settings]"
     smoke: Mapping[str, Any]
-    make_model: "Callable[[Any, InterfaceVecEnv, int], OnPolicyAlgorithm]"
-    actor: "Callable[[OnPolicyAlgorithm], nn.Sequential]"
+    make_model: "Callable[[Any, Sequence[Worlds], int, int], Model]"
+    parts: int
 
 
 class Algorithm(NamedTuple):

@@ -1,6 +1,7 @@
 """A run becomes a policy: weights without code, a card, and a model card in Markdown."""
 
 import json
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,11 +12,11 @@ from numpy.typing import NDArray
 from torch import nn
 
 from pter_agents.algorithms import load_settings, smoke_settings
-from pter_agents.checkpoints import load_weights
+from pter_agents.checkpoints import load_checkpoint
 from pter_agents.settings import PLAIN
-from pter_agents.training import PROGRESS, Arguments, RunFolder, make_model, make_training_worlds
+from pter_agents.training import PROGRESS, Arguments, RunFolder, make_draws, make_model, make_parts
 from pter_agents.validation import network_of
-from pter_agents.worlds import InterfaceVecEnv, training_draws
+from pter_agents.worlds import Worlds
 from pter_gym import __version__
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError
@@ -30,8 +31,6 @@ SAME = 1e-6
 
 TRIES = 100
 """Control steps over which both are compared, each in all worlds."""
-
-WORLDS = 32
 
 Tensors = dict[str, NDArray[np.float32]]
 
@@ -61,12 +60,11 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
     if newest is None:
         raise DataError(f"there is no checkpoint in {run}")
     settings = arguments.settings
-    draws = training_draws(arguments.scenario, arguments.pace, contexts=WORLDS, seed=arguments.seed)
-    few = smoke_settings(arguments.algorithm, settings, worlds=WORLDS)
-    worlds = make_training_worlds(few, draws, interface, arguments.seed)
-    model = make_model(few, worlds, arguments)
-    load_weights(model, newest)
-    actor = arguments.learner.actor(model)
+    few = replace(arguments, settings=smoke_settings(arguments.algorithm, settings))
+    parts = make_parts(few, make_draws(few), interface)
+    model = make_model(few, parts)
+    load_checkpoint(model, newest, weights_only=True)
+    actor, worlds = model.actor(), parts[0]
     name = arguments.algorithm if name is None else name
     steps = int(newest.stem.split("-")[1])
     about = about_run(arguments, run, steps)
@@ -75,7 +73,9 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
     with TemporaryDirectory() as folder_of_trial:
         write_policy(*files, Path(folder_of_trial))
         difference = compare(actor, worlds, name, Path(folder_of_trial))
-    worlds.close()
+    model.close()
+    for part in parts:
+        part.close()
     if not difference <= SAME:
         raise DataError(f"the exported policy differs from the run's by {difference:.1e} of the largest voltage")
     make_folder(out)
@@ -83,12 +83,12 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
 
 
 def make_card(
-    name: str, hidden: tuple[int, ...], interface: Interface, worlds: InterfaceVecEnv, about: dict[str, Any]
+    name: str, hidden: tuple[int, ...], interface: Interface, worlds: Worlds, about: dict[str, Any]
 ) -> Card:
     """Return the card of a policy whose weights are not written yet."""
     return Card(
         name=name,
-        observation=fields_of(worlds.worlds.observation_layout),
+        observation=fields_of(worlds.env.observation_layout),
         voltage_max=BASELINE.clutch.voltage_max,
         interface=interface,
         hidden=hidden,
@@ -106,21 +106,20 @@ def tensors_of(actor: nn.Sequential) -> Tensors:
     return found
 
 
-def compare(actor: nn.Sequential, worlds: InterfaceVecEnv, name: str, folder: Path) -> float:
+def compare(actor: nn.Sequential, worlds: Worlds, name: str, folder: Path) -> float:
     """Return the largest difference between voltages of these layers and of a policy, over the largest voltage."""
-    layout = worlds.worlds.observation_layout
+    layout = worlds.env.observation_layout
     policy = load_policy(name, folder).bind(BASELINE, layout)
-    worlds.venv.seed(0)
-    obs: Any = worlds.venv.reset()  # worlds that end begin again and are not forgotten, for both policies alike
+    obs: Any = worlds.env.reset(seed=0)[0]  # worlds that end begin again and are not forgotten, for both policies alike
     net = network_of(actor)
-    past = worlds.interface.begin(WORLDS)
+    past = worlds.interface.begin(worlds.count)
     largest = 0.0
     for _ in range(TRIES):
         inputs, base = worlds.interface.see(obs, past)
         theirs = worlds.interface.volts(base, net(inputs))
         mine = policy(obs)
         largest = max(largest, float(np.abs(mine - theirs).max()))
-        obs = worlds.venv.step(mine)[0]
+        obs = worlds.env.step(mine)[0]
     return largest / BASELINE.clutch.voltage_max
 
 
@@ -145,7 +144,7 @@ def about_run(arguments: Arguments, run: Path, steps: int) -> dict[str, Any]:
         "seed": arguments.seed,
         "versions": {
             "pter-gym": __version__,
-            **{package: version(package) for package in ("numpy", "stable-baselines3", "torch")},
+            **{package: version(package) for package in ("numpy", "torch")},
         },
         "validation": validation.get(str(steps), {}),
     }
@@ -153,6 +152,13 @@ def about_run(arguments: Arguments, run: Path, steps: int) -> dict[str, Any]:
 
 def _toml(value: Any) -> str:
     return json.dumps(list(cast(tuple[int, ...], value)) if isinstance(value, tuple) else value)
+
+
+def _meaning(card: Card) -> str:
+    """Return what an output of the network means."""
+    if card.interface.normalised:
+        return f"a within ±1 is {card.voltage_max:g} V · ((a + 1)/2)²"
+    return f"of ±1 is ±{card.interface.reach:g} V, limited to 0…{card.voltage_max:g} V"
 
 
 def model_card(card: Card) -> str:
@@ -168,7 +174,7 @@ def model_card(card: Card) -> str:
         *(f"- In the file: `{name} = {_toml(value)}`" for name, value in about["config"].items()),
         f"- Versions: {', '.join(f'{name} {number}' for name, number in about['versions'].items())}",
         f"- Network: {card.interface.size} inputs, tanh layers of {', '.join(map(str, card.hidden))}, 4 outputs",
-        f"- An output of ±1 is ±{card.interface.reach:g} V, limited to 0…{card.voltage_max:g} V",
+        f"- An output {_meaning(card)}",
         f"- Observations: {', '.join(name for name, _, _ in card.observation)}",
         "",
         "It is made for the simulator. On a real machine its clutches, sensors and hand differ from what it has seen.",

@@ -1,19 +1,35 @@
-"""Proximal policy optimisation of Stable-Baselines3."""
+"""Proximal policy optimisation (Schulman et al., arXiv:1707.06347) on both cores, with exploration that lasts.
 
+The worlds are two parts, and a thread has each: it collects their rollout, and the gradients of its half of each
+minibatch. The halves are added in a fixed order, so the result is the same on any number of cores.
+
+Noise that is new at each control step hardly passes the clutches' lag. So it is autoregressive: n = ρ·n' + σ·ε with a
+standard normal ε. Given n' the action a has mean μ + ρ·n' and deviation σ, with which its likelihood is exact.
+"""
+
+import json
 import math
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple, TypeVar
 
+import numpy as np
 import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from numpy.typing import NDArray
 from torch import nn
 
-from pter_agents.algorithms import Learner
-from pter_agents.critic import TwoViewsPolicy
+from pter_agents.algorithms import Learner, State
+from pter_agents.networks import ActorCritic
 from pter_agents.settings import Settings, require_whole
-from pter_agents.worlds import InterfaceVecEnv
+from pter_agents.worlds import Rows, Worlds
 from pter_gym.params import require, require_number
+
+PARTS = 2
+"""Parts of the worlds; the results depend on their number, and on that alone."""
+
+P = TypeVar("P")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +44,15 @@ class PPOSettings(Settings):
         At the beginning; it falls linearly to ``learning_rate_end``.
     discount, trace
         γ and the λ of generalised advantage estimation, for one control step.
-    clip, entropy, value_weight, max_gradient, target_kl
-        As in Stable-Baselines3; a ``target_kl`` of 0 is none.
+    deviation, deviation_end
+        σ of the exploration at the beginning and at the end. After ``exploring``, a share of the training, it falls
+        exponentially.
+    persistence
+        ρ of the exploration: what is left of its noise one control step later.
+    reward_scale
+        Factor of the rewards for the value network.
+    clip, value_weight, max_gradient
+        Of the likelihood ratio, of the value's loss, and of the gradient's norm.
     """
 
     minibatch: int
@@ -38,97 +61,285 @@ class PPOSettings(Settings):
     learning_rate_end: float
     discount: float
     trace: float
+    deviation: float
+    deviation_end: float
+    exploring: float
+    persistence: float
+    reward_scale: float
     clip: float
-    entropy: float
     value_weight: float
     max_gradient: float
-    target_kl: float
 
     def __post_init__(self) -> None:
         """Check each number by itself."""
         super().__post_init__()
         for name in ("minibatch", "epochs"):
             require_whole(self, name)
-        for name in ("learning_rate", "max_gradient"):
+        for name in ("learning_rate", "max_gradient", "reward_scale", "deviation", "deviation_end"):
             require_number(self, name, above=0.0)
-        for name in ("discount", "trace"):
+        for name in ("discount", "trace", "exploring"):
             require_number(self, name, at_least=0.0, at_most=1.0)
-        for name in ("learning_rate_end", "entropy", "value_weight", "target_kl"):
+        for name in ("learning_rate_end", "value_weight"):
             require_number(self, name, at_least=0.0)
         require_number(self, "clip", above=0.0, below=1.0)
+        require_number(self, "persistence", at_least=0.0, below=1.0)
+        require(self.worlds % PARTS == 0, self, "worlds", self.worlds, f"a multiple of {PARTS}")
         samples = self.worlds * self.steps
-        require(
-            samples % self.minibatch == 0,
-            self,
-            "minibatch",
-            self.minibatch,
-            f"a divisor of worlds × steps = {samples}",
+        whole = samples % self.minibatch == 0 and self.minibatch % PARTS == 0
+        require(whole, self, "minibatch", self.minibatch, f"an even divisor of worlds × steps = {samples}")
+
+    def deviation_at(self, done: float) -> float:
+        """Return σ where a share of the training is done."""
+        fallen = max(0.0, done - self.exploring) / (1.0 - self.exploring) if self.exploring < 1.0 else 0.0
+        return self.deviation * (self.deviation_end / self.deviation) ** min(fallen, 1.0)
+
+    def learning_rate_at(self, done: float) -> float:
+        """Return the learning rate where a share of the training is done."""
+        return self.learning_rate_end + (self.learning_rate - self.learning_rate_end) * max(1.0 - done, 0.0)
+
+
+class Samples(NamedTuple):
+    """Samples of a rollout, a row for each.
+
+    Attributes
+    ----------
+    inputs
+        What the networks saw.
+    targets
+        Actions less what was left of the noise, ρ·n'.
+    drawn
+        ε.
+    advantages, returns
+        Of generalised advantage estimation.
+    """
+
+    inputs: torch.Tensor
+    targets: torch.Tensor
+    drawn: torch.Tensor
+    advantages: torch.Tensor
+    returns: torch.Tensor
+
+
+class Part:
+    """A part of the worlds, its exploration, and its rollouts."""
+
+    def __init__(self, settings: PPOSettings, worlds: Worlds, seed: int, number: int) -> None:
+        self._settings = settings
+        self.worlds = worlds
+        self.rng = np.random.default_rng((seed, number))
+        self._noise = np.zeros((worlds.count, 4), np.float32)
+        self._inputs = worlds.reset(seed * settings.worlds + number * worlds.count)
+
+    @torch.no_grad()
+    def collect(self, networks: ActorCritic, deviation: float) -> Samples:
+        """Follow the policy with noise and return what came of it."""
+        s = self._settings
+        shape = (s.steps, self.worlds.count)
+        inputs = np.empty((*shape, self.worlds.size), np.float32)
+        targets, drawn = np.empty((*shape, 4), np.float32), np.empty((*shape, 4), np.float32)
+        rewards, values = np.empty(shape, np.float32), np.empty((s.steps + 1, self.worlds.count), np.float32)
+        ends, finals = np.zeros(shape, np.bool_), np.zeros(shape, np.float32)
+        for t in range(s.steps):
+            seen = torch.from_numpy(self._inputs)
+            means = networks.act(seen).numpy()
+            values[t] = networks.worth(seen).numpy()
+            inputs[t] = self._inputs
+            drawn[t] = self.rng.standard_normal(drawn[t].shape, np.float32)
+            targets[t] = means + deviation * drawn[t]
+            left = s.persistence * self._noise
+            self._noise = left + deviation * drawn[t]
+            step = self.worlds.step(means + self._noise)
+            rewards[t] = s.reward_scale * step.rewards
+            self._inputs = step.inputs
+            if len(step.ended):
+                ends[t, step.ended] = True
+                worth = networks.worth(torch.from_numpy(step.last)).numpy()
+                finals[t, step.ended] = np.where(step.terminated[step.ended], 0.0, worth)
+                self._noise[step.ended] = 0.0
+        values[s.steps] = networks.worth(torch.from_numpy(self._inputs)).numpy()
+        advantages = estimate(rewards, values, ends, finals, s.discount, s.trace)
+        rows = (inputs, targets, drawn, advantages, advantages + values[:-1])
+        return Samples(*(torch.from_numpy(each.reshape(-1, *each.shape[2:])) for each in rows))
+
+    def get_state(self) -> State:
+        """Return copies of all that changes."""
+        own = {"noise": self._noise.copy(), "inputs": self._inputs.copy()}
+        drawn = {"rng": np.array(json.dumps(self.rng.bit_generator.state))}
+        return {**self.worlds.get_state(), **own, **drawn}
+
+    def set_state(self, state: State) -> None:
+        """Go on where ``get_state`` was called."""
+        self.worlds.set_state(state)
+        self._noise, self._inputs = state["noise"], state["inputs"]
+        self.rng.bit_generator.state = json.loads(str(state["rng"]))
+
+
+def estimate(
+    rewards: Rows, values: Rows, ends: NDArray[np.bool_], finals: Rows, discount: float, trace: float
+) -> Rows:
+    """Return generalised advantages (T, N), Schulman et al., arXiv:1506.02438.
+
+    Parameters
+    ----------
+    rewards, ends
+        Of each control step, and whether an episode ended there; (T, N).
+    values
+        Of the states before each control step and after the last, (T + 1, N).
+    finals
+        Values of the last states of episodes, 0 where one was terminated; (T, N).
+    discount, trace
+        γ and λ.
+    """
+    advantages = np.empty_like(rewards)
+    following = np.zeros_like(rewards[0])
+    for t in reversed(range(len(rewards))):
+        after = np.where(ends[t], finals[t], values[t + 1])
+        goes_on = np.where(ends[t], np.float32(0.0), np.float32(discount * trace))
+        following = rewards[t] + np.float32(discount) * after - values[t] + goes_on * following
+        advantages[t] = following
+    return advantages
+
+
+class PPO:
+    """Proximal policy optimisation.
+
+    Parameters
+    ----------
+    settings
+        Hyper-parameters.
+    parts
+        The worlds, in parts of the same size.
+    total
+        Control steps of the training.
+    seed
+        Of weights, worlds and noise.
+    """
+
+    def __init__(self, settings: PPOSettings, parts: Sequence[Worlds], total: int, seed: int) -> None:
+        self._settings = settings
+        self._total = total
+        self.steps = 0
+        self.rollout = settings.worlds * settings.steps
+        torch.manual_seed(seed)
+        first = parts[0]
+        self.networks = ActorCritic(
+            first.interface.size, first.size, settings.hidden, settings.value_hidden, settings.start
         )
+        self._weights = list(self.networks.parameters())
+        self._adam = torch.optim.Adam(self._weights, lr=settings.learning_rate, eps=1e-5, fused=True)
+        self._threads = ThreadPoolExecutor(PARTS, initializer=torch.set_num_threads, initargs=(1,))
+        self._parts = [Part(settings, worlds, seed, number) for number, worlds in enumerate(parts)]
+
+    def advance(self) -> dict[str, float]:
+        """Collect a rollout, learn from it, and return what is worth a log.
+
+        Raises
+        ------
+        FloatingPointError
+            If a loss or a weight is not finite.
+        """
+        s = self._settings
+        done = self.steps / self._total
+        deviation, rate = s.deviation_at(done), s.learning_rate_at(done)
+        self._adam.param_groups[0]["lr"] = rate
+        samples = normalised(self._each(lambda part: part.collect(self.networks, deviation), self._parts))
+        losses = [self._learn(samples, deviation) for _ in range(s.epochs)]
+        self.steps += self.rollout
+        loss = float(np.mean(losses))
+        if not (math.isfinite(loss) and all(bool(torch.isfinite(weight).all()) for weight in self._weights)):
+            raise FloatingPointError("a loss or a weight is not finite")
+        returns = [value for part in self._parts for value in part.worlds.finished]
+        for part in self._parts:
+            part.worlds.finished.clear()
+        logged = {"train/loss": loss, "train/learning_rate": rate, "train/deviation": deviation}
+        return {**logged, **({"rollout/mean_return": float(np.mean(returns))} if returns else {})}
+
+    def _learn(self, samples: Sequence[Samples], deviation: float) -> float:
+        """Use each sample once and return the mean loss."""
+        share = self._settings.minibatch // PARTS
+        orders = [torch.from_numpy(part.rng.permutation(len(samples[0].inputs))) for part in self._parts]
+        losses: list[float] = []
+        for first in range(0, len(orders[0]), share):
+            chosen = [order[first : first + share] for order in orders]
+            found = self._each(
+                lambda k: self._gradient(Samples(*(rows[chosen[k]] for rows in samples[k])), deviation), range(PARTS)
+            )
+            for weight, *halves in zip(self._weights, *(gradients for _, gradients in found), strict=True):
+                weight.grad = sum(halves[1:], halves[0]) / PARTS
+            nn.utils.clip_grad_norm_(self._weights, self._settings.max_gradient)
+            self._adam.step()
+            losses.append(sum(loss for loss, _ in found) / PARTS)
+        return float(np.mean(losses))
+
+    def _gradient(self, samples: Samples, deviation: float) -> tuple[float, tuple[torch.Tensor, ...]]:
+        """Return the loss of some samples and its gradient."""
+        s = self._settings
+        loss = loss_of(self.networks, samples, deviation, s.clip, s.value_weight)
+        return float(loss.detach()), torch.autograd.grad(loss, self._weights)
+
+    def _each(self, do: Callable[[P], T], over: Iterable[P]) -> list[T]:
+        """Return what a function makes of each, in a thread for each."""
+        return list(self._threads.map(do, over))
+
+    def actor(self) -> nn.Sequential:
+        """Return the layers of the policy."""
+        return self.networks.policy
+
+    def get_state(self) -> State:
+        """Return copies of all that a training's future depends on."""
+        adam = self._adam.state_dict()["state"]
+        found: State = {"steps": np.array(self.steps)}
+        for k, weight in enumerate(self._weights):
+            found[f"weight_{k}"] = weight.detach().numpy().copy()
+            for name, tensor in adam.get(k, {}).items():
+                found[f"adam_{k}_{name}"] = tensor.numpy().copy()
+        for number, part in enumerate(self._parts):
+            found |= {f"part_{number}_{name}": value for name, value in part.get_state().items()}
+        return found
+
+    def set_state(self, state: State) -> None:
+        """Go on where ``get_state`` was called."""
+        self.set_weights(state)
+        adam = self._adam.state_dict()
+        names = ("step", "exp_avg", "exp_avg_sq")
+        if "adam_0_step" in state:
+            adam["state"] = {
+                k: {name: torch.from_numpy(state[f"adam_{k}_{name}"]) for name in names}
+                for k in range(len(self._weights))
+            }
+        self._adam.load_state_dict(adam)
+        self.steps = int(state["steps"])
+        for number, part in enumerate(self._parts):
+            prefix = f"part_{number}_"
+            part.set_state({name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)})
+
+    def set_weights(self, state: State) -> None:
+        """Take the networks of a state."""
+        with torch.no_grad():
+            for k, weight in enumerate(self._weights):
+                weight.copy_(torch.from_numpy(state[f"weight_{k}"]))
+
+    def close(self) -> None:
+        """Stop the threads."""
+        self._threads.shutdown()
 
 
-class CheckedPPO(PPO):
-    """Proximal policy optimisation that stops when a number is no longer finite."""
-
-    def train(self) -> None:
-        """Update the networks from the rollout."""
-        try:
-            super().train()
-        except ValueError as error:  # torch refuses a distribution with NaN
-            raise FloatingPointError(str(error).splitlines()[0]) from error
-        logged = self.logger.name_to_value
-        losses = (logged[name] for name in ("train/loss", "train/value_loss", "train/policy_gradient_loss"))
-        if not all(map(math.isfinite, losses)):
-            raise FloatingPointError("the loss is not finite")
-        if not all(bool(torch.isfinite(weight).all()) for weight in self.policy.parameters()):
-            raise FloatingPointError("a weight is not finite after its gradient step")
+def normalised(samples: Sequence[Samples]) -> list[Samples]:
+    """Return samples whose advantages have mean 0 and deviation 1 over all parts."""
+    every = torch.cat([part.advantages for part in samples])
+    mean, deviation = every.mean(), every.std()
+    return [part._replace(advantages=(part.advantages - mean) / (deviation + 1e-8)) for part in samples]
 
 
-@dataclass(frozen=True)
-class Falling:
-    """A learning rate that falls linearly over the training."""
-
-    first: float
-    last: float
-
-    def __call__(self, remaining: float) -> float:
-        """Return the rate where a share of the training remains; the last rollout may go beyond its end."""
-        return self.last + (self.first - self.last) * max(remaining, 0.0)
-
-
-def make_model(settings: PPOSettings, worlds: InterfaceVecEnv, seed: int) -> CheckedPPO:
-    """Return an untrained model."""
-    model = CheckedPPO(
-        TwoViewsPolicy,
-        worlds,
-        learning_rate=Falling(settings.learning_rate, settings.learning_rate_end),
-        n_steps=settings.steps,
-        batch_size=settings.minibatch,
-        n_epochs=settings.epochs,
-        gamma=settings.discount,
-        gae_lambda=settings.trace,
-        clip_range=settings.clip,
-        ent_coef=settings.entropy,
-        vf_coef=settings.value_weight,
-        max_grad_norm=settings.max_gradient,
-        target_kl=settings.target_kl or None,
-        policy_kwargs={
-            "net_arch": {"pi": list(settings.hidden), "vf": list(settings.value_hidden)},
-            "log_std_init": math.log(settings.deviation),
-            "seen": worlds.interface.size,
-        },
-        seed=seed,
-        device="cpu",
-    )
-    policy: Any = model.policy
-    with torch.no_grad():
-        policy.action_net.bias.fill_(settings.start)
-    return model
+def loss_of(
+    networks: ActorCritic, samples: Samples, deviation: float, clip: float, value_weight: float
+) -> torch.Tensor:
+    """Return the clipped surrogate's loss and that of the value, as in Stable-Baselines3, without an entropy bonus."""
+    drawn = (samples.targets - networks.act(samples.inputs)) / deviation
+    ratio = torch.exp(0.5 * (samples.drawn.square() - drawn.square()).sum(1))
+    gain = torch.minimum(samples.advantages * ratio, samples.advantages * ratio.clamp(1.0 - clip, 1.0 + clip))
+    missed = (networks.worth(samples.inputs) - samples.returns).square()
+    return value_weight * missed.mean() - gain.mean()
 
 
-def actor(model: OnPolicyAlgorithm) -> nn.Sequential:
-    """Return the layers of a model's policy."""
-    policy: Any = model.policy
-    return nn.Sequential(*policy.mlp_extractor.policy_net, policy.action_net)
-
-
-LEARNER = Learner(settings=PPOSettings, smoke={"minibatch": 512, "epochs": 2}, make_model=make_model, actor=actor)
+LEARNER = Learner(settings=PPOSettings, smoke={"minibatch": 512, "epochs": 2}, make_model=PPO, parts=PARTS)

@@ -11,7 +11,6 @@ from pter_agents.worlds import Truth, make_worlds
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.tuned import SUFFIX
 from pter_gym.controllers import PaceSchedule
-from pter_gym.envs.sb3 import PterVecEnv
 from pter_gym.params import BASELINE
 from pter_gym.policies.interface import Base, Input, Interface, available, quantities, seen_without
 from pter_gym.policies.stored_gains import gains_of
@@ -21,6 +20,9 @@ FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
 """Scales [m, 1, m/s] that are chosen: what a good policy leaves of these is small beside what a bad one meets."""
 
 SAMPLE_WORLDS, SAMPLE_STEPS = 256, 200
+
+DEVIATION = 0.4
+"""Standard deviation of the random actions."""
 
 DIGITS = 4
 """Significant digits of centres and scales."""
@@ -57,27 +59,27 @@ def make_interface(settings: Settings, scenario: str, draws: Randomisation, seed
         base=base,
         history=settings.history,
         averages=settings.averages,
+        normalised=settings.normalised,
     )
     return replace(plain, inputs=tuple(sample_inputs(plain, settings, draws, seed)))
 
 
 def sample_inputs(plain: Interface, settings: Settings, draws: Randomisation, seed: int) -> Sequence[Input]:
     """Return the inputs, with the mean and the deviation of each where random actions lead."""
-    worlds: PterVecEnv = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
-    layout = worlds.env.observation_layout
+    worlds = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
+    layout = worlds.observation_layout
     bound = plain.bind(BASELINE, layout)
     residual = plain.base is not None
     names = available(layout, residual=residual)
     shown = seen_without(names, settings.blind)
     rng = np.random.default_rng(seed)
-    worlds.seed(seed)
-    obs: Any = worlds.reset()
+    obs: Any = worlds.reset(seed=seed)[0]
     past = bound.begin(SAMPLE_WORLDS)
     seen: list[np.ndarray] = []
     for _ in range(SAMPLE_STEPS):
         _, base = bound.see(obs, past)
         seen.append(quantities(obs * layout.scales, base, layout, residual=residual))
-        actions = settings.start + settings.deviation * rng.standard_normal((SAMPLE_WORLDS, 4))
+        actions = settings.start + DEVIATION * rng.standard_normal((SAMPLE_WORLDS, 4))
         obs = worlds.step(bound.volts(base, actions))[0]
     worlds.close()
     values = np.concatenate(seen)
@@ -92,14 +94,13 @@ def sample_truth(settings: Settings, draws: Randomisation, seed: int) -> Truth:
     settings, draws, seed
         As in ``make_interface``.
     """
-    worlds: PterVecEnv = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
+    worlds = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
     rng = np.random.default_rng(seed)
-    worlds.seed(seed)
-    worlds.reset()
+    worlds.reset(seed=seed)
     seen: list[np.ndarray] = []
     for _ in range(SAMPLE_STEPS):
-        worlds.step(rng.uniform(0.0, BASELINE.clutch.voltage_max, (SAMPLE_WORLDS, 4)))
-        seen.append(worlds.env.batch.truth())
+        worlds.step(rng.uniform(0.0, BASELINE.clutch.voltage_max, (SAMPLE_WORLDS, 4)).astype(np.float32))
+        seen.append(worlds.batch.truth())
     worlds.close()
     values = np.concatenate(seen)
     spread = values.std(axis=0)

@@ -6,8 +6,8 @@ from typing import Any, get_args
 from pter_agents.algorithms import load_settings
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import unknown_name
-from pter_gym.params import require, require_number
-from pter_gym.tasks.path_following import RewardWeights, Sensors
+from pter_gym.params import require, require_flag, require_number
+from pter_gym.tasks.path_following import STARTS, RewardWeights, Sensors
 
 __all__ = ["BASES", "PLAIN", "Settings", "load_settings", "require_whole"]
 
@@ -30,8 +30,9 @@ class Settings(RewardWeights):
         Voltage of an action of 1, relative to the base or to the middle of the range [V].
     start
         Action that the untrained policy takes on average.
-    deviation
-        Standard deviation of its actions at the beginning.
+    normalised
+        Whether its actions are the environments' normalised ones, squares of which are shares of the largest voltage;
+        ``reach`` has no meaning then.
     sensors
         What the worlds measure: ``"encoders"``, ``"torque"`` or ``"force"``. The benchmark has torque sensors and takes
         no policy that was trained with others.
@@ -50,6 +51,10 @@ class Settings(RewardWeights):
         Worlds that are simulated at once, and control steps of each between two updates.
     episode
         Control steps after which a training episode is truncated.
+    starts
+        How training episodes begin, one of ``pter_gym.tasks.path_following.STARTS``.
+    truncation
+        Distance from the path at which a training episode is truncated [m].
     contexts
         Number of drawn machines and tasks to train on.
     """
@@ -57,7 +62,7 @@ class Settings(RewardWeights):
     base: str
     reach: float
     start: float
-    deviation: float
+    normalised: bool
     sensors: Sensors
     blind: tuple[str, ...]
     history: tuple[int, ...]
@@ -68,6 +73,8 @@ class Settings(RewardWeights):
     worlds: int
     steps: int
     episode: int
+    starts: str
+    truncation: float
     contexts: int
 
     def __post_init__(self) -> None:
@@ -82,10 +89,13 @@ class Settings(RewardWeights):
         )
         require_number(self, "reach", above=0.0)
         require_number(self, "start", at_least=-1.0, at_most=1.0)
-        require_number(self, "deviation", above=0.0)
+        require_number(self, "truncation", above=0.0)
+        if self.starts not in STARTS:
+            raise unknown_name("starts", self.starts, STARTS)
         for name in ("worlds", "steps", "episode", "contexts"):
             require_whole(self, name)
-        require(type(self.privileged) is bool, self, "privileged", self.privileged, "true or false")
+        for name in ("privileged", "normalised"):
+            require_flag(self, name)
         for name in ("hidden", "value_hidden"):
             sizes: tuple[Any, ...] = getattr(self, name)
             whole = type(sizes) is tuple and all(type(size) is int and 1 <= size <= 1024 for size in sizes)
@@ -94,6 +104,11 @@ class Settings(RewardWeights):
             ages: tuple[Any, ...] = getattr(self, name)
             require(type(ages) is tuple and all(type(age) is int for age in ages), self, name, ages, "whole numbers")
         self.reward()
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """Fields of the task that all training episodes share."""
+        return {"reward": self.reward(), "starts": STARTS[self.starts], "truncation_error": self.truncation}
 
     def reward(self) -> RewardWeights:
         """Return the weights of the reward."""

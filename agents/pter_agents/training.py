@@ -1,30 +1,28 @@
-"""Train a policy: an algorithm of Stable-Baselines3 on the batch engine, in a folder of its own."""
+"""Train a policy on the batch engine, in a folder of its own."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import torch
-from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import CSVOutputFormat, Logger, TensorBoardOutputFormat
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
-from pter_agents.algorithms import Learner, find_algorithm, settings_from
-from pter_agents.checkpoints import checkpoints, resume_from, save_checkpoint
+from pter_agents.algorithms import Learner, Model, find_algorithm, settings_from
+from pter_agents.checkpoints import checkpoints, load_checkpoint, save_checkpoint
 from pter_agents.errors import TrainingDivergedError
 from pter_agents.prepare import make_interface, sample_truth
 from pter_agents.settings import Settings, require_whole
 from pter_agents.validation import Validation, network_of
-from pter_agents.worlds import ALL, InterfaceVecEnv, make_worlds, training_draws
+from pter_agents.worlds import ALL, Worlds, make_worlds, training_draws
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError, ParameterError, unknown_name
 from pter_gym.internal.files import write_text_atomic
 from pter_gym.internal.terminal import make_folder
 from pter_gym.params import require, require_number
 from pter_gym.policies.cards import plain_interface, read_interface
-from pter_gym.policies.interface import Interface
+from pter_gym.policies.interface import BoundInterface, Interface
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios.randomisation import Randomisation
 
@@ -138,64 +136,52 @@ class RunFolder:
         return found[-1] if found else None
 
 
-class Watch(BaseCallback):
-    """Between two rollouts: checkpoints, validation, and progress."""
+class Watch:
+    """What happens between two rollouts: checkpoints, validation, logs."""
 
-    def __init__(
-        self, arguments: Arguments, worlds: InterfaceVecEnv, folder: RunFolder, on_progress: Callable[[int], None]
-    ) -> None:
-        super().__init__()
+    def __init__(self, arguments: Arguments, model: Model, interface: BoundInterface, folder: RunFolder) -> None:
         self._arguments = arguments
-        self._worlds = worlds
+        self._model = model
+        self._interface = interface
         self._folder = folder
-        self._on_progress = on_progress
+        self._logger = make_logger(folder.path, model.steps)
         self._validation = Validation(
             arguments.scenario, arguments.paces, arguments.validation_episodes, arguments.settings.sensors
         )
 
-    def _on_step(self) -> bool:
-        return True
-
-    def _on_rollout_start(self) -> None:
-        """Do what is due at the rollout's boundary."""
-        settings = self._arguments.settings
-        rollouts = self._steps // (settings.worlds * settings.steps)
-        self._on_progress(self._steps)
+    def look(self) -> None:
+        """Do what is due now."""
+        rollouts = self._model.steps // self._model.rollout
         if rollouts % self._arguments.checkpoint_every == 0:
-            save_checkpoint(self._trained, self._worlds, self._folder.path)
+            save_checkpoint(self._model, self._folder.path)
         if rollouts and rollouts % self._arguments.validate_every == 0:
             self.validate()
 
+    def log(self, values: Mapping[str, float]) -> None:
+        """Write numbers to the logs."""
+        for name, value in values.items():
+            self._logger.record(name, value)
+        self._logger.dump(self._model.steps)
+
     def finish(self) -> Path:
         """Keep the last checkpoint and validate it."""
-        self._on_progress(self._steps)
-        path = save_checkpoint(self._trained, self._worlds, self._folder.path)
+        path = save_checkpoint(self._model, self._folder.path)
         self.validate()
         return path
 
     def validate(self) -> None:
         """Write the scores on validation episodes to the logs and to a file."""
-        actor = self._arguments.learner.actor(self._trained)
-        scores = self._validation.scores(network_of(actor), self._worlds.interface)
-        for pace, values in scores.items():
-            for name, value in values.items():
-                self.logger.record(f"validation/{pace}_{name}", value)
-        self.logger.dump(self._steps)
+        scores = self._validation.scores(network_of(self._model.actor()), self._interface)
+        self.log({f"validation/{pace}_{name}": value for pace, row in scores.items() for name, value in row.items()})
         file = self._folder.path / PROGRESS
         kept: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-        kept = {steps: row for steps, row in kept.items() if int(steps) < self._steps}
-        kept[str(self._steps)] = scores
+        kept = {steps: row for steps, row in kept.items() if int(steps) < self._model.steps}
+        kept[str(self._model.steps)] = scores
         write_text_atomic(file, json.dumps(kept, indent=1) + "\n")
 
-    @property
-    def _trained(self) -> OnPolicyAlgorithm:
-        assert isinstance(self.model, OnPolicyAlgorithm)
-        return self.model
-
-    @property
-    def _steps(self) -> int:
-        """Control steps so far: the model's, since a finished run that is resumed has no steps of this callback."""
-        return self._trained.num_timesteps
+    def close(self) -> None:
+        """Close the logs."""
+        self._logger.close()
 
 
 def train(
@@ -222,59 +208,63 @@ def train(
         If a loss or a weight is no longer finite; it names the last good checkpoint.
     """
     folder = RunFolder(out)
-    settings = arguments.settings
-    draws = training_draws(
-        arguments.scenario, arguments.pace, contexts=settings.contexts, seed=arguments.seed, reward=settings.reward()
-    )
+    draws = make_draws(arguments)
     if resume:
         known, interface = folder.read()
         check_same(known, arguments)
     else:
-        interface = make_interface(settings, arguments.scenario, draws, arguments.seed)
+        interface = make_interface(arguments.settings, arguments.scenario, draws, arguments.seed)
         folder.begin(arguments, interface)
-    worlds = make_training_worlds(settings, draws, interface, arguments.seed)
-    model = make_model(settings, worlds, arguments)
+    parts = make_parts(arguments, draws, interface)
+    model = make_model(arguments, parts)
     newest = folder.newest() if resume else None
     if newest is not None:
-        resume_from(model, worlds, newest)
-    model.set_logger(make_logger(out, cast(Any, model).num_timesteps))
-    watch = Watch(arguments, worlds, folder, on_progress)
+        load_checkpoint(model, newest)
+    watch = Watch(arguments, model, parts[0].interface, folder)
     try:
-        remaining = arguments.steps - model.num_timesteps
-        if remaining > 0:
-            model.learn(remaining, callback=watch, reset_num_timesteps=newest is None, log_interval=1)
-        else:
-            watch.init_callback(model)
+        on_progress(model.steps)
+        while model.steps < arguments.steps:
+            watch.look()
+            watch.log(model.advance())
+            on_progress(model.steps)
         return watch.finish()
     except FloatingPointError as error:
-        good = folder.newest()
         raise TrainingDivergedError(
-            f"training stopped after {model.num_timesteps} steps: {error}; the last good checkpoint is {good}"
+            f"training stopped after {model.steps} steps: {error}; the last good checkpoint is {folder.newest()}"
         ) from error
     finally:
-        model.logger.close()
-        worlds.close()
+        watch.close()
+        model.close()
+        for worlds in parts:
+            worlds.close()
 
 
-def make_training_worlds(settings: Settings, draws: Randomisation, interface: Interface, seed: int) -> InterfaceVecEnv:
-    """Return worlds as the networks meet them.
-
-    Parameters
-    ----------
-    settings, draws, seed
-        As in ``make_interface``.
-    interface
-        What the policy sees and does.
-    """
-    truth = sample_truth(settings, draws, seed) if settings.privileged else None
-    worlds = make_worlds(draws, settings.worlds, settings.episode, settings.sensors)
-    return InterfaceVecEnv(worlds, interface, truth)
+def make_draws(arguments: Arguments, contexts: int | None = None) -> Randomisation:
+    """Return the machines and tasks to train on, or the first of them."""
+    settings = arguments.settings
+    return training_draws(
+        arguments.scenario,
+        arguments.pace,
+        contexts=contexts or settings.contexts,
+        seed=arguments.seed,
+        **settings.stated,
+    )
 
 
-def make_model(settings: Settings, worlds: InterfaceVecEnv, arguments: Arguments) -> OnPolicyAlgorithm:
-    """Return an untrained model; seeds torch, NumPy's legacy generator and the worlds."""
+def make_parts(arguments: Arguments, draws: Randomisation, interface: Interface) -> list[Worlds]:
+    """Return worlds as the networks meet them, in as many parts as the algorithm wants."""
+    settings, parts = arguments.settings, arguments.learner.parts
+    truth = sample_truth(settings, draws, arguments.seed) if settings.privileged else None
+    count = settings.worlds // parts
+    return [
+        Worlds(make_worlds(draws, count, settings.episode, settings.sensors), interface, truth) for _ in range(parts)
+    ]
+
+
+def make_model(arguments: Arguments, parts: Sequence[Worlds]) -> Model:
+    """Return an untrained model; seeds torch."""
     torch.set_num_threads(1)  # networks as small as these are slower with more
-    return arguments.learner.make_model(settings, worlds, arguments.seed)
+    return arguments.learner.make_model(arguments.settings, parts, arguments.steps, arguments.seed)
 
 
 def make_logger(out: Path, steps: int) -> Logger:

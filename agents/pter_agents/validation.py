@@ -27,7 +27,7 @@ Scores = dict[str, dict[str, float]]
 SEED = 2**31 + 1
 """Seed of the draws, above all that a run may have."""
 
-FIRST_RESET = 2**40
+FIRST_RESET = 2**50
 """Seed of the first episode's reset."""
 
 

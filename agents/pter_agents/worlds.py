@@ -4,26 +4,26 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from pter_gym.benchmark import PACES
-from pter_gym.envs.sb3 import PterVecEnv, make_sb3_vec_env
+from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE
 from pter_gym.policies.interface import LIMIT, Interface
 from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios.randomisation import OneOf, Randomisation, Vary
-from pter_gym.tasks.path_following import PathFollowing, RewardWeights, Sensors
+from pter_gym.tasks.path_following import Sensors
 
 ALL = "all"
 """Name for a commanded pace that is drawn among those at which a scenario is scored."""
 
+Rows = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 
-def training_draws(
-    scenario: str, pace: str, *, contexts: int, seed: int, reward: RewardWeights | None = None
-) -> Randomisation:
+
+def training_draws(scenario: str, pace: str, *, contexts: int, seed: int, **stated: Any) -> Randomisation:
     """Return machines and tasks of a scenario at a pace.
 
     Parameters
@@ -34,8 +34,8 @@ def training_draws(
         Name of a commanded pace, or ``"all"``.
     contexts, seed
         Number of pairs of machine and task, and the seed of their list.
-    reward
-        Weights of the reward; those of the scenario by default.
+    **stated
+        Fields of the task that all episodes share, such as ``reward``, ``starts`` and ``truncation_error``.
 
     Raises
     ------
@@ -45,10 +45,9 @@ def training_draws(
     if pace not in (ALL, *PACES):
         raise unknown_name("pace", pace, (ALL, *PACES))
     speeds = all_paces() if pace == ALL else (PACES[pace],)
-    drawn = find_scenario(scenario).randomisation(None, contexts=contexts, seed=seed)
+    drawn = find_scenario(scenario).randomisation(None, contexts=contexts, seed=seed, **stated)
     task: Any = drawn.task
-    base: PathFollowing = task.base if reward is None else replace(task.base, reward=reward)
-    return replace(drawn, task=Vary(base, **{**task.fields, "pace": OneOf(speeds)}))
+    return replace(drawn, task=Vary(task.base, **{**task.fields, "pace": OneOf(speeds)}))
 
 
 def all_paces() -> tuple[float, ...]:
@@ -57,8 +56,10 @@ def all_paces() -> tuple[float, ...]:
     return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
 
 
-def make_worlds(draws: Randomisation, count: int, episode: int, sensors: Sensors = "torque") -> PterVecEnv:
-    """Return worlds that take voltages.
+def make_worlds(
+    draws: Randomisation, count: int, episode: int, sensors: Sensors = "torque"
+) -> PathFollowingVectorEnv:
+    """Return worlds that take voltages and begin again in the step in which they end.
 
     Parameters
     ----------
@@ -71,12 +72,13 @@ def make_worlds(draws: Randomisation, count: int, episode: int, sensors: Sensors
     sensors
         What they measure.
     """
-    return make_sb3_vec_env(
+    return PathFollowingVectorEnv(
         count,
-        action_unit="volt",
         randomisation=draws,
         max_episode_steps=episode,
         sensors=sensors,
+        autoreset_mode=AutoresetMode.SAME_STEP,
+        telemetry=False,
         num_threads=1,
     )
 
@@ -88,17 +90,36 @@ class Truth(NamedTuple):
     scale: NDArray[np.float64]
 
 
-class InterfaceVecEnv(VecEnvWrapper):
-    """Worlds as the network of a policy meets them: its inputs as observations, its outputs as actions.
+class Step(NamedTuple):
+    """What a control step of N worlds has led to.
+
+    Attributes
+    ----------
+    inputs
+        What the networks see now, of worlds that have ended after their reset; (N, size).
+    rewards, terminated, truncated
+        (N,) each.
+    ended, last
+        Numbers of the worlds that have ended, and what the networks would have seen of them at the end.
+    """
+
+    inputs: Rows
+    rewards: NDArray[np.float64]
+    terminated: Mask
+    truncated: Mask
+    ended: NDArray[np.intp]
+    last: Rows
+
+
+class Worlds:
+    """Worlds as the networks of a policy meet them: its inputs as observations, its outputs as actions.
 
     The inputs of the value network alone follow those of the policy. Those of an episode's last observation are from
     one control step earlier: the world has begun again by then.
 
-    ``infos`` of an episode's last step hold ``episode`` with its return and length, as Stable-Baselines3 logs them.
-
     Parameters
     ----------
-    venv
+    env
         The worlds.
     interface
         What the network sees and does.
@@ -106,79 +127,66 @@ class InterfaceVecEnv(VecEnvWrapper):
         How to scale what is true of a world for the value network; None if it sees what the policy sees.
     """
 
-    def __init__(self, venv: PterVecEnv, interface: Interface, truth: Truth | None = None) -> None:
-        size = interface.size + (0 if truth is None else len(truth.center))
-        super().__init__(
-            venv,
-            observation_space=spaces.Box(-LIMIT, LIMIT, (size,), np.float32),
-            action_space=spaces.Box(-1.0, 1.0, (4,), np.float32),
-        )
-        self.worlds = venv.env
-        self.interface = interface.bind(BASELINE, self.worlds.observation_layout)
-        self._past = self.interface.begin(venv.num_envs)
-        self._base = np.zeros((venv.num_envs, 4))
+    def __init__(self, env: PathFollowingVectorEnv, interface: Interface, truth: Truth | None = None) -> None:
+        self.env = env
+        self.count = env.num_envs
+        self.interface = interface.bind(BASELINE, env.observation_layout)
+        self.size = interface.size + (0 if truth is None else len(truth.center))
+        self._past = self.interface.begin(self.count)
+        self._base = np.zeros((self.count, 4))
         self._truth = truth
-        self._known = np.zeros((venv.num_envs, size - interface.size))
-        self._returns = np.zeros(venv.num_envs)
-        self._lengths = np.zeros(venv.num_envs, np.int64)
+        self._known = np.zeros((self.count, self.size - interface.size))
+        self._returns = np.zeros(self.count)
+        self.finished: list[float] = []
+        """Returns of the episodes that have ended; whoever reads them may empty the list."""
 
-    def reset(self) -> NDArray[np.float32]:
-        """Start new episodes."""
+    def reset(self, seed: int) -> Rows:
+        """Start new episodes with the seeds from ``seed`` on, and return what the networks see, (N, size)."""
         self._returns[:] = 0.0
-        self._lengths[:] = 0
-        self._past.forget(np.ones(self.num_envs, np.bool_))
-        return self._see(self.venv.reset())
+        self._past.forget(np.ones(self.count, np.bool_))
+        return self._see(self.env.reset(seed=seed)[0])
 
-    def step_async(self, actions: NDArray[np.float32]) -> None:
-        """Turn the network's outputs (N, 4) to voltages."""
-        self.venv.step_async(self.interface.volts(self._base, actions))
-
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Advance all worlds by one control period."""
-        venv: Any = self.venv
-        obs, rewards, done, infos = venv.step_wait()
+    def step(self, outputs: Rows) -> Step:
+        """Advance all worlds by one control period with the network's outputs (N, 4)."""
+        obs, rewards, terminated, truncated, infos = self.env.step(self.interface.volts(self._base, outputs))
+        done = terminated | truncated
         ended = np.flatnonzero(done)
-        final = np.array(obs)
-        for world in map(int, ended):
-            final[world] = infos[world]["terminal_observation"]
+        last = np.empty((0, self.size), np.float32)
         self._returns += rewards
-        self._lengths += 1
         if len(ended):
-            last = np.hstack([self.interface.see(final, self._past, passing=True)[0], self._known])
+            final = obs.copy()
+            final[ended] = np.stack(list(infos["final_obs"][ended]))
+            seen = self.interface.see(final, self._past, passing=True)[0]
+            last = np.hstack([seen, self._known])[ended].astype(np.float32)
             self._past.forget(done)
-            for world in map(int, ended):
-                infos[world]["terminal_observation"] = last[world].astype(np.float32)
-                infos[world]["episode"] = {"r": float(self._returns[world]), "l": int(self._lengths[world])}
+            self.finished += self._returns[ended].tolist()
             self._returns[ended] = 0.0
-            self._lengths[ended] = 0
-        return self._see(obs), rewards, done, infos
+        return Step(self._see(obs), rewards, terminated, truncated, ended, last)
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all that changes."""
-        own = {
-            "base": self._base,
-            "known": self._known,
-            "returns": self._returns,
-            "lengths": self._lengths,
-        }
+        own = {"base": self._base, "known": self._known, "returns": self._returns}
         return {
-            **self.worlds.get_state(),
+            **self.env.get_state(),
             **self._past.get_state(),
             **{name: part.copy() for name, part in own.items()},
         }
 
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
         """Go on where ``get_state`` was called."""
-        self.worlds.set_state(state)
+        self.env.set_state(state)
         self._past.set_state(state)
         self._base = state["base"]
         self._known = state["known"]
         self._returns = state["returns"]
-        self._lengths = state["lengths"]
 
-    def _see(self, obs: Any) -> NDArray[np.float32]:
+    def close(self) -> None:
+        """Stop the worlds."""
+        self.env.close()
+
+    def _see(self, obs: Any) -> Rows:
         inputs, self._base = self.interface.see(obs, self._past)
         if self._truth is not None:
-            known = (self.worlds.batch.truth() - self._truth.center) / self._truth.scale
+            known = (self.env.batch.truth() - self._truth.center) / self._truth.scale
             self._known = known.clip(-LIMIT, LIMIT)
         return np.hstack([inputs, self._known]).astype(np.float32)

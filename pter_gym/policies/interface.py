@@ -1,11 +1,12 @@
 """What is between an observation and a network, and between the network and the clutches.
 
 A network sees quantities of the observation and a few derived from it, each shifted and scaled; its four outputs within
-[−1, 1] are voltages relative to the middle of the range, or relative to those of a base controller (a residual policy).
+[−1, 1] are voltages relative to the middle of the range, or relative to those of a base controller (a residual policy),
+or the environments' normalised actions.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -14,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.compiled.layout import Layout
+from pter_gym.engine.step import scaled_volts
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import Machine, require, require_kind, require_number
+from pter_gym.internal.codec import ABSENT
+from pter_gym.params import Machine, require, require_flag, require_kind, require_number
 from pter_gym.policies.stored_gains import gains_of, make_guided
 
 if TYPE_CHECKING:
@@ -137,6 +140,9 @@ class Interface:
         episode they are as they were at the start.
     averages
         Time constants in control steps, rising: the network sees all inputs behind a first-order low-pass as well.
+    normalised
+        Whether the outputs are the environments' normalised actions: voltage_max·((a + 1)/2)². They correct no base then
+        and have no reach.
     """
 
     inputs: tuple[Input, ...]
@@ -144,9 +150,12 @@ class Interface:
     base: Base | None = None
     history: tuple[int, ...] = ()
     averages: tuple[int, ...] = ()
+    normalised: bool = field(default=False, metadata={ABSENT: False})
 
     def __post_init__(self) -> None:
         """Check the numbers."""
+        require_flag(self, "normalised")
+        require(not (self.normalised and self.base), self, "normalised", self.normalised, "False with a base controller")
         require(len(self.inputs) > 0, self, "inputs", self.inputs, "at least one input")
         require_number(self, "reach", above=0.0)
         for name, longest in (("history", LONGEST), ("averages", SLOWEST)):
@@ -178,6 +187,7 @@ class BoundInterface:
         self.layout = layout
         self.size = interface.size
         self.reach = interface.reach
+        self.normalised = interface.normalised
         self.voltage_max = machine.clutch.voltage_max
         self.base = None if interface.base is None else interface.base.schedule().bind(machine, layout)
         names = available(layout, residual=self.base is not None)
@@ -237,7 +247,11 @@ class BoundInterface:
 
     def volts(self, base: Array, outputs: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return voltages [V], float32 (N, 4), for the outputs (N, 4) of a network; beyond [−1, 1] they are limited."""
-        wanted = base + self.reach * np.clip(np.asarray(outputs, np.float64), -1.0, 1.0)
+        limited = np.clip(np.asarray(outputs, np.float64), -1.0, 1.0)
+        if self.normalised:
+            linear = (limited + 1.0) * (self.voltage_max / 2.0)
+            return scaled_volts(linear, -1.0, self.voltage_max).astype(np.float32)
+        wanted = base + self.reach * limited
         return np.clip(wanted, 0.0, self.voltage_max).astype(np.float32)
 
 

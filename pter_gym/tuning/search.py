@@ -23,7 +23,7 @@ TRIALS = 2000
 """The budget of a start: gains that are tried."""
 
 STARTS = 3
-"""Searches of a controller for a scenario and a pace, each from random gains of its own, since they end in different ones."""
+"""Searches of a controller for a scenario and a pace, each from random gains of its own."""
 
 EPISODES = 200
 """The budget of a trial: training draws."""
