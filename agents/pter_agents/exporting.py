@@ -82,9 +82,7 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
     return write_policy(*files, out), difference
 
 
-def make_card(
-    name: str, hidden: tuple[int, ...], interface: Interface, worlds: Worlds, about: dict[str, Any]
-) -> Card:
+def make_card(name: str, hidden: tuple[int, ...], interface: Interface, worlds: Worlds, about: dict[str, Any]) -> Card:
     """Return the card of a policy whose weights are not written yet."""
     return Card(
         name=name,

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import torch
@@ -174,9 +174,7 @@ class Part:
         self.rng.bit_generator.state = json.loads(str(state["rng"]))
 
 
-def estimate(
-    rewards: Rows, values: Rows, ends: NDArray[np.bool_], finals: Rows, discount: float, trace: float
-) -> Rows:
+def estimate(rewards: Rows, values: Rows, ends: NDArray[np.bool_], finals: Rows, discount: float, trace: float) -> Rows:
     """Return generalised advantages (T, N), Schulman et al., arXiv:1506.02438.
 
     Parameters
@@ -191,10 +189,10 @@ def estimate(
         γ and λ.
     """
     advantages = np.empty_like(rewards)
-    following = np.zeros_like(rewards[0])
+    following: Any = np.zeros_like(rewards[0])
     for t in reversed(range(len(rewards))):
-        after = np.where(ends[t], finals[t], values[t + 1])
-        goes_on = np.where(ends[t], np.float32(0.0), np.float32(discount * trace))
+        after: Any = np.where(ends[t], finals[t], values[t + 1])
+        goes_on: Any = np.where(ends[t], np.float32(0.0), np.float32(discount * trace))
         following = rewards[t] + np.float32(discount) * after - values[t] + goes_on * following
         advantages[t] = following
     return advantages
@@ -260,10 +258,11 @@ class PPO:
         orders = [torch.from_numpy(part.rng.permutation(len(samples[0].inputs))) for part in self._parts]
         losses: list[float] = []
         for first in range(0, len(orders[0]), share):
-            chosen = [order[first : first + share] for order in orders]
-            found = self._each(
-                lambda k: self._gradient(Samples(*(rows[chosen[k]] for rows in samples[k])), deviation), range(PARTS)
-            )
+            chosen = [
+                Samples(*(rows[order[first : first + share]] for rows in part))
+                for part, order in zip(samples, orders, strict=True)
+            ]
+            found = self._each(lambda part: self._gradient(part, deviation), chosen)
             for weight, *halves in zip(self._weights, *(gradients for _, gradients in found), strict=True):
                 weight.grad = sum(halves[1:], halves[0]) / PARTS
             nn.utils.clip_grad_norm_(self._weights, self._settings.max_gradient)
@@ -311,7 +310,9 @@ class PPO:
         self.steps = int(state["steps"])
         for number, part in enumerate(self._parts):
             prefix = f"part_{number}_"
-            part.set_state({name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)})
+            part.set_state(
+                {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}
+            )
 
     def set_weights(self, state: State) -> None:
         """Take the networks of a state."""

@@ -56,9 +56,7 @@ def all_paces() -> tuple[float, ...]:
     return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
 
 
-def make_worlds(
-    draws: Randomisation, count: int, episode: int, sensors: Sensors = "torque"
-) -> PathFollowingVectorEnv:
+def make_worlds(draws: Randomisation, count: int, episode: int, sensors: Sensors = "torque") -> PathFollowingVectorEnv:
     """Return worlds that take voltages and begin again in the step in which they end.
 
     Parameters

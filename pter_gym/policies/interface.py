@@ -141,8 +141,8 @@ class Interface:
     averages
         Time constants in control steps, rising: the network sees all inputs behind a first-order low-pass as well.
     normalised
-        Whether the outputs are the environments' normalised actions: voltage_max·((a + 1)/2)². They correct no base then
-        and have no reach.
+        Whether the outputs a are the environments' normalised actions, for voltage_max·((a + 1)/2)². They correct no
+        base then and have no reach.
     """
 
     inputs: tuple[Input, ...]
@@ -155,7 +155,9 @@ class Interface:
     def __post_init__(self) -> None:
         """Check the numbers."""
         require_flag(self, "normalised")
-        require(not (self.normalised and self.base), self, "normalised", self.normalised, "False with a base controller")
+        require(
+            not (self.normalised and self.base), self, "normalised", self.normalised, "False with a base controller"
+        )
         require(len(self.inputs) > 0, self, "inputs", self.inputs, "at least one input")
         require_number(self, "reach", above=0.0)
         for name, longest in (("history", LONGEST), ("averages", SLOWEST)):
@@ -249,8 +251,9 @@ class BoundInterface:
         """Return voltages [V], float32 (N, 4), for the outputs (N, 4) of a network; beyond [−1, 1] they are limited."""
         limited = np.clip(np.asarray(outputs, np.float64), -1.0, 1.0)
         if self.normalised:
-            linear = (limited + 1.0) * (self.voltage_max / 2.0)
-            return scaled_volts(linear, -1.0, self.voltage_max).astype(np.float32)
+            linear: Any = (limited + 1.0) * (self.voltage_max / 2.0)
+            volts: Any = scaled_volts(linear, -1.0, self.voltage_max)
+            return volts.astype(np.float32)
         wanted = base + self.reach * limited
         return np.clip(wanted, 0.0, self.voltage_max).astype(np.float32)
 

@@ -1,21 +1,22 @@
-"""Another algorithm, as somebody would add one: its hyper-parameters, its model, and the layers of its policy."""
+"""Another algorithm, as somebody would add one: its hyper-parameters and its model, a plain policy gradient."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from stable_baselines3 import A2C
+import numpy as np
+import torch
+from torch import nn
 
-from pter_agents.algorithms import Learner
-from pter_agents.critic import TwoViewsPolicy
-from pter_agents.ppo import actor
+from pter_agents.algorithms import Learner, State
+from pter_agents.networks import ActorCritic
 from pter_agents.settings import Settings
-from pter_agents.worlds import InterfaceVecEnv
+from pter_agents.worlds import Worlds
 from pter_gym.params import require_number
 
 
 @dataclass(frozen=True, kw_only=True)
 class AdvantageSettings(Settings):
-    """Hyper-parameters of advantage actor-critic."""
+    """Hyper-parameters of the policy gradient."""
 
     rate: float
 
@@ -25,18 +26,57 @@ class AdvantageSettings(Settings):
         require_number(self, "rate", above=0.0)
 
 
-def make_model(settings: AdvantageSettings, worlds: InterfaceVecEnv, seed: int) -> A2C:
-    """Return an untrained model."""
-    arch: Any = {"pi": list(settings.hidden), "vf": list(settings.value_hidden)}
-    return A2C(
-        TwoViewsPolicy,
-        worlds,
-        learning_rate=settings.rate,
-        n_steps=settings.steps,
-        policy_kwargs={"net_arch": arch, "seen": worlds.interface.size},
-        seed=seed,
-        device="cpu",
-    )
+class PolicyGradient:
+    """The gradient of one control step's reward, less its value, after each."""
+
+    def __init__(self, settings: AdvantageSettings, parts: Sequence[Worlds], total: int, seed: int) -> None:  # noqa: ARG002
+        torch.manual_seed(seed)
+        (self._worlds,) = parts
+        self.steps, self.rollout = 0, settings.worlds * settings.steps
+        self._length = settings.steps
+        sizes = self._worlds.interface.size, self._worlds.size
+        self._networks = ActorCritic(*sizes, settings.hidden, settings.value_hidden, settings.start)
+        self._descent = torch.optim.SGD(self._networks.parameters(), lr=settings.rate)
+        self._inputs = self._worlds.reset(seed)
+
+    def advance(self) -> dict[str, float]:
+        losses = [self._step() for _ in range(self._length)]
+        self.steps += self.rollout
+        return {"train/loss": float(np.mean(losses))}
+
+    def _step(self) -> float:
+        inputs = torch.from_numpy(self._inputs)
+        drawn = torch.randn(len(inputs), 4)
+        means, values = self._networks.act(inputs), self._networks.worth(inputs)
+        step = self._worlds.step((means + 0.3 * drawn).detach().numpy())
+        self._inputs = step.inputs
+        missed = torch.from_numpy(step.rewards.astype(np.float32)) - values
+        loss = missed.square().mean() - (missed.detach() * (means * drawn).sum(1)).mean()
+        self._descent.zero_grad()
+        loss.backward()
+        self._descent.step()
+        return float(loss.detach())
+
+    def actor(self) -> nn.Sequential:
+        return self._networks.policy
+
+    def get_state(self) -> State:
+        own = {"steps": np.array(self.steps), "inputs": self._inputs, "torch": torch.get_rng_state().numpy()}
+        weights = {name: tensor.numpy() for name, tensor in self._networks.state_dict().items()}
+        return {**own, **weights, **self._worlds.get_state()}
+
+    def set_state(self, state: State) -> None:
+        self.set_weights(state)
+        self._worlds.set_state(state)
+        self.steps, self._inputs = int(state["steps"]), state["inputs"]
+        torch.set_rng_state(torch.from_numpy(state["torch"]))
+
+    def set_weights(self, state: State) -> None:
+        names = self._networks.state_dict()
+        self._networks.load_state_dict({name: torch.from_numpy(state[name]) for name in names})
+
+    def close(self) -> None:
+        pass
 
 
-LEARNER = Learner(settings=AdvantageSettings, smoke={}, make_model=make_model, actor=actor)
+LEARNER = Learner(settings=AdvantageSettings, smoke={}, make_model=PolicyGradient, parts=1)

@@ -17,7 +17,7 @@ pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
 from pter_agents import algorithms, command, exporting, prepare, training  # noqa: E402
-from pter_agents.ppo import Falling, PPOSettings  # noqa: E402
+from pter_agents.ppo import PPOSettings  # noqa: E402
 from pter_agents.settings import Settings  # noqa: E402
 from pter_gym.policies import load_policy  # noqa: E402
 
@@ -54,7 +54,7 @@ def test_an_algorithm_is_one_table_and_one_module(added: str, tmp_path: Path) ->
 
 def test_an_algorithm_has_its_own_hyperparameters(added: str, tmp_path: Path) -> None:
     file = tmp_path / "some.toml"
-    file.write_text("epochs = 3")
+    file.write_text("clip = 0.3")
     with pytest.raises(ParameterError, match="config must be among"):
         algorithms.load_settings(added, file)
     file.write_text("rate = 0.0")
@@ -65,8 +65,3 @@ def test_an_algorithm_has_its_own_hyperparameters(added: str, tmp_path: Path) ->
 def test_the_help_names_each_algorithm() -> None:
     for name, algorithm in algorithms.ALGORITHMS.items():
         assert f"{name} ({algorithm.action})" in command.TRAINED
-
-
-def test_the_learning_rate_stays_at_its_last_beyond_the_end_of_a_training() -> None:
-    rate = Falling(3e-4, 1e-5)
-    assert [rate(remaining) for remaining in (1.0, 0.0, -30.0)] == pytest.approx([3e-4, 1e-5, 1e-5])

@@ -61,10 +61,8 @@ def arguments(algorithm: str = "residual", rollouts: int = 4, **changes: Any) ->
 
 
 def weights(path: Path) -> list[bytes]:
-    from stable_baselines3.common.save_util import load_from_zip_file
-
-    _, found, _ = load_from_zip_file(str(path), load_data=False)
-    return [found["policy"][name].numpy().tobytes() for name in sorted(found["policy"])]
+    with np.load(path, allow_pickle=False) as found:
+        return [found[name].tobytes() for name in found.files if name.startswith("weight_")]
 
 
 # what it is told
@@ -148,66 +146,63 @@ def test_arguments_out_of_range_are_named(changes: dict[str, Any]) -> None:
 
 
 def test_only_the_value_network_sees_what_is_true() -> None:
-    given = arguments(privileged=True)
-    draws = worlds.training_draws("everything", "all", contexts=8, seed=3)
-    from pter_agents.prepare import make_interface
-
-    interface = make_interface(given.settings, "everything", draws, 3)
-    seen = training.make_training_worlds(given.settings, draws, interface, 3)
-    model = training.make_model(given.settings, seen, given)
-    policy: Any = model.policy
-    seen.venv.seed(1)
-    first = torch.as_tensor(seen.reset())
-    truth = seen.worlds.batch.truth()
-    assert first.shape == (16, interface.size + truth.shape[1])
+    given = replace(arguments(privileged=True), scenario="everything")
+    draws = training.make_draws(given, 8)
+    interface = prepare.make_interface(given.settings, "everything", draws, 3)
+    parts = training.make_parts(given, draws, interface)
+    model: Any = training.make_model(given, parts)
+    seen = parts[0]
+    first = torch.as_tensor(seen.reset(1))
+    truth = seen.env.batch.truth()
+    assert first.shape == (8, interface.size + truth.shape[1])
     assert (first.numpy()[:, interface.size :].std(axis=0) > 0.1).sum() > 20, "machines, tasks and states differ"
     other = first.clone()
     other[:, interface.size :] = 0.0
     with torch.no_grad():
-        actions = [policy.get_distribution(each).distribution.mean for each in (first, other)]
-        values = [policy.predict_values(each) for each in (first, other)]
+        actions = [model.networks.act(each) for each in (first, other)]
+        values = [model.networks.worth(each) for each in (first, other)]
     assert torch.equal(*actions)
     assert not torch.isclose(*values).any()
 
 
 def test_worlds_show_the_interface_and_their_last_observation() -> None:
-    from pter_agents.prepare import make_interface
-
     settings = arguments(history=[1, 3], averages=[9]).settings
-    draws = worlds.training_draws("standard", "all", contexts=4, seed=0, reward=settings.reward())
-    interface = make_interface(settings, "standard", draws, 0)
-    seen = worlds.InterfaceVecEnv(worlds.make_worlds(draws, 16, 20), interface)
+    draws = worlds.training_draws("standard", "all", contexts=4, seed=0, **settings.stated)
+    interface = prepare.make_interface(settings, "standard", draws, 0)
+    seen = worlds.Worlds(worlds.make_worlds(draws, 16, 20), interface)
     plain = worlds.make_worlds(draws, 16, 20)
-    bound = interface.bind(BASELINE, plain.env.observation_layout)
-    seen.seed(1)
-    plain.seed(1)
+    bound = interface.bind(BASELINE, plain.observation_layout)
     past = bound.begin(16)
-    inputs, base = bound.see(plain.reset(), past)
-    assert seen.reset().tobytes() == inputs.astype(np.float32).tobytes()
+    inputs, base = bound.see(plain.reset(seed=1)[0], past)
+    assert seen.reset(1).tobytes() == inputs.astype(np.float32).tobytes()
     rng = np.random.default_rng(0)
     returns = np.zeros(16)
+    finished: list[float] = []
     ended = 0
     for _ in range(45):
         actions = rng.uniform(-1.0, 1.0, (16, 4)).astype(np.float32)
-        got, rewards, done, infos = seen.step(actions)
-        obs, their_rewards, their_done, their_infos = plain.step(bound.volts(base, actions))
-        shown: dict[int, np.ndarray] = {}
-        for world in np.flatnonzero(done):
-            final = np.repeat(their_infos[world]["terminal_observation"][None], 16, axis=0)
-            shown[world] = bound.see(final, past, passing=True)[0][world]
+        step = seen.step(actions)
+        obs, rewards, terminated, truncated, infos = plain.step(bound.volts(base, actions))
+        done = terminated | truncated
+        shown = {
+            world: bound.see(np.repeat(infos["final_obs"][world][None], 16, axis=0), past, passing=True)[0][world]
+            for world in np.flatnonzero(done).tolist()
+        }
         past.forget(done)
         inputs, base = bound.see(obs, past)
-        assert got.tobytes() == inputs.astype(np.float32).tobytes()
-        assert rewards.tobytes() == their_rewards.tobytes()
+        assert step.inputs.tobytes() == inputs.astype(np.float32).tobytes()
+        assert step.rewards.tobytes() == rewards.tobytes()
+        assert step.terminated.tobytes() == terminated.tobytes()
+        assert step.truncated.tobytes() == truncated.tobytes()
+        assert step.ended.tolist() == list(shown)
         returns += rewards
-        for world in np.flatnonzero(done):
+        for row, world in enumerate(shown):
             ended += 1
-            assert infos[world]["terminal_observation"].tobytes() == shown[world].astype(np.float32).tobytes()
-            assert infos[world]["TimeLimit.truncated"] is their_infos[world]["TimeLimit.truncated"] is True
-            assert infos[world]["episode"] == {"r": pytest.approx(returns[world]), "l": 20}
+            assert step.last[row].tobytes() == shown[world].astype(np.float32).tobytes()
+            finished.append(returns[world])
             returns[world] = 0.0
     assert ended == 32
-    assert done.tobytes() == their_done.tobytes()
+    assert seen.finished == pytest.approx(finished)
 
 
 @pytest.mark.parametrize(
@@ -226,7 +221,7 @@ def test_networks_do_not_see_what_they_are_blind_to(
     known, interface = training.RunFolder(tmp_path / "run").read()
     assert known == given
     seeing = arguments(algorithm, rollouts=1, sensors=sensors).settings
-    draws = worlds.training_draws("standard", "all", contexts=4, seed=3, reward=seeing.reward())
+    draws = worlds.training_draws("standard", "all", contexts=4, seed=3, **seeing.stated)
     everything = prepare.make_interface(seeing, "standard", draws, 3).inputs
     assert {each.name for each in everything} - {each.name for each in interface.inputs} == missing
     assert set(interface.inputs) < set(everything)
@@ -291,8 +286,8 @@ def test_training_never_reads_the_evaluation_episodes(tmp_path: Path) -> None:
 
 def test_the_newest_two_checkpoints_are_kept(tmp_path: Path) -> None:
     last = training.train(arguments(), tmp_path)
-    assert [path.name for path in stored.checkpoints(tmp_path)] == ["checkpoint-384.zip", "checkpoint-512.zip"]
-    assert last.name == "checkpoint-512.zip"
+    assert [path.name for path in stored.checkpoints(tmp_path)] == ["checkpoint-384.npz", "checkpoint-512.npz"]
+    assert last.name == "checkpoint-512.npz"
     scores = json.loads((tmp_path / training.PROGRESS).read_text())
     assert list(scores) == ["512"]
     assert set(scores["512"]) == {"slow", "medium", "brisk"}
@@ -322,7 +317,7 @@ def test_a_resumed_run_ends_where_an_uninterrupted_one_does(
 
     with pytest.raises(KeyboardInterrupt):
         training.train(given, tmp_path / "parts", on_progress=stop)
-    assert stored.checkpoints(tmp_path / "parts")[-1].name == "checkpoint-128.zip"
+    assert stored.checkpoints(tmp_path / "parts")[-1].name == "checkpoint-128.npz"
     resumed = training.train(given, tmp_path / "parts", resume=True)
     assert weights(resumed) == weights(whole)
     assert weights(resumed) != weights(stored.checkpoints(tmp_path / "parts")[0])
@@ -438,19 +433,18 @@ def test_a_full_disk_leaves_the_earlier_checkpoint(tmp_path: Path, monkeypatch: 
     assert not list(tmp_path.glob(".*.tmp"))
 
 
-@pytest.mark.parametrize("name", ["checkpoint", "extra"])
-def test_a_damaged_checkpoint_is_refused(name: str, tmp_path: Path) -> None:
-    import zipfile
-
+@pytest.mark.parametrize("damage", ["cut", "part_0_rng", "adam_1_exp_avg", "pickle"])
+def test_a_damaged_checkpoint_is_refused(damage: str, tmp_path: Path) -> None:
     path = training.train(arguments(rollouts=1), tmp_path)
-    if name == "checkpoint":
+    with np.load(path, allow_pickle=False) as archive:
+        state: dict[str, Any] = dict(archive)
+    if damage == "cut":
         path.write_bytes(path.read_bytes()[:-100])
+    elif damage == "pickle":
+        np.savez(path, **{**state, "weight_0": np.array([{"code": 1}], dtype=object)})
     else:
-        with zipfile.ZipFile(path) as archive:
-            parts = {item: archive.read(item) for item in archive.namelist() if item != stored.EXTRA}
-        with zipfile.ZipFile(path, "w") as archive:
-            for item, data in parts.items():
-                archive.writestr(item, data)
+        del state[damage]
+        np.savez(path, **state)
     with pytest.raises(DataError, match="cannot be read"):
         training.train(arguments(rollouts=2), tmp_path, resume=True)
 
@@ -459,13 +453,13 @@ def test_a_damaged_checkpoint_is_refused(name: str, tmp_path: Path) -> None:
 def test_a_number_that_is_not_finite_stops_the_training(
     where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    step = worlds.InterfaceVecEnv.step_wait
+    step = worlds.Worlds.step
     calls: list[int] = []
 
-    def broken(self: Any) -> Any:
-        obs, rewards, done, infos = step(self)
+    def broken(self: Any, outputs: Any) -> Any:
+        found = step(self, outputs)
         calls.append(1)
-        return obs, rewards * (np.nan if len(calls) == 20 else 1.0), done, infos
+        return found._replace(rewards=found.rewards * (np.nan if len(calls) == 35 else 1.0))
 
     def spoil(*given: Any, **options: Any) -> Any:
         calls.append(1)
@@ -475,10 +469,10 @@ def test_a_number_that_is_not_finite_stops_the_training(
                 break
 
     if where == "loss":
-        monkeypatch.setattr(worlds.InterfaceVecEnv, "step_wait", broken)
+        monkeypatch.setattr(worlds.Worlds, "step", broken)
     else:
         monkeypatch.setattr(torch.nn.utils, "clip_grad_norm_", lambda given, _: spoil(list(given)))
-    with pytest.raises(TrainingDivergedError, match=r"last good checkpoint is .*checkpoint-(256|128)\.zip"):
+    with pytest.raises(TrainingDivergedError, match=r"last good checkpoint is .*checkpoint-(256|128)\.npz"):
         training.train(arguments(), tmp_path)
     for path in stored.checkpoints(tmp_path):
         assert all(np.isfinite(np.frombuffer(each, np.float32)).all() for each in weights(path))
@@ -535,9 +529,7 @@ def test_the_commands_are_declared_and_ask_for_the_extra(tmp_path: Path, monkeyp
     }
     monkeypatch.delitem(sys.modules, "pter_agents.training")
     monkeypatch.delattr("pter_agents.training")
-    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
-    for name in ("pter_agents.checkpoints", "pter_agents.ppo"):
-        monkeypatch.delitem(sys.modules, name)
-        monkeypatch.delattr(name)
+    for name in ("stable_baselines3", "stable_baselines3.common.logger"):
+        monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(DependencyError, match=r'pip install "pter-gym\[agents\]"'):
-        command.train("ppo", out=tmp_path)
+        command.train("ppo", smoke=True, out=tmp_path)
