@@ -16,13 +16,12 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
 from pter_agents.algorithms import Learner, State
 from pter_agents.networks import ActorCritic
 from pter_agents.settings import Settings, require_whole
-from pter_agents.worlds import Rows, Worlds
+from pter_agents.worlds import Mask, Rows, Worlds
 from pter_gym.params import require, require_number
 
 PARTS = 2
@@ -189,7 +188,7 @@ def estimate(rewards: Rows, values: Rows, ends: NDArray[np.bool_], finals: Rows,
         γ and λ.
     """
     advantages = np.empty_like(rewards)
-    following: Any = np.zeros_like(rewards[0])
+    following: Any = np.zeros(rewards.shape[1], np.float32)
     for t in reversed(range(len(rewards))):
         after: Any = np.where(ends[t], finals[t], values[t + 1])
         goes_on: Any = np.where(ends[t], np.float32(0.0), np.float32(discount * trace))
