@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import torch
@@ -173,7 +173,7 @@ class Part:
         self.rng.bit_generator.state = json.loads(str(state["rng"]))
 
 
-def estimate(rewards: Rows, values: Rows, ends: NDArray[np.bool_], finals: Rows, discount: float, trace: float) -> Rows:
+def estimate(rewards: Rows, values: Rows, ends: Mask, finals: Rows, discount: float, trace: float) -> Rows:
     """Return generalised advantages (T, N), Schulman et al., arXiv:1506.02438.
 
     Parameters
@@ -188,11 +188,12 @@ def estimate(rewards: Rows, values: Rows, ends: NDArray[np.bool_], finals: Rows,
         γ and λ.
     """
     advantages = np.empty_like(rewards)
-    following: Any = np.zeros(rewards.shape[1], np.float32)
+    following = np.zeros(rewards.shape[1], np.float32)
     for t in reversed(range(len(rewards))):
-        after: Any = np.where(ends[t], finals[t], values[t + 1])
-        goes_on: Any = np.where(ends[t], np.float32(0.0), np.float32(discount * trace))
-        following = rewards[t] + np.float32(discount) * after - values[t] + goes_on * following
+        after = values[t + 1].copy()
+        after[ends[t]] = finals[t, ends[t]]
+        following[ends[t]] = 0.0
+        following = rewards[t] - values[t] + np.float32(discount) * (after + np.float32(trace) * following)
         advantages[t] = following
     return advantages
 
