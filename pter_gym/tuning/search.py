@@ -192,8 +192,8 @@ def _open(storage: Path, name: str, seed: int) -> tuple[Any, np.random.Generator
     try:
         file = JournalStorage(JournalFileBackend(str(storage.resolve())))
         study = optuna.create_study(storage=file, study_name=name, load_if_exists=True)
-    except (OSError, ValueError) as error:
-        raise ParameterError(f"storage must be a journal file of Optuna's: {error}") from None
+    except (OSError, ValueError, LookupError, AssertionError) as error:  # what Optuna raises for other files
+        raise ParameterError(f"storage must be a journal file of Optuna's, got {str(storage)!r}: {error}") from None
     stream = _stream(study, seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)

@@ -1,13 +1,12 @@
 """The search for gains: what it scores, what it keeps, and what it never reads."""
 
 import os
-import sqlite3
 import subprocess
 import sys
 import time
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,17 +25,23 @@ from pter_gym.tuning.search import make
 from pter_gym.tuning.spaces import Range, gains_at, point_at
 
 optuna = pytest.importorskip("optuna")
+storages = pytest.importorskip("optuna.storages")
 
 
-def finished(storage: Path) -> list[int]:
-    """Numbers of the finished trials of the one study in a storage."""
-    (name,) = optuna.get_all_study_names(f"sqlite:///{storage}")
-    study = optuna.load_study(study_name=name, storage=f"sqlite:///{storage}")
-    return [trial.number for trial in study.get_trials(deepcopy=False) if trial.value is not None]
+def study_in(storage: Path, start: int = 0) -> Any:
+    """A start of the one search in a storage."""
+    journal = storages.JournalStorage(storages.journal.JournalFileBackend(str(storage)))
+    return optuna.load_study(study_name=sorted(optuna.get_all_study_names(journal))[start], storage=journal)
+
+
+def finished(storage: Path, start: int = 0) -> list[int]:
+    """Numbers of the finished trials of a start."""
+    trials = study_in(storage, start).get_trials(deepcopy=False)
+    return [trial.number for trial in trials if trial.value is not None]
 
 
 def command(storage: Path, *arguments: str) -> list[str]:
-    given = ["tune", "impedance", "--pace", "brisk", "--episodes", "4", "--storage", str(storage), *arguments]
+    given = ["tune", "impedance", "--pace", "brisk", "--starts", "1", "--episodes", "4", "--storage", str(storage), *arguments]
     return [sys.executable, "-m", "pter_gym.commands.main", *given]
 
 
@@ -99,21 +104,24 @@ def test_a_study_is_repeatable_resumable_and_starts_with_the_papers_gains(
         "standard",
         "brisk",
         trials=9,
+        starts=2,
         episodes=4,
-        storage=tmp_path / "a.db",
+        storage=tmp_path / "a.journal",
         on_trial=lambda *c: calls.append(c),
     )
-    again = tune("impedance", "standard", "brisk", trials=9, episodes=4, storage=tmp_path / "b.db")
+    again = tune("impedance", "standard", "brisk", trials=9, starts=2, episodes=4, storage=tmp_path / "b.journal")
     assert whole == again
-    assert [count for count, _ in calls] == list(range(1, 10))
+    assert [count for count, _ in calls] == list(range(1, 19))
+    points = [[trial.params for trial in study_in(tmp_path / "a.journal", k).get_trials()] for k in range(2)]
+    assert not [point for point in points[0] if point in points[1]], "each start has points of its own"
     exam = Examination("standard", "brisk", 4, seed=0)
     paper = find_policy("impedance").at(PACES["brisk"])  # type: ignore[union-attr]
     nearest = Impedance(**gains_at(point_at("impedance", paper, 0.5), 0.5))  # type: ignore[arg-type]
     assert calls[0][1] == exam.judge(nearest).value
     assert calls[0][1] == pytest.approx(exam.judge(paper).value, rel=0.05)
-    more = tune("impedance", "standard", "brisk", trials=12, episodes=4, storage=tmp_path / "a.db")
-    assert more.trials == 12
-    assert finished(tmp_path / "a.db") == list(range(12))
+    more = tune("impedance", "standard", "brisk", trials=12, starts=2, episodes=4, storage=tmp_path / "a.journal")
+    assert (more.trials, more.starts) == (12, 2)
+    assert finished(tmp_path / "a.journal") == finished(tmp_path / "a.journal", 1) == list(range(12))
 
 
 def test_only_trials_that_keep_up_are_judged_on_all_draws(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -126,12 +134,11 @@ def test_only_trials_that_keep_up_are_judged_on_all_draws(tmp_path: Path, monkey
         return judge(self, controller)
 
     monkeypatch.setattr(Examination, "judge", counting)
-    tune("impedance", "standard", "brisk", trials=40, episodes=32, storage=tmp_path / "a.db")
+    tune("impedance", "standard", "brisk", trials=40, starts=1, episodes=32, storage=tmp_path / "a.journal")
     search = judged[: -judged.count(32) // 2]  # fewer than FINALISTS, so each is judged on other draws too
     assert search[:3] == [2, 8, 32]
     assert search.count(2) == 40 > search.count(8) > search.count(32) >= 1
-    study = optuna.load_study(study_name=None, storage=f"sqlite:///{tmp_path / 'a.db'}")
-    trials = study.get_trials(states=(optuna.trial.TrialState.COMPLETE,))
+    trials = study_in(tmp_path / "a.journal").get_trials(states=(optuna.trial.TrialState.COMPLETE,))
     assert len(trials) == search.count(32)
     for draws, value in ((2, trials[-1].intermediate_values[1]), (32, trials[-1].value)):
         exam = Examination("standard", "brisk", draws, seed=0)
@@ -162,7 +169,7 @@ def test_offspring_stay_within_the_ranges_and_come_from_their_parents(name: str)
 
 @pytest.mark.long
 def test_a_killed_tuner_loses_the_running_trial_at_most(tmp_path: Path) -> None:
-    storage = tmp_path / "trials.db"
+    storage = tmp_path / "trials.journal"
     tuner = subprocess.Popen(command(storage, "--trials", "100000"), stdout=subprocess.DEVNULL)
     try:
         deadline = time.monotonic() + 120.0
@@ -175,23 +182,22 @@ def test_a_killed_tuner_loses_the_running_trial_at_most(tmp_path: Path) -> None:
         tuner.wait()
     kept = finished(storage)
     assert len(kept) >= begun(storage) - 1
-    study = tune("impedance", "standard", "brisk", trials=len(kept) + 2, episodes=4, storage=storage)
+    study = tune("impedance", "standard", "brisk", trials=len(kept) + 2, starts=1, episodes=4, storage=storage)
     assert study.trials == len(kept) + 2
     assert set(kept) < set(finished(storage))
 
 
 def begun(storage: Path) -> int:
     """Number of the trials that were begun, as soon as there is a study."""
-    with closing(sqlite3.connect(storage)) as connection:
-        try:
-            return connection.execute("SELECT count(*) FROM trials WHERE state <> 'WAITING'").fetchone()[0]
-        except sqlite3.OperationalError:
-            return 0
+    try:
+        return len(study_in(storage).get_trials(deepcopy=False))
+    except IndexError:
+        return 0
 
 
 @pytest.mark.long
 def test_two_tuners_share_the_work(tmp_path: Path) -> None:
-    storage = tmp_path / "trials.db"
+    storage = tmp_path / "trials.journal"
     tuners = [subprocess.Popen(command(storage, "--trials", "16"), stdout=subprocess.DEVNULL) for _ in range(2)]
     assert [tuner.wait(timeout=240) for tuner in tuners] == [0, 0]
     numbers = finished(storage)
@@ -206,8 +212,8 @@ def test_the_search_opens_no_evaluation_episodes(tmp_path: Path) -> None:
         "opened = []\n"
         "sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event == 'open' else None)\n"
         "from pter_gym.commands.main import main\n"
-        f"assert main({command(tmp_path / 'trials.db', '--trials', '2')[3:]!r}) == 0\n"
-        "assert any(name.endswith('trials.db') or name.endswith('.py') for name in opened)\n"
+        f"assert main({command(tmp_path / 'trials.journal', '--trials', '2')[3:]!r}) == 0\n"
+        "assert any(name.endswith('trials.journal') or name.endswith('.py') for name in opened)\n"
         "assert not [name for name in opened if 'episodes' in name.replace(chr(92), '/').split('/')], opened\n"
     )
     subprocess.run([sys.executable, "-c", watch], check=True, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"})
@@ -224,29 +230,29 @@ def test_the_search_opens_no_evaluation_episodes(tmp_path: Path) -> None:
 )
 def test_unknown_names_are_refused(arguments: tuple[str, str, str], message: str, tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=message):
-        tune(*arguments, storage=tmp_path / "trials.db")
+        tune(*arguments, storage=tmp_path / "trials.journal")
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("trials", 0), ("episodes", 0), ("seed", -1), ("storage", Path("/nowhere/trials.db"))]
+    ("name", "value"), [("trials", 0), ("starts", 0), ("episodes", 0), ("seed", -1), ("storage", Path("/nowhere/trials.journal"))]
 )
 def test_bad_numbers_and_storages_are_refused(name: str, value: object, tmp_path: Path) -> None:
-    given: dict[str, object] = {"storage": tmp_path / "trials.db", name: value}
+    given: dict[str, object] = {"storage": tmp_path / "trials.journal", name: value}
     with pytest.raises(ParameterError, match=name):
         tune("impedance", "standard", "brisk", **given)  # type: ignore[arg-type]
 
 
 def test_a_storage_that_is_none_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "trials.db").write_text("no database, but a long enough text to be looked at" * 100)
-    with pytest.raises(ParameterError, match="storage must be an SQLite file"):
-        tune("impedance", "standard", "brisk", storage=tmp_path / "trials.db")
+    (tmp_path / "trials.journal").write_text("no database, but a long enough text to be looked at" * 100)
+    with pytest.raises(ParameterError, match="storage must be a journal file"):
+        tune("impedance", "standard", "brisk", storage=tmp_path / "trials.journal")
 
 
 def test_without_optuna_there_is_a_hint(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, "optuna", None)
     with pytest.raises(ParameterError, match=r"install pter-gym\[tune\]"):
-        tune("impedance", "standard", "brisk", storage=tmp_path / "trials.db")
+        tune("impedance", "standard", "brisk", storage=tmp_path / "trials.journal")
 
 
 STUDY = Study(
@@ -256,6 +262,7 @@ STUDY = Study(
     gains={"stiffness": 123.4, "tip_space": True},
     verdict=Verdict(0.0123, 1.0, 0.05, 0.1),
     trials=7,
+    starts=2,
     episodes=8,
     seed=9,
 )
@@ -269,8 +276,9 @@ def test_gains_are_written_beside_others_and_found(tmp_path: Path) -> None:
     table = read_table(path)
     assert list(table) == ["standard", "everything"]
     assert table["standard"]["impedance"]["slow"] == {
-        "command": "pter tune impedance --scenario standard --pace slow --trials 7 --episodes 8 --seed 9",
+        "command": "pter tune impedance --scenario standard --pace slow --trials 7 --starts 2 --episodes 8 --seed 9",
         "trials": 7,
+        "starts": 2,
         "episodes": 8,
         "path_error_m": 0.0123,
         "completed": 1.0,
