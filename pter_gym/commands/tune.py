@@ -14,8 +14,8 @@ def tune(
     controller: Annotated[str, tyro.conf.Positional],
     scenario: Annotated[str, tyro.conf.arg(metavar="NAME")] = "standard",
     pace: Annotated[str, tyro.conf.arg(metavar="NAME")] = "medium",
-    trials: int = 2000,
-    starts: int = 3,
+    trials: int = 3000,
+    starts: int = 5,
     episodes: int = 200,
     storage: Path = Path("pter-tune.journal"),
     seed: int = 0,
@@ -31,8 +31,8 @@ def tune(
         controller: impedance, torque-feedback, single-dof or velocity-ratio.
         scenario: Scenario whose training draws are used; its evaluation episodes are never read.
         pace: Commanded pace: slow, medium or brisk.
-        trials: Gains to try in each start, at least 1.
-        starts: Searches from other random gains, at least 1.
+        trials: Gains to try, at least 1; each start has a share, and the best start two.
+        starts: Starts from random gains, at least 1.
         episodes: Training draws for each trial, at least 1.
         storage: Journal file of the trials; its folder must exist.
         seed: Seed of the draws and the search, at least 0.
@@ -45,7 +45,7 @@ def tune(
         check_folder_of(out)
     console = Console(highlight=False, soft_wrap=True)
     with progress_bar(console) as progress:
-        task = progress.add_task(f"{controller}, {scenario}, {pace}", total=starts * trials)
+        task = progress.add_task(f"{controller}, {scenario}, {pace}", total=trials)
 
         def show(finished: int, best: float) -> None:
             progress.update(

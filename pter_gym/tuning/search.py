@@ -19,11 +19,11 @@ from pter_gym.tuning.examination import Examination, Verdict
 from pter_gym.tuning.offspring import offspring
 from pter_gym.tuning.spaces import SPACES, Range, gains_at, point_at
 
-TRIALS = 2000
-"""The budget of a start: gains that are tried."""
+TRIALS = 3000
+"""The budget of a controller for a scenario and a pace: gains that are tried."""
 
-STARTS = 3
-"""Searches of a controller for a scenario and a pace, each from random gains of its own."""
+STARTS = 5
+"""Starts of a search, each from random gains of its own: where one ends, another may have half of the error."""
 
 EPISODES = 200
 """The budget of a trial: training draws."""
@@ -61,7 +61,7 @@ class Study:
     verdict
         Their scores on draws that the search had not seen.
     trials, starts, episodes, seed
-        Trials of each start, starts, draws of each trial, and the seed of draws and searches.
+        Gains that were tried, starts, draws of each trial, and the seed of draws and searches.
     """
 
     controller: str
@@ -89,15 +89,16 @@ def tune(
 ) -> Study:
     """Search for a controller's gains on training draws of a scenario.
 
-    A search that was stopped goes on where it was: a start ends when the storage holds ``trials`` finished trials of
-    it, whoever made them. Alone and not stopped, the same seed gives the same result.
+    The trials are shared out evenly, a share for each start and one more for the start that is best by then. A search
+    that was stopped goes on where it was: a start ends when the storage holds its share of finished trials, whoever
+    made them. Alone and not stopped, the same seed gives the same result.
 
     Parameters
     ----------
     controller, scenario, pace
         Names.
     trials, starts
-        Gains to try in each start, and starts from other random gains; the first one tries the usual gains too.
+        Gains to try, and starts from random gains; the first one tries the usual gains too.
     episodes
         Draws for each trial.
     storage
@@ -116,13 +117,17 @@ def tune(
     _check(controller, scenario, pace, storage, {"trials": trials, "starts": starts, "episodes": episodes}, seed)
     rungs = [Examination(scenario, pace, -(-episodes // REDUCTION**k), 2 * seed) for k in reversed(range(RUNGS))]
     name = f"{scenario}-v{find_scenario(scenario).version} {controller} {pace} {episodes} {seed}"
-    search = Search(controller, pace, trials, rungs)
-    found: list[Gains] = []
-    for start in range(starts):
-        study, rng = _open(storage, f"{name} {start}", starts * seed + start)
-        if start == 0:
-            study.enqueue_trial(default_point(controller, pace), skip_if_exists=True)
-        found += search.run(study, rng, lambda done, best, before=start * trials: on_trial(before + done, best))
+    search = Search(controller, pace, rungs)
+    studies = _open(storage, name, [starts * seed + start for start in range(starts)])
+    studies[0][0].enqueue_trial(default_point(controller, pace), skip_if_exists=True)
+    share = -(-trials // (starts + 1))
+    for start, (study, rng) in enumerate(studies):
+        search.run(study, rng, share, lambda done, best, before=start * share: on_trial(before + done, best))
+    best, rng = min(studies, key=lambda each: finished_trials(each[0])[1][0].value)
+    search.run(
+        best, rng, trials - (starts - 1) * share, lambda done, value: on_trial((starts - 1) * share + done, value)
+    )
+    found = [gains for study, _ in studies for gains in search.best(study)]
     final = Examination(scenario, pace, episodes, 2 * seed + 1)
     judged = [(final.judge(make(controller, gains)), gains) for gains in found]
     verdict, gains = min(judged, key=lambda pair: pair[0].value)
@@ -134,21 +139,24 @@ class Search(NamedTuple):
 
     controller: str
     pace: str
-    trials: int
     rungs: Sequence[Examination]
 
-    def run(self, study: Any, rng: np.random.Generator, on_trial: Callable[[int, float], None]) -> list[Gains]:
-        """Run a start to its end and return the gains of its best trials, the best first."""
+    def run(self, study: Any, rng: np.random.Generator, trials: int, on_trial: Callable[[int, float], None]) -> None:
+        """Let a start go on until it has so many finished trials, one of them judged on all draws."""
         speed = find_pace(self.pace)
-        finished, best = _finished(study)
-        while len(finished) < self.trials or not best:
+        finished, best = finished_trials(study)
+        while len(finished) < trials or not best:
             if len(finished) >= STARTUP and len(finished) % 2:
                 study.enqueue_trial(offspring(self.controller, [trial.params for trial in best[:PARENTS]], rng))
             trial = study.ask()
             self._judge(study, trial, make(self.controller, gains_at(_suggest(trial, self.controller), speed)))
-            finished, best = _finished(study)
+            finished, best = finished_trials(study)
             on_trial(len(finished), best[0].value if best else math.inf)
-        return [gains_at(trial.params, speed) for trial in best[:FINALISTS]]
+
+    def best(self, study: Any) -> list[Gains]:
+        """Return the gains of a start's best trials, the best first."""
+        _, best = finished_trials(study)
+        return [gains_at(trial.params, find_pace(self.pace)) for trial in best[:FINALISTS]]
 
     def _judge(self, study: Any, trial: Any, tried: Controller) -> None:
         """Judge a trial on more and more draws while it keeps up, and tell the study."""
@@ -180,8 +188,8 @@ def _check(controller: str, scenario: str, pace: str, storage: Path, numbers: Ma
         raise ParameterError(f"storage must be a file in a folder that can be written to, got {str(storage)!r}")
 
 
-def _open(storage: Path, name: str, seed: int) -> tuple[Any, np.random.Generator]:
-    """Return the study of that name, new or as it was left, and a stream of random numbers for what is left of it."""
+def _open(storage: Path, name: str, seeds: Sequence[int]) -> list[tuple[Any, np.random.Generator]]:
+    """Return the starts of a search, new or as they were left, each with random numbers for what is left of it."""
     try:
         import optuna
         from optuna.storages import JournalStorage
@@ -190,10 +198,20 @@ def _open(storage: Path, name: str, seed: int) -> tuple[Any, np.random.Generator
         raise ParameterError("pter tune needs Optuna: install pter-gym[tune]") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     try:
-        file = JournalStorage(JournalFileBackend(str(storage.resolve())))
-        study = optuna.create_study(storage=file, study_name=name, load_if_exists=True)
+        journal = JournalStorage(JournalFileBackend(str(storage.resolve())))
+        studies = [
+            optuna.create_study(storage=journal, study_name=f"{name} {start}", load_if_exists=True)
+            for start in range(len(seeds))
+        ]
     except (OSError, ValueError, LookupError, AssertionError) as error:  # what Optuna raises for other files
         raise ParameterError(f"storage must be a journal file of Optuna's, got {str(storage)!r}: {error}") from None
+    return [_begin(study, seed) for study, seed in zip(studies, seeds, strict=True)]
+
+
+def _begin(study: Any, seed: int) -> tuple[Any, np.random.Generator]:
+    """Give a study its sampler and pruner, and return it with random numbers for what is left of it."""
+    import optuna
+
     stream = _stream(study, seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
@@ -227,7 +245,7 @@ def _suggest(trial: Any, controller: str) -> Gains:
     }
 
 
-def _finished(study: Any) -> tuple[list[Any], list[Any]]:
+def finished_trials(study: Any) -> tuple[list[Any], list[Any]]:
     """Return the trials with a value, and those among them that were judged on all draws, the best first."""
     finished = [trial for trial in study.get_trials(deepcopy=False) if trial.value is not None]
     whole = [trial for trial in finished if trial.state.name == "COMPLETE"]
