@@ -1,4 +1,4 @@
-"""``pter train`` and ``pter export``."""
+"""``pter train``, ``pter export`` and ``pter retrain``."""
 
 from pathlib import Path
 from typing import Annotated
@@ -95,3 +95,32 @@ def export(
     path, difference = export_run(run, out, name=name)
     console.print(f"largest difference between both: {difference:.1e} of the largest voltage", highlight=False)
     console.print(f"wrote {path}", highlight=False)
+
+
+def retrain(
+    policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY")], out: Path = Path("pter-retrain")
+) -> None:
+    """Train a policy again from what its card says, and score both on fresh episodes.
+
+    The episodes follow from the content of both policies, so nobody has seen them before.
+
+    Args:
+        policy: Name of a trained policy that the package ships, or the path of the card of another.
+        out: Folder for the run and the new policy; made if need be. A run that was stopped there goes on.
+    """
+    try:
+        from pter_agents import retraining
+    except ImportError as error:
+        raise DependencyError(MISSING) from error
+    from pter_gym.benchmark.leaderboard import table
+
+    console = Console()
+    shipped = retraining.find_trained(policy)
+    with progress_bar(console) as progress:
+        task = progress.add_task(shipped.card.name, total=None)
+        again = retraining.retrain(
+            shipped, out, on_progress=lambda done, of: progress.update(task, completed=done, total=of)
+        )
+    for board in retraining.compare(shipped, again):
+        console.print(table(board), "")
+    console.print(f"wrote {out / again.card.name}.json", highlight=False)

@@ -29,6 +29,9 @@ from pter_gym.scenarios import find_scenario
 SAME = 1e-6
 """Largest difference between a run's policy and the exported one, relative to the largest voltage."""
 
+ASKED = ("algorithm", "scenario", "pace", "steps", "seed", "checkpoint_every", "validate_every", "validation_episodes")
+"""Fields of a run's arguments that a card keeps beside the hyper-parameters."""
+
 TRIES = 100
 """Control steps over which both are compared, each in all worlds."""
 
@@ -136,6 +139,7 @@ def about_run(arguments: Arguments, run: Path, steps: int) -> dict[str, Any]:
         "pace": arguments.pace,
         "command": f"pter train {arguments.algorithm} --scenario {arguments.scenario} --pace {arguments.pace} "
         f"--steps {arguments.steps} --seed {arguments.seed}{' --config FILE' if changed else ''}",
+        "arguments": {name: getattr(arguments, name) for name in ASKED},
         "config": changed,
         "settings": vars(settings),
         "steps": steps,

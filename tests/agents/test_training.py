@@ -526,6 +526,7 @@ def test_the_commands_are_declared_and_ask_for_the_extra(tmp_path: Path, monkeyp
     assert declared["project"]["entry-points"]["pter.commands"] == {
         "train": "pter_agents.command:train",
         "export": "pter_agents.command:export",
+        "retrain": "pter_agents.command:retrain",
     }
     monkeypatch.delitem(sys.modules, "pter_agents.training")
     monkeypatch.delattr("pter_agents.training")
