@@ -42,7 +42,7 @@ def test_outputs_are_stripped(path):
 def test_it_runs_and_shows_pictures(path, tmp_path, monkeypatch):
     if "agent" in path.stem:
         pytest.importorskip("stable_baselines3")
-    monkeypatch.setenv("PTER_TRAINING_STEPS", "32768")  # one rollout
+    monkeypatch.setenv("PTER_TRAINING_STEPS", "32768")  # two rollouts
     monkeypatch.setenv("PTER_NOTEBOOK_EPISODES", "8")
     notebook = nbformat.read(path, as_version=4)
     NotebookClient(
