@@ -7,7 +7,7 @@ from pter_agents.algorithms import load_settings
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import unknown_name
 from pter_gym.params import require, require_flag, require_number
-from pter_gym.tasks.path_following import STARTS, RewardWeights, Sensors
+from pter_gym.tasks.path_following import MAX_DELAY, STARTS, RewardWeights, Sensing, Sensors
 
 __all__ = ["BASES", "PLAIN", "Settings", "load_settings", "require_whole"]
 
@@ -36,6 +36,8 @@ class Settings(RewardWeights):
     sensors
         What the worlds measure: ``"encoders"``, ``"torque"`` or ``"force"``. The benchmark has torque sensors and takes
         no policy that was trained with others.
+    delay
+        Control steps by which the sensors are late, in training and validation; 0 leaves the scenario's sensors.
     blind
         What the networks do not see of it, by name or by group: ``"torque"`` is ``torque_1`` to ``torque_4``. The base
         controller of a residual policy and a privileged value network see it all the same.
@@ -64,6 +66,7 @@ class Settings(RewardWeights):
     start: float
     normalised: bool
     sensors: Sensors
+    delay: int
     blind: tuple[str, ...]
     history: tuple[int, ...]
     averages: tuple[int, ...]
@@ -90,6 +93,8 @@ class Settings(RewardWeights):
         require_number(self, "reach", above=0.0)
         require_number(self, "start", at_least=-1.0, at_most=1.0)
         require_number(self, "truncation", above=0.0)
+        require_number(self, "delay", at_least=0, at_most=MAX_DELAY)
+        require(type(self.delay) is int, self, "delay", self.delay, "a whole number")
         if self.starts not in STARTS:
             raise unknown_name("starts", self.starts, STARTS)
         for name in ("worlds", "steps", "episode", "contexts"):
@@ -106,9 +111,15 @@ class Settings(RewardWeights):
         self.reward()
 
     @property
+    def seen(self) -> dict[str, Any]:
+        """Fields of the task that all episodes of training and validation share."""
+        return {"sensing": Sensing(delay=self.delay)} if self.delay else {}
+
+    @property
     def stated(self) -> dict[str, Any]:
         """Fields of the task that all training episodes share."""
-        return {"reward": self.reward(), "starts": STARTS[self.starts], "truncation_error": self.truncation}
+        own = {"reward": self.reward(), "starts": STARTS[self.starts], "truncation_error": self.truncation}
+        return {**own, **self.seen}
 
     def reward(self) -> RewardWeights:
         """Return the weights of the reward."""

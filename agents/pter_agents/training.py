@@ -145,8 +145,9 @@ class Watch:
         self._interface = interface
         self._folder = folder
         self._logger = make_logger(folder.path, model.steps)
+        settings = arguments.settings
         self._validation = Validation(
-            arguments.scenario, arguments.paces, arguments.validation_episodes, arguments.settings.sensors
+            arguments.scenario, arguments.paces, arguments.validation_episodes, settings.sensors, **settings.seen
         )
 
     def look(self) -> None:

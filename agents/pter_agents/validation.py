@@ -44,14 +44,20 @@ class Validation:
         Their number at each pace.
     sensors
         What the worlds measure.
+    **stated
+        Fields of the task that all episodes share.
     """
 
-    def __init__(self, scenario: str, paces: Sequence[str], episodes: int, sensors: Sensors = "torque") -> None:
+    def __init__(
+        self, scenario: str, paces: Sequence[str], episodes: int, sensors: Sensors = "torque", **stated: Any
+    ) -> None:
         self._seeds = range(FIRST_RESET, FIRST_RESET + episodes)
         self._tasks: dict[str, Any] = {}
         self._batches: dict[str, Batch] = {}
         for pace in paces:
-            machines, tasks = zip(*training_draws(scenario, pace, contexts=episodes, seed=SEED).pairs(), strict=True)
+            machines, tasks = zip(
+                *training_draws(scenario, pace, contexts=episodes, seed=SEED, **stated).pairs(), strict=True
+            )
             self._tasks[pace] = tasks
             self._batches[pace] = Batch(machines, tasks, sensors=sensors)
 

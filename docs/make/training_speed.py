@@ -120,9 +120,9 @@ def main(turns: int = 7, rollouts: int = 10, write: bool = True) -> None:
     speeds = [statistics.median(model.rollout / pair[k] for pair in paired) for k in range(2)]
     ratio = statistics.median(there / here for here, there in paired)
     text = (
-        f"`pter train ppo` makes {speeds[0]:,.0f} control steps a second on two cores, Stable-Baselines3's PPO with the "
-        f"same networks, worlds, samples and epochs {speeds[1]:,.0f}: a ratio of {ratio:.1f}, the median of {turns} pairs. "
-        "Of the time of the two cores:"
+        f"`pter train ppo` makes {speeds[0]:,.0f} control steps a second on two cores, Stable-Baselines3's PPO with "
+        f"the same networks, worlds, samples and epochs {speeds[1]:,.0f}: a ratio of {ratio:.1f}, the median of "
+        f"{turns} pairs. Of the time of the two cores:"
     )
     rows = [[label, f"{100 * share:.0f}"] for label, share in sorted(shares.items(), key=lambda pair: -pair[1])]
     block = f"{fill(text, 120)}\n\n{table(['What', 'Share [%]'], rows, '---')}"
