@@ -154,7 +154,7 @@ class Stable:
         optimisers = self._optimisers()
         for name, content in optimisers.items() if int(state["steps"]) else ():
             content["state"] = {
-                number: {each: torch.from_numpy(state[f"{name}_{number}_{each}"]) for each in MOMENTS}
+                number: {each: torch.tensor(state[f"{name}_{number}_{each}"]) for each in MOMENTS}
                 for number in content["param_groups"][0]["params"]
             }
         self.algorithm.set_parameters(optimisers, exact_match=False, device="cpu")

@@ -24,6 +24,7 @@ from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import (
+    LSTM,
     SHIPPED,
     Base,
     Card,
@@ -283,6 +284,10 @@ def test_the_identity_follows_what_acts_and_nothing_else(folder: Path) -> None:
     weights = (policy.network.weights[0] * 1.001, *policy.network.weights[1:])
     changed = Neural(policy.card, replace(policy.network, weights=weights))
     assert content_of(changed) != content_of(policy)
+    memories = [LSTM(np.ones((4, 3)), np.ones((4, 1)), np.full(4, bias)) for bias in (0.0, 0.0, 1.0)]
+    known = [content_of(Neural(policy.card, replace(policy.network, lstm=memory))) for memory in memories]
+    assert None not in known
+    assert (known[0] == known[1], known[0] == known[2]) == (True, False)
 
 
 def test_other_observations_are_refused_with_both_named(folder: Path) -> None:
