@@ -73,7 +73,7 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
     files = card, tensors_of(actor), model_card(card)
     with TemporaryDirectory() as folder_of_trial:
         write_policy(*files, Path(folder_of_trial))
-        difference = compare(actor, worlds, name, Path(folder_of_trial))
+        difference = compare(actor.exact(), worlds, name, Path(folder_of_trial))
     model.close()
     for part in parts:
         part.close()

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -37,16 +38,21 @@ class Actor:
         """Units of the LSTM; 0 if there is none."""
         return 0 if self.lstm is None else self.lstm.hidden_size
 
+    def exact(self) -> "Actor":
+        """Return a copy that finds its outputs in float64, as an exported policy does."""
+        return Actor(deepcopy(self.layers).double(), self.squashed, deepcopy(self.lstm).double() if self.lstm else None)
+
     def begin(self, worlds: int) -> Array:
         """Return the empty memory of so many worlds, a row for each."""
         return np.zeros((worlds, 2 * self.units))
 
     @torch.no_grad()
     def __call__(self, inputs: Array, memory: Array) -> tuple[Array, Array]:
-        """Return the outputs (N, 4) for inputs (N, inputs), and the memory after them, both found in float32."""
-        values = torch.as_tensor(inputs, dtype=torch.float32)
+        """Return the outputs (N, 4) for inputs (N, inputs) and the memory after them, in the weights' precision."""
+        kind = next(self.layers.parameters()).dtype
+        values = torch.as_tensor(inputs, dtype=kind)
         if self.lstm is not None:
-            before = [torch.as_tensor(each, dtype=torch.float32)[None] for each in np.split(memory, 2, axis=1)]
+            before = [torch.as_tensor(each, dtype=kind)[None] for each in np.split(memory, 2, axis=1)]
             _, after = self.lstm(values[None], (before[0].contiguous(), before[1].contiguous()))
             values = after[0][0]
             memory = torch.cat(after, dim=2)[0].numpy().astype(np.float64)

@@ -81,6 +81,7 @@ def test_the_actor_is_the_mean_action(algorithm: str) -> None:
         expected, theirs = model.algorithm.predict(inputs, theirs, deterministic=True)
         outputs, memory = actor(inputs, memory)
         np.testing.assert_allclose(outputs.clip(-1.0, 1.0), expected, atol=1e-6)
+        np.testing.assert_allclose(actor.exact()(inputs, memory)[0], actor(inputs, memory)[0], atol=1e-6)
     assert memory.shape == (5, 12 if algorithm == "recurrent" else 0)
 
 
