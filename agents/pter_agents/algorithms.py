@@ -19,8 +19,7 @@ from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.codec import ABSENT, tuple_of
 
 if TYPE_CHECKING:
-    from torch import nn
-
+    from pter_agents.networks import Actor
     from pter_agents.settings import Settings
     from pter_agents.worlds import Worlds
 
@@ -54,8 +53,8 @@ class Model(Protocol):
         """Collect a rollout, learn from it, and return what is worth a log; FloatingPointError if it diverges."""
         ...
 
-    def actor(self) -> "nn.Sequential":
-        """Return the linear layers of the policy with the tanh between them, from inputs to the mean action."""
+    def actor(self) -> "Actor":
+        """Return the policy's mean action."""
         ...
 
     def get_state(self) -> State:

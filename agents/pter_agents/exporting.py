@@ -8,14 +8,15 @@ from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from torch import nn
 
 from pter_agents.algorithms import load_settings, smoke_settings
 from pter_agents.checkpoints import load_checkpoint
+from pter_agents.networks import Actor
 from pter_agents.settings import PLAIN
 from pter_agents.training import PROGRESS, Arguments, RunFolder, make_draws, make_model, make_parts
-from pter_agents.validation import network_of
 from pter_agents.worlds import Worlds
 from pter_gym import __version__
 from pter_gym.benchmark import PACES
@@ -72,11 +73,11 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
     name = arguments.algorithm if name is None else name
     steps = int(newest.stem.split("-")[1])
     about = about_run(arguments, run, steps)
-    card = make_card(name, settings.hidden, interface, worlds, about)
+    card = make_card(name, settings.hidden, actor, interface, worlds, about)
     files = card, tensors_of(actor), model_card(card)
     with TemporaryDirectory() as folder_of_trial:
         write_policy(*files, Path(folder_of_trial))
-        difference = compare(actor, worlds, name, Path(folder_of_trial))
+        difference = compare(actor.exact(), worlds, name, Path(folder_of_trial))
     model.close()
     for part in parts:
         part.close()
@@ -86,7 +87,9 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
     return write_policy(*files, out), difference
 
 
-def make_card(name: str, hidden: tuple[int, ...], interface: Interface, worlds: Worlds, about: dict[str, Any]) -> Card:
+def make_card(
+    name: str, hidden: tuple[int, ...], actor: Actor, interface: Interface, worlds: Worlds, about: dict[str, Any]
+) -> Card:
     """Return the card of a policy whose weights are not written yet."""
     return Card(
         name=name,
@@ -96,29 +99,34 @@ def make_card(name: str, hidden: tuple[int, ...], interface: Interface, worlds: 
         hidden=hidden,
         weights_sha256="",
         about=about,
+        squashed=actor.squashed,
+        lstm=actor.units,
     )
 
 
-def tensors_of(actor: nn.Sequential) -> Tensors:
-    """Return the weights of a policy with these layers by the names that its file has."""
-    found: Tensors = {}
-    for k, layer in enumerate(layer for layer in actor if isinstance(layer, nn.Linear)):
-        found[f"layer_{k}.weight"] = layer.weight.detach().numpy().astype(np.float32)
-        found[f"layer_{k}.bias"] = layer.bias.detach().numpy().astype(np.float32)
-    return found
+def tensors_of(actor: Actor) -> Tensors:
+    """Return the weights of a policy by the names that its file has."""
+    found: dict[str, torch.Tensor] = {}
+    for k, layer in enumerate(layer for layer in actor.layers if isinstance(layer, nn.Linear)):
+        found[f"layer_{k}.weight"] = layer.weight
+        found[f"layer_{k}.bias"] = layer.bias
+    if actor.lstm is not None:
+        ((inputs, hidden, bias, another),) = actor.lstm.all_weights
+        found |= {"lstm.weight_inputs": inputs, "lstm.weight_hidden": hidden, "lstm.bias": bias + another}
+    return {name: tensor.detach().numpy().astype(np.float32) for name, tensor in found.items()}
 
 
-def compare(actor: nn.Sequential, worlds: Worlds, name: str, folder: Path) -> float:
-    """Return the largest difference between voltages of these layers and of a policy, over the largest voltage."""
+def compare(actor: Actor, worlds: Worlds, name: str, folder: Path) -> float:
+    """Return the largest difference between voltages of a run and of a policy, over the largest voltage."""
     layout = worlds.env.observation_layout
     policy = load_policy(name, folder).bind(BASELINE, layout)
     obs: Any = worlds.env.reset(seed=0)[0]  # worlds that end begin again and are not forgotten, for both policies alike
-    net = network_of(actor)
-    past = worlds.interface.begin(worlds.count)
+    past, memory = worlds.interface.begin(worlds.count), actor.begin(worlds.count)
     largest = 0.0
     for _ in range(TRIES):
         inputs, base = worlds.interface.see(obs, past)
-        theirs = worlds.interface.volts(base, net(inputs))
+        outputs, memory = actor(inputs, memory)
+        theirs = worlds.interface.volts(base, outputs)
         mine = policy(obs)
         largest = max(largest, float(np.abs(mine - theirs).max()))
         obs = worlds.env.step(mine)[0]
@@ -157,6 +165,13 @@ def _toml(value: Any) -> str:
     return json.dumps(list(cast(tuple[int, ...], value)) if isinstance(value, tuple) else value)
 
 
+def _network(card: Card) -> str:
+    """Return the layers of the network."""
+    lstm = f"an LSTM of {card.lstm}, " if card.lstm else ""
+    outputs = "4 outputs behind tanh" if card.squashed else "4 outputs"
+    return f"{card.interface.size} inputs, {lstm}tanh layers of {', '.join(map(str, card.hidden))}, {outputs}"
+
+
 def _meaning(card: Card) -> str:
     """Return what an output of the network means."""
     if card.interface.normalised:
@@ -176,7 +191,7 @@ def model_card(card: Card) -> str:
         f"- Command: `{about['command']}` ({about['steps']} control steps)",
         *(f"- In the file: `{name} = {_toml(value)}`" for name, value in about["config"].items()),
         f"- Versions: {', '.join(f'{name} {number}' for name, number in about['versions'].items())}",
-        f"- Network: {card.interface.size} inputs, tanh layers of {', '.join(map(str, card.hidden))}, 4 outputs",
+        f"- Network: {_network(card)}",
         f"- An output {_meaning(card)}",
         f"- Observations: {', '.join(name for name, _, _ in card.observation)}",
         "",

@@ -2,12 +2,62 @@
 
 import math
 from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
+Array = NDArray[np.float64]
 Gain = float
+
+
+@dataclass(frozen=True)
+class Actor:
+    """The mean action of a policy; called like ``pter_gym.policies.Network``, which an export makes of it.
+
+    Attributes
+    ----------
+    layers
+        Linear layers with tanh between them, to the four outputs.
+    squashed
+        Whether the outputs go through tanh.
+    lstm
+        One layer between the inputs and the others; None for nothing.
+    """
+
+    layers: nn.Sequential
+    squashed: bool = False
+    lstm: nn.LSTM | None = None
+
+    @property
+    def units(self) -> int:
+        """Units of the LSTM; 0 if there is none."""
+        return 0 if self.lstm is None else self.lstm.hidden_size
+
+    def exact(self) -> "Actor":
+        """Return a copy that finds its outputs in float64, as an exported policy does."""
+        return Actor(deepcopy(self.layers).double(), self.squashed, deepcopy(self.lstm).double() if self.lstm else None)
+
+    def begin(self, worlds: int) -> Array:
+        """Return the empty memory of so many worlds, a row for each."""
+        return np.zeros((worlds, 2 * self.units))
+
+    @torch.no_grad()
+    def __call__(self, inputs: Array, memory: Array) -> tuple[Array, Array]:
+        """Return the outputs (N, 4) for inputs (N, inputs) and the memory after them, in the weights' precision."""
+        kind = next(self.layers.parameters()).dtype
+        values = torch.as_tensor(inputs, dtype=kind)
+        if self.lstm is not None:
+            before = [torch.as_tensor(each, dtype=kind)[None] for each in np.split(memory, 2, axis=1)]
+            _, after = self.lstm(values[None], (before[0].contiguous(), before[1].contiguous()))
+            values = after[0][0]
+            memory = torch.cat(after, dim=2)[0].numpy().astype(np.float64)
+        outputs = self.layers(values)
+        return (torch.tanh(outputs) if self.squashed else outputs).numpy().astype(np.float64), memory
 
 
 class ActorCritic(nn.Module):

@@ -19,7 +19,7 @@ import torch
 from torch import nn
 
 from pter_agents.algorithms import Learner, State
-from pter_agents.networks import ActorCritic
+from pter_agents.networks import Actor, ActorCritic
 from pter_agents.settings import Settings, require_whole
 from pter_agents.worlds import Mask, Rows, Worlds
 from pter_gym.params import require, require_number
@@ -280,9 +280,9 @@ class PPO:
         """Return what a function makes of each, in a thread for each."""
         return list(self._threads.map(do, over))
 
-    def actor(self) -> nn.Sequential:
-        """Return the layers of the policy."""
-        return self.networks.policy
+    def actor(self) -> Actor:
+        """Return the policy's mean action."""
+        return Actor(self.networks.policy)
 
     def get_state(self) -> State:
         """Return copies of all that a training's future depends on."""

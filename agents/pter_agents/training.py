@@ -14,7 +14,7 @@ from pter_agents.checkpoints import checkpoints, load_checkpoint, save_checkpoin
 from pter_agents.errors import TrainingDivergedError
 from pter_agents.prepare import make_interface, sample_truth
 from pter_agents.settings import Settings, require_whole
-from pter_agents.validation import Validation, network_of
+from pter_agents.validation import Validation
 from pter_agents.worlds import ALL, Worlds, make_worlds, training_draws
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError, ParameterError, unknown_name
@@ -172,7 +172,7 @@ class Watch:
 
     def validate(self) -> None:
         """Write the scores on validation episodes to the logs and to a file."""
-        scores = self._validation.scores(network_of(self._model.actor()), self._interface)
+        scores = self._validation.scores(self._model.actor(), self._interface)
         self.log({f"validation/{pace}_{name}": value for pace, row in scores.items() for name, value in row.items()})
         file = self._folder.path / PROGRESS
         kept: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}

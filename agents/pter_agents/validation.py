@@ -3,25 +3,18 @@
 They come from a seed that no training draws use; the stored evaluation episodes stay unseen.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
-
-import numpy as np
-import torch
-from numpy.typing import NDArray
-from torch import nn
 
 from pter_agents.worlds import training_draws
 from pter_gym.benchmark import score_episodes
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.engine.batch import Batch
-from pter_gym.policies import NeuralPolicy
+from pter_gym.policies import Net, NeuralPolicy
 from pter_gym.policies.interface import BoundInterface
 from pter_gym.tasks.path_following import Sensors
 
-Array = NDArray[np.float64]
-Net = Callable[[Array], Array]
 Scores = dict[str, dict[str, float]]
 
 SEED = 2**31 + 1
@@ -67,7 +60,7 @@ class Validation:
         Parameters
         ----------
         net
-            Inputs (N, inputs) to outputs (N, 4).
+            From inputs to outputs.
         interface
             What it sees and does.
         """
@@ -84,13 +77,3 @@ class Validation:
                 },
             }
         return found
-
-
-def network_of(actor: nn.Sequential) -> Net:
-    """Return the mean action of a policy with these layers."""
-
-    def act(inputs: Array) -> Array:
-        with torch.no_grad():
-            return actor(torch.as_tensor(inputs, dtype=torch.float32)).numpy().astype(np.float64)
-
-    return act

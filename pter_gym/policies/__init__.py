@@ -3,15 +3,17 @@
 from pter_gym.policies.cards import Card
 from pter_gym.policies.files import SHIPPED, load_policy, shipped_policies, write_policy
 from pter_gym.policies.interface import Base, Input, Interface
-from pter_gym.policies.network import Network
-from pter_gym.policies.neural import Neural, NeuralPolicy
+from pter_gym.policies.network import LSTM, Network
+from pter_gym.policies.neural import Net, Neural, NeuralPolicy
 
 __all__ = [
+    "LSTM",
     "SHIPPED",
     "Base",
     "Card",
     "Input",
     "Interface",
+    "Net",
     "Network",
     "Neural",
     "NeuralPolicy",

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 from pter_gym.compiled.layout import Layout
 from pter_gym.errors import ParameterError
-from pter_gym.internal.codec import completed, reading
+from pter_gym.internal.codec import ABSENT, completed, reading
 from pter_gym.policies.interface import Base, Input, Interface
 from pter_gym.policies.stored_gains import gains_of, restore_guided
 
@@ -23,6 +23,9 @@ OUTPUTS = 4
 
 MOST_INPUTS, MOST_UNITS, MOST_LAYERS = 256, 1024, 8
 """Largest sizes of a network."""
+
+MOST_LSTM = 512
+"""Most units of an LSTM."""
 
 DEEPEST = 8
 """Deepest nesting of a card."""
@@ -52,6 +55,10 @@ class Card:
         Scenario, training command, versions, scores: for people, nothing acts on it.
     environment
         Id of the environment.
+    squashed
+        Whether the network's outputs go through tanh.
+    lstm
+        Units of the LSTM between the inputs and the hidden layers; 0 for none.
     """
 
     name: str
@@ -62,12 +69,19 @@ class Card:
     weights_sha256: str
     about: Mapping[str, Any] = field(default_factory=dict[str, Any])
     environment: str = ENVIRONMENT
+    squashed: bool = field(default=False, metadata={ABSENT: False})
+    lstm: int = field(default=0, metadata={ABSENT: 0})
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of the tensors that belong to it."""
-        sizes = (self.interface.size, *self.hidden, OUTPUTS)
+        sizes = (self.lstm or self.interface.size, *self.hidden, OUTPUTS)
         found: dict[str, tuple[int, ...]] = {}
+        if self.lstm:
+            gates = 4 * self.lstm
+            found["lstm.weight_inputs"] = (gates, self.interface.size)
+            found["lstm.weight_hidden"] = (gates, self.lstm)
+            found["lstm.bias"] = (gates,)
         for k, (before, after) in enumerate(pairwise(sizes)):
             found[f"layer_{k}.weight"] = (after, before)
             found[f"layer_{k}.bias"] = (after,)
@@ -93,6 +107,8 @@ class Card:
             "hidden": list(self.hidden),
             "weights_sha256": self.weights_sha256,
             "about": dict(self.about),
+            "squashed": self.squashed,
+            "lstm": self.lstm,
         }
 
 
@@ -164,6 +180,10 @@ def _card(content: Any) -> Card:
     for size in hidden:
         if type(size) is not int or not 1 <= size <= MOST_UNITS:
             raise ValueError(f"hidden must hold whole numbers from 1 to {MOST_UNITS}, got {size!r}")
+    if type(values["squashed"]) is not bool:
+        raise ValueError(f"squashed must be true or false, got {values['squashed']!r}")
+    if type(values["lstm"]) is not int or not 0 <= values["lstm"] <= MOST_LSTM:
+        raise ValueError(f"lstm must be a whole number from 0 to {MOST_LSTM}, got {values['lstm']!r}")
     if not isinstance(values["about"], dict):
         raise ValueError("about must be an object")
     values.update(

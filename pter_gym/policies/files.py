@@ -19,7 +19,7 @@ from safetensors.numpy import save as save_tensors
 from pter_gym.errors import DataError, ParameterError, unknown_name
 from pter_gym.internal.files import write_bytes_atomic, write_text_atomic
 from pter_gym.policies.cards import Card, read_card
-from pter_gym.policies.network import Network
+from pter_gym.policies.network import LSTM, Network
 from pter_gym.policies.neural import Neural
 
 SHIPPED = Path(__file__).parent / "shipped"
@@ -103,10 +103,13 @@ def read_network(data: bytes, card: Card, what: str) -> Network:
             )
         if not np.isfinite(tensor).all():
             raise DataError(f"policy {what} is refused: {name} holds numbers that are not finite")
-    layers = range(len(shapes) // 2)
+    layers = range(len(card.hidden) + 1)
+    values = {name: tensor.astype(np.float64) for name, tensor in tensors.items()}
     return Network(
-        tuple(tensors[f"layer_{k}.weight"].astype(np.float64) for k in layers),
-        tuple(tensors[f"layer_{k}.bias"].astype(np.float64) for k in layers),
+        tuple(values[f"layer_{k}.weight"] for k in layers),
+        tuple(values[f"layer_{k}.bias"] for k in layers),
+        card.squashed,
+        LSTM(values["lstm.weight_inputs"], values["lstm.weight_hidden"], values["lstm.bias"]) if card.lstm else None,
     )
 
 

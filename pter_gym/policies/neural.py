@@ -1,7 +1,7 @@
 """A trained policy: a card, a network, and what acts."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,18 @@ from pter_gym.policies.interface import BoundInterface
 from pter_gym.policies.network import Network
 
 Array = NDArray[np.float64]
+
+
+class Net(Protocol):
+    """A function from inputs to outputs that may remember, like ``Network``."""
+
+    def begin(self, worlds: int) -> Array:
+        """Return the empty memory of so many worlds, a row for each."""
+        ...
+
+    def __call__(self, inputs: Array, memory: Array) -> tuple[Array, Array]:
+        """Return outputs within [−1, 1], (N, 4), for inputs (N, inputs), and the memory after them."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,24 +59,24 @@ class Neural:
 class NeuralPolicy:
     """A trained policy that is ready to act: ``policy(observation) -> volts``.
 
-    One with a history remembers; ``reset`` makes it forget.
+    One with a history or an LSTM remembers; ``reset`` makes it forget.
 
     Parameters
     ----------
     interface
         What the network sees and does.
     network
-        From inputs, (N, inputs), to outputs within [−1, 1], (N, 4).
+        From inputs to outputs.
     """
 
-    def __init__(self, interface: BoundInterface, network: Callable[[Array], NDArray[np.floating]]) -> None:
+    def __init__(self, interface: BoundInterface, network: Net) -> None:
         self._interface = interface
         self._network = network
-        self._past = interface.begin(0)
+        self._begin(0)
 
     def reset(self) -> None:
         """Forget the past: new episodes begin."""
-        self._past = self._interface.begin(0)
+        self._begin(0)
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return clutch voltages [V].
@@ -86,7 +98,12 @@ class NeuralPolicy:
         """
         rows = np.atleast_2d(observation)
         if self._past.worlds != len(rows):
-            self._past = self._interface.begin(len(rows))
+            self._begin(len(rows))
         inputs, base = self._interface.see(rows, self._past)
-        volts = self._interface.volts(base, self._network(inputs))
+        outputs, self._memory = self._network(inputs, self._memory)
+        volts = self._interface.volts(base, outputs)
         return volts[0] if np.ndim(observation) == 1 else volts
+
+    def _begin(self, worlds: int) -> None:
+        self._past = self._interface.begin(worlds)
+        self._memory = self._network.begin(worlds)

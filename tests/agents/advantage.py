@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch import nn
 
 from pter_agents.algorithms import Learner, State
-from pter_agents.networks import ActorCritic
+from pter_agents.networks import Actor, ActorCritic
 from pter_agents.settings import Settings
 from pter_agents.worlds import Worlds
 from pter_gym.params import require_number
@@ -57,8 +56,8 @@ class PolicyGradient:
         self._descent.step()
         return float(loss.detach())
 
-    def actor(self) -> nn.Sequential:
-        return self._networks.policy
+    def actor(self) -> Actor:
+        return Actor(self._networks.policy)
 
     def get_state(self) -> State:
         own = {"steps": np.array(self.steps), "inputs": self._inputs, "torch": torch.get_rng_state().numpy()}

@@ -28,8 +28,12 @@ from pter_agents.algorithms import ALGORITHMS, FOLDER, load_settings, settings_f
 from pter_agents.errors import TrainingDivergedError  # noqa: E402
 from pter_gym.policies import Neural, load_policy  # noqa: E402
 
-SMALL = {"worlds": 16, "steps": 8, "minibatch": 64, "epochs": 2, "contexts": 4, "hidden": [8], "value_hidden": [8]}
+SMALL = {"worlds": 16, "steps": 8, "contexts": 4, "hidden": [8], "value_hidden": [8]}
 ROLLOUT = 16 * 8
+OF_PPO = {"minibatch": 64, "epochs": 2}
+OF_SAC = {"minibatch": 32, "updates": 4, "buffer": 300}
+SMALL_OF = {"ppo": OF_PPO, "residual": OF_PPO, "sac": OF_SAC, "tqc": OF_SAC, "recurrent": {**OF_PPO, "lstm": 6}}
+"""Hyper-parameters of each algorithm besides those in ``SMALL``; a buffer of 300 is full after two rollouts."""
 
 
 @pytest.fixture(autouse=True)
@@ -45,19 +49,29 @@ def torch_as_before() -> Any:
     torch.set_num_threads(threads)
 
 
+def small(algorithm: str, **changes: Any) -> Any:
+    return settings_from(
+        algorithm, {**asdict(load_settings(algorithm)), **SMALL, **SMALL_OF[algorithm], "episode": 20, **changes}
+    )
+
+
 def arguments(algorithm: str = "residual", rollouts: int = 4, **changes: Any) -> training.Arguments:
-    settings = settings_from(algorithm, {**asdict(load_settings(algorithm)), **SMALL, "episode": 20, **changes})
     return training.Arguments(
         algorithm=algorithm,
         scenario="standard",
         pace="all",
         steps=rollouts * ROLLOUT,
         seed=3,
-        settings=settings,
+        settings=small(algorithm, **changes),
         checkpoint_every=1,
         validate_every=100,
         validation_episodes=2,
     )
+
+
+def everything(path: Path) -> dict[str, bytes]:
+    with np.load(path, allow_pickle=False) as found:
+        return {name: found[name].tobytes() for name in found.files}
 
 
 def weights(path: Path) -> list[bytes]:
@@ -122,7 +136,39 @@ def test_unknown_names_tell_the_nearest(tmp_path: Path) -> None:
 )
 def test_hyperparameters_out_of_range_are_named(name: str, value: Any) -> None:
     with pytest.raises(ParameterError, match=name):
-        settings_from("ppo", {**asdict(load_settings("ppo")), **SMALL, name: value})
+        small("ppo", **{name: value})
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "name", "value", "accepted"),
+    [
+        ("sac", "privileged", True, "False: all networks see the same here, got True"),
+        ("sac", "minibatch", 0, "a whole number ≥ 1"),
+        ("sac", "learning_rate", 0.0, "> 0"),
+        ("sac", "reward_scale", -1.0, "> 0"),
+        ("sac", "discount", 1.1, "≤ 1"),
+        ("sac", "buffer", 127, "at least worlds × steps = 128, got 127"),
+        ("sac", "updates", 0, "a whole number ≥ 1"),
+        ("sac", "soft_update", 0.0, "> 0"),
+        ("sac", "entropy", 0.0, "> 0"),
+        ("sac", "start", 1.0, "< 1"),
+        ("tqc", "dropped", 25, "a whole number from 0 to 24, got 25"),
+        ("tqc", "dropped", 2.0, "a whole number from 0 to 24"),
+        ("recurrent", "lstm", 0, "a whole number from 1 to 512, got 0"),
+        ("recurrent", "lstm", 513, "a whole number from 1 to 512"),
+        ("recurrent", "epochs", 0, "a whole number ≥ 1"),
+        ("recurrent", "deviation", 0.0, "> 0"),
+        ("recurrent", "max_gradient", 0.0, "> 0"),
+        ("recurrent", "trace", 1.5, "≤ 1"),
+        ("recurrent", "value_weight", -1.0, "≥ 0"),
+        ("recurrent", "clip", 1.0, "< 1"),
+        ("recurrent", "minibatch", 63, "a divisor of worlds × steps = 128, above 1, got 63"),
+        ("recurrent", "minibatch", 1, "a divisor of worlds × steps = 128, above 1, got 1"),
+    ],
+)
+def test_hyperparameters_of_others_out_of_range_are_named(algorithm: str, name: str, value: Any, accepted: str) -> None:
+    with pytest.raises(ParameterError, match=rf"Settings\.{name} must be .*{accepted}"):
+        small(algorithm, **{name: value})
 
 
 def test_a_file_changes_what_it_names_alone(tmp_path: Path) -> None:
@@ -301,6 +347,9 @@ def test_the_newest_two_checkpoints_are_kept(tmp_path: Path) -> None:
         ("ppo", {"history": [], "averages": []}),
         ("residual", {"history": [1, 4], "averages": [1, 4]}),
         ("residual", {"base": "single-dof-tuned", "privileged": True}),
+        ("sac", {}),
+        ("tqc", {"history": [2]}),
+        ("recurrent", {}),
     ],
 )
 def test_a_resumed_run_ends_where_an_uninterrupted_one_does(
@@ -319,10 +368,10 @@ def test_a_resumed_run_ends_where_an_uninterrupted_one_does(
         training.train(given, tmp_path / "parts", on_progress=stop)
     assert stored.checkpoints(tmp_path / "parts")[-1].name == "checkpoint-128.npz"
     resumed = training.train(given, tmp_path / "parts", resume=True)
-    assert weights(resumed) == weights(whole)
+    assert everything(resumed) == everything(whole)
     assert weights(resumed) != weights(stored.checkpoints(tmp_path / "parts")[0])
     assert training.train(given, tmp_path / "parts", resume=True) == resumed
-    assert weights(resumed) == weights(whole)
+    assert everything(resumed) == everything(whole)
 
 
 def test_a_finished_run_that_is_resumed_keeps_its_scores(tmp_path: Path) -> None:
@@ -433,9 +482,21 @@ def test_a_full_disk_leaves_the_earlier_checkpoint(tmp_path: Path, monkeypatch: 
     assert not list(tmp_path.glob(".*.tmp"))
 
 
-@pytest.mark.parametrize("damage", ["cut", "part_0_rng", "adam_1_exp_avg", "pickle"])
-def test_a_damaged_checkpoint_is_refused(damage: str, tmp_path: Path) -> None:
-    path = training.train(arguments(rollouts=1), tmp_path)
+@pytest.mark.parametrize(
+    ("algorithm", "damage"),
+    [
+        ("residual", "cut"),
+        ("residual", "part_0_rng"),
+        ("residual", "adam_1_exp_avg"),
+        ("residual", "pickle"),
+        ("sac", "critic.optimizer_0_step"),
+        ("sac", "kept_timeouts"),
+        ("sac", "numpy_rest"),
+        ("recurrent", "memory"),
+    ],
+)
+def test_a_damaged_checkpoint_is_refused(algorithm: str, damage: str, tmp_path: Path) -> None:
+    path = training.train(arguments(algorithm, rollouts=1), tmp_path)
     with np.load(path, allow_pickle=False) as archive:
         state: dict[str, Any] = dict(archive)
     if damage == "cut":
@@ -446,12 +507,21 @@ def test_a_damaged_checkpoint_is_refused(damage: str, tmp_path: Path) -> None:
         del state[damage]
         np.savez(path, **state)
     with pytest.raises(DataError, match="cannot be read"):
-        training.train(arguments(rollouts=2), tmp_path, resume=True)
+        training.train(arguments(algorithm, rollouts=2), tmp_path, resume=True)
 
 
-@pytest.mark.parametrize("where", ["loss", "gradient"])
+@pytest.mark.parametrize(
+    ("algorithm", "where", "call"),
+    [
+        ("residual", "loss", 35),
+        ("residual", "gradient", 11),
+        ("sac", "loss", 18),
+        ("tqc", "loss", 18),
+        ("recurrent", "loss", 18),
+    ],
+)
 def test_a_number_that_is_not_finite_stops_the_training(
-    where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    algorithm: str, where: str, call: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     step = worlds.Worlds.step
     calls: list[int] = []
@@ -459,11 +529,11 @@ def test_a_number_that_is_not_finite_stops_the_training(
     def broken(self: Any, outputs: Any) -> Any:
         found = step(self, outputs)
         calls.append(1)
-        return found._replace(rewards=found.rewards * (np.nan if len(calls) == 35 else 1.0))
+        return found._replace(rewards=found.rewards * (np.nan if len(calls) == call else 1.0))
 
     def spoil(*given: Any, **options: Any) -> Any:
         calls.append(1)
-        if len(calls) == 11:
+        if len(calls) == call:
             for weight in given[0]:
                 weight.grad *= torch.nan
                 break
@@ -473,7 +543,7 @@ def test_a_number_that_is_not_finite_stops_the_training(
     else:
         monkeypatch.setattr(torch.nn.utils, "clip_grad_norm_", lambda given, _: spoil(list(given)))
     with pytest.raises(TrainingDivergedError, match=r"last good checkpoint is .*checkpoint-(256|128)\.npz"):
-        training.train(arguments(), tmp_path)
+        training.train(arguments(algorithm), tmp_path)
     for path in stored.checkpoints(tmp_path):
         assert all(np.isfinite(np.frombuffer(each, np.float32)).all() for each in weights(path))
 

@@ -1,6 +1,7 @@
 """Trained policies as files: what they do, and that other files are refused before a number is used."""
 
 import json
+import math
 import pickle
 import struct
 import subprocess
@@ -23,6 +24,7 @@ from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import (
+    LSTM,
     SHIPPED,
     Base,
     Card,
@@ -201,6 +203,54 @@ def test_inputs_are_limited_and_ended_worlds_give_numbers(folder: Path) -> None:
     assert np.isfinite(inputs).all()
 
 
+def test_a_squashed_policy_has_tanh_behind_its_last_layer(folder: Path, tmp_path: Path) -> None:
+    card = make_card(squashed=True, name="squashed")
+    write_policy(card, make_tensors(card), "", tmp_path)
+    plain, squashed = (load_policy(name, tmp_path).network for name in ("tested", "squashed"))
+    rows = np.random.default_rng(0).normal(size=(7, 3))
+    np.testing.assert_array_equal(squashed(rows, np.zeros((7, 0)))[0], np.tanh(plain(rows, np.zeros((7, 0)))[0]))
+
+
+def remembered(tensors: dict[str, np.ndarray], inputs: np.ndarray) -> list[float]:
+    """Outputs of an LSTM after some inputs of one world, one unit after the other."""
+    units = len(tensors["lstm.bias"]) // 4
+    shown, cells = [0.0] * units, [0.0] * units
+    for row in inputs:
+        gates = [
+            float(bias) + sum(map(float, weight * row)) + sum(map(float, back * np.array(shown)))
+            for weight, back, bias in zip(
+                *(tensors[f"lstm.{name}"] for name in ("weight_inputs", "weight_hidden", "bias")), strict=True
+            )
+        ]
+        enter, keep, new, show = (gates[units * k : units * (k + 1)] for k in range(4))
+        cells = [
+            c / (1 + math.exp(-k)) + math.tanh(n) / (1 + math.exp(-e))
+            for c, k, n, e in zip(cells, keep, new, enter, strict=True)
+        ]
+        shown = [math.tanh(c) / (1 + math.exp(-s)) for c, s in zip(cells, show, strict=True)]
+    return shown
+
+
+def test_a_policy_with_memory_remembers_each_world_until_it_is_reset(tmp_path: Path) -> None:
+    card = make_card(interface=Interface(inputs=INPUTS, reach=12.0), lstm=6)
+    tensors = make_tensors(card)
+    write_policy(card, tensors, "", tmp_path)
+    policy = load_policy("tested", tmp_path)
+    bound = card.interface.bind(BASELINE, LAYOUT)
+    rows = [observations(5) * np.float32(factor) for factor in (1.0, 0.9, 0.8, 0.7)]
+    seen = np.stack([bound.see(row, bound.begin(5))[0] for row in rows])
+    acting = policy.bind(BASELINE, LAYOUT)
+    for t, row in enumerate(rows):
+        volts = acting(row)
+        hidden = np.array([remembered(tensors, seen[: t + 1, world]) for world in range(5)])
+        outputs, _ = replace(policy.network, lstm=None)(hidden, np.zeros((5, 0)))
+        np.testing.assert_allclose(volts, np.clip(12.0 + 12.0 * outputs.clip(-1.0, 1.0), 0.0, 24.0), atol=1e-4)
+    assert np.abs(acting(rows[0]) - policy.bind(BASELINE, LAYOUT)(rows[0])).max() > 0.1
+    acting.reset()
+    assert acting(rows[0]).tobytes() == policy.bind(BASELINE, LAYOUT)(rows[0]).tobytes()
+    assert acting(rows[0][:2]).tobytes() == policy.bind(BASELINE, LAYOUT)(rows[0][:2]).tobytes()
+
+
 def test_what_was_written_is_read(folder: Path) -> None:
     policy = load_policy("tested", folder)
     assert policy.card == replace(make_card(), weights_sha256=policy.card.weights_sha256)
@@ -234,6 +284,10 @@ def test_the_identity_follows_what_acts_and_nothing_else(folder: Path) -> None:
     weights = (policy.network.weights[0] * 1.001, *policy.network.weights[1:])
     changed = Neural(policy.card, replace(policy.network, weights=weights))
     assert content_of(changed) != content_of(policy)
+    memories = [LSTM(np.ones((4, 3)), np.ones((4, 1)), np.full(4, bias)) for bias in (0.0, 0.0, 1.0)]
+    known = [content_of(Neural(policy.card, replace(policy.network, lstm=memory))) for memory in memories]
+    assert None not in known
+    assert (known[0] == known[1], known[0] == known[2]) == (True, False)
 
 
 def test_other_observations_are_refused_with_both_named(folder: Path) -> None:
@@ -311,6 +365,12 @@ BROKEN: dict[str, tuple[Break, str]] = {
         "gains",
     ),
     "paces that fall": (_in_interface(base={"controller": "impedance", "paces": [2, 1], "gains": [{}, {}]}), "rising"),
+    "a squashing that is no flag": (_set(squashed=1), "squashed must be true or false, got 1"),
+    "an LSTM of fewer than no units": (_set(lstm=-1), "lstm must be a whole number from 0 to 512, got -1"),
+    "an LSTM of too many units": (_set(lstm=513), "lstm must be a whole number from 0 to 512, got 513"),
+    "an LSTM of half a unit": (_set(lstm=0.5), "lstm"),
+    "an LSTM of true units": (_set(lstm=True), "lstm"),
+    "an LSTM without tensors": (_set(lstm=3), "lstm.weight_inputs"),
     "a lying checksum": (_set(weights_sha256="0" * 64), "SHA-256"),
     "observations that are no list": (_set(observation={}), "observation"),
     "about that is no object": (_set(about=[]), "about"),
@@ -441,6 +501,25 @@ def test_missing_weights_and_weights_that_do_not_fit_are_refused(folder: Path) -
     assert not (folder / "other.json").exists()
 
 
+@pytest.mark.parametrize("name", ["lstm.weight_inputs", "lstm.weight_hidden", "lstm.bias"])
+def test_a_memory_of_another_shape_is_refused(name: str, tmp_path: Path) -> None:
+    card = make_card(lstm=6)
+    tensors = make_tensors(card)
+    tensors[name] = np.repeat(tensors[name], 2, axis=0)
+    with pytest.raises(DataError, match=rf"{name} must be float32 \(24,.*it is float32 \(48,"):
+        write_policy(card, tensors, "", tmp_path)
+
+
+def test_an_older_card_has_neither_memory_nor_squashing(folder: Path) -> None:
+    file = folder / "tested.json"
+    card = json.loads(file.read_text(encoding="utf-8"))
+    del card["squashed"], card["lstm"]
+    file.write_text(json.dumps(card), encoding="utf-8")
+    policy = load_policy("tested", folder)
+    assert (policy.card.squashed, policy.card.lstm) == (False, 0)
+    assert (policy.network.squashed, policy.network.lstm) == (False, None)
+
+
 @pytest.mark.parametrize("name", shipped_policies())
 def test_a_shipped_policy_acts_and_says_what_it_is(name: str) -> None:
     policy = load_policy(name)
@@ -467,7 +546,9 @@ def test_a_network_is_a_function_of_its_rows() -> None:
     rng = np.random.default_rng(1)
     network = Network((rng.normal(size=(3, 2)), rng.normal(size=(4, 3))), (rng.normal(size=3), rng.normal(size=4)))
     rows = rng.normal(size=(7, 2))
-    np.testing.assert_allclose(network(rows)[2:3], network(rows[2:3]), rtol=1e-12)
+    outputs, memory = network(rows, network.begin(7))
+    assert memory.shape == (7, 0)
+    np.testing.assert_allclose(outputs[2:3], network(rows[2:3], network.begin(1))[0], rtol=1e-12)
 
 
 def test_the_card_of_a_file_is_named_in_its_error() -> None:

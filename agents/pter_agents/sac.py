@@ -1,0 +1,131 @@
+"""Soft actor-critic (Haarnoja et al., arXiv:1812.05905) of Stable-Baselines3: many worlds, few gradient steps."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import SAC
+from torch import nn
+
+from pter_agents.algorithms import Learner, State
+from pter_agents.networks import Actor
+from pter_agents.settings import require_whole
+from pter_agents.stable import Stable, StableSettings, StableWorlds
+from pter_agents.worlds import Worlds
+from pter_gym.params import require, require_number
+
+KEPT = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+"""Arrays of a replay buffer, a row for each control step."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SACSettings(StableSettings):
+    """Hyper-parameters of soft actor-critic, in addition to those of ``StableSettings``.
+
+    Attributes
+    ----------
+    buffer
+        Control steps of all worlds together that are kept to learn from, the newest.
+    updates
+        Gradient steps after each rollout.
+    soft_update
+        Share of the networks that their targets take at each gradient step.
+    entropy
+        First coefficient of the entropy; it is learnt.
+    """
+
+    buffer: int
+    updates: int
+    soft_update: float
+    entropy: float
+
+    def __post_init__(self) -> None:
+        """Check each number by itself."""
+        super().__post_init__()
+        for name in ("buffer", "updates"):
+            require_whole(self, name)
+        require_number(self, "soft_update", above=0.0, at_most=1.0)
+        require_number(self, "entropy", above=0.0)
+        require_number(self, "start", above=-1.0, below=1.0)
+        rollout = self.worlds * self.steps
+        require(self.buffer >= rollout, self, "buffer", self.buffer, f"at least worlds × steps = {rollout}")
+
+
+class OffPolicy(Stable):
+    """Soft actor-critic, or another algorithm with the same actor, entropy coefficient and replay buffer.
+
+    Parameters
+    ----------
+    settings
+        Hyper-parameters.
+    parts
+        The worlds, in one part.
+    seed
+        Of weights, worlds and noise.
+    kind
+        Class of the algorithm.
+    **options
+        What it is made with, beside what all these take.
+    """
+
+    def __init__(
+        self, settings: SACSettings, parts: Sequence[Worlds], seed: int, kind: type[Any], **options: Any
+    ) -> None:
+        (worlds,) = parts
+        algorithm = kind(
+            "MlpPolicy",
+            StableWorlds(worlds, seed * settings.worlds, settings.reward_scale),
+            learning_rate=settings.learning_rate,
+            buffer_size=settings.buffer,
+            learning_starts=0,
+            batch_size=settings.minibatch,
+            tau=settings.soft_update,
+            gamma=settings.discount,
+            train_freq=settings.steps,
+            gradient_steps=settings.updates,
+            ent_coef=f"auto_{settings.entropy!r}",
+            policy_kwargs={
+                "activation_fn": nn.Tanh,
+                "net_arch": {"pi": list(settings.hidden), "qf": list(settings.value_hidden)},
+            },
+            seed=seed,
+            device="cpu",
+            **options,
+        )
+        nn.init.constant_(algorithm.actor.mu.bias, math.atanh(settings.start))
+        super().__init__(algorithm, worlds, settings.worlds * settings.steps)
+
+    def actor(self) -> Actor:
+        """Return the policy's mean action."""
+        actor = self.algorithm.actor
+        return Actor(nn.Sequential(*actor.latent_pi, actor.mu), squashed=True)
+
+    def get_state(self) -> State:
+        """Return copies of all that the training's future depends on."""
+        buffer = self.algorithm.replay_buffer
+        rows = buffer.size()
+        kept = {f"kept_{name}": getattr(buffer, name)[:rows].copy() for name in KEPT}
+        return {**super().get_state(), **kept, "kept_next": np.array(buffer.pos)}
+
+    def set_state(self, state: State) -> None:
+        """Go on where ``get_state`` was called."""
+        super().set_state(state)
+        buffer = self.algorithm.replay_buffer
+        rows = len(state["kept_rewards"])
+        for name in KEPT:
+            getattr(buffer, name)[:rows] = state[f"kept_{name}"]
+        buffer.pos, buffer.full = int(state["kept_next"]), rows == buffer.buffer_size
+
+    def _weights(self) -> dict[str, torch.Tensor]:
+        return {**super()._weights(), "log_entropy": self.algorithm.log_ent_coef}
+
+
+def make_sac(settings: SACSettings, parts: Sequence[Worlds], total: int, seed: int) -> OffPolicy:  # noqa: ARG001
+    """Return an untrained model, see ``Learner``."""
+    return OffPolicy(settings, parts, seed, SAC)
+
+
+LEARNER = Learner(settings=SACSettings, smoke={"buffer": 8192, "updates": 8}, make_model=make_sac, parts=1)
