@@ -27,9 +27,8 @@ from pter_gym.policies import Card, Interface, load_policy, write_policy
 from pter_gym.policies.cards import fields_of
 from pter_gym.scenarios import find_scenario
 
-SAME = 1e-5
-"""Largest difference between a run's policy and the exported one, relative to the largest voltage: both add some hundred
-products in single precision, in another order."""
+SAME = 1e-6
+"""Largest difference between a run's policy and the exported one, relative to the largest voltage."""
 
 ASKED = ("algorithm", "scenario", "pace", "steps", "seed", "checkpoint_every", "validate_every", "validation_episodes")
 """Fields of a run's arguments that a card keeps beside the hyper-parameters."""

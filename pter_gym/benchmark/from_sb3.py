@@ -12,6 +12,7 @@ from pter_gym.compiled.layout import Layout
 from pter_gym.controllers import BoundPolicy
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine
+from pter_gym.policies.interface import squared
 from pter_gym.tasks.path_following import Sensors, observation_layout
 
 Observations = NDArray[np.float32]
@@ -101,7 +102,7 @@ class ModelPolicy(BoundPolicy):
         self._begins = False
         most, low, high = self._voltage_max, self._controller.low, self._controller.high
         linear = (np.clip(np.asarray(actions, np.float64), low, high) - low) * (most / (high - low))
-        return np.where(low < 0.0, linear * (linear / most), linear)
+        return np.where(low < 0.0, squared(linear, most), linear)
 
 
 def _sensors_of(model: Any) -> Sensors:

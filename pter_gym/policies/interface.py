@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.compiled.layout import Layout
-from pter_gym.engine.step import scaled_volts
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.codec import ABSENT
 from pter_gym.params import Machine, require, require_flag, require_kind, require_number
@@ -251,9 +250,7 @@ class BoundInterface:
         """Return voltages [V], float32 (N, 4), for the outputs (N, 4) of a network; beyond [−1, 1] they are limited."""
         limited = np.clip(np.asarray(outputs, np.float64), -1.0, 1.0)
         if self.normalised:
-            linear: Any = (limited + 1.0) * (self.voltage_max / 2.0)
-            volts: Any = scaled_volts(linear, -1.0, self.voltage_max)
-            return volts.astype(np.float32)
+            return squared((limited + 1.0) * (self.voltage_max / 2.0), self.voltage_max).astype(np.float32)
         wanted = base + self.reach * limited
         return np.clip(wanted, 0.0, self.voltage_max).astype(np.float32)
 
@@ -330,6 +327,14 @@ class Past:
 
     def _shown(self, rows: Array, means: Array) -> Array:
         return np.concatenate([rows[self._ages], means]).transpose(1, 0, 2).reshape(rows.shape[1], -1)
+
+
+def squared(linear: Array, voltage_max: float) -> Array:
+    """Return the voltages [V] of normalised actions, from their share of the bounds times the largest voltage [V].
+
+    They have the bits of the kernel's ``scaled_volts``, which needs numba.
+    """
+    return linear * (linear / voltage_max)
 
 
 def available(layout: Layout, *, residual: bool) -> list[str]:

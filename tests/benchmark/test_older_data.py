@@ -222,7 +222,7 @@ def test_gains_say_which_one_is_missing_or_unknown(monkeypatch: pytest.MonkeyPat
 
 def test_new_gains_carry_the_defaults_that_they_rely_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     install_controller(monkeypatch, "impedance", with_field(Impedance, "grip", quantity("1", "chosen", default=3.0)))
-    study = Study("impedance", "standard", "slow", {"stiffness": 123.0}, Verdict(0.0, 1.0, 0.0, 0.0), 1, 1, 0)
+    study = Study("impedance", "standard", "slow", {"stiffness": 123.0}, Verdict(0.0, 1.0, 0.0, 0.0), 1, 1, 1, 0)
     path = tmp_path / "tuned.toml"
     shipping.add_study(study, path)
     install_controller(monkeypatch, "impedance", with_field(Impedance, "grip", quantity("1", "chosen", default=7.0)))
