@@ -130,15 +130,6 @@ class RewardWeights:
         lambda weight, seen, period: -weight * pace_cost(seen.pace_ratio) * seen.pace * period / seen.path_length,
         default=0.1 * PERFECT,
     )
-    error: float = term(
-        "1",
-        f"chosen: at {1000 * ERROR_WIDTH:g} mm from the path, for the time that the path takes at the commanded pace",
-        lambda weight, seen, period: (
-            -weight * abs(seen.at.normal_error) / ERROR_WIDTH * seen.pace * period / seen.path_length
-        ),
-        default=0.0,
-        absent=0.0,
-    )
     acceleration: float = term(
         "1/s",
         f"chosen: per {ACCELERATION_UNIT:g} m/s² of tip acceleration",
