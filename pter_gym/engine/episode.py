@@ -98,6 +98,7 @@ def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: A
         UnitVector(arc.heading_cos, arc.heading_sin),
         spread(u0, w[ROW.task.start_offset, i]),
     )
+    w[ROW.pace_ratio, i] = 1.0  # as the score leaves the start-up out
     if w[ROW.task.starts.moving, i] + w[ROW.task.starts.gripped, i] > 0.0:
         explore(w, i, seed, episode, constants)
     w[ROW.alive, i] = 1.0
