@@ -1,0 +1,59 @@
+"""The reward is what its page says, found again from the telemetry of episodes."""
+
+import math
+
+import numpy as np
+import pytest
+
+from pter_gym.engine.batch import Batch
+from pter_gym.params import BASELINE
+from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
+from pter_gym.tasks.path_following.reward import ERROR_WIDTH, FASTEST, PACE_WINDOW, PERFECT
+
+PERIOD = 0.01
+
+
+def expected(rows: np.ndarray, task: PathFollowing) -> tuple[np.ndarray, np.ndarray]:
+    """What each control step pays for the way and costs for the pace; rows (steps + 1, columns) from a reset on."""
+    length, pace = task.path.length, task.pace
+    tracking, cost = [], []
+    mean = 1.0
+    for before, after in zip(rows[:-1], rows[1:], strict=True):
+        ratio = (after[COLUMN.arc_length] - before[COLUMN.arc_length]) / (PERIOD * pace)
+        mean += (1.0 - math.exp(-PERIOD / PACE_WINDOW)) * (ratio - mean)
+        share = max(mean, 0.0) ** 3 if mean < 1.0 else mean**-4
+        new = (after[COLUMN.reached] - before[COLUMN.reached]) / length
+        tracking.append(PERFECT * new * share * math.exp(-abs(after[COLUMN.normal_error]) / ERROR_WIDTH))
+        off = 1.0 - max(mean, 0.0) if mean < 1.0 else min(mean, FASTEST) - 1.0
+        cost.append(-0.1 * PERFECT * off * PERIOD * pace / length)
+    return np.array(tracking), np.array(cost)
+
+
+@pytest.mark.parametrize("volts", [0.0, 3.0, 8.0])
+def test_a_step_pays_what_the_page_says_from_the_first_on(volts: float) -> None:
+    task = PathFollowing()
+    batch = Batch(BASELINE, task, 1, telemetry=True)
+    _, first = batch.reset([3])
+    rows = [first[0]]
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        found = batch.step(rng.uniform(0.0, 2.0 * volts, (1, 4)))
+        rows.append(found.telemetry[0, 0])
+        if found.flags[:2].any():
+            break
+    seen = np.array(rows)
+    tracking, cost = expected(seen, task)
+    assert len(tracking) > 20
+    np.testing.assert_allclose(seen[1:, TELEMETRY.index("reward_tracking")], tracking, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(seen[1:, TELEMETRY.index("reward_pace")], cost, rtol=1e-9, atol=1e-12)
+
+
+def test_a_slow_first_step_is_not_a_standstill() -> None:
+    """The score leaves the start-up out, so the mean of the pace begins at the commanded one."""
+    batch = Batch(BASELINE, PathFollowing(), 1, telemetry=True)
+    batch.reset([3])
+    found = batch.step(np.full((1, 4), 24.0))
+    cost = found.telemetry[0, 0, TELEMETRY.index("reward_pace")]
+    task = PathFollowing()
+    standstill = -0.1 * PERFECT * PERIOD * task.pace / task.path.length
+    assert 0.0 > cost > 0.1 * standstill
