@@ -1,6 +1,7 @@
 """The reward is what its page says, found again from the telemetry of episodes."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ def expected(rows: np.ndarray, task: PathFollowing) -> tuple[np.ndarray, np.ndar
     length, pace = task.path.length, task.pace
     tracking, cost = [], []
     mean = 1.0
-    for before, after in zip(rows[:-1], rows[1:], strict=True):
+    for before, after in pairwise(rows):
         ratio = (after[COLUMN.arc_length] - before[COLUMN.arc_length]) / (PERIOD * pace)
         mean += (1.0 - math.exp(-PERIOD / PACE_WINDOW)) * (ratio - mean)
         share = max(mean, 0.0) ** 3 if mean < 1.0 else mean**-4
