@@ -87,7 +87,7 @@ def sample_inputs(plain: Interface, settings: Settings, draws: Randomisation, se
 
 
 def sample_truth(settings: Settings, draws: Randomisation, seed: int) -> Truth:
-    """Return the centres and scales of what is true of a world, from a short run at random; they follow from the seed.
+    """Return what varies of all that is true of a world, from a short run at random; it follows from the seed.
 
     Parameters
     ----------
@@ -103,9 +103,9 @@ def sample_truth(settings: Settings, draws: Randomisation, seed: int) -> Truth:
         seen.append(worlds.batch.truth())
     worlds.close()
     values = np.concatenate(seen)
-    spread = values.std(axis=0)
-    still = spread <= 1e-6 * (1.0 + np.abs(values).max(axis=0))
-    return Truth(values.mean(axis=0), np.where(still, 1.0, spread))
+    mean, spread = values.mean(axis=0), values.std(axis=0)
+    entries = np.flatnonzero(spread > 1e-6 * (1.0 + np.abs(values).max(axis=0)))
+    return Truth(entries, mean[entries], spread[entries])
 
 
 def _input(name: str, values: np.ndarray) -> Input:

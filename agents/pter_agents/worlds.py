@@ -82,8 +82,9 @@ def make_worlds(draws: Randomisation, count: int, episode: int, sensors: Sensors
 
 
 class Truth(NamedTuple):
-    """Centres and scales of what is true of a world, see ``Batch.truth``."""
+    """What varies of all that is true of a world, see ``Batch.truth``: which entries, their centres and scales."""
 
+    entries: NDArray[np.intp]
     center: NDArray[np.float64]
     scale: NDArray[np.float64]
 
@@ -185,6 +186,6 @@ class Worlds:
     def _see(self, obs: Any) -> Rows:
         inputs, self._base = self.interface.see(obs, self._past)
         if self._truth is not None:
-            known = (self.env.batch.truth() - self._truth.center) / self._truth.scale
+            known = (self.env.batch.truth()[:, self._truth.entries] - self._truth.center) / self._truth.scale
             self._known = known.clip(-LIMIT, LIMIT)
         return np.hstack([inputs, self._known]).astype(np.float32)

@@ -200,7 +200,7 @@ def test_only_the_value_network_sees_what_is_true() -> None:
     seen = parts[0]
     first = torch.as_tensor(seen.reset(1))
     truth = seen.env.batch.truth()
-    assert first.shape == (8, interface.size + truth.shape[1])
+    assert interface.size + 20 < first.shape[1] < interface.size + truth.shape[1], "what never varies is left out"
     assert (first.numpy()[:, interface.size :].std(axis=0) > 0.1).sum() > 20, "machines, tasks and states differ"
     other = first.clone()
     other[:, interface.size :] = 0.0
