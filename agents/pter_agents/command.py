@@ -13,7 +13,7 @@ from pter_gym.scenarios import SCENARIOS
 
 TRAINED = "What to train: " + ", ".join(f"{name} ({each.action})" for name, each in ALGORITHMS.items()) + "."
 
-DRAWN = f"Scenario whose draws are trained on: {', '.join(SCENARIOS)}."
+DRAWN = f"Scenario whose draws are trained on: {', '.join(SCENARIOS)}, or all."
 
 MISSING = 'training needs Stable-Baselines3: pip install "pter-gym[agents]"'
 

@@ -1,6 +1,7 @@
 """A run becomes a policy: weights without code, a card, and a model card in Markdown."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +18,7 @@ from pter_agents.checkpoints import load_checkpoint
 from pter_agents.networks import Actor
 from pter_agents.settings import PLAIN
 from pter_agents.training import PROGRESS, Arguments, RunFolder, make_draws, make_model, make_parts
-from pter_agents.worlds import Worlds
+from pter_agents.worlds import ALL, Worlds
 from pter_gym import __version__
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError
@@ -136,14 +137,13 @@ def about_run(arguments: Arguments, run: Path, steps: int) -> dict[str, Any]:
     """Return what a card tells of the training."""
     file = run / PROGRESS
     validation: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-    scenario = find_scenario(arguments.scenario)
     settings = arguments.settings
     usual = load_settings(arguments.algorithm)
     changed = {name: value for name, value in vars(settings).items() if value != getattr(usual, name)}
     return {
         "algorithm": arguments.algorithm,
         "corrects": None if settings.base == PLAIN else settings.base,
-        "scenario": scenario.id,
+        "scenario": ALL if arguments.scenario == ALL else find_scenario(arguments.scenario).id,
         "pace": arguments.pace,
         "command": f"pter train {arguments.algorithm} --scenario {arguments.scenario} --pace {arguments.pace} "
         f"--steps {arguments.steps} --seed {arguments.seed}{' --config FILE' if changed else ''}",
@@ -178,6 +178,11 @@ def _meaning(card: Card) -> str:
     return f"of ±1 is ±{card.interface.reach:g} V, limited to 0…{card.voltage_max:g} V"
 
 
+def _drawn(about: Mapping[str, Any]) -> str:
+    """Return whose draws a policy was trained on."""
+    return "all scenarios" if about["scenario"] == ALL else f"`{about['scenario']}`"
+
+
 def model_card(card: Card) -> str:
     """Return the model card in Markdown."""
     about = card.about
@@ -185,7 +190,7 @@ def model_card(card: Card) -> str:
     lines = [
         f"# {card.name}",
         "",
-        f"A policy that {what}, trained by `{about['algorithm']}` on the training draws of `{about['scenario']}`.",
+        f"A policy that {what}, trained by `{about['algorithm']}` on the training draws of {_drawn(about)}.",
         "",
         f"- Command: `{about['command']}` ({about['steps']} control steps)",
         *(f"- In the file: `{name} = {_toml(value)}`" for name, value in about["config"].items()),

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from pter_agents.settings import PLAIN, Settings
-from pter_agents.worlds import Truth, make_worlds
+from pter_agents.worlds import ALL, Truth, make_worlds
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark.tuned import SUFFIX
+from pter_gym.benchmark.tuned import FALLBACK, SUFFIX
 from pter_gym.controllers import PaceSchedule
 from pter_gym.params import BASELINE
 from pter_gym.policies.interface import Base, Input, Interface, available, quantities, seen_without
 from pter_gym.policies.stored_gains import gains_of
-from pter_gym.scenarios.randomisation import Randomisation
+from pter_gym.scenarios.randomisation import Mixture, Randomisation
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
 """Scales [m, 1, m/s] that are chosen: what a good policy leaves of these is small beside what a bad one meets."""
@@ -32,13 +32,13 @@ def find_base(name: str, scenario: str) -> Base | None:
     """Return the base controller with its gains over the commanded pace, or None."""
     if name == PLAIN:
         return None
-    policy = find_policy(name, scenario=scenario)
+    policy = find_policy(name, scenario=FALLBACK if scenario == ALL else scenario)
     assert isinstance(policy, PaceSchedule)
     paces, controllers = zip(*policy.knots, strict=True)
     return Base(controller=name.removesuffix(SUFFIX), paces=paces, gains=tuple(map(gains_of, controllers)))
 
 
-def make_interface(settings: Settings, scenario: str, draws: Randomisation, seed: int) -> Interface:
+def make_interface(settings: Settings, scenario: str, draws: Randomisation | Mixture, seed: int) -> Interface:
     """Return the interface of a policy, its scales taken from a short run without a network.
 
     Parameters
@@ -64,7 +64,7 @@ def make_interface(settings: Settings, scenario: str, draws: Randomisation, seed
     return replace(plain, inputs=tuple(sample_inputs(plain, settings, draws, seed)))
 
 
-def sample_inputs(plain: Interface, settings: Settings, draws: Randomisation, seed: int) -> Sequence[Input]:
+def sample_inputs(plain: Interface, settings: Settings, draws: Randomisation | Mixture, seed: int) -> Sequence[Input]:
     """Return the inputs, with the mean and the deviation of each where random actions lead."""
     worlds = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
     layout = worlds.observation_layout
@@ -86,7 +86,7 @@ def sample_inputs(plain: Interface, settings: Settings, draws: Randomisation, se
     return [_input(name, column) for name, column in zip(names, values.T, strict=True) if name in shown]
 
 
-def sample_truth(settings: Settings, draws: Randomisation, seed: int) -> Truth:
+def sample_truth(settings: Settings, draws: Randomisation | Mixture, seed: int) -> Truth:
     """Return what varies of all that is true of a world, from a short run at random; it follows from the seed.
 
     Parameters

@@ -7,10 +7,12 @@ from typing import Any
 from pter_agents.algorithms import settings_from
 from pter_agents.exporting import export_run
 from pter_agents.training import RUN, Arguments, train
+from pter_agents.worlds import ALL
 from pter_gym.benchmark import Leaderboard, find_policy, leaderboards, run_scenario
 from pter_gym.benchmark.evaluation import fresh_seed
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.policies import Neural, load_policy
+from pter_gym.scenarios import SCENARIOS
 
 SUFFIX = "-again"
 """Of the name of a policy that was trained again."""
@@ -69,7 +71,7 @@ def retrain(shipped: Neural, out: Path, on_progress: Callable[[int, int], None] 
 
 
 def compare(shipped: Neural, again: Neural, episodes: int | None = None) -> Sequence[Leaderboard]:
-    """Return the leaderboards of a policy and of what ``retrain`` returned, on fresh episodes of its scenario.
+    """Return the leaderboards of a policy and of what ``retrain`` returned, on fresh episodes of its scenarios.
 
     Parameters
     ----------
@@ -80,4 +82,7 @@ def compare(shipped: Neural, again: Neural, episodes: int | None = None) -> Sequ
     """
     policies = {each.card.name: each for each in (shipped, again)}
     scenario = arguments_of(shipped.card.about).scenario
-    return leaderboards(run_scenario(scenario, policies, episodes=episodes, fresh=fresh_seed(scenario, policies)))
+    boards: list[Leaderboard] = []
+    for each in SCENARIOS if scenario == ALL else (scenario,):
+        boards += leaderboards(run_scenario(each, policies, episodes=episodes, fresh=fresh_seed(each, policies)))
+    return boards

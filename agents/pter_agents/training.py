@@ -24,7 +24,7 @@ from pter_gym.params import require, require_number
 from pter_gym.policies.cards import plain_interface, read_interface
 from pter_gym.policies.interface import BoundInterface, Interface
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.scenarios.randomisation import Randomisation
+from pter_gym.scenarios.randomisation import Mixture, Randomisation
 
 RUN = "run.json"
 """File in a run's folder that says what is trained; checkpoints and logs are beside it."""
@@ -42,7 +42,7 @@ class Arguments:
     algorithm
         One of ``pter_agents.algorithms.ALGORITHMS``.
     scenario, pace
-        Names; the pace may be ``"all"``.
+        Names; both may be ``"all"``.
     steps
         Control steps of all worlds together; rounded up to whole rollouts.
     seed
@@ -68,7 +68,7 @@ class Arguments:
     def __post_init__(self) -> None:
         """Check names and numbers."""
         find_algorithm(self.algorithm)
-        for name, known in (("scenario", SCENARIOS), ("pace", (ALL, *PACES))):
+        for name, known in (("scenario", (ALL, *SCENARIOS)), ("pace", (ALL, *PACES))):
             if getattr(self, name) not in known:
                 raise unknown_name(name, getattr(self, name), known)
         for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
@@ -240,7 +240,7 @@ def train(
             worlds.close()
 
 
-def make_draws(arguments: Arguments, contexts: int | None = None) -> Randomisation:
+def make_draws(arguments: Arguments, contexts: int | None = None) -> Randomisation | Mixture:
     """Return the machines and tasks to train on, or the first of them."""
     settings = arguments.settings
     return training_draws(
@@ -252,7 +252,7 @@ def make_draws(arguments: Arguments, contexts: int | None = None) -> Randomisati
     )
 
 
-def make_parts(arguments: Arguments, draws: Randomisation, interface: Interface) -> list[Worlds]:
+def make_parts(arguments: Arguments, draws: Randomisation | Mixture, interface: Interface) -> list[Worlds]:
     """Return worlds as the networks meet them, in as many parts as the algorithm wants."""
     settings, parts = arguments.settings, arguments.learner.parts
     truth = sample_truth(settings, draws, arguments.seed) if settings.privileged else None

@@ -34,7 +34,7 @@ class Validation:
     paces
         Names of commanded paces.
     episodes
-        Their number at each pace.
+        Their number at each pace; with all scenarios rounded up to as many of each.
     sensors
         What the worlds measure.
     **stated
@@ -44,7 +44,6 @@ class Validation:
     def __init__(
         self, scenario: str, paces: Sequence[str], episodes: int, sensors: Sensors = "torque", **stated: Any
     ) -> None:
-        self._seeds = range(FIRST_RESET, FIRST_RESET + episodes)
         self._tasks: dict[str, Any] = {}
         self._batches: dict[str, Batch] = {}
         for pace in paces:
@@ -67,7 +66,8 @@ class Validation:
         found: Scores = {}
         for pace, batch in self._batches.items():
             tasks = self._tasks[pace]
-            telemetry = simulate(batch, NeuralPolicy(interface, net), list(self._seeds), max(map(time_limit, tasks)))
+            seeds = list(range(FIRST_RESET, FIRST_RESET + len(tasks)))
+            telemetry = simulate(batch, NeuralPolicy(interface, net), seeds, max(map(time_limit, tasks)))
             values = score_episodes(telemetry, tasks)
             found[pace] = {
                 "path_error_m": float(interquartile_mean(values["path_error_m"])),

@@ -12,28 +12,28 @@ from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE
 from pter_gym.policies.interface import LIMIT, Interface
-from pter_gym.scenarios import find_scenario
-from pter_gym.scenarios.randomisation import OneOf, Randomisation, Vary
+from pter_gym.scenarios import SCENARIOS, find_scenario
+from pter_gym.scenarios.randomisation import Mixture, OneOf, Randomisation, Vary
 from pter_gym.tasks.path_following import Sensors
 
 ALL = "all"
-"""Name for a commanded pace that is drawn among those at which a scenario is scored."""
+"""Name for all scenarios, each with as many draws, and for a commanded pace that is drawn among those of the scores."""
 
 Rows = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
-def training_draws(scenario: str, pace: str, *, contexts: int, seed: int, **stated: Any) -> Randomisation:
+def training_draws(scenario: str, pace: str, *, contexts: int, seed: int, **stated: Any) -> Randomisation | Mixture:
     """Return machines and tasks of a scenario at a pace.
 
     Parameters
     ----------
     scenario
-        Its name.
+        Its name, or ``"all"``.
     pace
         Name of a commanded pace, or ``"all"``.
     contexts, seed
-        Number of pairs of machine and task, and the seed of their list.
+        Number of pairs of machine and task, rounded up to as many of each scenario, and the seed of their list.
     **stated
         Fields of the task that all episodes share, such as ``reward``, ``starts`` and ``truncation_error``.
 
@@ -44,6 +44,14 @@ def training_draws(scenario: str, pace: str, *, contexts: int, seed: int, **stat
     """
     if pace not in (ALL, *PACES):
         raise unknown_name("pace", pace, (ALL, *PACES))
+    if scenario == ALL:
+        share = -(-contexts // len(SCENARIOS))
+        return Mixture(parts=tuple(_draws(each, pace, contexts=share, seed=seed, **stated) for each in SCENARIOS))
+    return _draws(scenario, pace, contexts=contexts, seed=seed, **stated)
+
+
+def _draws(scenario: str, pace: str, *, contexts: int, seed: int, **stated: Any) -> Randomisation:
+    """Return machines and tasks of one scenario."""
     speeds = all_paces() if pace == ALL else (PACES[pace],)
     drawn = find_scenario(scenario).randomisation(None, contexts=contexts, seed=seed, **stated)
     task: Any = drawn.task
@@ -56,7 +64,9 @@ def all_paces() -> tuple[float, ...]:
     return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
 
 
-def make_worlds(draws: Randomisation, count: int, episode: int, sensors: Sensors = "torque") -> PathFollowingVectorEnv:
+def make_worlds(
+    draws: Randomisation | Mixture, count: int, episode: int, sensors: Sensors = "torque"
+) -> PathFollowingVectorEnv:
     """Return worlds that take voltages and begin again in the step in which they end.
 
     Parameters

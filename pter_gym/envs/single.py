@@ -12,7 +12,7 @@ from pter_gym.compiled.layout import Layout
 from pter_gym.engine.batch import ActionUnit, Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import MACHINES, Machine
-from pter_gym.scenarios.randomisation import Randomisation
+from pter_gym.scenarios.randomisation import Mixture, Randomisation
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensors
 from pter_gym.tasks.path_following.observation import BOUND
 
@@ -89,7 +89,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error, arrival,
       starts, sensing, reward weights.
-    - `randomisation`: a `Randomisation` from which each episode draws machine and task, instead of these two.
+    - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws machine and task in place of these.
     - `observe_context`: whether the observation ends with what is told of machine and task (time constant, torque and
       drift of the clutches, what the hand adds). The telemetry tells it always.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
@@ -108,7 +108,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         task: PathFollowing | None = None,
         sensors: Sensors = "torque",
         action_unit: ActionUnit = "volt",
-        randomisation: Randomisation | None = None,
+        randomisation: Randomisation | Mixture | None = None,
         observe_context: bool = False,
         render_mode: RenderMode | None = None,
     ) -> None:
@@ -229,7 +229,7 @@ def find_machine(machine: Machine | str) -> Machine:
 def find_pairs(
     machine: Machine | str | Sequence[Machine | str],
     task: PathFollowing | Sequence[PathFollowing] | None,
-    randomisation: Randomisation | None,
+    randomisation: Randomisation | Mixture | None,
 ) -> tuple[Machine | list[Machine], PathFollowing | Sequence[PathFollowing]]:
     """Return machines and tasks as a ``Batch`` takes them, from the arguments of an environment.
 

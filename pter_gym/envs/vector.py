@@ -18,7 +18,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.internal.checks import whole_number
 from pter_gym.internal.computer import available_cores, available_memory
 from pter_gym.params import Machine
-from pter_gym.scenarios.randomisation import Randomisation
+from pter_gym.scenarios.randomisation import Mixture, Randomisation
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
 from pter_gym.tasks.path_following.observation import BOUND
 from pter_gym.tasks.path_following.telemetry import COLUMNS
@@ -69,7 +69,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         task: PathFollowing | Sequence[PathFollowing] | None = None,
         sensors: Sensors = "torque",
         action_unit: ActionUnit = "volt",
-        randomisation: Randomisation | None = None,
+        randomisation: Randomisation | Mixture | None = None,
         observe_context: bool = False,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = 1000,

@@ -249,3 +249,27 @@ class Randomisation:
             else:
                 return machine, task
         raise AssertionError("unreachable")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mixture:
+    """Several randomisations as one, whose list has the pairs of all: each counts by its own number of pairs.
+
+    Attributes
+    ----------
+    parts
+        At least one.
+    """
+
+    parts: tuple[Randomisation, ...]
+
+    def __post_init__(self) -> None:
+        """Check the parts."""
+        given: Any = self.parts
+        parts = cast("tuple[object, ...]", given) if isinstance(given, tuple) else ()
+        known = len(parts) > 0 and all(isinstance(part, Randomisation) for part in parts)
+        require(known, self, "parts", given, "a tuple of at least one Randomisation")
+
+    def pairs(self) -> list[tuple[Machine, PathFollowing]]:
+        """Return the list, the same for the same seeds; see ``Randomisation.pairs``."""
+        return [pair for part in self.parts for pair in part.pairs()]

@@ -16,6 +16,7 @@ from pter_gym.benchmark import run_scenario
 from pter_gym.errors import DataError, DependencyError, ParameterError
 from pter_gym.internal.codec import ABSENT
 from pter_gym.params import BASELINE
+from pter_gym.scenarios import SCENARIOS
 
 pytestmark = pytest.mark.agents
 
@@ -604,3 +605,17 @@ def test_the_commands_are_declared_and_ask_for_the_extra(tmp_path: Path, monkeyp
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(DependencyError, match=r'pip install "pter-gym\[agents\]"'):
         command.train("ppo", smoke=True, out=tmp_path)
+
+
+def test_all_scenarios_have_as_many_draws(tmp_path: Path) -> None:
+    draws = worlds.training_draws("all", "brisk", contexts=12, seed=3)
+    pairs = draws.pairs()
+    assert len(pairs) == 15
+    alone = [worlds.training_draws(each, "brisk", contexts=3, seed=3).pairs() for each in SCENARIOS]
+    assert repr(pairs) == repr([pair for part in alone for pair in part])
+    given = replace(arguments("ppo", rollouts=1), scenario="all")
+    training.train(given, tmp_path / "run")
+    card = load_policy("mine", exporting.export_run(tmp_path / "run", tmp_path, name="mine")[0].parent).card
+    assert "the training draws of all scenarios" in (tmp_path / "mine.md").read_text(encoding="utf-8")
+    assert card.about["arguments"]["scenario"] == "all"
+    assert prepare.find_base("impedance-tuned", "all") == prepare.find_base("impedance-tuned", "everything")
