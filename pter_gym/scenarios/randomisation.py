@@ -266,8 +266,7 @@ class Mixture:
     def __post_init__(self) -> None:
         """Check the parts."""
         given: Any = self.parts
-        parts = cast("tuple[object, ...]", given) if isinstance(given, tuple) else ()
-        known = len(parts) > 0 and all(isinstance(part, Randomisation) for part in parts)
+        known = type(given) is tuple and len(self.parts) > 0 and {type(part) for part in self.parts} == {Randomisation}
         require(known, self, "parts", given, "a tuple of at least one Randomisation")
 
     def pairs(self) -> list[tuple[Machine, PathFollowing]]:
