@@ -265,10 +265,15 @@ class Mixture:
 
     def __post_init__(self) -> None:
         """Check the parts."""
-        given: Any = self.parts
-        known = type(given) is tuple and len(self.parts) > 0 and {type(part) for part in self.parts} == {Randomisation}
-        require(known, self, "parts", given, "a tuple of at least one Randomisation")
+        known = _are_randomisations(self.parts)
+        require(known, self, "parts", self.parts, "a tuple of at least one Randomisation")
 
     def pairs(self) -> list[tuple[Machine, PathFollowing]]:
         """Return the list, the same for the same seeds; see ``Randomisation.pairs``."""
         return [pair for part in self.parts for pair in part.pairs()]
+
+
+def _are_randomisations(parts: Any) -> bool:
+    """Tell whether something is a tuple of at least one randomisation."""
+    given = cast("tuple[Any, ...]", parts) if isinstance(parts, tuple) else ()
+    return len(given) > 0 and all(isinstance(part, Randomisation) for part in given)
