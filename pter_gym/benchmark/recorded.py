@@ -6,7 +6,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pter_gym.benchmark.allowance import ALLOWANCE
 from pter_gym.benchmark.measures import (
     SEGMENTS,
     Array,
@@ -25,15 +24,13 @@ from pter_gym.benchmark.measures import (
     way_integral,
 )
 from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tasks.path_following.allowance import ALLOWANCE, START
 
 START_UP = 0.2
 """Start-up interval [s] that accelerations leave out: the push begins at once, and its jolt is no policy's doing.
 
 The calibration to the paper uses it too, so it stays a number of its own beside ``ALLOWANCE``.
 """
-
-START = 0.01
-"""Part of the path for which the allowance is: what is lost there does not count, from there on all time does."""
 
 PRICE = 2.0
 """Power of the time ratio by which the path error of a slow segment counts, and its slope for a fast one: errors grow

@@ -27,6 +27,7 @@ from pter_gym.engine.world import (
 from pter_gym.hands.model import SINES, unit_vector
 from pter_gym.paths.projection import project, segment_at
 from pter_gym.physics.arm import UnitVector, Vector, tip_position
+from pter_gym.tasks.path_following.allowance import in_start_up
 from pter_gym.tasks.path_following.context import CONTEXT_WIDTH
 from pter_gym.tasks.path_following.reward import Outcome, reward_terms, total
 from pter_gym.tasks.path_following.situation import reached_end, singular, strayed
@@ -98,7 +99,7 @@ def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: A
         UnitVector(arc.heading_cos, arc.heading_sin),
         spread(u0, w[ROW.task.start_offset, i]),
     )
-    w[ROW.pace_ratio, i] = 1.0  # as the score leaves the start-up out
+    w[ROW.pace_ratio, i] = 1.0
     if w[ROW.task.starts.moving, i] + w[ROW.task.starts.gripped, i] > 0.0:
         explore(w, i, seed, episode, constants)
     w[ROW.alive, i] = 1.0
@@ -118,9 +119,10 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     w[ROW.step, i] += 1.0
     at = situated(w, i)
     length = w[ROW.task.path.length, i]
-    w[ROW.pace_ratio, i] += w[ROW.task.pace_decay, i] * (
-        w[ROW.travel, i] / (period * w[ROW.task.pace, i]) - w[ROW.pace_ratio, i]
-    )
+    pace, ratio = w[ROW.task.pace, i], w[ROW.pace_ratio, i]
+    ratio += w[ROW.task.pace_decay, i] * (w[ROW.travel, i] / (period * pace) - ratio)
+    excused = (ratio < 1.0) & in_start_up(w[ROW.reached, i], length, pace, w[ROW.step, i] * period)
+    w[ROW.pace_ratio, i] = 1.0 if excused else ratio
     at_end = reached_end(at.arc_length, length)
     success = at_end & (abs(at.normal_error) <= w[ROW.task.arrival, i])
     error_max, truncation_error = w[ROW.task.error_max, i], w[ROW.task.truncation_error, i]
@@ -133,7 +135,7 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
         at=at,
         advance=w[ROW.advance, i],
         path_length=length,
-        pace=w[ROW.task.pace, i],
+        pace=pace,
         pace_ratio=w[ROW.pace_ratio, i],
         acceleration=math.sqrt(acceleration.x * acceleration.x + acceleration.y * acceleration.y),
         volts=load(w, ROW.command, i),

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from score_table import NAME, PAGE, score_table
 
 from benchmark.handmade import LENGTH, METRE, PERIOD, TASK, Array, episode, padded, travel
-from pter_gym.benchmark.allowance import ALLOWANCE
 from pter_gym.benchmark.measures import CUTOFF, low_pass
 from pter_gym.benchmark.metrics import METRICS, SCORES, Score, score, score_episodes
 from pter_gym.benchmark.recorded import START_UP, pace_factor
@@ -21,6 +20,7 @@ from pter_gym.params import BASELINE
 from pter_gym.paths import Line
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.tasks.path_following import TELEMETRY
+from pter_gym.tasks.path_following.allowance import ALLOWANCE
 
 
 def path_average(arc_length: Array, error: Array, length: float, error_max: float) -> float:

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from pter_gym.benchmark.allowance import ALLOWANCE
 from pter_gym.benchmark.leaderboard import FULL
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.statistics import RESAMPLES
 from pter_gym.engine.starts import COVERED
 from pter_gym.envs.scenario import TRUNCATION_ERROR
 from pter_gym.tasks.path_following import STARTS
+from pter_gym.tasks.path_following.allowance import ALLOWANCE
 from pter_gym.tasks.path_following.reward import ERROR_WIDTH, FASTEST, PERFECT
 
 ROOT = Path(__file__).parents[2]

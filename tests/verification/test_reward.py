@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from pter_gym.engine.batch import Batch
+from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
+from pter_gym.tasks.path_following.allowance import ALLOWANCE
 from pter_gym.tasks.path_following.reward import ERROR_WIDTH, FASTEST, PACE_WINDOW, PERFECT
 
 PERIOD = 0.01
@@ -19,9 +21,11 @@ def expected(rows: np.ndarray, task: PathFollowing) -> tuple[np.ndarray, np.ndar
     length, pace = task.path.length, task.pace
     tracking, cost = [], []
     mean = 1.0
-    for before, after in pairwise(rows):
+    for step, (before, after) in enumerate(pairwise(rows), 1):
         ratio = (after[COLUMN.arc_length] - before[COLUMN.arc_length]) / (PERIOD * pace)
         mean += (1.0 - math.exp(-PERIOD / PACE_WINDOW)) * (ratio - mean)
+        if after[COLUMN.reached] <= 0.01 * length and step * PERIOD <= ALLOWANCE + 0.01 * length / pace:
+            mean = max(mean, 1.0)
         share = max(mean, 0.0) ** 3 if mean < 1.0 else mean**-4
         new = (after[COLUMN.reached] - before[COLUMN.reached]) / length
         tracking.append(PERFECT * new * share * math.exp(-abs(after[COLUMN.normal_error]) / ERROR_WIDTH))
@@ -49,12 +53,14 @@ def test_a_step_pays_what_the_page_says_from_the_first_on(volts: float) -> None:
     np.testing.assert_allclose(seen[1:, TELEMETRY.index("reward_pace")], cost, rtol=1e-9, atol=1e-12)
 
 
-def test_a_slow_first_step_is_not_a_standstill() -> None:
-    """The score leaves the start-up out, so the mean of the pace begins at the commanded one."""
-    batch = Batch(BASELINE, PathFollowing(), 1, telemetry=True)
+def test_who_waits_at_the_start_pays_from_the_end_of_the_allowance_on() -> None:
+    task = PathFollowing(hand=MultiSineHand(push=0.0, amplitudes=(0.0,) * 5))
+    batch = Batch(BASELINE, task, 1, telemetry=True)
     batch.reset([3])
-    found = batch.step(np.full((1, 4), 24.0))
-    cost = found.telemetry[0, 0, TELEMETRY.index("reward_pace")]
-    task = PathFollowing()
+    cost = TELEMETRY.index("reward_pace")
+    costs = [batch.step(np.full((1, 4), 24.0)).telemetry[0, 0, cost] for _ in range(40)]
+    excused = math.floor((ALLOWANCE + 0.01 * task.path.length / task.pace) / PERIOD)
+    assert costs[:excused] == excused * [0.0]
     standstill = -0.1 * PERFECT * PERIOD * task.pace / task.path.length
-    assert 0.0 > cost > 0.1 * standstill
+    mean = np.exp(-PERIOD / PACE_WINDOW * np.arange(1, 1 + 40 - excused))
+    np.testing.assert_allclose(costs[excused:], standstill * (1.0 - mean), rtol=1e-9)
