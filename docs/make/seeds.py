@@ -1,6 +1,7 @@
 """Train a policy from several seeds, score each on fresh episodes, and put what comes out into docs/agents.md.
 
     NUMBA_NUM_THREADS=1 python docs/make/seeds.py RUNS
+    NUMBA_NUM_THREADS=1 python docs/make/seeds.py RUNS --algorithm residual --scenario all --seeds 5
     python docs/make/seeds.py RUNS --no-train
 
 RUNS holds a folder for each run. A run that is finished is not repeated, and one that was stopped goes on. The seed of
@@ -10,6 +11,7 @@ training-side draws. Needs the agents extra.
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill
 
@@ -20,18 +22,11 @@ from pages import AGENTS, put_block, table
 from pter_agents.algorithms import load_settings
 from pter_agents.exporting import export_run
 from pter_agents.training import PROGRESS, Arguments
+from pter_agents.worlds import ALL
 from pter_gym.benchmark import Leaderboard, leaderboards, run_scenario
 from pter_gym.benchmark.evaluation import fresh_seed
 from pter_gym.policies import Neural, load_policy
-from pter_gym.scenarios import PACES
-
-HEADER = ["Seed", "Path error [mm]", "Mean pace off [%]", "Segments off [%]", "Arrives [%]", "Ranks", "Validation [mm]"]
-COLUMNS = (
-    ("path_error_m", 1000.0, 1),
-    ("mean_pace_error", 100.0, 1),
-    ("segment_pace_error", 100.0, 1),
-    ("completed", 100.0, 1),
-)
+from pter_gym.scenarios import PACES, SCENARIOS
 
 
 def validated(run: Path) -> float:
@@ -53,17 +48,18 @@ def load(run: Path, name: str) -> Neural:
     return load_policy(name, run.parent / "policies")
 
 
-def row(name: str, run: Path, boards: tuple[Leaderboard, ...], median: str) -> list[str]:
-    """One line of the table, its numbers at each pace."""
+def cell(name: str, boards: Sequence[Leaderboard]) -> str:
+    """The path errors of a policy [mm] on the leaderboards of a scenario, in brackets where it has no rank."""
     standings = [next(each for each in board.standings if each.policy == name) for board in boards]
-    cells = [
-        ", ".join(f"{factor * each.scores[score].value:.{digits}f}" for each in standings)
-        for score, factor, digits in COLUMNS
-    ]
-    ranks = sum(each.rank is not None for each in standings)
+    errors = [(f"{1000.0 * each.scores['path_error_m'].value:.1f}", each.rank is not None) for each in standings]
+    return ", ".join(error if ranks else f"({error})" for error, ranks in errors)
+
+
+def row(name: str, run: Path, boards: Sequence[Sequence[Leaderboard]], median: str) -> list[str]:
+    """One line of the table."""
     number = name.rpartition("-")[2]
     label = f"**{number}**, the median" if name == median else number
-    return [label, *cells, f"{ranks} of {len(boards)}", f"{1000 * validated(run):.2f}"]
+    return [label, *(cell(name, each) for each in boards), f"{1000 * validated(run):.2f}"]
 
 
 def main(
@@ -87,16 +83,18 @@ def main(
             found[folder.name] = folder
             print(f"seed {seed}: {folder}", flush=True)
     policies = {name: load(run, name) for name, run in found.items()}
-    fresh = fresh_seed(scenario, policies)
-    boards = leaderboards(run_scenario(scenario, policies, fresh=fresh))
+    scenarios = tuple(SCENARIOS) if scenario == ALL else (scenario,)
+    fresh = {each: fresh_seed(each, policies) for each in scenarios}
+    boards = [leaderboards(run_scenario(each, policies, fresh=seed)) for each, seed in fresh.items()]
     median = median_of(found)
+    told = ", ".join(f"{own[0].episodes} of `{own[0].scenario}` from seed {fresh[own[0].scenario]}" for own in boards)
     head = (
-        f"`pter train {algorithm} --scenario {scenario} --steps {steps}`, {boards[0].episodes} fresh episodes of seed "
-        f"{fresh}; at {', '.join(PACES)} pace. *Validation*: the geometric mean of the three path errors on "
-        "training-side draws, by which the median seed is chosen."
+        f"`pter train {algorithm} --scenario {scenario} --steps {steps}`: path errors in mm at {', '.join(PACES)} pace "
+        f"on fresh episodes, {told}. In brackets: no rank. *Validation*: the geometric mean of the three path errors "
+        "on training-side draws, by which the median seed is chosen."
     )
     rows = [row(name, run, boards, median) for name, run in found.items()]
-    text = f"{fill(head, 120)}\n\n{table(HEADER, rows, '---')}"
+    text = f"{fill(head, 120)}\n\n{table(['Seed', *scenarios, 'Validation'], rows, '---')}"
     put_block(AGENTS, f"seeds: {algorithm} {scenario}", text, write=write)
     print(f"median: {median}")
 
