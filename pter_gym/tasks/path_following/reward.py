@@ -18,6 +18,9 @@ from pter_gym.tasks.path_following.situation import Situation
 ERROR_WIDTH = 0.06
 """Distance from the path [m] at which tracking pays 1/e of what it pays on the path."""
 
+PRECISION_WIDTH = 0.006
+"""The same for precision: some times what is left on average by a policy that ranks."""
+
 PACE_WINDOW = 0.1
 """Time constant [s] of the mean of the pace that is judged: about the lag of the clutches."""
 
@@ -99,9 +102,10 @@ def pace_share(ratio: float) -> float:
 
 
 @device
-def error_share(error: float) -> float:
-    """Return what share of the pay is earned at a distance from the path [m]."""
-    return math.exp(-abs(error) / ERROR_WIDTH)
+def paid(weight: float, seen: Outcome, width: float) -> float:
+    """Return the pay for new arc length; ``width`` is the distance from the path [m] at which it is 1/e."""
+    near = math.exp(-abs(seen.at.normal_error) / width)
+    return weight * seen.advance / seen.path_length * pace_share(seen.pace_ratio) * near
 
 
 @device
@@ -119,10 +123,15 @@ class RewardWeights:
     tracking: float = term(
         "1",
         "chosen: for the whole path at the commanded pace without error",
-        lambda weight, seen, period: (  # noqa: ARG005
-            weight * seen.advance / seen.path_length * pace_share(seen.pace_ratio) * error_share(seen.at.normal_error)
-        ),
+        lambda weight, seen, period: paid(weight, seen, ERROR_WIDTH),  # noqa: ARG005
         default=PERFECT,
+    )
+    precision: float = term(
+        "1",
+        "chosen: for the whole path at the commanded pace without error; next to nothing 30 mm beside it",
+        lambda weight, seen, period: paid(weight, seen, PRECISION_WIDTH),  # noqa: ARG005
+        default=0.0,
+        absent=0.0,
     )
     pace: float = term(
         "1",
