@@ -11,15 +11,22 @@ from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
 from pter_gym.tasks.path_following.allowance import ALLOWANCE
-from pter_gym.tasks.path_following.reward import ERROR_WIDTH, FASTEST, PACE_WINDOW, PERFECT
+from pter_gym.tasks.path_following.reward import (
+    ERROR_WIDTH,
+    FASTEST,
+    PACE_WINDOW,
+    PERFECT,
+    PRECISION_WIDTH,
+    RewardWeights,
+)
 
 PERIOD = 0.01
 
 
-def expected(rows: np.ndarray, task: PathFollowing) -> tuple[np.ndarray, np.ndarray]:
+def expected(rows: np.ndarray, task: PathFollowing) -> dict[str, list[float]]:
     """What each control step pays for the way and costs for the pace; rows (steps + 1, columns) from a reset on."""
-    length, pace = task.path.length, task.pace
-    tracking, cost = [], []
+    length, pace, weight = task.path.length, task.pace, task.reward
+    terms: dict[str, list[float]] = {"tracking": [], "precision": [], "pace": []}
     mean = 1.0
     for step, (before, after) in enumerate(pairwise(rows), 1):
         ratio = (after[COLUMN.arc_length] - before[COLUMN.arc_length]) / (PERIOD * pace)
@@ -28,15 +35,18 @@ def expected(rows: np.ndarray, task: PathFollowing) -> tuple[np.ndarray, np.ndar
             mean = max(mean, 1.0)
         share = max(mean, 0.0) ** 3 if mean < 1.0 else mean**-4
         new = (after[COLUMN.reached] - before[COLUMN.reached]) / length
-        tracking.append(PERFECT * new * share * math.exp(-abs(after[COLUMN.normal_error]) / ERROR_WIDTH))
+        distance = abs(after[COLUMN.normal_error])
+        terms["tracking"].append(weight.tracking * new * share * math.exp(-distance / ERROR_WIDTH))
+        terms["precision"].append(weight.precision * new * share * math.exp(-distance / PRECISION_WIDTH))
         off = 1.0 - max(mean, 0.0) if mean < 1.0 else min(mean, FASTEST) - 1.0
-        cost.append(-0.1 * PERFECT * off * PERIOD * pace / length)
-    return np.array(tracking), np.array(cost)
+        terms["pace"].append(-weight.pace * off * PERIOD * pace / length)
+    return terms
 
 
+@pytest.mark.parametrize("weights", [RewardWeights(), RewardWeights(tracking=300.0, precision=700.0, pace=50.0)])
 @pytest.mark.parametrize("volts", [0.0, 3.0, 8.0])
-def test_a_step_pays_what_the_page_says_from_the_first_on(volts: float) -> None:
-    task = PathFollowing()
+def test_a_step_pays_what_the_page_says_from_the_first_on(volts: float, weights: RewardWeights) -> None:
+    task = PathFollowing(reward=weights)
     batch = Batch(BASELINE, task, 1, telemetry=True)
     _, first = batch.reset([3])
     rows = [first[0]]
@@ -47,10 +57,9 @@ def test_a_step_pays_what_the_page_says_from_the_first_on(volts: float) -> None:
         if found.flags[:2].any():
             break
     seen = np.array(rows)
-    tracking, cost = expected(seen, task)
-    assert len(tracking) > 20
-    np.testing.assert_allclose(seen[1:, TELEMETRY.index("reward_tracking")], tracking, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(seen[1:, TELEMETRY.index("reward_pace")], cost, rtol=1e-9, atol=1e-12)
+    assert len(seen) > 20
+    for name, values in expected(seen, task).items():
+        np.testing.assert_allclose(seen[1:, TELEMETRY.index(f"reward_{name}")], values, rtol=1e-9, atol=1e-12)
 
 
 def test_who_waits_at_the_start_pays_from_the_end_of_the_allowance_on() -> None:
