@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from pter_gym.benchmark.naming import find_policy
-from pter_gym.benchmark.tuned import TUNABLE
+from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, read_table
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.scenarios import find_pace, find_scenario
@@ -98,7 +98,7 @@ def tune(
     controller, scenario, pace
         Names.
     trials, starts
-        Gains to try, and starts from random gains; the first one tries the usual gains too.
+        Gains to try, and starts from random gains; the first one tries the gains that are known, too.
     episodes
         Draws for each trial.
     storage
@@ -119,7 +119,8 @@ def tune(
     name = f"{scenario}-v{find_scenario(scenario).version} {controller} {pace} {episodes} {seed}"
     search = Search(controller, pace, rungs)
     studies = _open(storage, name, [starts * seed + start for start in range(starts)])
-    studies[0][0].enqueue_trial(default_point(controller, pace), skip_if_exists=True)
+    for point in known_points(controller, scenario, pace):
+        studies[0][0].enqueue_trial(point, skip_if_exists=True)
     share = -(-trials // (starts + 1))
     for start, (study, rng) in enumerate(studies):
         search.run(study, rng, share, lambda done, best, before=start * share: on_trial(before + done, best))
@@ -227,6 +228,20 @@ def _stream(study: Any, seed: int) -> int:
     begun = study.get_trials(deepcopy=False)
     shared = any(trial.state.name == "RUNNING" for trial in begun)
     return (seed + 1000003 * len(begun) + (os.getpid() if shared else 0)) % 2**32
+
+
+def known_points(controller: str, scenario: str, pace: str) -> list[Gains]:
+    """Return points of the search with the gains that a controller ships with, and has by default at a pace.
+
+    Those that ship for the scenario and the pace come first, then the default ones, then those for others.
+    """
+    shipped = {
+        (each, at): point_at(controller, controller_of(controller, entry, TABLE), find_pace(at))
+        for each, controllers in read_table().items()
+        for at, entry in controllers.get(controller, {}).items()
+    }
+    own = [shipped.pop((scenario, pace))] if (scenario, pace) in shipped else []
+    return [*own, default_point(controller, pace), *shipped.values()]
 
 
 def default_point(controller: str, pace: str) -> Gains:
