@@ -34,7 +34,7 @@ class Validation:
     paces
         Names of commanded paces.
     episodes
-        Their number at each pace; with all scenarios rounded up to as many of each.
+        Their number at each pace; with all scenarios rounded up to whole shares of each.
     sensors
         What the worlds measure.
     **stated

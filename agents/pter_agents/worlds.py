@@ -17,7 +17,10 @@ from pter_gym.scenarios.randomisation import Mixture, OneOf, Randomisation, Vary
 from pter_gym.tasks.path_following import Sensors
 
 ALL = "all"
-"""Name for all scenarios, each with as many draws, and for a commanded pace that is drawn among those of the scores."""
+"""Name for all scenarios, and for a commanded pace that is drawn among those of the scores."""
+
+WIDEST = "everything"
+"""The scenario that has half of the draws for all of them; the others share the rest evenly."""
 
 Rows = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -33,7 +36,7 @@ def training_draws(scenario: str, pace: str, *, contexts: int, seed: int, **stat
     pace
         Name of a commanded pace, or ``"all"``.
     contexts, seed
-        Number of pairs of machine and task, rounded up to as many of each scenario, and the seed of their list.
+        Number of pairs of machine and task, rounded up to whole shares of the scenarios, and the seed of their list.
     **stated
         Fields of the task that all episodes share, such as ``reward``, ``starts`` and ``truncation_error``.
 
@@ -45,8 +48,11 @@ def training_draws(scenario: str, pace: str, *, contexts: int, seed: int, **stat
     if pace not in (ALL, *PACES):
         raise unknown_name("pace", pace, (ALL, *PACES))
     if scenario == ALL:
-        share = -(-contexts // len(SCENARIOS))
-        return Mixture(parts=tuple(_draws(each, pace, contexts=share, seed=seed, **stated) for each in SCENARIOS))
+        share = -(-contexts // (2 * (len(SCENARIOS) - 1)))
+        shares = {each: (len(SCENARIOS) - 1) * share if each == WIDEST else share for each in SCENARIOS}
+        return Mixture(
+            parts=tuple(_draws(each, pace, contexts=own, seed=seed, **stated) for each, own in shares.items())
+        )
     return _draws(scenario, pace, contexts=contexts, seed=seed, **stated)
 
 
