@@ -38,6 +38,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "starts at rest alone": {"starts": "rest"},
     "the whole workspace": {"truncation": 0.25},
     "actions linear in the voltage": {"normalised": False},
+    "no pay for precision": {"tracking": 1000.0, "precision": 0.0},
     "γ = 0.99": {"discount": 0.99},
     "128 units a layer": {"hidden": (128, 128), "value_hidden": (128, 128)},
 }
