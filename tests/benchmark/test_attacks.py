@@ -28,7 +28,7 @@ EPISODES = 32
 SEED = 77
 """Of the draws, which are no stored episodes."""
 
-HONEST = {"standard": ("residual-standard", "ppo-standard", "single-dof-tuned"), "paths": ("single-dof-tuned",)}
+HONEST = {"standard": ("residual", "ppo-standard", "single-dof-tuned"), "paths": ("residual", "single-dof-tuned")}
 """Policies by the scenario on which they are attacked."""
 
 Array = NDArray[np.float64]

@@ -32,7 +32,6 @@ PRIVILEGED: Any = (0, (4, 1.5, 1, 1.5))
 
 LOOKS: Mapping[str, tuple[str, Any]] = {
     "ppo-standard": (palette.BLUE, LEARNED),
-    "residual-standard": (palette.SKY_BLUE, LEARNED),
     "residual": (palette.PURPLE, LEARNED),
     "single-dof-tuned": (palette.GREEN, TUNED),
     "velocity-ratio-tuned": (palette.BLACK, TUNED),
