@@ -212,6 +212,13 @@ def test_only_the_value_network_sees_what_is_true() -> None:
     assert not torch.isclose(*values).any()
 
 
+def test_half_of_the_draws_of_all_scenarios_are_of_everything() -> None:
+    drawn = worlds.training_draws("all", "brisk", contexts=15, seed=3).pairs()
+    counts = {each: 8 if each == "everything" else 2 for each in SCENARIOS}
+    own = [worlds.training_draws(each, "brisk", contexts=n, seed=3).pairs() for each, n in counts.items()]
+    assert drawn == [pair for pairs in own for pair in pairs]
+
+
 def test_worlds_show_the_interface_and_their_last_observation() -> None:
     settings = arguments(history=[1, 3], averages=[9]).settings
     draws = worlds.training_draws("standard", "all", contexts=4, seed=0, **settings.stated)
