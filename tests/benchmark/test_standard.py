@@ -184,7 +184,7 @@ def test_ctrl_c_leaves_whole_files(files: int, tmp_path: Path) -> None:
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=60)
     assert process.returncode in (0, cli.INTERRUPTED, -signal.SIGINT)
-    assert len(list(out.glob("*"))) >= files
+    assert len(list(out.glob("[!.]*"))) >= files
     for path in out.glob("*") if out.exists() else ():
         if path.suffix == ".json":
             json.loads(path.read_text())
