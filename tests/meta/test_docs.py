@@ -70,7 +70,8 @@ def test_relative_links_resolve(document: Path):
     ("page", "name"),
     [
         ("README.md", "suite"),
-        ("docs/agents.md", "ablations"),
+        ("docs/agents.md", "seeds: ppo standard"),
+        ("docs/agents.md", "speed"),
         ("docs/agents.md", "contexts"),
         *((f"docs/scenarios/{scenario}.md", "scores") for scenario in SCENARIOS),
     ],
