@@ -32,6 +32,10 @@ CLEARLY = 2.0
 AGREEING = 0.97
 """Smallest share of the pairs in which the reward agrees. Laws that stick and slip earn less than they score."""
 
+FORESIGHT = 0.995
+"""Discount from which on no game may return more. With less, an agent sees the first tenth of a slow path alone, where
+who is going to ride beside it is not beside yet."""
+
 GAMES: dict[str, Attack] = {
     "rushes": rides(lambda *_: 4.0),
     "crawls": rides(lambda *_: 0.4),
@@ -82,7 +86,7 @@ def judged(scenario: str, pace: str) -> dict[str, Judged]:
 
 
 def disagreements(found: dict[str, Judged]) -> tuple[int, list[str]]:
-    """Return how many pairs differ clearly, and those in which the better one returns less; none of them is a game."""
+    """Return how many pairs differ clearly, and those in which the better one returns less; none is a game that is seen whole."""
     pairs, wrong = 0, list[str]()
     for (name, better), (other, worse) in permutations(found.items(), 2):
         if not better.ranks or better.error * CLEARLY >= worse.error:
@@ -91,7 +95,7 @@ def disagreements(found: dict[str, Judged]) -> tuple[int, list[str]]:
             pairs += 1
             if more <= less:
                 wrong.append(f"γ {discount}: {name} {more:.1f}, {other} {less:.1f}")
-                assert not is_game(other), wrong[-1]
+                assert discount < FORESIGHT or not is_game(other), wrong[-1]
     return pairs, wrong
 
 
