@@ -101,7 +101,8 @@ def run(name: str, folder: Path | None, scenario: str, pace: str, draws: int) ->
     resets = tuple(range(FIRST_RESET, FIRST_RESET + draws))
     episodes = Episodes(scenario, "", machines, tasks, resets, ("drawn",) * draws)
     policy = find_policy(name, scenario=scenario) if folder is None else load_policy(name, folder)
-    return episodes, evaluate(policy, Batches(episodes), 1)[0]
+    batches = Batches(episodes)
+    return episodes, evaluate(batches.bind(policy), batches, 1)[0]
 
 
 def groups(values: list[str | float]) -> dict[str, NDArray[np.bool_]]:

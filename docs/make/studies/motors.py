@@ -59,7 +59,7 @@ def push_freely(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     g = read_gains(gains, pace)
     tip = see_tip(obs, scales, nominal)
     limit = nominal.torque_limit
-    force_x, force_y = wanted_force(g, tip, pace, pace_integral(obs, g, tip, pace, memory))
+    force_x, force_y = wanted_force(g, tip, pace, pace_integral(g, tip, pace, memory))
     want_a, want_b = joint_torque(tip.arm, tip.q, force_x, force_y)
     wanted = allocate_in(
         g, tip, want_a, want_b, PerClutch(-limit, -limit, -limit, -limit), PerClutch(limit, limit, limit, limit)
