@@ -86,7 +86,7 @@ def judged(scenario: str, pace: str) -> dict[str, Judged]:
 
 
 def disagreements(found: dict[str, Judged]) -> tuple[int, list[str]]:
-    """Return how many pairs differ clearly, and those in which the better one returns less: no game that is seen whole."""
+    """Return how many pairs differ clearly, and those in which the better one returns less; none is a game."""
     pairs, wrong = 0, list[str]()
     for (name, better), (other, worse) in permutations(found.items(), 2):
         if not better.ranks or better.error * CLEARLY >= worse.error:
