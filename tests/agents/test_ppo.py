@@ -82,7 +82,7 @@ def layers_of(policy: Any) -> list[Any]:
 
 
 def test_a_gradient_step_is_that_of_stable_baselines() -> None:
-    model = make(persistence=0.0)
+    model = make(persistence=0.0, privileged=False)
     settings: Any = model._settings
     other = theirs(model, settings)
     collected = [part.collect(model.networks, settings.deviation) for part in model._parts]

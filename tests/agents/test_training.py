@@ -88,7 +88,7 @@ def test_each_algorithm_has_one_whole_file(algorithm: str) -> None:
     content = tomllib.loads((FOLDER / f"{algorithm}.toml").read_text(encoding="utf-8"))
     assert content.pop("algorithm") == ALGORITHMS[algorithm]._asdict()
     fields = ALGORITHMS[algorithm].learner.settings.__dataclass_fields__
-    assert set(content) == {name for name, field in fields.items() if ABSENT not in field.metadata}
+    assert {name for name, field in fields.items() if ABSENT not in field.metadata} <= set(content) <= set(fields)
     assert asdict(load_settings(algorithm))["worlds"] == content["worlds"]
     assert (load_settings(algorithm).base == "none") == (ALGORITHMS[algorithm].action == "the clutch voltages")
 
@@ -460,7 +460,7 @@ def test_another_run_in_the_folder_is_refused(tmp_path: Path) -> None:
     before = weights(stored.checkpoints(tmp_path)[-1])
     with pytest.raises(ParameterError, match="holds a run already"):
         training.train(arguments(rollouts=1), tmp_path)
-    with pytest.raises(ParameterError, match=r"tracking is 1000\.0 in the run .* got 2\.0"):
+    with pytest.raises(ParameterError, match=r"tracking is 500\.0 in the run .* got 2\.0"):
         training.train(arguments(rollouts=2, tracking=2.0), tmp_path, resume=True)
     with pytest.raises(ParameterError, match="seed is 3"):
         training.train(replace(arguments(), seed=5), tmp_path, resume=True)
@@ -614,11 +614,12 @@ def test_the_commands_are_declared_and_ask_for_the_extra(tmp_path: Path, monkeyp
         command.train("ppo", smoke=True, out=tmp_path)
 
 
-def test_all_scenarios_have_as_many_draws(tmp_path: Path) -> None:
+def test_of_all_scenarios_the_widest_has_half_of_the_draws(tmp_path: Path) -> None:
     draws = worlds.training_draws("all", "brisk", contexts=12, seed=3)
     pairs = draws.pairs()
-    assert len(pairs) == 15
-    alone = [worlds.training_draws(each, "brisk", contexts=3, seed=3).pairs() for each in SCENARIOS]
+    shares = {each: 8 if each == worlds.WIDEST else 2 for each in SCENARIOS}
+    assert len(pairs) == sum(shares.values())
+    alone = [worlds.training_draws(each, "brisk", contexts=own, seed=3).pairs() for each, own in shares.items()]
     assert repr(pairs) == repr([pair for part in alone for pair in part])
     given = replace(arguments("ppo", rollouts=1), scenario="all")
     training.train(given, tmp_path / "run")

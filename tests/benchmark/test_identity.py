@@ -160,6 +160,13 @@ def test_nobody_can_tell_what_a_callable_does() -> None:
     class Rigged(Policy):
         pass
 
+    class Reads:
+        def begin(self, worlds: int) -> Any:
+            return np.zeros((worlds, 0))
+
+        def __call__(self, inputs: Any, memory: Any) -> Any:
+            return inputs[:, :4], memory
+
     own_method = Neural(trained.card, trained.network)
     object.__setattr__(own_method, "bind", lambda *_: release)
     own_act = bind(Free(), BASELINE, observation_layout(BASELINE, "force"))
@@ -169,7 +176,7 @@ def test_nobody_can_tell_what_a_callable_does() -> None:
         Says("agent 7"),
         Honest(release),  # type: ignore[arg-type]
         Child(trained.card, trained.network),
-        Neural(trained.card, lambda inputs: inputs[:, :4]),  # type: ignore[arg-type]
+        Neural(trained.card, Reads()),  # type: ignore[arg-type]
         trained.bind(BASELINE, observation_layout(BASELINE, "torque")),
         Rigged(np.zeros(5), observation_layout(BASELINE, "force")),
         own_method,

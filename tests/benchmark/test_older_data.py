@@ -215,8 +215,8 @@ def test_gains_say_which_one_is_missing_or_unknown(monkeypatch: pytest.MonkeyPat
     install_controller(monkeypatch, "single-dof", with_field(SingleDof, "softness", added(MISSING)))
     with pytest.raises(DataError, match=r"tuned\.toml: stored SingleDof has no field 'softness'"):
         find_tuned("single-dof-tuned", "standard")
-    install_controller(monkeypatch, "single-dof", with_field(Impedance, "approaches", added()))
-    with pytest.raises(DataError, match=r"tuned\.toml: single-dof has no gain 'approach'.*did you mean 'approaches'"):
+    install_controller(monkeypatch, "single-dof", with_field(Impedance, "feedbacks", added()))
+    with pytest.raises(DataError, match=r"tuned\.toml: single-dof has no gain 'feedback'.*did you mean 'feedbacks'"):
         find_tuned("single-dof-tuned", "standard")
 
 
@@ -266,14 +266,14 @@ def test_a_new_card_carries_the_gains_that_it_relies_on(tmp_path: Path, monkeypa
 def test_shipped_cards_from_before_a_gain_have_its_meaning_then(monkeypatch: pytest.MonkeyPatch) -> None:
     before = load_policy("residual").card.interface.base
     assert before is not None
-    install_controller(monkeypatch, "torque-feedback", with_field(TorqueFeedback, "softness", added()))
+    install_controller(monkeypatch, "single-dof", with_field(SingleDof, "softness", added()))
     after = load_policy("residual").card.interface.base
     assert after is not None
     assert after.gains == tuple({**gains, "softness": NEUTRAL} for gains in before.gains)
-    install_controller(monkeypatch, "torque-feedback", with_field(TorqueFeedback, "softness", added(MISSING)))
-    with pytest.raises(DataError, match=r"residual\.json is refused: .*TorqueFeedback has no field 'softness'"):
+    install_controller(monkeypatch, "single-dof", with_field(SingleDof, "softness", added(MISSING)))
+    with pytest.raises(DataError, match=r"residual\.json is refused: .*SingleDof has no field 'softness'"):
         load_policy("residual")
-    install_controller(monkeypatch, "torque-feedback", with_field(Impedance, "feedbacks", added()))
+    install_controller(monkeypatch, "single-dof", with_field(Impedance, "feedbacks", added()))
     with pytest.raises(DataError, match=r"residual\.json is refused: .*no gain 'feedback'.*did you mean 'feedbacks'"):
         load_policy("residual")
 

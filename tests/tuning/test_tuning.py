@@ -13,6 +13,7 @@ import pytest
 
 from pter_gym.benchmark.metrics import score_episodes
 from pter_gym.benchmark.naming import find_policy
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, find_tuned, read_table
 from pter_gym.controllers import CONTROLLERS, Controller, Free, Impedance, Locked, PaceSchedule, SingleDof
@@ -20,6 +21,7 @@ from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
 from pter_gym.tuning import SPACES, Examination, Study, Verdict, add_study, tune
+from pter_gym.tuning.examination import MISSING, RESERVE
 from pter_gym.tuning.offspring import offspring
 from pter_gym.tuning.search import make
 from pter_gym.tuning.spaces import Range, gains_at, point_at
@@ -84,9 +86,9 @@ def test_penalties_grow_without_a_jump() -> None:
     good = Verdict(0.02, 1.0, 0.05, 0.1)
     assert good.value == 0.02
     for field, at_limit, step in (
-        ("completed", 0.995, -0.01),
-        ("mean_pace_error", 0.135, 0.01),
-        ("segment_pace_error", 0.135, 0.01),
+        ("completed", 1.0 - MISSING * (1.0 - COMPLETION), -0.01),
+        ("mean_pace_error", RESERVE * PACE_ERROR, 0.01),
+        ("segment_pace_error", RESERVE * PACE_ERROR, 0.01),
     ):
         assert good._replace(**{field: at_limit}).value == pytest.approx(0.02, abs=1e-9)
         assert good._replace(**{field: at_limit + step}).value == pytest.approx(0.03, abs=1e-9)
@@ -106,7 +108,7 @@ def test_points_and_gains_go_both_ways(name: str) -> None:
     assert again.damping_tangential == pytest.approx(default.damping_tangential, rel=1e-3)  # type: ignore[attr-defined]
 
 
-def test_a_study_is_repeatable_resumable_and_starts_with_the_papers_gains(
+def test_a_study_is_repeatable_resumable_and_starts_with_known_gains(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pter_gym.tuning.search.STARTUP", 4)
@@ -127,10 +129,12 @@ def test_a_study_is_repeatable_resumable_and_starts_with_the_papers_gains(
     points = [[trial.params for trial in study_in(tmp_path / "a.journal", k).get_trials()] for k in range(2)]
     assert not [point for point in points[0] if point in points[1]], "each start has points of its own"
     exam = Examination("standard", "brisk", 4, seed=0)
+    shipped = find_tuned("impedance-tuned", "standard").at(PACES["brisk"])
     paper = find_policy("impedance").at(PACES["brisk"])  # type: ignore[union-attr]
-    nearest = Impedance(**gains_at(point_at("impedance", paper, 0.5), 0.5))  # type: ignore[arg-type]
-    assert calls[0][1] == exam.judge(nearest).value
-    assert calls[0][1] == pytest.approx(exam.judge(paper).value, rel=0.05)
+    first, second = (point_at("impedance", known, 0.5) for known in (shipped, paper))
+    assert points[0][:2] == [first, second]
+    assert calls[0][1] == exam.judge(make("impedance", gains_at(first, 0.5))).value
+    assert calls[0][1] == pytest.approx(exam.judge(shipped).value, rel=0.05)
     more = tune("impedance", "standard", "brisk", trials=12, starts=2, episodes=4, storage=tmp_path / "a.journal")
     assert (more.trials, more.starts) == (12, 2)
     shares = [len(finished(tmp_path / "a.journal", start)) for start in range(2)]
