@@ -273,8 +273,8 @@ def test_shipped_cards_from_before_a_gain_have_its_meaning_then(monkeypatch: pyt
     install_controller(monkeypatch, "single-dof", with_field(SingleDof, "softness", added(MISSING)))
     with pytest.raises(DataError, match=r"residual\.json is refused: .*SingleDof has no field 'softness'"):
         load_policy("residual")
-    install_controller(monkeypatch, "single-dof", with_field(Impedance, "feedbacks", added()))
-    with pytest.raises(DataError, match=r"residual\.json is refused: .*no gain 'feedback'.*did you mean 'feedbacks'"):
+    install_controller(monkeypatch, "single-dof", with_field(Impedance, "approaches", added()))
+    with pytest.raises(DataError, match=r"residual\.json is refused: .*no gain 'approach'.*did you mean 'approaches'"):
         load_policy("residual")
 
 
