@@ -32,9 +32,9 @@ CLEARLY = 2.0
 AGREEING = 0.97
 """Smallest share of the pairs in which the reward agrees. Laws that stick and slip earn less than they score."""
 
-FORESIGHT = 0.995
-"""Discount from which on no game may return more. With less, an agent sees the first tenth of a slow path alone, where
-who is going to ride beside it is not beside yet."""
+SHORT_SIGHTED = {("standard", "slow", 0.99, "single-dof-tuned rides beside")}
+"""Scenario, pace, discount and game where an agent does not see the game whole: within a second, a tenth of the path,
+who is going to ride beside it is not beside yet. No other game returns more."""
 
 GAMES: dict[str, Attack] = {
     "rushes": rides(lambda *_: 4.0),
@@ -85,17 +85,26 @@ def judged(scenario: str, pace: str) -> dict[str, Judged]:
     return {name: judge(policy, course) for name, policy in policies(course).items()}
 
 
-def disagreements(found: dict[str, Judged]) -> tuple[int, list[str]]:
-    """Return how many pairs differ clearly, and those in which the better one returns less; none is a game."""
-    pairs, wrong = 0, list[str]()
+class Wrong(NamedTuple):
+    """A pair that differs clearly, in which the better one returns less."""
+
+    discount: float
+    better: str
+    worse: str
+    of_better: float
+    of_worse: float
+
+
+def disagreements(found: dict[str, Judged]) -> tuple[int, list[Wrong]]:
+    """Return how many pairs differ clearly, and those in which the better one returns less."""
+    pairs, wrong = 0, list[Wrong]()
     for (name, better), (other, worse) in permutations(found.items(), 2):
         if not better.ranks or better.error * CLEARLY >= worse.error:
             continue
         for discount, more, less in zip(DISCOUNTS, better.returns, worse.returns, strict=True):
             pairs += 1
             if more <= less:
-                wrong.append(f"γ {discount}: {name} {more:.1f}, {other} {less:.1f}")
-                assert discount < FORESIGHT or not is_game(other), wrong[-1]
+                wrong.append(Wrong(discount, name, other, more, less))
     return pairs, wrong
 
 
@@ -108,13 +117,16 @@ def is_game(name: str) -> bool:
     [pytest.param(name, marks=pytest.mark.slow if name == "standard" else pytest.mark.long) for name in SCENARIOS],
 )
 def test_who_scores_clearly_better_returns_more(scenario: str) -> None:
-    pairs, wrong = 0, list[str]()
+    pairs, wrong = 0, list[tuple[str, Wrong]]()
     for pace in PACES:
         count, found = disagreements(judged(scenario, pace))
         pairs += count
-        wrong += [f"{pace}, {each}" for each in found]
+        wrong += [(pace, each) for each in found]
+    told = f"{len(wrong)} of {pairs}:\n" + "\n".join(map(str, wrong))
+    games = {(scenario, pace, each.discount, each.worse) for pace, each in wrong if is_game(each.worse)}
+    assert games <= SHORT_SIGHTED, told
     assert pairs > 100
-    assert len(wrong) <= (1.0 - AGREEING) * pairs, f"{len(wrong)} of {pairs}:\n" + "\n".join(wrong)
+    assert len(wrong) <= (1.0 - AGREEING) * pairs, told
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)

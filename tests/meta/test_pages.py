@@ -61,6 +61,11 @@ def test_the_page_on_classical_control_has_all_tables_and_where_they_are_from(na
     assert all(line.count("|") in {head.count("|") for head in rows} for line in rows)
 
 
+def test_contexts_score_a_policy_on_drawn_episodes() -> None:
+    episodes, found = import_module("contexts").run("torque-feedback", None, "standard", "brisk", 3)
+    assert [len(values) for values in (episodes, found["path_error_m"])] == [3, 3]
+
+
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_a_script_loads_and_says_what_it_is_for(name: str) -> None:
     if name in NEEDS:
