@@ -1,6 +1,6 @@
-"""Drawing with smooth edges: on a surface of twice the size, which is then shrunk."""
+"""Drawing with smooth edges: shapes on a surface of twice the size, which is shrunk, and text above them."""
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,12 @@ OVERSAMPLING = 2
 SHORTEST_PIECE = 1.5
 """A line is drawn in pieces of at least this length [px]."""
 
+SMALLEST_TEXT = 11
+"""Text is never smaller than this [px]: it could not be read."""
+
+MOST_TEXTS = 2000
+"""Pictures of text that are kept."""
+
 
 def load_pygame() -> Any:
     """Return the module ``pygame``, or raise a DependencyError that says how to install it."""
@@ -26,6 +32,14 @@ def load_pygame() -> Any:
     except ImportError as error:
         raise DependencyError('rendering needs pygame: run `pip install "pter-gym[render]"`') from error
     return pygame
+
+
+class Written(NamedTuple):
+    """A text on the canvas: its picture, its upper left corner and the rectangle that it stays in [px]."""
+
+    image: Any
+    corner: tuple[int, int]
+    clip: Any
 
 
 class Canvas:
@@ -39,32 +53,41 @@ class Canvas:
         self._size = (width, height)
         self._large = self._pygame.Surface((OVERSAMPLING * width, OVERSAMPLING * height), 0, 32)
         self._large.fill(background)
-        self._fonts: dict[int, Any] = {}
+        self._texts: list[Written] = []
+        self._clip: Any = None
+        self._lettering = Lettering(self._pygame)
 
     def copy(self) -> "Canvas":
-        """Return an independent canvas with the same picture.
-
-        It loads its own fonts: older ones are void if other code has shut pygame down in the meantime.
-        """
+        """Return an independent canvas with the same picture."""
         other = Canvas.__new__(Canvas)
         other._pygame = self._pygame
         other._size = self._size
         other._large = self._large.copy()
-        other._fonts = {}
+        other._texts = self._texts.copy()
+        other._clip = None
+        other._large.set_clip(None)
+        other._lettering = self._lettering
         return other
 
     def surface(self) -> "pygame.Surface":
         """Return the picture as a new surface."""
-        return self._pygame.transform.smoothscale(self._large, self._size)
+        surface = self._pygame.transform.smoothscale(self._large, self._size)
+        for text in self._texts:
+            surface.set_clip(text.clip)
+            surface.blit(text.image, text.corner)
+        surface.set_clip(None)
+        return surface
 
     def pixels(self) -> NDArray[np.uint8]:
         """Return the picture as a new array, shape (height, width, 3)."""
-        columns = self._pygame.surfarray.array3d(self.surface())
-        return np.ascontiguousarray(columns.transpose(1, 0, 2))
+        width, height = self._size
+        flat = np.frombuffer(self._pygame.image.tobytes(self.surface(), "RGB"), np.uint8)
+        return flat.reshape(height, width, 3).copy()
 
     def clip(self, box: Box) -> None:
         """Draw inside a box only, from now on."""
-        self._large.set_clip(_rectangle(box))
+        self._large.set_clip(_rectangle(box, OVERSAMPLING))
+        self._clip = _rectangle(box, 1)
 
     def polygon(self, points: ArrayLike, colour: str) -> None:
         """Fill a polygon, points (K, 2)."""
@@ -97,21 +120,47 @@ class Canvas:
 
     def box(self, box: Box, colour: str, radius: float = 0.0) -> None:
         """Fill a rectangle, with round corners if ``radius`` is given."""
-        self._pygame.draw.rect(self._large, colour, _rectangle(box), border_radius=round(OVERSAMPLING * radius))
+        corner = round(OVERSAMPLING * radius)
+        self._pygame.draw.rect(self._large, colour, _rectangle(box, OVERSAMPLING), border_radius=corner)
 
-    def text(self, text: str, at: tuple[float, float], size: int, colour: str, align: Align = "left") -> None:
-        """Write a line of text; ``at`` is its left end, middle or right end, halfway up."""
-        image = self._font(size).render(text, True, colour)
+    def text(self, text: str, at: tuple[float, float], size: float, colour: str, align: Align = "left") -> None:
+        """Write a line of text above all shapes; ``at`` is its left end, middle or right end, halfway up."""
+        image = self._lettering.image(text, size, colour)
         share = {"left": 0.0, "centre": 0.5, "right": 1.0}[align]
-        corner = (
-            round(OVERSAMPLING * at[0] - share * image.get_width()),
-            round(OVERSAMPLING * at[1] - 0.5 * image.get_height()),
-        )
-        self._large.blit(image, corner)
+        corner = (round(at[0] - share * image.get_width()), round(at[1] - 0.5 * image.get_height()))
+        self._texts.append(Written(image, corner, self._clip))
 
-    def text_width(self, text: str, size: int) -> float:
+    def text_width(self, text: str, size: float) -> float:
         """Return the width of a line of text [px]."""
-        return self._font(size).size(text)[0] / OVERSAMPLING
+        return self._lettering.image(text, size, "black").get_width()
+
+
+class Lettering:
+    """Text as pictures, which are kept: most of it is the same in the next frame."""
+
+    def __init__(self, pygame: Any) -> None:
+        self._pygame = pygame
+        self._fonts: dict[int, Any] = {}
+        self._images: dict[tuple[str, int, str], Any] = {}
+
+    def image(self, text: str, size: float, colour: str) -> Any:
+        """Return the picture of a line of text."""
+        key = (text, max(round(size), SMALLEST_TEXT), colour)
+        if key not in self._images:
+            if len(self._images) >= MOST_TEXTS:
+                self._images.clear()
+            self._images[key] = self._drawn(*key)
+        return self._images[key]
+
+    def _drawn(self, text: str, size: int, colour: str) -> Any:
+        """Draw large and shrink: letters then keep their distances."""
+        try:
+            large = self._font(size).render(text, True, colour)
+        except self._pygame.error:  # other code has shut pygame down in the meantime, which voids its fonts
+            self._fonts.clear()
+            large = self._font(size).render(text, True, colour)
+        smaller = [round(length / OVERSAMPLING) for length in large.get_size()]
+        return self._pygame.transform.smoothscale(large, smaller)
 
     def _font(self, size: int) -> Any:
         if size not in self._fonts:
@@ -124,6 +173,6 @@ def _large(points: ArrayLike) -> Any:
     return (OVERSAMPLING * np.asarray(points, np.float64)).tolist()
 
 
-def _rectangle(box: Box) -> tuple[int, int, int, int]:
-    left, top, right, bottom = (round(OVERSAMPLING * edge) for edge in box)
+def _rectangle(box: Box, scale: int) -> tuple[int, int, int, int]:
+    left, top, right, bottom = (round(scale * edge) for edge in box)
     return left, top, right - left, bottom - top

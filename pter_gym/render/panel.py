@@ -1,14 +1,11 @@
-"""The panel: readings, and for each clutch its voltage, its torque and whether it sticks."""
-
-from typing import NamedTuple
+"""The panel beside the scene: readings, and for each clutch its voltage, its torque and whether it sticks."""
 
 from pter_gym.params import Machine
 from pter_gym.render import style
 from pter_gym.render.canvas import Canvas
+from pter_gym.render.clutches import BADGES, CLUTCH_NAMES, Limits, draw_torque, draw_volts, readings, signed
 from pter_gym.render.geometry import Box
-from pter_gym.render.snapshot import MODE_NAMES, ClutchState, Snapshot
-
-CLUTCH_NAMES = ("A to ground", "B to ground", "A to B", "A to B, inverted")
+from pter_gym.render.snapshot import ClutchState, Snapshot
 
 _PAD = 14
 _READINGS_TOP = 14
@@ -25,110 +22,61 @@ _BAR_RIGHT = 184
 
 
 class Panel:
-    """Draws the panel of one machine into a box of the canvas [px]."""
+    """Draws the panel of one machine into a box of the canvas [px]; ``unit`` is 1 in the default picture."""
 
-    def __init__(self, machine: Machine, box: Box) -> None:
-        clutch = machine.clutch
+    def __init__(self, machine: Machine, box: Box, unit: float) -> None:
         self._box = box
-        self._volts_max = clutch.voltage_max
-        self._torque_max = max(curve.torque(clutch.voltage_max) for curve in (clutch.breakaway, clutch.dynamic))
+        self._unit = unit
+        self._limits = Limits.of(machine)
 
     def draw_still(self, canvas: Canvas) -> None:
         """Draw what never changes."""
+        u = self._unit
         canvas.box(self._box, style.PANEL)
         for index, name in enumerate(CLUTCH_NAMES):
             card = self._card(index)
-            canvas.box(card, style.CARD, 6)
-            canvas.text(f"{index + 1}", (card.left + _INSET, card.low + _TITLE_ROW), style.TITLE, style.INK)
-            canvas.text(name, (card.left + _INSET + 18, card.low + _TITLE_ROW), style.BODY, style.INK)
-            canvas.text("voltage", (card.left + _INSET, card.low + _VOLTS_ROW), style.SMALL, style.MUTED)
-            canvas.text("torque", (card.left + _INSET, card.low + _TORQUE_ROW), style.SMALL, style.MUTED)
+            left = card.left + _INSET * u
+            canvas.box(card, style.CARD, 6 * u)
+            canvas.text(f"{index + 1}", (left, card.low + _TITLE_ROW * u), style.TITLE * u, style.INK)
+            canvas.text(name, (left + 18 * u, card.low + _TITLE_ROW * u), style.BODY * u, style.INK)
+            canvas.text("voltage", (left, card.low + _VOLTS_ROW * u), style.SMALL * u, style.MUTED)
+            canvas.text("torque", (left, card.low + _TORQUE_ROW * u), style.SMALL * u, style.MUTED)
 
     def draw(self, canvas: Canvas, snapshot: Snapshot) -> None:
         """Draw one state."""
+        u = self._unit
         for line, (name, value) in enumerate(readings(snapshot)):
-            y = _READINGS_TOP + (line + 0.5) * _LINE
-            canvas.text(name, (self._box.left + _PAD, y), style.BODY, style.MUTED)
-            canvas.text(value, (self._box.right - _PAD, y), style.BODY, style.INK, "right")
+            y = self._box.low + (_READINGS_TOP + (line + 0.5) * _LINE) * u
+            canvas.text(name, (self._box.left + _PAD * u, y), style.BODY * u, style.MUTED)
+            canvas.text(value, (self._box.right - _PAD * u, y), style.BODY * u, style.INK, "right")
         for index, state in enumerate(snapshot.clutch_states()):
             card = self._card(index)
-            draw_state(canvas, card, state)
-            self._draw_volts(canvas, card, float(snapshot.volts[index]))
-            self._draw_torque(canvas, card, float(snapshot.torques[index]))
+            volts, torque = float(snapshot.volts[index]), float(snapshot.torques[index])
+            self._draw_state(canvas, card, state)
+            draw_volts(canvas, self._groove(card, _VOLTS_ROW), volts, self._limits)
+            self._draw_value(canvas, card, _VOLTS_ROW, f"{volts:.1f} V")
+            draw_torque(canvas, self._groove(card, _TORQUE_ROW), torque, self._limits, u)
+            self._draw_value(canvas, card, _TORQUE_ROW, f"{signed(torque, 1)} N·m")
 
     def _card(self, index: int) -> Box:
-        top = _CARDS_TOP + index * (_CARD_HEIGHT + _CARD_GAP)
-        return Box(self._box.left + _PAD, top, self._box.right - _PAD, top + _CARD_HEIGHT)
+        u = self._unit
+        top = self._box.low + (_CARDS_TOP + index * (_CARD_HEIGHT + _CARD_GAP)) * u
+        return Box(self._box.left + _PAD * u, top, self._box.right - _PAD * u, top + _CARD_HEIGHT * u)
 
-    def _draw_volts(self, canvas: Canvas, card: Box, volts: float) -> None:
-        groove = bar_groove(card, _VOLTS_ROW)
-        share = min(max(volts / self._volts_max, 0.0), 1.0)
-        draw_bar(canvas, groove, groove.left, share * (groove.right - groove.left), style.VOLTS)
-        draw_value(canvas, card, _VOLTS_ROW, f"{volts:.1f} V")
+    def _groove(self, card: Box, row: float) -> Box:
+        """Return where a bar of a card lies [px]."""
+        u = self._unit
+        y = card.low + row * u
+        return Box(card.left + _BAR_LEFT * u, y - 5 * u, card.left + _BAR_RIGHT * u, y + 5 * u)
 
-    def _draw_torque(self, canvas: Canvas, card: Box, torque: float) -> None:
-        groove = bar_groove(card, _TORQUE_ROW)
-        zero = 0.5 * (groove.left + groove.right)
-        share = min(max(torque / self._torque_max, -1.0), 1.0)
-        draw_bar(canvas, groove, zero, share * (groove.right - zero), style.TORQUE)
-        canvas.box(Box(zero - 0.5, groove.low - 3, zero + 0.5, groove.high + 3), style.MUTED)
-        draw_value(canvas, card, _TORQUE_ROW, f"{signed(torque, 1)} N·m")
+    def _draw_value(self, canvas: Canvas, card: Box, row: float, value: str) -> None:
+        """Write a value at the right end of a card's row."""
+        u = self._unit
+        canvas.text(value, (card.right - _INSET * u, card.low + row * u), style.BODY * u, style.INK, "right")
 
-
-def bar_groove(card: Box, row: float) -> Box:
-    """Return where a bar of a card lies [px]."""
-    return Box(card.left + _BAR_LEFT, card.low + row - 5, card.left + _BAR_RIGHT, card.low + row + 5)
-
-
-def draw_bar(canvas: Canvas, groove: Box, zero: float, length: float, colour: str) -> None:
-    """Draw a bar of a signed length [px] from its zero, in its groove."""
-    canvas.box(groove, style.GROOVE)
-    canvas.box(groove._replace(left=zero + min(length, 0.0), right=zero + max(length, 0.0)), colour)
-
-
-def draw_value(canvas: Canvas, card: Box, row: float, value: str) -> None:
-    """Write a value at the right end of a card's row."""
-    canvas.text(value, (card.right - _INSET, card.low + row), style.BODY, style.INK, "right")
-
-
-def signed(value: float, digits: int) -> str:
-    """Return a number with its sign, or 0 without one."""
-    rounded = round(value, digits)
-    return f"{rounded:+.{digits}f}".replace("-", "−") if rounded else f"{0.0:.{digits}f}"
-
-
-class Badge(NamedTuple):
-    """Colours of a clutch's state: they differ in lightness, so they need no colour vision."""
-
-    fill: str
-    ink: str
-
-
-BADGES = {
-    ClutchState.STUCK: Badge(style.INK, "#ffffff"),
-    ClutchState.SLIPPING: Badge("#f6d7a0", style.INK),
-    ClutchState.RELEASED: Badge(style.PANEL, style.MUTED),
-}
-
-
-def draw_state(canvas: Canvas, card: Box, state: ClutchState) -> None:
-    """Draw a clutch's state as a badge into the card's upper right corner."""
-    badge = Box(card.right - _INSET - 70, card.low + _TITLE_ROW - 10, card.right - _INSET, card.low + _TITLE_ROW + 10)
-    canvas.box(badge, BADGES[state].fill, 10)
-    canvas.text(
-        state,
-        (0.5 * (badge.left + badge.right), 0.5 * (badge.low + badge.high)),
-        style.SMALL,
-        BADGES[state].ink,
-        "centre",
-    )
-
-
-def readings(snapshot: Snapshot) -> list[tuple[str, str]]:
-    """Return names and values of the readings."""
-    return [
-        ("time", f"{snapshot.time:.2f} s"),
-        ("normal error", f"{signed(1e3 * snapshot.normal_error, 1)} mm"),
-        ("tip speed", f"{snapshot.speed:.2f} m/s"),
-        ("mode", MODE_NAMES[snapshot.mode]),
-    ]
+    def _draw_state(self, canvas: Canvas, card: Box, state: ClutchState) -> None:
+        """Draw a clutch's state as a badge into the card's upper right corner."""
+        u = self._unit
+        right, y = card.right - _INSET * u, card.low + _TITLE_ROW * u
+        canvas.box(Box(right - 70 * u, y - 10 * u, right, y + 10 * u), BADGES[state].fill, 10 * u)
+        canvas.text(state, (right - 35 * u, y), style.SMALL * u, BADGES[state].ink, "centre")

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.physics.friction import ClutchMode
-from pter_gym.tasks.path_following import (
-    COLUMN,
-)
+from pter_gym.tasks.path_following import COLUMN
 
 Array = NDArray[np.float64]
 
@@ -50,6 +48,8 @@ class Snapshot(NamedTuple):
         ClutchMode after the last substep.
     volts, torques
         Of the four clutches [V, N·m], shape (4,).
+    end
+        How the episode has ended, in words; empty while it goes on.
     """
 
     time: float
@@ -61,6 +61,7 @@ class Snapshot(NamedTuple):
     mode: ClutchMode
     volts: Array
     torques: Array
+    end: str = ""
 
     @classmethod
     def of(cls, row: Array) -> Self:
@@ -75,6 +76,7 @@ class Snapshot(NamedTuple):
             mode=ClutchMode(int(row[COLUMN.mode])),
             volts=row[[*COLUMN.volts]],
             torques=row[[*COLUMN.torque]],
+            end=_end(row),
         )
 
     def clutch_states(self) -> list[ClutchState]:
@@ -86,3 +88,10 @@ class Snapshot(NamedTuple):
             return ClutchState.RELEASED
         held = self.mode == ClutchMode.ZERO_DOF or self.mode == index + 1
         return ClutchState.STUCK if held else ClutchState.SLIPPING
+
+
+def _end(row: Array) -> str:
+    """Return how the episode has ended, in words; empty while it goes on."""
+    if row[COLUMN.terminated] == 0.0:
+        return ""
+    return "arrived" if row[COLUMN.is_success] else "left the workspace"

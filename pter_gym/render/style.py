@@ -7,6 +7,9 @@ HEIGHT = 600
 PANEL_WIDTH = 300
 MARGIN = 16
 
+TILE_WIDTH = 320
+TILE_HEIGHT = 240
+
 BACKGROUND = "#ffffff"
 PANEL = "#f3f4f6"
 CARD = "#ffffff"
