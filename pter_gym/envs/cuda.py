@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pter_gym.engine.cuda import THREADS, advance, reset
 from pter_gym.engine.world import FLAG, FLAGS, ROW
 from pter_gym.envs.vector import PathFollowingVectorEnv
-from pter_gym.errors import ActionError, DependencyError, ResetNeededError
+from pter_gym.errors import ActionError, DependencyError, ParameterError, ResetNeededError
 from pter_gym.tasks.path_following.telemetry import COLUMNS
 
 cuda: Any = numba_cuda
@@ -37,6 +37,8 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
     """
 
     def __init__(self, num_envs: int = 1, **keywords: Any) -> None:
+        if keywords.get("render_mode") is not None:
+            raise ParameterError('render_mode must be None with device="cuda": watch worlds of device="cpu"')
         if not cuda.is_available():
             raise DependencyError(MISSING)
         super().__init__(num_envs, **keywords)

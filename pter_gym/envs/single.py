@@ -12,6 +12,8 @@ from pter_gym.compiled.layout import Layout
 from pter_gym.engine.batch import ActionUnit, Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import MACHINES, Machine
+from pter_gym.render.arrangement import check_size
+from pter_gym.render.style import HEIGHT, WIDTH
 from pter_gym.scenarios.randomisation import Mixture, Randomisation
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensors
 from pter_gym.tasks.path_following.observation import BOUND
@@ -95,6 +97,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"volt"` (default) or `"normalised"`.
     - `render_mode`: `"human"` or `"rgb_array"` (needs the extra `render`).
+    - `width`, `height`: size of its pictures, 840 × 600 pixels by default.
 
     ## Version History
     - v0: initial version.
@@ -111,9 +114,12 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         randomisation: Randomisation | Mixture | None = None,
         observe_context: bool = False,
         render_mode: RenderMode | None = None,
+        width: int = WIDTH,
+        height: int = HEIGHT,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ParameterError(f"render_mode must be one of human, rgb_array or None, got {render_mode!r}")
+        self._size = check_size(width, height)
         machines, tasks = find_pairs(machine, task, randomisation)
         self.batch = Batch(
             machines,
@@ -162,7 +168,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         obs, telemetry = self.batch.reset([seed])
         self._trail = []
         if len(self.batch.pairs) > 1:
-            self.close()
+            self._look_at_episode()
         self._show(telemetry[0])
         return obs[0], {"telemetry": telemetry[0], "is_success": False}
 
@@ -202,12 +208,17 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self.render_mode == "human":
             self._draw()
 
+    def _look_at_episode(self) -> None:
+        """Draw the machine and the task of the present episode from now on."""
+        if self._viewer is not None:
+            self._viewer.look_at(self.machine, self.task)
+
     def _draw(self) -> NDArray[np.uint8] | None:
         if self._viewer is None:
             from pter_gym.render import Viewer
 
             mode: RenderMode = "human" if self.render_mode == "human" else "rgb_array"
-            self._viewer = Viewer(self.machine, self.task, mode)
+            self._viewer = Viewer(self.machine, self.task, mode, *self._size)
         return self._viewer.draw(self._shown, np.array(self._trail))
 
 

@@ -1,7 +1,7 @@
 """The native vector environment: many worlds in one compiled call, with Gymnasium's semantics."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
@@ -18,6 +18,8 @@ from pter_gym.errors import ParameterError
 from pter_gym.internal.checks import whole_number
 from pter_gym.internal.computer import available_cores, available_memory
 from pter_gym.params import Machine
+from pter_gym.render.style import TILE_HEIGHT, TILE_WIDTH
+from pter_gym.render.worlds import WorldsViewer
 from pter_gym.scenarios.randomisation import Mixture, Randomisation
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
 from pter_gym.tasks.path_following.observation import BOUND
@@ -53,6 +55,10 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         Control steps after which an episode is truncated; None for no limit.
     telemetry
         Whether ``infos`` holds telemetry.
+    render_mode
+        ``"rgb_array"`` for a picture of each world from ``render``, of at most 64 worlds; needs the extra ``render``.
+    width, height
+        Size of the picture of one world [px].
     num_threads
         Threads for large batches; by default one for each core that this process may use. Results do not depend on it.
 
@@ -75,12 +81,14 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         max_episode_steps: int | None = 1000,
         telemetry: bool = True,
         num_threads: int | None = None,
-        render_mode: None = None,
+        render_mode: Literal["rgb_array"] | None = None,
+        width: int = TILE_WIDTH,
+        height: int = TILE_HEIGHT,
     ) -> None:
-        if render_mode is not None:
-            raise ParameterError(f"render_mode must be None: only the single environment renders, got {render_mode!r}")
+        if render_mode not in (None, "rgb_array"):
+            raise ParameterError(f"render_mode must be rgb_array or None, got {render_mode!r}")
+        self.render_mode = render_mode
         self.autoreset_mode = find_autoreset_mode(autoreset_mode)
-        self.metadata = {"render_modes": [], "render_fps": 100, "autoreset_mode": self.autoreset_mode}
         self.num_envs = whole_number("num_envs", num_envs)
         check_memory(self.num_envs, telemetry)
         self.batch = Batch(
@@ -91,9 +99,15 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
             action_unit=action_unit,
             observe_context=observe_context,
             max_steps=None if max_episode_steps is None else whole_number("max_episode_steps", max_episode_steps),
-            telemetry=telemetry,
+            telemetry=telemetry or render_mode is not None,
             num_threads=available_cores() if num_threads is None else whole_number("num_threads", num_threads),
         )
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": round(1.0 / self.batch.task.control_period),
+            "autoreset_mode": self.autoreset_mode,
+        }
+        self._viewer = WorldsViewer(self.batch.pairs, self.num_envs, width, height) if render_mode else None
         self._ended = _ENDED[self.autoreset_mode]
         self._records = telemetry
         self.single_action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
@@ -131,6 +145,8 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         self._check_open()
         chosen = self._mask(options)
         obs, telemetry = self.batch.reset(self._seeds(seed), chosen)
+        if self._viewer:
+            self._viewer.see(telemetry, chosen)
         return obs, self._infos(chosen, telemetry, np.zeros(self.num_envs, np.bool_))
 
     def step(self, actions: Any) -> tuple[Observations, Array, Mask, Mask, dict[str, Any]]:
@@ -146,10 +162,22 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         self._check_open()
         returns = self.batch.step(actions, self._ended)
         terminated, truncated, success = returns.flags
-        infos = self._infos(np.ones(self.num_envs, np.bool_), returns.telemetry[:1].reshape(-1, COLUMNS), success)
+        telemetry = returns.telemetry[:1].reshape(-1, COLUMNS)
+        if self._viewer:
+            self._viewer.see(telemetry)
+        infos = self._infos(np.ones(self.num_envs, np.bool_), telemetry, success)
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             self._add_final(infos, returns, terminated | truncated)
         return returns.obs, returns.rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Return a picture of each world, uint8 (height, width, 3); None without a ``render_mode``."""
+        if self._viewer is None:
+            gymnasium.logger.warn("render_mode was not given to gymnasium.make_vec; nothing is rendered")
+            return None
+        if not self._viewer.ready:
+            raise gymnasium.error.ResetNeeded("render needs a reset of all worlds before it")
+        return self._viewer.draw(self.batch.context)
 
     def close_extras(self) -> None:
         """Stop the threads."""
@@ -166,7 +194,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
 
     def _infos(self, mask: Mask, telemetry: Array, success: Mask) -> dict[str, Any]:
         infos: dict[str, Any] = {"is_success": success, "_is_success": mask}
-        if len(telemetry):
+        if self._records:
             infos |= {"telemetry": telemetry, "_telemetry": mask.copy()}
         return infos
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pter_gym.physics.friction import ClutchMode
-from pter_gym.render.panel import signed
+from pter_gym.render.clutches import signed
 from pter_gym.render.snapshot import MODE_NAMES, Snapshot
 from pter_gym.tasks.path_following import TELEMETRY
 

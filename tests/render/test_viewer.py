@@ -13,7 +13,8 @@ from pter_gym.params import BASELINE
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.render import Viewer, style
 from pter_gym.render.geometry import Box, View
-from pter_gym.render.picture import METRES_PER_NEWTON, Picture
+from pter_gym.render.picture import Picture
+from pter_gym.render.scene import METRES_PER_NEWTON
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 TASK = PathFollowing()
