@@ -176,7 +176,15 @@ class Episode(NamedTuple):
     volts: NDArray[np.float32]
 
 
-def record_episode(policy: AnyPolicy, machine: Machine, task: PathFollowing, seed: int, max_steps: int) -> Episode:
+def record_episode(
+    policy: AnyPolicy,
+    machine: Machine,
+    task: PathFollowing,
+    seed: int,
+    max_steps: int,
+    *,
+    on_step: Callable[[], object] = lambda: None,
+) -> Episode:
     """Return an episode of a policy in a world of its own, decided step by step.
 
     Parameters
@@ -187,12 +195,15 @@ def record_episode(policy: AnyPolicy, machine: Machine, task: PathFollowing, see
         The episode.
     max_steps
         Control steps after which it is truncated.
+    on_step
+        Called after each control step.
     """
     episode = Rollout(Batch(machine, task, 1, sensors="force"), [seed])
     acting = bind(policy, BASELINE, observation_layout(machine, sensors_of(policy)))
     episode.begin(acting)
     while episode.steps < max_steps and not episode.ended.all():
         episode.step(acting)
+        on_step()
     telemetry = episode.telemetry[:, 0]
     volts = telemetry[1:, [*COLUMN.volts]].astype(np.float32)
     return Episode(telemetry, np.concatenate(episode.seen), volts)

@@ -16,6 +16,7 @@ from pter_gym.commands.reproduce import reproduce
 from pter_gym.commands.speed import speed
 from pter_gym.commands.tune import tune
 from pter_gym.commands.verify import verify
+from pter_gym.commands.watch import watch
 from pter_gym.errors import PterError
 
 GROUP = "pter.commands"
@@ -36,6 +37,7 @@ def commands() -> dict[str, Callable[..., Any]]:
         "speed": speed,
         "tune": tune,
         "verify": verify,
+        "watch": watch,
     }
     for entry in entry_points(group=GROUP):
         found[entry.name] = entry.load()

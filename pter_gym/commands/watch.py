@@ -1,0 +1,192 @@
+"""``pter watch``: an episode of policies as a moving picture, and as a table."""
+
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.console import Console
+
+from pter_gym.commands.arguments import import_from_here, split
+from pter_gym.errors import ParameterError
+from pter_gym.internal.terminal import progress_bar
+
+if TYPE_CHECKING:
+    from pter_gym.benchmark.simulation import Episode
+    from pter_gym.params import Machine
+    from pter_gym.render.film import Film
+    from pter_gym.tasks.path_following import PathFollowing
+
+MOST_POLICIES = 16
+
+WINDOW_RATE = 50
+
+
+def watch(
+    policies: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME,…")],
+    scenario: Annotated[str, tyro.conf.arg(metavar="NAME")] = "standard",
+    pace: Annotated[str, tyro.conf.arg(metavar="NAME")] = "medium",
+    seed: int = 0,
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mp4|gif|png")] = None,
+    csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv|npz")] = None,
+    size: Annotated[str | None, tyro.conf.arg(metavar="WIDTHxHEIGHT")] = None,
+    speed: float = 1.0,
+) -> None:
+    """Watch policies on the same episode, side by side: in a window, or in a file with --out.
+
+    The episode is a training draw of the scenario; the stored evaluation episodes are never read. Needs the extra
+    render, unless --csv is all that is asked for. Example: `pter watch torque-feedback,residual --out both.gif`
+
+    Args:
+        policies: Separated by commas, as for `pter benchmark --scenario`.
+        scenario: Scenario that draws the episode: standard, materials, hands, paths or everything.
+        pace: Commanded pace: slow, medium or brisk.
+        seed: Seed of the episode, and of random and predictive policies, at least 0.
+        out: Film to write, or with .png the picture at the end, with the tip's trail; its folder must exist.
+        csv: Table to write of all that the episode records, a row for each control step; docs/watching.md says how to
+            read it. Its folder must exist.
+        size: Width and height of the picture in pixels.
+        speed: Time of the episode over that of the film; 0.2 is slow motion.
+    """
+    names = split(policies)
+    check_arguments(names, out, csv, size, speed)
+    machine, task = draw(scenario, pace, seed)
+    console = Console(highlight=False, soft_wrap=True, markup=False)
+    episodes = simulate(console, names, scenario, machine, task, seed)
+    for name, episode in episodes.items():
+        console.print(f"{name}: {summary(episode)}")
+    if csv:
+        from pter_gym.benchmark.trajectories import write_trajectories
+
+        write_trajectories({name: episode.telemetry for name, episode in episodes.items()}, csv)
+        console.print(f"wrote {csv}")
+    if out:
+        write(console, out, episodes, machine, task, speed, size)
+    elif not csv:
+        show(episodes, machine, task, speed, size)
+
+
+def check_arguments(names: list[str], out: Path | None, csv: Path | None, size: str | None, speed: float) -> None:
+    """Raise an error that names the argument unless all that can be told before the simulation is right."""
+    from pter_gym.benchmark.trajectories import check_table
+
+    if not 1 <= len(names) <= MOST_POLICIES:
+        raise ParameterError(f"policies must be 1 to {MOST_POLICIES} names separated by commas, got {len(names)}")
+    if not (math.isfinite(speed) and speed > 0.0):
+        raise ParameterError(f"speed must be a number > 0, got {speed!r}")
+    parse_size(size)
+    for field, path in (("out", out), ("csv", csv)):
+        if path and not path.parent.is_dir():
+            raise ParameterError(f"{field} must be a file in a folder that exists, got {str(path)!r}")
+    if csv:
+        check_table(csv)
+    if out:
+        from pter_gym.render.canvas import load_pygame
+        from pter_gym.render.recording import check_ending
+
+        load_pygame()
+        check_ending(out)
+    elif not csv:
+        from pter_gym.render.window import has_display
+
+        if not has_display():
+            raise ParameterError("out or csv must be given where there is no display, such as --out film.mp4")
+
+
+def parse_size(text: str | None) -> tuple[int, int] | None:
+    """Return width and height [px], None for the default ones, or raise a ParameterError."""
+    from pter_gym.render.arrangement import check_size
+
+    if text is None:
+        return None
+    found = re.fullmatch(r"(\d{1,6})[x×](\d{1,6})", text, re.ASCII)
+    if not found:
+        raise ParameterError(f"size must be WIDTHxHEIGHT in pixels, such as 1280x720, got {text!r}")
+    return check_size(int(found[1]), int(found[2]))
+
+
+def draw(scenario: str, pace: str, seed: int) -> "tuple[Machine, PathFollowing]":
+    """Return machine and task of a scenario's first training draw from a seed."""
+    from pter_gym.internal.checks import whole_number
+    from pter_gym.scenarios import find_scenario
+
+    drawn = find_scenario(scenario).randomisation(pace, contexts=1, seed=whole_number("seed", seed, at_least=0))
+    return drawn.pairs()[0]
+
+
+def simulate(
+    console: Console, names: list[str], scenario: str, machine: "Machine", task: "PathFollowing", seed: int
+) -> "dict[str, Episode]":
+    """Return the episode of each policy by its name."""
+    from pter_gym.benchmark.naming import read_policy
+    from pter_gym.benchmark.simulation import record_episode, time_limit
+
+    import_from_here()
+    policies = {name: read_policy(name, seed, scenario) for name in names}
+    episodes: dict[str, Episode] = {}
+    with progress_bar(console) as progress:
+        steps = time_limit(task)
+        for name, policy in policies.items():
+            bar = progress.add_task(f"simulate {name}", total=steps)
+            episodes[name] = record_episode(
+                policy, machine, task, seed, steps, on_step=lambda bar=bar: progress.advance(bar)
+            )
+            progress.update(bar, completed=steps)
+    return episodes
+
+
+def summary(episode: "Episode") -> str:
+    """Return in words how an episode went."""
+    from pter_gym.tasks.path_following import COLUMN
+
+    last = episode.telemetry[-1]
+    end = "arrived" if last[COLUMN.is_success] else "left the workspace" if last[COLUMN.terminated] else "time is up"
+    error = 1e3 * abs(episode.telemetry[:, COLUMN.normal_error])
+    return f"{end} after {last[COLUMN.time]:.2f} s; error {error.mean():.1f} mm on average, {error.max():.1f} at most"
+
+
+def make_film(
+    episodes: "Mapping[str, Episode]",
+    machine: "Machine",
+    task: "PathFollowing",
+    rate: float,
+    speed: float,
+    size: str | None,
+) -> "Film":
+    """Return the film of episodes side by side."""
+    from pter_gym.render.film import Film, Shot
+    from pter_gym.render.picture import Subject
+
+    shots = [Shot(Subject(machine, task, name), episode.telemetry) for name, episode in episodes.items()]
+    return Film(shots, rate, speed, parse_size(size))
+
+
+def write(
+    console: Console,
+    out: Path,
+    episodes: "Mapping[str, Episode]",
+    machine: "Machine",
+    task: "PathFollowing",
+    speed: float,
+    size: str | None,
+) -> None:
+    """Write a film to a file and say how large it is."""
+    from pter_gym.render.recording import RATES, frames_of, write_film
+
+    film = make_film(episodes, machine, task, RATES[out.suffix.lower()], speed, size)
+    with progress_bar(console) as progress:
+        bar = progress.add_task("draw", total=frames_of(film, out))
+        write_film(film, out, lambda: progress.advance(bar))
+    console.print(f"wrote {out}, {frames_of(film, out)} frames, {out.stat().st_size / 1e6:.1f} MB")
+
+
+def show(
+    episodes: "Mapping[str, Episode]", machine: "Machine", task: "PathFollowing", speed: float, size: str | None
+) -> None:
+    """Show a film in a window until it is closed."""
+    from pter_gym.render.recording import show_film
+
+    film = make_film(episodes, machine, task, WINDOW_RATE, speed, size)
+    show_film(film, WINDOW_RATE, f"PTER: {', '.join(episodes)}")
