@@ -179,7 +179,7 @@ def write(
     with progress_bar(console) as progress:
         bar = progress.add_task("draw", total=frames_of(film, out))
         write_film(film, out, lambda: progress.advance(bar))
-    console.print(f"wrote {out}, {frames_of(film, out)} frames, {out.stat().st_size / 1e6:.1f} MB")
+    console.print(f"wrote {out}, {out.stat().st_size / 1e6:.2f} MB")
 
 
 def show(

@@ -10,6 +10,7 @@ import numpy as np
 
 from pter_gym.errors import DependencyError, unknown_name
 from pter_gym.internal.files import write_bytes_atomic
+from pter_gym.render.colours import Colours
 from pter_gym.render.film import Film
 from pter_gym.render.window import Window
 
@@ -18,8 +19,8 @@ Progress = Callable[[], object]
 RATES = MappingProxyType({".mp4": 50, ".gif": 25, ".png": 50})
 """Endings of files, and frames for each second of a film in one; a gif counts hundredths of a second."""
 
-COLOURS = 255
-"""Of a gif."""
+SAMPLES = 5
+"""Frames of which the colours of a gif are taken."""
 
 
 def check_ending(path: Path) -> None:
@@ -98,13 +99,10 @@ def _write_mp4(film: Film, file: Path, on_frame: Progress) -> None:
 
 
 def _write_gif(film: Film, file: Path, on_frame: Progress) -> None:
-    from PIL import Image
-
-    some = [film.pixels(frame) for frame in (0, len(film) // 3, len(film) // 2, len(film) - 1)]
-    palette = Image.fromarray(np.concatenate(some)).quantize(COLOURS)
+    colours = Colours([film.pixels(frame) for frame in np.linspace(0, len(film) - 1, SAMPLES).astype(int).tolist()])
 
     def drawn(frame: int) -> Any:
-        image = Image.fromarray(film.pixels(frame)).quantize(palette=palette, dither=Image.Dither.NONE)
+        image = colours.image(film.pixels(frame))
         on_frame()
         return image
 

@@ -87,7 +87,8 @@ def draw_force(canvas: Canvas, view: View, tip: Array, force: Array, unit: float
     head = tip + view.scale * METRES_PER_NEWTON * strength * ahead
     canvas.polygon(arrow(tip, head, 5 * unit), style.FORCE)
     if size > 0.0:
-        at = head + (1.55 * size, 0.85 * size) * ahead
+        upwards = np.array([ahead[1], -ahead[0]]) if ahead[0] > 0.0 else np.array([-ahead[1], ahead[0]])
+        at = head + upwards * (1.2 * size, size)  # beside the arrow, not on the path ahead of it
         canvas.text(f"{strength:.0f} N", (at[0], at[1]), size, style.FORCE, "centre")
 
 
