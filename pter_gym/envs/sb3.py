@@ -26,7 +26,6 @@ class PterVecEnv(VecEnv):
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
         self.env = env
-        self.render_mode = None
         self._actions: Any = None
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
@@ -64,10 +63,12 @@ class PterVecEnv(VecEnv):
         """Stop the threads."""
         self.env.close()
 
+    def get_images(self) -> list[NDArray[np.uint8] | None]:
+        """Return a picture of each world with ``render_mode="rgb_array"``, of which ``render`` makes one."""
+        return list(self.env.render() or ())
+
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
         """Return an attribute of the vector environment, once for each chosen world."""
-        if attr_name == "render_mode":
-            return [None for _ in self._get_indices(indices)]
         return [getattr(self.env, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:  # noqa: ARG002
@@ -96,7 +97,8 @@ def make_sb3_vec_env(num_envs: int, *, action_unit: Any = "normalised", **keywor
     action_unit
         ``"normalised"``, as Stable-Baselines3 likes it, or ``"volt"``.
     **keywords
-        Of ``PathFollowingVectorEnv``: ``machine``, ``task``, ``sensors``, ``max_episode_steps``, ``num_threads``.
+        Of ``PathFollowingVectorEnv``: ``machine``, ``task``, ``sensors``, ``max_episode_steps``, ``num_threads``,
+        ``render_mode``.
     """
     return PterVecEnv(
         PathFollowingVectorEnv(

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MOST = 256
+MOST = 64
+"""Colours of a palette: more of them make a file larger and look no better."""
 
 
 class Colours:
@@ -21,7 +22,8 @@ class Colours:
         """Return a picture as Pillow's image with this palette; a colour that is not in it becomes the nearest."""
         from PIL import Image
 
-        image = Image.fromarray(self.entries(picture), mode="P")
+        height, width, _ = picture.shape
+        image = Image.frombytes("P", (width, height), self.entries(picture).tobytes())
         image.putpalette(self._rgb.astype(np.uint8).tobytes())
         return image
 

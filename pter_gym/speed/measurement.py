@@ -20,6 +20,7 @@ from pter_gym.speed.ours import (
     sweep,
 )
 from pter_gym.speed.peers import Ratio, measure_peer, our_loads, peers
+from pter_gym.speed.pictures import SIZES, Pictures, measure_pictures
 from pter_gym.speed.roofline import Roofline, measure_roofline
 from pter_gym.speed.timing import Effort
 
@@ -59,6 +60,7 @@ class Speed:
     peers: tuple[Ratio, ...]
     roofline: Roofline
     skipped: tuple[Skipped, ...]
+    pictures: tuple[Pictures, ...] = ()
 
 
 def make_plan(*, quick: bool = False, max_worlds: int = CUDA_SIZES[-1]) -> Plan:
@@ -104,7 +106,9 @@ def measure(plan: Plan, on_progress: Callable[[str], object] = lambda _: None) -
     ratios, absent = _beside_peers(plan, on_progress)
     on_progress("the substep loop and the peak of the arithmetic")
     roofline = measure_roofline(plan.roofline_rounds, recompile=not plan.quick)
-    skipped = [*every.skipped, *missing, *absent, *_left_out(plan)]
+    on_progress("pictures")
+    pictures, undrawn = measure_pictures(SIZES, plan.rates)
+    skipped = [*every.skipped, *missing, *absent, *undrawn, *_left_out(plan)]
     if isinstance(device, Skipped):
         skipped.append(device)
     return Speed(
@@ -119,6 +123,7 @@ def measure(plan: Plan, on_progress: Callable[[str], object] = lambda _: None) -
         peers=tuple(ratios),
         roofline=roofline,
         skipped=tuple(skipped),
+        pictures=pictures,
     )
 
 

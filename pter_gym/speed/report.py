@@ -23,7 +23,9 @@ def as_json(speed: Speed) -> dict[str, Any]:
 
 def tables(speed: Speed) -> list[Table]:
     """Return what a terminal shows: throughput, peers, single steps, the substep loop, the targets, what is missing."""
-    shown = [_throughput(speed), _peers(speed), _singles(speed), _roofline(speed.roofline), _targets(speed)]
+    shown = [_throughput(speed), _peers(speed), _singles(speed), _roofline(speed.roofline)]
+    shown += [_pictures(speed)] if speed.pictures else []
+    shown.append(_targets(speed))
     return [*shown, _skipped(speed)] if speed.skipped else shown
 
 
@@ -95,6 +97,13 @@ def _roofline(roofline: Roofline) -> Table:
             "loops of the kernel that LLVM vectorised",
             f"{len(roofline.widths)}, widths {', '.join(map(str, sorted(set(roofline.widths))))}",
         )
+    return table
+
+
+def _pictures(speed: Speed) -> Table:
+    table = _table("Pictures of one world that moves, on one core", "size [px]", "[1/s]")
+    for row in speed.pictures:
+        table.add_row(f"{row.width} × {row.height}", f"{row.per_second:.0f}")
     return table
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from pter_gym.speed import peers
 from pter_gym.speed.measurement import CARTPOLE, REFERENCE_WORLDS, Speed
+from pter_gym.speed.pictures import DEFAULT
 
 FLAT_FROM, FLAT_TO = 4_096, 1_000_000
 
@@ -73,6 +74,11 @@ def _single(speed: Speed) -> float | None:
     return next((row.ratio for row in speed.single_steps if row.peer == CARTPOLE), None)
 
 
+def _pictures(speed: Speed) -> float | None:
+    rates = {(row.width, row.height): row.per_second for row in speed.pictures}
+    return rates.get(DEFAULT)
+
+
 def _cuda_rate(speed: Speed) -> float | None:
     rows = speed.cuda.rows if speed.cuda else ()
     return max((row.steps_per_second for row in rows if row.worlds >= FLAT_TO), default=None)
@@ -97,6 +103,7 @@ _CPU: tuple[_Rule, ...] = (
     ("memory of a world", "B", False, 1024.0, lambda speed: speed.all_threads.bytes_per_world),
     (f"single env.step over {CARTPOLE}", "", False, 1.0, _single),
     ("substep loop's share of the non-FMA peak", "", True, 0.35, lambda speed: speed.roofline.share),
+    (f"pictures of {DEFAULT[0]} × {DEFAULT[1]} px, one core", "1/s", True, 60.0, _pictures),
 )
 
 _CUDA: tuple[_Rule, ...] = (

@@ -38,6 +38,7 @@ from pter_gym.speed.peers import (
     our_loads,
     peers,
 )
+from pter_gym.speed.pictures import Pictures, measure_pictures
 from pter_gym.speed.plot import cost_figure
 from pter_gym.speed.roofline import Roofline, peak_kernel
 from pter_gym.speed.targets import flatness, targets
@@ -56,6 +57,7 @@ FIELDS = {
     "peers",
     "roofline",
     "skipped",
+    "pictures",
     "targets",
 }
 SHORT = Effort(0.0, 1)
@@ -153,6 +155,19 @@ def test_missing_single_environment_is_named():
     assert [row.peer for row in found] == ["CartPole-v1"]
     assert [row.what for row in skipped] == ["NoSuch-v0, single step"]
     assert "NoSuch" in skipped[0].why
+
+
+def test_pictures_are_counted_or_pygame_is_named(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    rows, skipped = measure_pictures([(64, 48)], SHORT)
+    assert not rows
+    assert "pygame" in skipped[0].why
+    monkeypatch.undo()
+    pytest.importorskip("pygame")
+    (row,), skipped = measure_pictures([(64, 48)], SHORT)
+    assert (row.width, row.height) == (64, 48)
+    assert row.per_second > 0.0
+    assert not skipped
 
 
 def test_sizes_beyond_the_memory_are_named():
@@ -306,6 +321,7 @@ def made_up(**changes: Any) -> Speed:
         peers=(ratio, replace(ratio, name=ENVPOOL, package="envpool", our_worlds=256)),
         roofline=Roofline(334.0, 3700.0, 1e11, 8, 7.0, 0.4, 0.3, (8, 8)),
         skipped=(Skipped("EnvPool", "not installed"),),
+        pictures=(Pictures(840, 600, 150.0), Pictures(1920, 1080, 45.0)),
     )
     return replace(speed, **changes)
 
@@ -322,6 +338,7 @@ def test_targets_are_met_missed_or_not_measured():
     assert found[f"env-steps over {ENVPOOL}"] is None  # not with 16,384 worlds
     assert found[f"substeps over {ROLLOUT}"] is None
     assert found["single env.step over CartPole-v1"] is False
+    assert found["pictures of 840 × 600 px, one core"] is True
     assert not any(name.startswith("GPU") for name in found)
 
 
@@ -343,7 +360,7 @@ def test_file_and_tables_hold_all(capsys: pytest.CaptureFixture[str]):
     for table in tables(speed):
         Console(width=120).print(table)
     text = capsys.readouterr().out
-    for part in ("16,384", "450", "1.333", "40.0 %", "met", "missed", "not measured", "not installed", "900 bytes"):
+    for part in ("16,384", "450", "1.333", "40.0 %", "met", "missed", "not measured", "not installed", "900 bytes", "1920 × 1080"):
         assert part in text
     assert notes(speed)[0] == f"{REACHER}: two steps."
 
