@@ -24,7 +24,7 @@ SAMPLES = 5
 
 
 def check_ending(path: Path) -> None:
-    """Raise a ParameterError unless a film can be written to a file of this ending, a DependencyError if ffmpeg lacks."""
+    """Raise a ParameterError unless films have files of this ending, a DependencyError if ffmpeg is missing for it."""
     if path.suffix.lower() not in RATES:
         raise unknown_name("out's ending", path.suffix, RATES)
     if path.suffix.lower() == ".mp4":

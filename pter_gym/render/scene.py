@@ -54,9 +54,7 @@ def draw_link_names(canvas: Canvas, pivots: list[Array], unit: float, size: floa
     draw_link_name(canvas, "B", base, elbow_b, tip, unit, size)
 
 
-def draw_link_name(
-    canvas: Canvas, name: str, base: Array, elbow: Array, tip: Array, unit: float, size: float
-) -> None:
+def draw_link_name(canvas: Canvas, name: str, base: Array, elbow: Array, tip: Array, unit: float, size: float) -> None:
     """Write a link's name beside its middle, on the outer side of the mechanism."""
     link, diagonal = elbow - base, tip - base
     left = np.array([-link[1], link[0]]) / math.hypot(*link)

@@ -360,7 +360,18 @@ def test_file_and_tables_hold_all(capsys: pytest.CaptureFixture[str]):
     for table in tables(speed):
         Console(width=120).print(table)
     text = capsys.readouterr().out
-    for part in ("16,384", "450", "1.333", "40.0 %", "met", "missed", "not measured", "not installed", "900 bytes", "1920 × 1080"):
+    for part in (
+        "16,384",
+        "450",
+        "1.333",
+        "40.0 %",
+        "met",
+        "missed",
+        "not measured",
+        "not installed",
+        "900 bytes",
+        "1920 × 1080",
+    ):
         assert part in text
     assert notes(speed)[0] == f"{REACHER}: two steps."
 

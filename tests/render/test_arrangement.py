@@ -98,7 +98,9 @@ def test_text_can_be_read_and_stays_apart(width: int, height: int):
         assert inside(box_of(text), Box(0, 0, width, height))
         assert text.image.get_height() >= 0.6 * SMALLEST_TEXT
     for one, other in combinations([box_of(text) for text in texts], 2):
-        assert one.right <= other.left or other.right <= one.left or one.high <= other.low + 2 or other.high <= one.low + 2
+        assert (
+            one.right <= other.left or other.right <= one.left or one.high <= other.low + 2 or other.high <= one.low + 2
+        )
 
 
 def test_tiny_pictures_have_no_text():
@@ -108,7 +110,9 @@ def test_tiny_pictures_have_no_text():
 
 def test_a_long_name_is_cut_at_its_front():
     pytest.importorskip("pygame")
-    (name, _) = sorted(written(320, 240, "/home/anybody/runs/2026/policies/mine" * 3), key=lambda text: text.corner[1])[:2]
+    (name, _) = sorted(written(320, 240, "/home/anybody/runs/2026/policies/mine" * 3), key=lambda text: text.corner[1])[
+        :2
+    ]
     assert box_of(name).right < 320
 
 

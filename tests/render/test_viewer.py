@@ -10,6 +10,7 @@ import pytest
 
 from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.params import BASELINE
+from pter_gym.paths import Line
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.render import Viewer, style
 from pter_gym.render.geometry import Box, View
@@ -244,6 +245,54 @@ viewer.close()
 print(drawn == [None] * 10, seconds > 0.18, (shown == picture).all(), gone, pygame.display.get_init())
 """
     assert run_fresh(program, SDL_VIDEODRIVER="dummy") == "True True True True False"
+
+
+def test_a_film_plays_again_until_its_window_is_closed():
+    pytest.importorskip("pygame")
+    program = """
+from pter_gym.render.film import Film, Shot
+from pter_gym.render.picture import Subject
+from pter_gym.render.recording import show_film
+
+shown = []
+class Watched(Film):
+    def canvas(self, frame):
+        shown.append(frame)
+        if shown[-3:] == [0, 1, 2] and len(shown) > len(self):
+            pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_ESCAPE))
+        return super().canvas(frame)
+
+film = Watched([Shot(Subject(BASELINE, PathFollowing()), np.stack([row, row]))], 100.0, size=(64, 48))
+show_film(film, 1000.0, "film")
+print(shown == [*range(len(film)), 0, 1, 2], pygame.display.get_init())
+"""
+    assert run_fresh(program, SDL_VIDEODRIVER="dummy") == "True False"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems always have a display")
+def test_a_display_that_nobody_sees_is_none():
+    pytest.importorskip("pygame")
+    program = """
+from pter_gym.render.window import has_display
+found = [has_display()]
+for driver in ("dummy", "offscreen"):
+    os.environ["SDL_VIDEODRIVER"] = driver
+    found.append(has_display())
+print(found, pygame.display.get_init())
+"""
+    assert run_fresh(program) == "[False, False, False] False"
+
+
+def test_another_machine_is_drawn_from_now_on():
+    pytest.importorskip("pygame")
+    telemetry = row()
+    viewer = Viewer(BASELINE, TASK, "rgb_array", 320, 240)
+    before = viewer.draw(telemetry, NO_TRAIL)
+    task = PathFollowing(path=Line(x=-0.1, y=0.5, direction=0.1, length=0.2))
+    viewer.look_at(BASELINE, task)
+    after = viewer.draw(telemetry, NO_TRAIL)
+    np.testing.assert_array_equal(after, Viewer(BASELINE, task, "rgb_array", 320, 240).draw(telemetry, NO_TRAIL))
+    assert (before != after).any()
 
 
 def test_a_window_that_other_code_closed_stays_closed():

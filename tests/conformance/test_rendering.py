@@ -1,0 +1,161 @@
+"""Rendering through Gymnasium: one world and many, its wrappers that record, and what is refused."""
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import RecordVideo
+from gymnasium.wrappers import vector as wrappers
+
+import pter_gym  # noqa: F401  (registers the environments)
+from pter_gym.errors import ParameterError
+from pter_gym.render.worlds import MOST_WORLDS
+
+pytest.importorskip("pygame")
+
+ID = "PTER/PathFollowing-v0"
+SMALL: dict[str, Any] = {"render_mode": "rgb_array", "width": 240, "height": 180}
+SHAPE = (180, 240, 3)
+
+
+def make_vec(count: int, name: str = ID, **keywords: Any) -> Any:
+    return gymnasium.make_vec(name, num_envs=count, **{**SMALL, **keywords})
+
+
+def volts(count: int, value: float = 3.0) -> np.ndarray:
+    return np.full((count, 4), value, np.float32)
+
+
+@pytest.mark.parametrize(("width", "height"), [(32, 64), (320, 240), (1920, 1080)])
+def test_a_picture_has_the_size_that_was_asked_for(width: int, height: int):
+    env = gymnasium.make(ID, render_mode="rgb_array", width=width, height=height)
+    env.reset(seed=0)
+    picture: Any = env.render()
+    assert picture.shape == (height, width, 3)
+    assert picture.dtype == np.uint8
+
+
+@pytest.mark.parametrize("bad", [0, -1, 2.5, "wide", 10**5])
+@pytest.mark.parametrize("field", ["width", "height"])
+def test_a_bad_size_is_refused(field: str, bad: Any):
+    with pytest.raises(ParameterError, match=f"{field} must be a whole number"):
+        gymnasium.make(ID, **{field: bad})
+    with pytest.raises(ParameterError, match=f"{field} must be a whole number"):
+        make_vec(2, **{field: bad})
+
+
+def test_many_worlds_give_a_picture_each():
+    env = make_vec(3)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.render()
+    env.reset(seed=5)
+    env.step(volts(3))
+    frames = env.render()
+    assert isinstance(frames, tuple)
+    assert [frame.shape for frame in frames] == [SHAPE] * 3
+    assert all(frame.dtype == np.uint8 and frame.flags.writeable for frame in frames)
+    assert env.metadata["render_modes"] == ["rgb_array"]
+    assert env.metadata["render_fps"] == 100
+
+
+@pytest.mark.parametrize(("name", "drawn"), [(ID, {}), ("PTER/Everything-v0", {"contexts": 3})])
+def test_a_world_among_many_looks_as_it_does_alone(name: str, drawn: dict[str, Any]):
+    """With its own machine, task and trail, in each episode."""
+    many = make_vec(2, name, max_episode_steps=4, **drawn)
+    alone: Any = gymnasium.make(name, **SMALL, max_episode_steps=4, **drawn)
+    many.reset(seed=[7, 9])
+    alone.reset(seed=9)
+    for _ in range(2):
+        for _ in range(4):
+            np.testing.assert_array_equal(many.render()[1], alone.render())
+            many.step(volts(2))
+            _, _, _, truncated, _ = alone.step(volts(1)[0])
+        np.testing.assert_array_equal(many.render()[1], alone.render())
+        assert truncated
+        many.step(volts(2))
+        alone.reset()
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_a_trail_begins_with_its_episode(mode: AutoresetMode):
+    env = make_vec(2, autoreset_mode=mode, max_episode_steps=3)
+    env.reset(seed=0)
+    first = env.render()
+    for _ in range(3):
+        env.step(volts(2))
+    if mode == AutoresetMode.NEXT_STEP:
+        env.step(volts(2))
+    if mode == AutoresetMode.DISABLED:
+        before = env.render()
+        env.reset(options={"reset_mask": np.array([True, False])})
+        np.testing.assert_array_equal(env.render()[1], before[1])
+        np.testing.assert_array_equal(env.render()[0], first[0])
+        return
+    for now, then in zip(env.render(), first, strict=True):
+        np.testing.assert_array_equal(now, then)
+
+
+def test_rendering_changes_nothing_else():
+    """Neither what comes out nor, without telemetry, what the infos hold."""
+    drawn, plain = make_vec(3, telemetry=False), make_vec(3, telemetry=False, render_mode=None)
+    for (obs, infos), (same_obs, same_infos) in [(drawn.reset(seed=1), plain.reset(seed=1))]:
+        np.testing.assert_array_equal(obs, same_obs)
+        assert infos.keys() == same_infos.keys()
+    for _ in range(5):
+        got, expected = drawn.step(volts(3)), plain.step(volts(3))
+        drawn.render()
+        for one, other in zip(got[:4], expected[:4], strict=True):
+            np.testing.assert_array_equal(one, other)
+        assert got[4].keys() == expected[4].keys()
+
+
+def test_without_a_render_mode_nothing_is_rendered():
+    env = gymnasium.make_vec(ID, num_envs=2)
+    env.reset(seed=0)
+    with pytest.warns(UserWarning, match="nothing is rendered"):
+        assert env.render() is None
+
+
+@pytest.mark.parametrize("mode", ["human", "ansi", "rgb_array_list"])
+def test_another_render_mode_of_many_worlds_is_refused(mode: str):
+    with pytest.raises(ParameterError, match="render_mode must be rgb_array or None"):
+        make_vec(2, render_mode=mode)
+
+
+def test_more_worlds_than_can_be_told_apart_are_refused():
+    assert len(make_vec(MOST_WORLDS).metadata["render_modes"]) == 1
+    with pytest.raises(ParameterError, match=f"at most {MOST_WORLDS}; got num_envs = {MOST_WORLDS + 1}"):
+        make_vec(MOST_WORLDS + 1)
+
+
+def frames_in(path: Path) -> int:
+    import imageio_ffmpeg
+
+    return imageio_ffmpeg.count_frames_and_secs(str(path))[0]
+
+
+def test_gymnasium_records_one_world(tmp_path: Path):
+    pytest.importorskip("moviepy")
+    env = RecordVideo(gymnasium.make(ID, **SMALL), str(tmp_path / "one"), episode_trigger=lambda _: True)
+    env.reset(seed=0)
+    for _ in range(9):
+        env.step(volts(1)[0])
+    env.close()
+    (video,) = (tmp_path / "one").iterdir()
+    assert frames_in(video) == 10
+
+
+def test_gymnasium_records_many_worlds(tmp_path: Path):
+    pytest.importorskip("moviepy")
+    if not hasattr(wrappers, "RecordVideo"):
+        pytest.skip("this Gymnasium records no vector environments")
+    env = wrappers.RecordVideo(make_vec(4), str(tmp_path / "four"), episode_trigger=lambda _: True)
+    env.reset(seed=0)
+    for _ in range(9):
+        env.step(volts(4))
+    env.close()
+    (video,) = (tmp_path / "four").iterdir()
+    assert frames_in(video) == 10
