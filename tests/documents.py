@@ -11,9 +11,14 @@ EXTENDING = ROOT / "docs" / "extending.md"
 OWN_CONTROLLER = ROOT / "notebooks" / "03_your_own_controller.ipynb"
 
 
+def blocks_of(page: Path) -> list[str]:
+    """Return the blocks of Python of a page."""
+    return re.findall(r"^```python\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+
+
 def extending_blocks() -> list[str]:
     """Return the blocks of code of the page on extending."""
-    return re.findall(r"^```python\n(.*?)^```$", EXTENDING.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    return blocks_of(EXTENDING)
 
 
 def run_extending() -> None:

@@ -1,4 +1,4 @@
-"""Make pictures of README and the documents: `python docs/make/images.py [pter.png] [clutches.png]`, all by default.
+"""Make pictures of README and the documents: `python docs/make/images.py [NAME …]`, all by default.
 
 `error-against-pace.png` is made with the leaderboards, by `docs/make/scenario_pages.py`.
 """
@@ -16,6 +16,7 @@ from pages import IMAGES
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.measures import column, four
 from pter_gym.benchmark.simulation import simulate, time_limit
+from pter_gym.commands.main import main as pter_command
 from pter_gym.controllers import TorqueFeedback
 from pter_gym.engine.batch import Batch
 from pter_gym.physics.friction import ClutchMode
@@ -78,11 +79,17 @@ def print_modes(name: str, telemetry: np.ndarray) -> None:
         print(f"{name}, {when} {SETTLED:g} s: {', '.join(shares)}")
 
 
-PICTURES: dict[str, Callable[[Path], None]] = {"pter.png": pter, "clutches.png": clutches}
+def watch(path: Path) -> None:
+    """Torque feedback and a trained policy on the same episode."""
+    if status := pter_command(["watch", "torque-feedback,residual", "--size", "640x360", "--out", str(path)]):
+        raise SystemExit(status)
+
+
+PICTURES: dict[str, Callable[[Path], None]] = {"pter.png": pter, "clutches.png": clutches, "watch.gif": watch}
 
 
 def main(names: tyro.conf.Positional[tuple[str, ...]] = tuple(PICTURES)) -> None:
-    """Make pictures of README and the documents: pter.png, clutches.png; all by default."""
+    """Make pictures of README and the documents: pter.png, clutches.png, watch.gif; all by default."""
     for name in names:
         PICTURES[name](IMAGES / name)
         print(f"wrote {IMAGES / name}")

@@ -151,6 +151,17 @@ def test_reset_infos_options_and_attributes() -> None:
         env.reset()
 
 
+def test_worlds_are_drawn_as_one_picture() -> None:
+    pytest.importorskip("pygame")
+    env = make(3, render_mode="rgb_array", width=64, height=48)
+    env.reset()
+    assert env.get_attr("render_mode") == ["rgb_array"] * 3
+    assert [image.shape for image in env.get_images()] == [(48, 64, 3)] * 3
+    picture = env.render()
+    assert picture is not None
+    assert picture.shape == (96, 128, 3)
+
+
 def test_bad_actions_and_a_closed_environment_raise() -> None:
     env = make()
     env.reset()
