@@ -33,7 +33,7 @@ HEADER, ROW, CELLS, GAP = 26, 24, 48, 8
 SCENE_WIDTH = style.WIDTH - style.PANEL_WIDTH - 2 * style.MARGIN
 LEGEND = 52
 LEGEND_WIDTH = 400
-LEGEND_FROM = 400
+LEGEND_FROM = 340
 """Height [px] from which a tile has a legend."""
 
 SCENE_HEIGHT = style.HEIGHT - LEGEND - style.MARGIN
