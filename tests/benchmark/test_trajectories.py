@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -75,6 +75,7 @@ def test_the_same_seed_gives_the_same_file(tmp_path: Path, ending: str):
     assert one == two != other
 
 
+@settings(max_examples=30, deadline=None)
 @given(tables)
 def test_any_number_keeps_its_bits(tmp_path_factory: pytest.TempPathFactory, telemetry: np.ndarray):
     path = tmp_path_factory.mktemp("table") / "x.csv"

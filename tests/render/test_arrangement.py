@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pter_gym.errors import ParameterError
@@ -52,6 +52,7 @@ def box_of(text: Written) -> Box:
     return Box(left, top, left + width, top + height)
 
 
+@settings(max_examples=60, deadline=None)
 @given(sides, sides)
 def test_the_parts_have_room_in_any_size(width: int, height: int):
     box = Box(0, 0, width, height)
@@ -63,6 +64,7 @@ def test_the_parts_have_room_in_any_size(width: int, height: int):
     assert parts.stroke > 0.0
 
 
+@settings(max_examples=60, deadline=None)
 @given(st.integers(1, 40), sides, sides)
 def test_a_grid_fills_the_picture_without_overlaps(count: int, width: int, height: int):
     rows, columns = grid(count)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -65,6 +65,7 @@ def test_sizes_by_default():
         assert height <= 1080
 
 
+@settings(max_examples=30, deadline=None)
 @given(
     arrays.arrays(np.uint8, (5, 7), elements=st.integers(0, MOST - 1)),
     arrays.arrays(np.uint8, (MOST, 3)),
