@@ -45,8 +45,7 @@ def watch(
         pace: Commanded pace: slow, medium or brisk.
         seed: Seed of the episode, and of random and predictive policies, at least 0.
         out: Film to write, or with .png the picture at the end, with the tip's trail; its folder must exist.
-        csv: Table to write of all that the episode records, a row for each control step; docs/watching.md says how to
-            read it. Its folder must exist.
+        csv: Table to write of all that the episode records; see docs/watching.md. Its folder must exist.
         size: Width and height of the picture in pixels.
         speed: Time of the episode over that of the film; 0.2 is slow motion.
     """
