@@ -50,8 +50,9 @@ def tab() -> Iterator["browser.Tab"]:  # noqa: F821
 
 
 def pages(site: Path) -> list[str]:
-    """Names of all pages."""
-    return sorted(str(path.relative_to(site).with_suffix("")) for path in site.rglob("*.html"))
+    """Names of all pages; of those that show source code, which are alike and long, one."""
+    names = sorted(path.relative_to(site).with_suffix("").as_posix() for path in site.rglob("*.html"))
+    return [name for name in names if not name.startswith("_modules/")] + ["_modules/pter_gym/errors"]
 
 
 def faults(tab: "browser.Tab", address: str) -> list[str]:  # noqa: F821

@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Iterable
 from dataclasses import MISSING, fields, is_dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -84,6 +85,12 @@ def choose(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any
     return False if is_data and not name.startswith("_") and name.isupper() else None
 
 
+def follow(app: Sphinx, module: str, attribute: str) -> str | None:
+    """Where the source of a name is: data of built-in types are where they are documented."""
+    value = getattr(import_module(module), attribute.split(".")[0], None)
+    return module if getattr(value, "__module__", "builtins") == "builtins" else None
+
+
 def unlink(app: Sphinx, doctree: nodes.document) -> None:
     """Leave names of results and attributes alone: Sphinx would link each to anything that is called the same."""
     for link in list(doctree.findall(addnodes.pending_xref)):
@@ -94,6 +101,7 @@ def unlink(app: Sphinx, doctree: nodes.document) -> None:
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect to Sphinx."""
     app.connect("autodoc-process-docstring", process)
+    app.connect("viewcode-follow-imported", follow)
     app.connect("doctree-read", unlink)
     app.connect("autodoc-skip-member", choose)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
