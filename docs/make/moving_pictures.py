@@ -1,4 +1,4 @@
-"""Make the moving pictures of the documents: `python docs/make/moving_pictures.py [side-by-side] [paths] …`, all by default.
+"""Make the moving pictures: `python docs/make/moving_pictures.py [side-by-side] [paths] …`, all by default.
 
 `side-by-side.webp` has a tuned law and a trained policy on the same episode, a scenario's name that scenario under one
 trained policy, and `policies` a still picture of each policy at the end of one episode. Needs the extra `render`.
@@ -35,8 +35,8 @@ ALONE = "residual"
 PACE = "medium"
 DRAWS = 16
 SEED = 2**31 + 15  # of no training
-EPISODE = {"standard": 0, "paths": 5, "hands": 3, "materials": 1, "everything": 2}
-"""The draw of each scenario that is shown."""
+EPISODE = {"standard": 0, "paths": 13, "hands": 3, "materials": 1, "everything": 9}
+"""The draw of each scenario that is shown: of those with other paths, the first sine with the paper's kind of hand."""
 
 STRIDE = 7  # control steps of 10 ms from frame to frame: 14 frames in a second, in real time
 REST = 1500  # ms that the last frame stays

@@ -40,7 +40,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def tab() -> Iterator["browser.Tab"]:  # noqa: F821
     """A tab of the installed Chromium."""
     pytest.importorskip("websockets", reason="driving a browser needs websockets")
-    from website import browser
+    import browser
 
     program = browser.find_browser()
     if program is None:
@@ -144,7 +144,8 @@ def test_links_within_the_site_lead_somewhere(site: Path) -> None:
                 continue
             place = (path.parent / unquote(parts.path)).resolve() if parts.path else path
             anchors = read[place].anchors if place in read else None
-            if not place.exists() or (parts.fragment and anchors is not None and unquote(parts.fragment) not in anchors):
+            fragment = unquote(parts.fragment)
+            if not place.exists() or (fragment and anchors is not None and fragment not in anchors):
                 broken.append(f"{path.relative_to(site.resolve())}: {target}")
     assert not broken
 
@@ -159,5 +160,3 @@ def test_every_public_package_is_in_the_reference() -> None:
         if "\n__all__ = [" in path.read_text("utf-8")
     }
     assert public - INNER <= set(listed)
-
-

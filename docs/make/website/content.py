@@ -13,7 +13,7 @@ from io import StringIO
 from typing import Any
 
 import moving_pictures
-from pages import IMAGES, ROOT, table
+from pages import IMAGES, ROOT
 from record_tables import fields_table, rows_table
 
 from pter_gym.commands.main import commands as find_commands
@@ -61,7 +61,7 @@ def scenario(name: str) -> str:
     drawn.append(["task: pace", "m/s", described(LogUniform(min(PACES.values()), max(PACES.values())))])
     return "\n".join(
         [
-            f"```{{figure}} /images/moving/{name}.webp\n:alt: An episode of {name}: the arm guides the hand along its path",
+            f"```{{figure}} /images/moving/{name}.webp\n:alt: An episode of {name}",
             f":class: moving\n\n`{moving_pictures.ALONE}` on one drawn episode of `{name}`, in real time.\n```",
             "",
             f"```python\nenv = gymnasium.make({found.id!r})\n```".replace("'", '"'),
@@ -69,8 +69,7 @@ def scenario(name: str) -> str:
             f"{found.asks} Each training episode draws:",
             "",
             rows_table(["What", "Unit", "Drawn"], drawn),
-            "Without a pace that is given. All that is not in this table is as in "
-            "[the tables of machine and task](../model.md).",
+            "The pace is drawn where none is given. All else is as in [the robot in equations](../model.md).",
         ]
     )
 
@@ -166,8 +165,7 @@ def figure(name: str, claims: list[dict[str, Any]]) -> str:
     product = PRODUCTS[name]
     pictures = "\n\n".join(f"![{product.title}](/images/paper/{stem}.png)" for stem in product.pictures)
     rows = [
-        [f"{SIGNS[each['kind']]} {each['kind']}", each["claim"], measured(each), each["section"]]
-        for each in claims
+        [f"{SIGNS[each['kind']]} {each['kind']}", each["claim"], measured(each), each["section"]] for each in claims
     ]
     said = rows_table(["Verdict", "The paper says", "We measure", "Section"], rows) if rows else ""
     return f"## {product.place}: {product.title}\n\n{product.remark}\n\n{pictures}\n\n{said}"

@@ -87,7 +87,7 @@ def choose(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any
 
 def follow(app: Sphinx, module: str, attribute: str) -> str | None:
     """Where the source of a name is: data of built-in types are where they are documented."""
-    value = getattr(import_module(module), attribute.split(".")[0], None)
+    value = getattr(import_module(module), attribute.partition(".")[0], None)
     return module if getattr(value, "__module__", "builtins") == "builtins" else None
 
 

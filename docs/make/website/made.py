@@ -2,6 +2,7 @@
 
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+
 from website import content
 
 
