@@ -81,11 +81,11 @@ def varied(name: str, value: Any, unit: str = "1") -> Iterable[list[str]]:
             if item.name in value.fields:
                 yield from varied(f"{name}: {item.name}", value.fields[item.name], item.metadata["unit"])
     elif isinstance(value, OneOf) and any(isinstance(each, Vary) for each in leaves(value)):
-        kinds = Counter(type(each.base).__name__ for each in leaves(value))
+        kinds = Counter(map(kind, leaves(value)))
         yield [name, "–", "one of " + ", ".join(kind_text(*each) for each in kinds.items())]
         shown: set[str] = set()
         for each in leaves(value):
-            rows = [*varied(f"{name} ({type(each.base).__name__})", each)]
+            rows = [*varied(f"{name} ({kind(each)})", each)]
             yield from (row for row in rows if str(row) not in shown)
             shown.update(map(str, rows))
     elif hasattr(value, "draw"):
@@ -97,9 +97,14 @@ def leaves(value: Any) -> list[Any]:
     return [leaf for each in value.options for leaf in leaves(each)] if isinstance(value, OneOf) else [value]
 
 
-def kind_text(kind: str, count: int) -> str:
+def kind(value: Any) -> str:
+    """Name of the class of a value, or of what varies."""
+    return type(value.base if isinstance(value, Vary) else value).__name__
+
+
+def kind_text(name: str, count: int) -> str:
     """A kind, and how many of it there are."""
-    return f"`{kind}`" if count == 1 else f"{count} `{kind}`"
+    return f"`{name}`" if count == 1 else f"{count} `{name}`"
 
 
 def described(value: Any) -> str:
@@ -190,7 +195,7 @@ def policy_text(name: str) -> str:
     """What a policy is, in its own words."""
     if name in shipped_policies():
         about = load_policy(name).card.about
-        below = f"Corrections to `{about['corrects']}`" if "corrects" in about else "The four voltages"
+        below = f"Corrections to `{about['corrects']}`" if about.get("corrects") else "The four voltages"
         where = "all scenarios" if about["scenario"] == "all" else f"`{about['scenario']}`"
         return f"{below}, learned by `{about['algorithm']}` on {where}."
     known = inspect.getdoc(CONTROLLERS[name.removesuffix("-tuned")]) or ""
