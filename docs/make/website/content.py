@@ -221,7 +221,7 @@ def commands() -> str:
 
 def help_of(*arguments: str) -> str:
     """What `pter … --help` prints."""
-    os.environ["COLUMNS"] = "100"
+    os.environ["COLUMNS"] = "88"
     with redirect_stdout(StringIO()) as printed, suppress(SystemExit):
         run_command([*arguments, "--help"])
     return re.sub(r"\x1b\[[0-9;]*m", "", printed.getvalue()).strip()
