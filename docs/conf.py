@@ -1,12 +1,59 @@
-"""Sphinx configuration: `sphinx-build docs docs/_build`."""
+"""Sphinx configuration: `sphinx-build docs docs/_build`.
 
+`PTER_DOCS_EXECUTE=1` runs the notebooks, which takes minutes and needs the extra `agents`; without it their pages show
+what is in them. `-b linkcheck` looks up the links that leave the site.
+"""
+
+import os
 import runpy
+import sys
+from importlib.util import find_spec
 from pathlib import Path
+
+DOCS = Path(__file__).parent
+sys.path[:0] = [str(DOCS.parent), str(DOCS.parent / "agents"), str(DOCS / "make")]
 
 project = "pter_gym"
 author = "pter_gym contributors"
 copyright = f"2026, {author}"
-release = runpy.run_path(str(Path(__file__).parents[1] / "pter_gym" / "_version.py"))["__version__"]
-extensions = ["myst_parser"]
-exclude_patterns = ["_build"]
+release = runpy.run_path(str(DOCS.parent / "pter_gym" / "_version.py"))["__version__"]
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "website.docstrings",
+    "website.made",
+    "website.mathematics",
+    "website.notebooks",
+]
+exclude_patterns = ["_build", "_templates", "make"]
+templates_path = ["_templates"]
+
+myst_enable_extensions = ["attrs_block", "attrs_inline", "colon_fence", "dollarmath"]
+myst_heading_anchors = 4
+nb_execution_mode = "cache" if os.environ.get("PTER_DOCS_EXECUTE") == "1" else "off"
+nb_execution_timeout = 1800
+nb_execution_raise_on_error = True
+
+napoleon_use_ivar = True
+autodoc_member_order = "bysource"
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+autodoc_typehints_format = "short"
+autodoc_mock_imports = [name for name in ("cuda", "optuna", "stable_baselines3", "torch") if find_spec(name) is None]
+add_module_names = False
+python_maximum_signature_line_length = 80
+toc_object_entries_show_parents = "hide"
+html_math_renderer = "mathml"
+
 html_theme = "furo"
+html_title = "pter_gym"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_show_sphinx = False
+
+linkcheck_anchors = False
+linkcheck_timeout = 20

@@ -61,8 +61,8 @@ class SingleDof(Steering):
     While one clutch is stuck, the tip has a single degree of freedom, along a line that the pose and the clutch
     determine. Some clutches turn the tip's velocity towards the wanted direction, by the nominal mass matrix. Of these
     the law engages the clutch with the largest cos² of the angle between its line and that direction. Its torque is
-    strength·|sin δ| with the angle δ between velocity and wanted direction, and adds to what the damper along the path
-    asks of it. ``reluctance`` is added to the cos² of the clutch engaged last, against chatter.
+    ``strength·|sin δ|`` with the angle δ between velocity and wanted direction, and adds to what the damper along the
+    path asks of it. ``reluctance`` is added to the cos² of the clutch engaged last, against chatter.
     """
 
     approach: float = quantity("1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0)

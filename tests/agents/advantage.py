@@ -28,7 +28,7 @@ class AdvantageSettings(Settings):
 class PolicyGradient:
     """The gradient of one control step's reward, less its value, after each."""
 
-    def __init__(self, settings: AdvantageSettings, parts: Sequence[Worlds], total: int, seed: int) -> None:  # noqa: ARG002
+    def __init__(self, settings: AdvantageSettings, parts: Sequence[Worlds], total: int, seed: int) -> None:
         torch.manual_seed(seed)
         (self._worlds,) = parts
         self.steps, self.rollout = 0, settings.worlds * settings.steps

@@ -48,7 +48,7 @@ def beyond(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 
 class Beyond:
-    def bind(self, machine: Any, layout: Any) -> Policy:  # noqa: ARG002
+    def bind(self, machine: Any, layout: Any) -> Policy:
         return Policy(np.array([3.0]), layout, law=beyond)
 
 

@@ -103,7 +103,7 @@ class Mine:
     law: Any
     gain: float = 0.0
 
-    def bind(self, machine: Machine, layout: Layout) -> Policy:  # noqa: ARG002
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
         return Policy(np.array([self.gain]), layout, self.law)
 
     def __repr__(self) -> str:

@@ -173,7 +173,7 @@ class Binds:
     def __init__(self, make: Callable[[Layout], Any]) -> None:
         self._make = make
 
-    def bind(self, machine: Machine, layout: Layout) -> Any:  # noqa: ARG002
+    def bind(self, machine: Machine, layout: Layout) -> Any:
         return self._make(layout)
 
 
@@ -226,7 +226,7 @@ class Watching(BoundPolicy):
     def reset_in(self, batch: Any) -> None:
         self.told.append(batch)
 
-    def advance(self, worlds: Any, steps: int) -> None:  # noqa: ARG002
+    def advance(self, worlds: Any, steps: int) -> None:
         self.told.append(worlds)
 
     def act(self, observations: Any) -> Any:

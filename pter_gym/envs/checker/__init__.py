@@ -1,5 +1,7 @@
 """A checker for any ``gymnasium.vector.VectorEnv``: what of Gymnasium's contract it keeps, breaks and leaves out.
 
+For example::
+
     report = check_vector_env(lambda **keywords: gymnasium.make_vec("CartPole-v1", **keywords))
     print(report)
 

@@ -1,0 +1,162 @@
+"""The site as a reader sees it: built without a warning, every page opened in a browser.
+
+`PTER_SITE` names a folder that holds the built site; without it the site is built here, where Sphinx is installed.
+"""
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from importlib.util import find_spec
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SHOWN = [(width, height, scheme) for width, height in ((1280, 900), (390, 844)) for scheme in ("light", "dark")]
+FEW = ("index", "path-following", "scenarios/everything", "model", "gallery", "reference/pter_gym.envs.vector")
+"""Pages that are opened in the gate: one of each kind."""
+
+LOADED = "Promise.all([...document.images].map((i) => { i.loading = 'eager'; return i.decode().catch(() => {}); }))"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the built site."""
+    if built := os.environ.get("PTER_SITE"):
+        return Path(built)
+    if find_spec("sphinx") is None or find_spec("myst_nb") is None:
+        pytest.skip("building the site needs the extra docs")
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "sphinx", "--quiet", "--fail-on-warning", str(ROOT / "docs"), str(folder)]
+    subprocess.run(command, check=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tab() -> Iterator["browser.Tab"]:  # noqa: F821
+    """A tab of the installed Chromium."""
+    pytest.importorskip("websockets", reason="driving a browser needs websockets")
+    import browser
+
+    program = browser.find_browser()
+    if program is None:
+        pytest.skip("no Chromium is installed")
+    with browser.open_browser(program) as opened:
+        yield opened
+
+
+def pages(site: Path) -> list[str]:
+    """Names of all pages; of those that show source code, which are alike and long, one."""
+    names = sorted(path.relative_to(site).with_suffix("").as_posix() for path in site.rglob("*.html"))
+    return [name for name in names if not name.startswith("_modules/")] + ["_modules/pter_gym/errors"]
+
+
+def faults(tab: "browser.Tab", address: str) -> list[str]:  # noqa: F821
+    """What is wrong with a page at any width in any colour scheme."""
+    tab.show(*SHOWN[0])
+    tab.open(address).run(LOADED)
+    look = Path(__file__).with_name("look.js").read_text("utf-8")
+    found: list[str] = []
+    for width, height, scheme in SHOWN:
+        tab.show(width, height, scheme)
+        found += [f"{width} px, {scheme}: {each}" for each in tab.run(look)]
+    return [*tab.problems, *found]
+
+
+def check(tab: "browser.Tab", site: Path, names: list[str]) -> None:  # noqa: F821
+    """Open pages; all that is wrong with any is told at once."""
+    found = {name: faults(tab, (site / f"{name}.html").as_uri()) for name in names}
+    assert not {name: each for name, each in found.items() if each}
+
+
+INNER = {"pter_gym.paper.experiments.calibration", "pter_gym.paper.experiments.claims"}
+"""Packages whose names are public for `pter fit` and `pter reproduce` alone."""
+
+
+@pytest.mark.slow
+def test_one_page_of_each_kind(tab: "browser.Tab", site: Path) -> None:  # noqa: F821
+    check(tab, site, list(FEW))
+
+
+@pytest.mark.long
+def test_every_page(tab: "browser.Tab", site: Path) -> None:  # noqa: F821
+    names = pages(site)
+    assert len(names) > 50
+    check(tab, site, names)
+
+
+BAD = """<!doctype html><html><head><style>
+@media (prefers-color-scheme: dark) { body { background: #111; color: #fff } }
+</style></head><body><article>
+<p style="color: #999; background: #fff">pale</p>
+<p style="color: #444; background: none">dark on dark</p>
+<p style="color: #fff; background: none; opacity: 0">not seen</p>
+<div style="width: 600px; height: 1px"></div>
+<img src="missing.png" alt="a picture">
+<div style="overflow-x: auto"><table style="width: 2000px"><tr><td>in its own box</td></tr></table></div>
+</article><script>throw new Error("broken")</script></body></html>"""
+
+
+@pytest.mark.slow
+def test_what_is_wrong_is_found(tab: "browser.Tab", tmp_path: Path) -> None:  # noqa: F821
+    page = tmp_path / "bad.html"
+    page.write_text(BAD, "utf-8")
+    found = faults(tab, page.as_uri())
+    assert any("broken" in each for each in found)
+    for scheme in ("light", "dark"):
+        for width in (1280, 390):
+            seen = [each for each in found if each.startswith(f"{width} px, {scheme}: ")]
+            assert any("contrast 2.8" in each and "pale" in each for each in seen)
+            assert any("dark on dark" in each for each in seen) == (scheme == "dark")
+            assert any("no picture: missing.png" in each for each in seen)
+            assert any("wider than its window" in each for each in seen) == (width == 390)
+            assert not any("not seen" in each or "in its own box" in each for each in seen)
+
+
+class Links(HTMLParser):
+    """Where a page leads, and the places within it."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.targets: set[str] = set()
+        self.anchors: set[str] = set()
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        self.anchors.update(filter(None, (given.get("id"), given.get("name"))))
+        self.targets.update(filter(None, (given.get("href"), given.get("src"))))
+
+
+@pytest.mark.slow
+def test_links_within_the_site_lead_somewhere(site: Path) -> None:
+    read = {path.resolve(): Links(path.read_text("utf-8")) for path in site.rglob("*.html")}
+    assert len(read) > 50
+    broken: list[str] = []
+    for path, page in read.items():
+        for target in page.targets:
+            parts = urlsplit(target)
+            if parts.scheme or parts.netloc:
+                continue
+            place = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            anchors = read[place].anchors if place in read else None
+            fragment = unquote(parts.fragment)
+            if not place.exists() or (fragment and anchors is not None and fragment not in anchors):
+                broken.append(f"{path.relative_to(site.resolve())}: {target}")
+    assert not broken
+
+
+def test_every_public_package_is_in_the_reference() -> None:
+    listed = re.findall(r"^   (pter_gym[\w.]*)$", (ROOT / "docs" / "api.md").read_text("utf-8"), re.MULTILINE)
+    assert len(listed) == len(set(listed))
+    package = ROOT / "pter_gym"
+    public = {
+        ".".join(path.parent.relative_to(ROOT).parts)
+        for path in package.glob("*/**/__init__.py")
+        if "\n__all__ = [" in path.read_text("utf-8")
+    }
+    assert public - INNER <= set(listed)
