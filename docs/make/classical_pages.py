@@ -44,7 +44,7 @@ def by_tuning(boards: list[dict]) -> str:
     lines = []
     for name, other in pairs:
         errors = [[found[pace][each]["path_error_m"]["value"] for each in (name, other)] for pace in PACES]
-        changes = signed(", ".join(f"{100 * (mine / its - 1):+.0f} %" for mine, its in errors))
+        changes = signed(", ".join(f"{100 * (mine / its - 1):+z.0f} %" for mine, its in errors))
         lines.append(f"- `{name}` against `{other}`: {changes}.\n")
     return "\nPath error at the three paces:\n\n" + "".join(lines)
 
@@ -61,7 +61,7 @@ def separation() -> str:
             row = [
                 f"`{name}`",
                 f"{1000 * use.path_error.value:.1f}",
-                signed(f"{1000 * use.signed_error:+.1f}"),
+                signed(f"{1000 * use.signed_error:+z.1f}"),
             ]
             row += [joined(", ".join(f"{x:.1f}" for x in use.volts))]
             row += [f"{100 * x:.0f}" for x in (use.any_saturated, use.one_stuck, use.at_rest)]

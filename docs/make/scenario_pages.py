@@ -90,7 +90,7 @@ def gap_text(gap: dict | None) -> str:
     if gap is None:
         return ""
     value, low, high = (1000 * gap[key] for key in ("value", "low", "high"))
-    return joined(signed(f"{value:+.2f} ({low:+.2f} … {high:+.2f})"))
+    return joined(signed(f"{value:+z.2f} ({low:+z.2f} … {high:+z.2f})"))
 
 
 def largest(boards: list[dict]) -> list[dict]:

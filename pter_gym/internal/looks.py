@@ -10,7 +10,7 @@ SOLID: Any = "-"
 DASHED: Any = (0, (6, 1.5))
 DOTTED: Any = (0, (1.5, 1.2))
 DASH_DOTTED: Any = (0, (4, 1.5, 1, 1.5))
-LONG_DASHED: Any = (0, (12, 2))
+DASH_DOT_DOTTED: Any = (0, (4, 1.2, 1, 1.2, 1, 1.2))
 
 _COLOURS = (
     palette.BLUE,
@@ -58,8 +58,8 @@ def numbered(k: int) -> Look:
     return Look(_COLOURS[place], _MARKERS[(place + shift) % len(_MARKERS)], _DASHES[k % len(_DASHES)])
 
 
-LEARNED, TUNED, OF_PAPER, PRIVILEGED, PLANS = SOLID, DASHED, DOTTED, DASH_DOTTED, LONG_DASHED
-"""Dashes of trained policies, tuned laws, those of the paper, those that know what no robot can, and those that plan."""
+LEARNED, TUNED, OF_PAPER, PRIVILEGED, PLANS = SOLID, DASHED, DOTTED, DASH_DOTTED, DASH_DOT_DOTTED
+"""Dashes of trained policies, tuned laws, those of the paper, those that know the future, and those that plan."""
 
 LOOKS: Mapping[str, Look] = {
     name: numbered(place)._replace(dashes=dashes)

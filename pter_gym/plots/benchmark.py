@@ -13,7 +13,7 @@ from pter_gym.benchmark.measures import column, vector
 from pter_gym.benchmark.standard import Result
 from pter_gym.internal.looks import Look, looks
 from pter_gym.params import TIME_CONSTANT
-from pter_gym.plots.legends import dots, entries, legend_below
+from pter_gym.plots.legends import dots, entries, legend_below, shown
 from pter_gym.plots.style import REFERENCE, WIDTH, inches_above, inches_right, label, styled
 
 Array = NDArray[np.float64]
@@ -170,4 +170,4 @@ def finish(figure: Figure, names: Mapping[str, str], what: str) -> None:
     """Add the legend below the axes: what the policies are called, by their names."""
     desired = Line2D([], [], **_DESIRED)
     note = f"{what}; large markers: the end, filled if the tip passed the end of the path"
-    legend_below(figure, [desired, *entries(looks(names))], ["desired path", *names.values()], note)
+    legend_below(figure, [desired, *entries(looks(names))], ["desired path", *map(shown, names.values())], note)

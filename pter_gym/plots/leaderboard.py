@@ -17,7 +17,7 @@ from pter_gym.benchmark.runs import Sample, ScenarioRun, join_seeds
 from pter_gym.benchmark.statistics import performance_profile
 from pter_gym.internal.looks import Look, looks
 from pter_gym.plots.benchmark import MILLIMETRE
-from pter_gym.plots.legends import dots, entries, legend_below, scale_bar
+from pter_gym.plots.legends import dots, entries, legend_below, scale_bar, shown
 from pter_gym.plots.style import REFERENCE, WIDTH, label, styled
 from pter_gym.plots.ticks import pace_ticks, plain_ticks
 from pter_gym.render import style as picture
@@ -114,7 +114,7 @@ def error_against_smoothness(boards: Sequence[Leaderboard]) -> Figure:
         axes.set_xlabel("smoothness, −ln of\ndimensionless jerk")
         axes.set_yscale("log")
         axes.margins(x=0.12)
-        axes.locator_params(axis="x", nbins=5)
+        axes.locator_params(axis="x", nbins=4)
     plain_ticks(panels[0], "y")
     panels[0].set_ylabel("path error [mm]")
     _legend(figure, boards, _NOTE)
@@ -157,7 +157,7 @@ def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun], episodes: Epis
     for axes in panels[len(best) :]:
         axes.set_visible(False)
     scene = {
-        f"the arm under {board.standings[0].label}, half-way": Line2D(
+        f"the arm under {shown(board.standings[0].label)}, half-way": Line2D(
             [], [], color=picture.LINK_A, linewidth=4.0, alpha=0.5
         ),
         "desired path": Line2D([], [], color=REFERENCE, linewidth=4.0, alpha=0.3),
@@ -257,5 +257,5 @@ def _legend(
     """Name all policies below the panels, and say what was run."""
     kind = "stored" if boards[0].fresh is None else "fresh"
     ran = f"{boards[0].scenario}, {boards[0].episodes} {kind} episode{'s' if boards[0].episodes > 1 else ''}"
-    handles, names = [*more.values(), *entries(_looks(boards))], [*more, *_labels(boards).values()]
+    handles, names = [*more.values(), *entries(_looks(boards))], [*more, *map(shown, _labels(boards).values())]
     legend_below(figure, handles, names, f"{ran}; {note}")

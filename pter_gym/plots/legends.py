@@ -23,10 +23,10 @@ MOST_COLUMNS = 6
 MARGIN = 0.06  # in, between the legend and the edge of the figure
 
 
-def shown(name: str) -> str:
-    """Return a name as pictures show it."""
-    half = LONGEST // 2
-    return name if len(name) <= LONGEST else f"{name[: half - 1]}…{name[-half:]}"
+def shown(name: str, longest: int = LONGEST) -> str:
+    """Return a policy's name as pictures show it: short enough, and without mathematics."""
+    half = longest // 2
+    return (name if len(name) <= longest else f"{name[: half - 1]}…{name[-half:]}").replace("$", r"\$")
 
 
 def legend_below(figure: Figure, handles: Sequence[Any], names: Sequence[str], note: str | None = None) -> None:
@@ -37,16 +37,14 @@ def legend_below(figure: Figure, handles: Sequence[Any], names: Sequence[str], n
     figure
         With the axes as high as they shall be.
     handles, names
-        Of the entries. Names are shown as they are, without mathematics.
+        Of the entries.
     note
         Above the entries; it may have several lines.
     """
     renderer = FigureCanvasAgg(figure).get_renderer()
     columns = min(len(names), MOST_COLUMNS)
     while True:
-        legend = figure.legend(handles, list(map(shown, names)), loc="outside lower center", ncols=columns, title=note)
-        for text in legend.get_texts():
-            text.set_parse_math(False)
+        legend = figure.legend(handles, names, loc="outside lower center", ncols=columns, title=note)
         box = legend.get_window_extent(renderer)
         if columns == 1 or box.width <= figure.bbox.width - 2.0 * MARGIN * figure.dpi:
             break

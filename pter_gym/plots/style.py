@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pter_gym.errors import ParameterError
+from pter_gym.internal import palette
 from pter_gym.internal.files import write_bytes_atomic
 from pter_gym.internal.looks import numbered
 from pter_gym.units import to_inch_pounds, to_inches
@@ -34,6 +35,8 @@ MUTED = "#646b75"
 REFERENCE = "#3b4048"
 """Colour of what is desired, so no policy has it."""
 
+CLUTCH_COLOURS = (palette.BLUE, palette.ORANGE, palette.GREEN, palette.PURPLE)
+
 LOOKS = [numbered(k) for k in range(15)]
 COLOURS = tuple(look.colour for look in LOOKS)
 DASHES = tuple(look.dashes for look in LOOKS)
@@ -50,7 +53,9 @@ STYLE: Any = {
     "axes.titlepad": 6.0,
     "axes.titlesize": 9.0,
     "errorbar.capsize": 2.5,
+    "figure.constrained_layout.h_pad": 0.07,
     "figure.constrained_layout.use": True,
+    "figure.constrained_layout.w_pad": 0.07,
     "figure.dpi": DPI,
     "figure.figsize": (WIDTH, 4.0),
     "font.family": "DejaVu Sans",

@@ -29,7 +29,7 @@ def round_numbers(low: float, high: float, most: int = 8) -> list[float]:
         found = [step * 10.0**decade for decade in decades for step in steps if low <= step * 10.0**decade <= high]
         if len(found) <= most:
             break
-    if len(found) >= 2:
+    if len(found) >= 3:
         return found
     return [
         float(tick) for tick in MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high) if low <= tick <= high

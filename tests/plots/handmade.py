@@ -80,7 +80,11 @@ def boards(count: int, paces: int) -> list[Leaderboard]:
 def _standing(k: int, pace: str) -> Standing:
     error = 0.002 * 1.35**k * (1.0 + 0.4 * list(PACES).index(pace))
     mean_pace = 0.001 if NAMES[k] == "locked" else PACES[pace] * (1.0 + 0.02 * (k - 4))
-    values = dict.fromkeys(METRICS, 1.0) | {"path_error_m": error, "mean_pace_m_s": mean_pace, "smoothness": -9.0 + 0.4 * k}
+    values = dict.fromkeys(METRICS, 1.0) | {
+        "path_error_m": error,
+        "mean_pace_m_s": mean_pace,
+        "smoothness": -9.0 + 0.4 * k,
+    }
     scores = {name: Interval(value, 0.95 * value, 1.08 * value) for name, value in values.items()}
     reason = "arrives too rarely" if k % 3 == 2 or NAMES[k] == "locked" else None
     return Standing(NAMES[k], None, None if reason else k + 1, reason, scores)

@@ -27,9 +27,9 @@ def drawn_texts(figure: Figure) -> list[tuple[str, Bbox]]:
     return found
 
 
-def faults(figure: Figure) -> list[str]:
-    """Return which texts leave the figure or overlap others, and which have fewer than 7 points."""
-    texts, edge = drawn_texts(figure), figure.bbox
+def faults(figure: Figure, texts: list[tuple[str, Bbox]] | None = None) -> list[str]:
+    """Return which of the drawn texts leave the figure or overlap others, and which have fewer than 7 points."""
+    texts, edge = drawn_texts(figure) if texts is None else texts, figure.bbox
     assert texts
     found = [
         f"{text!r} leaves the figure: {box}"

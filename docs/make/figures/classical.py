@@ -17,8 +17,8 @@ from pter_gym.internal.looks import looks
 from pter_gym.params import Arm
 from pter_gym.paths import Path
 from pter_gym.plots.benchmark import MILLIMETRE
-from pter_gym.plots.legends import dots, entries, legend_below, scale_bar
-from pter_gym.plots.style import REFERENCE, SMALL, WIDTH, label, styled
+from pter_gym.plots.legends import dots, entries, legend_below, scale_bar, shown
+from pter_gym.plots.style import CLUTCH_COLOURS, REFERENCE, SMALL, WIDTH, label, styled
 from pter_gym.render import style as picture
 from pter_gym.render.geometry import five_bar, path_points
 
@@ -29,7 +29,6 @@ INSTANTS = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 
 STUCK = palette.BLACK
 FULL = palette.VERMILLION
-CLUTCH_COLOURS = (palette.BLUE, palette.ORANGE, palette.GREEN, palette.PURPLE)
 
 
 @styled
@@ -61,11 +60,11 @@ def arm_and_deviation(followed: Mapping[str, Array], arm: Arm, path: Path) -> Fi
     label(deviation, "arc length [m]", "normal error [mm]")
     deviation.set_xlim(0.0, path.length)
     scene = {
-        f"the arm under {last}, four times": Line2D([], [], color=picture.LINK_A, linewidth=4.0, alpha=0.3),
+        f"the arm under {shown(last)}, four times": Line2D([], [], color=picture.LINK_A, linewidth=4.0, alpha=0.3),
         "path": Line2D([], [], color=REFERENCE, linewidth=4.0, alpha=0.3),
     }
     handles = [*scene.values(), *entries(by_policy)]
-    legend_below(figure, handles, [*scene, *by_policy], "normal error: positive to the left of the path")
+    legend_below(figure, handles, [*scene, *map(shown, by_policy)], "normal error: positive to the left of the path")
     return figure
 
 
@@ -82,7 +81,7 @@ def clutches_along_path(followed: Mapping[str, Array], path: Path, voltage_max: 
     voltage_max
         Largest voltage of the clutches [V].
     """
-    figure = Figure(figsize=(WIDTH, 0.4 + 2.1 * len(followed)))
+    figure = Figure(figsize=(WIDTH, 0.9 + 2.0 * len(followed)))
     panels = figure.subplots(2 * len(followed), 1, sharex=True, height_ratios=[2.6, 1.0] * len(followed))
     for k, (name, telemetry) in enumerate(followed.items()):
         _draw_volts(panels[2 * k], telemetry[1:], name)
@@ -111,7 +110,7 @@ def _draw_arms(axes: Axes, telemetry: Array, arm: Arm) -> None:
 def _draw_volts(axes: Axes, steps: Array, name: str) -> None:
     for volts, colour in zip(four(steps, "volts").T, CLUTCH_COLOURS, strict=True):
         axes.plot(column(steps, "arc_length"), volts, color=colour, linestyle="-", linewidth=1.2)
-    axes.set_title(name, pad=4.0, parse_math=False)
+    axes.set_title(shown(name), pad=4.0)
     axes.set_ylabel("voltage [V]")
 
 

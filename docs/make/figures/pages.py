@@ -14,11 +14,10 @@ from studies.clutch_use import stuck_clutches
 
 from pter_gym.benchmark.measures import column, four
 from pter_gym.benchmark.statistics import Interval
-from pter_gym.internal import palette
 from pter_gym.internal.looks import LEARNED, LOOKS, OF_PAPER, PLANS, PRIVILEGED, TUNED, Look, looks
 from pter_gym.plots.benchmark import MILLIMETRE
 from pter_gym.plots.legends import legend_below, shown
-from pter_gym.plots.style import INK, MUTED, REFERENCE, WIDTH, label, styled
+from pter_gym.plots.style import CLUTCH_COLOURS, INK, MUTED, REFERENCE, WIDTH, label, styled
 from pter_gym.plots.ticks import plain_ticks
 from pter_gym.scenarios import PACES
 
@@ -33,6 +32,9 @@ LINE = 0.055
 BESIDE = 3
 """Most policies beside each other where each has panels of its own."""
 
+WIDE = 90
+"""Most characters of all titles beside each other."""
+
 KINDS = (
     (LEARNED, "trained"),
     (TUNED, "tuned"),
@@ -41,8 +43,6 @@ KINDS = (
     (PRIVILEGED, "knows the future"),
 )
 """What the dashes of a policy say."""
-
-CLUTCH_COLOURS = (palette.BLUE, palette.VERMILLION, palette.GREEN, palette.PURPLE)
 
 CLUTCHES = ("1: brakes A", "2: brakes B", "3: couples", "4: inverts")
 
@@ -145,7 +145,7 @@ def _name_fronts(axes: Axes, by_policy: Mapping[str, Look], last: Mapping[str, f
         axes.plot([1.0, 1.03], [at, y], color=colour, linestyle="-", linewidth=1.0, **beside)
         axes.plot([1.03, 1.085], [y, y], color=colour, linestyle=dashes, **beside)
         axes.plot(1.057, y, color=colour, marker=marker, markersize=5.0, **beside)
-        axes.text(1.095, y, shown(name), transform=axes.transAxes, va="center", parse_math=False)
+        axes.text(1.095, y, shown(name, WIDE // 3), transform=axes.transAxes, va="center")
 
 
 def spread(wanted: Array, gap: float) -> Array:
@@ -178,14 +178,18 @@ def clutches_over_time(episodes: Mapping[str, Array], voltage_max: float) -> Fig
     blocks = ceil(len(episodes) / columns)
     figure = Figure(figsize=(WIDTH, 5.6 * blocks))
     heights = (2.2, 1, 1, 1, 1) * blocks
-    grid: Any = figure.subplots(5 * blocks, columns, sharex=True, sharey="row", height_ratios=heights, squeeze=False)
+    grid: Any = figure.subplots(5 * blocks, columns, sharey="row", height_ratios=heights, squeeze=False)
     panels = grid.reshape(blocks, 5, columns).swapaxes(1, 2).reshape(-1, 5)
     for column_of_panels, (name, telemetry) in zip(panels.tolist(), episodes.items(), strict=False):
         _draw_guided(column_of_panels, telemetry, voltage_max)
-        column_of_panels[0].set_title(name, parse_math=False)
+        column_of_panels[0].set_title(shown(name, WIDE // columns))
     for axes in panels[len(episodes) :].ravel():
         axes.set_visible(False)
-    panels[0, 0].set_xlim(0.0, max(float(column(each, "time")[-1]) for each in episodes.values()))
+    end = max(float(column(each, "time")[-1]) for each in episodes.values())
+    for axes in panels.ravel():
+        axes.set_xlim(0.0, end)
+    for axes in panels[:, :-1].ravel():
+        axes.tick_params(labelbottom=False)
     for first in panels[::columns]:
         first[0].set_ylabel("distance from\nthe path [mm]")
         for name, axes in zip(CLUTCHES, first[1:], strict=True):

@@ -9,6 +9,7 @@ from pter_gym.paper.experiments.step_response import StepResponse
 from pter_gym.paper.plots.marks import FAINT, mark
 from pter_gym.plots.legends import legend_of
 from pter_gym.plots.style import (
+    CLUTCH_COLOURS,
     COLOURS,
     DASHES,
     LOOKS,
@@ -87,7 +88,7 @@ def clutch_step(result: StepResponse) -> Figure:
         axes.plot(
             result.time,
             torque,
-            color=LOOKS[k].colour,
+            color=CLUTCH_COLOURS[k],
             linestyle="none",
             marker=LOOKS[k].marker,
             markersize=4.5,
