@@ -104,7 +104,8 @@ def tip_path_figure(episodes: Sequence[Trace], path: Array, what: str) -> Figure
     axes = figure.add_subplot()
     axes.plot(*path.T, **_DESIRED)
     for place, episode in enumerate(episodes):
-        draw_episode(axes, episode, *episode.tip.T, looks_of(episodes)[episode.name], dots(place, len(episodes)))
+        x, y = episode.tip.T
+        draw_episode(axes, episode, x, y, looks_of(episodes)[episode.name], dots(place, len(episodes)))
     axes.set_aspect("equal", adjustable="datalim")
     label(axes, "x [m]", "y [m]")
     inches_above(axes, "x")

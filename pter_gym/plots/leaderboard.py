@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -59,12 +60,11 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
         for standing in board.standings:
             run = _run_of(standing, board, runs)
             found = performance_profile(run.scores["path_error_m"], thresholds, strata=run.strata)
-            look = by_policy[standing.policy]
-            faint = BELOW if standing.reason else 1.0
+            look = _look(by_policy, standing)
+            alpha = BELOW if standing.reason else 1.0
             x = thresholds / MILLIMETRE
-            axes.fill_between(x, found.low, found.high, color=look.colour, alpha=0.18 * faint, linewidth=0.0)
-            place = list(by_policy).index(standing.policy)
-            _line(axes, x, found.fraction, look, standing, place, len(by_policy), alpha=faint)
+            axes.fill_between(x, found.low, found.high, color=look["color"], alpha=0.18 * alpha, linewidth=0.0)
+            axes.plot(x, found.fraction, alpha=alpha, **look)
         axes.set_xscale("log")
         plain_ticks(axes, "x", most=5)
         axes.set_xlabel("path error [mm]")
@@ -144,10 +144,10 @@ def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun], episodes: Epis
     by_policy = _looks([board])
     for place, axes in enumerate(panels[: len(best)]):
         _draw_scene(axes, episodes, best[place])
-        for k, standing in reversed(list(enumerate(board.standings))):
-            tip = _run_of(standing, board, runs).samples[place].tip
-            look, faint = by_policy[standing.policy], 0.55 if standing.reason else 1.0
-            _line(axes, *tip.T, look, standing, k, len(by_policy), alpha=faint, linewidth=1.2, zorder=4)
+        for standing in reversed(board.standings):
+            x, y = _run_of(standing, board, runs).samples[place].tip.T
+            alpha = 0.55 if standing.reason else 1.0
+            axes.plot(x, y, alpha=alpha, linewidth=1.2, zorder=4, **_look(by_policy, standing))
         k = best[place].episode
         axes.set_title(f"{episodes.strata[k]}, episode {k}")
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], yticks=[])
@@ -198,20 +198,16 @@ def _draw_scene(axes: Axes, episodes: Episodes, sample: Sample) -> None:
     axes.plot(*tip, color=picture.INK, marker="o", markersize=5.0, zorder=6)
 
 
-def _line(
-    axes: Axes, x: Array, y: Array, look: Look, standing: Standing, place: int, count: int, **settings: float
-) -> None:
-    """Draw one of several policies' lines, with some markers on it, hollow below the line."""
-    axes.plot(
-        x,
-        y,
-        color=look.colour,
-        linestyle=look.dashes,
-        marker=look.marker,
-        markevery=dots(place, count),
-        markerfacecolor="white" if standing.reason else look.colour,
-        **settings,
-    )
+def _look(by_policy: Mapping[str, Look], standing: Standing) -> dict[str, Any]:
+    """Return Matplotlib's settings of a policy's line, with some markers on it, hollow below the line."""
+    colour, marker, dashes = by_policy[standing.policy]
+    return {
+        "color": colour,
+        "linestyle": dashes,
+        "marker": marker,
+        "markevery": dots(list(by_policy).index(standing.policy), len(by_policy)),
+        "markerfacecolor": "white" if standing.reason else colour,
+    }
 
 
 def _front(axes: Axes, x: Array, standings: Sequence[Standing], look: Look) -> None:

@@ -80,6 +80,6 @@ def scale_bar(axes: Axes) -> None:
     text = f"{length:g} m ({to_inches(length):.2g} in)"
     font = FontProperties(size=SMALL)
     bar = AnchoredSizeBar(
-        axes.transData, length, text, "lower left", frameon=False, color=INK, sep=2.0, pad=0.2, fontproperties=font
+        axes.transData, length, text, "lower left", frameon=False, color=INK, sep=2, pad=0.2, fontproperties=font
     )
     axes.add_artist(bar)

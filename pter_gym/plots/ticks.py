@@ -1,6 +1,6 @@
 """Ticks of logarithmic axes: at round numbers, and at each commanded pace."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -49,11 +49,12 @@ def pace_ticks(axes: Axes, paces: Mapping[str, float], slowest: float) -> None:
     _set(axes, "x", ticks)
 
 
-def _widened(axes: Axes, which: str, shown=()) -> tuple[float, float]:
+def _widened(axes: Axes, which: str, shown: Iterable[float] = ()) -> tuple[float, float]:
     """Make an axis wide enough for two ticks and for values that it must show; return its ends."""
     axis = axes.xaxis if which == "x" else axes.yaxis
     low, high = axis.get_view_interval()
-    low, high = min([low, *(value / 1.1 for value in shown)]), max([high, *(value * 1.1 for value in shown)])
+    values = list(shown)
+    low, high = min([low, *(value / 1.1 for value in values)]), max([high, *(value * 1.1 for value in values)])
     factor = max(NARROW / (high / low), 1.0) ** 0.5
     low, high = low / factor, high * factor
     axes.set(**{f"{which}lim": (low, high)})
