@@ -102,7 +102,7 @@ def looks(names: Iterable[str]) -> dict[str, Look]:
 def _candidates(name: str) -> Iterator[Look]:
     """Yield all looks, the one that the name stands for first."""
     count = len(_COLOURS)
-    first = zlib.crc32(name.encode()) % count
+    first = zlib.adler32(name.encode()) % count
     for shift in range(count):
         for step in range(count):
             yield numbered(shift * count + (first + step) % count)
