@@ -1,9 +1,10 @@
-"""Write the tables and pictures of docs/classical-control.md, and the README's leaderboards with intervals.
+"""Write the tables of docs/classical-control.md, and the README's leaderboards with intervals.
 
     python docs/make/classical_pages.py RESULTS
 
 RESULTS is a folder of `pter benchmark --scenario standard` and `--scenario everything` at all paces. All else is
 simulated here, on training draws, with the gains that the package ships; it takes two to three minutes of one core.
+`docs/make/images.py` draws the pictures of that page.
 """
 
 import itertools
@@ -12,10 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import tyro
-from figures.classical import arm_and_deviation, clutches_along_path
-from pages import BELOW, IMAGES, LEFT_OUT, ROOT, board_table, joined, read_boards, signed, table, write_block
-from studies.bounds import DRAWS, SEARCH_DRAWS, SEED, Actuators, Outcome, adapted, drawn_task, try_out
-from studies.clutch_use import clutch_use, episodes
+from pages import BELOW, LEFT_OUT, ROOT, board_table, joined, read_boards, signed, table, write_block
+from studies.bounds import DRAWS, SEARCH_DRAWS, SEED, Actuators, Outcome, adapted, try_out
+from studies.clutch_use import clutch_use
 
 from pter_gym.benchmark.measures import column
 from pter_gym.benchmark.simulation import simulate, time_limit
@@ -23,16 +23,13 @@ from pter_gym.benchmark.standard import TIME_CONSTANTS
 from pter_gym.benchmark.tuned import TUNED, find_tuned
 from pter_gym.engine.batch import Batch
 from pter_gym.hands import HumanArm
-from pter_gym.params import BASELINE, TIME_CONSTANT
+from pter_gym.params import TIME_CONSTANT
 from pter_gym.paths import Arc, Circle
-from pter_gym.plots import save
 from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import PACES, find_scenario
 
 PAGE = ROOT / "docs" / "classical-control.md"
 CLASSICAL = ["impedance", "torque-feedback", *TUNED]
-DRAWN = ("impedance", "impedance-tuned", "velocity-ratio-tuned", "single-dof-tuned")
-DRAWN_PACE = "medium"
 BOUNDED = ("impedance-tuned", "single-dof-tuned")
 LOST_DRAWS = 256
 TORQUES = (0.5, 0.75, 1.0, 1.5, 2.0)
@@ -47,7 +44,7 @@ def by_tuning(boards: list[dict]) -> str:
     lines = []
     for name, other in pairs:
         errors = [[found[pace][each]["path_error_m"]["value"] for each in (name, other)] for pace in PACES]
-        changes = signed(", ".join(f"{100 * (mine / its - 1):+.0f} %" for mine, its in errors))
+        changes = signed(", ".join(f"{100 * (mine / its - 1):+z.0f} %" for mine, its in errors))
         lines.append(f"- `{name}` against `{other}`: {changes}.\n")
     return "\nPath error at the three paces:\n\n" + "".join(lines)
 
@@ -64,7 +61,7 @@ def separation() -> str:
             row = [
                 f"`{name}`",
                 f"{1000 * use.path_error.value:.1f}",
-                signed(f"{1000 * use.signed_error:+.1f}"),
+                signed(f"{1000 * use.signed_error:+z.1f}"),
             ]
             row += [joined(", ".join(f"{x:.1f}" for x in use.volts))]
             row += [f"{100 * x:.0f}" for x in (use.any_saturated, use.one_stuck, use.at_rest)]
@@ -187,22 +184,8 @@ def arrivals(name: str, pairs: list, seed: int) -> np.ndarray:
     return (column(telemetry[1:], "is_success") == 1.0).any(axis=0)
 
 
-def pictures() -> None:
-    """One drawn episode under several laws."""
-    task = drawn_task(DRAWN_PACE)
-    followed = {}
-    for name in DRAWN:
-        rows = episodes(name, DRAWN_PACE, draws=1)[:, 0]
-        followed[name] = rows[np.isfinite(rows[:, 0])]
-    title = f"standard, {DRAWN_PACE} pace, seed {SEED}"
-    figure = arm_and_deviation(followed, BASELINE.arm, task.path, f"{title}; the arm is {DRAWN[-1]}'s")
-    save(figure, IMAGES / "classical-trajectories.png")
-    figure = clutches_along_path(followed, task.path, BASELINE.clutch.voltage_max, title)
-    save(figure, IMAGES / "classical-clutches.png")
-
-
 def main(results: tyro.conf.Positional[Path]) -> None:
-    """Write the tables and pictures of docs/classical-control.md."""
+    """Write the tables of docs/classical-control.md."""
     begin = time.perf_counter()
     boards = read_boards(results)
     known = {name: None for board in boards for name in board["policies"] if name not in LEFT_OUT}
@@ -211,7 +194,6 @@ def main(results: tyro.conf.Positional[Path]) -> None:
         details = scenario == "everything"
         content = board_table(boards, scenario, classical, details=details)
         write_block(PAGE, f"board: {scenario}", content if details else content + by_tuning(boards))
-    pictures()
     write_block(PAGE, "lost", lost())
     write_block(PAGE, "separation", separation())
     lags = {f"{tau:g} s": Actuators(time_constant=tau) for tau in TIME_CONSTANTS}

@@ -180,7 +180,7 @@ def correlation(values: list[str | float], errors: list[Array]) -> str:
     if isinstance(values[0], str):
         return ""
     found = [float(spearmanr(values, each).statistic) for each in errors]
-    return signed(f", rank correlation {np.mean(found):+.2f}")
+    return signed(f", rank correlation {np.mean(found):+z.2f}")
 
 
 def main(

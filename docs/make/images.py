@@ -4,14 +4,18 @@
 """
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pygame
 import tyro
+from figures.classical import arm_and_deviation, clutches_along_path
 from figures.pages import clutches_over_time
 from pages import IMAGES
+from studies.bounds import drawn_task
+from studies.clutch_use import episodes as one_episode
 
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.measures import column, four
@@ -19,14 +23,16 @@ from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.commands.main import main as pter_command
 from pter_gym.controllers import TorqueFeedback
 from pter_gym.engine.batch import Batch
+from pter_gym.params import BASELINE
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.plots import save
-from pter_gym.scenarios import find_pace, find_scenario
+from pter_gym.scenarios import find_scenario
 
 TIME = 0.65
 
 SCENARIO, PACE = "standard", "medium"
 COMPARED = ("torque-feedback", "ppo-standard")
+CLASSICAL = ("impedance", "impedance-tuned", "velocity-ratio-tuned", "single-dof-tuned")
 DRAWS = 16
 SEED = 2**31 + 3  # of no training
 SETTLED = 0.5  # s: the start is over
@@ -57,8 +63,24 @@ def clutches(path: Path) -> None:
         episodes[name] = first[np.isfinite(column(first, "time"))]
         print_start(name, telemetry)
         print_modes(name, telemetry)
-    title = f"One drawn episode of {SCENARIO} at {find_pace(PACE):g} m/s"
-    save(clutches_over_time(episodes, machines[0].clutch.voltage_max, title), path)
+    save(clutches_over_time(episodes, machines[0].clutch.voltage_max), path)
+
+
+def classical_trajectories(path: Path) -> None:
+    """Where four laws take the tip in one drawn episode."""
+    save(arm_and_deviation(classical_episodes(), BASELINE.arm, drawn_task(PACE).path), path)
+
+
+def classical_clutches(path: Path) -> None:
+    """What four laws do with the clutches in that episode."""
+    save(clutches_along_path(classical_episodes(), drawn_task(PACE).path, BASELINE.clutch.voltage_max), path)
+
+
+@cache
+def classical_episodes() -> dict[str, np.ndarray]:
+    """Telemetry of one drawn episode under each of four laws."""
+    drawn = {name: one_episode(name, PACE, draws=1)[:, 0] for name in CLASSICAL}
+    return {name: rows[np.isfinite(rows[:, 0])] for name, rows in drawn.items()}
 
 
 def print_start(name: str, telemetry: np.ndarray) -> None:
@@ -85,11 +107,17 @@ def watch(path: Path) -> None:
         raise SystemExit(status)
 
 
-PICTURES: dict[str, Callable[[Path], None]] = {"pter.png": pter, "clutches.png": clutches, "watch.gif": watch}
+PICTURES: dict[str, Callable[[Path], None]] = {
+    "pter.png": pter,
+    "clutches.png": clutches,
+    "classical-trajectories.png": classical_trajectories,
+    "classical-clutches.png": classical_clutches,
+    "watch.gif": watch,
+}
 
 
 def main(names: tyro.conf.Positional[tuple[str, ...]] = tuple(PICTURES)) -> None:
-    """Make pictures of README and the documents: pter.png, clutches.png, watch.gif; all by default."""
+    """Make pictures of README and the documents: pter.png, clutches.png and so on; all by default."""
     for name in names:
         PICTURES[name](IMAGES / name)
         print(f"wrote {IMAGES / name}")

@@ -7,7 +7,7 @@ scenario at a pace, the largest counts; README's picture shows each policy on th
 from pathlib import Path
 
 import tyro
-from figures.pages import LOOKS, Score, error_against_commanded_pace
+from figures.pages import Score, error_against_commanded_pace
 from pages import (
     IMAGES,
     LEFT_OUT,
@@ -24,6 +24,7 @@ from pages import (
 )
 
 from pter_gym.benchmark.statistics import Interval
+from pter_gym.internal.looks import LOOKS
 from pter_gym.plots import save
 from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS
@@ -89,7 +90,7 @@ def gap_text(gap: dict | None) -> str:
     if gap is None:
         return ""
     value, low, high = (1000 * gap[key] for key in ("value", "low", "high"))
-    return joined(signed(f"{value:+.2f} ({low:+.2f} … {high:+.2f})"))
+    return joined(signed(f"{value:+z.2f} ({low:+z.2f} … {high:+z.2f})"))
 
 
 def largest(boards: list[dict]) -> list[dict]:
@@ -102,7 +103,7 @@ def largest(boards: list[dict]) -> list[dict]:
 
 def fronts(boards: list[dict]) -> dict[str, list[Score]]:
     """Scores at all paces by policy, each on the most episodes that it has."""
-    names = {name for board in boards for name in board["policies"]} & {*LOOKS, *shipped_policies()}
+    names = {name for board in boards for name in board["policies"]} & {*LOOKS, *shipped_policies()} - {*LEFT_OUT}
     found: dict[str, list[Score]] = {}
     for name in sorted(names):
         own = largest([board for board in boards if name in board["policies"]])
@@ -118,12 +119,12 @@ def draw(boards: list[dict]) -> None:
     shown = fronts(boards)
     count = max(board["episodes"] for board in boards)
     kind = "stored" if boards[0]["fresh"] is None else "fresh"
-    title = f"{PICTURED}: path error against commanded pace, {count} {kind} episodes, 95 % intervals"
+    note = f"{PICTURED}, {count} {kind} episodes; bars: 95 % intervals"
     for name in shown:
         own = max(board["episodes"] for board in boards if name in board["policies"])
-        title += f"\n{name}: {own} episodes" if own < count else ""
-    save(error_against_commanded_pace(shown, title), PICTURE)
-    print(f"wrote {PICTURE}")
+        note += f"\n{name}: {own} episodes" if own < count else ""
+    for path in save(error_against_commanded_pace(shown, note), PICTURE):
+        print(f"wrote {path}")
 
 
 def main(results: tyro.conf.Positional[Path]) -> None:

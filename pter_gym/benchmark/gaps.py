@@ -88,7 +88,7 @@ def _table(title: str, gaps: Sequence[Gap]) -> Table:
     for gap in gaps:
         errors = [f"{1000 * value:.1f}" for value in (gap.stored.value, gap.fresh.value)]
         value, low, high = (1000 * part for part in gap.gap)
-        table.add_row(gap.pace, escape(gap.policy), *errors, f"{value:+.2f} ({low:+.2f}…{high:+.2f})")
+        table.add_row(gap.pace, escape(gap.policy), *errors, f"{value:+z.2f} ({low:+z.2f}…{high:+z.2f})")
     return table
 
 

@@ -41,7 +41,8 @@ def benchmark(
 
     The standard test prints a table and writes benchmark.json, tip_paths.png (as in the paper's Fig. 11) and
     error_against_time.png. A scenario prints a leaderboard for each pace and writes benchmark.json, a file for each run
-    and pictures. Runs that are in the folder already are not repeated; several benchmarks may share a folder.
+    and pictures. Runs that are in the folder already are not repeated; several benchmarks may share a folder. Beside
+    each picture is the same in vectors, .pdf.
 
     Args:
         policies: Separated by commas: impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random;
@@ -217,11 +218,10 @@ def write_result(result: "Result", out: Path) -> list[Path]:
     from pter_gym.plots import save
     from pter_gym.plots.benchmark import error_against_time, tip_paths
 
-    paths = [out / "benchmark.json", out / "tip_paths.png", out / "error_against_time.png"]
-    write_text_atomic(paths[0], json.dumps(result.as_json(), indent=2) + "\n")
-    save(tip_paths(result), paths[1])
-    save(error_against_time(result), paths[2])
-    return paths
+    scores = out / "benchmark.json"
+    write_text_atomic(scores, json.dumps(result.as_json(), indent=2) + "\n")
+    pictures = {"tip_paths.png": tip_paths(result), "error_against_time.png": error_against_time(result)}
+    return [scores, *(path for name, figure in pictures.items() for path in save(figure, out / name))]
 
 
 def draw_boards(boards: "Sequence[Leaderboard]", found: "Sequence[ScenarioRun]", folder: Path) -> list[Path]:
@@ -241,7 +241,4 @@ def draw_boards(boards: "Sequence[Leaderboard]", found: "Sequence[ScenarioRun]",
     for board in boards:
         episodes = find_episodes(scenario, board.pace, fresh)
         figures[f"trajectories-{board.pace}"] = plots.trajectories(board, runs, episodes)
-    paths = {name: folder / f"{name_of_set}-{name}.png" for name in figures}
-    for name, figure in figures.items():
-        save(figure, paths[name])
-    return list(paths.values())
+    return [path for name, figure in figures.items() for path in save(figure, folder / f"{name_of_set}-{name}.png")]

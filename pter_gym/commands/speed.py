@@ -11,8 +11,8 @@ from pter_gym.internal.terminal import make_folder
 def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pter-speed")) -> None:
     """Measure the simulator's speed beside its peers, in one run of a few minutes.
 
-    Prints tables, and writes speed.json and speed.png. Peers that are not installed (MuJoCo, EnvPool) and a GPU that is
-    not there are skipped and named. The machine should have nothing else to do.
+    Prints tables, and writes speed.json, speed.png and speed.pdf. Peers that are not installed (MuJoCo, EnvPool) and a
+    GPU that is not there are skipped and named. The machine should have nothing else to do.
 
     Args:
         quick: Half a minute, small batches: whether it works, not how fast it is.
@@ -35,6 +35,5 @@ def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pt
     for note in notes(found):
         console.print(note, highlight=False)
     write_text_atomic(out / "speed.json", json.dumps(as_json(found), indent=2) + "\n")
-    save(cost_figure(found), out / "speed.png")
-    for name in ("speed.json", "speed.png"):
-        console.print(f"wrote {out / name}", highlight=False)
+    for path in (out / "speed.json", *save(cost_figure(found), out / "speed.png")):
+        console.print(f"wrote {path}", highlight=False)

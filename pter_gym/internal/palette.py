@@ -1,4 +1,4 @@
-"""Okabe and Ito's colours, which people with any common colour vision can tell apart, as #rrggbb."""
+"""Colours that people with any common colour vision can tell apart, as #rrggbb: Okabe and Ito's, and eight more."""
 
 BLACK = "#000000"
 ORANGE = "#e69f00"
@@ -7,3 +7,12 @@ GREEN = "#009e73"
 BLUE = "#0072b2"
 VERMILLION = "#d55e00"
 PURPLE = "#cc79a7"
+
+PLUM = "#4b005a"
+MAROON = "#5a0f0f"
+NAVY = "#0000b4"
+BRICK = "#962d00"
+CORNFLOWER = "#5a87ff"
+SLATE = "#4b4b69"
+SAGE = "#a5c3a5"
+ULTRAMARINE = "#002dff"

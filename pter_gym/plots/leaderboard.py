@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from pter_gym.benchmark.episodes import Episodes
@@ -16,8 +16,11 @@ from pter_gym.benchmark.leaderboard import Leaderboard
 from pter_gym.benchmark.ranking import PACE_ERROR, Standing
 from pter_gym.benchmark.runs import Sample, ScenarioRun, join_seeds
 from pter_gym.benchmark.statistics import performance_profile
+from pter_gym.internal.looks import Look, looks
 from pter_gym.plots.benchmark import MILLIMETRE
-from pter_gym.plots.style import COLOURS, DASHES, REFERENCE, WIDTH, label, styled
+from pter_gym.plots.legends import dots, entries, legend_below, scale_bar, shown
+from pter_gym.plots.style import REFERENCE, WIDTH, label, styled
+from pter_gym.plots.ticks import pace_ticks, plain_ticks
 from pter_gym.render import style as picture
 from pter_gym.render.geometry import FiveBar, five_bar, path_points, workspace
 from pter_gym.scenarios import PACES
@@ -30,10 +33,10 @@ BELOW = 0.35
 THRESHOLDS = 200
 
 SLOWEST = 0.03
-"""Mean pace [m/s] at which slower policies are drawn, as triangles."""
+"""Mean pace [m/s] at which slower policies are drawn, with an arrow."""
 
-_NOTE = "filled: ranked   hollow: below the line"
-_FAINT = "faint: below the line"
+_NOTE = "filled: ranked; hollow: below the line; bars: 95 % intervals"
+_FAINT = "hollow and faint: below the line"
 
 
 @styled
@@ -47,81 +50,74 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
     runs
         The runs that they rank.
     """
-    figure, panels = _panels(boards, 3.6)
+    figure, panels = _panels(boards, 3.0)
     errors = np.concatenate([run.scores["path_error_m"] for run in runs])
     low, high = max(float(errors.min()), 1e-5), float(errors.max())
     thresholds = np.exp(np.linspace(math.log(0.9 * low), math.log(1.1 * max(low, high)), THRESHOLDS))
-    looks = _looks(boards)
+    by_policy = _looks(boards)
     for axes, board in zip(panels, boards, strict=True):
         axes.set_title(_pace(board))
         for standing in board.standings:
             run = _run_of(standing, board, runs)
             found = performance_profile(run.scores["path_error_m"], thresholds, strata=run.strata)
-            colour, dashes = looks[standing.label]
-            faint = BELOW if standing.reason else 1.0
+            look = _look(by_policy, standing)
+            alpha = BELOW if standing.reason else 1.0
             x = thresholds / MILLIMETRE
-            axes.fill_between(x, found.low, found.high, color=colour, alpha=0.18 * faint, linewidth=0.0)
-            axes.plot(x, found.fraction, color=colour, linestyle=dashes, alpha=faint)
+            axes.fill_between(x, found.low, found.high, color=look["color"], alpha=0.18 * alpha, linewidth=0.0)
+            axes.plot(x, found.fraction, alpha=alpha, **look)
         axes.set_xscale("log")
-        plain_ticks(axes, "x", axes.get_xlim(), most=5)
+        plain_ticks(axes, "x", most=5)
         axes.set_xlabel("path error [mm]")
     panels[0].set_ylabel("share of episodes within it")
-    _headline(figure, boards, "Performance profiles")
-    _legend(figure, looks, _FAINT, marked=False)
+    _legend(figure, boards, f"{_FAINT}; bands: 95 % intervals")
     return figure
 
 
 @styled
 def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
     """Return each policy's front: path error over the mean pace that it kept, beside the commanded ones."""
-    figure = Figure(figsize=(WIDTH, 4.6))
+    figure = Figure(figsize=(WIDTH, 3.9))
     axes = figure.add_subplot()
-    looks = _looks(boards)
+    by_policy = _looks(boards)
     for board in boards:
         pace = PACES[board.pace]
         axes.axvspan(pace * (1.0 - PACE_ERROR), pace * (1.0 + PACE_ERROR), color=picture.WORKSPACE, zorder=0)
         axes.axvline(pace, color=REFERENCE, linewidth=1.0, linestyle=":", zorder=1)
-        axes.annotate(
-            board.pace,
-            (pace, 1.0),
-            (0.0, 3.0),
-            xycoords=("data", "axes fraction"),
-            textcoords="offset points",
-            ha="center",
-            color="#646b75",
-        )
-    for name, standings in _by_policy(boards).items():
-        x = np.array([max(standing.scores["mean_pace_m_s"].value, SLOWEST) for standing in standings])
-        y = np.array([standing.scores["path_error_m"] for standing in standings]) / MILLIMETRE
-        _front(axes, x, y, standings, looks[name])
+    for name, look in by_policy.items():
+        standings = [standing for board in boards for standing in board.standings if standing.policy == name]
+        paces = np.array([standing.scores["mean_pace_m_s"].value for standing in standings])
+        _front(axes, np.maximum(paces, SLOWEST), standings, look)
+        for standing, pace in zip(standings, paces, strict=True):
+            if pace < SLOWEST:
+                at = (SLOWEST, standing.scores["path_error_m"].value / MILLIMETRE)
+                arrow = {"arrowstyle": "<-", "color": look.colour}
+                axes.annotate("", at, (-14.0, 0.0), textcoords="offset points", arrowprops=arrow)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    plain_ticks(axes, "x", axes.get_xlim())
-    plain_ticks(axes, "y", axes.get_ylim())
+    pace_ticks(axes, {board.pace: PACES[board.pace] for board in boards}, SLOWEST)
+    plain_ticks(axes, "y")
     label(axes, "mean pace along the path [m/s]", "path error [mm]")
-    axes.set_title(f"{boards[0].scenario}: error against pace", pad=20.0)
-    _legend(figure, looks, _NOTE, marked=True)
+    _legend(figure, boards, f"{_NOTE}; shaded: paces that rank")
     return figure
 
 
 @styled
 def error_against_smoothness(boards: Sequence[Leaderboard]) -> Figure:
     """Return path error over smoothness, a panel for each pace."""
-    figure, panels = _panels(boards, 3.6)
-    looks = _looks(boards)
+    figure, panels = _panels(boards, 3.0)
+    by_policy = _looks(boards)
     for axes, board in zip(panels, boards, strict=True):
         axes.set_title(_pace(board))
         for standing in board.standings:
             x = np.array([standing.scores["smoothness"].value])
-            y = np.array([standing.scores["path_error_m"]]) / MILLIMETRE
-            _front(axes, x, y, [standing], looks[standing.label])
+            _front(axes, x, [standing], by_policy[standing.policy])
         axes.set_xlabel("smoothness, −ln of\ndimensionless jerk")
         axes.set_yscale("log")
         axes.margins(x=0.12)
-    plain_ticks(panels[0], "y", panels[0].get_ylim())
+        axes.locator_params(axis="x", nbins=4)
+    plain_ticks(panels[0], "y")
     panels[0].set_ylabel("path error [mm]")
-    _headline(figure, boards, "Error against smoothness")
-    _legend(figure, looks, _NOTE, marked=True)
+    _legend(figure, boards, _NOTE)
     return figure
 
 
@@ -138,34 +134,35 @@ def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun], episodes: Epis
     episodes
         Those that were run.
     """
-    numbers = [sample.episode for sample in _run_of(board.standings[0], board, runs).samples]
-    rows, columns = (1, len(numbers)) if len(numbers) < 3 else (2, 2)
-    edges = np.vstack([_shown(episodes, sample) for sample in _run_of(board.standings[0], board, runs).samples])
+    best = _run_of(board.standings[0], board, runs).samples
+    rows, columns = (1, len(best)) if len(best) < 3 else (2, 2)
+    edges = np.vstack([_shown(episodes, sample) for sample in best])
     low, high = edges.min(axis=0) - 0.03, edges.max(axis=0) + 0.03
     width, height = high - low
-    figure = Figure(figsize=(WIDTH, rows * (WIDTH / columns * height / width + 0.25) + 0.8))
+    figure = Figure(figsize=(WIDTH, rows * (WIDTH / columns * height / width + 0.25)))
     panels: list[Axes] = np.ravel(figure.subplots(rows, columns)).tolist()
-    looks = _looks([board])
-    for axes, place in zip(panels, range(len(numbers)), strict=False):
-        samples = {
-            standing.policy: _run_of(standing, board, runs).samples[place] for standing in reversed(board.standings)
-        }
-        _draw_scene(axes, episodes, samples[board.standings[0].policy])
+    by_policy = _looks([board])
+    for place, axes in enumerate(panels[: len(best)]):
+        _draw_scene(axes, episodes, best[place])
         for standing in reversed(board.standings):
-            colour, dashes = looks[standing.label]
-            tip = samples[standing.policy].tip
-            faint = 0.55 if standing.reason else 1.0
-            axes.plot(*tip.T, color=colour, linestyle=dashes, alpha=faint, linewidth=1.5, zorder=4)
-            axes.plot(*tip[-1], color=colour, marker="o", markersize=3.5, alpha=faint, zorder=5)
-        k = numbers[place]
-        axes.set_title(f"{episodes.strata[k]}, episode {k}", fontsize=9.5)
+            x, y = _run_of(standing, board, runs).samples[place].tip.T
+            alpha = 0.55 if standing.reason else 1.0
+            axes.plot(x, y, alpha=alpha, linewidth=1.2, zorder=4, **_look(by_policy, standing))
+        k = best[place].episode
+        axes.set_title(f"{episodes.strata[k]}, episode {k}")
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], yticks=[])
+        scale_bar(axes)
         for spine in axes.spines.values():
             spine.set_visible(False)
-    for axes in panels[len(numbers) :]:
+    for axes in panels[len(best) :]:
         axes.set_visible(False)
-    _headline(figure, [board], f"Sample trajectories, {_pace(board)}; the arm is {board.standings[0].label}'s")
-    _legend(figure, looks, _FAINT, marked=False)
+    scene = {
+        f"the arm under {shown(board.standings[0].label)}, half-way": Line2D(
+            [], [], color=picture.LINK_A, linewidth=4.0, alpha=0.5
+        ),
+        "desired path": Line2D([], [], color=REFERENCE, linewidth=4.0, alpha=0.3),
+    }
+    _legend(figure, [board], f"{_pace(board)}; {_FAINT}", scene)
     return figure
 
 
@@ -201,16 +198,29 @@ def _draw_scene(axes: Axes, episodes: Episodes, sample: Sample) -> None:
     axes.plot(*tip, color=picture.INK, marker="o", markersize=5.0, zorder=6)
 
 
-def _front(axes: Axes, x: Array, y: Array, standings: Sequence[Standing], look: tuple[str, Any]) -> None:
-    """Draw one policy's points (K,) with the intervals (K, 3) of their errors, joined in order of the pace."""
-    colour, dashes = look
-    axes.plot(x, y[:, 0], color=colour, linestyle=dashes, linewidth=1.2, alpha=0.6)
+def _look(by_policy: Mapping[str, Look], standing: Standing) -> dict[str, Any]:
+    """Return Matplotlib's settings of a policy's line, with some markers on it, hollow below the line."""
+    colour, marker, dashes = by_policy[standing.policy]
+    return {
+        "color": colour,
+        "linestyle": dashes,
+        "marker": marker,
+        "markevery": dots(list(by_policy).index(standing.policy), len(by_policy)),
+        "markerfacecolor": "white" if standing.reason else colour,
+    }
+
+
+def _front(axes: Axes, x: Array, standings: Sequence[Standing], look: Look) -> None:
+    """Draw one policy's errors over x (K,) with their intervals, joined in order of the pace."""
+    y = np.array([standing.scores["path_error_m"] for standing in standings]) / MILLIMETRE
+    axes.plot(x, y[:, 0], color=look.colour, linestyle=look.dashes, linewidth=1.2, alpha=0.6)
     spread = np.maximum([y[:, 0] - y[:, 1], y[:, 2] - y[:, 0]], 0.0)
-    axes.errorbar(x, y[:, 0], spread, fmt="none", ecolor=colour, elinewidth=1.4, capsize=2.5)
+    axes.errorbar(x, y[:, 0], spread, fmt="none", ecolor=look.colour, elinewidth=1.2)
     for at, error, standing in zip(x, y[:, 0], standings, strict=True):
-        face = "white" if standing.reason else colour
-        marker = "<" if at == SLOWEST else "o"
-        axes.plot(at, error, color=colour, marker=marker, markersize=6.5, markerfacecolor=face, linestyle="none")
+        face = "white" if standing.reason else look.colour
+        axes.plot(
+            at, error, color=look.colour, marker=look.marker, markersize=6.0, markerfacecolor=face, linestyle="none"
+        )
 
 
 def _panels(boards: Sequence[Leaderboard], height: float) -> tuple[Figure, list[Axes]]:
@@ -218,18 +228,13 @@ def _panels(boards: Sequence[Leaderboard], height: float) -> tuple[Figure, list[
     return figure, np.ravel(figure.subplots(1, len(boards), sharey=True)).tolist()
 
 
-def _looks(boards: Sequence[Leaderboard]) -> Mapping[str, tuple[str, Any]]:
-    """Return colour and dashes of each policy, the same in all panels."""
-    names = sorted({standing.label for board in boards for standing in board.standings})
-    return {name: (COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]) for k, name in enumerate(names)}
+def _labels(boards: Sequence[Leaderboard]) -> dict[str, str]:
+    """Return what each policy is called, by its name, in the order of the names."""
+    return dict(sorted((standing.policy, standing.label) for board in boards for standing in board.standings))
 
 
-def _by_policy(boards: Sequence[Leaderboard]) -> dict[str, list[Standing]]:
-    found: dict[str, list[Standing]] = {}
-    for board in boards:
-        for standing in board.standings:
-            found.setdefault(standing.label, []).append(standing)
-    return found
+def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
+    return looks(_labels(boards))
 
 
 def _run_of(standing: Standing, board: Leaderboard, runs: Sequence[ScenarioRun]) -> ScenarioRun:
@@ -242,32 +247,11 @@ def _pace(board: Leaderboard) -> str:
     return f"{board.pace}, {PACES[board.pace]:g} m/s"
 
 
-def plain_ticks(axes: Axes, which: str, limits: tuple[float, float], most: int = 8) -> None:
-    """Label a logarithmic axis at round numbers."""
-    low, high = limits
-    for steps in ((1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1, 3), (1,)):
-        decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-        ticks = [step * 10.0**decade for decade in decades for step in steps if low <= step * 10.0**decade <= high]
-        if len(ticks) <= most:
-            break
-    axis = axes.xaxis if which == "x" else axes.yaxis
-    axis.set_ticks(ticks)
-    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.set_minor_formatter(NullFormatter())
-    axis.set_ticks([], minor=True)
-
-
-def _headline(figure: Figure, boards: Sequence[Leaderboard], text: str) -> None:
-    figure.suptitle(
-        f"{boards[0].scenario}: {text[0].lower()}{text[1:]}", x=0.01, ha="left", fontsize=11.0, parse_math=False
-    )
-
-
-def _legend(figure: Figure, looks: Mapping[str, tuple[str, Any]], note: str, *, marked: bool) -> None:
-    handles = [
-        Line2D([], [], color=colour, linestyle=dashes, marker="o" if marked else None)
-        for colour, dashes in looks.values()
-    ]
-    legend = figure.legend(handles, list(looks), loc="outside lower center", ncols=min(5, len(looks)), title=note)
-    for text in legend.get_texts():
-        text.set_parse_math(False)  # a name is shown as it is
+def _legend(
+    figure: Figure, boards: Sequence[Leaderboard], note: str, more: Mapping[str, Line2D] = MappingProxyType({})
+) -> None:
+    """Name all policies below the panels, and say what was run."""
+    kind = "stored" if boards[0].fresh is None else "fresh"
+    ran = f"{boards[0].scenario}, {boards[0].episodes} {kind} episode{'s' if boards[0].episodes > 1 else ''}"
+    handles, names = [*more.values(), *entries(_looks(boards))], [*more, *map(shown, _labels(boards).values())]
+    legend_below(figure, handles, names, f"{ran}; {note}")

@@ -1,10 +1,11 @@
-"""One style for all figures: sizes, Okabe and Ito's colours, units on every axis."""
+"""One style for all figures: sizes, colours, units on every axis, and how a figure becomes files."""
 
 import io
 import os
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from functools import wraps
+from pathlib import Path
 from typing import Any, ParamSpec
 
 import matplotlib as mpl
@@ -12,49 +13,71 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pter_gym.errors import ParameterError
 from pter_gym.internal import palette
 from pter_gym.internal.files import write_bytes_atomic
+from pter_gym.internal.looks import numbered
 from pter_gym.units import to_inch_pounds, to_inches
 
 Arguments = ParamSpec("Arguments")
 
-WIDTH = 7.5
-"""Width of a figure [in]."""
+WIDTH = 7.16
+"""Width of a figure [in], that of two columns of a journal."""
 
-DPI = 160
+DPI = 200
+
+SMALL = 7.5
+"""Size of the smallest text [pt]."""
+
+INK = "#1f2328"
+MUTED = "#646b75"
 
 REFERENCE = "#3b4048"
 """Colour of what is desired, so no policy has it."""
 
-COLOURS = (palette.BLUE, palette.VERMILLION, palette.GREEN, palette.PURPLE, palette.ORANGE, palette.SKY_BLUE)
-DASHES = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (2, 1)))
+CLUTCH_COLOURS = (palette.BLUE, palette.ORANGE, palette.GREEN, palette.PURPLE)
+
+LOOKS = [numbered(k) for k in range(15)]
+COLOURS = tuple(look.colour for look in LOOKS)
+DASHES = tuple(look.dashes for look in LOOKS)
 
 STYLE: Any = {
     "axes.axisbelow": True,
-    "axes.edgecolor": "#646b75",
+    "axes.edgecolor": MUTED,
     "axes.grid": True,
-    "axes.labelcolor": "#1f2328",
-    "axes.labelsize": 10.0,
+    "axes.labelcolor": INK,
+    "axes.labelsize": 9.0,
     "axes.linewidth": 0.8,
-    "axes.prop_cycle": cycler(color=2 * COLOURS, linestyle=3 * DASHES),
+    "axes.prop_cycle": cycler(color=COLOURS, linestyle=DASHES),
     "axes.titlelocation": "left",
-    "axes.titlepad": 10.0,
-    "axes.titlesize": 11.0,
+    "axes.titlepad": 6.0,
+    "axes.titlesize": 9.0,
+    "errorbar.capsize": 2.5,
+    "figure.constrained_layout.h_pad": 0.07,
     "figure.constrained_layout.use": True,
+    "figure.constrained_layout.w_pad": 0.07,
     "figure.dpi": DPI,
+    "figure.figsize": (WIDTH, 4.0),
     "font.family": "DejaVu Sans",
-    "font.size": 9.5,
+    "font.size": 8.5,
     "grid.color": "#e3e5e9",
     "grid.linewidth": 0.8,
     "legend.edgecolor": "none",
+    "legend.fontsize": 8.5,
     "legend.framealpha": 0.0,
-    "lines.linewidth": 1.8,
-    "text.color": "#1f2328",
-    "xtick.color": "#646b75",
-    "xtick.labelcolor": "#1f2328",
-    "ytick.color": "#646b75",
-    "ytick.labelcolor": "#1f2328",
+    "legend.title_fontsize": 8.5,
+    "lines.linewidth": 1.5,
+    "lines.markersize": 5.0,
+    "pdf.fonttype": 42,
+    "text.color": INK,
+    "xtick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "xtick.labelsize": 8.5,
+    "ytick.color": MUTED,
+    "ytick.labelcolor": INK,
+    "ytick.labelsize": 8.5,
 }
+"""Matplotlib's settings; ``matplotlib.style.use(STYLE)`` puts them in force for figures of your own."""
 
 
 @contextmanager
@@ -101,17 +124,57 @@ def inch_pounds_right(axes: Axes, name: str = "torque") -> None:
     axes.secondary_yaxis("right", functions=scaled(to_inch_pounds(1.0))).set_ylabel(f"{name} [in·lbf]")
 
 
+def percent(share: float, digits: int = 0, *, signed: bool = False) -> str:
+    """Return a share in percent with a typographic minus sign; what rounds to zero has none."""
+    value = f"{100.0 * share:{'+' if signed else ''}z.{digits}f}".replace("-", "−")
+    return f"{value} %"
+
+
 def png(figure: Figure) -> bytes:
     """Return a figure as the content of a PNG file; the same figure gives the same bytes."""
+    return _content(figure, "png", {"Software": None})
+
+
+def pdf(figure: Figure) -> bytes:
+    """Return a figure as the content of a PDF file, in vectors; the same figure gives the same bytes."""
+    return _content(figure, "pdf", {"Creator": None, "Producer": None, "CreationDate": None})
+
+
+def _content(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
     buffer = io.BytesIO()
     with in_force():
-        figure.savefig(buffer, format="png", metadata={"Software": None})
+        figure.savefig(buffer, format=kind, metadata=metadata)
     return buffer.getvalue()
 
 
-def save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure as a PNG file, whole or not at all."""
-    write_bytes_atomic(path, png(figure))
+def save(figure: Figure, path: str | os.PathLike[str]) -> tuple[Path, Path]:
+    """Write a figure as a PNG file and, in vectors, as a PDF file beside it; each whole or not at all.
+
+    Parameters
+    ----------
+    figure
+        What to write.
+    path
+        Of the PNG file.
+
+    Returns
+    -------
+    tuple of Path
+        The PNG and the PDF file.
+
+    Raises
+    ------
+    ParameterError
+        If the path does not end in ``.png``.
+    """
+    first = Path(path)
+    if first.suffix != ".png":
+        raise ParameterError(f"path must end in .png, got {os.fspath(path)!r}")
+    second = first.with_suffix(".pdf")
+    contents = {first: png(figure), second: pdf(figure)}
+    for each, content in contents.items():
+        write_bytes_atomic(each, content)
+    return first, second
 
 
 def scaled(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:

@@ -1,46 +1,45 @@
 """The cost of a control step against the number of worlds."""
 
-from collections.abc import Sequence
+from itertools import count
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from pter_gym.plots.style import REFERENCE, WIDTH, label, styled
+from pter_gym.internal.looks import numbered
+from pter_gym.plots.legends import legend_of
+from pter_gym.plots.style import WIDTH, label, styled
 from pter_gym.speed import Speed
-from pter_gym.speed.ours import Throughput
 from pter_gym.speed.peers import Kind
-
-MARKERS = ("s", "D", "^", "v")
 
 
 @styled
 def cost_figure(speed: Speed) -> Figure:
     """Return the time of a whole control step of one world over the number of worlds, ours and the peers'."""
-    figure = Figure(figsize=(WIDTH, 4.6))
+    figure = Figure(figsize=(WIDTH, 3.6))
     axes = figure.add_subplot()
-    cores = speed.machine["cores"]
-    draw_rows(axes, speed.one_thread.rows, "ours, one thread")
-    draw_rows(axes, speed.all_threads.rows, f"ours, {cores} threads")
+    ours = {
+        "ours, one thread": speed.one_thread.rows,
+        f"ours, {speed.machine['cores']} threads": speed.all_threads.rows,
+    }
     if speed.cuda is not None:
-        draw_rows(axes, speed.cuda.rows, f"ours, {speed.cuda.device}")
-    rows = [row for row in speed.peers if row.kind == Kind.ENV_STEPS]
-    for marker, row in zip(MARKERS, rows, strict=False):
+        ours[f"ours, {speed.cuda.device}"] = speed.cuda.rows
+    for look, (name, rows) in zip(map(numbered, range(3)), ours.items(), strict=False):
+        worlds, cost = [row.worlds for row in rows], [row.nanoseconds_per_step for row in rows]
+        axes.plot(worlds, cost, color=look.colour, linestyle=look.dashes, marker=look.marker, label=name)
+    for look, row in zip(
+        map(numbered, count(3)), (row for row in speed.peers if row.kind == Kind.ENV_STEPS), strict=False
+    ):
         name = f"{row.name} {row.version}" if row.package not in row.name.lower() else f"{row.name} ({row.version})"
-        axes.plot(row.worlds, 1e9 / row.steps_per_second, linestyle="none", marker=marker, label=name, color=REFERENCE)
+        axes.plot(
+            row.worlds, 1e9 / row.steps_per_second, linestyle="none", marker=look.marker, label=name, color=look.colour
+        )
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(FuncFormatter(plain_number))
     label(axes, "worlds [1]", "time per env-step of one world [ns]")
-    axes.set_title(f"Cost of an env-step: {speed.substeps_per_step} substeps, observation, reward, reset")
-    figure.legend(loc="outside lower center", ncols=2)
+    legend_of(figure, axes, f"an env-step: {speed.substeps_per_step} substeps, observation, reward, reset")
     return figure
-
-
-def draw_rows(axes: Axes, rows: Sequence[Throughput], name: str) -> None:
-    """Draw the cost over the number of worlds."""
-    axes.plot([row.worlds for row in rows], [row.nanoseconds_per_step for row in rows], marker="o", label=name)
 
 
 def plain_number(value: float, _: int | None) -> str:

@@ -281,7 +281,7 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         "runs",
         "benchmark.json",
         LOCK,
-        *(f"standard-{name}.png" for name in pictures),
+        *(f"standard-{name}.{kind}" for name in pictures for kind in ("png", "pdf")),
     }
     for picture in out.glob("*.png"):
         assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"

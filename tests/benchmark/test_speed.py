@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from plots.legibility import faults
 from pter_gym.commands import main as cli
 from pter_gym.errors import ParameterError
 from pter_gym.speed import Plan, Speed, as_json, make_plan, notes, tables
@@ -91,7 +92,7 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
 def test_quick_run_writes_numbers_and_a_picture(quick: tuple[Path, dict[str, Any]]):
     out, content = quick
     assert set(content) == FIELDS
-    assert [path.name for path in sorted(out.iterdir())] == ["speed.json", "speed.png"]
+    assert [path.name for path in sorted(out.iterdir())] == ["speed.json", "speed.pdf", "speed.png"]
     assert (out / "speed.png").read_bytes().startswith(PNG)
     assert content["machine"]["cores"] >= 1
     assert {"python", "pter-gym", "gymnasium", "numpy", "numba"} <= set(content["versions"])
@@ -386,3 +387,4 @@ def test_plot_shows_all_rows():
     np.testing.assert_allclose(drawn["ours, device"], [[1_024, 1.0]])
     np.testing.assert_allclose(drawn[f"{REACHER} (1.4.0)"], [[64, 5e4]])
     assert "[ns]" in axes.get_ylabel()
+    assert not faults(axes.figure)

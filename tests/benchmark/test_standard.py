@@ -144,7 +144,8 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shown = capsys.readouterr().out
     assert "torque-feedback" in shown
     assert "path" in shown
-    assert {path.name for path in out.iterdir()} == {"benchmark.json", "tip_paths.png", "error_against_time.png"}
+    pictures = {f"{name}.{kind}" for name in ("tip_paths", "error_against_time") for kind in ("png", "pdf")}
+    assert {path.name for path in out.iterdir()} == {"benchmark.json", *pictures}
     content = json.loads((out / "benchmark.json").read_text())
     assert list(content["policies"]) == ["free", "torque-feedback"]
     for picture in out.glob("*.png"):

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from plots.legibility import drawn_texts, faults
 from pter_gym.commands import main as cli
 from pter_gym.errors import ParameterError
 from pter_gym.paper.experiments.claims import STATEMENTS, Claim
@@ -48,7 +49,7 @@ def rows_of(content: bytes) -> tuple[list[str], list[dict[str, str]]]:
 def test_there_is_a_picture_and_a_table_for_everything(files):
     assert set(files) == {
         *(f"{name}.csv" for name in PRODUCTS),
-        *(f"{stem}.png" for product in PRODUCTS.values() for stem in product.pictures),
+        *(f"{stem}.{kind}" for product in PRODUCTS.values() for stem in product.pictures for kind in ("png", "pdf")),
         "table1.json",
         "claims.json",
         "report.html",
@@ -59,6 +60,8 @@ def test_there_is_a_picture_and_a_table_for_everything(files):
             width, height = (int.from_bytes(content[k : k + 4]) for k in (16, 20))
             assert width >= 1000
             assert height >= 400
+        if name.endswith(".pdf"):
+            assert content.startswith(b"%PDF-")
 
 
 @pytest.mark.parametrize("name", PRODUCTS)
@@ -118,6 +121,15 @@ def test_data_of_a_figure_are_its_experiment(files, study):
     _, rows = rows_of(files["fig5.csv"])
     measured = [float(row["volts_v"]) for row in rows if row["bench_dynamic_nm"]]
     assert min(measured) == 4.0
+
+
+@pytest.mark.parametrize("name", PRODUCTS)
+def test_every_text_of_a_picture_can_be_read(name, study):
+    for draw in PRODUCTS[name].pictures.values():
+        figure = draw(study)
+        assert not faults(figure)
+        assert not any("−0.0 %" in text or "-0.0 %" in text for text, _ in drawn_texts(figure))
+        assert not figure.get_suptitle(), "the report's headings and remarks say what it is"
 
 
 def test_the_same_study_gives_the_same_bytes(files, study):
@@ -180,8 +192,10 @@ def test_one_figure_writes_its_files_alone(tmp_path, capsys):
     assert cli.main(["reproduce", "fig9", "table1", "--out", str(tmp_path / "a" / "b")]) == 0
     assert {path.name for path in (tmp_path / "a" / "b").iterdir()} == {
         "fig9.png",
+        "fig9.pdf",
         "fig9.csv",
         "table1.png",
+        "table1.pdf",
         "table1.csv",
         "table1.json",
     }

@@ -22,9 +22,13 @@ def followed() -> dict[str, np.ndarray]:
 
 
 def test_tips_and_deviations_are_those_of_the_telemetry(followed: dict[str, np.ndarray]) -> None:
-    figure = arm_and_deviation(followed, BASELINE.arm, PATH, "both")
+    figure = arm_and_deviation(followed, BASELINE.arm, PATH)
     world, deviation = figure.axes
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["path", *followed]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "the arm under single-dof-tuned, four times",
+        "path",
+        *followed,
+    ]
     assert world.get_aspect() == 1.0
     tips = [line for line in world.get_lines() if len(line.get_xdata()) > 100 and line.get_alpha() is None]
     for line, telemetry in zip(tips, followed.values(), strict=True):
@@ -41,7 +45,7 @@ def test_tips_and_deviations_are_those_of_the_telemetry(followed: dict[str, np.n
 
 
 def test_clutch_panels_show_volts_and_states(followed: dict[str, np.ndarray]) -> None:
-    figure = clutches_along_path(followed, PATH, TOP, "both")
+    figure = clutches_along_path(followed, PATH, TOP)
     assert len(figure.axes) == 2 * len(followed)
     for k, (name, telemetry) in enumerate(followed.items()):
         volts, states = figure.axes[2 * k], figure.axes[2 * k + 1]
@@ -63,5 +67,5 @@ def test_clutch_panels_show_volts_and_states(followed: dict[str, np.ndarray]) ->
 
 
 def test_the_same_figure_has_the_same_bytes(followed: dict[str, np.ndarray]) -> None:
-    first, again = (png(arm_and_deviation(followed, BASELINE.arm, PATH, "both")) for _ in range(2))
+    first, again = (png(arm_and_deviation(followed, BASELINE.arm, PATH)) for _ in range(2))
     assert first == again

@@ -1,6 +1,7 @@
 """Figures of one episode under several laws: the tip's paths on the arm, and what the clutches do along the path."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,10 +13,12 @@ from studies.clutch_use import SATURATED, stuck_clutches
 
 from pter_gym.benchmark.measures import column, four, vector
 from pter_gym.internal import palette
+from pter_gym.internal.looks import looks
 from pter_gym.params import Arm
 from pter_gym.paths import Path
 from pter_gym.plots.benchmark import MILLIMETRE
-from pter_gym.plots.style import COLOURS, DASHES, REFERENCE, WIDTH, label, styled
+from pter_gym.plots.legends import dots, entries, legend_below, scale_bar, shown
+from pter_gym.plots.style import CLUTCH_COLOURS, REFERENCE, SMALL, WIDTH, label, styled
 from pter_gym.render import style as picture
 from pter_gym.render.geometry import five_bar, path_points
 
@@ -26,11 +29,10 @@ INSTANTS = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 
 STUCK = palette.BLACK
 FULL = palette.VERMILLION
-CLUTCH_COLOURS = (palette.BLUE, palette.ORANGE, palette.GREEN, palette.PURPLE)
 
 
 @styled
-def arm_and_deviation(followed: Mapping[str, Array], arm: Arm, path: Path, title: str) -> Figure:
+def arm_and_deviation(followed: Mapping[str, Array], arm: Arm, path: Path) -> Figure:
     """Return where the tips went, with the arm at four instants of the last policy, and their distances magnified.
 
     Parameters
@@ -39,32 +41,35 @@ def arm_and_deviation(followed: Mapping[str, Array], arm: Arm, path: Path, title
         Telemetry of one episode by policy, each (T, len(TELEMETRY)).
     arm, path
         Of that episode.
-    title
-        What it is.
     """
-    figure = Figure(figsize=(WIDTH, 7.4))
+    figure = Figure(figsize=(WIDTH, 6.4))
     world, deviation = figure.subplots(2, 1, height_ratios=[1.55, 1.0])
-    _draw_arms(world, list(followed.values())[-1], arm)
+    last = list(followed)[-1]
+    _draw_arms(world, followed[last], arm)
     deviation.axhline(0.0, color=REFERENCE, linestyle="-", linewidth=4.0, alpha=0.3)
     world.plot(*path_points(path).T, color=REFERENCE, linestyle="-", linewidth=4.0, alpha=0.3, zorder=3)
-    handles = [Line2D([], [], color=REFERENCE, linewidth=4.0, alpha=0.3)]
-    for k, telemetry in enumerate(followed.values()):
-        look = {"color": COLOURS[k], "linestyle": DASHES[k % len(DASHES)], "linewidth": 1.5}
-        (line,) = world.plot(*vector(telemetry, "tip").T, zorder=4, **look)
+    by_policy = looks(followed)
+    for place, (name, telemetry) in enumerate(followed.items()):
+        colour, marker, dashes = by_policy[name]
+        look: Any = {"color": colour, "linestyle": dashes, "marker": marker, "markevery": dots(place, len(followed))}
+        world.plot(*vector(telemetry, "tip").T, zorder=4, markersize=4.0, **look)
         deviation.plot(column(telemetry, "arc_length"), column(telemetry, "normal_error") / MILLIMETRE, **look)
-        handles.append(line)
-    world.set_aspect("equal")
-    label(world, "x [m]", "y [m]")
-    world.set_title(title)
+    world.set(aspect="equal", xticks=[], yticks=[])
+    world.spines[:].set_visible(False)
+    scale_bar(world)
     label(deviation, "arc length [m]", "normal error [mm]")
-    deviation.set_title("Distance from the path, positive to its left")
     deviation.set_xlim(0.0, path.length)
-    figure.legend(handles, ["path", *followed], loc="outside lower center", ncols=3)
+    scene = {
+        f"the arm under {shown(last)}, four times": Line2D([], [], color=picture.LINK_A, linewidth=4.0, alpha=0.3),
+        "path": Line2D([], [], color=REFERENCE, linewidth=4.0, alpha=0.3),
+    }
+    handles = [*scene.values(), *entries(by_policy)]
+    legend_below(figure, handles, [*scene, *map(shown, by_policy)], "normal error: positive to the left of the path")
     return figure
 
 
 @styled
-def clutches_along_path(followed: Mapping[str, Array], path: Path, voltage_max: float, title: str) -> Figure:
+def clutches_along_path(followed: Mapping[str, Array], path: Path, voltage_max: float) -> Figure:
     """Return the voltages along the path, a panel for each policy, and when each clutch is stuck or saturated.
 
     Parameters
@@ -75,10 +80,8 @@ def clutches_along_path(followed: Mapping[str, Array], path: Path, voltage_max: 
         The path [m].
     voltage_max
         Largest voltage of the clutches [V].
-    title
-        What it is.
     """
-    figure = Figure(figsize=(WIDTH, 1.1 + 2.3 * len(followed)))
+    figure = Figure(figsize=(WIDTH, 0.9 + 2.0 * len(followed)))
     panels = figure.subplots(2 * len(followed), 1, sharex=True, height_ratios=[2.6, 1.0] * len(followed))
     for k, (name, telemetry) in enumerate(followed.items()):
         _draw_volts(panels[2 * k], telemetry[1:], name)
@@ -87,8 +90,7 @@ def clutches_along_path(followed: Mapping[str, Array], path: Path, voltage_max: 
     panels[-1].set_xlabel("arc length [m]")
     handles = [Line2D([], [], color=colour) for colour in CLUTCH_COLOURS] + [Patch(color=FULL), Patch(color=STUCK)]
     names = [*(f"clutch {x}" for x in range(1, 5)), "at the largest voltage", "stuck"]
-    figure.legend(handles, names, loc="outside lower center", ncols=3)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11.0)
+    legend_below(figure, handles, names)
     return figure
 
 
@@ -108,7 +110,7 @@ def _draw_arms(axes: Axes, telemetry: Array, arm: Arm) -> None:
 def _draw_volts(axes: Axes, steps: Array, name: str) -> None:
     for volts, colour in zip(four(steps, "volts").T, CLUTCH_COLOURS, strict=True):
         axes.plot(column(steps, "arc_length"), volts, color=colour, linestyle="-", linewidth=1.2)
-    axes.set_title(name, fontsize=10.0, pad=4.0)
+    axes.set_title(shown(name), pad=4.0)
     axes.set_ylabel("voltage [V]")
 
 
@@ -123,7 +125,7 @@ def _draw_states(axes: Axes, steps: Array, voltage_max: float) -> None:
             here = states[1:, clutch] & (extent > 0.0)
             spans: Sequence[tuple[float, float]] = list(zip(begin[here], extent[here], strict=True))
             axes.broken_barh(spans, (clutch + low, 0.4), color=colour, linewidth=0.0)
-    axes.set_yticks(range(4), [f"{x}" for x in range(1, 5)], fontsize=8.0)
+    axes.set_yticks(range(4), [f"{x}" for x in range(1, 5)], fontsize=SMALL)
     axes.set_ylim(3.6, -0.6)
-    axes.set_ylabel("clutch", fontsize=9.0)
+    axes.set_ylabel("clutch")
     axes.grid(visible=False)

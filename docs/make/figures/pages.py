@@ -1,6 +1,7 @@
 """Pictures of the documents: error against the commanded pace, and what policies do with the clutches."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from math import ceil
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,44 +14,35 @@ from studies.clutch_use import stuck_clutches
 
 from pter_gym.benchmark.measures import column, four
 from pter_gym.benchmark.statistics import Interval
-from pter_gym.internal import palette
+from pter_gym.internal.looks import LEARNED, LOOKS, OF_PAPER, PLANS, PRIVILEGED, TUNED, Look, looks
 from pter_gym.plots.benchmark import MILLIMETRE
-from pter_gym.plots.leaderboard import plain_ticks
-from pter_gym.plots.style import COLOURS, REFERENCE, WIDTH, label, styled
+from pter_gym.plots.legends import legend_below, shown
+from pter_gym.plots.style import CLUTCH_COLOURS, INK, MUTED, REFERENCE, WIDTH, label, styled
+from pter_gym.plots.ticks import plain_ticks
 from pter_gym.scenarios import PACES
 
 Array = NDArray[np.float64]
 
-INK = "#1f2328"
-MUTED = "#646b75"
-
-LEARNED: Any = "-"
-TUNED: Any = (0, (6, 1.5))
-PAPER: Any = (0, (1.5, 1.2))
-PRIVILEGED: Any = (0, (4, 1.5, 1, 1.5))
-"""Dashes of trained policies, tuned controllers, those of the paper, and those that know what no robot can."""
-
-LOOKS: Mapping[str, tuple[str, Any]] = {
-    "ppo-standard": (palette.BLUE, LEARNED),
-    "residual": (palette.PURPLE, LEARNED),
-    "single-dof-tuned": (palette.GREEN, TUNED),
-    "velocity-ratio-tuned": (palette.BLACK, TUNED),
-    "torque-feedback-tuned": (palette.VERMILLION, TUNED),
-    "impedance-tuned": (palette.ORANGE, TUNED),
-    "torque-feedback": (palette.VERMILLION, PAPER),
-    "impedance": (palette.ORANGE, PAPER),
-    "predictive": (MUTED, PRIVILEGED),
-}
-"""Colour and dashes of the policies that have their own; a controller has one colour with and without tuning."""
-
 SHIFT = 0.022
 """Factor, less 1, between the places of two policies at the same pace, so their intervals stay apart."""
 
-LINE = 0.05
+LINE = 0.055
 """Smallest distance of two names relative to the height of the axes."""
 
+BESIDE = 3
+"""Most policies beside each other where each has panels of its own."""
 
-CLUTCH_COLOURS = (palette.BLUE, palette.VERMILLION, palette.GREEN, palette.PURPLE)
+WIDE = 90
+"""Most characters of all titles beside each other."""
+
+KINDS = (
+    (LEARNED, "trained"),
+    (TUNED, "tuned"),
+    (OF_PAPER, "the paper's"),
+    (PLANS, "plans"),
+    (PRIVILEGED, "knows the future"),
+)
+"""What the dashes of a policy say."""
 
 CLUTCHES = ("1: brakes A", "2: brakes B", "3: couples", "4: inverts")
 
@@ -80,84 +72,80 @@ class Score(NamedTuple):
 
 
 @styled
-def error_against_commanded_pace(fronts: Mapping[str, Sequence[Score]], title: str) -> Figure:
+def error_against_commanded_pace(fronts: Mapping[str, Sequence[Score]], note: str) -> Figure:
     """Return path error over commanded pace for each policy, with the policies' names beside their last points.
 
     Parameters
     ----------
     fronts
         Scores by policy, in order of the pace; hollow where they have no rank.
-    title
-        Above the picture.
+    note
+        Above the legend: what was run.
     """
-    figure = Figure(figsize=(WIDTH, 4.9))
+    figure = Figure(figsize=(WIDTH, 4.0))
     axes = figure.add_subplot()
     last = {name: front[-1].path_error.value for name, front in fronts.items()}
-    looks = {name: _look(name, k) for k, name in enumerate(sorted(last, key=lambda name: last[name]))}
-    for place, (name, look) in enumerate(looks.items()):
-        _draw_front(axes, fronts[name], (1.0 + SHIFT) ** (place - 0.5 * (len(looks) - 1)), *look)
+    by_policy = {name: _look(name, look) for name, look in looks(sorted(last, key=lambda name: last[name])).items()}
+    for place, (name, look) in enumerate(by_policy.items()):
+        _draw_front(axes, fronts[name], (1.0 + SHIFT) ** (place - 0.5 * (len(by_policy) - 1)), look)
+    paces = {score.pace for front in fronts.values() for score in front}
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_xlim(min(PACES.values()) / 1.25, max(PACES.values()) * 1.18)
+    axes.set_xlim(min(paces) / 1.25, max(paces) * 1.18)
     axes.margins(y=0.06)
-    axes.set_xticks(list(PACES.values()), [f"{pace:g}\n{name}" for name, pace in PACES.items()])
+    names = {pace: name for name, pace in PACES.items() if pace in paces}
+    axes.set_xticks(list(names), [f"{pace:g}\n{name}" for pace, name in names.items()])
     axes.set_xticks([], minor=True)
-    plain_ticks(axes, "y", axes.get_ylim())
+    plain_ticks(axes, "y")
     axes.grid(visible=False, axis="x")
     label(axes, "commanded pace [m/s]", "path error [mm]")
-    axes.set_title(title)
-    _name_fronts(axes, looks, last)
-    _explain(figure, {dashes for _, dashes in looks.values()})
+    _name_fronts(axes, by_policy, last)
+    _explain(figure, [look.dashes for look in by_policy.values()], note)
     return figure
 
 
-def _explain(figure: Figure, used: Collection[Any]) -> None:
+def _explain(figure: Figure, used: Sequence[Any], note: str) -> None:
     """Say below the axes what points and dashes mean."""
-    kinds = ((LEARNED, "trained"), (TUNED, "tuned"), (PAPER, "the paper's"), (PRIVILEGED, "knows the future"))
-    shown = [(Line2D([], [], color=MUTED, linestyle=dashes), kind) for dashes, kind in kinds if dashes in used]
-    shown += [(_dot(filled=True), "ranked"), (_dot(filled=False), "no rank")]
-    figure.legend(*zip(*shown, strict=True), loc="outside lower center", ncols=len(shown), fontsize=9.0)
+    entries = {kind: Line2D([], [], color=MUTED, linestyle=dashes) for dashes, kind in KINDS if dashes in used}
+    entries |= {"ranked": _dot(filled=True), "no rank": _dot(filled=False)}
+    legend_below(figure, list(entries.values()), list(entries), note)
 
 
 def _dot(*, filled: bool) -> Line2D:
     return Line2D([], [], color=MUTED, marker="o", linestyle="none", markerfacecolor=MUTED if filled else "white")
 
 
-def _look(name: str, place: int) -> tuple[str, Any]:
-    return LOOKS.get(name, (COLOURS[place % len(COLOURS)], LEARNED))
+def _look(name: str, look: Look) -> Look:
+    """Return a policy's look; one that has none of its own is a trained one."""
+    return look if name in LOOKS else look._replace(dashes=LEARNED)
 
 
-def _draw_front(axes: Axes, front: Sequence[Score], shift: float, colour: str, dashes: Any) -> None:
+def _draw_front(axes: Axes, front: Sequence[Score], shift: float, look: Look) -> None:
     """Draw one policy's errors with their intervals, moved a little along the pace."""
+    colour, marker, dashes = look
     x = np.array([score.pace for score in front]) * shift
     y = np.array([score.path_error for score in front]) / MILLIMETRE
-    axes.plot(x, y[:, 0], color=colour, linestyle=dashes, linewidth=1.5)
+    axes.plot(x, y[:, 0], color=colour, linestyle=dashes)
     bars = np.maximum([y[:, 0] - y[:, 1], y[:, 2] - y[:, 0]], 0.0)
-    axes.errorbar(x, y[:, 0], bars, fmt="none", ecolor=colour, elinewidth=1.4, capsize=2.5, zorder=3)
+    axes.errorbar(x, y[:, 0], bars, fmt="none", ecolor=colour, elinewidth=1.2, zorder=3)
     for at, error, score in zip(x, y[:, 0], front, strict=True):
         face = colour if score.ranked else "white"
-        axes.plot(at, error, color=colour, marker="o", markersize=6.0, markerfacecolor=face, linestyle="none", zorder=4)
+        axes.plot(
+            at, error, color=colour, marker=marker, markersize=6.0, markerfacecolor=face, linestyle="none", zorder=4
+        )
 
 
-def _name_fronts(axes: Axes, looks: Mapping[str, tuple[str, Any]], last: Mapping[str, float]) -> None:
+def _name_fronts(axes: Axes, by_policy: Mapping[str, Look], last: Mapping[str, float]) -> None:
     """Write names beside the axes, as near to the last errors [m] as they fit one below the other."""
     low, high = np.log(axes.get_ylim())
-    wanted = np.array([(np.log(last[name] / MILLIMETRE) - low) / (high - low) for name in looks])
-    for name, y, at in zip(looks, spread(wanted, LINE), wanted, strict=True):
-        colour, dashes = looks[name]
-        axes.plot(
-            [1.0, 1.03], [at, y], color=colour, linestyle="-", linewidth=1.0, transform=axes.transAxes, clip_on=False
-        )
-        axes.plot(
-            [1.03, 1.075],
-            [y, y],
-            color=colour,
-            linestyle=dashes,
-            linewidth=1.8,
-            transform=axes.transAxes,
-            clip_on=False,
-        )
-        axes.text(1.085, y, name, transform=axes.transAxes, va="center", fontsize=9.0, color=INK)
+    wanted = np.array([(np.log(last[name] / MILLIMETRE) - low) / (high - low) for name in by_policy])
+    beside: Any = {"transform": axes.transAxes, "clip_on": False}
+    for name, y, at in zip(by_policy, spread(wanted, LINE), wanted, strict=True):
+        colour, marker, dashes = by_policy[name]
+        axes.plot([1.0, 1.03], [at, y], color=colour, linestyle="-", linewidth=1.0, **beside)
+        axes.plot([1.03, 1.085], [y, y], color=colour, linestyle=dashes, **beside)
+        axes.plot(1.057, y, color=colour, marker=marker, markersize=5.0, **beside)
+        axes.text(1.095, y, shown(name, WIDE // 3), transform=axes.transAxes, va="center")
 
 
 def spread(wanted: Array, gap: float) -> Array:
@@ -176,7 +164,7 @@ def spread(wanted: Array, gap: float) -> Array:
 
 
 @styled
-def clutches_over_time(episodes: Mapping[str, Array], voltage_max: float, title: str) -> Figure:
+def clutches_over_time(episodes: Mapping[str, Array], voltage_max: float) -> Figure:
     """Return what policies do in an episode: distance from the path, and voltage and sticking of each clutch.
 
     Parameters
@@ -185,24 +173,31 @@ def clutches_over_time(episodes: Mapping[str, Array], voltage_max: float, title:
         Telemetry by policy, (T + 1, len(TELEMETRY)) each: the row of the reset, then one per control step.
     voltage_max
         Largest voltage of the clutches [V].
-    title
-        Above the picture.
     """
-    figure = Figure(figsize=(WIDTH, 6.4))
-    grid: Any = figure.subplots(5, len(episodes), sharex=True, sharey="row", height_ratios=(2.2, 1, 1, 1, 1))
-    panels = np.reshape(grid, (5, len(episodes)))
-    for column_of_panels, (name, telemetry) in zip(panels.T.tolist(), episodes.items(), strict=True):
+    columns = min(len(episodes), BESIDE)
+    blocks = ceil(len(episodes) / columns)
+    figure = Figure(figsize=(WIDTH, 5.6 * blocks))
+    heights = (2.2, 1, 1, 1, 1) * blocks
+    grid: Any = figure.subplots(5 * blocks, columns, sharey="row", height_ratios=heights, squeeze=False)
+    panels = grid.reshape(blocks, 5, columns).swapaxes(1, 2).reshape(-1, 5)
+    for column_of_panels, (name, telemetry) in zip(panels.tolist(), episodes.items(), strict=False):
         _draw_guided(column_of_panels, telemetry, voltage_max)
-        column_of_panels[0].set_title(name)
-    panels[0, 0].set_ylabel("distance from\nthe path [mm]")
-    panels[0, 0].set_xlim(0.0, max(float(column(each, "time")[-1]) for each in episodes.values()))
-    for name, axes in zip(CLUTCHES, panels[1:, 0], strict=True):
-        axes.set_ylabel(f"{name}\n[V]")
-        axes.set_yticks([0.0, voltage_max])
-        axes.set_ylim(-STUCK * voltage_max, 1.04 * voltage_max)
-    handles = [Patch(color=MUTED, alpha=FILLED, label="voltage"), Patch(color=INK, label="the clutch sticks")]
-    figure.legend(handles=handles, loc="outside lower center", ncols=2)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11.0)
+        column_of_panels[0].set_title(shown(name, WIDE // columns))
+    for axes in panels[len(episodes) :].ravel():
+        axes.set_visible(False)
+    end = max(float(column(each, "time")[-1]) for each in episodes.values())
+    for axes in panels.ravel():
+        axes.set_xlim(0.0, end)
+    for axes in panels[:, :-1].ravel():
+        axes.tick_params(labelbottom=False)
+    for first in panels[::columns]:
+        first[0].set_ylabel("distance from\nthe path [mm]")
+        for name, axes in zip(CLUTCHES, first[1:], strict=True):
+            axes.set_ylabel(f"{name}\n[V]")
+            axes.set_yticks([0.0, voltage_max])
+            axes.set_ylim(-STUCK * voltage_max, 1.1 * voltage_max)
+    figure.align_ylabels(list(grid[:, 0]))
+    legend_below(figure, [Patch(color=MUTED, alpha=FILLED), Patch(color=INK)], ["voltage", "the clutch sticks"])
     return figure
 
 

@@ -6,10 +6,13 @@ from matplotlib.figure import Figure
 
 from pter_gym.paper.experiments.single_dof import SingleDof, SingleDofTest
 from pter_gym.paper.experiments.step_response import StepResponse
-from pter_gym.paper.plots.marks import FAINT, MARKERS, headline, legend_below, mark
+from pter_gym.paper.plots.marks import FAINT, mark
+from pter_gym.plots.legends import legend_of
 from pter_gym.plots.style import (
+    CLUTCH_COLOURS,
     COLOURS,
     DASHES,
+    LOOKS,
     REFERENCE,
     WIDTH,
     inch_pounds_right,
@@ -24,7 +27,7 @@ from pter_gym.units import to_inch_pounds
 @styled
 def single_dof_paths(result: SingleDof) -> Figure:
     """Return Fig. 3 for each clutch: where the tip went, on the line that the locked clutch leaves it."""
-    figure = Figure(figsize=(WIDTH, 6.6))
+    figure = Figure(figsize=(WIDTH, 5.8))
     grid = figure.subplots(2, 2)
     for k, (axes, test) in enumerate(zip(grid.flat, result.tests, strict=True)):
         _single_dof_path(axes, test)
@@ -33,8 +36,7 @@ def single_dof_paths(result: SingleDof) -> Figure:
             inches_above(axes, "x")
         if k % 2:
             inches_right(axes, "y")
-    legend_below(figure, grid[0, 0], 3)
-    headline(figure, "Single degree-of-freedom tests: path of the tip")
+    legend_of(figure, grid[0, 0])
     return figure
 
 
@@ -44,21 +46,20 @@ def _single_dof_path(axes: Axes, test: SingleDofTest) -> None:
     axes.plot(*tip.T, color=COLOURS[0], linewidth=3.0, label="path of the tip")
     axes.plot(*tip[0], color=COLOURS[0], marker="o", markersize=6.5, linestyle="none", label="start")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_title(f"clutch {test.clutch}, clutch {test.locked} locked", fontsize=10.0)
+    axes.set_title(f"clutch {test.clutch}, clutch {test.locked} locked")
 
 
 @styled
 def single_dof_torques(result: SingleDof) -> Figure:
     """Return Fig. 4 for each clutch: torques over time while the input torque rises."""
-    figure = Figure(figsize=(WIDTH, 6.2))
+    figure = Figure(figsize=(WIDTH, 5.4))
     grid = figure.subplots(2, 2)
     for k, (axes, test) in enumerate(zip(grid.flat, result.tests, strict=True)):
         _single_dof_torque(axes, test, result.breakaway)
         label(axes, "time [s]" if k > 1 else "", "torque [N·m]" if k % 2 == 0 else "")
         if k % 2:
             inch_pounds_right(axes)
-    legend_below(figure, grid[0, 0], 3)
-    headline(figure, "Single degree-of-freedom tests: clutch torques")
+    legend_of(figure, grid[0, 0])
     return figure
 
 
@@ -71,13 +72,13 @@ def _single_dof_torque(axes: Axes, test: SingleDofTest, breakaway: float) -> Non
     mark(axes, f"{to_inch_pounds(breakaway):.1f} in·lbf", (0.0, breakaway), (4.0, 4.0))
     axes.set_ylim(0.0, 2.6 * breakaway)
     axes.set_xlim(0.0, time[-1])
-    axes.set_title(f"clutch {test.clutch}, clutch {test.locked} locked", fontsize=10.0)
+    axes.set_title(f"clutch {test.clutch}, clutch {test.locked} locked")
 
 
 @styled
 def clutch_step(result: StepResponse) -> Figure:
     """Return the step response of the four clutches beside a first-order response."""
-    figure = Figure(figsize=(WIDTH, 3.6))
+    figure = Figure(figsize=(WIDTH, 3.1))
     axes = figure.add_subplot()
     tau = result.machine.clutch.time_constant
     axes.plot(result.time, result.first_order, color=REFERENCE, alpha=0.3, linewidth=5.0, label="first order")
@@ -87,20 +88,19 @@ def clutch_step(result: StepResponse) -> Figure:
         axes.plot(
             result.time,
             torque,
-            color=COLOURS[k],
+            color=CLUTCH_COLOURS[k],
             linestyle="none",
-            marker=MARKERS[k],
+            marker=LOOKS[k].marker,
             markersize=4.5,
             markevery=(offset, every),
             label=f"clutch {k + 1}",
         )
     rise = (1.0 - np.exp(-1.0)) * result.final
     axes.plot([tau, tau, result.time[0]], [0.0, rise, rise], color=FAINT, linestyle=":", linewidth=1.0)
-    mark(axes, f"63% at τ = {tau:g} s", (tau, rise), (8.0, -10.0))
+    mark(axes, f"63 % at τ = {tau:g} s", (tau, rise), (8.0, -10.0))
     axes.set_xlim(result.time[0], result.time[-1])
     axes.set_ylim(0.0, 1.08 * result.final)
     label(axes, "time since the step [s]", "generated torque [N·m]")
     inch_pounds_right(axes, "generated torque")
-    axes.set_title(f"Step of a clutch's voltage to {result.volts:.2f} V under a constant tip force")
-    figure.legend(loc="outside lower center", ncols=5)
+    legend_of(figure, axes, f"voltage steps to {result.volts:.2f} V under a constant tip force")
     return figure

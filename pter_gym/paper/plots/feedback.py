@@ -7,6 +7,7 @@ from pter_gym.paper.experiments.feedback import BEST_GAIN, FollowedLine, GainSwe
 from pter_gym.paper.experiments.measures import PLATEAU_FROM
 from pter_gym.paper.plots.marks import FAINT, mark_line
 from pter_gym.plots.benchmark import MILLIMETRE
+from pter_gym.plots.legends import legend_of
 from pter_gym.plots.style import (
     COLOURS,
     REFERENCE,
@@ -23,7 +24,7 @@ from pter_gym.units import to_inch_pounds
 @styled
 def error_over_gain(result: GainSweep) -> Figure:
     """Return Fig. 10: position error over the gain of the torque feedback, and how much the clutches saturate."""
-    figure = Figure(figsize=(WIDTH, 5.0))
+    figure = Figure(figsize=(WIDTH, 4.4))
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
     above.plot(
         result.gain, result.position_error / MILLIMETRE, marker="o", markersize=5.0, linewidth=1.2, clip_on=False
@@ -56,7 +57,7 @@ def error_over_gain(result: GainSweep) -> Figure:
 @styled
 def followed_lines(result: LineFollowing) -> Figure:
     """Return Fig. 11: how far from the line the tip was along it, without and with torque feedback."""
-    figure = Figure(figsize=(WIDTH, 3.9))
+    figure = Figure(figsize=(WIDTH, 2.8))
     axes = figure.add_subplot()
     axes.axhline(0.0, color=REFERENCE, linestyle="-", linewidth=4.0, alpha=0.3, label="desired line")
     _draw_followed(axes, result.without, "without torque feedback")
@@ -65,8 +66,7 @@ def followed_lines(result: LineFollowing) -> Figure:
     label(axes, "distance along the line [m]", "distance from the line [mm]")
     inches_above(axes, "distance along the line")
     inches_right(axes, "distance from the line", MILLIMETRE)
-    axes.set_title(f"Line-following test, τ = {result.time_constant:g} s")
-    figure.legend(loc="outside lower center", ncols=1)
+    legend_of(figure, axes, f"line-following test, τ = {result.time_constant:g} s")
     return figure
 
 

@@ -1,17 +1,14 @@
-"""What the figures share: remarks beside the data, headlines, legends, and names of machines for a reader."""
+"""What the figures share: remarks beside the data, and names of machines for a reader."""
 
 from typing import Literal
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from pter_gym.paper.experiments.claims import NAMES
-
-MARKERS = ("o", "s", "^", "D")
-
+from pter_gym.plots.style import MUTED, SMALL
 
 FAINT = "#8b929c"
-"""Colour of remarks and marks beside the data."""
+"""Colour of marks beside the data."""
 
 
 def mark(
@@ -21,7 +18,7 @@ def mark(
     offset: tuple[float, float] = (0.0, 0.0),
     *,
     aligned: Literal["left", "center"] = "left",
-    colour: str = FAINT,
+    colour: str = MUTED,
 ) -> None:
     """Write a remark at a position in the data, moved by an offset in points."""
     axes.annotate(
@@ -31,7 +28,7 @@ def mark(
         textcoords="offset points",
         ha=aligned,
         color=colour,
-        fontsize=8.5,
+        fontsize=SMALL,
         annotation_clip=False,
     )
 
@@ -40,17 +37,6 @@ def mark_line(axes: Axes, text: str, x: float, *, top: bool) -> None:
     """Write a remark beside a vertical line, at the top or the bottom of the axes."""
     low, high = axes.get_ylim()
     mark(axes, text, (x, high if top else low), (4.0, -11.0 if top else 5.0))
-
-
-def headline(figure: Figure, text: str) -> None:
-    """Write the title of a figure with several panels."""
-    figure.suptitle(text, x=0.01, ha="left", fontsize=11.0)
-
-
-def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
-    """Show the legend of one of several panels below all of them."""
-    handles, names = axes.get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside lower center", ncols=columns)
 
 
 def name_of(machine: str) -> str:

@@ -4,16 +4,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pter_gym.internal.looks import numbered
 from pter_gym.paper.experiments.reversal import Reversal, Reversals
 from pter_gym.paper.experiments.torque_curves import MEASURED_FROM, TorqueCurves
-from pter_gym.paper.plots.marks import FAINT, headline, legend_below, name_of
+from pter_gym.paper.plots.marks import FAINT, name_of
+from pter_gym.plots.legends import legend_of
 from pter_gym.plots.style import (
     COLOURS,
     DASHES,
+    MUTED,
     REFERENCE,
+    SMALL,
     WIDTH,
     inch_pounds_right,
     label,
+    percent,
     styled,
 )
 
@@ -24,7 +29,7 @@ ZOOM = 0.008
 @styled
 def torque_over_voltage(result: TorqueCurves) -> Figure:
     """Return Fig. 5: breakaway and dynamic torque of clutch 1, one panel per material."""
-    figure = Figure(figsize=(WIDTH, 3.9))
+    figure = Figure(figsize=(WIDTH, 3.1))
     panels = figure.subplots(1, len(result.materials), sharey=True, squeeze=False)[0]
     for k, (axes, (name, curves)) in enumerate(zip(panels, result.materials.items(), strict=True)):
         axes.axvspan(0.0, MEASURED_FROM, color=REFERENCE, alpha=0.07, linewidth=0.0)
@@ -48,7 +53,7 @@ def torque_over_voltage(result: TorqueCurves) -> Figure:
             )
         axes.set_xlim(0.0, result.volts[-1])
         axes.set_ylim(bottom=0.0)
-        axes.set_title(name_of(name), fontsize=10.0)
+        axes.set_title(name_of(name))
         label(axes, "voltage [V]", "torque [N·m]" if k == 0 else "")
     axes = panels[0]
     axes.text(
@@ -58,28 +63,28 @@ def torque_over_voltage(result: TorqueCurves) -> Figure:
         rotation=90.0,
         ha="center",
         va="top",
-        color=FAINT,
-        fontsize=8.5,
+        color=MUTED,
+        fontsize=SMALL,
         transform=axes.get_xaxis_transform(),
     )
     inch_pounds_right(panels[-1])
-    legend_below(figure, axes, 4)
-    headline(figure, "Torque of clutch 1 over its voltage")
+    legend_of(figure, axes)
     return figure
 
 
 @styled
 def reversal_torques(result: Reversals) -> Figure:
     """Return Fig. 9: torque of clutch 1 while the motion turns back, and a close-up relative to the dynamic torque."""
-    figure = Figure(figsize=(WIDTH, 4.6))
+    figure = Figure(figsize=(WIDTH, 3.8))
     count = len(result.machines)
     grid = figure.add_gridspec(count, 2, width_ratios=(1.7, 1.0), wspace=0.06)
     whole = figure.add_subplot(grid[:, 0])
     for k, (name, reversal) in enumerate(result.machines.items()):
+        colour, _, dashes = numbered(k)
         time = reversal.trajectory.time
-        whole.plot(time, reversal.torque, color=COLOURS[k], linestyle=DASHES[k], label=name_of(name))
+        whole.plot(time, reversal.torque, color=colour, linestyle=dashes, label=name_of(name))
         close = figure.add_subplot(grid[k, 1])
-        _close_up(close, reversal, COLOURS[k])
+        _close_up(close, reversal, colour)
         if k < count - 1:
             close.tick_params(labelbottom=False)
         else:
@@ -88,8 +93,8 @@ def reversal_torques(result: Reversals) -> Figure:
             close.set_ylabel("torque / dynamic torque")
     label(whole, "time [s]", "torque of clutch 1 [N·m]")
     inch_pounds_right(whole)
-    whole.set_title(f"Clutch 1 at {result.volts:.2f} V; tip force steps to {np.hypot(*result.force):.0f} N at 0.1 s")
-    figure.legend(loc="outside lower center", ncols=3)
+    note = f"clutch 1 at {result.volts:.2f} V; the force at the tip steps to {np.hypot(*result.force):.0f} N at 0.1 s"
+    legend_of(figure, whole, note)
     return figure
 
 
@@ -103,4 +108,6 @@ def _close_up(axes: Axes, reversal: Reversal, colour: str) -> None:
     axes.set_xlim(-1e3 * ZOOM, 1e3 * ZOOM)
     axes.set_ylim(-1.5, 1.5)
     axes.set_yticks([-1.0, 0.0, 1.0])
-    axes.text(0.97, 0.62, f"jump {reversal.jump:.0%}", transform=axes.transAxes, ha="right", va="center", color=colour)
+    axes.text(
+        0.97, 0.62, f"jump {percent(reversal.jump)}", transform=axes.transAxes, ha="right", va="center", color=colour
+    )

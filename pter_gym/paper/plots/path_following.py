@@ -7,18 +7,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pter_gym.internal.looks import numbered
 from pter_gym.paper.experiments.claims import COLUMNS, TABLE_TOLERANCE
 from pter_gym.paper.experiments.measures import paper_units
 from pter_gym.paper.experiments.time_constants import PAPER_TABLE, Sweep, TableRow
-from pter_gym.paper.plots.marks import FAINT, MARKERS, headline, legend_below, mark, mark_line, name_of
+from pter_gym.paper.plots.marks import FAINT, mark, mark_line, name_of
 from pter_gym.params import TIME_CONSTANT
 from pter_gym.plots.benchmark import MILLIMETRE
+from pter_gym.plots.legends import legend_of
 from pter_gym.plots.style import (
     COLOURS,
     REFERENCE,
     WIDTH,
     inches_right,
     label,
+    percent,
     scaled,
     styled,
 )
@@ -45,25 +48,26 @@ def peak_acceleration_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
 def _over_time_constant(
     sweeps: Mapping[str, Sweep], value: Callable[[Sweep], Array], name: str, unit: str, metres: float, per: str
 ) -> Figure:
-    figure = Figure(figsize=(WIDTH, 4.2))
+    figure = Figure(figsize=(WIDTH, 3.4))
     axes = figure.add_subplot()
     _draw_sweeps(axes, sweeps, value)
     label(axes, "time constant of the clutches [s]", f"{name} [{unit}]")
     inches_right(axes, name, metres, per)
     mark_line(axes, "manufacturer", TIME_CONSTANT, top=False)
-    axes.set_title(f"{name.capitalize()} over the time constant")
-    figure.legend(loc="outside lower center", ncols=3)
+    legend_of(figure, axes)
     return figure
 
 
 def _draw_sweeps(axes: Axes, sweeps: Mapping[str, Sweep], value: Callable[[Sweep], Array]) -> None:
     axes.axvline(TIME_CONSTANT, color=FAINT, linestyle=":", linewidth=1.0)
     for k, (machine, sweep) in enumerate(sweeps.items()):
+        colour, marker, dashes = numbered(k)
         axes.plot(
             sweep.time_constant,
             value(sweep),
-            marker=MARKERS[k % len(MARKERS)],
-            markersize=5.0,
+            color=colour,
+            linestyle=dashes,
+            marker=marker,
             linewidth=1.2,
             label=name_of(machine),
         )
@@ -75,7 +79,7 @@ def _draw_sweeps(axes: Axes, sweeps: Mapping[str, Sweep], value: Callable[[Sweep
 @styled
 def way_and_speed_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
     """Return path length and mean speed of the tip over the time constant (section IV-C.1, in the text only)."""
-    figure = Figure(figsize=(WIDTH, 3.8))
+    figure = Figure(figsize=(WIDTH, 3.1))
     left, right = figure.subplots(1, 2)
     _draw_sweeps(left, sweeps, lambda sweep: sweep.path_length)
     _draw_sweeps(right, sweeps, lambda sweep: sweep.tip_speed)
@@ -84,17 +88,16 @@ def way_and_speed_over_time_constant(sweeps: Mapping[str, Sweep]) -> Figure:
     left.autoscale(axis="y")
     label(left, "time constant of the clutches [s]", "path length of the tip [m]")
     label(right, "time constant of the clutches [s]", "mean tip speed [m/s]")
-    inches_right(left, "")
+    inches_right(left, "path length of the tip")
     inches_right(right, "mean tip speed", per="/s")
-    legend_below(figure, left, 3)
-    headline(figure, "Path length and mean speed over the time constant")
+    legend_of(figure, left)
     return figure
 
 
 @styled
 def table_comparison(table: Mapping[str, TableRow]) -> Figure:
     """Return Table I as a picture: the paper's numbers with their tolerance, and ours."""
-    figure = Figure(figsize=(WIDTH, 3.3))
+    figure = Figure(figsize=(WIDTH, 2.9))
     panels = figure.subplots(1, 3, sharey=True)
     models = list(PAPER_TABLE)
     for column, (axes, (name, unit)) in enumerate(zip(panels, COLUMNS, strict=True)):
@@ -105,8 +108,7 @@ def table_comparison(table: Mapping[str, TableRow]) -> Figure:
         axes.set_yticks(range(len(models)), [name_of(model) for model in models])
         axes.set_xlabel(f"{name} [{unit}]")
         axes.secondary_xaxis("top", functions=scaled(INCH)).set_xlabel(f"[{unit.replace('in', 'm')}]")
-    legend_below(figure, panels[0], 2)
-    headline(figure, "Table I: averages over the time constants")
+    legend_of(figure, panels[0])
     return figure
 
 
@@ -122,7 +124,7 @@ def _compare(axes: Axes, row: int, paper: float, ours: float) -> None:
         capsize=4.0,
         elinewidth=1.2,
         linestyle="none",
-        label=f"paper ± {TABLE_TOLERANCE:.0%}" if row == 0 else None,
+        label=f"paper ± {percent(TABLE_TOLERANCE)}" if row == 0 else None,
     )
     axes.plot(
         ours,
@@ -133,5 +135,6 @@ def _compare(axes: Axes, row: int, paper: float, ours: float) -> None:
         linestyle="none",
         label="simulated" if row == 0 else None,
     )
-    deviation = f"{ours / paper - 1.0:+.1%}".replace("-", "−")
-    mark(axes, deviation, (ours, row), (0.0, 8.0), aligned="center", colour=COLOURS[0])
+    mark(
+        axes, percent(ours / paper - 1.0, 1, signed=True), (ours, row), (0.0, 8.0), aligned="center", colour=COLOURS[0]
+    )

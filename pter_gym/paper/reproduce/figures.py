@@ -10,7 +10,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.paper import plots
 from pter_gym.paper.experiments.study import Study
 from pter_gym.paper.reproduce import tables
-from pter_gym.plots.style import png
+from pter_gym.plots.style import pdf, png
 
 Draw = Callable[[Study], Figure]
 
@@ -147,7 +147,10 @@ def find_products(names: Iterable[str]) -> dict[str, Product]:
 def files_of(name: str, study: Study) -> dict[str, bytes]:
     """Return the content of a product's files by their names."""
     product = PRODUCTS[name]
-    files = {f"{stem}.png": png(draw(study)) for stem, draw in product.pictures.items()}
+    files: dict[str, bytes] = {}
+    for stem, draw in product.pictures.items():
+        figure = draw(study)
+        files |= {f"{stem}.png": png(figure), f"{stem}.pdf": pdf(figure)}
     files[f"{name}.csv"] = tables.csv_text(product.columns(study)).encode()
     if name == "table1":
         files["table1.json"] = (json.dumps(tables.table1(study), indent=2) + "\n").encode()
