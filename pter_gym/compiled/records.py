@@ -19,8 +19,8 @@ from numba import types
 from numba.extending import overload
 
 from pter_gym.compiled.compiler import WITHOUT_ARRAYS
-from pter_gym.compiled.pipeline import Part
 from pter_gym.compiled.layout import Field, Layout
+from pter_gym.compiled.pipeline import Part
 
 
 @dataclass(frozen=True)
