@@ -9,17 +9,16 @@ import gc
 import logging
 import multiprocessing
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from threading import Event, local
 from typing import Any, NamedTuple, cast
 
-from numba.core import ir, ir_utils
+from numba.core import compiler_machinery, ir, ir_utils
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.untyped_passes import TranslateByteCode
 
 PATIENCE = 1.0
@@ -27,6 +26,8 @@ PATIENCE = 1.0
 
 STORED = "compiling, once: about 20 s"
 NOT_STORED = "compiling for this process alone, as it cannot be stored: about 20 s"
+
+_machinery: Any = compiler_machinery
 
 _log = logging.getLogger(__name__.partition(".")[0])
 
@@ -81,7 +82,7 @@ def _run(job: _Job, compile_here: Any, signature: Any) -> Any:
 
 
 @contextmanager
-def _without_collector() -> Iterator[None]:
+def _without_collector() -> Generator[None]:
     """Keep Python from looking for unused cycles: a sixth of the time, for 80 MB. Holds numba's lock."""
     was_enabled = gc.isenabled()
     gc.disable()
@@ -99,8 +100,8 @@ def _tell(text: str) -> None:
         _log.warning("%s: %s", _log.name, text)
 
 
-@register_pass(mutates_CFG=False, analysis_only=False)
-class _FoldRecords(FunctionPass):
+@_machinery.register_pass(mutates_CFG=False, analysis_only=False)
+class _FoldRecords(_machinery.FunctionPass):
     """Replace ``ROW.motion.theta_a`` by its value, where ``ROW`` is a constant record."""
 
     _name = "fold_records"
@@ -201,7 +202,7 @@ class _PartLibrary(JITCodeLibrary):
     def set_env(self, *_: Any) -> None:
         """Set nothing."""
 
-    def get_pointer_to_function(self, *_: Any) -> int:
+    def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002
         """Return that there is no machine code."""
         self._ensure_finalized()
         return 0

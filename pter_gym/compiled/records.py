@@ -202,9 +202,10 @@ def _doing(kind: Any, arguments: str, number: str) -> Any:
 
 def _compiled(function: Any) -> Any:
     """Say what builds the compiled form of a function: the same for every device, for a CPU in less time."""
+    for_cpu: Any = {**WITHOUT_ARRAYS, "pipeline_class": Part}
 
     def register(build: Any) -> Any:
-        overload(function, jit_options={**WITHOUT_ARRAYS, "pipeline_class": Part}, target="cpu")(build)
+        overload(function, jit_options=for_cpu, target="cpu")(build)
         return overload(function, jit_options=WITHOUT_ARRAYS)(build)
 
     return register

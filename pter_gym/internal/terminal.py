@@ -20,6 +20,6 @@ def make_folder(path: Path) -> None:
 
 
 def progress_bar(console: Console) -> Progress:
-    """Return the progress bar that all commands share."""
+    """Return the progress bar that all commands share; where there is no terminal nothing is shown."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=True)
+    return Progress(*columns, console=console, transient=True, redirect_stdout=False, disable=not console.is_terminal)
