@@ -51,14 +51,14 @@ def as_typed(message: str, command: Callable[..., Any] | None) -> str:
     if command is None or found is None:
         return message
     hints = get_type_hints(command, include_extras=True)
-    name = next((name for name in hints if name != "return" and _are_alike(name, found[1])), None)
+    name = next((name for name in hints if name != "return" and _bare(name) == _bare(found[1])), None)
     if name is None:
         return message
     typed = name.upper() if Positional in get_args(hints[name]) else f"--{name.replace('_', '-')}"
     return typed + message[found.end() :]
 
 
-def _are_alike(name: str, field: str) -> bool:
-    """Tell whether an argument is the field, or one is the other's plural or short form."""
-    short = min(len(name), len(field))
-    return name == field or (short >= 4 and name[: max(4, short - 1)] == field[: max(4, short - 1)])
+def _bare(word: str) -> str:
+    """Return a word as singular, and in the short form of an argument."""
+    singular = f"{word.removesuffix('ies')}y" if word.endswith("ies") else word.removesuffix("s")
+    return {"algorithm": "algo"}.get(singular, singular)
