@@ -1,7 +1,6 @@
 """``pter``: the commands. Other packages add theirs by the entry-point group ``pter.commands``."""
 
 import functools
-import os
 import sys
 from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
@@ -16,6 +15,7 @@ from pter_gym._version import __version__
 from pter_gym.commands.arguments import as_typed
 from pter_gym.commands.names import names_table
 from pter_gym.errors import PterError, unknown_name
+from pter_gym.internal.terminal import Interrupts
 
 Command = Callable[..., int | None]
 
@@ -69,13 +69,13 @@ def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run ``pter`` and return its exit status: the command's, else 0; 2 for a wrong argument, 130 after Ctrl-C."""
-    given = sys.argv[1:] if arguments is None else arguments
+    interrupts = Interrupts(INTERRUPTED)
+    if arguments is None:
+        interrupts.watch()
     try:
-        return _run(given)
+        return _run(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
-        Console(stderr=True).print("interrupted; results that were written are whole", highlight=False)
-        if arguments is None:
-            _leave_compiler()
+        interrupts.tell()
         return INTERRUPTED
 
 
@@ -122,14 +122,6 @@ def _print_help(name: str, command: Command) -> int:
         Console(highlight=False).print(names_table(command))
         return int(end.code or 0)
     return 0
-
-
-def _leave_compiler() -> None:
-    """End the process at once where LLVM is at work: it hears no interrupt, and Python would wait for it."""
-    if (pipeline := sys.modules.get("pter_gym.compiled.pipeline")) and pipeline.is_compiling():
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(INTERRUPTED)
 
 
 if __name__ == "__main__":

@@ -40,13 +40,7 @@ class _Job(NamedTuple):
 
 
 _thread = local()
-_jobs: set[_Job] = set()
 _told = Event()
-
-
-def is_compiling() -> bool:
-    """Tell whether a kernel is being compiled, also for nobody after an interrupt."""
-    return any(job.began.is_set() for job in _jobs)
 
 
 def compile_apart(kernel: Any, *, stored: bool) -> None:
@@ -73,12 +67,8 @@ def compile_apart(kernel: Any, *, stored: bool) -> None:
 
 def _run(job: _Job, compile_here: Any, signature: Any) -> Any:
     _thread.job = job
-    _jobs.add(job)
-    try:
-        with cast(Any, global_compiler_lock), _without_collector():
-            return compile_here(signature)
-    finally:
-        _jobs.discard(job)
+    with cast(Any, global_compiler_lock), _without_collector():
+        return compile_here(signature)
 
 
 @contextmanager
