@@ -53,13 +53,6 @@ def trained() -> Names:
     return {"trained": list(shipped_policies())}
 
 
-def algorithms() -> Names:
-    """Return what ``pter train`` can train."""
-    from pter_agents.algorithms import ALGORITHMS
-
-    return {"algorithms": list(ALGORITHMS)}
-
-
 def figures() -> Names:
     """Return the figures and tables of the paper."""
     from pter_gym.paper.reproduce.figures import PRODUCTS
@@ -68,7 +61,6 @@ def figures() -> Names:
 
 
 NAMES: dict[str, Callable[[], Names]] = {
-    "algo": algorithms,
     "controller": tunable,
     "policies": policies,
     "policy": trained,

@@ -66,7 +66,7 @@ def test_the_example_in_a_help_is_understood(name: str) -> None:
     command = load_command(name)
     given = parse(name, command, arguments)
     known = {word for kind in names_of(command).values() for word in kind}
-    for key in ("policies", "policy", "scenario", "pace", "paces", "controller", "algo", "figures"):
+    for key in ("policies", "policy", "scenario", "pace", "paces", "controller", "figures"):
         value: Any = given.get(key)
         words = value if isinstance(value, tuple) else str(value or "").split(",")
         assert {word for word in words if word} <= known | {"all"}, key
