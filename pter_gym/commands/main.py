@@ -119,7 +119,7 @@ def _print_help(name: str, command: Command) -> int:
     try:
         parse(name, command, ["--help"])
     except SystemExit as end:
-        Console(highlight=False).print(names_table(command))
+        Console(highlight=False).print("names\n", names_table(command), sep="")
         return int(end.code or 0)
     return 0
 

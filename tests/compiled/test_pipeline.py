@@ -152,7 +152,8 @@ def test_the_collector_is_as_it_was(enabled: bool) -> None:
         (gc.enable if was_enabled else gc.disable)()
 
 
-def test_parts_have_no_machine_code() -> None:
+def test_parts_have_no_machine_code(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     compile_kernel(build_steps)(np.ones((5, 1)), True)
     part = next(iter(vars(swapped)["overloads"].values()))
     assert part.library.get_pointer_to_function(part.fndesc.llvm_func_name) == 0
