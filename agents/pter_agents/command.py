@@ -46,9 +46,11 @@ def train(
         config: TOML file with hyper-parameters in place of the usual ones.
         smoke: A run of some seconds that shows that training works.
     """
+    console, errors = Console(), Console(stderr=True)
     try:
-        settings = load_settings(algo, config)
-        from pter_agents import training
+        with errors.status("loading"):
+            settings = load_settings(algo, config)
+            from pter_agents import training
     except ImportError as error:
         raise needs_extra("training", "agents") from error
     episodes = training.Arguments.validation_episodes
@@ -64,8 +66,7 @@ def train(
         settings=settings,
         validation_episodes=episodes,
     )
-    console = Console()
-    with progress_bar(Console(stderr=True)) as progress:
+    with progress_bar(errors) as progress:
         task = progress.add_task(f"{algo}, {scenario}", total=steps)
         path = training.train(
             arguments, out, resume=resume, on_progress=lambda done: progress.update(task, completed=done)
@@ -89,12 +90,13 @@ def export(
         name: What the policy is called; its algorithm by default.
         out: Folder for the files; made if need be.
     """
+    console, errors = Console(), Console(stderr=True)
     try:
-        from pter_agents.exporting import export_run
+        with errors.status("loading"):
+            from pter_agents.exporting import export_run
     except ImportError as error:
         raise needs_extra("training", "agents") from error
-    console = Console()
-    with Console(stderr=True).status("exporting"):
+    with errors.status("exporting"):
         path, difference = export_run(run, out, name=name)
     console.print(f"largest difference between both: {difference:.1e} of the largest voltage", highlight=False)
     console.print(f"wrote {path}", highlight=False)
@@ -113,13 +115,14 @@ def retrain(
         policy: Name of a trained policy that the package ships, or the path of the card of another.
         out: Folder for the run and the new policy; made if need be. A run that was stopped there goes on.
     """
+    console, errors = Console(), Console(stderr=True)
     try:
-        from pter_agents import retraining
+        with errors.status("loading"):
+            from pter_agents import retraining
     except ImportError as error:
         raise needs_extra("training", "agents") from error
     from pter_gym.benchmark.leaderboard import table
 
-    console, errors = Console(), Console(stderr=True)
     shipped = retraining.find_trained(policy)
     with progress_bar(errors) as progress:
         task = progress.add_task(shipped.card.name, total=None)
