@@ -41,7 +41,7 @@ class Interrupts:
         Exit status of a process that is ended.
     """
 
-    GRACE = 0.5
+    GRACE = 0.3
     """Seconds in which Python may end by itself."""
 
     def __init__(self, status: int) -> None:
