@@ -76,6 +76,8 @@ def main(arguments: list[str] | None = None) -> int:
         return _run(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
         interrupts.tell()
+        if arguments is None:
+            interrupts.end()
         return INTERRUPTED
 
 

@@ -1,8 +1,10 @@
 """What the commands share on the terminal: folders for results, the progress bar, and Ctrl-C."""
 
+import atexit
 import os
 import signal
 import socket
+import sys
 import time
 from pathlib import Path
 from threading import Lock, Thread
@@ -53,7 +55,7 @@ class Interrupts:
         self._heard, self._signals = socket.socketpair()
         self._signals.setblocking(False)
         signal.set_wakeup_fd(self._signals.fileno(), warn_on_full_buffer=False)
-        Thread(target=self._end, name="pter-interrupts", daemon=True).start()
+        Thread(target=self._wait, name="pter-interrupts", daemon=True).start()
 
     def tell(self) -> None:
         """Say that there was an interrupt, once."""
@@ -62,7 +64,13 @@ class Interrupts:
             console.show_cursor()
             console.print("interrupted; results that were written are whole", highlight=False)
 
-    def _end(self) -> None:
+    def end(self) -> None:
+        """End the process after what is registered for its exit; Python's own way takes a second to unload torch."""
+        sys.stdout.flush()
+        atexit._run_exitfuncs()  # pyright: ignore[reportPrivateUsage]
+        os._exit(self._status)
+
+    def _wait(self) -> None:
         while self._heard.recv(1)[0] != signal.SIGINT:
             pass
         time.sleep(self.GRACE)
