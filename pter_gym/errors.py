@@ -38,6 +38,11 @@ class PolicyError(PterError, RuntimeError):
     """A policy in a process of its own has failed, has ended, or does not answer in time."""
 
 
+def needs_extra(what: str, extra: str) -> DependencyError:
+    """Return the error for an optional package that is missing, with the command that installs it."""
+    return DependencyError(f"{what} needs the extra {extra}: run `pip install -e '.[{extra}]'` where its source is")
+
+
 def unknown_name(field: str, name: object, known: Iterable[str]) -> ParameterError:
     """Return the error for an unknown name, which lists the known ones and points to the nearest."""
     known = list(known)

@@ -7,15 +7,13 @@ import tyro
 from rich.console import Console
 
 from pter_agents.algorithms import ALGORITHMS, load_settings, smoke_settings
-from pter_gym.errors import DependencyError
+from pter_gym.errors import needs_extra
 from pter_gym.internal.terminal import progress_bar
 from pter_gym.scenarios import SCENARIOS
 
 TRAINED = "What to train: " + ", ".join(f"{name} ({each.action})" for name, each in ALGORITHMS.items()) + "."
 
 DRAWN = f"Scenario whose draws are trained on: {', '.join(SCENARIOS)}, or all."
-
-MISSING = 'training needs Stable-Baselines3: pip install "pter-gym[agents]"'
 
 SMOKE_ROLLOUTS = 3
 SMOKE_EPISODES = 8
@@ -37,8 +35,10 @@ def train(
     The folder of the run gets two checkpoints, the newest ones; validation.json with the scores on drawn episodes that
     are not trained on; progress.csv, and what TensorBoard shows.
 
+    Example: pter train residual --smoke --out residual-run
+
     Args:
-        pace: Commanded pace: slow, medium, brisk, or all of them in turn.
+        pace: Commanded pace, or all of them in turn.
         steps: Control steps of all worlds together.
         seed: Seed of weights, worlds, draws and actions, at least 0.
         out: Folder of the run; made if need be. It may hold no other run.
@@ -46,11 +46,13 @@ def train(
         config: TOML file with hyper-parameters in place of the usual ones.
         smoke: A run of some seconds that shows that training works.
     """
+    console, errors = Console(), Console(stderr=True)
     try:
-        settings = load_settings(algo, config)
-        from pter_agents import training
+        with errors.status("loading"):
+            settings = load_settings(algo, config)
+            from pter_agents import training
     except ImportError as error:
-        raise DependencyError(MISSING) from error
+        raise needs_extra("training", "agents") from error
     episodes = training.Arguments.validation_episodes
     if smoke:
         settings = smoke_settings(algo, settings)
@@ -64,8 +66,7 @@ def train(
         settings=settings,
         validation_episodes=episodes,
     )
-    console = Console()
-    with progress_bar(console) as progress:
+    with progress_bar(errors) as progress:
         task = progress.add_task(f"{algo}, {scenario}", total=steps)
         path = training.train(
             arguments, out, resume=resume, on_progress=lambda done: progress.update(task, completed=done)
@@ -78,21 +79,25 @@ def export(
     name: str | None = None,
     out: Path = Path(),
 ) -> None:
-    """Turn a run into a policy of three files: weights without code, a card, and a model card in Markdown.
+    """Turn a run of `pter train` into a policy.
 
-    It is checked that both act alike.
+    It is three files: weights without code, a card, and a model card in Markdown. It is checked that both act alike.
+
+    Example: pter export residual-run --name mine --out policies
 
     Args:
         run: Folder of the run.
         name: What the policy is called; its algorithm by default.
         out: Folder for the files; made if need be.
     """
+    console, errors = Console(), Console(stderr=True)
     try:
-        from pter_agents.exporting import export_run
+        with errors.status("loading"):
+            from pter_agents.exporting import export_run
     except ImportError as error:
-        raise DependencyError(MISSING) from error
-    console = Console()
-    path, difference = export_run(run, out, name=name)
+        raise needs_extra("training", "agents") from error
+    with errors.status("exporting"):
+        path, difference = export_run(run, out, name=name)
     console.print(f"largest difference between both: {difference:.1e} of the largest voltage", highlight=False)
     console.print(f"wrote {path}", highlight=False)
 
@@ -100,27 +105,32 @@ def export(
 def retrain(
     policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY")], out: Path = Path("pter-retrain")
 ) -> None:
-    """Train a policy again from what its card says, and score both on fresh episodes.
+    """Train a policy again from its card, and score both.
 
-    The episodes follow from the content of both policies, so nobody has seen them before.
+    They are scored on fresh episodes, which follow from the content of both policies, so nobody has seen them before.
+
+    Example: pter retrain residual --out again
 
     Args:
         policy: Name of a trained policy that the package ships, or the path of the card of another.
         out: Folder for the run and the new policy; made if need be. A run that was stopped there goes on.
     """
+    console, errors = Console(), Console(stderr=True)
     try:
-        from pter_agents import retraining
+        with errors.status("loading"):
+            from pter_agents import retraining
     except ImportError as error:
-        raise DependencyError(MISSING) from error
+        raise needs_extra("training", "agents") from error
     from pter_gym.benchmark.leaderboard import table
 
-    console = Console()
     shipped = retraining.find_trained(policy)
-    with progress_bar(console) as progress:
+    with progress_bar(errors) as progress:
         task = progress.add_task(shipped.card.name, total=None)
         again = retraining.retrain(
             shipped, out, on_progress=lambda done, of: progress.update(task, completed=done, total=of)
         )
-    for board in retraining.compare(shipped, again):
+    with errors.status("scoring both"):
+        boards = retraining.compare(shipped, again)
+    for board in boards:
         console.print(table(board), "")
     console.print(f"wrote {out / again.card.name}.json", highlight=False)

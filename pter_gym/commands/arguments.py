@@ -1,7 +1,12 @@
-"""What the commands share about their arguments: lists in one text, files to write, and modules."""
+"""What the commands share about their arguments: lists in one text, files to write, modules, and errors."""
 
+import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+from tyro.conf import Positional
 
 from pter_gym.errors import ParameterError
 
@@ -22,8 +27,10 @@ def numbers(field: str, text: str) -> list[float]:
     return found
 
 
-def check_folder_of(out: Path) -> None:
-    """Raise a ParameterError unless the folder of a file to write exists."""
+def check_file(out: Path, suffix: str) -> None:
+    """Raise a ParameterError unless a file to write has the ending of what is written, and a folder that exists."""
+    if out.suffix != suffix:
+        raise ParameterError(f"out must end in {suffix}, which is what is written, got {str(out)!r}")
     if not out.parent.is_dir():
         raise ParameterError(f"out must be a file in a folder that exists, got {str(out)!r}")
 
@@ -32,3 +39,26 @@ def import_from_here() -> None:
     """Let ``package.module:attribute`` name what is in the present folder, as Python does for its scripts."""
     if (here := str(Path.cwd())) not in sys.path:
         sys.path.insert(0, here)
+
+
+FIELD = re.compile(r"(?:[A-Z]\w*\.)?(\w+)(?= must\b| needs\b|:)")
+"""How an error names a field, with its class or without."""
+
+
+def as_typed(message: str, command: Callable[..., Any] | None) -> str:
+    """Return an error whose field is written as the user writes the argument: ``--policies``, or ``CONTROLLER``."""
+    found = FIELD.match(message)
+    if command is None or found is None:
+        return message
+    hints = get_type_hints(command, include_extras=True)
+    name = next((name for name in hints if name != "return" and _bare(name) == _bare(found[1])), None)
+    if name is None:
+        return message
+    typed = name.upper() if Positional in get_args(hints[name]) else f"--{name.replace('_', '-')}"
+    return typed + message[found.end() :]
+
+
+def _bare(word: str) -> str:
+    """Return a word as singular, and in the short form of an argument."""
+    singular = f"{word.removesuffix('ies')}y" if word.endswith("ies") else word.removesuffix("s")
+    return {"algorithm": "algo"}.get(singular, singular)

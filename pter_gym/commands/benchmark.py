@@ -37,23 +37,24 @@ def benchmark(
     isolated: bool = False,
     out: Path = Path("pter-benchmark"),
 ) -> None:
-    """Run the paper's standard test on controllers and compare them, or rank them on a scenario.
+    """Compare policies in the paper's standard test, or rank them.
 
     The standard test prints a table and writes benchmark.json, tip_paths.png (as in the paper's Fig. 11) and
     error_against_time.png. A scenario prints a leaderboard for each pace and writes benchmark.json, a file for each run
     and pictures. Runs that are in the folder already are not repeated; several benchmarks may share a folder. Beside
     each picture is the same in vectors, .pdf.
 
+    Example: pter benchmark --scenario standard --policies residual --episodes 20
+
     Args:
-        policies: Separated by commas: impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random;
-            on a scenario also impedance-tuned and so on, predictive and predictive-honest; trained ones: see
-            docs/agents.md; paths of exported ones; package.module:attribute for your own.
+        policies: Names separated by commas, tuned ones and planners only on a scenario; paths of exported policies;
+            package.module:attribute for your own.
         scenario: Scenario whose stored evaluation episodes are run; the paper's standard test by default.
-        paces: Commanded paces of a scenario, separated by commas: slow, medium, brisk.
+        paces: Commanded paces of a scenario, separated by commas.
         episodes: How many of the scenario's episodes to run; all by default. Ranks from fewer than 200 are provisional.
         fresh: Seed of fresh episodes, as many as the stored ones, or derived: it follows from the content of all
             policies, the code and the scenario, so nobody can tune to it. The stored ones by default.
-        machine: Clutch material of the standard test: baseline, delrin_experimental or delrin_theoretical.
+        machine: Clutch material of the standard test.
         time_constants: Time constants of the standard test's clutches [s], separated by commas; one episode each.
         seed: Seed of the standard test's episodes, and of random and predictive policies, at least 0.
         isolated: Whether each policy of a scenario runs in a process of its own; see docs/trust.md.
@@ -87,12 +88,12 @@ def standard_test(names: list[str], machine: str, seconds: list[float], seed: in
     from pter_gym.benchmark.naming import find_controller, is_code, read_policy
     from pter_gym.envs.single import find_machine
 
-    console = Console()
+    console, errors = Console(), Console(stderr=True)
     import_from_here()
     chosen = {name: read_policy(name) if is_code(name) else find_controller(name, seed) for name in names}
     chosen_machine = find_machine(machine)
     make_folder(out)
-    with progress_bar(console) as progress:
+    with progress_bar(errors) as progress:
         task = progress.add_task("standard test", total=len(chosen))
         result = run_standard_test(
             chosen,
@@ -102,7 +103,9 @@ def standard_test(names: list[str], machine: str, seconds: list[float], seed: in
             on_progress=lambda _: progress.advance(task),
         )
     console.print(scores_table(result))
-    for path in write_result(result, out):
+    with errors.status("drawing"):
+        written = write_result(result, out)
+    for path in written:
         console.print(f"wrote {path}", highlight=False)
 
 
@@ -122,10 +125,10 @@ def scenario_benchmark(
     from pter_gym.benchmark.gaps import find_gaps, gap_tables
     from pter_gym.benchmark.leaderboard import table
 
-    console = Console()
+    console, errors = Console(), Console(stderr=True)
     results = ResultsFolder(out)
     import_from_here()
-    with ExitStack() as processes, progress_bar(console) as progress:
+    with ExitStack() as processes, progress_bar(errors) as progress:
 
         def find(name: str) -> "AnyPolicy":
             if not isolated:
@@ -151,7 +154,9 @@ def scenario_benchmark(
         console.print(gaps, "")
     for left in contents.left_out:
         console.print(f"left out {left.file}: {left.reason}", highlight=False, markup=False)
-    for path in [results.summary, *draw_boards(boards, contents.runs, out)]:
+    with errors.status("drawing"):
+        pictures = draw_boards(boards, contents.runs, out)
+    for path in [results.summary, *pictures]:
         console.print(f"wrote {path}", highlight=False)
 
 

@@ -4,19 +4,30 @@ from pathlib import Path
 
 from rich.console import Console
 
+from pter_gym.commands.arguments import check_file
+from pter_gym.internal.checks import whole_number
+
 
 def fit(seed: int = 0, budget: int = 60_000, held_out: bool = False, out: Path = Path("pter-preset.toml")) -> None:
-    """Search for values that the paper does not print, by its Table I and its trends, and write them as a preset.
+    """Search for values that the paper does not print.
+
+    They are found by its Table I and its trends, and written as a preset.
+
+    Example: pter fit --budget 3000 --out preset.toml
 
     Args:
         seed: Seed of the search, at least 0; the same seed and budget give the same result.
         budget: Evaluated candidates, at least 300.
         held_out: Fit Table I alone and keep the trends held out.
-        out: File for the preset; its folder must exist.
+        out: File for the preset, in TOML; its folder must exist.
     """
     from pter_gym.paper.experiments.calibration import FitArguments
     from pter_gym.paper.experiments.calibration import fit as search
+    from pter_gym.paper.experiments.calibration.search import POPULATION
 
+    check_file(out, ".toml")
+    whole_number("seed", seed, at_least=0)
+    whole_number("budget", budget, at_least=3 * POPULATION)
     result = search(FitArguments(seed=seed, budget=budget, held_out=held_out, out=out))
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"misfit {result.misfit:.4f}; Table I in the paper's units: {result.table.round(3).tolist()}")

@@ -1,69 +1,129 @@
 """``pter``: the commands. Other packages add theirs by the entry-point group ``pter.commands``."""
 
+import functools
 import sys
 from collections.abc import Callable
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any
 
 import tyro
 from rich.console import Console
+from rich.table import Table
 
 from pter_gym._version import __version__
-from pter_gym.commands.benchmark import benchmark
-from pter_gym.commands.fit import fit
-from pter_gym.commands.record import record
-from pter_gym.commands.reproduce import reproduce
-from pter_gym.commands.speed import speed
-from pter_gym.commands.tune import tune
-from pter_gym.commands.verify import verify
-from pter_gym.commands.watch import watch
-from pter_gym.errors import PterError
+from pter_gym.commands.arguments import as_typed
+from pter_gym.commands.names import names_table
+from pter_gym.errors import PterError, unknown_name
+from pter_gym.internal.terminal import Interrupts
+
+Command = Callable[..., int | None]
 
 GROUP = "pter.commands"
 
-DESCRIPTION = "PTER, a passive haptic arm with four friction clutches. `pter COMMAND --help` explains a command."
+USERS = ("benchmark", "watch", "train", "export", "tune", "reproduce", "retrain", "verify")
+"""The order of the help. Command NAME of this package is the function NAME in NAME.py, beside this file."""
+
+WORKSHOP = ("fit", "speed", "record")
+"""Commands for those who work on the package itself, which come last."""
+
+DESCRIPTION = "PTER, a passive haptic arm with four friction clutches."
+
+HELP = ("-h", "--help")
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it."""
 
 
-def commands() -> dict[str, Callable[..., Any]]:
-    """Return all commands by name: the built-in ones and those of installed packages."""
-    found: dict[str, Callable[..., Any]] = {
-        "benchmark": benchmark,
-        "fit": fit,
-        "record": record,
-        "reproduce": reproduce,
-        "speed": speed,
-        "tune": tune,
-        "verify": verify,
-        "watch": watch,
+def commands() -> dict[str, EntryPoint]:
+    """Return where each command is, by name in the order of the help: of this package and of installed packages."""
+    here = Path(__file__)
+    own = {
+        name: EntryPoint(name, f"{__package__}.{name}:{name}", GROUP)
+        for name in (*USERS, *WORKSHOP)
+        if here.with_name(f"{name}.py").exists()
     }
-    for entry in entry_points(group=GROUP):
-        found[entry.name] = entry.load()
-    return found
+    found = own | {entry.name: entry for entry in entry_points(group=GROUP)}
+    first = [name for name in USERS if name in found]
+    others = [name for name in found if name not in (*USERS, *WORKSHOP)]
+    return {name: found[name] for name in (*first, *others, *WORKSHOP)}
+
+
+def load_command(name: str) -> Command:
+    """Return a command, or raise a ParameterError that tells the nearest."""
+    found = commands()
+    if name not in found:
+        raise unknown_name("COMMAND", name, found)
+    return found[name].load()
+
+
+def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
+    """Return the arguments of a command by name, or print its help or what is wrong and leave as tyro does."""
+
+    @functools.wraps(command)
+    def keep(**given: Any) -> dict[str, Any]:
+        return given
+
+    return tyro.cli(keep, prog=f"pter {name}", args=arguments)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run ``pter`` and return its exit status: the command's, else 0; 2 for a wrong argument, 130 after Ctrl-C."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    if arguments == ["--version"]:
+    interrupts = Interrupts(INTERRUPTED)
+    if arguments is None:
+        interrupts.watch()
+    try:
+        return _run(sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt:
+        interrupts.tell()
+        if arguments is None:
+            interrupts.end()
+        return INTERRUPTED
+
+
+def _run(arguments: list[str]) -> int:
+    name, *rest = arguments or ["--help"]
+    if name == "--version":
         Console().print(f"pter {__version__}", highlight=False)
         return 0
+    if name in HELP:
+        _print_overview()
+        return 0
+    command: Command | None = None
     try:
-        status = tyro.extras.subcommand_cli_from_dict(
-            commands(),
-            prog="pter",
-            description=DESCRIPTION,
-            args=arguments,
-        )
+        command = load_command(name)
+        if not set(HELP).isdisjoint(rest):
+            return _print_help(name, command)
+        return command(**parse(name, command, rest)) or 0
     except PterError as error:
-        Console(stderr=True).print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)
+        text = as_typed(str(error), command)
+        Console(stderr=True).print(f"error: {text}", style="red", highlight=False, soft_wrap=True, markup=False)
         return 2
-    except KeyboardInterrupt:
-        Console(stderr=True).print("interrupted; results that were written are whole", highlight=False)
-        return INTERRUPTED
-    return status if isinstance(status, int) else 0
+
+
+def _print_overview() -> None:
+    """Print all commands, on one screen."""
+    console = Console(highlight=False)
+    console.print(f"usage: pter COMMAND …\n\n{DESCRIPTION}\n")
+    found = commands()
+    for part in ([name for name in found if name not in WORKSHOP], WORKSHOP):
+        if part is WORKSHOP:
+            console.print("\nfor work on the package itself:")
+        table = Table.grid(padding=(0, 2))
+        for name in part:
+            table.add_row(f"  {name}", (found[name].load().__doc__ or "").partition("\n")[0])
+        console.print(table)
+    console.print("\n`pter COMMAND --help` explains a command; `pter --version` tells the version.")
+
+
+def _print_help(name: str, command: Command) -> int:
+    """Print what tyro knows of a command, and the names that it accepts."""
+    try:
+        parse(name, command, ["--help"])
+    except SystemExit as end:
+        Console(highlight=False).print("names\n", names_table(command), sep="")
+        return int(end.code or 0)
+    return 0
 
 
 if __name__ == "__main__":

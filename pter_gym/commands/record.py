@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from pter_gym.commands.arguments import check_folder_of, split
+from pter_gym.commands.arguments import check_file, split
 from pter_gym.internal.terminal import progress_bar
 
 DEMONSTRATORS = "predictive,single-dof-tuned,torque-feedback-tuned"
@@ -21,15 +21,17 @@ def record(
     seed: int = 0,
     out: Path = Path("pter-demonstrations.npz"),
 ) -> None:
-    """Simulate policies on training draws of scenarios and write what they saw and did to one file, for imitation.
+    """Write what policies see and do to a file, for imitation.
 
-    The file is a NumPy archive without pickles, for `pter_gym.benchmark.demonstrations.read_demonstrations`. The
-    stored evaluation episodes are never read.
+    They act on training draws of scenarios; the stored evaluation episodes are never read. The file is a NumPy archive
+    without pickles, for `pter_gym.benchmark.demonstrations.read_demonstrations`.
+
+    Example: pter record --policies residual --episodes 2 --out demonstrations.npz
 
     Args:
         policies: Separated by commas, as for `pter benchmark --scenario`.
         scenarios: Scenarios whose training draws are used, separated by commas.
-        paces: Commanded paces, separated by commas: slow, medium, brisk.
+        paces: Commanded paces, separated by commas.
         episodes: Training draws for each scenario and pace, at least 1; all policies have the same.
         seed: Seed of the draws, at least 0.
         out: File to write; its folder must exist.
@@ -37,10 +39,10 @@ def record(
     from pter_gym.benchmark.demonstrations import record as simulate
     from pter_gym.benchmark.demonstrations import write_demonstrations
 
-    check_folder_of(out)
+    check_file(out, ".npz")
     console = Console(highlight=False, soft_wrap=True)
     names = split(policies), split(scenarios), split(paces)
-    with progress_bar(console) as progress:
+    with progress_bar(Console(stderr=True)) as progress:
         task = progress.add_task("record", total=math.prod(len(each) for each in names) * max(episodes, 0))
         found = simulate(*names, episodes=episodes, seed=seed, on_episode=lambda: progress.advance(task))
     write_demonstrations(found, out)

@@ -13,13 +13,15 @@ def reproduce(
     figures: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FIGURE")] = ("all",),
     out: Path = Path("pter-reproduce"),
 ) -> None:
-    """Make the paper's figures and Table I, and check what it claims.
+    """Make the paper's figures and Table I, and check its claims.
 
     Writes a picture and a CSV file for each figure, and table1.json. With `all` also claims.json, where each claim of
     the paper is beside what was measured, and report.html, which shows everything.
 
+    Example: pter reproduce fig3 table1
+
     Args:
-        figures: all, fig3, fig4, step, fig5, fig7, fig8, table1, fig9, fig10 or fig11; several are possible.
+        figures: Names of figures, or all.
         out: Folder for the results; made if need be.
     """
     from pter_gym.paper.experiments.study import Study
@@ -29,7 +31,7 @@ def reproduce(
     console = Console()
     chosen = find_products(figures)
     make_folder(out)
-    with progress_bar(console) as progress:
+    with progress_bar(Console(stderr=True)) as progress:
         task = progress.add_task("reproducing", total=len(chosen) + 1)
         files, claims = results(Study(), chosen, on_progress=lambda _: progress.advance(task))
     write(files, out)

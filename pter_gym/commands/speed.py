@@ -9,10 +9,12 @@ from pter_gym.internal.terminal import make_folder
 
 
 def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pter-speed")) -> None:
-    """Measure the simulator's speed beside its peers, in one run of a few minutes.
+    """Measure the simulator's speed beside its peers.
 
-    Prints tables, and writes speed.json, speed.png and speed.pdf. Peers that are not installed (MuJoCo, EnvPool) and a
-    GPU that is not there are skipped and named. The machine should have nothing else to do.
+    Takes a few minutes, prints tables, and writes speed.json, speed.png and speed.pdf. Peers that are not installed
+    (MuJoCo, EnvPool) and a GPU that is not there are skipped and named. The machine should have nothing else to do.
+
+    Example: pter speed --quick
 
     Args:
         quick: Half a minute, small batches: whether it works, not how fast it is.
@@ -27,7 +29,7 @@ def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pt
     plan = make_plan(quick=quick, max_worlds=max_worlds)
     make_folder(out)
     console = Console()
-    with console.status("speed") as status:
+    with Console(stderr=True).status("speed") as status:
         found = measure(plan, lambda what: status.update(f"measuring {what}"))
     for table in tables(found):
         console.print(table)

@@ -6,7 +6,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from pter_gym.commands.arguments import check_folder_of
+from pter_gym.commands.arguments import check_file
 from pter_gym.internal.terminal import progress_bar
 
 
@@ -21,30 +21,32 @@ def tune(
     seed: int = 0,
     out: Path | None = None,
 ) -> None:
-    """Search for a controller's gains on training draws of a scenario, at a commanded pace.
+    """Search for a controller's gains.
 
-    The trials are kept in a journal file: a search that was stopped goes on where it was, and several may share the
-    work. The best gains are those with the smallest path error of all that arrive and keep the pace. Needs Optuna:
-    install pter-gym[tune].
+    It tries them on training draws of a scenario, at a commanded pace. The trials are kept in a journal file: a
+    search that was stopped goes on where it was, and several may share the work. The best gains are those with the
+    smallest path error of all that arrive and keep the pace. Needs the extra tune.
+
+    Example: pter tune impedance --scenario standard --pace medium --out gains.toml
 
     Args:
-        controller: impedance, torque-feedback, single-dof or velocity-ratio.
+        controller: Name of the controller.
         scenario: Scenario whose training draws are used; its evaluation episodes are never read.
-        pace: Commanded pace: slow, medium or brisk.
+        pace: Commanded pace.
         trials: Gains to try, at least 1; each start has a share, and the best start two.
         starts: Starts from random gains, at least 1.
         episodes: Training draws for each trial, at least 1.
         storage: Journal file of the trials; its folder must exist.
         seed: Seed of the draws and the search, at least 0.
-        out: File for the best gains, whose other entries stay; they are only printed by default.
+        out: File for the best gains, in TOML, whose other entries stay; they are only printed by default.
     """
     from pter_gym.tuning import add_study
     from pter_gym.tuning import tune as search
 
     if out is not None:
-        check_folder_of(out)
+        check_file(out, ".toml")
     console = Console(highlight=False, soft_wrap=True)
-    with progress_bar(console) as progress:
+    with progress_bar(Console(stderr=True)) as progress:
         task = progress.add_task(f"{controller}, {scenario}, {pace}", total=trials)
 
         def show(finished: int, best: float) -> None:

@@ -15,13 +15,15 @@ def verify(
     policies: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "",
     seed: int = 0,
 ) -> int:
-    """Run all runs in a results folder again and compare their scores bit for bit.
+    """Run what is in a results folder again and compare scores.
 
-    Prints for each file what differs, or why it cannot be run again; the exit status is 1 unless all are the same. The
-    measured time of a decision is not compared.
+    They are compared bit for bit. Prints for each file what differs, or why it cannot be run again; the exit status
+    is 1 unless all are the same. The measured time of a decision is not compared.
 
-    Built-in and exported policies are found by name, as `pter benchmark` does. What results name as code is imported
-    only if it is given here; `pter_gym.benchmark.verify` takes other callables.
+    Built-in and exported policies are found by name, as `pter benchmark` does. What results name as code is
+    imported only if it is given here; `pter_gym.benchmark.verify` takes other callables.
+
+    Example: pter verify pter-benchmark
 
     Args:
         results: Folder of `pter benchmark --out`.
@@ -35,7 +37,7 @@ def verify(
     import_from_here()
     known = {name: read_policy(name, seed) for name in split(policies) if is_code(name)}
     console = Console(highlight=False, soft_wrap=True, markup=False)
-    with progress_bar(console) as progress:
+    with progress_bar(Console(stderr=True)) as progress:
         task = progress.add_task("verify", total=None)
         verdicts = run_again(
             ResultsFolder(results), known, seed=seed, on_progress=lambda file: progress.update(task, description=file)

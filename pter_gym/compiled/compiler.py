@@ -12,7 +12,6 @@ import inspect
 import sys
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from enum import Enum, EnumType
 from pathlib import Path
 from types import CellType, CodeType, FunctionType, ModuleType
@@ -25,6 +24,8 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numpy.typing import NDArray
 
+from pter_gym.compiled import pipeline
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _INLINED: Any = {"forceinline": True, "error_model": "numpy"}
@@ -32,6 +33,8 @@ _WITHOUT_WRAPPERS: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 WITHOUT_ARRAYS: Any = {**_INLINED, **_WITHOUT_WRAPPERS, "_nrt": False}
 """Options of code that is inlined into kernels, makes no arrays and is called by no Python code when compiled."""
+
+_KERNEL: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": pipeline.Kernel}
 
 _NUMBA: Any = config
 
@@ -70,7 +73,7 @@ class Device(CPUDispatcher):
 def _for_compiled_callers(function: Function, **options: Any) -> Function:
     if _NUMBA.DISABLE_JIT:
         return function
-    return cast(Function, Device(function, targetoptions={"nopython": True, "boundscheck": None, **options}))
+    return cast(Function, Device(function, {}, {"nopython": True, "boundscheck": None, **options}, pipeline.Part))
 
 
 def device(function: Function) -> Function:
@@ -112,11 +115,12 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     function = _bind(cast(FunctionType, build(digest or "")), inlined)
     stored = digest is not None and all(map(_has_module, inlined.values()))
     try:
-        kernel = numba.njit(nogil=True, error_model="numpy", cache=stored)(function)
+        kernel = numba.njit(**_KERNEL, cache=stored)(function)
     except RuntimeError:  # numba found no folder that it may write to
-        kernel = numba.njit(nogil=True, error_model="numpy")(function)
+        stored = False
+        kernel = numba.njit(**_KERNEL)(function)
     if hasattr(kernel, "compile"):  # not with NUMBA_DISABLE_JIT=1
-        _compile_apart(kernel)
+        pipeline.compile_apart(kernel, stored=stored)
     return cast(Function, kernel)
 
 
@@ -129,20 +133,6 @@ def _has_module(value: object) -> bool:
     """Tell whether a function is in a module: what is not, as after ``exec``, could not be loaded from a cache."""
     function = getattr(value, "py_func", value)
     return not isinstance(function, FunctionType) or inspect.getmodule(function) is not None
-
-
-def _compile_apart(kernel: Any) -> None:
-    """Let a kernel compile in a thread of its own: an interrupt (Ctrl-C) within LLVM would break the process."""
-    compile_here = kernel.compile
-
-    def compile_there(signature: Any) -> Any:
-        thread = ThreadPoolExecutor(1, thread_name_prefix="pter-compiler")
-        try:
-            return thread.submit(compile_here, signature).result()
-        finally:
-            thread.shutdown(wait=False)
-
-    kernel.compile = compile_there
 
 
 def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:
@@ -189,7 +179,7 @@ class _Content:
     def all_of(self, function: object) -> list[str]:
         """Return the texts of a function, of all that it reaches, and the hashes of their files."""
         parts = [self._of(function)]
-        files = {str(Path(__file__))}
+        files = {__file__, pipeline.__file__}
         for reached in self._reached:  # grows on the way
             code = reached.__code__
             files.add(code.co_filename)

@@ -20,6 +20,7 @@ from numba.extending import overload
 
 from pter_gym.compiled.compiler import WITHOUT_ARRAYS
 from pter_gym.compiled.layout import Field, Layout
+from pter_gym.compiled.pipeline import Part
 
 
 @dataclass(frozen=True)
@@ -199,26 +200,37 @@ def _doing(kind: Any, arguments: str, number: str) -> Any:
     return written(arguments, [number.replace("AT", path) for path in _paths(kind)], {})
 
 
-@overload(load, jit_options=WITHOUT_ARRAYS)
+def _compiled(function: Any) -> Any:
+    """Say what builds the compiled form of a function: the same for every device, for a CPU in less time."""
+    for_cpu: Any = {**WITHOUT_ARRAYS, "pipeline_class": Part}
+
+    def register(build: Any) -> Any:
+        overload(function, jit_options=for_cpu, target="cpu")(build)
+        return overload(function, jit_options=WITHOUT_ARRAYS)(build)
+
+    return register
+
+
+@_compiled(load)
 def _load(w, at, i):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
     return _returning(at, "w, at, i", "w[atAT, i]")
 
 
-@overload(store, jit_options=WITHOUT_ARRAYS)
+@_compiled(store)
 def _store(w, at, i, value):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
     return _doing(at, "w, at, i, value", "w[atAT, i] = valueAT")
 
 
-@overload(read, jit_options=WITHOUT_ARRAYS)
+@_compiled(read)
 def _read(array, at, first):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
     return _returning(at, "array, at, first", "array[first + atAT]")
 
 
-@overload(write, jit_options=WITHOUT_ARRAYS)
+@_compiled(write)
 def _write(array, at, value):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
     return _doing(at, "array, at, value", "array[atAT] = valueAT")
 
 
-@overload(blend, jit_options=WITHOUT_ARRAYS)
+@_compiled(blend)
 def _blend(low, high, part):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
     return _returning(low, "low, high, part", "lowAT + part * (highAT - lowAT)")

@@ -3,7 +3,7 @@
 from typing import Any, Literal
 
 from pter_gym.envs.vector import PathFollowingVectorEnv
-from pter_gym.errors import DependencyError, ParameterError
+from pter_gym.errors import ParameterError, needs_extra
 
 Device = Literal["cpu", "cuda"]
 
@@ -33,6 +33,6 @@ def make_vector_env(num_envs: int = 1, *, device: Device = "cpu", **keywords: An
         try:
             from pter_gym.envs.cuda import CudaPathFollowingVectorEnv
         except ImportError as error:
-            raise DependencyError('device="cuda" needs: pip install "pter-gym[gpu]"') from error
+            raise needs_extra('device="cuda"', "gpu") from error
         return CudaPathFollowingVectorEnv(num_envs, **keywords)
     raise ParameterError(f"device must be cpu or cuda, got {device!r}")

@@ -7,13 +7,14 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from pter_gym.errors import ParameterError, needs_extra
+
 try:
     from stable_baselines3.common.vec_env import VecEnv
 except ImportError as error:
-    raise ImportError('pter_gym.envs.sb3 needs Stable-Baselines3: pip install "pter-gym[agents]"') from error
+    raise ImportError(str(needs_extra("pter_gym.envs.sb3", "agents"))) from error
 
 from pter_gym.envs.vector import PathFollowingVectorEnv
-from pter_gym.errors import ParameterError
 
 Indices = int | Iterable[int] | None
 

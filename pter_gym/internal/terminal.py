@@ -1,7 +1,13 @@
-"""What the commands share on the terminal: folders for results, and the progress bar."""
+"""What the commands share on the terminal: folders for results, the progress bar, and Ctrl-C."""
 
+import atexit
 import os
+import signal
+import socket
+import sys
+import time
 from pathlib import Path
+from threading import Lock, Thread
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -20,6 +26,53 @@ def make_folder(path: Path) -> None:
 
 
 def progress_bar(console: Console) -> Progress:
-    """Return the progress bar that all commands share."""
+    """Return the progress bar that all commands share; where there is no terminal nothing is shown."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=True)
+    return Progress(*columns, console=console, transient=True, redirect_stdout=False, disable=not console.is_terminal)
+
+
+class Interrupts:
+    """Ctrl-C ends a process within a second, whatever its threads and compiled code are at.
+
+    Files are written whole or not at all, so nothing is lost. Python ends by itself, with an exception in the main
+    thread, where it can: processes are stopped then and temporary files removed. Otherwise it is ended.
+
+    Parameters
+    ----------
+    status
+        Exit status of a process that is ended.
+    """
+
+    GRACE = 0.3
+    """Seconds in which Python may end by itself."""
+
+    def __init__(self, status: int) -> None:
+        self._status = status
+        self._telling = Lock()
+
+    def watch(self) -> None:
+        """Begin to wait for interrupts; for the main thread of a process that does nothing else."""
+        self._heard, self._signals = socket.socketpair()
+        self._signals.setblocking(False)
+        signal.set_wakeup_fd(self._signals.fileno(), warn_on_full_buffer=False)
+        Thread(target=self._wait, name="pter-interrupts", daemon=True).start()
+
+    def tell(self) -> None:
+        """Say that there was an interrupt, once."""
+        if self._telling.acquire(blocking=False):
+            console = Console(stderr=True)
+            console.show_cursor()
+            console.print("interrupted; results that were written are whole", highlight=False)
+
+    def end(self) -> None:
+        """End the process after what is registered for its exit; Python's own way takes a second to unload torch."""
+        sys.stdout.flush()
+        atexit._run_exitfuncs()  # pyright: ignore[reportPrivateUsage]
+        os._exit(self._status)
+
+    def _wait(self) -> None:
+        while self._heard.recv(1)[0] != signal.SIGINT:
+            pass
+        time.sleep(self.GRACE)
+        self.tell()
+        os._exit(self._status)

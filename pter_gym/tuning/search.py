@@ -13,7 +13,7 @@ import numpy as np
 from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, read_table
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, PaceSchedule
-from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.errors import ParameterError, needs_extra, unknown_name
 from pter_gym.scenarios import find_pace, find_scenario
 from pter_gym.tuning.examination import Examination, Verdict
 from pter_gym.tuning.offspring import offspring
@@ -196,7 +196,7 @@ def _open(storage: Path, name: str, seeds: Sequence[int]) -> list[tuple[Any, np.
         from optuna.storages import JournalStorage
         from optuna.storages.journal import JournalFileBackend
     except ImportError:
-        raise ParameterError("pter tune needs Optuna: install pter-gym[tune]") from None
+        raise needs_extra("pter tune", "tune") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     try:
         journal = JournalStorage(JournalFileBackend(str(storage.resolve())))

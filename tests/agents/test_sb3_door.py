@@ -253,4 +253,4 @@ def test_missing_stable_baselines_says_what_to_install() -> None:
         "except ImportError as error: print(error)\n"
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert 'pip install "pter-gym[agents]"' in result.stdout
+    assert "'.[agents]'" in result.stdout

@@ -17,7 +17,7 @@ from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, find_tuned, read_table
 from pter_gym.controllers import CONTROLLERS, Controller, Free, Impedance, Locked, PaceSchedule, SingleDof
-from pter_gym.errors import DataError, ParameterError
+from pter_gym.errors import DataError, DependencyError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
 from pter_gym.tuning import SPACES, Examination, Study, Verdict, add_study, tune
@@ -269,7 +269,7 @@ def test_a_storage_that_is_none_is_refused(tmp_path: Path) -> None:
 
 def test_without_optuna_there_is_a_hint(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, "optuna", None)
-    with pytest.raises(ParameterError, match=r"install pter-gym\[tune\]"):
+    with pytest.raises(DependencyError, match=r"'\.\[tune\]'"):
         tune("impedance", "standard", "brisk", storage=tmp_path / "trials.journal")
 
 

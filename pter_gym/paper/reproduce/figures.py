@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from pter_gym.errors import ParameterError
+from pter_gym.errors import unknown_name
 from pter_gym.paper import plots
 from pter_gym.paper.experiments.study import Study
 from pter_gym.paper.reproduce import tables
@@ -140,7 +140,7 @@ def find_products(names: Iterable[str]) -> dict[str, Product]:
     wanted = set(names)
     unknown = sorted(wanted - PRODUCTS.keys() - {"all"})
     if unknown:
-        raise ParameterError(f"figures must be among all, {', '.join(PRODUCTS)}, got {', '.join(unknown)}")
+        raise unknown_name("figures", ", ".join(unknown), ("all", *PRODUCTS))
     return {name: product for name, product in PRODUCTS.items() if "all" in wanted or name in wanted}
 
 
