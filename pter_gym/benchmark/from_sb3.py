@@ -89,7 +89,11 @@ class ModelPolicy(BoundPolicy):
     def reset(self) -> None:
         """Forget the recurrent states: new episodes begin."""
         self._state: Any = None
-        self._begins = True
+        self._begins: bool | NDArray[np.bool_] = True
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Forget the recurrent states of some worlds, (N,): the model is told that episodes begin in them."""
+        self._begins = worlds | self._begins
 
     def act(self, observations: Observations) -> NDArray[np.float64]:
         """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries)."""

@@ -1,7 +1,7 @@
 """The native vector environment: many worlds in one compiled call, with Gymnasium's semantics."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
@@ -62,10 +62,13 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         If an argument is out of range, or the worlds would not fit into the memory of this machine.
     """
 
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Where the worlds are."""
+
     def __init__(
         self,
         num_envs: int = 1,
-        machine: Machine | str | Sequence[Machine | str] = "baseline",
+        machine: Machine | str | Sequence[Machine | str] | None = "baseline",
         task: PathFollowing | Sequence[PathFollowing] | None = None,
         sensors: Sensors = "torque",
         action_unit: ActionUnit = "volt",

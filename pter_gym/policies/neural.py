@@ -59,7 +59,8 @@ class Neural:
 class NeuralPolicy:
     """A trained policy that is ready to act: ``policy(observation) -> volts``.
 
-    One with a history or an LSTM remembers; ``reset`` makes it forget.
+    One with a history or an LSTM remembers, and does not notice when an episode begins: ``reset`` makes it forget, or
+    ``forget`` where some worlds begin and others go on. ``pter_gym.load_policy`` returns one that notices.
 
     Parameters
     ----------
@@ -77,6 +78,12 @@ class NeuralPolicy:
     def reset(self) -> None:
         """Forget the past: new episodes begin."""
         self._begin(0)
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Forget the past of some worlds, bool (N,): new episodes begin in them."""
+        if self._past.worlds == len(worlds):
+            self._past.forget(worlds)
+            self._memory = np.where(worlds[:, None], self._network.begin(len(worlds)), self._memory)
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return clutch voltages [V].
