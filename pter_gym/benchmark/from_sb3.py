@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pter_gym.compiled.layout import Layout
 from pter_gym.controllers import BoundPolicy
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine
+from pter_gym.params import BASELINE, Machine, find_machine
 from pter_gym.policies.interface import squared
 from pter_gym.tasks.path_following import Sensors, observation_layout
 
@@ -74,7 +74,7 @@ class ModelController:
         (entries,) = self.model.observation_space.shape
         if len(layout) != entries:
             raise ParameterError(f"observations must have the {entries} entries of the model, got {len(layout)}")
-        return ModelPolicy(self, layout, machine.clutch.voltage_max)
+        return ModelPolicy(self, layout, find_machine(machine).clutch.voltage_max)
 
 
 class ModelPolicy(BoundPolicy):

@@ -1,7 +1,7 @@
 """Policies ready to act in an environment, by name, by path or as they are."""
 
 import os
-from typing import Any
+from typing import Any, cast
 
 from pter_gym.benchmark.naming import read_policy
 from pter_gym.benchmark.simulation import AnyPolicy
@@ -21,12 +21,12 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> Act
     Parameters
     ----------
     policy
-        What ``pter benchmark --policies`` takes: the name of a trained policy or of a controller, the path of an exported
-        policy (a string or a ``pathlib.Path``), or ``package.module:attribute``. Or a policy itself: a controller, what
-        ``from_sb3`` returns, or a function from observations, float32 (N, entries), to volts, (N, 4).
+        What ``pter benchmark --policies`` takes: the name of a trained policy or of a controller, the path of an
+        exported policy (a string or a ``pathlib.Path``), or ``package.module:attribute``. Or a policy itself: a
+        controller, what ``from_sb3`` returns, or a function from observations, float32 (N, entries), to volts, (N, 4).
     env
-        The environment in which it acts: of ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with its
-        wrappers. Tuned gains are those of its scenario.
+        The environment in which it acts: of ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
+        its wrappers. Tuned gains are those of its scenario.
     seed
         Of the random policy, and of those that plan.
 
@@ -38,8 +38,8 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> Act
         If a file of the policy is not what it must be.
     """
     if isinstance(policy, (str, os.PathLike)):
-        policy = read_policy(policy, seed, _scenario_of(env))
-    elif not callable(policy) and not hasattr(policy, "bind"):
+        return ActingPolicy(read_policy(cast("FilePath", policy), seed, _scenario_of(env)), env)
+    if not callable(policy) and not hasattr(policy, "bind"):
         raise ParameterError(
             "policy must be a name, the path of an exported policy, a controller, or a function from observations to "
             f"volts, got {policy!r:.200}"

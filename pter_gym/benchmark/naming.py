@@ -7,6 +7,7 @@ import os
 import re
 from importlib.metadata import EntryPoint
 from types import MappingProxyType
+from typing import cast
 
 from pter_gym.benchmark.pacing import damping_table, paced
 from pter_gym.benchmark.runs import PACKAGE
@@ -17,8 +18,8 @@ from pter_gym.controllers.impedance import Impedance
 from pter_gym.controllers.predictive import Honest, Privileged, Settings
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.files import FilePath, find_path
-from pter_gym.policies import exported_policies, load_policy, shipped_policies
-from pter_gym.policies.files import is_path
+from pter_gym.policies import load_policy, shipped_policies
+from pter_gym.policies.files import is_here, is_path
 
 PLANNERS = MappingProxyType({"predictive": Privileged, "predictive-honest": Honest})
 """Policies that plan, by name."""
@@ -96,7 +97,7 @@ def find_policy(name: FilePath, seed: int = 0, scenario: str = "standard") -> Co
     """
     name = text_of(name)
     known = (*CONTROLLERS, *TUNED, *PLANNERS, *shipped_policies())
-    if not is_path(name) and name not in (*known, *exported_policies()):
+    if not is_path(name) and name not in known and not is_here(name):
         raise unknown_name("policies", name, known)
     if name in PLANNERS:
         return PLANNERS[name](find_tuned(GUIDE, scenario, path=GUIDE_TABLE), Settings(seed=seed))
@@ -128,14 +129,17 @@ def find_controller(name: FilePath, seed: int = 0) -> Controller:
     if name in CONTROLLERS:
         kind = CONTROLLERS[name]
         return Random(seed=seed) if kind is Random else kind()
-    if is_path(name) or name in (*shipped_policies(), *exported_policies()):
+    if is_path(name) or name in shipped_policies() or is_here(name):
         return load_policy(name)
     raise unknown_name("policies", name, (*CONTROLLERS, *shipped_policies()))
 
 
 def text_of(name: FilePath) -> str:
     """Return a name or path as text that says which of both it is, or raise a ParameterError."""
-    given = str(find_path("policies", name)) if isinstance(name, os.PathLike) else name
-    if not isinstance(given, str):
+    given = cast("object", name)
+    if isinstance(given, str):
+        return given
+    if not isinstance(given, os.PathLike):
         raise ParameterError(f"policies must be names or paths, got {given!r:.200}")
-    return given if given is name or is_path(given) else f"./{given}"
+    text = str(find_path("policies", name))
+    return text if is_path(text) else f"./{text}"

@@ -9,6 +9,7 @@ import tyro
 from rich.console import Console
 
 from pter_gym._version import __version__
+from pter_gym.commands.arguments import PATHS
 from pter_gym.commands.benchmark import benchmark
 from pter_gym.commands.fit import fit
 from pter_gym.commands.record import record
@@ -54,6 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
             prog="pter",
             description=DESCRIPTION,
             args=arguments,
+            registry=PATHS,
         )
     except PterError as error:
         Console(stderr=True).print(f"error: {error}", style="red", highlight=False, soft_wrap=True, markup=False)

@@ -20,7 +20,7 @@ from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.laws import built_in
 from pter_gym.engine.law import empty_memory
 from pter_gym.errors import ParameterError
-from pter_gym.params import Machine
+from pter_gym.params import Machine, find_machine
 
 Observations = NDArray[np.float32]
 Volts = NDArray[np.float32]
@@ -169,7 +169,9 @@ class PlainPolicy(BoundPolicy):
         return self._function(observations)
 
 
-def bind(policy: Controller | Callable[[Observations], Any], machine: Machine, layout: Layout) -> BoundPolicy:
+def bind(
+    policy: Controller | Callable[[Observations], Any], machine: Machine | str | None, layout: Layout
+) -> BoundPolicy:
     """Return a policy that is ready to act; this is where plain callables become policies.
 
     Parameters
@@ -177,7 +179,7 @@ def bind(policy: Controller | Callable[[Observations], Any], machine: Machine, l
     policy
         A controller, a bound policy, or any ``policy(observations) -> volts``, float32 (N, entries) to (N, 4).
     machine
-        The nominal machine.
+        The nominal machine or its name; None for PTER as it is.
     layout
         Layout of the observations.
 
@@ -186,7 +188,7 @@ def bind(policy: Controller | Callable[[Observations], Any], machine: Machine, l
     ParameterError
         If it is none of these, or it cannot be bound to this machine and layout.
     """
-    acting = policy.bind(machine, layout) if isinstance(policy, Controller) else policy
+    acting = policy.bind(find_machine(machine), layout) if isinstance(policy, Controller) else policy
     if isinstance(acting, BoundPolicy):
         return acting
     if not callable(acting):

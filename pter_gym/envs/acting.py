@@ -1,8 +1,8 @@
-"""A policy that acts in one environment: it notices when episodes begin, and speaks the unit of the environment's actions.
+"""A policy that acts in one environment: it notices when episodes begin, and speaks the unit of its actions.
 
 A policy may remember: what it saw some steps ago, the integral of a controller, the state of an LSTM. ``ActingPolicy``
-looks at the clock of the environment's worlds at each call, forgets what belongs to an episode that is over, and refuses
-where it would have to act on a past that it has not seen.
+looks at the clock of the environment's worlds at each call, forgets what belongs to an episode that is over, and
+refuses where it would have to act on a past that it has not seen.
 """
 
 from collections.abc import Callable
@@ -129,9 +129,9 @@ class ActingPolicy:
         if missed.any():
             world = missed.argmax()
             raise ResetNeededError(
-                f"the policy needs a reset: it acted last at control step {self._last.clock[world, 2]} of world {world}, "
-                f"which is now at {clock[world, 2]}; call the policy once at each control step, from the start of an "
-                "episode, or call its reset() to begin with what it sees now"
+                f"the policy has missed control steps: it acted last at step {self._last.clock[world, 2]} of world "
+                f"{world}, which is at step {clock[world, 2]} now; call it once at each control step from the start of "
+                "an episode, or call its reset() to begin with what it sees now"
             )
         return begun
 
@@ -156,7 +156,7 @@ class ActingPolicy:
             volts = np.clip(volts, 0.0, most)
         if volts.shape != (self._worlds, 4) or not ((volts >= 0.0) & (volts <= most)).all():
             raise ActionError(
-                f"policy must give voltages of the shape {(self._worlds, 4)}, all within [0, {most:g}] V, got {volts!r:.200}"
+                f"policy must give voltages of the shape {(self._worlds, 4)} within [0, {most:g}] V, got {volts!r:.200}"
             )
         return normalised(volts, most) if self._normalised else volts
 
@@ -181,7 +181,7 @@ def worlds_of(env: Any) -> list[Batch]:
         If there are none in this process, or a wrapper changes observations or actions.
     """
     inner = getattr(env, "venv", None) or getattr(env, "env", None)  # a wrapper's, of either library
-    if isinstance(env, CHANGING) or (inner is not None and _changes(env, inner)):
+    if issubclass(type(env), CHANGING) or (inner is not None and _changes(env, inner)):
         raise ParameterError(
             f"env must pass on observations and actions as they are: its wrapper {type(env).__name__} changes them"
         )
@@ -194,15 +194,15 @@ def worlds_of(env: Any) -> list[Batch]:
     found = [batch for part in getattr(env, "envs", ()) for batch in worlds_of(part)]
     if not found:
         raise ParameterError(
-            "env must be an environment of this package with its worlds in this process, as gymnasium.make and make_vec "
-            f"return it, got {env!r:.100}"
+            "env must be an environment of this package with its worlds in this process, as gymnasium.make and "
+            f"gymnasium.make_vec return it, got {env!r:.100}"
         )
     return found
 
 
 def _changes(env: Any, inner: Any) -> bool:
     """Tell whether a wrapper has other spaces than what it wraps, or normalises observations."""
-    normalises = callable(getattr(type(env), "normalize_obs", None)) and getattr(env, "norm_obs", True)
+    normalises = hasattr(env, "normalize_obs") and getattr(env, "norm_obs", True)
     return normalises or any(_space(env, name) != _space(inner, name) for name in SPACES)
 
 

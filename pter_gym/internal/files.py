@@ -3,6 +3,7 @@
 import os
 import secrets
 from pathlib import Path
+from typing import cast
 
 from pter_gym.errors import ParameterError
 
@@ -11,11 +12,11 @@ FilePath = str | os.PathLike[str]
 
 
 def find_path(field: str, path: FilePath) -> Path:
-    """Return a path that a user gave, from ``~`` on if it begins there, or raise a ParameterError that names the field."""
-    given: object = path
+    """Return a path that a user gave, in which ``~`` is their home, or raise a ParameterError that names the field."""
+    given = cast("object", path)
     if isinstance(given, (str, os.PathLike)) and os.fspath(given) != "":
         try:
-            found = Path(given).expanduser()
+            found = Path(cast("FilePath", given)).expanduser()
         except (TypeError, RuntimeError):  # bytes, and the home of a user that there is none of
             pass
         else:

@@ -7,7 +7,7 @@ paper does not print are in one file, ``presets/pter.toml``.
 
 import math
 from dataclasses import dataclass, fields
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 from pter_gym.errors import ParameterError, nearest
 from pter_gym.params.fields import preset, quantity, require, require_kind, require_number, require_numbers
@@ -231,7 +231,7 @@ def find_machine(machine: Machine | str | None) -> Machine:
     ParameterError
         If it is no machine, or there is none of that name; it tells the nearest.
     """
-    given: object = machine
+    given = cast("object", machine)
     if given is None:
         return BASELINE
     if isinstance(given, Machine):

@@ -1,7 +1,6 @@
 """One style for all figures: sizes, Okabe and Ito's colours, units on every axis."""
 
 import io
-import os
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from functools import wraps
@@ -13,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pter_gym.internal import palette
-from pter_gym.internal.files import write_bytes_atomic
+from pter_gym.internal.files import FilePath, write_bytes_atomic
 from pter_gym.units import to_inch_pounds, to_inches
 
 Arguments = ParamSpec("Arguments")
@@ -109,7 +108,7 @@ def png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def save(figure: Figure, path: str | os.PathLike[str]) -> None:
+def save(figure: Figure, path: FilePath) -> None:
     """Write a figure as a PNG file, whole or not at all."""
     write_bytes_atomic(path, png(figure))
 

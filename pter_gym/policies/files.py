@@ -45,7 +45,7 @@ def shipped_policies(folder: FilePath = SHIPPED) -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in found if NAME.fullmatch(path.stem)))
 
 
-def exported_policies(folder: FilePath = ".") -> tuple[str, ...]:
+def exported_policies(folder: FilePath = Path()) -> tuple[str, ...]:
     """Return the names of the policies in a folder that have both card and weights; by default, in the present one."""
     where = find_path("folder", folder)
     return tuple(name for name in shipped_policies(where) if (where / f"{name}{WEIGHTS}").is_file())
@@ -54,6 +54,11 @@ def exported_policies(folder: FilePath = ".") -> tuple[str, ...]:
 def is_path(name: str) -> bool:
     """Tell whether a user means files of an exported policy: they are in a folder, or have one of the endings."""
     return "/" in name or name != Path(name).name or name.endswith(ENDINGS) or name in ("~", ".", "..")
+
+
+def is_here(name: str) -> bool:
+    """Tell whether a name is that of an exported policy, or of a folder, in the present folder."""
+    return name in exported_policies() or Path(name).is_dir()
 
 
 def load_policy(name: FilePath, folder: FilePath | None = None) -> Neural:
@@ -80,12 +85,12 @@ def load_policy(name: FilePath, folder: FilePath | None = None) -> Neural:
     if folder is None and (isinstance(name, os.PathLike) or is_path(name)):
         return _load(*find_exported(name))
     where = SHIPPED if folder is None else find_path("folder", folder)
-    check_name(given)
     known = shipped_policies(where)
     if given in known:
         return _load(given, where)
-    if folder is None and given in exported_policies():
-        return _load(given, Path())
+    if folder is None and is_here(given):
+        return _load(*find_exported(given))
+    check_name(given)
     raise unknown_name("policies", given, known)
 
 

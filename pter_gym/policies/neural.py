@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.compiled.layout import Layout
-from pter_gym.params import Machine, require
+from pter_gym.params import Machine, find_machine, require
 from pter_gym.policies.cards import Card
 from pter_gym.policies.interface import BoundInterface
 from pter_gym.policies.network import Network
@@ -50,6 +50,7 @@ class Neural:
         ParameterError
             If the observations lack an entry that it was trained on, or the largest voltage differs.
         """
+        machine = find_machine(machine)
         self.card.check_layout(layout)
         top = machine.clutch.voltage_max
         require(top == self.card.voltage_max, machine.clutch, "voltage_max", top, f"{self.card.voltage_max:g} V")
