@@ -89,12 +89,12 @@ class Card:
 
     def check_layout(self, layout: Layout) -> None:
         """Raise a ParameterError unless observations of this layout have all entries that it was trained on."""
-        known = [(name, unit) for name, unit, _ in fields_of(layout)]
-        lacking = [f"{name} [{unit}]" for name, unit, _ in self.observation if (name, unit) not in known]
+        there = fields_of(layout)
+        known = {(name, unit) for name, unit, _ in there}
+        lacking = tuple(entry for entry in self.observation if entry[:2] not in known)
         if lacking:
             raise ParameterError(
-                f"policy {self.name!r} needs observations with {', '.join(lacking)}; these have "
-                f"{', '.join(f'{name} [{unit}]' for name, unit in known)}"
+                f"policy {self.name!r} needs observations with {_told(lacking)}; these have {_told(there)}"
             )
 
     def as_json(self) -> dict[str, Any]:
@@ -123,6 +123,10 @@ def plain_interface(interface: Interface) -> dict[str, Any]:
 def fields_of(layout: Layout) -> Fields:
     """Return name, unit and scale of each entry of a layout."""
     return tuple((each.name, each.unit, each.scale) for each in layout.fields)
+
+
+def _told(entries: Fields) -> str:
+    return ", ".join(f"{name} [{scale:g} {unit}]" for name, unit, scale in entries)
 
 
 def read_card(data: bytes, what: str) -> Card:

@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -81,17 +82,22 @@ def load_policy(name: FilePath, folder: FilePath | None = None) -> Neural:
     DataError
         If a file is missing, too large, or not what it must be; nothing in it was executed.
     """
-    given = str(find_path("name", name))
-    if folder is None and (isinstance(name, os.PathLike) or is_path(name)):
+    if folder is not None:
+        where = find_path("folder", folder)
+        return _load(_known(name, shipped_policies(where)), where)
+    find_path("name", name)
+    text = os.fspath(name)
+    if isinstance(name, os.PathLike) or is_path(text) or (text not in shipped_policies() and is_here(text)):
         return _load(*find_exported(name))
-    where = SHIPPED if folder is None else find_path("folder", folder)
-    known = shipped_policies(where)
-    if given in known:
-        return _load(given, where)
-    if folder is None and is_here(given):
-        return _load(*find_exported(given))
-    check_name(given)
-    raise unknown_name("policies", given, known)
+    return _load(_known(text, shipped_policies()), SHIPPED)
+
+
+def _known(name: object, known: Sequence[str]) -> str:
+    """Return a name, or raise a ParameterError unless it is one of the known ones."""
+    check_name(name)
+    if name not in known:
+        raise unknown_name("policies", name, known)
+    return str(name)
 
 
 def find_exported(path: FilePath) -> tuple[str, Path]:
@@ -214,9 +220,9 @@ def write_policy(card: Card, tensors: dict[str, NDArray[np.float32]], text: str,
     return folder / f"{card.name}{CARD}"
 
 
-def check_name(name: str) -> None:
+def check_name(name: object) -> None:
     """Raise a ParameterError unless a policy may have this name, which is never a path."""
-    if not NAME.fullmatch(name):
+    if not isinstance(name, str) or not NAME.fullmatch(name):
         raise ParameterError(f"policies must have names of small letters, digits and single hyphens, got {name!r}")
 
 
