@@ -46,6 +46,10 @@ def needs_extra(what: str, extra: str) -> DependencyError:
 def unknown_name(field: str, name: object, known: Iterable[str]) -> ParameterError:
     """Return the error for an unknown name, which lists the known ones and points to the nearest."""
     known = list(known)
-    near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5)
-    hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-    return ParameterError(f"{field} must be among {', '.join(known)}, got {name!r}{hint}")
+    return ParameterError(f"{field} must be among {', '.join(known)}, got {name!r:.200}{nearest(name, known)}")
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
+    """Return the end of a message: which of the known names are nearest to one, or nothing if none is near."""
+    near = difflib.get_close_matches(str(name), list(known), n=3, cutoff=0.5)
+    return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""

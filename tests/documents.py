@@ -8,22 +8,23 @@ import nbformat
 
 ROOT = Path(__file__).parents[1]
 EXTENDING = ROOT / "docs" / "extending.md"
+POLICIES = ROOT / "docs" / "policies.md"
 OWN_CONTROLLER = ROOT / "notebooks" / "03_your_own_controller.ipynb"
 
 
 def blocks_of(page: Path) -> list[str]:
-    """Return the blocks of Python of a page."""
+    """Return the blocks of code of a page."""
     return re.findall(r"^```python\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL)
-
-
-def extending_blocks() -> list[str]:
-    """Return the blocks of code of the page on extending."""
-    return blocks_of(EXTENDING)
 
 
 def run_extending() -> None:
     """Run the page on extending."""
-    run_program(extending_blocks(), str(EXTENDING))
+    run_program(blocks_of(EXTENDING), str(EXTENDING))
+
+
+def run_policies() -> None:
+    """Run the page on trained policies, in a folder with a policy ``policies/mine``."""
+    run_program(blocks_of(POLICIES), str(POLICIES))
 
 
 def run_own_controller() -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.codec import ABSENT, tuple_of
+from pter_gym.internal.files import FilePath, find_path
 
 if TYPE_CHECKING:
     from pter_agents.networks import Actor
@@ -109,8 +110,9 @@ class Algorithm(NamedTuple):
         return import_module(self.module).LEARNER
 
 
-def read_table(file: Path) -> dict[str, Any]:
+def read_table(file: FilePath) -> dict[str, Any]:
     """Return the values of a TOML file, or raise a ParameterError."""
+    file = find_path("config", file)
     try:
         return tomllib.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -140,7 +142,7 @@ def find_algorithm(name: str) -> Algorithm:
     return ALGORITHMS[name]
 
 
-def load_settings(algorithm: str, file: Path | None = None) -> "Settings":
+def load_settings(algorithm: str, file: FilePath | None = None) -> "Settings":
     """Return the hyper-parameters of an algorithm, with those in a file in place of the usual ones.
 
     Raises

@@ -12,7 +12,7 @@ import numpy as np
 
 from pter_agents.algorithms import Model, State
 from pter_gym.errors import DataError
-from pter_gym.internal.files import write_bytes_atomic
+from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic
 
 KEPT = 2
 """Newest checkpoints that are kept."""
@@ -20,24 +20,26 @@ KEPT = 2
 NAME = re.compile(r"checkpoint-(\d+)\.npz")
 
 
-def checkpoints(folder: Path) -> list[Path]:
+def checkpoints(folder: FilePath) -> list[Path]:
     """Return the checkpoints in a run's folder, the newest last."""
-    found = [(int(match[1]), path) for path in folder.iterdir() if (match := NAME.fullmatch(path.name))]
+    found = [
+        (int(match[1]), path) for path in find_path("folder", folder).iterdir() if (match := NAME.fullmatch(path.name))
+    ]
     return [path for _, path in sorted(found)]
 
 
-def save_checkpoint(model: Model, folder: Path) -> Path:
+def save_checkpoint(model: Model, folder: FilePath) -> Path:
     """Write the checkpoint of a model between two rollouts, and let all but the newest go."""
     content = io.BytesIO()
     np.savez(content, allow_pickle=False, **model.get_state())  # type: ignore[arg-type]
-    path = folder / f"checkpoint-{model.steps}.npz"
+    path = find_path("folder", folder) / f"checkpoint-{model.steps}.npz"
     write_bytes_atomic(path, content.getvalue())
     for old in checkpoints(folder)[:-KEPT]:
         old.unlink(missing_ok=True)
     return path
 
 
-def load_checkpoint(model: Model, path: Path, *, weights_only: bool = False) -> None:
+def load_checkpoint(model: Model, path: FilePath, *, weights_only: bool = False) -> None:
     """Bring a new model to where a checkpoint was written, or its networks alone.
 
     Raises
@@ -45,6 +47,7 @@ def load_checkpoint(model: Model, path: Path, *, weights_only: bool = False) -> 
     DataError
         If it cannot be read.
     """
+    path = find_path("path", path)
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
             state: State = dict(archive)

@@ -22,6 +22,7 @@ from pter_agents.worlds import ALL, Worlds
 from pter_gym import __version__
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError
+from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.terminal import make_folder
 from pter_gym.params import BASELINE
 from pter_gym.policies import Card, Interface, load_policy, write_policy
@@ -40,7 +41,7 @@ TRIES = 100
 Tensors = dict[str, NDArray[np.float32]]
 
 
-def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, float]:
+def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tuple[Path, float]:
     """Write the newest checkpoint of a run as a policy; return its card's path and the largest difference.
 
     Parameters
@@ -59,6 +60,7 @@ def export_run(run: Path, out: Path, *, name: str | None = None) -> tuple[Path, 
     DataError
         If the run cannot be read, or both policies do not act alike.
     """
+    run, out = find_path("run", run), find_path("out", out)
     folder = RunFolder(run)
     arguments, interface = folder.read()
     newest = folder.newest()

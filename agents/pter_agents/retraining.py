@@ -1,7 +1,6 @@
 """A trained policy once more, from what its card says: trained, exported, and both scored on fresh episodes."""
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from pter_agents.algorithms import settings_from
@@ -11,6 +10,7 @@ from pter_agents.worlds import ALL
 from pter_gym.benchmark import Leaderboard, find_policy, leaderboards, run_scenario
 from pter_gym.benchmark.evaluation import fresh_seed
 from pter_gym.errors import DataError, ParameterError
+from pter_gym.internal.files import FilePath, find_path
 from pter_gym.policies import Neural, load_policy
 from pter_gym.scenarios import SCENARIOS
 
@@ -32,7 +32,7 @@ def arguments_of(about: Mapping[str, Any]) -> Arguments:
         raise DataError(f"the card does not tell a training that can be repeated: {error}") from None
 
 
-def find_trained(name: str) -> Neural:
+def find_trained(name: FilePath) -> Neural:
     """Return a trained policy by its name in the package, or the path of its card.
 
     Raises
@@ -46,7 +46,9 @@ def find_trained(name: str) -> Neural:
     return found
 
 
-def retrain(shipped: Neural, out: Path, on_progress: Callable[[int, int], None] = lambda _done, _of: None) -> Neural:
+def retrain(
+    shipped: Neural, out: FilePath, on_progress: Callable[[int, int], None] = lambda _done, _of: None
+) -> Neural:
     """Train a policy again, and return what comes out; a run that was stopped goes on.
 
     Parameters
@@ -63,7 +65,7 @@ def retrain(shipped: Neural, out: Path, on_progress: Callable[[int, int], None] 
     DataError
         If its card is of a trainer that is no longer there.
     """
-    arguments = arguments_of(shipped.card.about)
+    arguments, out = arguments_of(shipped.card.about), find_path("out", out)
     run, name = out / "run", shipped.card.name + SUFFIX
     train(arguments, run, resume=(run / RUN).exists(), on_progress=lambda done: on_progress(done, arguments.steps))
     export_run(run, out, name=name)

@@ -18,7 +18,7 @@ from pter_agents.validation import Validation
 from pter_agents.worlds import ALL, Worlds, make_worlds, training_draws
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError, ParameterError, unknown_name
-from pter_gym.internal.files import write_text_atomic
+from pter_gym.internal.files import FilePath, find_path, write_text_atomic
 from pter_gym.internal.terminal import make_folder
 from pter_gym.params import require, require_number
 from pter_gym.policies.cards import plain_interface, read_interface
@@ -98,6 +98,9 @@ class RunFolder:
     """
 
     path: Path
+
+    def __init__(self, path: FilePath) -> None:
+        object.__setattr__(self, "path", find_path("path", path))
 
     def begin(self, arguments: Arguments, interface: Interface) -> None:
         """Write what is to be trained, or raise a ParameterError if there is a run in the folder already."""
@@ -186,7 +189,7 @@ class Watch:
 
 
 def train(
-    arguments: Arguments, out: Path, *, resume: bool = False, on_progress: Callable[[int], None] = lambda _: None
+    arguments: Arguments, out: FilePath, *, resume: bool = False, on_progress: Callable[[int], None] = lambda _: None
 ) -> Path:
     """Train a policy and return its last checkpoint.
 

@@ -1,10 +1,10 @@
 """Policies times scenarios: the paper's standard test, and the evaluation episodes of the scenarios.
 
-``naming`` finds policies, ``isolation`` runs them in processes of their own, ``from_sb3`` takes those of
-Stable-Baselines3; ``simulation`` runs episodes of them, ``evaluation`` those of a scenario; ``metrics``
-declares the scores, ``statistics`` puts many together, ``ranking`` decides on ranks, ``leaderboard`` shows them, and
-``results`` keeps what came out. ``identity`` tells what a policy is, and ``verification`` runs results again.
-``standard`` is the paper's test.
+``naming`` finds policies, ``loading`` makes them act in an environment, ``isolation`` runs them in processes of their
+own, ``from_sb3`` takes those of Stable-Baselines3; ``simulation`` runs episodes of them, ``evaluation`` those of a
+scenario; ``metrics`` declares the scores, ``statistics`` puts many together, ``ranking`` decides on ranks,
+``leaderboard`` shows them, and ``results`` keeps what came out. ``identity`` tells what a policy is, and
+``verification`` runs results again. ``standard`` is the paper's test.
 """
 
 from pter_gym.benchmark.evaluation import PerSeed, fresh_seed, run_scenario

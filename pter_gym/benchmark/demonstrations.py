@@ -21,7 +21,7 @@ from pter_gym.benchmark.metrics import SCORES, Score, score
 from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.simulation import record_episode, time_limit
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.internal.files import write_bytes_atomic
+from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import observation_layout
@@ -165,7 +165,7 @@ def _stacked(kept: Sequence[_Recorded], command: str) -> Demonstrations:
     )
 
 
-def write_demonstrations(found: Demonstrations, path: Path) -> None:
+def write_demonstrations(found: Demonstrations, path: FilePath) -> None:
     """Write demonstrations to a file, whole or not at all; its folder must exist."""
     buffer = io.BytesIO()
     arrays: dict[str, Any] = {
@@ -178,14 +178,17 @@ def write_demonstrations(found: Demonstrations, path: Path) -> None:
     write_bytes_atomic(path, buffer.getvalue())
 
 
-def read_demonstrations(path: Path) -> Demonstrations:
+def read_demonstrations(path: FilePath) -> Demonstrations:
     """Return the demonstrations in a file.
 
     Raises
     ------
+    ParameterError
+        If it is no path.
     DataError
         If the file is missing, too large, or not what ``write_demonstrations`` wrote; nothing in it was executed.
     """
+    path = find_path("path", path)
     try:
         arrays = _arrays(path)
         info = json.loads(str(arrays.pop("info")))

@@ -18,7 +18,7 @@ from pter_gym import hands, params, paths
 from pter_gym.errors import DataError, ParameterError, unknown_name
 from pter_gym.internal.checks import whole_number
 from pter_gym.internal.codec import Codec, dataclasses_in, reading
-from pter_gym.internal.files import write_bytes_atomic, write_text_atomic
+from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic, write_text_atomic
 from pter_gym.params import Machine
 from pter_gym.scenarios import find_pace, find_scenario
 from pter_gym.scenarios.evaluation_draws import evaluation_draws, fresh_reset_seeds
@@ -88,12 +88,12 @@ class Episodes:
         )
 
 
-def scenarios(folder: Path = FOLDER) -> tuple[str, ...]:
+def scenarios(folder: FilePath = FOLDER) -> tuple[str, ...]:
     """Return the names of the scenarios that have stored episodes."""
-    return tuple(sorted(_checksums(folder)))
+    return tuple(sorted(_checksums(find_path("folder", folder))))
 
 
-def load_episodes(scenario: str, pace: str, *, folder: Path = FOLDER) -> Episodes:
+def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Episodes:
     """Return the evaluation episodes of a scenario at a pace.
 
     Parameters
@@ -116,7 +116,7 @@ def load_episodes(scenario: str, pace: str, *, folder: Path = FOLDER) -> Episode
     return _at_pace(_stored(scenario, folder), speed)
 
 
-def stored_strata(scenario: str, *, folder: Path = FOLDER) -> tuple[str, tuple[str, ...]]:
+def stored_strata(scenario: str, *, folder: FilePath = FOLDER) -> tuple[str, tuple[str, ...]]:
     """Return the checksum of a scenario's stored episodes and their strata; raises as ``load_episodes``."""
     stored = _stored(scenario, folder)
     return stored.checksum, stored.strata
@@ -130,7 +130,7 @@ def store_episodes(
     strata: Sequence[str],
     *,
     version: int,
-    folder: Path = FOLDER,
+    folder: FilePath = FOLDER,
 ) -> Path:
     """Write the evaluation episodes of a scenario and their checksum; the same episodes give the same bytes.
 
@@ -145,6 +145,7 @@ def store_episodes(
     folder
         Where to write; made if need be.
     """
+    folder = find_path("folder", folder)
     folder.mkdir(parents=True, exist_ok=True)
     data = _compressed(_encoded(scenario, machines, tasks, seeds, strata, version))
     sums = _checksums(folder) if (folder / CHECKSUMS).exists() else {}
@@ -177,7 +178,7 @@ def fresh_episodes(scenario: str, pace: str, seed: int) -> Episodes:
     return _at_pace(_draw(scenario, check_fresh(seed), pace), speed)
 
 
-def find_episodes(scenario: str, pace: str, fresh: int | None = None, *, folder: Path = FOLDER) -> Episodes:
+def find_episodes(scenario: str, pace: str, fresh: int | None = None, *, folder: FilePath = FOLDER) -> Episodes:
     """Return the stored evaluation episodes of a scenario at a pace, or the fresh ones of a seed."""
     return load_episodes(scenario, pace, folder=folder) if fresh is None else fresh_episodes(scenario, pace, fresh)
 
@@ -246,7 +247,8 @@ def _checksums(folder: Path) -> dict[str, str]:
         raise DataError(f"evaluation data {folder / CHECKSUMS} were changed: {error}") from None
 
 
-def _stored(scenario: str, folder: Path) -> Episodes:
+def _stored(scenario: str, folder: FilePath) -> Episodes:
+    folder = find_path("folder", folder)
     sums = _checksums(folder)
     if scenario not in sums:
         raise unknown_name("scenario", scenario, sorted(sums))

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from pter_gym.benchmark.episodes import FOLDER, Episodes, check_fresh, find_epis
 from pter_gym.benchmark.identity import SAID, derived_seed, identity_of
 from pter_gym.benchmark.measures import column, vector
 from pter_gym.benchmark.metrics import Scores, score_episodes
-from pter_gym.benchmark.naming import find_policy, is_built_in
+from pter_gym.benchmark.naming import find_policy, is_built_in, text_of
 from pter_gym.benchmark.results import ResultsFolder
 from pter_gym.benchmark.runs import (
     INSTANTS,
@@ -33,6 +32,8 @@ from pter_gym.controllers.base import Plans
 from pter_gym.controllers.predictive import UNPRIVILEGED
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
+from pter_gym.internal.checks import names_in
+from pter_gym.internal.files import FilePath
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import Sensors, observation_layout
@@ -57,16 +58,16 @@ class PerSeed:
 
 def run_scenario(
     scenario: str,
-    policies: Mapping[str, AnyPolicy | PerSeed] | Sequence[str],
+    policies: Mapping[str, AnyPolicy | PerSeed] | Sequence[FilePath],
     paces: Sequence[str] = tuple(PACES),
     *,
     episodes: int | None = None,
     fresh: int | None = None,
-    results: ResultsFolder | None = None,
+    results: ResultsFolder | FilePath | None = None,
     reuse_callables: bool = False,
     num_threads: int = 2,
     on_progress: Callable[[str], None] = lambda _: None,
-    data: Path = FOLDER,
+    data: FilePath = FOLDER,
 ) -> tuple[ScenarioRun, ...]:
     """Run policies on the evaluation episodes of a scenario.
 
@@ -85,7 +86,7 @@ def run_scenario(
     fresh
         Seed within [0, 2⁶⁴) of fresh episodes, see ``fresh_seed``; the stored ones by default.
     results
-        Where each finished run is kept, and taken from if it was finished before.
+        Where each finished run is kept, and taken from if it was finished before: a folder of results or its path.
     reuse_callables
         Whether to believe a callable whose attribute ``identity``, a string, says what it is. Nobody can tell what a
         callable does, so it is run again each time otherwise.
@@ -104,11 +105,12 @@ def run_scenario(
         If the stored episodes were changed.
     """
     named = _named(policies, scenario)
-    if not paces:
-        raise ParameterError("paces must hold at least one name")
+    paces = names_in("paces", paces)
     fresh = None if fresh is None else check_fresh(fresh)
     sets = {pace: find_episodes(scenario, pace, fresh, folder=data) for pace in paces}
     sets = {pace: full if episodes is None else full.first(episodes) for pace, full in sets.items()}
+    if results is not None and not isinstance(results, ResultsFolder):
+        results = ResultsFolder(results)
     if results:
         results.make()
     runs: list[ScenarioRun] = []
@@ -128,7 +130,7 @@ def run_scenario(
     return tuple(runs)
 
 
-def fresh_seed(scenario: str, policies: Mapping[str, AnyPolicy | PerSeed] | Sequence[str]) -> int:
+def fresh_seed(scenario: str, policies: Mapping[str, AnyPolicy | PerSeed] | Sequence[FilePath]) -> int:
     """Return the seed of fresh episodes that follows from what is judged: all policies, the code and the scenario.
 
     Parameters
@@ -154,14 +156,17 @@ def each_seed(policy: AnyPolicy | PerSeed) -> tuple[AnyPolicy, ...]:
 
 
 def _named(
-    policies: Mapping[str, AnyPolicy | PerSeed] | Sequence[str], scenario: str
+    policies: Mapping[str, AnyPolicy | PerSeed] | Sequence[FilePath], scenario: str
 ) -> Mapping[str, AnyPolicy | PerSeed]:
     if not policies:
         raise ParameterError("policies must hold at least one name")
+    if not isinstance(policies, Mapping):
+        names = [text_of(name) for name in names_in("policies", policies)]
+        for name in names:
+            check_name(name)
+        return {name: find_policy(name, scenario=scenario) for name in names}
     for name in policies:
         check_name(name)
-    if not isinstance(policies, Mapping):
-        return {name: find_policy(name, scenario=scenario) for name in policies}
     for name, policy in policies.items():
         for each in each_seed(policy):
             if not isinstance(each, Controller) and not callable(each):

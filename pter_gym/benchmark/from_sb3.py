@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pter_gym.compiled.layout import Layout
 from pter_gym.controllers import BoundPolicy
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine
+from pter_gym.params import BASELINE, Machine, find_machine
 from pter_gym.policies.interface import squared
 from pter_gym.tasks.path_following import Sensors, observation_layout
 
@@ -74,7 +74,7 @@ class ModelController:
         (entries,) = self.model.observation_space.shape
         if len(layout) != entries:
             raise ParameterError(f"observations must have the {entries} entries of the model, got {len(layout)}")
-        return ModelPolicy(self, layout, machine.clutch.voltage_max)
+        return ModelPolicy(self, layout, find_machine(machine).clutch.voltage_max)
 
 
 class ModelPolicy(BoundPolicy):
@@ -89,7 +89,11 @@ class ModelPolicy(BoundPolicy):
     def reset(self) -> None:
         """Forget the recurrent states: new episodes begin."""
         self._state: Any = None
-        self._begins = True
+        self._begins: bool | NDArray[np.bool_] = True
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Forget the recurrent states of some worlds, (N,): the model is told that episodes begin in them."""
+        self._begins = worlds | self._begins
 
     def act(self, observations: Observations) -> NDArray[np.float64]:
         """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries)."""

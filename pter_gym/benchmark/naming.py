@@ -3,20 +3,23 @@
 Names are those of built-in controllers, the paper's at each pace, tuned ones, planners, and trained ones.
 """
 
+import os
 import re
 from importlib.metadata import EntryPoint
-from pathlib import Path
 from types import MappingProxyType
+from typing import cast
 
 from pter_gym.benchmark.pacing import damping_table, paced
 from pter_gym.benchmark.runs import PACKAGE
 from pter_gym.benchmark.simulation import AnyPolicy
-from pter_gym.benchmark.tuned import SUFFIX, find_tuned
+from pter_gym.benchmark.tuned import SUFFIX, TUNED, find_tuned
 from pter_gym.controllers import CONTROLLERS, Controller, Random
 from pter_gym.controllers.impedance import Impedance
 from pter_gym.controllers.predictive import Honest, Privileged, Settings
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.policies import Neural, load_policy, shipped_policies
+from pter_gym.internal.files import FilePath, find_path
+from pter_gym.policies import load_policy, shipped_policies
+from pter_gym.policies.files import is_here, is_path
 
 PLANNERS = MappingProxyType({"predictive": Privileged, "predictive-honest": Honest})
 """Policies that plan, by name."""
@@ -28,11 +31,8 @@ GUIDE_TABLE = PACKAGE / "presets" / "guide.toml"
 CODE = re.compile(r"\w+(\.\w+)*:\w+(\.\w+)*")
 """How an attribute of a module is written."""
 
-FILES = (".json", ".safetensors")
-"""How the files of an exported policy end."""
 
-
-def read_policy(name: str, seed: int = 0, scenario: str = "standard") -> AnyPolicy:
+def read_policy(name: FilePath, seed: int = 0, scenario: str = "standard") -> AnyPolicy:
     """Return a policy as a user writes it: ``package.module:attribute``, or what ``find_policy`` finds.
 
     Parameters
@@ -48,6 +48,7 @@ def read_policy(name: str, seed: int = 0, scenario: str = "standard") -> AnyPoli
     ParameterError
         If there is none.
     """
+    name = text_of(name)
     if not is_code(name):
         return find_policy(name, seed, scenario)
     if not CODE.fullmatch(name):
@@ -76,19 +77,14 @@ def is_built_in(name: str) -> bool:
     return name.removesuffix(SUFFIX) in (*CONTROLLERS, *PLANNERS, *shipped_policies())
 
 
-def is_path(name: str) -> bool:
-    """Tell whether a user means files of an exported policy: they are in a folder, or have one of the endings."""
-    return "/" in name or name != Path(name).name or name.endswith(FILES)
-
-
-def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Controller:
+def find_policy(name: FilePath, seed: int = 0, scenario: str = "standard") -> Controller:
     """Return a policy by name: a controller with a damper for each pace, tuned gains, one that plans, or trained.
 
     Parameters
     ----------
     name
         In ``CONTROLLERS``, one of those with gains and ``-tuned`` after its name, in ``PLANNERS``, a trained policy, or
-        the path of an exported one.
+        the path of an exported one, as in ``pter_gym.policies.load_policy``.
     seed
         Of the random policy, and of those that plan.
     scenario
@@ -99,6 +95,10 @@ def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Control
     ParameterError
         If there is no policy of that name, or no gains for it.
     """
+    name = text_of(name)
+    known = (*CONTROLLERS, *TUNED, *PLANNERS, *shipped_policies())
+    if not is_path(name) and name not in known and not is_here(name):
+        raise unknown_name("policies", name, known)
     if name in PLANNERS:
         return PLANNERS[name](find_tuned(GUIDE, scenario, path=GUIDE_TABLE), Settings(seed=seed))
     if name.endswith(SUFFIX) and not is_path(name):
@@ -108,13 +108,13 @@ def find_policy(name: str, seed: int = 0, scenario: str = "standard") -> Control
     return paced(controller, dampers) if dampers and isinstance(controller, Impedance) else controller
 
 
-def find_controller(name: str, seed: int = 0) -> Controller:
+def find_controller(name: FilePath, seed: int = 0) -> Controller:
     """Return a built-in controller with its default gains, or a trained policy that the package ships, by name.
 
     Parameters
     ----------
     name
-        Its name, or the path of an exported policy: ``folder/name``, with or without the ending of one of its files.
+        Its name, or the path of an exported policy, as in ``pter_gym.policies.load_policy``.
     seed
         Of the random policy.
 
@@ -125,21 +125,21 @@ def find_controller(name: str, seed: int = 0) -> Controller:
     DataError
         If a file of the policy is not what it must be.
     """
-    if is_path(name):
-        return _exported(name)
-    trained = shipped_policies()
-    if name in trained:
+    name = text_of(name)
+    if name in CONTROLLERS:
+        kind = CONTROLLERS[name]
+        return Random(seed=seed) if kind is Random else kind()
+    if is_path(name) or name in shipped_policies() or is_here(name):
         return load_policy(name)
-    if name not in CONTROLLERS:
-        raise unknown_name("policies", name, (*CONTROLLERS, *trained))
-    kind = CONTROLLERS[name]
-    return Random(seed=seed) if kind is Random else kind()
+    raise unknown_name("policies", name, (*CONTROLLERS, *shipped_policies()))
 
 
-def _exported(name: str) -> Neural:
-    """Return the exported policy at a path."""
-    path = Path(name)
-    stem = path.stem if name.endswith(FILES) else path.name
-    if not (path.parent / f"{stem}{FILES[0]}").is_file():
-        raise ParameterError(f"policies: there is no exported policy {name!r}: no {path.parent / stem}{FILES[0]}")
-    return load_policy(stem, path.parent)
+def text_of(name: FilePath) -> str:
+    """Return a name or path as text that says which of both it is, or raise a ParameterError."""
+    given = cast("object", name)
+    if isinstance(given, str):
+        return given
+    if not isinstance(given, os.PathLike):
+        raise ParameterError(f"policies must be names or paths, got {given!r:.200}")
+    text = str(find_path("policies", name))
+    return text if is_path(text) else f"./{text}"

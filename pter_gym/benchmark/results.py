@@ -19,7 +19,7 @@ from pter_gym.benchmark.run_files import read_run, run_path, write_run
 from pter_gym.benchmark.runs import Conditions, ScenarioRun, without_copies
 from pter_gym.benchmark.statistics import LEVEL, RESAMPLES, SEED
 from pter_gym.errors import DataError
-from pter_gym.internal.files import write_text_atomic
+from pter_gym.internal.files import FilePath, find_path, write_text_atomic
 from pter_gym.internal.terminal import make_folder
 
 SUMMARY = "benchmark.json"
@@ -57,6 +57,10 @@ class ResultsFolder:
 
     path: Path
     data: Path = FOLDER
+
+    def __init__(self, path: FilePath, data: FilePath = FOLDER) -> None:
+        object.__setattr__(self, "path", find_path("path", path))
+        object.__setattr__(self, "data", find_path("data", data))
 
     @property
     def summary(self) -> Path:

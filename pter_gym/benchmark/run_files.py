@@ -30,7 +30,7 @@ from pter_gym.benchmark.runs import (
     sample_numbers,
 )
 from pter_gym.internal.codec import reading
-from pter_gym.internal.files import write_text_atomic
+from pter_gym.internal.files import FilePath, find_path, write_text_atomic
 from pter_gym.scenarios import find_pace
 
 HASH = "sha256"
@@ -42,15 +42,15 @@ MOST_FILE = 1 << 24
 PARTS = (HASH, *Conditions.__dataclass_fields__, "strata", "planning", "scores", "samples")
 
 
-def run_path(folder: Path, conditions: Conditions) -> Path:
+def run_path(folder: FilePath, conditions: Conditions) -> Path:
     """Return the file of a run in a folder of results."""
     name = "-".join((conditions.scenario, conditions.pace, conditions.policy, str(conditions.episodes)))
     name += "" if conditions.fresh is None else f"-fresh{conditions.fresh}"
     name += f"-seed{conditions.seed}" if conditions.seed else ""
-    return folder / "runs" / f"{quote(name, safe=' ')}.json"
+    return find_path("folder", folder) / "runs" / f"{quote(name, safe=' ')}.json"
 
 
-def write_run(folder: Path, run: ScenarioRun) -> None:
+def write_run(folder: FilePath, run: ScenarioRun) -> None:
     """Write a run to its file, whole or not at all."""
     path = run_path(folder, run.conditions)
     content = {
@@ -73,7 +73,7 @@ def file_hash(content: Mapping[str, object], name: str) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
-def read_run(path: Path, *, data: Path = FOLDER) -> ScenarioRun:
+def read_run(path: FilePath, *, data: FilePath = FOLDER) -> ScenarioRun:
     """Return the run in a file.
 
     Parameters
@@ -88,6 +88,7 @@ def read_run(path: Path, *, data: Path = FOLDER) -> ScenarioRun:
     DataError
         If the file is not whole, or of other code, or not what was written under its name; it says why.
     """
+    path = find_path("path", path)
     with reading(path.name):
         content = _content(path)
         conditions = _conditions(content)

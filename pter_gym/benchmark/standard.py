@@ -15,7 +15,7 @@ from pter_gym.benchmark.simulation import AnyPolicy, sensors_of, simulate
 from pter_gym.controllers import bind
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine
+from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def config_hash(machine: Machine, task: PathFollowing, time_constants: Sequence[
 def run_standard_test(
     policies: Mapping[str, AnyPolicy],
     *,
-    machine: Machine = BASELINE,
+    machine: Machine | str | None = None,
     task: PathFollowing | None = None,
     time_constants: Sequence[float] = TIME_CONSTANTS,
     seed: int = 0,
@@ -93,7 +93,7 @@ def run_standard_test(
         By name: controllers, which are bound to ``machine``, or any ``policy(observations) -> volts``, float32
         (N, entries) to (N, 4). ``find_controller`` returns a built-in one.
     machine, task
-        The machine, whose time constant is varied, and the task.
+        The machine or its name, whose time constant is varied, and the task; PTER and its task by default.
     time_constants
         Time constants of the clutches [s]; one episode each.
     seed
@@ -104,13 +104,13 @@ def run_standard_test(
     Raises
     ------
     ParameterError
-        If there is no policy or no time constant, or a time constant is not > 0.
+        If there is no policy, machine or time constant, or a time constant is not > 0.
     """
     if not policies:
         raise ParameterError("policies must hold at least one policy")
     if not time_constants:
         raise ParameterError("time_constants must hold at least one number > 0 s")
-    task = PathFollowing() if task is None else task
+    machine, task = find_machine(machine), PathFollowing() if task is None else task
     machines = [replace(machine, clutch=replace(machine.clutch, time_constant=tau)) for tau in time_constants]
     runs: dict[str, tuple[Run, ...]] = {}
     for name, policy in policies.items():

@@ -13,6 +13,7 @@ from pter_gym.benchmark.runs import PACKAGE
 from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
 from pter_gym.errors import DataError, ParameterError, unknown_name
 from pter_gym.internal.codec import reading
+from pter_gym.internal.files import FilePath, find_path
 from pter_gym.policies.stored_gains import restore_guided
 from pter_gym.scenarios import PACES
 
@@ -32,7 +33,7 @@ TUNED = tuple(name + SUFFIX for name in TUNABLE)
 Table = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
 
 
-def find_tuned(name: str, scenario: str | None = None, *, path: Path = TABLE) -> PaceSchedule:
+def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE) -> PaceSchedule:
     """Return a controller whose tuned gains follow the commanded pace.
 
     Parameters
@@ -53,7 +54,7 @@ def find_tuned(name: str, scenario: str | None = None, *, path: Path = TABLE) ->
     """
     if name not in TUNED:
         raise unknown_name("policies", name, TUNED)
-    controller = name.removesuffix(SUFFIX)
+    controller, path = name.removesuffix(SUFFIX), find_path("path", path)
     table = read_table(path)
     known = next((table[s] for s in (scenario or FALLBACK, FALLBACK) if s in table and table[s].get(controller)), None)
     if known is None:
@@ -65,7 +66,7 @@ def find_tuned(name: str, scenario: str | None = None, *, path: Path = TABLE) ->
     return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])))
 
 
-def read_table(path: Path = TABLE) -> Table:
+def read_table(path: FilePath = TABLE) -> Table:
     """Return the tuned gains by scenario, controller and pace; empty if there is no file.
 
     Raises
@@ -73,6 +74,7 @@ def read_table(path: Path = TABLE) -> Table:
     DataError
         If the file cannot be read or names a controller or pace that there is none of.
     """
+    path = find_path("path", path)
     try:
         table: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     except (OSError, ValueError) as error:

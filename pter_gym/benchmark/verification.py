@@ -18,6 +18,7 @@ from pter_gym.benchmark.run_files import MOST_FILE, run_path
 from pter_gym.benchmark.runs import Planning, Sample, ScenarioRun
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.errors import ParameterError, PterError
+from pter_gym.internal.files import FilePath
 
 SAME = "same"
 
@@ -45,7 +46,7 @@ class Verdict(NamedTuple):
 
 
 def verify(
-    results: ResultsFolder,
+    results: ResultsFolder | FilePath,
     policies: Policies | None = None,
     *,
     seed: int = 0,
@@ -59,7 +60,7 @@ def verify(
     Parameters
     ----------
     results
-        The folder.
+        The folder, or its path.
     policies
         By their names in the results; those that are missing are found by name, as ``find_policy`` does.
     seed
@@ -79,6 +80,7 @@ def verify(
     ParameterError
         If the folder holds no file of a run.
     """
+    results = results if isinstance(results, ResultsFolder) else ResultsFolder(results)
     contents = results.read()
     if not contents.runs and not contents.left_out:
         raise ParameterError(f"results must be a folder with files in runs, there are none in {str(results.path)!r}")

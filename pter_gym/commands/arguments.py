@@ -7,8 +7,27 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from tyro.conf import Positional
+from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from pter_gym.errors import ParameterError
+from pter_gym.internal.files import find_path
+
+PATHS = ConstructorRegistry()
+"""How arguments become paths: ``~`` is the home of the user, also where no shell has put it in."""
+
+
+@PATHS.primitive_rule
+def read_path_argument(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
+    """Return how an argument becomes a path; None for other arguments."""
+    if info.type is not Path:
+        return None
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="PATH",
+        instance_from_str=lambda texts: find_path("path", texts[0]),
+        is_instance=lambda value: isinstance(value, Path),
+        str_from_instance=lambda path: [str(path)],
+    )
 
 
 def split(text: str) -> list[str]:

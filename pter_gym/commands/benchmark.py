@@ -86,7 +86,7 @@ def standard_test(names: list[str], machine: str, seconds: list[float], seed: in
     """Run the paper's standard test on controllers, print its table and write its results to a folder."""
     from pter_gym.benchmark import run_standard_test
     from pter_gym.benchmark.naming import find_controller, is_code, read_policy
-    from pter_gym.envs.single import find_machine
+    from pter_gym.params import find_machine
 
     console, errors = Console(), Console(stderr=True)
     import_from_here()

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from pter_gym._version import __version__
-from pter_gym.commands.arguments import as_typed
+from pter_gym.commands.arguments import PATHS, as_typed
 from pter_gym.commands.names import names_table
 from pter_gym.errors import PterError, unknown_name
 from pter_gym.internal.terminal import Interrupts
@@ -64,7 +64,7 @@ def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
     def keep(**given: Any) -> dict[str, Any]:
         return given
 
-    return tyro.cli(keep, prog=f"pter {name}", args=arguments)
+    return tyro.cli(keep, prog=f"pter {name}", args=arguments, registry=PATHS)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -20,7 +20,7 @@ from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.laws import built_in
 from pter_gym.engine.law import empty_memory
 from pter_gym.errors import ParameterError
-from pter_gym.params import Machine
+from pter_gym.params import Machine, find_machine
 
 Observations = NDArray[np.float32]
 Volts = NDArray[np.float32]
@@ -78,6 +78,27 @@ class BoundPolicy(ABC):
         """
         self.reset()
 
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Forget the past of some worlds, (N,): new episodes begin in them, and go on in the others.
+
+        A policy whose ``reset`` does something has to say how. By default it can only forget all worlds at once.
+
+        Raises
+        ------
+        ParameterError
+            If it would have to forget some and to remember others.
+        """
+        if worlds.all():
+            self.reset()
+        elif type(self).reset is not BoundPolicy.reset:
+            raise self._cannot_forget()
+
+    def _cannot_forget(self) -> ParameterError:
+        return ParameterError(
+            "policy must have a method forget(worlds), with a bool for each world, where episodes begin at different "
+            "times; it has reset alone, which forgets all worlds at once"
+        )
+
     @abstractmethod
     def act(self, observations: Observations) -> Any:
         """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries), contiguous."""
@@ -121,7 +142,7 @@ class Controller(Protocol):
 
 
 class PlainPolicy(BoundPolicy):
-    """A callable from observations to volts as a policy; its own ``reset`` is called if it has one."""
+    """A callable from observations to volts as a policy; its own ``reset`` and ``forget`` are called if it has them."""
 
     def __init__(self, function: Callable[[Observations], Any], layout: Layout) -> None:
         self.layout = layout
@@ -129,16 +150,28 @@ class PlainPolicy(BoundPolicy):
 
     def reset(self) -> None:
         """Tell the callable that new episodes begin."""
-        forget = getattr(self._function, "reset", None)
+        reset = getattr(self._function, "reset", None)
+        if callable(reset):
+            reset()
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Tell the callable that new episodes begin in some worlds, (N,)."""
+        forget = getattr(self._function, "forget", None)
         if callable(forget):
-            forget()
+            forget(worlds)
+        elif worlds.all():
+            self.reset()
+        elif callable(getattr(self._function, "reset", None)):
+            raise self._cannot_forget()
 
     def act(self, observations: Observations) -> Any:
         """Return what the callable does."""
         return self._function(observations)
 
 
-def bind(policy: Controller | Callable[[Observations], Any], machine: Machine, layout: Layout) -> BoundPolicy:
+def bind(
+    policy: Controller | Callable[[Observations], Any], machine: Machine | str | None, layout: Layout
+) -> BoundPolicy:
     """Return a policy that is ready to act; this is where plain callables become policies.
 
     Parameters
@@ -146,7 +179,7 @@ def bind(policy: Controller | Callable[[Observations], Any], machine: Machine, l
     policy
         A controller, a bound policy, or any ``policy(observations) -> volts``, float32 (N, entries) to (N, 4).
     machine
-        The nominal machine.
+        The nominal machine or its name; None for PTER as it is.
     layout
         Layout of the observations.
 
@@ -155,11 +188,11 @@ def bind(policy: Controller | Callable[[Observations], Any], machine: Machine, l
     ParameterError
         If it is none of these, or it cannot be bound to this machine and layout.
     """
-    acting = policy.bind(machine, layout) if isinstance(policy, Controller) else policy
+    acting = policy.bind(find_machine(machine), layout) if isinstance(policy, Controller) else policy
     if isinstance(acting, BoundPolicy):
         return acting
     if not callable(acting):
-        raise ParameterError(f"policy must have a method bind or be callable, got {policy!r}")
+        raise ParameterError(f"policy must have a method bind or be callable, got {policy!r:.200}")
     return PlainPolicy(acting, layout)
 
 
@@ -197,6 +230,11 @@ class Policy(BoundPolicy):
     def reset(self) -> None:
         """Forget the past of all worlds."""
         self._memory = self.empty_memory(0)
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Forget the past of some worlds, (N,)."""
+        if len(self._memory) == len(worlds):
+            self._memory[worlds] = self.empty_memory(int(worlds.sum()))
 
     def act(self, observations: Observations) -> Volts:
         """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries), contiguous."""

@@ -9,7 +9,7 @@ from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.base import Policy
 from pter_gym.controllers.gains import Gains, gains_array
 from pter_gym.errors import ParameterError
-from pter_gym.params import Machine, preset, quantity, require, require_number, require_numbers
+from pter_gym.params import Machine, find_machine, preset, quantity, require, require_number, require_numbers
 from pter_gym.tasks.path_following.observation import SEEN
 
 
@@ -136,6 +136,7 @@ def _is_knot(knot: Any) -> bool:
 
 def bind_rows(first: Guided, rows: list[tuple[float, Gains]], machine: Machine, layout: Layout) -> Policy:
     """Return the policy of rows of gains by pace; the law and the table are those of the first controller."""
+    machine = find_machine(machine)
     top = machine.clutch.voltage_max
     volts = first.table_volts
     require(volts[-1:] == (top,), first, "table_volts", volts, f"up to voltage_max = {top:g} V")

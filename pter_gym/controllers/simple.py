@@ -7,7 +7,7 @@ import numpy as np
 from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.base import Policy
 from pter_gym.controllers.laws import CONSTANT, RANDOM
-from pter_gym.params import Machine, quantity, require, require_number
+from pter_gym.params import Machine, find_machine, quantity, require, require_number
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Locked:
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy that gives the largest voltage of a machine's clutches."""
-        return Policy(np.array([CONSTANT, *4 * [machine.clutch.voltage_max]]), layout)
+        return Policy(np.array([CONSTANT, *4 * [find_machine(machine).clutch.voltage_max]]), layout)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,4 +41,4 @@ class Random:
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy that draws up to the largest voltage of a machine's clutches."""
-        return Policy(np.array([RANDOM, self.seed, machine.clutch.voltage_max]), layout)
+        return Policy(np.array([RANDOM, self.seed, find_machine(machine).clutch.voltage_max]), layout)

@@ -1,6 +1,7 @@
 """The worlds of a batch before the first step: who shares which constants, and the blocks that hold them."""
 
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,10 @@ def number_of_pairs(
     machines: Machine | Sequence[Machine], tasks: PathFollowing | Sequence[PathFollowing], num_worlds: int | None
 ) -> int:
     """Return the number of worlds that machines and tasks give, or raise a ParameterError where they disagree."""
+    for field, items, kind in (("machines", machines, Machine), ("tasks", tasks, PathFollowing)):
+        given = cast("Sequence[object]", items if isinstance(items, Sequence) else (items,))
+        if not all(isinstance(item, kind) for item in given):
+            raise ParameterError(f"{field} must be a {kind.__name__} or a sequence of them, got {items!r:.200}")
     lengths = {len(items) for items in (machines, tasks) if not isinstance(items, (Machine, PathFollowing))}
     if num_worlds is not None:
         lengths.add(num_worlds)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pter_gym.engine.contexts import check_shared, constants_of, distinct, empty_blocks, is_plain
 from pter_gym.engine.world import BASIC_ROWS, ROW, STORED_ROWS
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following.context import CONTEXT, CONTEXT_WIDTH
 from pter_gym.tasks.path_following.specification import PathFollowing
@@ -31,6 +31,8 @@ class Worlds:
     ----------
     num_worlds
         N.
+    draws
+        Whether worlds draw their pairs.
     pairs
         The distinct pairs of machine and task; ``context`` holds their numbers.
 
@@ -42,6 +44,7 @@ class Worlds:
 
     def __init__(self, machines: Sequence[Machine], tasks: Sequence[PathFollowing], drawing: int | None = None) -> None:
         self.num_worlds = len(machines) if drawing is None else drawing
+        self.draws = drawing is not None
         self.pairs, numbers = distinct(machines, tasks)
         check_shared(self.pairs)
         self._constants = constants_of(self.pairs)
@@ -137,6 +140,19 @@ class Worlds:
             np.isin(worlds[:, ROW.foot.segment], np.arange(int(arcs.max()))).all()
             and (worlds[:, ROW.foot.segment] < arcs).all()
         )
+
+    def clock(self) -> NDArray[np.uint64]:
+        """Return where each world is in time, (N, 3): its seed, its episode, and the control steps since the reset.
+
+        Raises
+        ------
+        ResetNeededError
+            If a world was never reset.
+        """
+        if not self._seeded.all():
+            raise ResetNeededError(f"world {self._seeded.argmin()} needs a reset: it was never reset")
+        steps = self._worlds[:, ROW.step].reshape(-1)[: self.num_worlds]
+        return np.column_stack([self._words, steps.astype(np.uint64)])
 
     @property
     def context(self) -> list[int]:

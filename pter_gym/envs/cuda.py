@@ -36,6 +36,8 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
     CPU's to 1e-9, not to the bit, since the device contracts products and sums.
     """
 
+    device = "cuda"
+
     def __init__(self, num_envs: int = 1, **keywords: Any) -> None:
         if keywords.get("render_mode") is not None:
             raise ParameterError('render_mode must be None with device="cuda": watch worlds of device="cpu"')

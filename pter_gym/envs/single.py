@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pter_gym.compiled.layout import Layout
 from pter_gym.engine.batch import ActionUnit, Batch
 from pter_gym.errors import ParameterError
-from pter_gym.params import MACHINES, Machine
+from pter_gym.params import Machine, find_machine
 from pter_gym.render.arrangement import check_size
 from pter_gym.render.style import HEIGHT, WIDTH
 from pter_gym.scenarios.randomisation import Mixture, Randomisation
@@ -107,7 +107,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def __init__(
         self,
-        machine: Machine | str = "baseline",
+        machine: Machine | str | None = "baseline",
         task: PathFollowing | None = None,
         sensors: Sensors = "torque",
         action_unit: ActionUnit = "volt",
@@ -222,23 +222,8 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._viewer.draw(self._shown, np.array(self._trail))
 
 
-def find_machine(machine: Machine | str) -> Machine:
-    """Return a machine given as itself or by its name in ``MACHINES``.
-
-    Raises
-    ------
-    ParameterError
-        If there is no machine of that name.
-    """
-    if isinstance(machine, Machine):
-        return machine
-    if machine not in MACHINES:
-        raise ParameterError(f"machine must be a Machine or one of {', '.join(MACHINES)}, got {machine!r}")
-    return MACHINES[machine]
-
-
 def find_pairs(
-    machine: Machine | str | Sequence[Machine | str],
+    machine: Machine | str | Sequence[Machine | str] | None,
     task: PathFollowing | Sequence[PathFollowing] | None,
     randomisation: Randomisation | Mixture | None,
 ) -> tuple[Machine | list[Machine], PathFollowing | Sequence[PathFollowing]]:
@@ -250,13 +235,14 @@ def find_pairs(
         If a randomisation is given together with a task or another machine than the default, or a name is unknown.
     """
     if randomisation is not None:
-        if task is not None or machine != "baseline":
+        if task is not None or machine not in (None, "baseline"):
             raise ParameterError("task and machine must not be given with a randomisation, which brings both")
         machines, tasks = zip(*randomisation.pairs(), strict=True)
         return list(machines), tasks
     goal = PathFollowing() if task is None else check_tasks(task)
-    single = isinstance(machine, (Machine, str))
-    return find_machine(machine) if single else [find_machine(each) for each in machine], goal
+    if isinstance(machine, Sequence) and not isinstance(machine, str):
+        return [find_machine(each) for each in machine], goal
+    return find_machine(machine), goal
 
 
 def check_tasks(task: PathFollowing | Sequence[PathFollowing]) -> PathFollowing | Sequence[PathFollowing]:

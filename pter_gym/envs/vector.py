@@ -68,10 +68,13 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         If an argument is out of range, or the worlds would not fit into the memory of this machine.
     """
 
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Where the worlds are."""
+
     def __init__(
         self,
         num_envs: int = 1,
-        machine: Machine | str | Sequence[Machine | str] = "baseline",
+        machine: Machine | str | Sequence[Machine | str] | None = "baseline",
         task: PathFollowing | Sequence[PathFollowing] | None = None,
         sensors: Sensors = "torque",
         action_unit: ActionUnit = "volt",

@@ -8,7 +8,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from pter_gym.errors import ParameterError
 from pter_gym.hands.model import NO_FORCE, SINES, HandModel, PerSine, Sines
+from pter_gym.internal.files import FilePath
 from pter_gym.internal.tables import read_columns
 from pter_gym.params import Hand, preset, quantity, require, require_flag, require_kind, require_number, require_numbers
 from pter_gym.params.preset import PRESET
@@ -184,7 +184,7 @@ class RecordedForces(Operator):
         return np.stack([np.interp(instants, self.times, force) for force in (self.along, self.across)], axis=1)
 
 
-def read_forces(file: Path | str) -> RecordedForces:
+def read_forces(file: FilePath) -> RecordedForces:
     """Return the recording in a CSV file with the columns ``time`` [s], ``along`` and ``across`` [N].
 
     Raises
@@ -192,7 +192,7 @@ def read_forces(file: Path | str) -> RecordedForces:
     ParameterError
         If the file cannot be read, a column is missing, a number is not finite, or the times do not rise from 0.
     """
-    columns = read_columns(Path(file), ("time", "along", "across"))
+    columns = read_columns(file, ("time", "along", "across"))
     times, along, across = (tuple(columns[name].tolist()) for name in ("time", "along", "across"))
     try:
         return RecordedForces(times=times, along=along, across=across)

@@ -1,7 +1,9 @@
 """Checks of arguments."""
 
 import operator
-from typing import Any
+import os
+from collections.abc import Iterable
+from typing import Any, cast
 
 from pter_gym.errors import ParameterError
 
@@ -15,3 +17,12 @@ def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
     if number < at_least or isinstance(value, bool):
         raise ParameterError(f"{field} must be a whole number ≥ {at_least}, got {value!r}")
     return number
+
+
+def names_in(field: str, names: Iterable[Any]) -> list[Any]:
+    """Return the names of a list that is not empty, or raise a ParameterError; a text is no list of its letters."""
+    given = cast("object", names)
+    listed = list(cast("Iterable[Any]", given)) if isinstance(given, Iterable) else []
+    if not listed or isinstance(given, (str, bytes, os.PathLike)):
+        raise ParameterError(f"{field} must hold at least one name, in a list, got {given!r:.200}")
+    return listed

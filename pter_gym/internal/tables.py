@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.errors import ParameterError
+from pter_gym.internal.files import FilePath, find_path
 
 
-def read_columns(file: Path, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+def read_columns(file: FilePath, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
     """Return the named columns of a CSV file whose first line names its columns; others are left out.
 
     Raises
@@ -19,6 +20,7 @@ def read_columns(file: Path, names: Sequence[str]) -> dict[str, NDArray[np.float
     ParameterError
         If the file cannot be read, a column is missing, or an entry is not a finite number; it names the line.
     """
+    file = find_path("file", file)
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:
             rows = csv.DictReader(stream, skipinitialspace=True)

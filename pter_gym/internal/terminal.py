@@ -6,17 +6,18 @@ import signal
 import socket
 import sys
 import time
-from pathlib import Path
 from threading import Lock, Thread
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from pter_gym.errors import ParameterError
+from pter_gym.internal.files import FilePath, find_path
 
 
-def make_folder(path: Path) -> None:
+def make_folder(path: FilePath) -> None:
     """Make a folder that can be written to, or raise a ParameterError."""
+    path = find_path("out", path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

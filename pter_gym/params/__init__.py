@@ -29,6 +29,7 @@ from pter_gym.params.machine import (
     Lag,
     Machine,
     TorqueCurve,
+    find_machine,
     tip_mass,
     with_friction,
 )
@@ -53,6 +54,7 @@ __all__ = [
     "Lag",
     "Machine",
     "TorqueCurve",
+    "find_machine",
     "preset",
     "quantity",
     "require",

@@ -7,8 +7,9 @@ paper does not print are in one file, ``presets/pter.toml``.
 
 import math
 from dataclasses import dataclass, fields
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
+from pter_gym.errors import ParameterError, nearest
 from pter_gym.params.fields import preset, quantity, require, require_kind, require_number, require_numbers
 from pter_gym.params.preset import PRESET
 from pter_gym.units import from_inch_pounds
@@ -220,3 +221,23 @@ PAPER_MACHINES = {
 
 MACHINES = {**PAPER_MACHINES}
 """Machines that environments and commands know by name; another clutch material is one more entry."""
+
+
+def find_machine(machine: Machine | str | None) -> Machine:
+    """Return a machine given as itself or by its name in ``MACHINES``; ``BASELINE`` for None.
+
+    Raises
+    ------
+    ParameterError
+        If it is no machine, or there is none of that name; it tells the nearest.
+    """
+    given = cast("object", machine)
+    if given is None:
+        return BASELINE
+    if isinstance(given, Machine):
+        return given
+    if isinstance(given, str) and given in MACHINES:
+        return MACHINES[given]
+    raise ParameterError(
+        f"machine must be a Machine or one of {', '.join(MACHINES)}, got {given!r:.200}{nearest(given, MACHINES)}"
+    )

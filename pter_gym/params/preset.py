@@ -5,7 +5,6 @@ fit`` writes such files.
 """
 
 import math
-import os
 import sys
 import tomllib
 from collections.abc import Collection, Iterator, Mapping
@@ -16,6 +15,7 @@ from typing import Any, cast
 
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.codec import ABSENT, declared, reading
+from pter_gym.internal.files import FilePath, find_path
 
 KINDS = ("published", "derived", "fitted", "chosen")
 """First words of a provenance."""
@@ -137,7 +137,7 @@ SECTIONS: Mapping[str, type[Any]] = MappingProxyType(
 """The sections of a preset file, in their order."""
 
 
-def load_preset(path: str | os.PathLike[str]) -> Preset:
+def load_preset(path: FilePath) -> Preset:
     """Read a preset file.
 
     Raises
@@ -149,9 +149,9 @@ def load_preset(path: str | os.PathLike[str]) -> Preset:
         number, out of its range, in another unit, or without a provenance.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = find_path("path", path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ParameterError(f"preset {os.fspath(path)!s} cannot be read: {error}") from None
+        raise ParameterError(f"preset {path} cannot be read: {error}") from None
     with reading(f"preset {path}"):
         return parse_preset(text)
 

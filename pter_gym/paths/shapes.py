@@ -5,12 +5,12 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path as File
 from typing import Any, cast
 
 import numpy as np
 
 from pter_gym.errors import ParameterError
+from pter_gym.internal.files import FilePath
 from pter_gym.internal.tables import read_columns
 from pter_gym.params import preset, quantity, require, require_flag, require_number
 from pter_gym.paths.arcs import Arcs, Path, Piece, arc_between, chain, fit_arcs
@@ -204,7 +204,7 @@ def _is_point(row: Any) -> bool:
     return is_pair and all(isinstance(x, (int, float)) and math.isfinite(x) for x in cast(tuple[Any, ...], row))
 
 
-def read_path(file: File | str) -> Spline:
+def read_path(file: FilePath) -> Spline:
     """Return the spline through the points of a CSV file with the columns ``x`` and ``y`` [m].
 
     Raises
@@ -213,7 +213,7 @@ def read_path(file: File | str) -> Spline:
         If the file cannot be read, a column is missing, a number is not finite, there are fewer than two points, or a
         point occurs twice in a row.
     """
-    columns = read_columns(File(file), ("x", "y"))
+    columns = read_columns(file, ("x", "y"))
     points = tuple(zip(columns["x"].tolist(), columns["y"].tolist(), strict=True))
     try:
         return Spline(points=points)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym.compiled.compiler import compile_kernel, device
 from pter_gym.compiled.records import flat, read, rows, width, write
 from pter_gym.errors import DivergenceError, ParameterError
-from pter_gym.params import Machine
+from pter_gym.params import Machine, find_machine
 from pter_gym.physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
 from pter_gym.physics.clutch import PerClutch, Torques, relax, relax_torques, scaled, steady_torques
 from pter_gym.physics.friction import generated_torques, mode_of, slip_velocities
@@ -120,7 +120,7 @@ class Trajectory:
 
 
 def initial_state(
-    machine: Machine,
+    machine: Machine | str | None,
     theta: ArrayLike,
     omega: ArrayLike = (0.0, 0.0),
     volts: ArrayLike = (0.0, 0.0, 0.0, 0.0),
@@ -129,6 +129,8 @@ def initial_state(
 
     Parameters
     ----------
+    machine
+        The machine or its name; None for PTER as it is.
     theta, omega
         Absolute link angles [rad] and angular velocities [rad/s], shape (2,).
     volts
@@ -137,8 +139,9 @@ def initial_state(
     Raises
     ------
     ParameterError
-        If a shape is wrong, a number is not finite, or a voltage is out of range.
+        If there is no such machine, a shape is wrong, a number is not finite, or a voltage is out of range.
     """
+    machine = find_machine(machine)
     settled = _volts(machine, volts, 1)[0]
     clutch = machine.clutch
     scale = np.array(machine.clutch_scale)
@@ -152,7 +155,7 @@ def initial_state(
 
 
 def simulate(
-    machine: Machine,
+    machine: Machine | str | None,
     state: State,
     volts: ArrayLike,
     hand_force: ArrayLike,
@@ -166,7 +169,7 @@ def simulate(
     Parameters
     ----------
     machine
-        The machine; its ``substep`` is the time step.
+        The machine or its name, None for PTER as it is; its ``substep`` is the time step.
     state
         Where to start: from ``initial_state`` or the ``final`` of an earlier trajectory.
     volts
@@ -192,6 +195,7 @@ def simulate(
     DivergenceError
         If the motion diverges: the substep is too long for so fast a motion.
     """
+    machine = find_machine(machine)
     if hand_target is None and machine.hand.stiffness > 0.0:
         raise ParameterError("hand_target is needed: the hand has a stiffness")
     target = (0.0, 0.0) if hand_target is None else hand_target

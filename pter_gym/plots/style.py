@@ -1,7 +1,6 @@
 """One style for all figures: sizes, colours, units on every axis, and how a figure becomes files."""
 
 import io
-import os
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from functools import wraps
@@ -15,7 +14,7 @@ from matplotlib.figure import Figure
 
 from pter_gym.errors import ParameterError
 from pter_gym.internal import palette
-from pter_gym.internal.files import write_bytes_atomic
+from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym.internal.looks import numbered
 from pter_gym.units import to_inch_pounds, to_inches
 
@@ -147,7 +146,7 @@ def _content(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
     return buffer.getvalue()
 
 
-def save(figure: Figure, path: str | os.PathLike[str]) -> tuple[Path, Path]:
+def save(figure: Figure, path: FilePath) -> tuple[Path, Path]:
     """Write a figure as a PNG file and, in vectors, as a PDF file beside it; each whole or not at all.
 
     Parameters
@@ -167,9 +166,9 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> tuple[Path, Path]:
     ParameterError
         If the path does not end in ``.png``.
     """
-    first = Path(path)
+    first = find_path("path", path)
     if first.suffix != ".png":
-        raise ParameterError(f"path must end in .png, got {os.fspath(path)!r}")
+        raise ParameterError(f"path must end in .png, got {str(path)!r}")
     second = first.with_suffix(".pdf")
     contents = {first: png(figure), second: pdf(figure)}
     for each, content in contents.items():

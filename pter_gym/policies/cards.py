@@ -89,10 +89,12 @@ class Card:
 
     def check_layout(self, layout: Layout) -> None:
         """Raise a ParameterError unless observations of this layout have all entries that it was trained on."""
-        mine, other = self.observation, fields_of(layout)
-        if not {(name, unit) for name, unit, _ in mine} <= {(name, unit) for name, unit, _ in other}:
+        there = fields_of(layout)
+        known = {(name, unit) for name, unit, _ in there}
+        lacking = tuple(entry for entry in self.observation if entry[:2] not in known)
+        if lacking:
             raise ParameterError(
-                f"policy {self.name!r} needs observations with the entries {_told(mine)}; these have {_told(other)}"
+                f"policy {self.name!r} needs observations with {_told(lacking)}; these have {_told(there)}"
             )
 
     def as_json(self) -> dict[str, Any]:

@@ -5,7 +5,9 @@ Nothing in such a file can be executed. Sizes, names, shapes, types and checksum
 
 import hashlib
 import json
+import os
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +18,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
-from pter_gym.errors import DataError, ParameterError, unknown_name
-from pter_gym.internal.files import write_bytes_atomic, write_text_atomic
+from pter_gym.errors import DataError, ParameterError, nearest, unknown_name
+from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic, write_text_atomic
 from pter_gym.policies.cards import Card, read_card
 from pter_gym.policies.network import LSTM, Network
 from pter_gym.policies.neural import Neural
@@ -28,24 +30,50 @@ SHIPPED = Path(__file__).parent / "shipped"
 NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 """What a policy may be called."""
 
+CARD, WEIGHTS, TEXT = ENDINGS = (".json", ".safetensors", ".md")
+"""How the files of a policy end."""
+
+RUN = "run.json"
+"""What is in the folder of a training run, which is no policy yet."""
+
 MOST_CARD, MOST_WEIGHTS = 1 << 20, 1 << 24
 """Largest files [B]."""
 
 
-def shipped_policies(folder: Path = SHIPPED) -> tuple[str, ...]:
+def shipped_policies(folder: FilePath = SHIPPED) -> tuple[str, ...]:
     """Return the names of the trained policies in a folder; by default, of those that the package ships."""
-    return tuple(sorted(path.stem for path in folder.glob("*.json") if NAME.fullmatch(path.stem)))
+    found = find_path("folder", folder).glob(f"*{CARD}")
+    return tuple(sorted(path.stem for path in found if NAME.fullmatch(path.stem)))
 
 
-def load_policy(name: str, folder: Path = SHIPPED) -> Neural:
-    """Return a trained policy; by default, one that the package ships.
+def exported_policies(folder: FilePath = Path()) -> tuple[str, ...]:
+    """Return the names of the policies in a folder that have both card and weights; by default, in the present one."""
+    where = find_path("folder", folder)
+    return tuple(name for name in shipped_policies(where) if (where / f"{name}{WEIGHTS}").is_file())
+
+
+def is_path(name: str) -> bool:
+    """Tell whether a user means files of an exported policy: they are in a folder, or have one of the endings."""
+    return "/" in name or name != Path(name).name or name.endswith(ENDINGS) or name in ("~", ".", "..")
+
+
+def is_here(name: str) -> bool:
+    """Tell whether a name is that of an exported policy, or of a folder, in the present folder."""
+    return name in exported_policies() or Path(name).is_dir()
+
+
+def load_policy(name: FilePath, folder: FilePath | None = None) -> Neural:
+    """Return a trained policy as a controller: bound to a machine and a layout, it acts.
+
+    ``pter_gym.load_policy`` returns one that is ready to act in an environment.
 
     Parameters
     ----------
     name
-        Its name, which is that of its files.
+        The name of one that the package ships or that is in the present folder, or the path of an exported one:
+        ``folder/name``, with or without the ending of one of its files, or a folder that holds that policy alone.
     folder
-        Where they are.
+        Where its files are, if only the name is given.
 
     Raises
     ------
@@ -54,14 +82,60 @@ def load_policy(name: str, folder: Path = SHIPPED) -> Neural:
     DataError
         If a file is missing, too large, or not what it must be; nothing in it was executed.
     """
+    if folder is not None:
+        where = find_path("folder", folder)
+        return _load(_known(name, shipped_policies(where)), where)
+    find_path("name", name)
+    text = os.fspath(name)
+    if isinstance(name, os.PathLike) or is_path(text) or (text not in shipped_policies() and is_here(text)):
+        return _load(*find_exported(name))
+    return _load(_known(text, shipped_policies()), SHIPPED)
+
+
+def _known(name: object, known: Sequence[str]) -> str:
+    """Return a name, or raise a ParameterError unless it is one of the known ones."""
     check_name(name)
-    known = shipped_policies(folder)
     if name not in known:
         raise unknown_name("policies", name, known)
-    card = read_card(_read(folder / f"{name}.json", MOST_CARD), f"{name}.json")
+    return str(name)
+
+
+def find_exported(path: FilePath) -> tuple[str, Path]:
+    """Return name and folder of an exported policy.
+
+    Parameters
+    ----------
+    path
+        ``folder/name``, with or without the ending of one of its files, or a folder that holds that policy alone.
+
+    Raises
+    ------
+    ParameterError
+        If there is none, or several; it tells the nearest.
+    """
+    given = find_path("policies", path)
+    named = given.with_suffix("") if given.suffix in ENDINGS else given
+    if (named.parent / f"{named.name}{CARD}").is_file():
+        return named.name, named.parent
+    inside = exported_policies(given)
+    if len(inside) == 1:
+        return inside[0], given
+    if inside:
+        why = f"the folder holds several, {', '.join(str(given / name) for name in inside)}"
+    elif (given / RUN).is_file():
+        why = f"it is the folder of a training, of which `pter export {given}` makes a policy"
+    else:
+        known = [str(named.parent / name) for name in exported_policies(named.parent)]
+        why = f"no {named}{CARD}{nearest(named, known)}"
+    raise ParameterError(f"policies: there is no exported policy {os.fspath(path)!r}: {why}")
+
+
+def _load(name: str, folder: Path) -> Neural:
+    check_name(name)
+    card = read_card(_read(folder / f"{name}{CARD}", MOST_CARD), f"{name}{CARD}")
     if card.name != name:
-        raise DataError(f"policy card {name}.json is refused: it is that of {card.name!r}")
-    path = folder / f"{name}.safetensors"
+        raise DataError(f"policy card {name}{CARD} is refused: it is that of {card.name!r}")
+    path = folder / f"{name}{WEIGHTS}"
     data = _read(path, MOST_WEIGHTS)
     found = hashlib.sha256(data).hexdigest()
     if found != card.weights_sha256:
@@ -113,7 +187,7 @@ def read_network(data: bytes, card: Card, what: str) -> Network:
     )
 
 
-def write_policy(card: Card, tensors: dict[str, NDArray[np.float32]], text: str, folder: Path) -> Path:
+def write_policy(card: Card, tensors: dict[str, NDArray[np.float32]], text: str, folder: FilePath) -> Path:
     """Write a policy and return the path of its card, which is written last.
 
     Parameters
@@ -135,19 +209,20 @@ def write_policy(card: Card, tensors: dict[str, NDArray[np.float32]], text: str,
         If the weights do not fit the card.
     """
     check_name(card.name)
+    folder = find_path("folder", folder)
     data = save_tensors({name: np.ascontiguousarray(tensors[name]) for name in sorted(tensors)})
     card = replace(card, weights_sha256=hashlib.sha256(data).hexdigest())
     content = json.dumps(card.as_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     read_network(data, read_card(content.encode(), card.name), card.name)
-    write_bytes_atomic(folder / f"{card.name}.safetensors", data)
-    write_text_atomic(folder / f"{card.name}.md", text)
-    write_text_atomic(folder / f"{card.name}.json", content)
-    return folder / f"{card.name}.json"
+    write_bytes_atomic(folder / f"{card.name}{WEIGHTS}", data)
+    write_text_atomic(folder / f"{card.name}{TEXT}", text)
+    write_text_atomic(folder / f"{card.name}{CARD}", content)
+    return folder / f"{card.name}{CARD}"
 
 
-def check_name(name: str) -> None:
+def check_name(name: object) -> None:
     """Raise a ParameterError unless a policy may have this name, which is never a path."""
-    if not NAME.fullmatch(name):
+    if not isinstance(name, str) or not NAME.fullmatch(name):
         raise ParameterError(f"policies must have names of small letters, digits and single hyphens, got {name!r}")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.compiled.layout import Layout
-from pter_gym.params import Machine, require
+from pter_gym.params import Machine, find_machine, require
 from pter_gym.policies.cards import Card
 from pter_gym.policies.interface import BoundInterface
 from pter_gym.policies.network import Network
@@ -50,6 +50,7 @@ class Neural:
         ParameterError
             If the observations lack an entry that it was trained on, or the largest voltage differs.
         """
+        machine = find_machine(machine)
         self.card.check_layout(layout)
         top = machine.clutch.voltage_max
         require(top == self.card.voltage_max, machine.clutch, "voltage_max", top, f"{self.card.voltage_max:g} V")
@@ -59,7 +60,8 @@ class Neural:
 class NeuralPolicy:
     """A trained policy that is ready to act: ``policy(observation) -> volts``.
 
-    One with a history or an LSTM remembers; ``reset`` makes it forget.
+    One with a history or an LSTM remembers, and does not notice when an episode begins: ``reset`` makes it forget, or
+    ``forget`` where some worlds begin and others go on. ``pter_gym.load_policy`` returns one that notices.
 
     Parameters
     ----------
@@ -77,6 +79,12 @@ class NeuralPolicy:
     def reset(self) -> None:
         """Forget the past: new episodes begin."""
         self._begin(0)
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Forget the past of some worlds, bool (N,): new episodes begin in them."""
+        if self._past.worlds == len(worlds):
+            self._past.forget(worlds)
+            self._memory = np.where(worlds[:, None], self._network.begin(len(worlds)), self._memory)
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return clutch voltages [V].

@@ -241,6 +241,8 @@ class Randomisation:
         """Return a pair that fits together; a path without room in the workspace is drawn again."""
         for attempt in range(TRIES):
             machine, task = drawn(self.machine, rng), drawn(self.task, rng)
+            require(isinstance(machine, Machine), self, "machine", self.machine, "a Machine, or draw one")
+            require(isinstance(task, PathFollowing), self, "task", self.task, "a PathFollowing, or draw one")
             try:
                 check_machine(replace(task, singularity_margin=ROOM * task.singularity_margin), machine)
             except ParameterError:

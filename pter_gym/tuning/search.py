@@ -14,6 +14,7 @@ from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, read_table
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, PaceSchedule
 from pter_gym.errors import ParameterError, needs_extra, unknown_name
+from pter_gym.internal.files import FilePath, find_path
 from pter_gym.scenarios import find_pace, find_scenario
 from pter_gym.tuning.examination import Examination, Verdict
 from pter_gym.tuning.offspring import offspring
@@ -83,7 +84,7 @@ def tune(
     trials: int = TRIALS,
     starts: int = STARTS,
     episodes: int = EPISODES,
-    storage: Path = Path("pter-tune.journal"),
+    storage: FilePath = "pter-tune.journal",
     seed: int = 0,
     on_trial: Callable[[int, float], None] = lambda _count, _best: None,
 ) -> Study:
@@ -114,6 +115,7 @@ def tune(
         If there is no such controller, scenario or pace, a number is out of range, the storage cannot be written, or
         Optuna is not installed.
     """
+    storage = find_path("storage", storage)
     _check(controller, scenario, pace, storage, {"trials": trials, "starts": starts, "episodes": episodes}, seed)
     rungs = [Examination(scenario, pace, -(-episodes // REDUCTION**k), 2 * seed) for k in reversed(range(RUNGS))]
     name = f"{scenario}-v{find_scenario(scenario).version} {controller} {pace} {episodes} {seed}"

@@ -1,13 +1,12 @@
 """Tuned gains as a file: a table for each scenario, controller and pace, which several tuners may write to."""
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any, cast
 
 from filelock import FileLock
 
 from pter_gym.benchmark.tuned import Table, read_table
-from pter_gym.internal.files import write_text_atomic
+from pter_gym.internal.files import FilePath, find_path, write_text_atomic
 from pter_gym.policies.stored_gains import gains_of, make_guided
 from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tuning.search import Study
@@ -42,7 +41,7 @@ def entry_of(study: Study) -> dict[str, Any]:
     }
 
 
-def add_study(study: Study, path: Path) -> None:
+def add_study(study: Study, path: FilePath) -> None:
     """Write the gains of a study to a file, in the place of earlier ones for the same; its other entries stay.
 
     Raises
@@ -50,6 +49,7 @@ def add_study(study: Study, path: Path) -> None:
     DataError
         If there is a file that is not as this function writes it.
     """
+    path = find_path("path", path)
     with FileLock(path.with_name(f".{path.name}.lock")):
         table: dict[str, Any] = dict(read_table(path))
         table.setdefault(study.scenario, {}).setdefault(study.controller, {})[study.pace] = entry_of(study)

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,13 @@ import gymnasium
 import numpy as np
 import pytest
 
-import pter_gym  # noqa: F401  (registers the environment)
+import pter_gym
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.hands import MultiSineHand
+from pter_gym.params import BASELINE
 from pter_gym.paths import Line
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.policies import load_policy
+from pter_gym.tasks.path_following import STARTS, PathFollowing
 
 pytestmark = pytest.mark.agents
 
@@ -254,3 +257,25 @@ def test_missing_stable_baselines_says_what_to_install() -> None:
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert "'.[agents]'" in result.stdout
+
+
+def test_a_trained_policy_acts_in_it_and_notices_new_episodes() -> None:
+    from pter_gym.envs.sb3 import make_sb3_vec_env
+
+    env = make_sb3_vec_env(3, task=replace(TASK, start_offset=0.0, truncation_error=0.02, starts=STARTS["path"]))
+    watched = vec_env.VecMonitor(env)
+    policy = pter_gym.load_policy("residual", watched)
+    alone = [load_policy("residual").bind(BASELINE, env.env.observation_layout) for _ in range(3)]
+    watched.seed(0)
+    observations, began = watched.reset(), 0
+    for _ in range(100):
+        chosen = policy(observations)
+        volts = [act(row) for act, row in zip(alone, observations, strict=True)]
+        np.testing.assert_allclose(24.0 * ((chosen + 1.0) / 2.0) ** 2, volts, atol=1e-3)
+        observations, _, done, _ = watched.step(chosen)
+        began += 0 < done.sum() < 3
+        for world in np.flatnonzero(done):
+            alone[world].reset()
+    assert began >= 2
+    with pytest.raises(ParameterError, match="its wrapper VecNormalize changes them"):
+        pter_gym.load_policy("residual", vec_env.VecNormalize(env))

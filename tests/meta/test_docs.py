@@ -6,9 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
+from safetensors.numpy import load_file
 
-from documents import extending_blocks, run_extending
+from documents import EXTENDING, blocks_of, run_extending, run_policies
 from pter_gym import params
+from pter_gym.policies import SHIPPED, load_policy, write_policy
 from pter_gym.scenarios import SCENARIOS
 
 ROOT = Path(__file__).parents[2]
@@ -49,12 +51,31 @@ def test_readme_example_runs(capsys: pytest.CaptureFixture[str]):
 @pytest.mark.slow
 def test_the_page_on_extending_runs(capsys: pytest.CaptureFixture[str]):
     """All blocks one after another, each of at most twenty lines of code."""
-    blocks = extending_blocks()
+    blocks = blocks_of(EXTENDING)
     assert len(blocks) > 5
     for block in blocks:
         assert len([line for line in block.splitlines() if line.strip()]) <= 20
     run_extending()
     assert "cautious" in capsys.readouterr().out
+
+
+def test_the_page_on_trained_policies_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    copied = write_policy_as("mine", tmp_path / "policies")
+    monkeypatch.chdir(copied.parent)
+    run_policies()
+    arrived, many = capsys.readouterr().out.splitlines()
+    assert arrived == "arrived: True"
+    assert int(many.split()[0]) > 0
+
+
+def write_policy_as(name: str, folder: Path) -> Path:
+    """Write a shipped policy to a folder under another name."""
+    shipped = load_policy("residual")
+    folder.mkdir()
+    write_policy(dataclasses.replace(shipped.card, name=name), load_file(SHIPPED / "residual.safetensors"), "", folder)
+    return folder
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))

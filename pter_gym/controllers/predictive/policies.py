@@ -77,8 +77,18 @@ class PlanningPolicy(BoundPolicy):
     def reset_in(self, batch: Batch) -> None:
         """Begin new episodes: a planner for each world of a batch, which has just been reset."""
         self._batch = batch
-        pairs = [batch.pairs[number] for number in batch.context]
-        self._deciders = [self._policy.begin(machine, task) for machine, task in pairs]
+        self._deciders = [self._begin(batch, number) for number in batch.context]
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Begin new episodes in some worlds of the batch, (N,), which have just been reset."""
+        batch = self._batch
+        if batch is not None:
+            for world in np.flatnonzero(worlds):
+                self._deciders[world] = self._begin(batch, batch.context[world])
+
+    def _begin(self, batch: Batch, number: int) -> Decide:
+        """Return what decides in an episode of one of a batch's pairs of machine and task."""
+        return self._policy.begin(*batch.pairs[number])
 
     def act(self, observations: Observations) -> NDArray[np.float32]:
         """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries); 0 where nothing moves.

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.paper.experiments.pose import slip_rows
-from pter_gym.params import BASELINE, Machine
+from pter_gym.params import Machine, find_machine
 from pter_gym.physics.open_loop import initial_state, simulate
 
 Array = NDArray[np.float64]
@@ -34,19 +34,19 @@ class Holding:
     weakest_slips: NDArray[np.bool_]
 
 
-def holding(machine: Machine = BASELINE, loads: int = 200, seed: int = 0) -> Holding:
+def holding(machine: Machine | str | None = None, loads: int = 200, seed: int = 0) -> Holding:
     """Load the arm at random voltages in random poses and directions until it moves.
 
     Parameters
     ----------
     machine
-        The machine.
+        The machine or its name; PTER as it is by default.
     loads
         Number of random loads, K.
     seed
         Seed of the draws.
     """
-    random = np.random.default_rng(seed)
+    machine, random = find_machine(machine), np.random.default_rng(seed)
     rows = [_load(machine, random) for _ in range(loads)]
     limit, moved_at, weakest = (np.array(column) for column in zip(*rows, strict=True))
     return Holding(limit, moved_at, weakest)

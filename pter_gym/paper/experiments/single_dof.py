@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.paper.experiments.pose import POSE, slip_rows, tip
-from pter_gym.params import BASELINE, BREAKAWAY_SMALL_VOLTAGE, Machine
+from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE, Machine, find_machine
 from pter_gym.physics.friction import LINES
 from pter_gym.physics.open_loop import Trajectory, initial_state, simulate
 
@@ -99,7 +99,7 @@ class SingleDof:
     tests: tuple[SingleDofTest, ...]
 
 
-def single_dof(machine: Machine = BASELINE, breakaway: float = BREAKAWAY_SMALL_VOLTAGE) -> SingleDof:
+def single_dof(machine: Machine | str | None = None, breakaway: float = BREAKAWAY_SMALL_VOLTAGE) -> SingleDof:
     """Ramp up a torque against each clutch in turn while another clutch leaves the arm one degree of freedom.
 
     The voltages have settled before. The ramp acts on link A, or on link B where link A is locked.
@@ -107,10 +107,11 @@ def single_dof(machine: Machine = BASELINE, breakaway: float = BREAKAWAY_SMALL_V
     Parameters
     ----------
     machine
-        The machine.
+        The machine or its name; PTER as it is by default.
     breakaway
         Breakaway torque [N·m] that the small voltage on the clutch under test gives; 63.5 in·lbf in the paper.
     """
+    machine = find_machine(machine)
     return SingleDof(machine, breakaway, tuple(_test(machine, clutch, breakaway) for clutch in LOCKED_WITH))
 
 

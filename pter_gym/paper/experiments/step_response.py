@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.paper.experiments.pose import POSE, slip_rows, tip_force
-from pter_gym.params import BASELINE, Machine
+from pter_gym.params import Machine, find_machine
 from pter_gym.physics.open_loop import initial_state, simulate
 
 Array = NDArray[np.float64]
@@ -55,16 +55,17 @@ class StepResponse:
     first_order: Array
 
 
-def step_response(machine: Machine = BASELINE, volts: float = VOLTS) -> StepResponse:
+def step_response(machine: Machine | str | None = None, volts: float = VOLTS) -> StepResponse:
     """Step each clutch's voltage while a constant tip force keeps it slipping.
 
     Parameters
     ----------
     machine
-        The machine.
+        The machine or its name; PTER as it is by default.
     volts
         Voltage after the step [V].
     """
+    machine = find_machine(machine)
     clutch = machine.clutch
     lead = round(LEAD / machine.substep)
     steps = lead + round(TIME_CONSTANTS_SHOWN * clutch.time_constant / machine.substep)

@@ -3,12 +3,11 @@
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable
-from pathlib import Path
 
 from rich.table import Table
 
 from pter_gym.errors import ParameterError
-from pter_gym.internal.files import write_bytes_atomic
+from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym.paper.experiments.claims import STATEMENTS, Claim, check
 from pter_gym.paper.experiments.study import Study
 from pter_gym.paper.reproduce.figures import PRODUCTS, files_of
@@ -48,7 +47,7 @@ def claims_json(claims: Iterable[Claim]) -> str:
     return json.dumps([claim.as_json() for claim in claims], indent=2, ensure_ascii=False) + "\n"
 
 
-def write(files: dict[str, bytes], out: Path) -> None:
+def write(files: dict[str, bytes], out: FilePath) -> None:
     """Write files to a folder, each whole or not at all.
 
     Raises
@@ -56,9 +55,10 @@ def write(files: dict[str, bytes], out: Path) -> None:
     ParameterError
         If one cannot be written; files that it would have replaced are as they were.
     """
+    folder = find_path("out", out)
     for name, content in files.items():
         try:
-            write_bytes_atomic(out / name, content)
+            write_bytes_atomic(folder / name, content)
         except OSError as error:
             raise ParameterError(f"out must be a folder that can be written to: {error}") from None
 

@@ -10,7 +10,7 @@ from pter_gym.compiled.compiler import device
 from pter_gym.compiled.layout import Layout
 from pter_gym.compiled.records import Entry, layout_of, leaves, rows, width
 from pter_gym.errors import ParameterError
-from pter_gym.params import Machine
+from pter_gym.params import Machine, find_machine
 from pter_gym.physics.arm import Motion, UnitVector
 from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.friction import between
@@ -73,13 +73,13 @@ ENTRIES = width(Observation)
 """Largest number of entries of an observation without those of the context."""
 
 
-def observation_layout(machine: Machine, sensors: Sensors, told: Layout | None = None) -> Layout:
+def observation_layout(machine: Machine | str | None, sensors: Sensors, told: Layout | None = None) -> Layout:
     """Return the layout of the observation; each entry is stored relative to its scale, within ±BOUND.
 
     Parameters
     ----------
     machine
-        Some scales are its own.
+        The machine or its name, None for PTER as it is; some scales are its own.
     sensors
         What it measures.
     told
@@ -88,8 +88,9 @@ def observation_layout(machine: Machine, sensors: Sensors, told: Layout | None =
     Raises
     ------
     ParameterError
-        If there are no such sensors.
+        If there is no such machine, or there are no such sensors.
     """
+    machine = find_machine(machine)
     if sensors not in get_args(Sensors):
         raise ParameterError(f"sensors must be one of {', '.join(get_args(Sensors))}, got {sensors!r}")
     brought = (

@@ -1,7 +1,6 @@
 """The search itself: scipy's differential evolution over the search space."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from pter_gym.errors import ParameterError
-from pter_gym.internal.files import write_text_atomic
+from pter_gym.internal.files import FilePath, find_path, write_text_atomic
 from pter_gym.internal.terminal import progress_bar
 from pter_gym.paper.experiments.calibration.objective import TABLE_ONLY, Weights, misfit
 from pter_gym.paper.experiments.calibration.readings import table_of
@@ -43,7 +42,7 @@ class FitArguments:
     seed: int = 0
     budget: int = 60_000
     held_out: bool = False
-    out: Path = Path("pter-preset.toml")
+    out: FilePath = "pter-preset.toml"
 
 
 @dataclass(frozen=True)
@@ -83,9 +82,12 @@ def fit(arguments: FitArguments | None = None, start: Array | None = None) -> Fi
     """
     arguments = FitArguments() if arguments is None else arguments
     if arguments.seed < 0 or arguments.budget < 3 * POPULATION:
-        raise ParameterError(f"fit needs seed ≥ 0 and budget ≥ {3 * POPULATION}, got {arguments}")
-    if not arguments.out.resolve().parent.is_dir():
-        raise ParameterError(f"out must be a file in a folder that exists, got {str(arguments.out)!r}")
+        raise ParameterError(
+            f"fit needs seed ≥ 0 and budget ≥ {3 * POPULATION}, got seed {arguments.seed} and budget {arguments.budget}"
+        )
+    out = find_path("out", arguments.out)
+    if not out.resolve().parent.is_dir():
+        raise ParameterError(f"out must be a file in a folder that exists, got {str(out)!r}")
     from scipy import optimize
 
     weights = TABLE_ONLY if arguments.held_out else Weights()
@@ -121,7 +123,7 @@ def fit(arguments: FitArguments | None = None, start: Array | None = None) -> Fi
     order = np.argsort(found.population_energies, kind="stable")
     near = order[found.population_energies[order] <= 1.2 * found.fun]
     preset = decode(found.x)
-    write_text_atomic(arguments.out, format_preset(preset, f"Found by pter fit, seed {arguments.seed}."))
+    write_text_atomic(out, format_preset(preset, f"Found by pter fit, seed {arguments.seed}."))
     return Fit(preset, float(found.fun), table_of(preset), found.population[near])
 
 
