@@ -1,4 +1,4 @@
-"""Write the tables of docs/classical-control.md, and the README's leaderboards with intervals.
+"""Write the tables of docs/classical-control.md.
 
     python docs/make/classical_pages.py RESULTS
 

@@ -1,4 +1,4 @@
-"""Make pictures of README and the documents: `python docs/make/images.py [NAME …]`, all by default.
+"""Make pictures of README and the documents: `python docs/make/images.py [NAME.png …]`, all by default.
 
 `error-against-pace.png` is made with the leaderboards, by `docs/make/scenario_pages.py`.
 """
@@ -20,7 +20,6 @@ from studies.clutch_use import episodes as one_episode
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.measures import column, four
 from pter_gym.benchmark.simulation import simulate, time_limit
-from pter_gym.commands.main import main as pter_command
 from pter_gym.controllers import TorqueFeedback
 from pter_gym.engine.batch import Batch
 from pter_gym.params import BASELINE
@@ -101,18 +100,11 @@ def print_modes(name: str, telemetry: np.ndarray) -> None:
         print(f"{name}, {when} {SETTLED:g} s: {', '.join(shares)}")
 
 
-def watch(path: Path) -> None:
-    """Torque feedback and a trained policy on the same episode."""
-    if status := pter_command(["watch", "torque-feedback,residual", "--size", "640x360", "--out", str(path)]):
-        raise SystemExit(status)
-
-
 PICTURES: dict[str, Callable[[Path], None]] = {
     "pter.png": pter,
     "clutches.png": clutches,
     "classical-trajectories.png": classical_trajectories,
     "classical-clutches.png": classical_clutches,
-    "watch.gif": watch,
 }
 
 

@@ -32,6 +32,7 @@ from pter_gym.scenarios import PACES, SCENARIOS
 DOCS = ROOT / "docs" / "scenarios"
 PICTURE = IMAGES / "error-against-pace.png"
 PICTURED = "standard"
+IN_README = ["residual", "single-dof-tuned", "torque-feedback"]
 PRIVILEGED = "predictive"  # knows what no robot can, so it is no part of the suite
 HEAD = """| | Policy | Path error [mm] | Arrives [%] | Mean pace off [%] | Segments off [%] | RMS acceleration [m/s²] |
 |---|---|---|---:|---:|---:|---:|
@@ -135,12 +136,12 @@ def main(results: tyro.conf.Positional[Path]) -> None:
         found = "\n".join(section(board) for board in boards if board["scenario"] == scenario)
         write_block(DOCS / f"{scenario}.md", "scores", found)
         print(DOCS / f"{scenario}.md")
-    readme = ROOT / "README.md"
-    write_block(readme, "suite", summary(boards))
-    for scenario in ("standard", "everything"):
-        write_block(readme, f"board: {scenario}", board_table(boards, scenario, shown_names(boards)))
+    suite = DOCS / "index.md"
+    write_block(suite, "suite", summary(boards))
+    write_block(suite, "board: everything", board_table(boards, "everything", shown_names(boards)))
+    write_block(ROOT / "README.md", f"board: {PICTURED}", board_table(boards, PICTURED, IN_README))
     if gaps := read_summary(results)["gaps"]:
-        write_block(readme, "gap", gap_table(gaps))
+        write_block(suite, "gap", gap_table(gaps))
     if any(board["scenario"] == PICTURED for board in boards):
         draw([board for board in every if board["scenario"] == PICTURED])
 

@@ -1,4 +1,4 @@
-"""Write the README's table of the paper's standard test: `python docs/make/standard_table.py`."""
+"""Write the table of the paper's standard test: `python docs/make/standard_table.py`."""
 
 import tyro
 from pages import ROOT, table, write_block
@@ -6,7 +6,7 @@ from pages import ROOT, table, write_block
 from pter_gym.benchmark import find_controller, run_standard_test
 from pter_gym.params import BASELINE
 
-PAGE = ROOT / "README.md"
+PAGE = ROOT / "docs" / "reproduction.md"
 NAME = "standard test"
 POLICIES = ("impedance", "torque-feedback", "free", "locked", "random")
 HEAD = (

@@ -41,11 +41,37 @@ def test_readme_benchmark_command_needs_the_core_only():
 
 
 @pytest.mark.slow
+@pytest.mark.agents
 def test_readme_example_runs(capsys: pytest.CaptureFixture[str]):
+    """As it stands, but with fewer steps."""
+    pytest.importorskip("stable_baselines3")
     code = fenced("example", "python")
     assert len([line for line in code.splitlines() if line.strip()]) <= 10
-    exec(compile(code, str(README), "exec"), {})
-    assert capsys.readouterr().out
+    assert code.count("1_000_000") == 1
+    exec(compile(code.replace("1_000_000", "20_000"), str(README), "exec"), {})
+    assert "torque-feedback" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.agents
+def test_the_agent_of_the_readme_beats_the_paper() -> None:
+    """In its million steps, at each pace."""
+    pytest.importorskip("stable_baselines3")
+    names: dict[str, Any] = {}
+    code = fenced("example", "python").replace("print_boards(", "boards = (")
+    exec(compile(code, str(README), "exec"), names)
+    for board in names["boards"]:
+        mine, paper = board.rows["mine"], board.rows["torque-feedback"]
+        assert mine.rank == 1
+        assert mine.path_error_m.high < paper.path_error_m.low
+
+
+def test_the_first_episode_runs(capsys: pytest.CaptureFixture[str]):
+    (code,) = blocks_of(ROOT / "docs" / "first-steps.md")
+    assert len([line for line in code.splitlines() if line.strip()]) <= 10
+    exec(compile(code, "first-steps.md", "exec"), {})
+    assert "arrived: True" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -90,7 +116,10 @@ def test_relative_links_resolve(document: Path):
 @pytest.mark.parametrize(
     ("page", "name"),
     [
-        ("README.md", "suite"),
+        ("README.md", "board: standard"),
+        ("docs/scenarios/index.md", "suite"),
+        ("docs/scenarios/index.md", "gap"),
+        ("docs/reproduction.md", "standard test"),
         ("docs/agents.md", "seeds: ppo standard"),
         ("docs/agents.md", "speed"),
         ("docs/agents.md", "contexts"),

@@ -17,7 +17,6 @@ ROOT = Path(__file__).parents[2]
 IN_TENTHS = {0.3: "three in ten", 0.4: "four in ten"}
 EXPLORING = STARTS["path"]
 SAID = {
-    "README.md": [f"{TRUNCATION_ERROR:g} m from the path"],
     "docs/your-algorithm.md": [f"truncated {TRUNCATION_ERROR:g} m from it", f"`truncation_error={TRUNCATION_ERROR:g}`"],
     "docs/reward.md": [
         f"truncate an episode {TRUNCATION_ERROR:g} m from the path",
