@@ -34,15 +34,17 @@ def watch(
     size: Annotated[str | None, tyro.conf.arg(metavar="WIDTHxHEIGHT")] = None,
     speed: float = 1.0,
 ) -> None:
-    """Watch policies on the same episode, side by side: in a window, or in a file with --out.
+    """Watch policies side by side on the same episode.
 
-    The episode is a training draw of the scenario; the stored evaluation episodes are never read. Needs the extra
-    render, unless --csv is all that is asked for. Example: `pter watch torque-feedback,residual --out both.gif`
+    Opens a window, or writes a file with --out. The episode is a training draw of the scenario; the stored evaluation
+    episodes are never read. Needs the extra render, unless --csv is all that is asked for.
+
+    Example: pter watch torque-feedback,residual --out both.gif
 
     Args:
         policies: Separated by commas, as for `pter benchmark --scenario`.
-        scenario: Scenario that draws the episode: standard, materials, hands, paths or everything.
-        pace: Commanded pace: slow, medium or brisk.
+        scenario: Scenario that draws the episode.
+        pace: Commanded pace.
         seed: Seed of the episode, and of random and predictive policies, at least 0.
         out: Film to write, or with .png the picture at the end, with the tip's trail; its folder must exist.
         csv: Table to write of all that the episode records; see docs/watching.md. Its folder must exist.
@@ -53,7 +55,7 @@ def watch(
     check_arguments(names, out, csv, size, speed)
     machine, task = draw(scenario, pace, seed)
     console = Console(highlight=False, soft_wrap=True, markup=False)
-    episodes = simulate(console, names, scenario, machine, task, seed)
+    episodes = simulate(names, scenario, machine, task, seed)
     for name, episode in episodes.items():
         console.print(f"{name}: {summary(episode)}")
     if csv:
@@ -116,7 +118,7 @@ def draw(scenario: str, pace: str, seed: int) -> "tuple[Machine, PathFollowing]"
 
 
 def simulate(
-    console: Console, names: list[str], scenario: str, machine: "Machine", task: "PathFollowing", seed: int
+    names: list[str], scenario: str, machine: "Machine", task: "PathFollowing", seed: int
 ) -> "dict[str, Episode]":
     """Return the episode of each policy by its name."""
     from pter_gym.benchmark.naming import read_policy
@@ -125,7 +127,7 @@ def simulate(
     import_from_here()
     policies = {name: read_policy(name, seed, scenario) for name in names}
     episodes: dict[str, Episode] = {}
-    with progress_bar(console) as progress:
+    with progress_bar(Console(stderr=True)) as progress:
         steps = time_limit(task)
         for name, policy in policies.items():
             bar = progress.add_task(f"simulate {name}", total=steps)
@@ -175,7 +177,7 @@ def write(
     from pter_gym.render.recording import RATES, frames_of, write_film
 
     film = make_film(episodes, machine, task, RATES[out.suffix.lower()], speed, size)
-    with progress_bar(console) as progress:
+    with progress_bar(Console(stderr=True)) as progress:
         bar = progress.add_task("draw", total=frames_of(film, out))
         write_film(film, out, lambda: progress.advance(bar))
     console.print(f"wrote {out}, {out.stat().st_size / 1e6:.2f} MB")

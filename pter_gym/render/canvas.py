@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.errors import DependencyError
+from pter_gym.errors import needs_extra
 from pter_gym.render.geometry import Box, normals, thinned
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def load_pygame() -> Any:
     try:
         import pygame
     except ImportError as error:
-        raise DependencyError('rendering needs pygame: run `pip install "pter-gym[render]"`') from error
+        raise needs_extra("rendering with pygame", "render") from error
     return pygame
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym.errors import DependencyError, unknown_name
+from pter_gym.errors import needs_extra, unknown_name
 from pter_gym.internal.files import write_bytes_atomic
 from pter_gym.render.colours import Colours
 from pter_gym.render.film import Film
@@ -73,7 +73,7 @@ def _load_ffmpeg() -> Any:
 
         imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError) as error:
-        raise DependencyError(f'mp4 needs ffmpeg: run `pip install "pter-gym[render]"` ({error})') from None
+        raise needs_extra("mp4 with ffmpeg", "render") from error
     return imageio_ffmpeg
 
 

@@ -609,7 +609,7 @@ def test_the_commands_are_declared_and_ask_for_the_extra(tmp_path: Path, monkeyp
     monkeypatch.delattr("pter_agents.training")
     for name in ("stable_baselines3", "stable_baselines3.common.logger"):
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(DependencyError, match=r'pip install "pter-gym\[agents\]"'):
+    with pytest.raises(DependencyError, match=r"pip install -e '\.\[agents\]'"):
         command.train("ppo", smoke=True, out=tmp_path)
 
 

@@ -301,7 +301,7 @@ WRONG = {
     "a large seed": (["--scenario", "standard", "--fresh", str(2**64)], "within [0, 2⁶⁴)"),
     "fresh episodes of the standard test": (["--fresh", "1"], "fresh needs --scenario"),
     "machine": (["--scenario", "standard", "--machine", "delrin_experimental"], "machine needs no --scenario"),
-    "time constants": (["--scenario", "standard", "--time-constants", "0.1"], "time_constants needs no --scenario"),
+    "time constants": (["--scenario", "standard", "--time-constants", "0.1"], "--time-constants needs no --scenario"),
     "paces alone": (["--paces", "slow"], "paces needs --scenario"),
     "episodes alone": (["--episodes", "5"], "episodes needs --scenario"),
     "standard test: policy": (
@@ -309,7 +309,7 @@ WRONG = {
         "impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random",
     ),
     "standard test: time constant": (["--time-constants", "fast"], "numbers"),
-    "standard test: no time constant": (["--time-constants", ","], "time_constants"),
+    "standard test: no time constant": (["--time-constants", ","], "--time-constants"),
     "standard test: machine": (["--machine", "steel"], "baseline, delrin_experimental, delrin_theoretical"),
     "standard test: seed": (["--seed=-3"], "seed"),
 }

@@ -153,7 +153,7 @@ def test_a_folder_without_runs_is_refused(runs: bool, tmp_path: Path, capsys: py
     with pytest.raises(ParameterError, match="results must be a folder with files in runs"):
         verify(ResultsFolder(tmp_path))
     assert cli.main(["verify", str(tmp_path)]) == 2
-    assert "results must be" in capsys.readouterr().err
+    assert "RESULTS must be" in capsys.readouterr().err
 
 
 def test_code_is_imported_only_if_it_is_named(

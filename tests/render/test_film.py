@@ -143,5 +143,5 @@ def test_another_ending_is_refused(name: str):
 def test_missing_ffmpeg_is_named(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     recording.check_ending(Path("film.gif"))
-    with pytest.raises(DependencyError, match=r"pip install \"pter-gym\[render\]\""):
+    with pytest.raises(DependencyError, match=r"ffmpeg .*pip install -e '\.\[render\]'"):
         recording.check_ending(Path("film.mp4"))

@@ -50,7 +50,7 @@ def count(picture: np.ndarray, colour: str) -> int:
 
 def test_missing_pygame_is_named(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(DependencyError, match=r"pip install \"pter-gym\[render\]\"") as caught:
+    with pytest.raises(DependencyError, match=r"pygame .*pip install -e '\.\[render\]'") as caught:
         Viewer(BASELINE, TASK, "rgb_array")
     assert isinstance(caught.value, gymnasium.error.DependencyNotInstalled)
 

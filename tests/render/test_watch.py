@@ -69,8 +69,8 @@ def test_the_episode_is_the_draw_of_the_seed(here: Path):
         (["free", "--csv", "x.csv", "--seed", "-1"], "seed must be a whole number"),
         (["free", "--csv", "x.csv", "--pace", "fast"], "pace"),
         (["free", "--csv", "x.csv", "--scenario", "standart"], "did you mean 'standard'"),
-        ([",", "--csv", "x.csv"], "policies must be 1 to 16 names"),
-        ([",".join(f"p{k}" for k in range(17)), "--csv", "x.csv"], "policies must be 1 to 16 names"),
+        ([",", "--csv", "x.csv"], "POLICIES must be 1 to 16 names"),
+        ([",".join(f"p{k}" for k in range(17)), "--csv", "x.csv"], "POLICIES must be 1 to 16 names"),
     ],
 )
 @pytest.mark.usefixtures("unseen")
@@ -115,7 +115,7 @@ def test_missing_pygame_is_named_and_a_table_needs_none(
 ):
     monkeypatch.setitem(sys.modules, "pygame", None)
     assert main(["watch", "free", "--out", "x.png"]) == 2
-    assert 'pip install "pter-gym[render]"' in capsys.readouterr().err
+    assert "pip install -e '.[render]'" in capsys.readouterr().err
     assert main(["watch", "free", "--pace", "brisk", "--csv", "x.csv"]) == 0
     assert [path.name for path in here.iterdir()] == ["x.csv"]
 
