@@ -88,7 +88,7 @@ def alone(scenario: str) -> Callable[[], None]:
 def policies() -> None:
     """Each policy at the end of the same episode of the paper's setting."""
     for name in policy_names():
-        shown = film((name,), "standard", (630, 450))
+        shown = film((name,), "standard", (600, 428))
         content = io.BytesIO()
         Image.fromarray(shown.pixels(len(shown) - 1)).save(content, "WEBP", quality=80, method=4)
         write(content, POLICIES / f"{name}.webp")
