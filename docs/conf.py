@@ -9,6 +9,7 @@ import runpy
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 DOCS = Path(__file__).parent
 sys.path[:0] = [str(DOCS.parent), str(DOCS.parent / "agents"), str(DOCS / "make")]
@@ -57,3 +58,15 @@ html_show_sphinx = False
 
 linkcheck_anchors = False
 linkcheck_timeout = 20
+
+
+def add_page(app: Any, error: Exception | None) -> None:
+    """Put the page of `pter play` beside the built pages, where `push-it-yourself.md` shows it."""
+    from pter_gym.web.site import write_site
+
+    if error is None and app.builder.format == "html":
+        write_site(Path(app.outdir) / "push")
+
+
+def setup(app: Any) -> None:
+    app.connect("build-finished", add_page)

@@ -34,6 +34,10 @@ class DataError(PterError, RuntimeError):
     """A stored file is missing, or is not what was stored."""
 
 
+class StorageError(PterError, OSError):
+    """A file cannot be written, as on a full disk; the message says where its content is, if it could be kept."""
+
+
 class PolicyError(PterError, RuntimeError):
     """A policy in a process of its own has failed, has ended, or does not answer in time."""
 

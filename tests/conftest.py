@@ -2,8 +2,11 @@
 
 import os
 
+import hypothesis
 import pytest
 
+hypothesis.settings.register_profile("gate", deadline=None)  # no test judges how long something takes
+hypothesis.settings.load_profile("gate")
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: else each worker's linear algebra waits for all cores
 
 

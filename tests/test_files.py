@@ -1,31 +1,68 @@
-"""Files are written whole or not at all."""
+"""Files are written whole or not at all, and what cannot be written is not lost."""
 
 import os
+import shutil
 import stat
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from pter_gym.internal.files import write_bytes_atomic, write_text_atomic
+from pter_gym.errors import ParameterError, StorageError
+from pter_gym.internal import files
+from pter_gym.internal.files import (
+    ROOM,
+    check_folder,
+    check_target,
+    find_path,
+    remove_leftovers,
+    write_bytes_atomic,
+    write_files_atomic,
+    write_text_atomic,
+)
+from pter_gym.internal.locks import locked
+
+POSIX = pytest.mark.skipif(os.name != "posix", reason="POSIX permissions, links and limits")
+
+
+@pytest.fixture(autouse=True)
+def refuge(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The one place where content is kept that cannot be written."""
+    place = tmp_path_factory.mktemp("refuge")
+    monkeypatch.setattr(files, "REFUGES", (str(place),))
+    return place
 
 
 def names(directory: Path) -> list[str]:
     return [path.name for path in directory.iterdir()]
 
 
-def test_writes_and_replaces(tmp_path: Path):
+def kept(refuge: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in refuge.glob("*/*")}
+
+
+# --- writing ---
+
+
+def test_writes_and_replaces(tmp_path: Path, refuge: Path):
     path = tmp_path / "result.json"
     write_text_atomic(path, "θ\n")
     assert path.read_bytes() == "θ\n".encode()
     write_bytes_atomic(str(path), b"\x00\r\n")
     assert path.read_bytes() == b"\x00\r\n"
     assert names(tmp_path) == ["result.json"]
+    assert names(refuge) == []
 
 
-@pytest.mark.parametrize("error", [OSError, KeyboardInterrupt, SystemExit])
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt(), SystemExit()])
 @pytest.mark.parametrize("where", ["os.fsync", "pathlib.Path.replace"])
 def test_failure_leaves_the_earlier_file_and_nothing_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, error: type[BaseException]
+    tmp_path: Path, refuge: Path, monkeypatch: pytest.MonkeyPatch, where: str, error: BaseException
 ):
     def fail(*_args: object) -> None:
         raise error
@@ -33,19 +70,47 @@ def test_failure_leaves_the_earlier_file_and_nothing_else(
     path = tmp_path / "result.json"
     write_text_atomic(path, "earlier")
     monkeypatch.setattr(where, fail)
-    with pytest.raises(error):
+    with pytest.raises(type(error)) as raised:
         write_text_atomic(path, "later")
     assert path.read_text(encoding="utf-8") == "earlier"
     assert names(tmp_path) == ["result.json"]
+    if isinstance(error, OSError):
+        assert isinstance(raised.value, StorageError)
+        assert f"cannot be written: No space left on device; what was to be written is in '{refuge}" in str(
+            raised.value
+        )
+        assert kept(refuge) == {"result.json": b"later"}
 
 
-def test_missing_directory_is_refused(tmp_path: Path):
-    with pytest.raises(FileNotFoundError):
+def test_one_file_that_fails_keeps_all(tmp_path: Path, refuge: Path):
+    (tmp_path / "b").mkdir()
+    content = {"a": b"1", "b": b"2", "c": b"3"}
+    with pytest.raises(StorageError, match=r"'.*b' cannot be written"):
+        write_files_atomic(tmp_path, content)
+    assert kept(refuge) == content
+    assert sorted(names(tmp_path)) == ["a", "b"]
+
+
+def test_where_there_is_no_room_anywhere_it_says_so(
+    tmp_path: Path, refuge: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_args: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(StorageError, match="no room elsewhere either, so it is lost"):
+        write_bytes_atomic(tmp_path / "nowhere" / "result.json", b"")
+    assert names(refuge) == names(tmp_path) == []
+
+
+def test_missing_directory_is_refused(tmp_path: Path, refuge: Path):
+    with pytest.raises(StorageError, match="No such file"):
         write_bytes_atomic(tmp_path / "nowhere" / "result.json", b"")
     assert names(tmp_path) == []
+    assert kept(refuge) == {"result.json": b""}
 
 
-@pytest.mark.skipif(os.name != "posix", reason="POSIX permissions and links")
+@POSIX
 def test_permissions_follow_the_umask_and_links_are_kept(tmp_path: Path):
     plain = tmp_path / "plain"
     plain.touch()
@@ -58,7 +123,174 @@ def test_permissions_follow_the_umask_and_links_are_kept(tmp_path: Path):
     assert stat.S_IMODE(result.stat().st_mode) == stat.S_IMODE(plain.stat().st_mode)
 
 
+@POSIX
+def test_a_link_to_itself_is_told(tmp_path: Path):
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(StorageError):
+        write_bytes_atomic(tmp_path / "loop", b"1")
+    with pytest.raises(ParameterError, match="out must be"):
+        check_target("out", tmp_path / "loop")
+
+
 def test_longest_file_name(tmp_path: Path):
     path = tmp_path / ("n" * 255)
+    check_target("out", path)
     write_bytes_atomic(path, b"1")
     assert path.read_bytes() == b"1"
+
+
+def test_only_leftovers_are_removed(tmp_path: Path):
+    for name in (".0123456789abcdef.tmp", ".mine.tmp", "0123456789abcdef.tmp", "result"):
+        (tmp_path / name).touch()
+    remove_leftovers(tmp_path)
+    assert sorted(names(tmp_path)) == [".mine.tmp", "0123456789abcdef.tmp", "result"]
+
+
+# --- before the work ---
+
+BAD_NAMES = {
+    "nothing": ("", "must be a path"),
+    "bytes": (b"file", "must be a path"),
+    "a number": (5, "must be a path"),
+    "a zero": ("a\0b", "must be a path"),
+    "300 letters": ("n" * 300, "must be a path of names of at most 255 B"),
+    "300 letters of a folder": (f"{'n' * 300}/file", "must be a path of names of at most 255 B"),
+    "128 letters of two bytes": ("ü" * 128, "must be a path of names of at most 255 B"),
+    "half a character": ("a\ud800", "must be a path that files can have"),
+}
+
+
+@POSIX
+@pytest.mark.parametrize(("name", "message"), BAD_NAMES.values(), ids=BAD_NAMES)
+def test_names_that_no_file_can_have_are_refused(name: object, message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^out {message}"):
+        find_path("out", name)  # type: ignore[arg-type]
+
+
+@POSIX
+@pytest.mark.parametrize("name", ["[red]", "[", "a #?%b.db", "ü", "a\udcff", "-", "a\nb", "n" * 255])
+def test_odd_names_are_names(name: str, tmp_path: Path) -> None:
+    path = find_path("out", tmp_path / name)
+    check_target("out", path)
+    write_bytes_atomic(path, b"1")
+    assert names(tmp_path) == [name]
+
+
+@given(st.text(max_size=400))
+def test_any_text_is_a_path_or_refused(text: str) -> None:
+    complaint = "out must be a path"
+    try:
+        with suppress(FileNotFoundError, NotADirectoryError):
+            find_path("out", text).lstat()  # and no other complaint
+    except ParameterError as error:
+        complaint = str(error)
+    assert complaint.startswith("out must be a path")
+    assert len(complaint) < 1000
+
+
+def test_a_target_is_a_file_in_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    check_target("out", tmp_path / "file")
+    check_target("out", tmp_path / "new")
+    with pytest.raises(ParameterError, match="out must be a file, got the folder"):
+        check_target("out", tmp_path / "folder")
+    with pytest.raises(ParameterError, match="out must be a file in a folder that exists"):
+        check_target("out", tmp_path / "nowhere" / "file")
+    with pytest.raises(ParameterError, match="out must be a file"):
+        check_target("out", tmp_path / "file" / "below")
+    assert sorted(names(tmp_path)) == ["file", "folder"]
+
+
+LIMITED = """
+import resource, sys
+from pathlib import Path
+from pter_gym.errors import ParameterError
+from pter_gym.internal.files import ROOM, check_folder
+
+for size in (ROOM, ROOM - 1):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+    try:
+        check_folder("out", Path(sys.argv[1]))
+        print("fits")
+    except ParameterError as error:
+        print(error)
+"""
+
+
+@POSIX
+def test_a_folder_has_to_have_some_room(tmp_path: Path) -> None:
+    found = subprocess.run([sys.executable, "-c", LIMITED, str(tmp_path)], capture_output=True, text=True, check=True)
+    first, second = found.stdout.splitlines()
+    assert first == "fits"
+    assert second.startswith(f"out must be in a folder that can be written to, with room for {ROOM // 1024} kB")
+    assert names(tmp_path) == []
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 40 kB, which needs the right to mount one."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = shutil.which("mount")
+    made = mount and subprocess.run([mount, "-t", "tmpfs", "-o", "size=40k", "tmpfs", str(place)], capture_output=True)
+    if not made or made.returncode:
+        pytest.skip("may mount no file system here")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+def remount_read_only(disk: Path) -> None:
+    subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
+
+
+@pytest.mark.parametrize("spoil", [None, remount_read_only])
+def test_a_full_or_read_only_disk_is_told_and_costs_nothing(
+    small_disk: Path, refuge: Path, spoil: Callable[[Path], None] | None
+) -> None:
+    write_bytes_atomic(small_disk / "result", b"earlier")
+    if spoil:
+        spoil(small_disk)
+    reason = "Read-only file system" if spoil else "No space left"
+    with pytest.raises(ParameterError, match=f"out must be in a folder that can be written to.*{reason}"):
+        check_folder("out", small_disk)
+    with pytest.raises(StorageError, match=reason):
+        write_bytes_atomic(small_disk / "result", bytes(ROOM))
+    assert (small_disk / "result").read_bytes() == b"earlier"
+    assert names(small_disk) == ["result"]
+    assert kept(refuge) == {"result": bytes(ROOM)}
+
+
+# --- locks ---
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from pter_gym.internal.locks import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60.0)
+"""
+
+
+def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
+    path = tmp_path / ".lock"
+    holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(path)], stdout=subprocess.PIPE, text=True)
+    try:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(ParameterError, match="out: another process"), locked(path, busy="out: another process"):
+            pass
+    finally:
+        holder.kill()
+        holder.communicate()
+    with locked(path, busy="out: another process"), pytest.raises(ZeroDivisionError), locked(tmp_path / "other"):
+        raise ZeroDivisionError
+    with locked(path, busy="it was not let go"):
+        pass
+
+
+def test_a_lock_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(StorageError, match="cannot be locked"), locked(tmp_path / "file" / ".lock"):
+        pass

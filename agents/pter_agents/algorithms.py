@@ -5,7 +5,6 @@ An algorithm NAME is NAME.toml beside this file: under ``algorithm`` what its po
 torch until an algorithm's module is asked for.
 """
 
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from importlib import import_module
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.codec import ABSENT, tuple_of
 from pter_gym.internal.files import FilePath, find_path
+from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text
 
 if TYPE_CHECKING:
     from pter_agents.networks import Actor
@@ -114,7 +114,7 @@ def read_table(file: FilePath) -> dict[str, Any]:
     """Return the values of a TOML file, or raise a ParameterError."""
     file = find_path("config", file)
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        return parse_toml(read_text(file, MOST_TOML))
     except (OSError, ValueError) as error:
         raise ParameterError(f"config {file} cannot be read: {error}") from None
 

@@ -4,11 +4,10 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
 
 from pter_agents.algorithms import ALGORITHMS, load_settings, smoke_settings
 from pter_gym.errors import needs_extra
-from pter_gym.internal.terminal import progress_bar
+from pter_gym.internal.terminal import progress_bar, say, terminal
 from pter_gym.scenarios import SCENARIOS
 
 TRAINED = "What to train: " + ", ".join(f"{name} ({each.action})" for name, each in ALGORITHMS.items()) + "."
@@ -46,9 +45,8 @@ def train(
         config: TOML file with hyper-parameters in place of the usual ones.
         smoke: A run of some seconds that shows that training works.
     """
-    console, errors = Console(), Console(stderr=True)
     try:
-        with errors.status("loading"):
+        with terminal(errors=True).status("loading"):
             settings = load_settings(algo, config)
             from pter_agents import training
     except ImportError as error:
@@ -66,12 +64,12 @@ def train(
         settings=settings,
         validation_episodes=episodes,
     )
-    with progress_bar(errors) as progress:
+    with progress_bar() as progress:
         task = progress.add_task(f"{algo}, {scenario}", total=steps)
         path = training.train(
             arguments, out, resume=resume, on_progress=lambda done: progress.update(task, completed=done)
         )
-    console.print(f"wrote {path}", highlight=False)
+    say(f"wrote {path}")
 
 
 def export(
@@ -90,16 +88,15 @@ def export(
         name: What the policy is called; its algorithm by default.
         out: Folder for the files; made if need be.
     """
-    console, errors = Console(), Console(stderr=True)
     try:
-        with errors.status("loading"):
+        with terminal(errors=True).status("loading"):
             from pter_agents.exporting import export_run
     except ImportError as error:
         raise needs_extra("training", "agents") from error
-    with errors.status("exporting"):
+    with terminal(errors=True).status("exporting"):
         path, difference = export_run(run, out, name=name)
-    console.print(f"largest difference between both: {difference:.1e} of the largest voltage", highlight=False)
-    console.print(f"wrote {path}", highlight=False)
+    say(f"largest difference between both: {difference:.1e} of the largest voltage")
+    say(f"wrote {path}")
 
 
 def retrain(
@@ -115,22 +112,21 @@ def retrain(
         policy: Name of a trained policy that the package ships, or the path of the card of another.
         out: Folder for the run and the new policy; made if need be. A run that was stopped there goes on.
     """
-    console, errors = Console(), Console(stderr=True)
     try:
-        with errors.status("loading"):
+        with terminal(errors=True).status("loading"):
             from pter_agents import retraining
     except ImportError as error:
         raise needs_extra("training", "agents") from error
     from pter_gym.benchmark.leaderboard import table
 
     shipped = retraining.find_trained(policy)
-    with progress_bar(errors) as progress:
+    with progress_bar() as progress:
         task = progress.add_task(shipped.card.name, total=None)
         again = retraining.retrain(
             shipped, out, on_progress=lambda done, of: progress.update(task, completed=done, total=of)
         )
-    with errors.status("scoring both"):
+    with terminal(errors=True).status("scoring both"):
         boards = retraining.compare(shipped, again)
     for board in boards:
-        console.print(table(board), "")
-    console.print(f"wrote {out / again.card.name}.json", highlight=False)
+        terminal().print(table(board), "")
+    say(f"wrote {out / again.card.name}.json")

@@ -13,11 +13,11 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from pter_agents.algorithms import load_settings, smoke_settings
+from pter_agents.algorithms import Model, load_settings, smoke_settings
 from pter_agents.checkpoints import load_checkpoint
 from pter_agents.networks import Actor
 from pter_agents.settings import PLAIN
-from pter_agents.training import PROGRESS, Arguments, RunFolder, make_draws, make_model, make_parts
+from pter_agents.training import Arguments, RunFolder, make_draws, make_model, make_parts
 from pter_agents.worlds import ALL, Worlds
 from pter_gym import __version__
 from pter_gym.benchmark import PACES
@@ -27,6 +27,7 @@ from pter_gym.internal.terminal import make_folder
 from pter_gym.params import BASELINE
 from pter_gym.policies import Card, Interface, load_policy, write_policy
 from pter_gym.policies.cards import fields_of
+from pter_gym.policies.files import check_name
 from pter_gym.scenarios import find_scenario
 
 SAME = 1e-6
@@ -59,22 +60,22 @@ def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tupl
         If there is no run with a checkpoint, or the name is not a possible one.
     DataError
         If the run cannot be read, or both policies do not act alike.
+    StorageError
+        If the policy cannot be written; it says where its files are.
     """
     run, out = find_path("run", run), find_path("out", out)
     folder = RunFolder(run)
     arguments, interface = folder.read()
-    newest = folder.newest()
-    if newest is None:
-        raise DataError(f"there is no checkpoint in {run}")
+    name = arguments.algorithm if name is None else name
+    check_name(name)
+    make_folder(out)
     settings = arguments.settings
     few = replace(arguments, settings=smoke_settings(arguments.algorithm, settings))
     parts = make_parts(few, make_draws(few), interface)
     model = make_model(few, parts)
-    load_checkpoint(model, newest, weights_only=True)
+    steps = load_newest(model, folder)
     actor, worlds = model.actor(), parts[0]
-    name = arguments.algorithm if name is None else name
-    steps = int(newest.stem.split("-")[1])
-    about = about_run(arguments, run, steps)
+    about = about_run(arguments, folder, steps)
     card = make_card(name, settings.hidden, actor, interface, worlds, about)
     files = card, tensors_of(actor), model_card(card)
     with TemporaryDirectory() as folder_of_trial:
@@ -85,8 +86,28 @@ def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tupl
         part.close()
     if not difference <= SAME:
         raise DataError(f"the exported policy differs from the run's by {difference:.1e} of the largest voltage")
-    make_folder(out)
     return write_policy(*files, out), difference
+
+
+def load_newest(model: Model, folder: RunFolder) -> int:
+    """Bring networks to the newest checkpoint of a run, which may go on meanwhile; return the control steps before it.
+
+    Raises
+    ------
+    DataError
+        If there is none, or it cannot be read.
+    """
+    while True:
+        newest = folder.newest()
+        if newest is None:
+            raise DataError(f"there is no checkpoint in {folder.path}")
+        try:
+            load_checkpoint(model, newest, weights_only=True)
+        except DataError:
+            if newest.exists():
+                raise
+        else:
+            return int(newest.stem.split("-")[1])
 
 
 def make_card(
@@ -135,10 +156,8 @@ def compare(actor: Actor, worlds: Worlds, name: str, folder: Path) -> float:
     return largest / BASELINE.clutch.voltage_max
 
 
-def about_run(arguments: Arguments, run: Path, steps: int) -> dict[str, Any]:
+def about_run(arguments: Arguments, folder: RunFolder, steps: int) -> dict[str, Any]:
     """Return what a card tells of the training."""
-    file = run / PROGRESS
-    validation: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     settings = arguments.settings
     usual = load_settings(arguments.algorithm)
     changed = {name: value for name, value in vars(settings).items() if value != getattr(usual, name)}
@@ -158,7 +177,7 @@ def about_run(arguments: Arguments, run: Path, steps: int) -> dict[str, Any]:
             "pter-gym": __version__,
             **{package: version(package) for package in ("numpy", "torch")},
         },
-        "validation": validation.get(str(steps), {}),
+        "validation": folder.scores().get(str(steps), {}),
     }
 
 

@@ -19,9 +19,10 @@ import torch
 from torch import nn
 
 from pter_agents.algorithms import Learner, State
-from pter_agents.networks import Actor, ActorCritic
+from pter_agents.networks import Actor, ActorCritic, moments_of
 from pter_agents.settings import Settings, require_whole
 from pter_agents.worlds import Mask, Rows, Worlds
+from pter_gym.internal.reading import parse_json
 from pter_gym.params import require, require_number
 
 PARTS = 2
@@ -170,7 +171,7 @@ class Part:
         """Go on where ``get_state`` was called."""
         self.worlds.set_state(state)
         self._noise, self._inputs = state["noise"], state["inputs"]
-        self.rng.bit_generator.state = json.loads(str(state["rng"]))
+        self.rng.bit_generator.state = parse_json(str(state["rng"]).encode())
 
 
 def estimate(rewards: Rows, values: Rows, ends: Mask, finals: Rows, discount: float, trace: float) -> Rows:
@@ -300,12 +301,8 @@ class PPO:
         """Go on where ``get_state`` was called."""
         self.set_weights(state)
         adam = self._adam.state_dict()
-        names = ("step", "exp_avg", "exp_avg_sq")
         if "adam_0_step" in state:
-            adam["state"] = {
-                k: {name: torch.from_numpy(state[f"adam_{k}_{name}"]) for name in names}
-                for k in range(len(self._weights))
-            }
+            adam["state"] = {k: moments_of(state, f"adam_{k}", weight) for k, weight in enumerate(self._weights)}
         self._adam.load_state_dict(adam)
         self.steps = int(state["steps"])
         for number, part in enumerate(self._parts):

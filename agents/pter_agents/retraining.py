@@ -9,8 +9,9 @@ from pter_agents.training import RUN, Arguments, train
 from pter_agents.worlds import ALL
 from pter_gym.benchmark import Leaderboard, find_policy, leaderboards, run_scenario
 from pter_gym.benchmark.evaluation import fresh_seed
-from pter_gym.errors import DataError, ParameterError
+from pter_gym.errors import ParameterError
 from pter_gym.internal.files import FilePath, find_path
+from pter_gym.internal.reading import reading
 from pter_gym.policies import Neural, load_policy
 from pter_gym.scenarios import SCENARIOS
 
@@ -26,10 +27,8 @@ def arguments_of(about: Mapping[str, Any]) -> Arguments:
     DataError
         If the card is of a trainer that is no longer there.
     """
-    try:
+    with reading("the card does not tell a training that can be repeated"):
         return Arguments(settings=settings_from(about["algorithm"], about["settings"]), **about["arguments"])
-    except (KeyError, TypeError, ParameterError) as error:
-        raise DataError(f"the card does not tell a training that can be repeated: {error}") from None
 
 
 def find_trained(name: FilePath) -> Neural:

@@ -115,9 +115,13 @@ class OffPolicy(Stable):
         super().set_state(state)
         buffer = self.algorithm.replay_buffer
         rows = len(state["kept_rewards"])
+        following = int(state["kept_next"])
+        fits = 0 <= following < rows if rows == buffer.buffer_size else following == rows
+        if not fits or any(len(state[f"kept_{name}"]) != rows for name in KEPT):
+            raise ValueError(f"all that is kept must have {rows} rows, and kept_next be the next, got {following}")
         for name in KEPT:
             getattr(buffer, name)[:rows] = state[f"kept_{name}"]
-        buffer.pos, buffer.full = int(state["kept_next"]), rows == buffer.buffer_size
+        buffer.pos, buffer.full = following, rows == buffer.buffer_size
 
     def _weights(self) -> dict[str, torch.Tensor]:
         return {**super()._weights(), "log_entropy": self.algorithm.log_ent_coef}

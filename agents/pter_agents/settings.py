@@ -6,7 +6,7 @@ from typing import Any, get_args
 from pter_agents.algorithms import load_settings
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import unknown_name
-from pter_gym.params import require, require_flag, require_number
+from pter_gym.params import require, require_flag, require_number, require_whole
 from pter_gym.tasks.path_following import MAX_DELAY, STARTS, RewardWeights, Sensing, Sensors
 
 __all__ = ["BASES", "PLAIN", "Settings", "load_settings", "require_whole"]
@@ -124,9 +124,3 @@ class Settings(RewardWeights):
     def reward(self) -> RewardWeights:
         """Return the weights of the reward."""
         return RewardWeights(**{item.name: getattr(self, item.name) for item in fields(RewardWeights)})
-
-
-def require_whole(owner: object, name: str) -> None:
-    """Raise a ParameterError unless a field is a whole number from 1 on."""
-    value = getattr(owner, name)
-    require(type(value) is int and value >= 1, owner, name, value, "a whole number ≥ 1")

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -11,14 +12,12 @@ from gymnasium import spaces
 from stable_baselines3.common.logger import Logger
 
 from pter_agents.algorithms import State
+from pter_agents.networks import MOMENTS, moments_of
 from pter_agents.settings import Settings, require_whole
 from pter_agents.worlds import Mask, Rows, Worlds
 from pter_gym.envs.sb3 import PterVecEnv
 from pter_gym.params import require, require_number
 from pter_gym.policies.interface import LIMIT
-
-MOMENTS = ("step", "exp_avg", "exp_avg_sq")
-"""What Adam keeps of each tensor."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,10 +152,8 @@ class Stable:
         self.set_weights(state)
         optimisers = self._optimisers()
         for name, content in optimisers.items() if int(state["steps"]) else ():
-            content["state"] = {
-                number: {each: torch.tensor(state[f"{name}_{number}_{each}"]) for each in MOMENTS}
-                for number in content["param_groups"][0]["params"]
-            }
+            weights = attrgetter(name)(self.algorithm).param_groups[0]["params"]
+            content["state"] = {k: moments_of(state, f"{name}_{k}", weight) for k, weight in enumerate(weights)}
         self.algorithm.set_parameters(optimisers, exact_match=False, device="cpu")
         self._worlds.set_state(state)
         self.steps = self.algorithm.num_timesteps = int(state["steps"])
@@ -200,5 +197,7 @@ def random_state() -> State:
 def set_random_state(state: State) -> None:
     """Go on where ``random_state`` was called."""
     position, has_gauss, gauss = state["numpy_rest"]
+    if not 0 <= position <= len(state["numpy"]):  # NumPy would read beyond its key
+        raise ValueError(f"numpy_rest must begin with a place in a key of {len(state['numpy'])}, got {position!r}")
     np.random.set_state(("MT19937", state["numpy"], int(position), int(has_gauss), float(gauss)))  # noqa: NPY002
     torch.set_rng_state(torch.from_numpy(state["torch"]))

@@ -1,7 +1,9 @@
 """Train a policy on the batch engine, in a folder of its own."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,13 +16,14 @@ from pter_agents.checkpoints import checkpoints, load_checkpoint, save_checkpoin
 from pter_agents.errors import TrainingDivergedError
 from pter_agents.prepare import make_interface, sample_truth
 from pter_agents.settings import Settings, require_whole
-from pter_agents.validation import Validation
+from pter_agents.validation import Scores, Validation, read_scores
 from pter_agents.worlds import ALL, Worlds, make_worlds, training_draws
 from pter_gym.benchmark import PACES
-from pter_gym.errors import DataError, ParameterError, unknown_name
-from pter_gym.internal.files import FilePath, find_path, write_text_atomic
+from pter_gym.errors import ParameterError, StorageError, unknown_name
+from pter_gym.internal.files import FilePath, find_path, remove_leftovers, write_text_atomic
+from pter_gym.internal.locks import locked
+from pter_gym.internal.reading import MOST_JSON, parse_json, read_bytes, reading
 from pter_gym.internal.terminal import make_folder
-from pter_gym.params import require, require_number
 from pter_gym.policies.cards import plain_interface, read_interface
 from pter_gym.policies.interface import BoundInterface, Interface
 from pter_gym.scenarios import SCENARIOS
@@ -31,6 +34,9 @@ RUN = "run.json"
 
 PROGRESS = "validation.json"
 """File in a run's folder with the scores during training."""
+
+LOCK = ".lock"
+"""File in a run's folder that whoever trains there has locked."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,8 +79,7 @@ class Arguments:
                 raise unknown_name(name, getattr(self, name), known)
         for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
             require_whole(self, name)
-        require_number(self, "seed", at_least=0, below=2**31)
-        require(type(self.seed) is int, self, "seed", self.seed, "a whole number")
+        require_whole(self, "seed", at_least=0, below=2**31)
 
     @property
     def learner(self) -> Learner:
@@ -102,9 +107,12 @@ class RunFolder:
     def __init__(self, path: FilePath) -> None:
         object.__setattr__(self, "path", find_path("path", path))
 
+    def reserve(self) -> AbstractContextManager[None]:
+        """Have the folder alone, or raise a ParameterError if another process trains in it."""
+        return locked(self.path / LOCK, busy=f"out: another process trains in {str(self.path)!r}")
+
     def begin(self, arguments: Arguments, interface: Interface) -> None:
         """Write what is to be trained, or raise a ParameterError if there is a run in the folder already."""
-        make_folder(self.path)
         if (self.path / RUN).exists():
             raise ParameterError(f"out holds a run already, {self.path}: give --resume, or another folder")
         content = {**asdict(arguments), "interface": plain_interface(interface)}
@@ -120,23 +128,33 @@ class RunFolder:
         DataError
             If its description was changed to something that makes no sense.
         """
-        try:
-            content = json.loads((self.path / RUN).read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise ParameterError(f"there is no run in {self.path}: {RUN} is missing") from None
-        except (OSError, ValueError) as error:
-            raise DataError(f"{self.path / RUN} cannot be read: {error}") from None
-        try:
+        file = self.path / RUN
+        if not file.exists():
+            raise ParameterError(f"there is no run in {self.path}: {RUN} is missing")
+        with reading(f"{file} is not what was written"):
+            content = parse_json(read_bytes(file, MOST_JSON))
             interface = read_interface(content.pop("interface"))
             settings = settings_from(content["algorithm"], content.pop("settings"))
             return Arguments(settings=settings, **content), interface
-        except (KeyError, TypeError, ValueError) as error:
-            raise DataError(f"{self.path / RUN} is not what was written: {error}") from None
 
     def newest(self) -> Path | None:
         """Return the newest checkpoint, or None."""
         found = checkpoints(self.path)
         return found[-1] if found else None
+
+    def scores(self) -> dict[str, Scores]:
+        """Return the scores of the validations, by the control steps before each.
+
+        Raises
+        ------
+        DataError
+            If they cannot be read.
+        """
+        file = self.path / PROGRESS
+        if not file.exists():
+            return {}
+        with reading(f"{file} cannot be read"):
+            return read_scores(parse_json(read_bytes(file, MOST_JSON)))
 
 
 class Watch:
@@ -177,11 +195,9 @@ class Watch:
         """Write the scores on validation episodes to the logs and to a file."""
         scores = self._validation.scores(self._model.actor(), self._interface)
         self.log({f"validation/{pace}_{name}": value for pace, row in scores.items() for name, value in row.items()})
-        file = self._folder.path / PROGRESS
-        kept: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-        kept = {steps: row for steps, row in kept.items() if int(steps) < self._model.steps}
+        kept = {steps: row for steps, row in self._folder.scores().items() if int(steps) < self._model.steps}
         kept[str(self._model.steps)] = scores
-        write_text_atomic(file, json.dumps(kept, indent=1) + "\n")
+        write_text_atomic(self._folder.path / PROGRESS, json.dumps(kept, indent=1) + "\n")
 
     def close(self) -> None:
         """Close the logs."""
@@ -207,7 +223,11 @@ def train(
     Raises
     ------
     ParameterError
-        If there is a run already, or none to resume, or another one.
+        If there is a run already, or none to resume, or another one, or another process trains in the folder.
+    DataError
+        If a file of the run to resume is not what was written.
+    StorageError
+        If the folder cannot be written to any more; it names the newest checkpoint.
     TrainingDivergedError
         If a loss or a weight is no longer finite; it names the last good checkpoint.
     """
@@ -218,29 +238,59 @@ def train(
         check_same(known, arguments)
     else:
         interface = make_interface(arguments.settings, arguments.scenario, draws, arguments.seed)
-        folder.begin(arguments, interface)
-    parts = make_parts(arguments, draws, interface)
-    model = make_model(arguments, parts)
-    newest = folder.newest() if resume else None
-    if newest is not None:
-        load_checkpoint(model, newest)
-    watch = Watch(arguments, model, parts[0].interface, folder)
+    make_folder(folder.path)
+    with folder.reserve(), told_once():
+        if not resume:
+            folder.begin(arguments, interface)
+        remove_leftovers(folder.path)
+        finished = folder.scores()
+        parts = make_parts(arguments, draws, interface)
+        model = make_model(arguments, parts)
+        try:
+            newest = folder.newest() if resume else None
+            if newest is not None:
+                load_checkpoint(model, newest)
+            on_progress(model.steps)
+            if newest is not None and model.steps >= arguments.steps and str(model.steps) in finished:
+                return newest
+            return _learn(arguments, model, Watch(arguments, model, parts[0].interface, folder), on_progress)
+        except FloatingPointError as error:
+            raise TrainingDivergedError(
+                f"training stopped after {model.steps} steps: {error}; the last good checkpoint is {folder.newest()}"
+            ) from error
+        except OSError as error:
+            raise StorageError(
+                f"training stopped after {model.steps} steps: {error}; the newest checkpoint is {folder.newest()}, "
+                "from which --resume goes on"
+            ) from error
+        finally:
+            model.close()
+            for worlds in parts:
+                worlds.close()
+
+
+def _learn(arguments: Arguments, model: Model, watch: "Watch", on_progress: Callable[[int], None]) -> Path:
+    """Let a model learn until it has made all steps, and return its last checkpoint."""
     try:
-        on_progress(model.steps)
         while model.steps < arguments.steps:
             watch.look()
             watch.log(model.advance())
             on_progress(model.steps)
         return watch.finish()
-    except FloatingPointError as error:
-        raise TrainingDivergedError(
-            f"training stopped after {model.steps} steps: {error}; the last good checkpoint is {folder.newest()}"
-        ) from error
     finally:
-        watch.close()
-        model.close()
-        for worlds in parts:
-            worlds.close()
+        with suppress(OSError):  # what is missing in a log is no reason to hide a better one
+            watch.close()
+
+
+@contextmanager
+def told_once() -> Generator[None]:
+    """Let no thread print an OSError: TensorBoard's, which writes its files, raises the same in the main thread."""
+    before = threading.excepthook
+    threading.excepthook = lambda hook: None if isinstance(hook.exc_value, OSError) else before(hook)
+    try:
+        yield
+    finally:
+        threading.excepthook = before
 
 
 def make_draws(arguments: Arguments, contexts: int | None = None) -> Randomisation | Mixture:

@@ -8,7 +8,7 @@ are of validation draws, since the benchmark takes no policy with other sensors.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
@@ -33,14 +33,8 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "torque and force sensors": {"sensors": "force"},
     "sensors 20 ms late": {"delay": 2},
     "what was 1 and 3 control steps ago, too": {"history": (1, 3)},
-    "a value network that sees what the policy sees": {"privileged": False},
     "noise that is new at each step": {"persistence": 0.0, "deviation": 0.57, "deviation_end": 0.11},
     "starts at rest alone": {"starts": "rest"},
-    "the whole workspace": {"truncation": 0.25},
-    "actions linear in the voltage": {"normalised": False},
-    "no pay for precision": {"tracking": 1000.0, "precision": 0.0},
-    "γ = 0.99": {"discount": 0.99},
-    "128 units a layer": {"hidden": (128, 128), "value_hidden": (128, 128)},
 }
 """Hyper-parameters of each that are not the usual ones. White noise has the deviation that lasting noise comes to."""
 
@@ -49,11 +43,10 @@ HEADER = ["Variant", "Path error [mm]", "95 % interval of the mean [mm]", "Ranks
 Scores = dict[str, dict[str, float]]
 
 
-def arguments(variant: str, scenario: str, seed: int, steps: int) -> Arguments:
+def arguments(algorithm: str, settings: Any, scenario: str, steps: int, seed: int) -> Arguments:
     """What to train."""
-    settings: Any = replace(load_settings("ppo"), **VARIANTS[variant])
     return Arguments(
-        algorithm="ppo",
+        algorithm=algorithm,
         scenario=scenario,
         pace="all",
         steps=steps,
@@ -62,6 +55,18 @@ def arguments(variant: str, scenario: str, seed: int, steps: int) -> Arguments:
         validation_episodes=EPISODES,
         validate_every=10_000,  # at the end alone
     )
+
+
+def results(planned: Mapping[tuple[str, Path], Arguments], *, train: bool) -> dict[str, list[Scores]]:
+    """Train what is missing of runs by name and folder, unless told not to; return the last scores of finished ones."""
+    found: dict[str, list[Scores]] = {}
+    for (name, folder), given in planned.items():
+        if train:
+            finish(folder, given)
+        if is_finished(folder, given):
+            found.setdefault(name, []).append(list(reached(folder).values())[-1])
+            print(f"{name}, seed {given.seed}: {folder}", flush=True)
+    return found
 
 
 def finish(folder: Path, given: Arguments) -> None:
@@ -112,20 +117,18 @@ def main(
     write: bool = True,
 ) -> None:
     """Train what is missing, unless told not to, and write the table of what is finished into the page, or print it."""
-    folders: dict[str, list[Path]] = {}
-    for seed in range(seeds):  # one seed of all variants before the next
-        for number, variant in enumerate(VARIANTS):
-            folder, given = runs / f"{scenario}-{number}-seed{seed}", arguments(variant, scenario, seed, steps)
-            if train:
-                finish(folder, given)
-            if is_finished(folder, given):
-                folders.setdefault(variant, []).append(folder)
-                print(f"{variant}, seed {seed}: {folder}", flush=True)
+    changed: dict[str, Any] = {name: replace(load_settings("ppo"), **change) for name, change in VARIANTS.items()}
+    planned = {
+        (name, runs / f"{scenario}-{number}-seed{seed}"): arguments("ppo", settings, scenario, steps, seed)
+        for seed in range(seeds)  # one seed of all variants before the next
+        for number, (name, settings) in enumerate(changed.items())
+    }
+    found = results(planned, train=train)
     head = (
         f"`ppo` on `{scenario}`, {steps / 1e6:g} M steps, {seeds} seeds, {EPISODES} validation draws at each pace; "
         f"medians over the seeds at {', '.join(PACES)} pace, and how many seeds keep the limits of a rank at each:"
     )
-    rows = [row(variant, [list(reached(folder).values())[-1] for folder in own]) for variant, own in folders.items()]
+    rows = [row(variant, scores) for variant, scores in found.items()]
     put_block(AGENTS, "ablations", f"{fill(head, 120)}\n\n{table(HEADER, rows, '---')}", write=write)
 
 

@@ -49,7 +49,7 @@ def row(name: str, s: dict) -> str:
 
 def section(board: dict) -> str:
     """One leaderboard, and in words why some have no rank."""
-    text = f"## {board['pace'].capitalize()}: {board['pace_m_s']:g} m/s, {episodes_text(board)}\n\n{HEAD}"
+    text = f"## {board['pace'].capitalize()}: {board['pace_m_s']:g} m/s\n\n{episodes_text(board)}:\n\n{HEAD}"
     text += "".join(row(name, scores) for name, scores in board["policies"].items())
     below = [f"- `{name}` {scores['reason']}." for name, scores in board["policies"].items() if scores["reason"]]
     return text + ("\nBelow the line:\n\n" + "\n".join(below) + "\n" if below else "")

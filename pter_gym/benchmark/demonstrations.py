@@ -7,10 +7,8 @@ anybody uses them. Observations are those with force sensors, whose first entrie
 import io
 import json
 import platform
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -20,8 +18,11 @@ from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import SCORES, Score, score
 from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.simulation import record_episode, time_limit
-from pter_gym.errors import DataError, ParameterError
+from pter_gym.errors import ParameterError
+from pter_gym.internal.archives import read_arrays
+from pter_gym.internal.checks import whole_number
 from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic
+from pter_gym.internal.reading import parse_json, read_bytes, reading
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import observation_layout
@@ -35,7 +36,7 @@ NAMES = ("policy", "scenario", "pace")
 ROWS = ("obs", "volts")
 """Arrays with one row for each decision."""
 
-MOST_FILE, MOST_UNPACKED = 1 << 26, 1 << 28
+MOST_FILE, MOST_UNPACKED = 1 << 26, 1 << 27
 """Largest file, and largest content of it [B]."""
 
 
@@ -107,9 +108,7 @@ def record(
     for field, given in (("policies", policies), ("scenarios", scenarios), ("paces", paces)):
         if not given:
             raise ParameterError(f"{field} must hold at least one name")
-    for field, number, least in (("episodes", episodes, 1), ("seed", seed, 0)):
-        if number < least:
-            raise ParameterError(f"{field} must be a whole number ≥ {least}, got {number!r}")
+    episodes, seed = whole_number("episodes", episodes), whole_number("seed", seed, at_least=0)
     named = [(name, scenario, find_policy(name, scenario=scenario)) for scenario in scenarios for name in policies]
     drawn = {
         (scenario, pace): find_scenario(scenario).randomisation(pace, contexts=episodes, seed=seed).pairs()
@@ -189,38 +188,25 @@ def read_demonstrations(path: FilePath) -> Demonstrations:
         If the file is missing, too large, or not what ``write_demonstrations`` wrote; nothing in it was executed.
     """
     path = find_path("path", path)
-    try:
-        arrays = _arrays(path)
-        info = json.loads(str(arrays.pop("info")))
+    expected = {*ROWS, "starts", "ends", "draws", *NAMES, *(f"score_{name}" for name in SCORES), "info"}
+    with reading(f"demonstrations {path} are refused"):
+        arrays = read_arrays(read_bytes(path, MOST_FILE), MOST_UNPACKED, expected)
+        info = parse_json(str(arrays.pop("info")).encode())
         scores = {name: arrays.pop(f"score_{name}") for name in SCORES}
-        names: dict[str, Any] = {_plural(name): tuple(arrays.pop(name).tolist()) for name in NAMES}
+        names: dict[str, Any] = {_plural(name): _names(arrays.pop(name), name) for name in NAMES}
         found = Demonstrations(**cast("dict[str, Any]", arrays), **names, scores=scores, info=info)
         _check(found)
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
-        raise DataError(f"demonstrations {path} are refused: {error}") from None
-    return found
+        return found
+
+
+def _names(array: NDArray[Any], name: str) -> tuple[str, ...]:
+    if array.dtype.kind != "U" or array.ndim != 1:
+        raise ValueError(f"{name} must hold names")
+    return tuple(array.tolist())
 
 
 def _plural(name: str) -> str:
     return "policies" if name == "policy" else f"{name}s"
-
-
-def _arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an archive; names and sizes are looked at before anything is unpacked."""
-    size = path.stat().st_size
-    if size > MOST_FILE:
-        raise ValueError(f"a file must have at most {MOST_FILE} B, it has {size}")
-    expected = {*ROWS, "starts", "ends", "draws", *NAMES, *(f"score_{name}" for name in SCORES), "info"}
-    with zipfile.ZipFile(path) as archive:
-        parts = archive.infolist()
-    names = [part.filename.removesuffix(".npy") for part in parts]
-    if sorted(part.filename for part in parts) != sorted(f"{name}.npy" for name in expected):
-        other = ", ".join(sorted(expected.symmetric_difference(names)))
-        raise ValueError(f"it must hold {', '.join(sorted(expected))}; it differs in {other}")
-    if (unpacked := sum(part.file_size for part in parts)) > MOST_UNPACKED:
-        raise ValueError(f"its content must have at most {MOST_UNPACKED} B, it has {unpacked}")
-    with np.load(path, allow_pickle=False) as archive:
-        return {name: archive[name] for name in expected}
 
 
 def _check(found: Demonstrations) -> None:

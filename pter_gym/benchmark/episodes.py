@@ -9,16 +9,17 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from numbers import Integral
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from pter_gym import hands, params, paths
 from pter_gym.errors import DataError, ParameterError, unknown_name
 from pter_gym.internal.checks import whole_number
-from pter_gym.internal.codec import Codec, dataclasses_in, reading
+from pter_gym.internal.codec import Codec, dataclasses_in
 from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic, write_text_atomic
+from pter_gym.internal.reading import MOST_JSON, inflate, parse_json, read_bytes, reading
 from pter_gym.params import Machine
 from pter_gym.scenarios import find_pace, find_scenario
 from pter_gym.scenarios.evaluation_draws import evaluation_draws, fresh_reset_seeds
@@ -29,6 +30,8 @@ FOLDER = Path(__file__).parents[1] / "episodes"
 """Where the package keeps its evaluation episodes."""
 
 CHECKSUMS = "checksums.json"
+
+T = TypeVar("T")
 
 SEEDS = 2**64
 """Seeds of fresh episodes are smaller."""
@@ -241,10 +244,12 @@ def _compressed(content: bytes) -> bytes:
 
 
 def _checksums(folder: Path) -> dict[str, str]:
-    try:
-        return dict(json.loads(_bytes(folder / CHECKSUMS)))
-    except (ValueError, TypeError) as error:
-        raise DataError(f"evaluation data {folder / CHECKSUMS} were changed: {error}") from None
+    data = _bytes(folder / CHECKSUMS)
+    with reading(f"evaluation data {folder / CHECKSUMS} were changed"):
+        content = parse_json(data)
+        if not isinstance(content, dict):
+            raise TypeError("there must be an object")
+        return cast("dict[str, str]", content)
 
 
 def _stored(scenario: str, folder: FilePath) -> Episodes:
@@ -256,10 +261,8 @@ def _stored(scenario: str, folder: FilePath) -> Episodes:
 
 
 def _bytes(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise DataError(f"evaluation data {path} cannot be read: {error}") from None
+    with reading(f"evaluation data {path} cannot be read"):
+        return read_bytes(path, MOST_JSON)
 
 
 def _read(path: Path, expected: str) -> Episodes:
@@ -271,22 +274,32 @@ def _read(path: Path, expected: str) -> Episodes:
         return _decode(data, found)
 
 
-@cache
+@lru_cache(16)
 def _decode(data: bytes, checksum: str) -> Episodes:
-    content: dict[str, Any] = json.loads(gzip.decompress(data))
+    content: dict[str, Any] = parse_json(inflate(data, MOST_JSON))
     parts = [CODEC.from_plain(part) for part in content["parts"]]
     entries: list[dict[str, Any]] = content["episodes"]
     return Episodes(
-        scenario=content["scenario"],
+        scenario=_checked(content["scenario"], str),
         checksum=checksum,
-        machines=tuple(_checked(parts[entry["machine"]], Machine) for entry in entries),
-        tasks=tuple(_checked(parts[entry["task"]], PathFollowing) for entry in entries),
-        seeds=tuple(entry["seed"] for entry in entries),
-        strata=tuple(entry["stratum"] for entry in entries),
+        machines=tuple(_checked(_part(parts, entry["machine"]), Machine) for entry in entries),
+        tasks=tuple(_checked(_part(parts, entry["task"]), PathFollowing) for entry in entries),
+        seeds=tuple(_whole(entry["seed"], SEEDS) for entry in entries),
+        strata=tuple(_checked(entry["stratum"], str) for entry in entries),
     )
 
 
-def _checked(part: Any, kind: type[Any]) -> Any:
+def _part(parts: Sequence[Any], number: Any) -> Any:
+    return parts[_whole(number, len(parts))]
+
+
+def _whole(number: Any, below: int) -> int:
+    if type(number) is not int or not 0 <= number < below:
+        raise ValueError(f"there must be a whole number within [0, {below}), {number!r:.40} is out of range")
+    return number
+
+
+def _checked(part: Any, kind: type[T]) -> T:
     if not isinstance(part, kind):
         raise TypeError(f"there must be a {kind.__name__}, there is a {type(part).__name__}")
     return part

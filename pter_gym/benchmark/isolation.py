@@ -28,6 +28,7 @@ from pter_gym.controllers import BoundPolicy
 from pter_gym.errors import ActionError, DataError, ParameterError, PolicyError, PterError
 from pter_gym.internal.checks import whole_number
 from pter_gym.internal.codec import Codec, dataclasses_in
+from pter_gym.internal.reading import parse_json
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import Sensors
 
@@ -151,8 +152,8 @@ class Session:
     def read_text(self, content: bytes) -> Any:
         """Return the plain data of an answer; end the process and raise a PolicyError if there are none."""
         try:
-            return json.loads(content)
-        except (ValueError, RecursionError):
+            return parse_json(content, MOST_TEXT)
+        except ValueError:
             raise self.no_answer() from None
 
     def no_answer(self) -> PolicyError:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -12,6 +11,7 @@ from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import METRICS
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, Standing, find_standings
 from pter_gym.benchmark.runs import ScenarioRun
+from pter_gym.internal.terminal import terminal
 from pter_gym.scenarios import PACES
 
 __all__ = ["COMPLETION", "FULL", "PACE_ERROR", "Leaderboard", "leaderboards", "rank", "table"]
@@ -117,7 +117,7 @@ def table(board: Leaderboard) -> Table:
 def print_boards(runs: Sequence[ScenarioRun]) -> None:
     """Print the leaderboards of runs to the terminal."""
     for board in leaderboards(runs):
-        Console().print(table(board), "")
+        terminal().print(table(board), "")
 
 
 def _caption(board: Leaderboard) -> str:

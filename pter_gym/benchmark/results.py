@@ -10,8 +10,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from filelock import FileLock
-
 from pter_gym.benchmark.episodes import FOLDER
 from pter_gym.benchmark.gaps import find_gaps
 from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
@@ -20,6 +18,7 @@ from pter_gym.benchmark.runs import Conditions, ScenarioRun, without_copies
 from pter_gym.benchmark.statistics import LEVEL, RESAMPLES, SEED
 from pter_gym.errors import DataError
 from pter_gym.internal.files import FilePath, find_path, write_text_atomic
+from pter_gym.internal.locks import locked
 from pter_gym.internal.terminal import make_folder
 
 SUMMARY = "benchmark.json"
@@ -117,7 +116,7 @@ class ResultsFolder:
 
     def summarise_contents(self) -> tuple[Contents, tuple[Leaderboard, ...]]:
         """Do as ``summarise``, and return what the folder held too."""
-        with FileLock(self.path / LOCK):
+        with locked(self.path / LOCK):
             contents = self.read()
             boards = leaderboards(contents.runs)
             text = json.dumps(summary_of(contents, boards), indent=2, allow_nan=False)

@@ -29,15 +29,12 @@ from pter_gym.benchmark.runs import (
     code_digest,
     sample_numbers,
 )
-from pter_gym.internal.codec import reading
 from pter_gym.internal.files import FilePath, find_path, write_text_atomic
+from pter_gym.internal.reading import MOST_JSON, parse_json, read_bytes, reading
 from pter_gym.scenarios import find_pace
 
 HASH = "sha256"
 """Name of the hash in a file."""
-
-MOST_FILE = 1 << 24
-"""Largest file [B]; one of 1,000 episodes has half a megabyte."""
 
 PARTS = (HASH, *Conditions.__dataclass_fields__, "strata", "planning", "scores", "samples")
 
@@ -114,15 +111,10 @@ def read_run(path: FilePath, *, data: FilePath = FOLDER) -> ScenarioRun:
 
 def _content(path: Path) -> dict[str, Any]:
     """Return what a file holds, if that is what was written to it."""
-    if not path.is_file():
-        raise ValueError("it is no regular file")
-    with path.open("rb") as file:
-        text = file.read(MOST_FILE + 1)
-    if len(text) > MOST_FILE:
-        raise ValueError(f"it is larger than {MOST_FILE} bytes")
+    data = read_bytes(path, MOST_JSON)
     try:
-        content = json.loads(text.decode("utf-8"), parse_constant=_refuse)
-    except (ValueError, RecursionError) as error:
+        content = parse_json(data)
+    except ValueError as error:
         raise ValueError(f"it is no JSON: {error}") from None
     _check_keys(content, PARTS, "it")
     if content[HASH] != file_hash(content, path.name):
@@ -211,7 +203,3 @@ def _check_keys(content: Any, names: Collection[str], what: str) -> None:
 def _require(condition: object, name: str, accepted: str, found: Any) -> None:
     if not condition:
         raise ValueError(f"{name} must be {accepted}, got {shorten(repr(found), 60)}")
-
-
-def _refuse(constant: str) -> float:
-    raise ValueError(f"numbers are finite, and not {constant}")

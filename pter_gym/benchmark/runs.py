@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import SCORES, Scores
 from pter_gym.errors import ParameterError
+from pter_gym.policies.files import LONGEST_NAME
 
 Array = NDArray[np.float64]
 
@@ -21,9 +22,6 @@ PACKAGE = Path(__file__).parents[1]
 
 SAMPLES = 4
 """Episodes of a run that are kept to be drawn: the first of each stratum, then the first ones."""
-
-LONGEST_NAME = 180
-"""Most characters of a policy's name, as it is in the name of a file."""
 
 INSTANTS = 200
 """Largest number of instants that are kept of such an episode."""

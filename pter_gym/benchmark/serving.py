@@ -34,11 +34,10 @@ class Host:
         try:
             return self._answer(header, content)
         except PterError as error:
-            return pack_text(Kind.FAULT, {"error": type(error).__name__, "message": str(error)[:LONGEST]})
+            return _fault(type(error).__name__, str(error))
         except (Exception, SystemExit) as error:  # noqa: BLE001  (it is anybody's code)
             traceback.print_exc()
-            message = f"policy {self.name!r} has failed: {type(error).__name__}: {error}"[:LONGEST]
-            return pack_text(Kind.FAULT, {"error": "PolicyError", "message": message})
+            return _fault("PolicyError", f"policy {self.name!r} has failed: {type(error).__name__}: {error}")
 
     def _answer(self, header: Header, content: bytes) -> bytes:
         if header.kind == Kind.FIND:
@@ -72,6 +71,12 @@ class Host:
         if bound.plans is not None:
             raise ParameterError(f"policies: {self.name!r} plans in the simulated worlds and cannot be isolated")
         self.bound.append((bound, machine.clutch.voltage_max))
+
+
+def _fault(error: str, message: str) -> bytes:
+    """Return a message of an error; what is no text in it is escaped."""
+    text = message[:LONGEST].encode("utf-8", "backslashreplace").decode()
+    return pack_text(Kind.FAULT, {"error": error, "message": text})
 
 
 def _numbers(volts: Any) -> Any:

@@ -4,7 +4,6 @@
 others, the command of the search, and scores on training draws that the search had not seen.
 """
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
@@ -12,8 +11,8 @@ from typing import Any, cast
 from pter_gym.benchmark.runs import PACKAGE
 from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
 from pter_gym.errors import DataError, ParameterError, unknown_name
-from pter_gym.internal.codec import reading
 from pter_gym.internal.files import FilePath, find_path
+from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text, reading
 from pter_gym.policies.stored_gains import restore_guided
 from pter_gym.scenarios import PACES
 
@@ -75,10 +74,8 @@ def read_table(path: FilePath = TABLE) -> Table:
         If the file cannot be read or names a controller or pace that there is none of.
     """
     path = find_path("path", path)
-    try:
-        table: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    except (OSError, ValueError) as error:
-        raise DataError(f"tuned gains {path} cannot be read: {error}") from None
+    with reading(f"tuned gains {path} cannot be read"):
+        table = parse_toml(read_text(path, MOST_TOML)) if path.exists() else {}
     for scenario, controllers in table.items():
         for controller, paces in _table(controllers, scenario, path).items():
             if controller not in TUNABLE:

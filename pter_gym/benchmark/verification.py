@@ -14,13 +14,17 @@ from pter_gym.benchmark.identity import SAID, identity_of
 from pter_gym.benchmark.leaderboard import leaderboards
 from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.results import SUMMARY, Contents, ResultsFolder, summary_of
-from pter_gym.benchmark.run_files import MOST_FILE, run_path
+from pter_gym.benchmark.run_files import run_path
 from pter_gym.benchmark.runs import Planning, Sample, ScenarioRun
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.errors import ParameterError, PterError
 from pter_gym.internal.files import FilePath
+from pter_gym.internal.reading import parse_json, read_bytes
 
 SAME = "same"
+
+MOST_SUMMARY = 1 << 23
+"""Largest summary that is compared [B]."""
 
 Policies = Mapping[str, AnyPolicy | PerSeed]
 
@@ -90,7 +94,7 @@ def verify(
         file = run_path(results.path, run.conditions).name
         on_progress(file)
         verdicts.append(Verdict(file, again.finding(run)))
-    return (*sorted(verdicts), Verdict(results.summary.name, _summary_finding(results, contents)))
+    return (*sorted(verdicts), Verdict(results.summary.name, summary_finding(results, contents)))
 
 
 def _episodes_of(run: ScenarioRun) -> tuple[str, str, int, int]:
@@ -162,12 +166,11 @@ def _are_same(one: Sample, two: Sample) -> bool:
     return one.episode == two.episode and np.array_equal(one.tip, two.tip) and np.array_equal(one.theta, two.theta)
 
 
-def _summary_finding(results: ResultsFolder, contents: Contents) -> str:
+def summary_finding(results: ResultsFolder, contents: Contents) -> str:
     """Tell whether ``benchmark.json`` is what follows from the runs."""
     try:
-        with results.summary.open("rb") as file:
-            found = json.loads(file.read(MOST_FILE))
-    except (OSError, ValueError, RecursionError) as error:
+        found = parse_json(read_bytes(results.summary, MOST_SUMMARY), MOST_SUMMARY)
+    except (OSError, ValueError) as error:
         return f"it cannot be read: {error}"
     expected = json.loads(json.dumps(summary_of(contents, leaderboards(contents.runs))))
     differ = [name for name in expected if found.get(name) != expected[name]] if isinstance(found, dict) else [SUMMARY]

@@ -10,7 +10,7 @@ from tyro.conf import Positional
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from pter_gym.errors import ParameterError
-from pter_gym.internal.files import find_path
+from pter_gym.internal.files import check_target, find_path
 
 PATHS = ConstructorRegistry()
 """How arguments become paths: ``~`` is the home of the user, also where no shell has put it in."""
@@ -47,11 +47,10 @@ def numbers(field: str, text: str) -> list[float]:
 
 
 def check_file(out: Path, suffix: str) -> None:
-    """Raise a ParameterError unless a file to write has the ending of what is written, and a folder that exists."""
+    """Raise a ParameterError unless a file to write has the ending of what is written, and can be written."""
     if out.suffix != suffix:
         raise ParameterError(f"out must end in {suffix}, which is what is written, got {str(out)!r}")
-    if not out.parent.is_dir():
-        raise ParameterError(f"out must be a file in a folder that exists, got {str(out)!r}")
+    check_target("out", out)
 
 
 def import_from_here() -> None:

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from pter_gym.commands.arguments import import_from_here, numbers, split
 from pter_gym.errors import ParameterError
-from pter_gym.internal.terminal import make_folder, progress_bar
+from pter_gym.internal.terminal import make_folder, progress_bar, say, terminal
 
 if TYPE_CHECKING:
     from pter_gym.benchmark import Leaderboard, Result
@@ -88,12 +88,11 @@ def standard_test(names: list[str], machine: str, seconds: list[float], seed: in
     from pter_gym.benchmark.naming import find_controller, is_code, read_policy
     from pter_gym.params import find_machine
 
-    console, errors = Console(), Console(stderr=True)
     import_from_here()
     chosen = {name: read_policy(name) if is_code(name) else find_controller(name, seed) for name in names}
     chosen_machine = find_machine(machine)
     make_folder(out)
-    with progress_bar(errors) as progress:
+    with progress_bar() as progress:
         task = progress.add_task("standard test", total=len(chosen))
         result = run_standard_test(
             chosen,
@@ -102,11 +101,13 @@ def standard_test(names: list[str], machine: str, seconds: list[float], seed: in
             seed=seed,
             on_progress=lambda _: progress.advance(task),
         )
-    console.print(scores_table(result))
-    with errors.status("drawing"):
-        written = write_result(result, out)
+    try:
+        with terminal(errors=True).status("drawing"):
+            written = write_result(result, out)
+    finally:
+        terminal().print(scores_table(result))
     for path in written:
-        console.print(f"wrote {path}", highlight=False)
+        say(f"wrote {path}")
 
 
 def scenario_benchmark(
@@ -125,10 +126,9 @@ def scenario_benchmark(
     from pter_gym.benchmark.gaps import find_gaps, gap_tables
     from pter_gym.benchmark.leaderboard import table
 
-    console, errors = Console(), Console(stderr=True)
     results = ResultsFolder(out)
     import_from_here()
-    with ExitStack() as processes, progress_bar(errors) as progress:
+    with ExitStack() as processes, progress_bar() as progress:
 
         def find(name: str) -> "AnyPolicy":
             if not isolated:
@@ -149,15 +149,15 @@ def scenario_benchmark(
     contents, all_boards = results.summarise_contents()
     boards = [board for board in all_boards if board.has_episodes_of(runs[0])]
     for board in boards:
-        console.print(table(board), "")
+        terminal().print(table(board), "")
     for gaps in gap_tables([gap for gap in find_gaps(contents.runs) if gap.scenario == scenario]):
-        console.print(gaps, "")
+        terminal().print(gaps, "")
     for left in contents.left_out:
-        console.print(f"left out {left.file}: {left.reason}", highlight=False, markup=False)
-    with errors.status("drawing"):
+        say(f"left out {left.file}: {left.reason}")
+    with terminal(errors=True).status("drawing"):
         pictures = draw_boards(boards, contents.runs, out)
     for path in [results.summary, *pictures]:
-        console.print(f"wrote {path}", highlight=False)
+        say(f"wrote {path}")
 
 
 def fresh_number(text: str | None, scenario: str, policies: "Mapping[str, AnyPolicy]") -> int | None:
@@ -201,7 +201,7 @@ def scores_table(result: "Result") -> Table:
         for k, run in enumerate(runs):
             s = run.score
             table.add_row(
-                name if k == 0 else "",
+                escape(name) if k == 0 else "",
                 f"{run.time_constant:g}",
                 f"{1000 * s.path_error_m:.1f}",
                 f"{1000 * s.mean_error_m:.1f}",

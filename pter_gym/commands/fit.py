@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 from pter_gym.commands.arguments import check_file
 from pter_gym.internal.checks import whole_number
+from pter_gym.internal.terminal import say
 
 
 def fit(seed: int = 0, budget: int = 60_000, held_out: bool = False, out: Path = Path("pter-preset.toml")) -> None:
@@ -29,6 +28,5 @@ def fit(seed: int = 0, budget: int = 60_000, held_out: bool = False, out: Path =
     whole_number("seed", seed, at_least=0)
     whole_number("budget", budget, at_least=3 * POPULATION)
     result = search(FitArguments(seed=seed, budget=budget, held_out=held_out, out=out))
-    console = Console(highlight=False, soft_wrap=True)
-    console.print(f"misfit {result.misfit:.4f}; Table I in the paper's units: {result.table.round(3).tolist()}")
-    console.print(f"wrote {out}")
+    say(f"misfit {result.misfit:.4f}; Table I in the paper's units: {result.table.round(3).tolist()}")
+    say(f"wrote {out}")

@@ -3,25 +3,25 @@
 import functools
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
 import tyro
-from rich.console import Console
 from rich.table import Table
 
 from pter_gym._version import __version__
 from pter_gym.commands.arguments import PATHS, as_typed
 from pter_gym.commands.names import names_table
 from pter_gym.errors import PterError, unknown_name
-from pter_gym.internal.terminal import Interrupts
+from pter_gym.internal.terminal import Interrupts, accept_all_characters, close_output, say, terminal
 
 Command = Callable[..., int | None]
 
 GROUP = "pter.commands"
 
-USERS = ("benchmark", "watch", "train", "export", "tune", "reproduce", "retrain", "verify")
+USERS = ("benchmark", "play", "watch", "train", "export", "tune", "reproduce", "retrain", "verify")
 """The order of the help. Command NAME of this package is the function NAME in NAME.py, beside this file."""
 
 WORKSHOP = ("fit", "speed", "record")
@@ -68,23 +68,32 @@ def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run ``pter`` and return its exit status: the command's, else 0; 2 for a wrong argument, 130 after Ctrl-C."""
+    """Run ``pter`` and return its exit status: the command's, else 0; 2 after an error, 130 after Ctrl-C."""
+    accept_all_characters()
     interrupts = Interrupts(INTERRUPTED)
     if arguments is None:
         interrupts.watch()
     try:
-        return _run(sys.argv[1:] if arguments is None else arguments)
+        status = _run(sys.argv[1:] if arguments is None else arguments)
+        sys.stdout.flush()
+        return status
     except KeyboardInterrupt:
         interrupts.tell()
         if arguments is None:
             interrupts.end()
         return INTERRUPTED
+    except OSError as error:  # of a file that nobody thought of, or of what is in the place of the terminal
+        if arguments is None:
+            close_output()
+        with suppress(OSError):
+            complain(str(error) if error.filename else f"not everything could be printed: {error.strerror}")
+        return 2
 
 
 def _run(arguments: list[str]) -> int:
     name, *rest = arguments or ["--help"]
     if name == "--version":
-        Console().print(f"pter {__version__}", highlight=False)
+        say(f"pter {__version__}")
         return 0
     if name in HELP:
         _print_overview()
@@ -97,13 +106,18 @@ def _run(arguments: list[str]) -> int:
         return command(**parse(name, command, rest)) or 0
     except PterError as error:
         text = as_typed(str(error), command)
-        Console(stderr=True).print(f"error: {text}", style="red", highlight=False, soft_wrap=True, markup=False)
+        complain(text)
         return 2
+
+
+def complain(text: str) -> None:
+    """Print what is wrong."""
+    terminal(errors=True).print(f"error: {text}", style="red", soft_wrap=True, markup=False)
 
 
 def _print_overview() -> None:
     """Print all commands, on one screen."""
-    console = Console(highlight=False)
+    console = terminal()
     console.print(f"usage: pter COMMAND …\n\n{DESCRIPTION}\n")
     found = commands()
     for part in ([name for name in found if name not in WORKSHOP], WORKSHOP):
@@ -121,7 +135,9 @@ def _print_help(name: str, command: Command) -> int:
     try:
         parse(name, command, ["--help"])
     except SystemExit as end:
-        Console(highlight=False).print("names\n", names_table(command), sep="")
+        table = names_table(command)
+        if table.row_count:
+            terminal().print("names\n", table, sep="")
         return int(end.code or 0)
     return 0
 

@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
 
 from pter_gym.commands.arguments import check_file, split
-from pter_gym.internal.terminal import progress_bar
+from pter_gym.internal.terminal import progress_bar, say
 
 DEMONSTRATORS = "predictive,single-dof-tuned,torque-feedback-tuned"
 
@@ -40,11 +39,10 @@ def record(
     from pter_gym.benchmark.demonstrations import write_demonstrations
 
     check_file(out, ".npz")
-    console = Console(highlight=False, soft_wrap=True)
     names = split(policies), split(scenarios), split(paces)
-    with progress_bar(Console(stderr=True)) as progress:
+    with progress_bar() as progress:
         task = progress.add_task("record", total=math.prod(len(each) for each in names) * max(episodes, 0))
         found = simulate(*names, episodes=episodes, seed=seed, on_episode=lambda: progress.advance(task))
     write_demonstrations(found, out)
-    console.print(f"{len(found)} episodes, {len(found.obs)} decisions, {out.stat().st_size / 1e6:.1f} MB")
-    console.print(f"wrote {out}")
+    say(f"{len(found)} episodes, {len(found.obs)} decisions, {out.stat().st_size / 1e6:.1f} MB")
+    say(f"wrote {out}")

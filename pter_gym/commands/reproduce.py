@@ -4,9 +4,8 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
 
-from pter_gym.internal.terminal import make_folder, progress_bar
+from pter_gym.internal.terminal import make_folder, progress_bar, say, terminal
 
 
 def reproduce(
@@ -24,19 +23,21 @@ def reproduce(
         figures: Names of figures, or all.
         out: Folder for the results; made if need be.
     """
+    from pter_gym.internal.files import write_files_atomic
     from pter_gym.paper.experiments.study import Study
     from pter_gym.paper.reproduce.figures import find_products
-    from pter_gym.paper.reproduce.results import results, summary, unmet_table, write
+    from pter_gym.paper.reproduce.results import results, summary, unmet_table
 
-    console = Console()
     chosen = find_products(figures)
     make_folder(out)
-    with progress_bar(Console(stderr=True)) as progress:
+    with progress_bar() as progress:
         task = progress.add_task("reproducing", total=len(chosen) + 1)
         files, claims = results(Study(), chosen, on_progress=lambda _: progress.advance(task))
-    write(files, out)
-    if not all(claim.holds for claim in claims):
-        console.print(unmet_table(claims))
-    console.print(summary(claims), highlight=False)
+    try:
+        write_files_atomic(out, files)
+    finally:
+        if not all(claim.holds for claim in claims):
+            terminal().print(unmet_table(claims))
+        say(summary(claims))
     for name in ("report.html", "claims.json", "table1.json") if "report.html" in files else files:
-        console.print(f"wrote {out / name}", highlight=False)
+        say(f"wrote {out / name}")

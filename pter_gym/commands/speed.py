@@ -3,9 +3,7 @@
 import json
 from pathlib import Path
 
-from rich.console import Console
-
-from pter_gym.internal.terminal import make_folder
+from pter_gym.internal.terminal import make_folder, say, terminal
 
 
 def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pter-speed")) -> None:
@@ -28,14 +26,15 @@ def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pt
 
     plan = make_plan(quick=quick, max_worlds=max_worlds)
     make_folder(out)
-    console = Console()
-    with Console(stderr=True).status("speed") as status:
+    with terminal(errors=True).status("speed") as status:
         found = measure(plan, lambda what: status.update(f"measuring {what}"))
-    for table in tables(found):
-        console.print(table)
-        console.print()
-    for note in notes(found):
-        console.print(note, highlight=False)
-    write_text_atomic(out / "speed.json", json.dumps(as_json(found), indent=2) + "\n")
-    for path in (out / "speed.json", *save(cost_figure(found), out / "speed.png")):
-        console.print(f"wrote {path}", highlight=False)
+    try:
+        write_text_atomic(out / "speed.json", json.dumps(as_json(found), indent=2) + "\n")
+        written = out / "speed.json", *save(cost_figure(found), out / "speed.png")
+    finally:
+        for table in tables(found):
+            terminal().print(table, "")
+        for note in notes(found):
+            say(note)
+    for path in written:
+        say(f"wrote {path}")

@@ -1,13 +1,15 @@
 """``pter tune``: the search for a controller's gains."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from rich.console import Console
 
 from pter_gym.commands.arguments import check_file
-from pter_gym.internal.terminal import progress_bar
+from pter_gym.internal.terminal import progress_bar, say
+
+if TYPE_CHECKING:
+    from pter_gym.tuning import Study
 
 
 def tune(
@@ -45,8 +47,7 @@ def tune(
 
     if out is not None:
         check_file(out, ".toml")
-    console = Console(highlight=False, soft_wrap=True)
-    with progress_bar(Console(stderr=True)) as progress:
+    with progress_bar() as progress:
         task = progress.add_task(f"{controller}, {scenario}, {pace}", total=trials)
 
         def show(finished: int, best: float) -> None:
@@ -65,13 +66,21 @@ def tune(
             seed=seed,
             on_trial=show,
         )
+    try:
+        if out is not None:
+            add_study(study, out)
+    finally:
+        say(summary(study))
+    if out is not None:
+        say(f"wrote {out}")
+
+
+def summary(study: "Study") -> str:
+    """Return the gains of a study as TOML has them, and what they are worth."""
     found = study.verdict
-    for name, gain in study.gains.items():
-        console.print(f"{name} = {gain!r}")
-    console.print(
+    lines = [f"{name} = {gain!r}" for name, gain in study.gains.items()]
+    lines.append(
         f"path error {1000 * found.path_error_m:.1f} mm, at the end {100 * found.completed:.3g} %, mean pace "
         f"±{100 * found.mean_pace_error:.3g} %, segment pace ±{100 * found.segment_pace_error:.3g} % on other draws"
     )
-    if out is not None:
-        add_study(study, out)
-        console.print(f"wrote {out}")
+    return "\n".join(lines)

@@ -4,10 +4,9 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
 
 from pter_gym.commands.arguments import import_from_here, split
-from pter_gym.internal.terminal import progress_bar
+from pter_gym.internal.terminal import progress_bar, say
 
 
 def verify(
@@ -36,14 +35,13 @@ def verify(
 
     import_from_here()
     known = {name: read_policy(name, seed) for name in split(policies) if is_code(name)}
-    console = Console(highlight=False, soft_wrap=True, markup=False)
-    with progress_bar(Console(stderr=True)) as progress:
+    with progress_bar() as progress:
         task = progress.add_task("verify", total=None)
         verdicts = run_again(
             ResultsFolder(results), known, seed=seed, on_progress=lambda file: progress.update(task, description=file)
         )
     for verdict in verdicts:
-        console.print(f"{verdict.file}: {verdict.finding}")
+        say(f"{verdict.file}: {verdict.finding}")
     same = sum(verdict.same for verdict in verdicts)
-    console.print(f"{same} of {len(verdicts)} files are the same")
+    say(f"{same} of {len(verdicts)} files are the same")
     return 0 if same == len(verdicts) else 1

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from rich.console import Console
 
 from pter_gym.commands.arguments import import_from_here, split
 from pter_gym.errors import ParameterError
-from pter_gym.internal.terminal import progress_bar
+from pter_gym.internal.files import check_target
+from pter_gym.internal.terminal import progress_bar, say
 
 if TYPE_CHECKING:
     from pter_gym.benchmark.simulation import Episode
@@ -54,17 +54,16 @@ def watch(
     names = split(policies)
     check_arguments(names, out, csv, size, speed)
     machine, task = draw(scenario, pace, seed)
-    console = Console(highlight=False, soft_wrap=True, markup=False)
     episodes = simulate(names, scenario, machine, task, seed)
     for name, episode in episodes.items():
-        console.print(f"{name}: {summary(episode)}")
+        say(f"{name}: {summary(episode)}")
     if csv:
         from pter_gym.benchmark.trajectories import write_trajectories
 
         write_trajectories({name: episode.telemetry for name, episode in episodes.items()}, csv)
-        console.print(f"wrote {csv}")
+        say(f"wrote {csv}")
     if out:
-        write(console, out, episodes, machine, task, speed, size)
+        write(out, episodes, machine, task, speed, size)
     elif not csv:
         show(episodes, machine, task, speed, size)
 
@@ -79,8 +78,8 @@ def check_arguments(names: list[str], out: Path | None, csv: Path | None, size: 
         raise ParameterError(f"speed must be a number > 0, got {speed!r}")
     parse_size(size)
     for field, path in (("out", out), ("csv", csv)):
-        if path and not path.parent.is_dir():
-            raise ParameterError(f"{field} must be a file in a folder that exists, got {str(path)!r}")
+        if path:
+            check_target(field, path)
     if csv:
         check_table(csv)
     if out:
@@ -127,7 +126,7 @@ def simulate(
     import_from_here()
     policies = {name: read_policy(name, seed, scenario) for name in names}
     episodes: dict[str, Episode] = {}
-    with progress_bar(Console(stderr=True)) as progress:
+    with progress_bar() as progress:
         steps = time_limit(task)
         for name, policy in policies.items():
             bar = progress.add_task(f"simulate {name}", total=steps)
@@ -165,7 +164,6 @@ def make_film(
 
 
 def write(
-    console: Console,
     out: Path,
     episodes: "Mapping[str, Episode]",
     machine: "Machine",
@@ -177,10 +175,10 @@ def write(
     from pter_gym.render.recording import RATES, frames_of, write_film
 
     film = make_film(episodes, machine, task, RATES[out.suffix.lower()], speed, size)
-    with progress_bar(Console(stderr=True)) as progress:
+    with progress_bar() as progress:
         bar = progress.add_task("draw", total=frames_of(film, out))
         write_film(film, out, lambda: progress.advance(bar))
-    console.print(f"wrote {out}, {out.stat().st_size / 1e6:.2f} MB")
+    say(f"wrote {out}, {out.stat().st_size / 1e6:.2f} MB")
 
 
 def show(

@@ -25,6 +25,7 @@ from numba.core.registry import CPUDispatcher
 from numpy.typing import NDArray
 
 from pter_gym.compiled import pipeline
+from pter_gym.compiled.stored import StoredKernels
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -114,19 +115,31 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     digest = _digest(_bind(template, inlined))
     function = _bind(cast(FunctionType, build(digest or "")), inlined)
     stored = digest is not None and all(map(_has_module, inlined.values()))
-    try:
-        kernel = numba.njit(**_KERNEL, cache=stored)(function)
-    except RuntimeError:  # numba found no folder that it may write to
-        stored = False
-        kernel = numba.njit(**_KERNEL)(function)
+    kernel: Any = numba.njit(**_KERNEL)(function)
     if hasattr(kernel, "compile"):  # not with NUMBA_DISABLE_JIT=1
-        pipeline.compile_apart(kernel, stored=stored)
+        pipeline.compile_apart(kernel, stored=stored and _is_stored(kernel))
     return cast(Function, kernel)
+
+
+def _is_stored(kernel: Any) -> bool:
+    """Let a kernel be stored on the disk; tell whether there is a folder for it."""
+    try:
+        kernel._cache = StoredKernels(kernel.py_func)
+    except RuntimeError:
+        return False
+    return True
 
 
 def digest_of(function: Callable[..., Any]) -> str | None:
     """Return a hash of all that a function reaches, compiled or not, or None if that cannot be told."""
     return _digest(function)
+
+
+def files_of(function: Callable[..., Any]) -> set[str]:
+    """Return the files of all functions that a function of this package reaches, compiled or not, and this file."""
+    content = _Content()
+    content.all_of(function)
+    return content.files
 
 
 def _has_module(value: object) -> bool:
@@ -179,13 +192,20 @@ class _Content:
     def all_of(self, function: object) -> list[str]:
         """Return the texts of a function, of all that it reaches, and the hashes of their files."""
         parts = [self._of(function)]
-        files = {__file__, pipeline.__file__}
         for reached in self._reached:  # grows on the way
             code = reached.__code__
-            files.add(code.co_filename)
             parts.append(f"{reached.__module__}.{reached.__qualname__}:{code.co_firstlineno}{self._of(code)}")
             parts.extend(f"{name}={self._of(value)}" for name, value in _reads(reached))
-        return parts + sorted(map(_file_hash, files))
+        return parts + sorted(map(_file_hash, self.files))
+
+    @property
+    def files(self) -> set[str]:
+        """The files of the functions that were reached, and those that compile."""
+        return {
+            str(Path(__file__)),
+            str(Path(pipeline.__file__)),
+            *(reached.__code__.co_filename for reached in self._reached),
+        }
 
     def _of(self, value: Any) -> str:
         if id(value) not in self._known:

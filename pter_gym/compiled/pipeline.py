@@ -40,7 +40,7 @@ class _Job(NamedTuple):
 
 
 _thread = local()
-_told = Event()
+_told: set[str] = set()
 
 
 def compile_apart(kernel: Any, *, stored: bool) -> None:
@@ -56,7 +56,7 @@ def compile_apart(kernel: Any, *, stored: bool) -> None:
         try:
             future = thread.submit(_run, job, compile_here, signature)
             if not wait([future], PATIENCE).done and job.began.is_set():
-                _tell(STORED if stored else NOT_STORED)
+                tell(STORED if stored else NOT_STORED)
             return future.result()
         finally:
             job.stop.set()
@@ -83,10 +83,10 @@ def _without_collector() -> Generator[None]:
             gc.enable()
 
 
-def _tell(text: str) -> None:
+def tell(text: str) -> None:
     """Tell the user once, and not in each worker process."""
-    if multiprocessing.parent_process() is None and not _told.is_set():
-        _told.set()
+    if multiprocessing.parent_process() is None and text not in _told:
+        _told.add(text)
         _log.warning("%s: %s", _log.name, text)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.base import Policy
 from pter_gym.controllers.laws import CONSTANT, RANDOM
-from pter_gym.params import Machine, find_machine, quantity, require, require_number
+from pter_gym.params import Machine, find_machine, quantity, require_whole
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,7 @@ class Random:
 
     def __post_init__(self) -> None:
         """Check the seed."""
-        require_number(self, "seed", at_least=0, below=2.0**53)
-        require(self.seed == int(self.seed), self, "seed", self.seed, "an integer")
+        require_whole(self, "seed", at_least=0, below=2.0**53)
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy that draws up to the largest voltage of a machine's clutches."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,7 @@ from pter_gym.compiled.records import flat, read
 from pter_gym.engine.contexts import number_drawing, number_of_pairs
 from pter_gym.engine.kernels import advance_kernel, reset_kernel
 from pter_gym.engine.law import empty_memory
+from pter_gym.engine.returns import Observations, Returns
 from pter_gym.engine.threads import Threads
 from pter_gym.engine.world import CONFIG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
 from pter_gym.engine.worlds import Worlds
@@ -22,36 +23,9 @@ from pter_gym.tasks.path_following.specification import PathFollowing, substeps
 from pter_gym.tasks.path_following.telemetry import COLUMNS
 
 Array = NDArray[np.float64]
-Observations = NDArray[np.float32]
 ActionUnit = Literal["volt", "normalised"]
 
 NO_LIMIT = float("inf")
-
-
-class Returns(NamedTuple):
-    """What a step returns: fresh arrays, except ``final_obs``.
-
-    Attributes
-    ----------
-    obs
-        Observations, float32 (N, len(layout)).
-    final_obs
-        With ``SAME_STEP``, the last observations of the worlds that ended and were reset in this step, float32
-        (N, len(layout)); other rows hold anything, and the next step changes all.
-    rewards
-        float64 (N,).
-    flags
-        bool (FLAGS, N): terminated, truncated, success.
-    telemetry
-        float64 (1, N, len(TELEMETRY)), or (0, …) without telemetry; with ``SAME_STEP`` a second layer holds the last
-        ones of the worlds that ended.
-    """
-
-    obs: Observations
-    final_obs: Observations
-    rewards: Array
-    flags: NDArray[np.bool_]
-    telemetry: Array
 
 
 class Batch(Worlds):
@@ -135,6 +109,15 @@ class Batch(Worlds):
         self._alone = np.empty(1), np.empty((FLAGS, 1), np.bool_)
         self._advance = advance_kernel()
         self._threads = Threads(num_threads)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but the kernel, which another process has or compiles by itself."""
+        return {name: value for name, value in vars(self).items() if name != "_advance"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Become a copy."""
+        vars(self).update(state)
+        self._advance = advance_kernel()
 
     def _shared(self, observe_context: bool, max_steps: int | None) -> Config:
         """Return what all worlds share."""

@@ -26,11 +26,11 @@ from pter_gym.engine.world import (
 )
 from pter_gym.hands.model import SINES, unit_vector
 from pter_gym.paths.projection import project, segment_at
-from pter_gym.physics.arm import UnitVector, Vector, tip_position
+from pter_gym.physics.arm import UnitVector, Vector, kinetic_energy, tip_position
 from pter_gym.tasks.path_following.allowance import in_start_up
 from pter_gym.tasks.path_following.context import CONTEXT_WIDTH
 from pter_gym.tasks.path_following.reward import Outcome, reward_terms, total
-from pter_gym.tasks.path_following.situation import reached_end, singular, strayed
+from pter_gym.tasks.path_following.situation import reached_end, singular, strayed, too_fast
 from pter_gym.tasks.path_following.specification import MAX_DELAY
 
 _RESET_STREAM = np.uint64(0x5245534554)
@@ -127,9 +127,11 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     success = at_end & (abs(at.normal_error) <= w[ROW.task.arrival, i])
     error_max, truncation_error = w[ROW.task.error_max, i], w[ROW.task.truncation_error, i]
     left_workspace = strayed(at.arc_length, at.normal_error, error_max) & (error_max < truncation_error)
-    failure = (not success) & (
-        at_end | left_workspace | singular(load(w, ROW.motion, i), w[ROW.task.singularity_margin, i])
+    q = load(w, ROW.motion, i)
+    lost = singular(q, w[ROW.task.singularity_margin, i]) | too_fast(
+        kinetic_energy(load(w, ROW.machine.arm, i), q), w[ROW.task.energy_max, i]
     )
+    failure = (not success) & (at_end | left_workspace | lost)
     acceleration = tip_acceleration(w, i, period)
     outcome = Outcome(
         at=at,

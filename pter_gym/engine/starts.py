@@ -13,6 +13,7 @@ from pter_gym.paths.projection import Foot, point_at, project, segment_of
 from pter_gym.physics.arm import UnitVector, Vector, moving
 from pter_gym.physics.clutch import PerClutch, scaled, steady_torques
 from pter_gym.tasks.path_following.situation import PathVector, motion_at, singular, strayed, to_world
+from pter_gym.tasks.path_following.specification import ALONG, ASIDE
 
 _STREAM = np.uint64(0x5354415254)
 _KIND, _GRIPS, _MOTION = np.uint64(0), np.uint64(1), np.uint64(2)
@@ -22,12 +23,6 @@ COVERED = 0.92
 
 RELEASED = 0.2
 """Share of the clutches that are released where an episode begins with settled ones."""
-
-FASTEST = 2.0
-"""Largest speed along the path of an episode that begins moving, over the commanded pace."""
-
-ASIDE = 0.5
-"""Largest speed across the path of such an episode, over the commanded pace."""
 
 
 @device
@@ -53,7 +48,7 @@ def explore(w: Any, i: int, seed: np.uint64, episode: np.uint64, constants: Any)
     starts = load(w, ROW.task.starts, i)
     if kind < starts.moving:
         foot = beside(w, i, along, spread(aside, starts.offset), constants)
-        set_going(w, i, foot, PathVector(FASTEST * speed, spread(across, ASIDE)))
+        set_going(w, i, foot, PathVector(ALONG * speed, spread(across, ASIDE)))
     if kind < starts.moving + starts.gripped:
         grip(w, i, PerClutch(gripping(grips[0]), gripping(grips[1]), gripping(grips[2]), gripping(grips[3])))
 

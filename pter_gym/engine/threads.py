@@ -25,6 +25,10 @@ class Threads:
         self._pool: ThreadPoolExecutor | None = None
         self._pool_owner = -1
 
+    def __reduce__(self) -> tuple[type["Threads"], tuple[int]]:
+        """Copy the number of threads; a copy makes its own at first need."""
+        return Threads, (self.count,)
+
     def shares(self, blocks: int) -> list[Share]:
         """Return first block and end of what each thread does; one share if there is too little for several."""
         if self.count == 1 or blocks < INLINE_BLOCKS:

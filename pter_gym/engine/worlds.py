@@ -11,6 +11,7 @@ from pter_gym.engine.contexts import check_shared, constants_of, distinct, empty
 from pter_gym.engine.world import BASIC_ROWS, ROW, STORED_ROWS
 from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.params import Machine
+from pter_gym.physics.arm import Linkage, Motion, kinetic_energy
 from pter_gym.tasks.path_following.context import CONTEXT, CONTEXT_WIDTH
 from pter_gym.tasks.path_following.specification import PathFollowing
 
@@ -114,14 +115,19 @@ class Worlds:
         Raises
         ------
         ParameterError
-            If a part is missing, has another shape or type, or belongs to other machines or tasks; nothing has changed.
+            If a part is missing, has another shape or type, belongs to other machines or tasks, or holds numbers that
+            are not finite or an arm faster than the integrator can hold; nothing has changed.
         """
         for name, mine in self._changing.items():
             part = state.get(name)
             if not isinstance(part, np.ndarray) or part.shape != mine.shape or part.dtype != mine.dtype:
                 raise ParameterError(f"state[{name!r}] must be an array of {mine.dtype} with the shape {mine.shape}")
+        if not np.isfinite(state["worlds"]).all():
+            raise ParameterError("state['worlds'] must hold finite numbers only")
         if not self._fits(state["worlds"]):
-            raise ParameterError("state['worlds'] must be of an environment with the same machines and tasks")
+            raise ParameterError(
+                "state['worlds'] must be of an environment with the same machines and tasks, in motion that it can hold"
+            )
         for name, mine in self._changing.items():
             mine[:] = state[name]
 
@@ -134,6 +140,13 @@ class Worlds:
         )
         numbers = (worlds[:, ROW.context_at] - worlds[:, ROW.draws_from]) / CONTEXT_WIDTH
         if not same or not np.isin(numbers, np.arange(int(worlds[:, ROW.draws].max()))).all():
+            return False
+        places = worlds[:, ROW.context_at].astype(np.intp)
+        arms: Any = [self._constants[places + row] for row in CONTEXT.machine.arm]
+        motions: Any = [worlds[:, row] for row in ROW.motion]
+        energy = kinetic_energy(Linkage(*arms), Motion(*motions))
+        held = energy <= self._constants[places + CONTEXT.task.energy_max]
+        if not (held | (worlds[:, ROW.alive] == 0.0)).all():
             return False
         arcs = self._constants[worlds[:, ROW.context_at].astype(np.intp) + CONTEXT.task.path.arcs]
         return bool(
@@ -163,10 +176,12 @@ class Worlds:
     def truth(self) -> Array:
         """Return all that is true of each world, (N, entries): its state, then the numbers of its machine and task.
 
-        In no particular units and order; for critics, which may know more than the policies that they judge.
+        In no particular units and order, and without the limit of the energy, which follows from the rest; for critics,
+        which may know more than the policies that they judge.
         """
         worlds = self._worlds.transpose(0, 2, 1).reshape(-1, self._worlds.shape[1])[: self.num_worlds]
-        context = worlds[:, ROW.context_at, None].astype(np.intp) + np.arange(CONTEXT_WIDTH)
+        entries = np.delete(np.arange(CONTEXT_WIDTH), CONTEXT.task.energy_max)
+        context = worlds[:, ROW.context_at, None].astype(np.intp) + entries
         return np.concatenate([worlds, self._constants[context]], axis=1)
 
     @property

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pter_gym.compiled.layout import Layout
 from pter_gym.engine.batch import ActionUnit, Batch
 from pter_gym.errors import ParameterError
+from pter_gym.internal.checks import whole_number
 from pter_gym.params import Machine, find_machine
 from pter_gym.render.arrangement import check_size
 from pter_gym.render.style import HEIGHT, WIDTH
@@ -81,7 +82,9 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Episode End
     ### Termination
     The tip reaches the end of the path (`is_success` if it is within `task.arrival`, 0.125 m, of it), or leaves the
-    workspace: too far from the path, backed off from its start, or near a singular pose.
+    workspace: too far from the path, backed off from its start, or near a singular pose. An arm that is faster than the
+    simulator can hold, many times faster than usual hands make it, ends an episode too.
+    `pter_gym.tasks.path_following.reason_of` says why one has ended.
 
     ### Truncation
     After 1000 control steps, by Gymnasium's `TimeLimit`; or further than `task.truncation_error` from the path, or as
@@ -164,8 +167,9 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Start a new episode; without a seed, the next one of the present seed. There are no options."""
         if options:
             raise ParameterError(f"options must be empty, got {sorted(options)}")
-        super().reset(seed=seed)
+        seed = None if seed is None else whole_number("seed", seed, at_least=0)
         obs, telemetry = self.batch.reset([seed])
+        super().reset(seed=seed)
         self._trail = []
         if len(self.batch.pairs) > 1:
             self._look_at_episode()

@@ -24,6 +24,9 @@ from pter_gym.physics.arm import UnitVector
 EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
 """Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""
 
+MOST_INSTANTS = 1_000_000
+"""Most control periods that a recording may take: almost three hours at 100 Hz."""
+
 NO_HAND = Hand()
 """What a hand adds to the arm that is a force alone."""
 
@@ -179,7 +182,15 @@ class RecordedForces(Operator):
         return NO_FORCE._replace(record_first=first, record_count=count)
 
     def sampled(self, period: float) -> NDArray[np.float64]:
-        """Return the forces along and across at the control instants 0, period, … up to the end, shape (T, 2) [N]."""
+        """Return the forces along and across at the control instants 0, period, … up to the end, shape (T, 2) [N].
+
+        Raises
+        ------
+        ParameterError
+            If there are more than ``MOST_INSTANTS``.
+        """
+        longest = MOST_INSTANTS * period
+        require(self.times[-1] <= longest, self, "times", _shortened(self.times), f"in seconds, up to {longest:g} s")
         instants = period * np.arange(math.ceil(self.times[-1] / period) + 1)
         return np.stack([np.interp(instants, self.times, force) for force in (self.along, self.across)], axis=1)
 

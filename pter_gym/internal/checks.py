@@ -2,10 +2,13 @@
 
 import operator
 import os
+import sys
 from collections.abc import Iterable
 from typing import Any, cast
 
 from pter_gym.errors import ParameterError
+
+LARGEST = sys.float_info.max
 
 
 def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
@@ -17,6 +20,11 @@ def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
     if number < at_least or isinstance(value, bool):
         raise ParameterError(f"{field} must be a whole number ≥ {at_least}, got {value!r}")
     return number
+
+
+def is_finite(value: object) -> bool:
+    """Tell whether a value is a number that a float64 holds; True and False are none."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and -LARGEST <= value <= LARGEST
 
 
 def names_in(field: str, names: Iterable[Any]) -> list[Any]:

@@ -8,32 +8,17 @@ then, which the field declares under ``ABSENT`` in its metadata. A field without
 """
 
 import math
-import zlib
-from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
 from types import MappingProxyType, ModuleType
 from typing import Any, cast
 
-from pter_gym.errors import DataError, ParameterError, unknown_name
+from pter_gym.errors import ParameterError, unknown_name
 
 ABSENT = "absent"
 """Key of a field's metadata: its value in data that were written before the field existed."""
 
 TYPE = "type"
-
-COMPLAINTS = (
-    ValueError,
-    TypeError,
-    LookupError,
-    AttributeError,
-    ArithmeticError,
-    RecursionError,
-    OSError,
-    EOFError,
-    zlib.error,
-)
-"""What reading data that make no sense can raise."""
 
 Plain = None | bool | int | float | str | list["Plain"] | dict[str, "Plain"]
 
@@ -139,16 +124,6 @@ def tuple_of(value: Any) -> Any:
 def declared(absent: object) -> dict[str, object]:
     """Return metadata that say what a field's absence means; none for ``dataclasses.MISSING``."""
     return {} if absent is MISSING else {ABSENT: absent}
-
-
-@contextmanager
-def reading(what: str) -> Generator[None, None, None]:
-    """Raise a DataError that begins with the name of some data in the place of any complaint about them."""
-    try:
-        yield
-    except COMPLAINTS as error:
-        told = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else error
-        raise DataError(f"{what}: {told}") from None
 
 
 def _belongs(kind: type[Any], module: ModuleType) -> bool:

@@ -1,15 +1,23 @@
 """Columns of numbers in CSV files."""
 
 import csv
+import io
 import math
+from array import array
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.errors import ParameterError
 from pter_gym.internal.files import FilePath, find_path
+from pter_gym.internal.reading import read_bytes
+
+MOST_CSV = 1 << 24
+"""Largest file [B]."""
+
+MOST_ROWS = 1 << 19
+"""Most rows of a file."""
 
 
 def read_columns(file: FilePath, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
@@ -18,28 +26,43 @@ def read_columns(file: FilePath, names: Sequence[str]) -> dict[str, NDArray[np.f
     Raises
     ------
     ParameterError
-        If the file cannot be read, a column is missing, or an entry is not a finite number; it names the line.
+        If the file cannot be read, is larger than ``MOST_CSV`` or has more than ``MOST_ROWS`` rows, a column is missing
+        or there twice, a line has more entries than the first, or an entry is not a finite number; it names the line.
     """
     file = find_path("file", file)
     try:
-        with file.open(newline="", encoding="utf-8-sig") as stream:
-            rows = csv.DictReader(stream, skipinitialspace=True)
-            header = [name.strip() for name in rows.fieldnames or ()]
-            rows.fieldnames = header
-            missing = [name for name in names if name not in header]
-            if missing:
-                raise ParameterError(f"{file}: no column {', '.join(missing)}; it has {', '.join(header) or 'none'}")
-            values = [[_number(file, rows.line_num, name, row[name]) for name in names] for row in rows]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        values = _values(read_bytes(file, MOST_CSV), names)
+    except (OSError, ValueError, csv.Error) as error:
         raise ParameterError(f"{file} cannot be read as CSV: {error}") from None
     return dict(zip(names, np.array(values).reshape(-1, len(names)).T, strict=True))
 
 
-def _number(file: Path, line: int, name: str, text: str | None) -> float:
+def _values(data: bytes, names: Sequence[str]) -> "array[float]":
+    """Return the numbers in the named columns, row by row."""
+    rows = csv.reader(io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig", newline=""), skipinitialspace=True)
+    header = [name.strip() for name in next(rows, ())]
+    if missing := [name for name in names if name not in header]:
+        raise ValueError(f"no column {', '.join(missing)}; it has {', '.join(header) or 'none':.200}")
+    if twice := [name for name in names if header.count(name) > 1]:
+        raise ValueError(f"more than one column {', '.join(twice)}")
+    places = [header.index(name) for name in names]
+    values = array("d")
+    for row in filter(None, rows):
+        if len(values) == MOST_ROWS * len(names):
+            raise ValueError(f"it must have at most {MOST_ROWS} rows")
+        if len(row) > len(header):
+            raise ValueError(f"line {rows.line_num} has {len(row)} entries, the first has {len(header)}")
+        padded = (*row, *[""] * (len(header) - len(row)))
+        values.extend(_number(padded[at], name, rows.line_num) for at, name in zip(places, names, strict=True))
+    return values
+
+
+def _number(text: str, name: str, line: int) -> float:
+    """Return the number that a text writes in ASCII and without Python's underscores."""
     try:
-        value = float(text or "")
+        value = float(text if text.isascii() and "_" not in text else "")
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ParameterError(f"{file}, line {line}: {name} must be a finite number, got {text!r}")
+        raise ValueError(f"line {line}: {name} must be a finite number, got {text!r:.60}")
     return value

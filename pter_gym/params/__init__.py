@@ -1,6 +1,8 @@
 """Parameters of the machine: frozen dataclasses in SI, each field with its unit and provenance."""
 
 from pter_gym.params.fields import (
+    LARGEST,
+    SMALLEST,
     preset,
     quantity,
     require,
@@ -8,6 +10,7 @@ from pter_gym.params.fields import (
     require_kind,
     require_number,
     require_numbers,
+    require_whole,
 )
 from pter_gym.params.machine import (
     BASELINE,
@@ -40,6 +43,7 @@ __all__ = [
     "DELRIN_EXPERIMENTAL",
     "DELRIN_THEORETICAL",
     "DYNAMIC_CURVE",
+    "LARGEST",
     "MACHINES",
     "MU_DYNAMIC_DELRIN",
     "MU_DYNAMIC_PRESENT",
@@ -47,6 +51,7 @@ __all__ = [
     "MU_STATIC_PRESENT",
     "PAPER_MACHINES",
     "PRESENT_CLUTCH",
+    "SMALLEST",
     "TIME_CONSTANT",
     "Arm",
     "Clutch",
@@ -62,6 +67,7 @@ __all__ = [
     "require_kind",
     "require_number",
     "require_numbers",
+    "require_whole",
     "tip_mass",
     "with_friction",
 ]

@@ -2,11 +2,19 @@
 
 import math
 from dataclasses import MISSING, field, fields
+from numbers import Integral
 from typing import Any, cast
 
 from pter_gym.errors import ParameterError
+from pter_gym.internal.checks import is_finite
 from pter_gym.internal.codec import declared
 from pter_gym.params.preset import PRESET
+
+LARGEST = 1e12
+"""Largest size of a number that has no bound of its own."""
+
+SMALLEST = 1e-12
+"""Smallest size of a number that has to be positive. The products of such numbers are within what a computer holds."""
 
 
 def quantity(unit: str, provenance: str, *, absent: Any = MISSING, **options: Any) -> Any:
@@ -28,7 +36,7 @@ def preset(section: str, name: str) -> Any:
 def require(condition: bool, owner: object, name: str, value: object, accepted: str) -> None:
     """Raise a ParameterError that names the field and what it accepts, unless the condition holds."""
     if not condition:
-        raise ParameterError(f"{type(owner).__name__}.{name} must be {accepted}, got {value!r}")
+        raise ParameterError(f"{type(owner).__name__}.{name} must be {accepted}, got {value!r:.400}")
 
 
 def require_number(
@@ -40,7 +48,10 @@ def require_number(
     at_most: float = math.inf,
     below: float = math.inf,
 ) -> None:
-    """Raise a ParameterError unless the field is a finite real number within the range."""
+    """Raise a ParameterError unless the field is a finite real number within the range.
+
+    A range without an upper bound ends at ``LARGEST``, and one above 0 begins at ``SMALLEST``.
+    """
     value = getattr(owner, name)
     bounds = [
         f"{sign} {bound:g}"
@@ -48,10 +59,23 @@ def require_number(
         if math.isfinite(bound)
     ]
     accepted = " and ".join(["a finite number", *bounds])
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-    require(
-        is_number and above < value and at_least <= value <= at_most and value < below, owner, name, value, accepted
-    )
+    fits = is_finite(value) and above < value < below and at_least <= value <= at_most
+    require(fits, owner, name, value, accepted)
+    bounded = min(at_most, below) < math.inf
+    require(bounded or abs(value) <= LARGEST, owner, name, value, f"at most {LARGEST:g} in size")
+    require(above != 0.0 or value >= SMALLEST, owner, name, value, f"≥ {SMALLEST:g}")
+
+
+def require_whole(owner: object, name: str, *, at_least: int = 1, below: float = math.inf) -> None:
+    """Raise a ParameterError unless the field of a frozen dataclass is a whole number within the range.
+
+    It becomes an int, so numbers of NumPy's integer types do too.
+    """
+    given: Any = getattr(owner, name)
+    fits = type(given) is not bool and isinstance(given, Integral) and at_least <= int(given) < below
+    accepted = f"a whole number ≥ {at_least}{f' and < {below:g}' if math.isfinite(below) else ''}"
+    require(fits, owner, name, given, accepted)
+    object.__setattr__(owner, name, int(given))
 
 
 def require_kind(owner: object, name: str, *kinds: type) -> None:
@@ -68,9 +92,14 @@ def require_flag(owner: object, name: str) -> None:
 
 
 def require_numbers(owner: object, name: str, accepted: str, *, count: int | None = None) -> None:
-    """Raise a ParameterError unless the field is a tuple of finite real numbers, of the given count."""
+    """Raise a ParameterError unless the field is a tuple of finite real numbers, of the given count.
+
+    No number is larger than ``LARGEST`` in size.
+    """
     value = getattr(owner, name)
     require(isinstance(value, tuple), owner, name, value, accepted)
     numbers = cast(tuple[object, ...], value)
-    fits = all(isinstance(x, (int, float)) and math.isfinite(x) for x in numbers)
+    fits = all(map(is_finite, numbers))
     require(fits and (count is None or len(numbers) == count), owner, name, numbers, accepted)
+    small = all(abs(cast(float, x)) <= LARGEST for x in numbers)
+    require(small, owner, name, numbers, f"of numbers of at most {LARGEST:g} in size")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from typing import Literal, cast, get_args
 
 from pter_gym.errors import ParameterError, nearest
-from pter_gym.params.fields import preset, quantity, require, require_kind, require_number, require_numbers
+from pter_gym.params.fields import SMALLEST, preset, quantity, require, require_kind, require_number, require_numbers
 from pter_gym.params.preset import PRESET
 from pter_gym.units import from_inch_pounds
 
@@ -149,9 +149,9 @@ class Machine:
         """Check the numbers of the friction model and that the hand's explicit spring is stable."""
         for name, kind in (("arm", Arm), ("clutch", Clutch), ("hand", Hand)):
             require_kind(self, name, kind)
-        accepted = "a tuple of 4 finite numbers > 0"
+        accepted = f"a tuple of 4 finite numbers ≥ {SMALLEST:g}"
         require_numbers(self, "clutch_scale", accepted, count=4)
-        require(min(self.clutch_scale) > 0.0, self, "clutch_scale", self.clutch_scale, accepted)
+        require(min(self.clutch_scale) >= SMALLEST, self, "clutch_scale", self.clutch_scale, accepted)
         require_number(self, "slip_threshold", above=0.0)
         require_number(self, "substep", above=0.0, at_most=0.01)
         mass = self.hand.mass + tip_mass(self.arm)

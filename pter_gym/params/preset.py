@@ -5,8 +5,6 @@ fit`` writes such files.
 """
 
 import math
-import sys
-import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from pathlib import Path
@@ -14,8 +12,10 @@ from types import MappingProxyType
 from typing import Any, cast
 
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.codec import ABSENT, declared, reading
+from pter_gym.internal.checks import is_finite
+from pter_gym.internal.codec import ABSENT, declared
 from pter_gym.internal.files import FilePath, find_path
+from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text, reading
 
 KINDS = ("published", "derived", "fitted", "chosen")
 """First words of a provenance."""
@@ -148,9 +148,10 @@ def load_preset(path: FilePath) -> Preset:
         If it is no TOML, or a section or field is unknown, missing without saying what its absence meant, not a finite
         number, out of its range, in another unit, or without a provenance.
     """
+    file = find_path("path", path)
     try:
-        text = find_path("path", path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(file, MOST_TOML)
+    except (OSError, ValueError) as error:
         raise ParameterError(f"preset {path} cannot be read: {error}") from None
     with reading(f"preset {path}"):
         return parse_preset(text)
@@ -159,8 +160,8 @@ def load_preset(path: FilePath) -> Preset:
 def parse_preset(text: str) -> Preset:
     """Return the preset in a TOML text; it raises a ParameterError where ``load_preset`` raises a DataError."""
     try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        tables = parse_toml(text)
+    except ValueError as error:
         raise ParameterError(f"it is no TOML: {error}") from None
     new = [name for name, kind in SECTIONS.items() if all(ABSENT in item.metadata for item in fields(kind))]
     _check_names(tables, SECTIONS, "section", new)
@@ -256,15 +257,12 @@ def _number(item: "Field[Any]", value: object, where: str) -> float:
         if math.isfinite(bound)
     ]
     wrong = ParameterError(f"{where} must be {' and '.join(['a finite number', *bounds])}, got {value!r}")
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, (int, float))
-        or not -sys.float_info.max <= value <= sys.float_info.max
-    ):
+    if not is_finite(value):
         raise wrong
-    if not (above < value < below and at_least <= value <= at_most):
+    given = float(cast("float", value))
+    if not (above < given < below and at_least <= given <= at_most):
         raise wrong
-    return float(value)
+    return given
 
 
 PRESET = load_preset(Path(__file__).parents[1] / "presets" / "pter.toml")

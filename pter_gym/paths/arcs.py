@@ -16,7 +16,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pter_gym.compiled.compiler import device
 from pter_gym.compiled.records import Entry, rows
+from pter_gym.errors import ParameterError
 
 Array = NDArray[np.float64]
 
@@ -95,8 +97,17 @@ class Path(ABC):
 
     @cached_property
     def arcs(self) -> Arcs:
-        """The chain of arcs."""
-        return self.make_arcs()
+        """The chain of arcs.
+
+        Raises
+        ------
+        ParameterError
+            If there is none, as the path doubles back on itself or has a kink.
+        """
+        try:
+            return self.make_arcs()
+        except (ArithmeticError, RecursionError):
+            raise ParameterError(f"path must be a smooth curve, which no arcs follow: {self!r:.400}") from None
 
     @property
     def length(self) -> float:
@@ -137,21 +148,34 @@ def chain(pieces: Sequence[Piece]) -> Arcs:
     start = 0.0
     for begin, direction, curvature, length in pieces:
         point, heading = begin, direction
-        parts = max(1, math.ceil(abs(curvature) * length / LARGEST_TURN))
+        parts = parts_of(curvature, length)
         step = length / parts
         for _ in range(parts):
             rows.append(ArcSegment(point.real, point.imag, heading.real, heading.imag, curvature, start, step))
-            half = cmath.exp(0.5j * curvature * step)
-            point += heading * half * step * _sinc(0.5 * curvature * step)
-            heading *= half * half
+            point, heading = end_of(point, heading, curvature, step)
             start += step
     return Arcs(np.array(rows))
 
 
+@device
+def parts_of(curvature: float, length: float) -> int:
+    """Return the number of arcs into which one is cut."""
+    return max(1, math.ceil(abs(curvature) * length / LARGEST_TURN))
+
+
+@device
+def end_of(point: complex, heading: complex, curvature: float, length: float) -> tuple[complex, complex]:
+    """Return where an arc from a point with a unit heading ends, and its heading there."""
+    half = cmath.exp(0.5j * curvature * length)
+    return point + heading * half * length * _sinc(0.5 * curvature * length), heading * (half * half)
+
+
+@device
 def _sinc(x: float) -> float:
     return math.sin(x) / x if x != 0.0 else 1.0
 
 
+@device
 def arc_between(begin: complex, heading: complex, end: complex) -> Piece:
     """Return the arc that leaves ``begin`` with a unit heading and ends in ``end``."""
     chord = (end - begin) * heading.conjugate()
@@ -159,6 +183,7 @@ def arc_between(begin: complex, heading: complex, end: complex) -> Piece:
     return begin, heading, 2.0 * math.sin(half) / abs(chord), abs(chord) / _sinc(half)
 
 
+@device
 def biarc(begin: complex, from_heading: complex, end: complex, to_heading: complex) -> tuple[Piece, Piece]:
     """Return two arcs with a common heading between two points with unit headings.
 
@@ -173,6 +198,21 @@ def biarc(begin: complex, from_heading: complex, end: complex, to_heading: compl
     first = arc_between(begin, from_heading, joint)
     _, _, curvature, length = first
     return first, arc_between(joint, from_heading * cmath.exp(1j * curvature * length), end)
+
+
+@device
+def heading_through(before: complex, here: complex, after: complex) -> complex:
+    """Return the unit heading at a point of the circle from one point through it to another."""
+    came, goes = here - before, after - here
+    along = came / abs(came) ** 2 + goes / abs(goes) ** 2
+    return along / abs(along)
+
+
+@device
+def mirrored(heading: complex, chord: complex) -> complex:
+    """Return the unit heading at the other end of an arc, from that at one end and the chord between both."""
+    direction = chord / abs(chord)
+    return direction * direction * heading.conjugate()
 
 
 Curve = Callable[[float], tuple[complex, complex]]

@@ -3,19 +3,30 @@
 import cmath
 import math
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import count, pairwise
 from typing import Any, cast
 
 import numpy as np
 
 from pter_gym.errors import ParameterError
+from pter_gym.internal.checks import is_finite
 from pter_gym.internal.files import FilePath
 from pter_gym.internal.tables import read_columns
 from pter_gym.params import preset, quantity, require, require_flag, require_number
-from pter_gym.paths.arcs import Arcs, Path, Piece, arc_between, chain, fit_arcs
+from pter_gym.paths.arcs import Arcs, Curve, Path, Piece, arc_between, chain, fit_arcs
 
 Points = tuple[tuple[float, float], ...]
+
+MOST_POINTS = 4096
+"""Most waypoints of a path."""
+
+FURTHEST = 1e3
+"""Largest coordinate and size of a path [m]; arcs through points further away would be rounded to nothing."""
+
+MOST_LOOKS = 1 << 18
+"""How often a curve is looked at until arcs fit it; one through 1,000 points that zigzag takes 50,000 looks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,9 +40,10 @@ class Line(Path):
 
     def __post_init__(self) -> None:
         """Check that the numbers are finite and the length positive."""
-        for name in ("x", "y", "direction"):
-            require_number(self, name)
-        require_number(self, "length", above=0.0)
+        for name in ("x", "y"):
+            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+        require_number(self, "direction")
+        require_number(self, "length", above=0.0, at_most=FURTHEST)
 
     def make_arcs(self) -> Arcs:
         """Return one straight segment."""
@@ -50,8 +62,9 @@ class Arc(Path):
 
     def __post_init__(self) -> None:
         """Check that the numbers are finite, the radius positive and the turn at most a full one."""
-        for name in ("x", "y", "direction"):
-            require_number(self, name)
+        for name in ("x", "y"):
+            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+        require_number(self, "direction")
         require_number(self, "radius", above=0.0)
         require_number(self, "angle", at_least=-2.0 * math.pi, at_most=2.0 * math.pi)
         require(self.angle != 0.0, self, "angle", self.angle, "a turn other than 0")
@@ -75,9 +88,10 @@ class Circle(Path):
 
     def __post_init__(self) -> None:
         """Check that the numbers are finite and the radius positive."""
-        for name in ("center_x", "center_y", "start"):
-            require_number(self, name)
-        require_number(self, "radius", above=0.0)
+        for name in ("center_x", "center_y"):
+            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+        require_number(self, "start")
+        require_number(self, "radius", above=0.0, at_most=FURTHEST)
         require_flag(self, "clockwise")
 
     def make_arcs(self) -> Arcs:
@@ -101,9 +115,10 @@ class Sine(Path):
 
     def __post_init__(self) -> None:
         """Check that the numbers are finite, extent and number of periods positive."""
-        for name in ("x", "y", "direction", "amplitude"):
-            require_number(self, name)
-        require_number(self, "extent", above=0.0)
+        for name in ("x", "y", "amplitude"):
+            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+        require_number(self, "direction")
+        require_number(self, "extent", above=0.0, at_most=FURTHEST)
         require_number(self, "periods", above=0.0, at_most=20.0)
 
     def make_arcs(self) -> Arcs:
@@ -118,7 +133,7 @@ class Sine(Path):
                 axis * complex(1.0, self.amplitude * wave * math.cos(angle)),
             )
 
-        return fit_arcs(curve, np.linspace(0.0, self.extent, max(2, math.ceil(4.0 * self.periods) + 1)).tolist())
+        return _fitted(self, curve, np.linspace(0.0, self.extent, max(2, math.ceil(4.0 * self.periods) + 1)).tolist())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +162,7 @@ class Spline(Path):
             u = t - knots[piece]
             return ((a * u + b) * u + c) * u + d, (3.0 * a * u + 2.0 * b) * u + c
 
-        return fit_arcs(curve, knots)
+        return _fitted(self, curve, knots)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,18 +205,37 @@ class Polyline(Path):
         require(fits, self, "radius", self.radius, "small enough for the rounded corners to fit between the points")
 
 
+def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
+    """Return arcs along a curve, or raise a ParameterError where it has no heading or needs too many of them."""
+    looks = count(1)
+
+    def counted(t: float) -> tuple[complex, complex]:
+        if next(looks) > MOST_LOOKS:
+            raise ArithmeticError(f"it needs more than {MOST_LOOKS} looks at the curve")
+        return curve(t)
+
+    try:
+        return fit_arcs(counted, knots)
+    except (ArithmeticError, ValueError) as error:
+        raise ParameterError(
+            f"{type(path).__name__} must be a curve with one heading at each point, which never turns back on itself, "
+            f"of numbers neither too large nor too small ({error}), got {path!r:.400}"
+        ) from None
+
+
 def check_points(owner: object, points: object, *, at_least: int) -> None:
     """Raise a ParameterError unless the points are pairs of finite numbers, enough of them and none twice in a row."""
-    accepted = f"a tuple of at least {at_least} points (x, y) of finite numbers, none twice in a row"
+    within = f"of finite numbers up to {FURTHEST:g} m"
+    accepted = f"a tuple of {at_least} to {MOST_POINTS} points (x, y) {within}, none twice in a row"
     rows = cast(Points, points) if isinstance(points, tuple) else ()
-    fits = len(rows) >= at_least and all(_is_point(row) for row in rows)
+    fits = at_least <= len(rows) <= MOST_POINTS and all(_is_point(row) for row in rows)
     fits = fits and all(math.dist(a, b) > 1e-9 for a, b in pairwise(rows))
     require(fits, owner, "points", cast(Any, points), accepted)
 
 
 def _is_point(row: Any) -> bool:
     is_pair = isinstance(row, tuple) and len(cast(tuple[Any, ...], row)) == 2
-    return is_pair and all(isinstance(x, (int, float)) and math.isfinite(x) for x in cast(tuple[Any, ...], row))
+    return is_pair and all(is_finite(x) and abs(x) <= FURTHEST for x in cast(tuple[Any, ...], row))
 
 
 def read_path(file: FilePath) -> Spline:
@@ -210,12 +244,14 @@ def read_path(file: FilePath) -> Spline:
     Raises
     ------
     ParameterError
-        If the file cannot be read, a column is missing, a number is not finite, there are fewer than two points, or a
-        point occurs twice in a row.
+        If the file cannot be read, a column is missing, a number is not finite, there are fewer than two points, a
+        point occurs twice in a row, or the spline turns back on itself.
     """
     columns = read_columns(file, ("x", "y"))
     points = tuple(zip(columns["x"].tolist(), columns["y"].tolist(), strict=True))
     try:
-        return Spline(points=points)
+        path = Spline(points=points)
+        _ = path.arcs  # raises where there are none
+        return path
     except ParameterError as error:
         raise ParameterError(f"{file}: {error}") from None

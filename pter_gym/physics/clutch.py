@@ -1,5 +1,6 @@
 """Electromagnetic friction clutch: volts to steady torques to lagged torques (paper sections II-B and IV-B, Fig. 5)."""
 
+import math
 from typing import Annotated, NamedTuple
 
 from pter_gym.compiled.compiler import device
@@ -71,8 +72,14 @@ def scaled(torques: Torques, scale: PerClutch, factor: float) -> Torques:
 
 
 @device
+def lag_left(time: float, time_constant: float) -> float:
+    """Return the part of a first-order lag that is left after a time [s]."""
+    return math.exp(-time / time_constant)
+
+
+@device
 def relax(value: PerClutch, target: PerClutch, decay: float) -> PerClutch:
-    """Advance a first-order lag by one substep, exactly: ``decay = exp(−h/τ)``, or 0 for no lag."""
+    """Advance a first-order lag by one substep, exactly: ``decay`` is what it leaves of a lag, 0 for none."""
     return PerClutch(
         target.x1 + (value.x1 - target.x1) * decay,
         target.x2 + (value.x2 - target.x2) * decay,

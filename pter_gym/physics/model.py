@@ -1,13 +1,12 @@
 """From a Machine to the record of constants that the kernels read."""
 
-import math
 from typing import Annotated, NamedTuple
 
 from pter_gym.compiled.records import Entry
 from pter_gym.params import Machine
 from pter_gym.params import TorqueCurve as CurveParameters
 from pter_gym.physics.arm import Linkage
-from pter_gym.physics.clutch import Curve, PerClutch
+from pter_gym.physics.clutch import Curve, PerClutch, lag_left
 
 
 class Model(NamedTuple):
@@ -28,7 +27,7 @@ def model_of(machine: Machine) -> Model:
     arm = machine.arm
     hand = machine.hand
     clutch = machine.clutch
-    decay = math.exp(-machine.substep / clutch.time_constant)
+    decay = lag_left(machine.substep, clutch.time_constant)
     lags_voltage = clutch.lag == "voltage"
     return Model(
         arm=Linkage(

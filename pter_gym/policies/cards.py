@@ -1,7 +1,5 @@
 """The card of a policy: all but the weights, as JSON. What is read is checked before it is believed."""
 
-import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
@@ -9,7 +7,9 @@ from typing import Any, cast
 
 from pter_gym.compiled.layout import Layout
 from pter_gym.errors import ParameterError
-from pter_gym.internal.codec import ABSENT, completed, reading
+from pter_gym.internal.checks import is_finite
+from pter_gym.internal.codec import ABSENT, completed
+from pter_gym.internal.reading import parse_json, reading
 from pter_gym.policies.interface import Base, Input, Interface
 from pter_gym.policies.stored_gains import gains_of, restore_guided
 
@@ -26,9 +26,6 @@ MOST_INPUTS, MOST_UNITS, MOST_LAYERS = 256, 1024, 8
 
 MOST_LSTM = 512
 """Most units of an LSTM."""
-
-DEEPEST = 8
-"""Deepest nesting of a card."""
 
 Fields = tuple[tuple[str, str, float], ...]
 
@@ -145,9 +142,7 @@ def read_card(data: bytes, what: str) -> Card:
         If it is no whole card of this format, or made for another environment.
     """
     with reading(f"policy card {what} is refused"):
-        content = json.loads(data.decode("utf-8"), parse_constant=_refuse, object_pairs_hook=_unique)
-        _check_depth(content, DEEPEST)
-        values = dict(_object(content))
+        values = dict(_object(parse_json(data)))
         if (found := values.pop("format", None)) != FORMAT:
             raise ValueError(f"format must be {FORMAT}, got {found!r}")
         return _card(values)
@@ -240,7 +235,7 @@ def _list(value: Any, what: str, most: int, *, at_least: int = 1) -> list[Any]:
 
 
 def _number(value: Any, what: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value <= 0.0:
+    if not is_finite(value) or value <= 0.0:
         raise ValueError(f"{what} must be a finite number > 0, got {value!r}")
     return float(value)
 
@@ -249,23 +244,3 @@ def _text(value: Any, what: str) -> str:
     if not isinstance(value, str):
         raise ValueError(f"{what} must be a string, got {value!r}")
     return value
-
-
-def _check_depth(content: Any, left: int) -> None:
-    if left == 0:
-        raise ValueError(f"it is nested deeper than {DEEPEST}")
-    if isinstance(content, (dict, list)):
-        parts = cast(list[Any], list(content.values()) if isinstance(content, dict) else content)  # pyright: ignore[reportUnknownArgumentType]
-        for part in parts:
-            _check_depth(part, left - 1)
-
-
-def _refuse(constant: str) -> float:
-    raise ValueError(f"numbers are finite, and not {constant}")
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
-        raise ValueError("a name occurs twice in one object")
-    return found

@@ -19,7 +19,9 @@ from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
 from pter_gym.errors import DataError, ParameterError, nearest, unknown_name
-from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic, write_text_atomic
+from pter_gym.internal.files import FilePath, find_path, write_files_atomic
+from pter_gym.internal.locks import locked
+from pter_gym.internal.reading import parse_json, read_bytes, reading
 from pter_gym.policies.cards import Card, read_card
 from pter_gym.policies.network import LSTM, Network
 from pter_gym.policies.neural import Neural
@@ -30,6 +32,9 @@ SHIPPED = Path(__file__).parent / "shipped"
 NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 """What a policy may be called."""
 
+LONGEST_NAME = 180
+"""Most characters of a policy's name, as it is in the name of a file."""
+
 CARD, WEIGHTS, TEXT = ENDINGS = (".json", ".safetensors", ".md")
 """How the files of a policy end."""
 
@@ -37,7 +42,10 @@ RUN = "run.json"
 """What is in the folder of a training run, which is no policy yet."""
 
 MOST_CARD, MOST_WEIGHTS = 1 << 20, 1 << 24
-"""Largest files [B]."""
+"""Largest files [B]; a header of weights may be as large as a card."""
+
+SIZE = 8
+"""Bytes at the start of a file of weights that say how long its header is."""
 
 
 def shipped_policies(folder: FilePath = SHIPPED) -> tuple[str, ...]:
@@ -59,7 +67,7 @@ def is_path(name: str) -> bool:
 
 def is_here(name: str) -> bool:
     """Tell whether a name is that of an exported policy, or of a folder, in the present folder."""
-    return name in exported_policies() or Path(name).is_dir()
+    return name in exported_policies() or find_path("policies", name).is_dir()
 
 
 def load_policy(name: FilePath, folder: FilePath | None = None) -> Neural:
@@ -160,10 +168,8 @@ def read_network(data: bytes, card: Card, what: str) -> Network:
     DataError
         If a tensor is missing or too many, or has another shape or type, or a number that is not finite.
     """
-    try:
-        tensors: dict[str, NDArray[Any]] = load_tensors(data)
-    except (SafetensorError, ValueError, KeyError, TypeError) as error:
-        raise DataError(f"policy {what} is refused: {error}") from None
+    with reading(f"policy {what} is refused"):
+        tensors = _tensors(data)
     shapes = card.shapes
     if set(tensors) != set(shapes):
         raise DataError(
@@ -187,6 +193,16 @@ def read_network(data: bytes, card: Card, what: str) -> Network:
     )
 
 
+def _tensors(data: bytes) -> dict[str, NDArray[Any]]:
+    """Return the tensors in a file of weights, whose header must be strict JSON: the library takes a name twice."""
+    size = int.from_bytes(data[:SIZE], "little")
+    parse_json(data[SIZE : SIZE + size], MOST_CARD)
+    try:
+        return load_tensors(data)
+    except SafetensorError as error:
+        raise ValueError(str(error)) from None
+
+
 def write_policy(card: Card, tensors: dict[str, NDArray[np.float32]], text: str, folder: FilePath) -> Path:
     """Write a policy and return the path of its card, which is written last.
 
@@ -207,6 +223,8 @@ def write_policy(card: Card, tensors: dict[str, NDArray[np.float32]], text: str,
         If its name is not a possible one.
     DataError
         If the weights do not fit the card.
+    StorageError
+        If they cannot be written; it says where all three files are.
     """
     check_name(card.name)
     folder = find_path("folder", folder)
@@ -214,24 +232,21 @@ def write_policy(card: Card, tensors: dict[str, NDArray[np.float32]], text: str,
     card = replace(card, weights_sha256=hashlib.sha256(data).hexdigest())
     content = json.dumps(card.as_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     read_network(data, read_card(content.encode(), card.name), card.name)
-    write_bytes_atomic(folder / f"{card.name}{WEIGHTS}", data)
-    write_text_atomic(folder / f"{card.name}{TEXT}", text)
-    write_text_atomic(folder / f"{card.name}{CARD}", content)
+    parts = {WEIGHTS: data, TEXT: text.encode(), CARD: content.encode()}
+    with locked(folder / f".{card.name}.lock"):
+        write_files_atomic(folder, {f"{card.name}{ending}": part for ending, part in parts.items()})
     return folder / f"{card.name}{CARD}"
 
 
 def check_name(name: object) -> None:
     """Raise a ParameterError unless a policy may have this name, which is never a path."""
-    if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise ParameterError(f"policies must have names of small letters, digits and single hyphens, got {name!r}")
+    if not isinstance(name, str) or len(name) > LONGEST_NAME or not NAME.fullmatch(name):
+        raise ParameterError(
+            f"policies must have names of small letters, digits and single hyphens, at most {LONGEST_NAME} of them, "
+            f"got {name!r:.200}"
+        )
 
 
 def _read(path: Path, most: int) -> bytes:
-    try:
-        with path.open("rb") as file:
-            data = file.read(most + 1)
-    except OSError as error:
-        raise DataError(f"policy file {path} cannot be read: {error}") from None
-    if len(data) > most:
-        raise DataError(f"policy file {path} is refused: it is larger than {most} bytes")
-    return data
+    with reading(f"policy file {path} is refused"):
+        return read_bytes(path, most)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym.errors import needs_extra, unknown_name
+from pter_gym.errors import StorageError, needs_extra, unknown_name
 from pter_gym.internal.files import write_bytes_atomic
 from pter_gym.render.colours import Colours
 from pter_gym.render.film import Film
@@ -42,12 +42,21 @@ def write_film(film: Film, path: Path, on_frame: Progress = lambda: None) -> Non
         A file that ends in ``.mp4``, ``.gif`` or ``.png``, which holds the last frame alone; its folder must exist.
     on_frame
         Called after each of the ``frames_of`` it.
+
+    Raises
+    ------
+    StorageError
+        If it cannot be written.
     """
     write = {".mp4": _write_mp4, ".gif": _write_gif, ".png": _write_png}[path.suffix.lower()]
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / f"film{path.suffix.lower()}"
-        write(film, file, on_frame)
-        write_bytes_atomic(path, file.read_bytes())
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / f"film{path.suffix.lower()}"
+            write(film, file, on_frame)
+            content = file.read_bytes()
+    except OSError as error:
+        raise StorageError(f"the film cannot be made in the folder for temporary files: {error}") from error
+    write_bytes_atomic(path, content)
 
 
 def frames_of(film: Film, path: Path) -> int:

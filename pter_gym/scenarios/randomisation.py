@@ -13,7 +13,7 @@ from typing import Any, Generic, Protocol, TypeVar, cast
 import numpy as np
 
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine, require, require_number
+from pter_gym.params import BASELINE, Machine, require, require_number, require_whole
 from pter_gym.tasks.path_following import PathFollowing, check_machine
 
 Drawn = TypeVar("Drawn")
@@ -223,8 +223,7 @@ class Randomisation:
     def __post_init__(self) -> None:
         """Check the numbers; distributions have checked themselves."""
         for name, at_least in (("contexts", 1), ("seed", 0)):
-            require_number(self, name, at_least=at_least)
-            require(getattr(self, name) == int(getattr(self, name)), self, name, getattr(self, name), "a whole number")
+            require_whole(self, name, at_least=at_least)
 
     def pairs(self) -> list[tuple[Machine, PathFollowing]]:
         """Return the list, the same for the same seed.

@@ -3,6 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from pter_gym.speed.measurement import Speed
@@ -32,7 +33,7 @@ def tables(speed: Speed) -> list[Table]:
 def _table(title: str, *headers: str, caption: str = "") -> Table:
     table = Table(title=title, caption=caption, box=None, padding=(0, 1), title_justify="left", caption_justify="left")
     for k, header in enumerate(headers):
-        table.add_column(header, justify="left" if k == 0 else "right")
+        table.add_column(escape(header), justify="left" if k == 0 else "right")
     return table
 
 
@@ -88,7 +89,7 @@ def _roofline(roofline: Roofline) -> Table:
     table = _table("The substep loop on one thread", "", "")
     counts = f"{roofline.operations_per_substep:.0f}, {roofline.operations_per_step:.0f}"
     table.add_row("operations of a substep, of an env-step", counts)
-    table.add_row("time of a substep of one world [ns]", f"{roofline.nanoseconds_per_substep:.2f}")
+    table.add_row("time of a substep of one world \\[ns]", f"{roofline.nanoseconds_per_substep:.2f}")
     table.add_row("peak without FMA [Gop/s]", f"{roofline.peak / 1e9:.1f}, {roofline.peak_width} numbers in a vector")
     table.add_row("share of the peak", f"{100.0 * roofline.share:.1f} %")
     table.add_row("the same for a whole env-step", f"{100.0 * roofline.share_of_step:.1f} %")

@@ -14,9 +14,11 @@ from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, read_table
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, PaceSchedule
 from pter_gym.errors import ParameterError, needs_extra, unknown_name
-from pter_gym.internal.files import FilePath, find_path
+from pter_gym.internal.checks import whole_number
+from pter_gym.internal.files import FilePath, check_target, find_path
 from pter_gym.scenarios import find_pace, find_scenario
 from pter_gym.tuning.examination import Examination, Verdict
+from pter_gym.tuning.journal import keeping, open_journal
 from pter_gym.tuning.offspring import offspring
 from pter_gym.tuning.spaces import SPACES, Range, gains_at, point_at
 
@@ -114,22 +116,26 @@ def tune(
     ParameterError
         If there is no such controller, scenario or pace, a number is out of range, the storage cannot be written, or
         Optuna is not installed.
+    StorageError
+        If the storage cannot be written any more; a search with the same arguments goes on from the trials that it has.
     """
     storage = find_path("storage", storage)
     _check(controller, scenario, pace, storage, {"trials": trials, "starts": starts, "episodes": episodes}, seed)
+    trials, starts, episodes, seed = map(int, (trials, starts, episodes, seed))
     rungs = [Examination(scenario, pace, -(-episodes // REDUCTION**k), 2 * seed) for k in reversed(range(RUNGS))]
     name = f"{scenario}-v{find_scenario(scenario).version} {controller} {pace} {episodes} {seed}"
     search = Search(controller, pace, rungs)
     studies = _open(storage, name, [starts * seed + start for start in range(starts)])
-    for point in known_points(controller, scenario, pace):
-        studies[0][0].enqueue_trial(point, skip_if_exists=True)
-    share = -(-trials // (starts + 1))
-    for start, (study, rng) in enumerate(studies):
-        search.run(study, rng, share, lambda done, best, before=start * share: on_trial(before + done, best))
-    best, rng = min(studies, key=lambda each: finished_trials(each[0])[1][0].value)
-    search.run(
-        best, rng, trials - (starts - 1) * share, lambda done, value: on_trial((starts - 1) * share + done, value)
-    )
+    with keeping(storage):
+        for point in known_points(controller, scenario, pace):
+            studies[0][0].enqueue_trial(point, skip_if_exists=True)
+        share = -(-trials // (starts + 1))
+        for start, (study, rng) in enumerate(studies):
+            search.run(study, rng, share, lambda done, best, before=start * share: on_trial(before + done, best))
+        best, rng = min(studies, key=lambda each: finished_trials(each[0])[1][0].value)
+        search.run(
+            best, rng, trials - (starts - 1) * share, lambda done, value: on_trial((starts - 1) * share + done, value)
+        )
     found = [gains for study, _ in studies for gains in search.best(study)]
     final = Examination(scenario, pace, episodes, 2 * seed + 1)
     judged = [(final.judge(make(controller, gains)), gains) for gains in found]
@@ -184,24 +190,21 @@ def _check(controller: str, scenario: str, pace: str, storage: Path, numbers: Ma
         raise unknown_name("controller", controller, TUNABLE)
     find_scenario(scenario)
     find_pace(pace)
-    for name, number, least in (*((name, number, 1) for name, number in numbers.items()), ("seed", seed, 0)):
-        if number < least:
-            raise ParameterError(f"{name} must be ≥ {least}, got {number!r}")
-    if not os.access(storage.parent, os.W_OK | os.X_OK):
-        raise ParameterError(f"storage must be a file in a folder that can be written to, got {str(storage)!r}")
+    for name, number in numbers.items():
+        whole_number(name, number)
+    whole_number("seed", seed, at_least=0)
+    check_target("storage", storage)
 
 
 def _open(storage: Path, name: str, seeds: Sequence[int]) -> list[tuple[Any, np.random.Generator]]:
     """Return the starts of a search, new or as they were left, each with random numbers for what is left of it."""
     try:
         import optuna
-        from optuna.storages import JournalStorage
-        from optuna.storages.journal import JournalFileBackend
     except ImportError:
         raise needs_extra("pter tune", "tune") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     try:
-        journal = JournalStorage(JournalFileBackend(str(storage.resolve())))
+        journal = open_journal(storage.resolve())
         studies = [
             optuna.create_study(storage=journal, study_name=f"{name} {start}", load_if_exists=True)
             for start in range(len(seeds))

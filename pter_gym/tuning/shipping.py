@@ -3,10 +3,9 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, cast
 
-from filelock import FileLock
-
 from pter_gym.benchmark.tuned import Table, read_table
 from pter_gym.internal.files import FilePath, find_path, write_text_atomic
+from pter_gym.internal.locks import locked
 from pter_gym.policies.stored_gains import gains_of, make_guided
 from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tuning.search import Study
@@ -48,9 +47,11 @@ def add_study(study: Study, path: FilePath) -> None:
     ------
     DataError
         If there is a file that is not as this function writes it.
+    StorageError
+        If it cannot be written.
     """
     path = find_path("path", path)
-    with FileLock(path.with_name(f".{path.name}.lock")):
+    with locked(path.with_name(f".{path.name}.lock")):
         table: dict[str, Any] = dict(read_table(path))
         table.setdefault(study.scenario, {}).setdefault(study.controller, {})[study.pace] = entry_of(study)
         write_text_atomic(path, format_table(table))

@@ -98,7 +98,7 @@ def progress_after(steps: int, taught: Callable[[VecEnv], VecEnv]) -> NDArray[np
     return np.nanmax(rows[..., COLUMN.reached], axis=0) / [task.path.length for task in tasks]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_minute_of_stock_ppo_does_not_lock_the_arm() -> None:
     reached = progress_after(60_000, lambda worlds: worlds)
     assert reached.min() > NEAR_START

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 from pter_gym.benchmark import run_scenario
-from pter_gym.errors import DataError, DependencyError, ParameterError
+from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import SCENARIOS
 
@@ -396,6 +397,89 @@ def test_a_finished_run_that_is_resumed_keeps_its_scores(tmp_path: Path) -> None
     assert {steps: after[steps] for steps in before} == before
 
 
+def test_a_finished_run_that_is_resumed_is_not_touched(tmp_path: Path) -> None:
+    given = replace(arguments(rollouts=2), validate_every=1)
+    training.train(given, tmp_path)
+    before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.iterdir()}
+    training.train(given, tmp_path, resume=True)
+    assert {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.iterdir()} == before
+
+
+def test_a_run_that_lacks_its_last_scores_gets_them(tmp_path: Path) -> None:
+    given = replace(arguments(rollouts=2), validate_every=1)
+    training.train(given, tmp_path)
+    whole = json.loads((tmp_path / training.PROGRESS).read_text())
+    (tmp_path / training.PROGRESS).write_text(json.dumps({"128": whole["128"]}))
+    training.train(given, tmp_path, resume=True)
+    assert json.loads((tmp_path / training.PROGRESS).read_text()) == whole
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "{",
+        "[]",
+        '{"128": ',
+        '{"first": {}}',
+        '{"128": {"brisk": {"path_error_m": 1.0}}}',
+        '{"128": {"brisk": {"path_error_m": NaN, "completed": 1, "mean_pace_error": 0, "segment_pace_error": 0}}}',
+        f'{{"{"1" * 5000}": {{}}}}',
+        "[" * 100_000,
+        "\udc80",
+    ],
+)
+def test_broken_scores_are_refused_before_the_training(content: str, tmp_path: Path) -> None:
+    path = training.train(arguments(rollouts=1), tmp_path)
+    scores = tmp_path / training.PROGRESS
+    scores.write_bytes(content.encode(errors="surrogateescape"))
+    before = {each: each.read_bytes() for each in tmp_path.iterdir()}
+    with pytest.raises(DataError, match=r"validation\.json"):
+        training.train(arguments(rollouts=2), tmp_path, resume=True)
+    with pytest.raises(DataError, match=r"validation\.json"):
+        exporting.export_run(tmp_path, tmp_path / "policies")
+    assert {each: each.read_bytes() for each in tmp_path.iterdir() if each.is_file()} == before
+    assert stored.checkpoints(tmp_path)[-1] == path
+
+
+RESUMED = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+import test_training as t
+
+t.prepare.SAMPLE_WORLDS, t.prepare.SAMPLE_STEPS = 16, 20
+out = Path(sys.argv[1])
+
+def begun(steps):
+    print(steps, flush=True)
+    sys.stdin.readline()
+
+t.training.train(t.arguments(rollouts=3), out, resume=True, on_progress=begun)
+"""
+
+
+def test_a_second_process_is_told_that_the_first_one_trains(tmp_path: Path) -> None:
+    training.train(arguments(rollouts=1), tmp_path)
+    program = RESUMED.format(tests=str(Path(__file__).parent))
+    first = subprocess.Popen(
+        [sys.executable, "-c", program, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert first.stdout is not None
+        assert first.stdout.readline() == f"{ROLLOUT}\n"
+        before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+        for resume in (True, False):
+            with pytest.raises(ParameterError, match=r"^out: another process trains in"):
+                training.train(arguments(rollouts=3), tmp_path, resume=resume)
+        assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    finally:
+        first.kill()
+        first.communicate()
+    path = training.train(arguments(rollouts=3), tmp_path, resume=True)
+    assert path.name == f"checkpoint-{3 * ROLLOUT}.npz"
+
+
 def test_the_same_seed_gives_the_same_policy_and_another_another(tmp_path: Path) -> None:
     runs = [
         training.train(replace(arguments(rollouts=2), seed=seed), tmp_path / name)
@@ -481,11 +565,39 @@ def test_a_broken_description_of_a_run_is_refused(content: str, tmp_path: Path) 
 def test_a_full_disk_leaves_the_earlier_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     training.train(arguments(rollouts=2), tmp_path)
     before = {path: path.read_bytes() for path in stored.checkpoints(tmp_path)}
+    refuge = tmp_path / "refuge"
+    refuge.mkdir()
+    monkeypatch.setattr("pter_gym.internal.files.REFUGES", (str(refuge),))
     monkeypatch.setattr("os.fsync", lambda _: (_ for _ in ()).throw(OSError(28, "No space left on device")))
-    with pytest.raises(OSError, match="No space left"):
+    newest = f"the newest checkpoint is .*checkpoint-{2 * ROLLOUT}.npz, from which --resume goes on"
+    with pytest.raises(StorageError, match=f"after {2 * ROLLOUT} steps: .* cannot be written: No space left.*{newest}"):
         training.train(arguments(rollouts=4), tmp_path, resume=True)
     monkeypatch.undo()
     assert {path: path.read_bytes() for path in stored.checkpoints(tmp_path)} == before
+    assert not list(tmp_path.glob(".*.tmp"))
+    (kept,) = refuge.glob("*/*")
+    assert everything(kept) == everything(tmp_path / kept.name)
+
+
+def test_a_log_that_cannot_be_written_is_told_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    first = iter([True])
+
+    def full_soon(_: object, data: bytes) -> None:
+        if not next(first, False):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("tensorboard.summary.writer.record_writer.RecordWriter.write", full_soon)
+    with pytest.raises(StorageError, match="No space left"):
+        training.train(arguments(rollouts=2), tmp_path)
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_leftovers_of_killed_processes_are_removed(tmp_path: Path) -> None:
+    training.train(arguments(rollouts=1), tmp_path)
+    (tmp_path / ".0123456789abcdef.tmp").write_bytes(b"half a checkpoint")
+    training.train(arguments(rollouts=2), tmp_path, resume=True)
     assert not list(tmp_path.glob(".*.tmp"))
 
 
@@ -515,6 +627,47 @@ def test_a_damaged_checkpoint_is_refused(algorithm: str, damage: str, tmp_path: 
         np.savez(path, **state)
     with pytest.raises(DataError, match="cannot be read"):
         training.train(arguments(algorithm, rollouts=2), tmp_path, resume=True)
+
+
+OTHER_STATES: dict[str, tuple[str, str, Callable[[Any], Any]]] = {
+    "a weight that NumPy would repeat": ("residual", "weight_0", lambda array: array[:1]),
+    "a weight of another type": ("residual", "weight_0", lambda array: array.astype(np.float64)),
+    "a moment of another shape": ("residual", "adam_1_exp_avg", lambda array: array[:1]),
+    "noise of fewer worlds": ("residual", "part_0_noise", lambda array: array[:1]),
+    "a generator of another kind": ("residual", "part_0_rng", lambda _: np.array('{"bit_generator": "MT19937"}')),
+    "a generator named twice": ("residual", "part_0_rng", lambda _: np.array('{"state": 1, "state": 2}')),
+    "control steps of another": ("residual", "steps", lambda array: array + 1),
+    "a moment of another weight": ("sac", "critic.optimizer_1_exp_avg", lambda array: array[:1]),
+    "a row too few": ("sac", "kept_rewards", lambda array: array[1:]),
+    "a place behind the buffer": ("sac", "kept_next", lambda array: array + 10**6),
+    "a place behind NumPy's key": ("sac", "numpy_rest", lambda array: array + 1e6),
+}
+
+
+@pytest.mark.parametrize("kind", OTHER_STATES)
+def test_a_checkpoint_that_holds_something_else_is_refused(kind: str, tmp_path: Path) -> None:
+    algorithm, name, change = OTHER_STATES[kind]
+    path = training.train(arguments(algorithm, rollouts=1), tmp_path)
+    with np.load(path, allow_pickle=False) as archive:
+        state: dict[str, Any] = dict(archive)
+    np.savez(path, **{**state, name: change(state[name])})
+    with pytest.raises(DataError, match="cannot be read"):
+        training.train(arguments(algorithm, rollouts=2), tmp_path, resume=True)
+
+
+@pytest.mark.parametrize(
+    "content", ["", "[]", '{"x": {}}', '{"128": {"slow": {}}}', '{"128": 3}', '{"1": {}, "1": {}}']
+)
+def test_scores_of_a_training_that_make_no_sense_are_refused_before_it_goes_on(content: str, tmp_path: Path) -> None:
+    training.train(arguments(rollouts=1), tmp_path)
+    before = {path: path.read_bytes() for path in stored.checkpoints(tmp_path)}
+    (tmp_path / training.PROGRESS).write_text(content)
+    with pytest.raises(DataError, match=r"validation\.json cannot be read"):
+        training.train(arguments(rollouts=2), tmp_path, resume=True)
+    with pytest.raises(DataError, match=r"validation\.json cannot be read"):
+        exporting.export_run(tmp_path, tmp_path / "out")
+    assert {path: path.read_bytes() for path in stored.checkpoints(tmp_path)} == before
+    assert (tmp_path / training.PROGRESS).read_text() == content
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,8 @@ TOLD = {
     "a fault without an error": (FAULT, b"{}"),
     "a fault of an unknown kind": (FAULT, b'{"error": [], "message": "owned"}'),
     "a fault with a list for a message": (FAULT, b'{"error": "ParameterError", "message": []}'),
-    "a fault for terminals": (FAULT, b'{"error": "ParameterError", "message": "\\u001b[2J\\ud800 owned"}'),
+    "a fault with half a character": (FAULT, b'{"error": "ParameterError", "message": "\\ud800 owned"}'),
+    "a fault for terminals": (FAULT, b'{"error": "ParameterError", "message": "\\u001b[2J\\u202e owned"}'),
 }
 """Answers that a policy's code gives to the benchmark by itself: their kinds and contents."""
 

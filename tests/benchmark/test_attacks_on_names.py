@@ -12,10 +12,11 @@ from pter_gym.benchmark import PerSeed, ResultsFolder, find_policy, leaderboards
 from pter_gym.benchmark.episodes import load_episodes
 from pter_gym.benchmark.leaderboard import table
 from pter_gym.benchmark.run_files import run_path
-from pter_gym.benchmark.runs import LONGEST_NAME, Conditions, check_name
+from pter_gym.benchmark.runs import Conditions, check_name
 from pter_gym.controllers import Free, Locked
 from pter_gym.errors import ParameterError
 from pter_gym.plots import leaderboard as plots
+from pter_gym.policies.files import LONGEST_NAME
 
 
 def release(obs: Any) -> Any:

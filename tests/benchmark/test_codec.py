@@ -13,7 +13,7 @@ from pter_gym.benchmark.episodes import CODEC
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
 from pter_gym.hands import MultiSineHand
-from pter_gym.params import BASELINE, DELRIN_THEORETICAL, MACHINES, Machine
+from pter_gym.params import BASELINE, DELRIN_THEORETICAL, LARGEST, MACHINES, Machine
 from pter_gym.tasks.path_following import PathFollowing
 
 
@@ -29,7 +29,7 @@ def test_round_trip(value: object) -> None:
 
 @given(
     st.floats(1e-9, 4.0),
-    st.tuples(*5 * [st.floats(-1e300, 1e300)]),
+    st.tuples(*5 * [st.floats(-LARGEST, LARGEST)]),
     st.booleans(),
 )
 def test_every_bit_comes_back(pace: float, phases: tuple[float, ...], random_phases: bool) -> None:

@@ -162,7 +162,7 @@ def test_an_answer_of_a_policys_own_is_refused_by_its_name(told: str, monkeypatc
 
 def test_a_message_for_terminals_is_escaped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TOLD", "a fault for terminals")
-    with pytest.raises(ParameterError, match=r"^\\x1b\[2J\\ud800 owned$"):
+    with pytest.raises(ParameterError, match=r"^\\x1b\[2J\\u202e owned$"):
         Isolated(f"{MODULE}:Tells")
 
 

@@ -72,6 +72,8 @@ def test_a_policy_that_stops_pays_for_the_rest() -> None:
     s = np.array([0.0, 0.1, 0.1, 0.1])
     assert path_average(s, np.zeros(4), 0.5, 0.25) == pytest.approx((0.4 * 0.25) / 0.5)
     assert path_average(s, np.array([0.0, 0.0, 0.3, 0.0]), 0.5, 0.25) == pytest.approx((0.4 * 0.3) / 0.5)
+    late = np.array([0.0, 0.0, 0.1, 0.1])
+    assert path_average(late, np.full(4, 0.2), 0.5, 0.25) == pytest.approx((0.1 * 0.2 + 0.4 * 0.25) / 0.5)
 
 
 def test_an_excursion_at_a_standstill_and_a_step_back_are_not_free() -> None:
@@ -316,3 +318,11 @@ def test_nothing_to_score() -> None:
     nothing[1:] = np.nan
     with pytest.raises(ValueError, match="episode 0 has none"):
         score(nothing, TASK)
+    with pytest.raises(ValueError, match="episode 1 has none"):
+        score_episodes(padded([episode(3), nothing]), [TASK, TASK])
+
+
+def test_one_step_is_an_episode() -> None:
+    found = score_episodes(padded([episode(1), episode(3)]), [TASK, TASK])
+    alone = score(episode(1), TASK)
+    assert found["path_error_m"][0] == alone.path_error_m > 0.0

@@ -106,6 +106,12 @@ def test_episodes_say_which_field_nobody_knows(newer_task: Any) -> None:
         (lambda content: content["parts"][0].update(substep=-1.0), "substep must be"),
         (lambda content: content["parts"][0].update(arm=1.0), "arm"),
         (lambda content: content.update(parts=3), "not iterable"),
+        (lambda content: content["episodes"][0].update(machine=-1), "out of range"),
+        (lambda content: content["episodes"][0].update(task=True), "out of range"),
+        (lambda content: content["episodes"][0].update(seed=-1), "out of range"),
+        (lambda content: content["episodes"][0].update(seed=1.5), "out of range"),
+        (lambda content: content["episodes"][0].update(stratum=3), "must be a str"),
+        (lambda content: content.update(scenario=None), "must be a str"),
     ],
 )
 def test_episodes_that_make_no_sense_are_refused(damage: Any, message: str, tmp_path: Path) -> None:
@@ -116,7 +122,15 @@ def test_episodes_that_make_no_sense_are_refused(damage: Any, message: str, tmp_
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"\x00", b"\x1f\x8b\x08\x00", gzip.compress(b"[[[", mtime=0), gzip.compress(b"\xff", mtime=0)]
+    "data",
+    [
+        b"",
+        b"\x00",
+        b"\x1f\x8b\x08\x00",
+        gzip.compress(b"[[[", mtime=0),
+        gzip.compress(b"\xff", mtime=0),
+        gzip.compress(bytes(2**26)),
+    ],
 )
 def test_episodes_that_are_no_packed_json_are_refused(data: bytes, tmp_path: Path) -> None:
     refuse_episodes(data, "", tmp_path / "standard.json.gz")

@@ -11,10 +11,11 @@ import pytest
 
 from pter_gym.benchmark import PerSeed, ResultsFolder, run_scenario
 from pter_gym.benchmark.metrics import METRICS, SCORES
-from pter_gym.benchmark.run_files import HASH, MOST_FILE, file_hash, read_run, run_path, write_run
+from pter_gym.benchmark.run_files import HASH, file_hash, read_run, run_path, write_run
 from pter_gym.commands import main as cli
 from pter_gym.controllers import Free, Random
 from pter_gym.controllers.predictive import Privileged, Settings
+from pter_gym.internal.reading import MOST_JSON
 
 COUNT = 5
 PLANNER = Privileged(Free(), Settings(samples=4, rounds=1, elite=1, horizon=5))
@@ -110,7 +111,7 @@ SEALED: dict[str, tuple[Callable[[Content], object], str]] = {
     "half completed": (set_score("completed", 0.5), "completed must be"),
     "a score that is text": (set_score("effort", "0.1"), "effort must be numbers"),
     "a score that is a list": (set_score("effort", [0.1]), "effort must be numbers"),
-    "a score that is huge": (set_score("effort", 10**400), "effort must be numbers"),
+    "a score that is huge": (set_score("effort", 10**30), "effort must be numbers"),
     "a score less": (lambda content: content["scores"]["effort"].pop(), "effort must be numbers of the shape (5,)"),
     "no score": (lambda content: content["scores"].pop("effort"), "scores: 'effort' is missing"),
     "an unknown score": (lambda content: content["scores"].update(luck=[1.0] * COUNT), "scores: 'luck' is unknown"),
@@ -171,7 +172,7 @@ JUNK: dict[str, tuple[bytes, str]] = {
     "binary": (bytes(range(256)), "it is no JSON"),
     "deep": (b"[" * 100_000, "it is no JSON"),
     "digits": (b"9" * 10_000, "it is no JSON"),
-    "huge": (b" " * (MOST_FILE + 1), f"it is larger than {MOST_FILE} bytes"),
+    "huge": (b" " * (MOST_JSON + 1), f"it is larger than {MOST_JSON} bytes"),
 }
 
 

@@ -14,6 +14,7 @@ from pter_gym.benchmark.statistics import (
     performance_profile,
     probability_of_improvement,
     resample,
+    unpaired_interval,
 )
 
 VALUES = np.random.default_rng(3).gamma(2.0, 0.02, 200)
@@ -34,6 +35,13 @@ def test_interval_is_scipys() -> None:
     assert ours.value == interquartile_mean(VALUES)
     assert ours.low == pytest.approx(theirs.low, abs=0.03 * width)
     assert ours.high == pytest.approx(theirs.high, abs=0.03 * width)
+
+
+def test_interval_leaves_out_a_fortieth_at_each_end() -> None:
+    means = VALUES[resample(200, STRATA)].mean(axis=-1)
+    assert len(means) == 2000
+    found = bootstrap_interval(VALUES, mean, strata=STRATA)
+    assert (found.low, found.high) == pytest.approx(tuple(np.percentile(means, (2.5, 97.5))), rel=1e-12)
 
 
 def test_interval_of_a_mean_is_the_normal_one() -> None:
@@ -76,6 +84,31 @@ def test_a_constant_difference_is_certain_in_pairs() -> None:
     assert found == pytest.approx((0.01, 0.01, 0.01))
     alone = bootstrap_interval(VALUES)
     assert alone.high - alone.low > 0.001
+
+
+def test_two_sets_of_episodes_are_drawn_apart() -> None:
+    other = 3.0 * VALUES[:80] + 1.0
+    found = unpaired_interval(VALUES, other, mean, resamples=20_000)
+    assert found.value == VALUES.mean() - other.mean()
+    half = 1.96 * np.sqrt(VALUES.var() / len(VALUES) + other.var() / len(other))
+    assert found.high - found.low == pytest.approx(2.0 * half, rel=0.05)
+    assert found.low < found.value < found.high
+    alike = unpaired_interval(VALUES, VALUES)
+    assert alike.low < 0.0 < alike.high
+
+
+def test_each_set_of_episodes_has_its_own_strata() -> None:
+    between = np.where(np.array(STRATA) == "line", 100.0, 0.0)
+    assert unpaired_interval(between, between[:100], mean, strata=(STRATA, STRATA[:100])) == (0.0, 0.0, 0.0)
+    loose = unpaired_interval(between, between[:100], mean, strata=(STRATA, None))
+    assert loose.low < 0.0 < loose.high
+
+
+def test_drawn_episodes_are_shared_and_cannot_be_changed() -> None:
+    chosen = resample(200, STRATA, resamples=50)
+    assert chosen is resample(200, STRATA, resamples=50)
+    with pytest.raises(ValueError, match="read-only"):
+        chosen[0, 0] = 1
 
 
 def test_probability_of_improvement() -> None:

@@ -75,10 +75,17 @@ def test_the_example_in_a_help_is_understood(name: str) -> None:
 @pytest.mark.parametrize("name", ["benchmark", "tune", "reproduce"])
 def test_help_shows_example_and_names(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([name, "--help"]) == 0
-    shown = " ".join(re.sub(r"[│\s]+", " ", capsys.readouterr().out).split())
+    given = capsys.readouterr().out
+    shown = " ".join(re.sub(r"[│\s]+", " ", given).split())
     assert f"Example: pter {' '.join(example_of(name))}" in shown
     for names in names_of(load_command(name)).values():
         assert all(each in shown for each in names)
+    assert "\nnames\n" in given
+
+
+def test_help_of_a_command_without_names_has_no_such_heading(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", "--help"]) == 0
+    assert "\nnames\n" not in capsys.readouterr().out
 
 
 def test_names_are_those_that_are_declared() -> None:

@@ -95,7 +95,7 @@ def patient(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
     monkeypatch.setattr(pipeline, "_fold", slowly)
     monkeypatch.setattr(pipeline, "PATIENCE", 0.3)
-    monkeypatch.setattr(pipeline, "_told", pipeline.Event())
+    monkeypatch.setattr(pipeline, "_told", set[str]())
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
 
 
@@ -116,7 +116,7 @@ def test_the_user_is_told_once_and_only_if_something_is_compiled(
     assert caplog.records[0].name == "pter_gym"
     assert compile_kernel(build_other)(1) == 2.0  # for another type
     assert len(caplog.records) == 1
-    monkeypatch.setattr(pipeline, "_told", pipeline.Event())
+    monkeypatch.setattr(pipeline, "_told", set[str]())
     monkeypatch.setattr(pipeline, "PATIENCE", 0.0)
     kernel: Any = compile_kernel(build_other)
     assert kernel(1.0) == 2.0
@@ -132,9 +132,9 @@ def test_worker_processes_say_nothing(caplog: pytest.LogCaptureFixture, monkeypa
 
 
 def test_a_log_level_silences_it(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pipeline, "_told", pipeline.Event())
+    monkeypatch.setattr(pipeline, "_told", set[str]())
     with caplog.at_level(logging.ERROR, "pter_gym"):
-        pipeline._tell(pipeline.STORED)
+        pipeline.tell(pipeline.STORED)
     assert caplog.records == []
 
 

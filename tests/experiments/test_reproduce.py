@@ -6,7 +6,6 @@ import json
 import math
 import re
 from html.parser import HTMLParser
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from pter_gym.paper.experiments.claims import STATEMENTS, Claim
 from pter_gym.paper.reproduce import results as results_module
 from pter_gym.paper.reproduce.figures import PRODUCTS, files_of, find_products
 from pter_gym.paper.reproduce.report import CHAPTERS
-from pter_gym.paper.reproduce.results import results, write
+from pter_gym.paper.reproduce.results import results
 from pter_gym.paper.reproduce.tables import csv_text, stacked
 from pter_gym.units import to_inch_pounds, to_inches
 
@@ -236,23 +235,19 @@ def test_a_folder_that_cannot_be_made_is_refused_before_any_work(tmp_path, capsy
     assert blocked.read_text() == "mine"
 
 
-def test_earlier_results_are_kept_when_one_cannot_be_written(tmp_path, monkeypatch):
-    write({"table1.json": b"old", "fig3.csv": b"old"}, tmp_path)
-
-    def full(path: Path, content: bytes) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(results_module, "write_bytes_atomic", full)
-    with pytest.raises(ParameterError, match="No space left"):
-        write({"table1.json": b"new"}, tmp_path)
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"table1.json": b"old", "fig3.csv": b"old"}
-
-
-def test_a_result_cannot_replace_a_folder(tmp_path):
-    (tmp_path / "step.csv").mkdir()
-    with pytest.raises(ParameterError, match="out"):
-        write({"step.csv": b"new"}, tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["step.csv"]
+def test_results_are_told_and_kept_elsewhere_when_one_cannot_be_written(tmp_path, capsys, monkeypatch):
+    made = {"table1.json": b"new", "step.csv": b"new"}
+    monkeypatch.setattr("pter_gym.paper.reproduce.results.results", lambda *_, **__: (made, ()))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    out = tmp_path / "out"
+    (out / "step.csv").mkdir(parents=True)
+    assert cli.main(["reproduce", "step", "--out", str(out)]) == 2
+    printed = capsys.readouterr()
+    assert "0 not met" in printed.out
+    assert "step.csv' cannot be written: Is a directory" in printed.err
+    (kept,) = tmp_path.glob("pter-*")
+    assert {path.name: path.read_bytes() for path in kept.iterdir()} == made
+    assert str(kept) in printed.err
 
 
 def test_an_interrupted_run_leaves_earlier_results(tmp_path, monkeypatch):

@@ -3,6 +3,8 @@
 import importlib.metadata
 import importlib.resources
 import re
+import shutil
+import subprocess
 import tomllib
 from pathlib import Path
 
@@ -14,9 +16,20 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 
 
+FOLDERS = {"agents", "docs", "notebooks", "pter_gym", "tests"}
+FILES = {"CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "README.md", "constraints.txt", "pyproject.toml"}
+
+
 def names_of(requirements: list[str]) -> set[str]:
     found = (re.match(r"[\w-]+", requirement) for requirement in requirements)
     return {match.group().lower() for match in found if match} - {"pter-gym"}
+
+
+@pytest.mark.skipif(not shutil.which("git") or not (ROOT / ".git").exists(), reason="no clone of the repository")
+def test_the_top_level_has_nothing_else():
+    told = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    top = {line.partition("/")[0] for line in told.splitlines() if not line.startswith(".")}
+    assert top == FOLDERS | FILES
 
 
 def test_version_stands_in_one_place():

@@ -3,6 +3,7 @@
 import json
 import math
 import pickle
+import re
 import struct
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import bind
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
+from pter_gym.internal.reading import DEEPEST
 from pter_gym.params import BASELINE
 from pter_gym.policies import (
     LSTM,
@@ -36,7 +38,7 @@ from pter_gym.policies import (
     shipped_policies,
     write_policy,
 )
-from pter_gym.policies.cards import DEEPEST, fields_of, read_card
+from pter_gym.policies.cards import fields_of, read_card
 from pter_gym.policies.files import MOST_CARD, MOST_WEIGHTS
 from pter_gym.policies.interface import LIMIT, available, seen_without
 from pter_gym.scenarios import find_scenario
@@ -302,7 +304,7 @@ def test_other_observations_are_refused_with_both_named(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["../tested", "tested/", "..", "", "a b", "Tested", "tested.json", "/etc/passwd", "a--b"]
+    "name", ["../tested", "tested/", "..", "", "a b", "Tested", "tested.json", "/etc/passwd", "a--b", "n" * 181]
 )
 def test_a_name_is_never_a_path(name: str, folder: Path) -> None:
     with pytest.raises(ParameterError, match="names of small letters"):
@@ -453,12 +455,25 @@ def whole(**changes: Any) -> dict[str, np.ndarray]:
 GOOD = make_tensors(make_card())
 NAN = np.where(np.arange(3) == 1, np.nan, 0.0).astype(np.float32)
 
+
+def twice(data: bytes, name: bytes) -> bytes:
+    """A file of weights whose header says the same of one tensor twice."""
+    size = struct.unpack("<Q", data[:8])[0]
+    header = data[8 : 8 + size].rstrip()
+    entry = re.search(rb'"%s":\{.*?\}' % name, header)
+    assert entry is not None
+    longer = header[:-1] + b"," + entry[0] + b"}"
+    longer += b" " * (-len(longer) % 8)
+    return struct.pack("<Q", len(longer)) + longer + data[8 + size :]
+
+
 WEIGHTS: dict[str, bytes] = {
     "empty": b"",
     "a pickle": pickle.dumps(Payload()),
     "truncated": save_tensors(GOOD)[:-4],
     "with more behind it": save_tensors(GOOD) + b"more",
     "a header beyond the file": struct.pack("<Q", 2**40) + b"{}",
+    "a name twice": twice(save_tensors(GOOD), b"layer_0.bias"),
     "a header of nothing": struct.pack("<Q", 0),
     "a header that is no JSON": struct.pack("<Q", 4) + b"abcd",
     "overlapping": struct.pack("<Q", 118)
@@ -493,7 +508,7 @@ def test_hostile_weights_are_refused(kind: str, folder: Path, monkeypatch: pytes
 
 def test_missing_weights_and_weights_that_do_not_fit_are_refused(folder: Path) -> None:
     (folder / "tested.safetensors").unlink()
-    with pytest.raises(DataError, match="cannot be read"):
+    with pytest.raises(DataError, match="there is no such file"):
         load_policy("tested", folder)
     card = make_card(name="other")
     with pytest.raises(DataError, match="refused"):

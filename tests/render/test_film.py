@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from pter_gym.errors import DependencyError, ParameterError
+from pter_gym.errors import DependencyError, ParameterError, StorageError
 from pter_gym.params import BASELINE
 from pter_gym.render import recording
 from pter_gym.render.colours import MOST, Colours
@@ -132,6 +132,15 @@ def test_what_fails_leaves_the_file_as_it_was(tmp_path: Path):
     with pytest.raises(KeyboardInterrupt):
         recording.write_film(film(), path, fail)
     assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("film.gif", "older")]
+
+
+def test_a_film_for_which_there_is_no_room_is_told(tmp_path: Path):
+    def full() -> None:
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(StorageError, match=r"film cannot be made .* No space left"):
+        recording.write_film(film(), tmp_path / "film.gif", full)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["film.avi", "film", "film.mp3"])

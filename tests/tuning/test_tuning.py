@@ -1,27 +1,34 @@
 """The search for gains: what it scores, what it keeps, and what it never reads."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pter_gym.benchmark.metrics import score_episodes
 from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, find_tuned, read_table
+from pter_gym.commands.main import main
 from pter_gym.controllers import CONTROLLERS, Controller, Free, Impedance, Locked, PaceSchedule, SingleDof
-from pter_gym.errors import DataError, DependencyError, ParameterError
+from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
+from pter_gym.internal.locks import locked
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
 from pter_gym.tuning import SPACES, Examination, Study, Verdict, add_study, tune
 from pter_gym.tuning.examination import MISSING, RESERVE
+from pter_gym.tuning.journal import BEGIN, cut_half_line
 from pter_gym.tuning.offspring import offspring
 from pter_gym.tuning.search import make
 from pter_gym.tuning.spaces import Range, gains_at, point_at
@@ -205,11 +212,117 @@ def test_a_killed_tuner_loses_the_running_trial_at_most(tmp_path: Path) -> None:
 
 
 def begun(storage: Path) -> int:
-    """Number of the trials that were begun, as soon as there is a study."""
+    """Number of the trials that were begun, and do not only wait, as soon as there is a study."""
     try:
-        return len(study_in(storage).get_trials(deepcopy=False))
+        trials = study_in(storage).get_trials(deepcopy=False)
     except IndexError:
         return 0
+    return sum(trial.state != optuna.trial.TrialState.WAITING for trial in trials)
+
+
+def held(path: Path) -> Any:
+    """The finished trials in a journal."""
+    trials = study_in(path).get_trials()
+    return [(trial.number, trial.params, trial.value) for trial in trials if trial.value is not None]
+
+
+def test_half_a_line_in_the_journal_costs_nothing(tmp_path: Path) -> None:
+    storage = tmp_path / "a #?%b.db"
+    tune("impedance", "standard", "brisk", trials=3, starts=1, episodes=4, storage=storage)
+    before = held(storage)
+    with storage.open("ab") as file:
+        file.write(b'{"op_code":6,"worker_id":"')
+    tune("impedance", "standard", "brisk", trials=5, starts=1, episodes=4, storage=storage)
+    assert held(storage)[:3] == before
+    assert len(held(storage)) == 5
+    assert all(line.startswith(BEGIN) for line in storage.read_bytes().splitlines())
+
+
+@given(
+    lines=st.lists(st.binary(max_size=300).map(lambda part: BEGIN + part.replace(b"\n", b"")), max_size=4),
+    data=st.data(),
+)
+def test_only_half_a_line_of_a_journal_is_cut_off(lines: list[bytes], data: st.DataObject) -> None:
+    whole = b"".join(line + b"\n" for line in lines)
+    half = data.draw(st.integers(0, 40).map(lambda size: (BEGIN + b"5" * 40)[:size]))
+    other = data.draw(st.binary(min_size=1, max_size=300).map(lambda part: part.replace(b"\n", b"") or b"x"))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "journal"
+        path.write_bytes(whole + half)
+        cut_half_line(path)
+        assert path.read_bytes() == whole
+        if not (BEGIN.startswith(other) or other.startswith(BEGIN)):
+            path.write_bytes(whole + other)
+            with pytest.raises(ValueError, match="not one of a journal"):
+                cut_half_line(path)
+            assert path.read_bytes() == whole + other
+
+
+@pytest.mark.parametrize("content", [b"notes without an end", b'{"mine": 1}', b"0", b"\0" * 70_000])
+def test_a_file_of_somebody_is_refused_as_storage_and_stays(content: bytes, tmp_path: Path) -> None:
+    storage = tmp_path / "notes.txt"
+    storage.write_bytes(content)
+    with pytest.raises(ParameterError, match="storage must be a journal file"):
+        tune("impedance", "standard", "brisk", trials=1, starts=1, episodes=2, storage=storage)
+    assert storage.read_bytes() == content
+
+
+def test_a_full_disk_is_told_and_the_search_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    storage, done = tmp_path / "trials.journal", []
+
+    def fill(count: int, _: float) -> None:
+        done.append(count)
+        if count == 3:
+            monkeypatch.setattr("os.fsync", full)
+
+    given: Any = {"starts": 1, "episodes": 4, "storage": storage}
+    with pytest.raises(StorageError, match=r"storage .* cannot be written: No space left"):
+        tune("impedance", "standard", "brisk", trials=5, on_trial=fill, **given)
+    monkeypatch.undo()
+    before = held(storage)
+    assert len(before) == 3
+    tune("impedance", "standard", "brisk", trials=5, **given)
+    assert held(storage)[:3] == before
+
+
+def test_gains_are_printed_where_they_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "gains.toml"
+
+    def search(*_: object, **__: object) -> Study:
+        out.mkdir()
+        return STUDY
+
+    monkeypatch.setattr("pter_gym.tuning.tune", search)
+    monkeypatch.setattr("pter_gym.internal.files.REFUGES", (str(tmp_path),))
+    assert main(["tune", "impedance", "--storage", str(tmp_path / "journal"), "--out", str(out)]) == 2
+    printed = capsys.readouterr()
+    assert "stiffness = 123.4\ntip_space = True\npath error 12.3 mm" in printed.out
+    assert printed.err.startswith("error: ")
+
+
+HOLDER = """
+import os, signal, sys
+from pathlib import Path
+from pter_gym.tuning.journal import JournalLock
+JournalLock(Path(sys.argv[1])).acquire()
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
+def test_a_tuner_that_is_killed_with_the_lock_hinders_nobody(tmp_path: Path) -> None:
+    storage = tmp_path / "trials.journal"
+    tune("impedance", "standard", "brisk", trials=2, starts=1, episodes=4, storage=storage)
+    assert subprocess.run([sys.executable, "-c", HOLDER, str(storage)]).returncode == -signal.SIGKILL
+    with locked(storage.with_name(f".{storage.name}.lock"), busy="it is still held"):
+        pass
+    tune("impedance", "standard", "brisk", trials=3, starts=1, episodes=4, storage=storage)
+    assert len(held(storage)) == 3
 
 
 @pytest.mark.long

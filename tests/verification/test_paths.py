@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path as File
+from typing import Any
 
 import numpy as np
 import pytest
@@ -167,12 +168,41 @@ def test_paths_from_csv(tmp_path: File) -> None:
     assert read_path(file) == Spline(points=WAYPOINTS)
 
 
+TURNING_BACK = [
+    ((0.0, 0.5), (0.1, 0.5), (0.0, 0.5)),
+    ((0.0, 0.5), (0.1, 0.5), (0.05, 0.5)),
+    ((0.0, 0.5), (0.1, 0.5), (0.0, 0.5), (0.1, 0.5)),
+]
+
+
+@pytest.mark.parametrize("points", TURNING_BACK)
+def test_a_spline_that_turns_back_on_itself_is_refused(points: Any, tmp_path: File) -> None:
+    with pytest.raises(ParameterError, match="Spline must be a curve with one heading at each point"):
+        Batch(BASELINE, PathFollowing(path=Spline(points=points)))
+    file = tmp_path / "path.csv"
+    file.write_text("x,y\n" + "".join(f"{x},{y}\n" for x, y in points))
+    with pytest.raises(ParameterError, match=r"path\.csv: Spline must be a curve"):
+        read_path(file)
+
+
+def test_a_curve_is_looked_at_so_often_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pter_gym.paths.shapes.MOST_LOOKS", 20)
+    with pytest.raises(ParameterError, match="more than 20 looks"):
+        _ = Spline(points=WAYPOINTS).arcs
+
+
+@pytest.mark.parametrize("point", [(10**400, 0.0), (1e300, 0.0), (True, 0.0), (0.0, float("nan"))])
+def test_a_waypoint_is_of_numbers_that_a_path_can_have(point: Any) -> None:
+    with pytest.raises(ParameterError, match=r"Spline\.points must be a tuple of 2 to 4096 points"):
+        Spline(points=(point, (0.5, 0.5)))
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "no column x, y"),
         ("x\n1\n2\n", "no column y"),
-        ("x,y\n0.1,0.5\n", "at least 2 points"),
+        ("x,y\n0.1,0.5\n", "2 to 4096 points"),
         ("x,y\n0.1,0.5\n0.1,0.5\n", "none twice in a row"),
         ("x,y\n0.1,0.5\n0.2,nan\n", "line 3: y must be a finite number"),
         ("x,y\n0.1,0.5\n0.2\n", "line 3: y must be a finite number"),

@@ -1,6 +1,7 @@
 """Hands, sensors and clutch errors in the environment, against open-loop simulation and closed forms."""
 
 import math
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path as File
 
@@ -11,6 +12,7 @@ from pter_gym import initial_state, simulate
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HUMAN_ARMS, HumanArm, MultiSineHand, RecordedForces, read_forces
+from pter_gym.hands.kinds import MOST_INSTANTS
 from pter_gym.params import BASELINE, Hand
 from pter_gym.paths import Arc, Line
 from pter_gym.tasks.path_following import (
@@ -114,6 +116,20 @@ def test_recorded_forces_act_as_recorded(tmp_path: File) -> None:
     for column, force in ((COLUMN.force.x, hand.along), (COLUMN.force.y, hand.across)):
         held = np.interp(instants, hand.times, force)
         np.testing.assert_allclose(rows[1:, column], np.interp(last, instants, held), atol=1e-12)
+
+
+def test_a_recording_in_microseconds_is_refused_before_memory_is_taken() -> None:
+    hand = RecordedForces(times=(0.0, 1e6, 2e6), along=(40.0,) * 3, across=(0.0,) * 3)
+    tracemalloc.start()
+    try:
+        with pytest.raises(ParameterError, match=r"times must be in seconds, up to 10000 s"):
+            Batch(BASELINE, replace(TASK, hand=hand))
+        assert tracemalloc.get_traced_memory()[1] < 5e6
+    finally:
+        tracemalloc.stop()
+    most = MOST_INSTANTS * PERIOD
+    longest = RecordedForces(times=(0.0, most), along=(1.0, 2.0), across=(0.0, 0.0))
+    assert longest.sampled(PERIOD)[-1].tolist() == [2.0, 0.0]
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,14 @@ import os
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from functools import partial
 from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Thread
 from urllib.parse import unquote, urlsplit
 
 import pytest
@@ -50,9 +54,9 @@ def tab() -> Iterator["browser.Tab"]:  # noqa: F821
 
 
 def pages(site: Path) -> list[str]:
-    """Names of all pages; of those that show source code, which are alike and long, one."""
+    """Names of all pages; of those that show source code, which are alike and long, one. `push` needs a server."""
     names = sorted(path.relative_to(site).with_suffix("").as_posix() for path in site.rglob("*.html"))
-    return [name for name in names if not name.startswith("_modules/")] + ["_modules/pter_gym/errors"]
+    return [name for name in names if not name.startswith(("_modules/", "push/"))] + ["_modules/pter_gym/errors"]
 
 
 def faults(tab: "browser.Tab", address: str) -> list[str]:  # noqa: F821
@@ -87,6 +91,29 @@ def test_every_page(tab: "browser.Tab", site: Path) -> None:  # noqa: F821
     names = pages(site)
     assert len(names) > 50
     check(tab, site, names)
+
+
+@pytest.mark.slow
+def test_the_arm_can_be_pushed_in_the_site(tab: "browser.Tab", site: Path) -> None:  # noqa: F821
+    handler = partial(QuietHandler, directory=str(site))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        address = f"http://127.0.0.1:{server.server_port}/"
+        tab.show(*SHOWN[0])
+        tab.open(f"{address}push-it-yourself.html")
+        ready = "'ready' in document.querySelector('iframe').contentDocument.documentElement.dataset"
+        end = time.monotonic() + 20.0
+        while not tab.run(ready) and time.monotonic() < end:
+            time.sleep(0.05)
+        assert tab.run(ready)
+        own = (f"asks the network for {address}", "/favicon.ico")
+        assert [each for each in tab.problems if not any(right in each for right in own)] == []
+        server.shutdown()
+
+
+class QuietHandler(SimpleHTTPRequestHandler):
+    def log_message(self, *arguments: object) -> None:
+        pass
 
 
 BAD = """<!doctype html><html><head><style>

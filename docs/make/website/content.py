@@ -29,8 +29,17 @@ from pter_gym.scenarios.randomisation import LogUniform, OneOf, Repeat, Shared, 
 SIGNS = {"reproduced": "✓", "calibrated": "≈", "not met": "✗"}
 
 
+def summary(name: str) -> str:
+    """The first line of the docstring of a class."""
+    return _text(name).partition("\n")[0]
+
+
 def docstring(name: str) -> str:
-    """The docstring of a class, which is Markdown."""
+    """What follows the first line of the docstring of a class, which is Markdown."""
+    return _text(name).partition("\n")[2]
+
+
+def _text(name: str) -> str:
     module, _, attribute = name.rpartition(".")
     return inspect.getdoc(getattr(import_module(module), attribute)) or ""
 
@@ -229,5 +238,5 @@ def help_of(*arguments: str) -> str:
 
 MADE: dict[str, Callable[..., str]] = {
     each.__name__: each
-    for each in (docstring, readme, spaces, scenario, preset, parameters, paper, policies, scenarios, commands)
+    for each in (summary, docstring, readme, spaces, scenario, preset, parameters, paper, policies, scenarios, commands)
 }

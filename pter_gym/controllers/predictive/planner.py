@@ -18,7 +18,7 @@ from pter_gym.controllers.laws import physical
 from pter_gym.engine.batch import Batch
 from pter_gym.engine.law import MEMORY
 from pter_gym.engine.world import FLAG
-from pter_gym.params import BASELINE, Machine, quantity, require, require_number
+from pter_gym.params import BASELINE, Machine, quantity, require, require_number, require_whole
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tasks.path_following.observation import SEEN
 
@@ -58,8 +58,7 @@ class Settings:
         """Check the numbers."""
         least = {"samples": 4, "rounds": 1, "elite": 1, "horizon": 1, "knot_steps": 1, "seed": 0}
         for name, at_least in least.items():
-            require_number(self, name, at_least=at_least)
-            require(getattr(self, name) == int(getattr(self, name)), self, name, getattr(self, name), "a whole number")
+            require_whole(self, name, at_least=at_least)
         require(self.elite <= self.samples, self, "elite", self.elite, "at most samples")
         require(self.horizon % self.knot_steps == 0, self, "horizon", self.horizon, "a multiple of knot_steps")
         require_number(self, "spread", above=0.0)

@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterable
 
 from rich.table import Table
 
-from pter_gym.errors import ParameterError
-from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym.paper.experiments.claims import STATEMENTS, Claim, check
 from pter_gym.paper.experiments.study import Study
 from pter_gym.paper.reproduce.figures import PRODUCTS, files_of
@@ -45,22 +43,6 @@ def results(
 def claims_json(claims: Iterable[Claim]) -> str:
     """Return the content of ``claims.json``: a list with one object per claim."""
     return json.dumps([claim.as_json() for claim in claims], indent=2, ensure_ascii=False) + "\n"
-
-
-def write(files: dict[str, bytes], out: FilePath) -> None:
-    """Write files to a folder, each whole or not at all.
-
-    Raises
-    ------
-    ParameterError
-        If one cannot be written; files that it would have replaced are as they were.
-    """
-    folder = find_path("out", out)
-    for name, content in files.items():
-        try:
-            write_bytes_atomic(folder / name, content)
-        except OSError as error:
-            raise ParameterError(f"out must be a folder that can be written to: {error}") from None
 
 
 def unmet_table(claims: Iterable[Claim]) -> Table:

@@ -5,6 +5,7 @@ One file each: what the user states (``specification``), what an agent sees (``o
 respect to its path (``situation``).
 """
 
+from pter_gym.tasks.path_following.ending import Reason, reason_of
 from pter_gym.tasks.path_following.observation import Sensors, observation_layout
 from pter_gym.tasks.path_following.reward import RewardWeights
 from pter_gym.tasks.path_following.specification import (
@@ -28,11 +29,13 @@ __all__ = [
     "STARTS",
     "TELEMETRY",
     "PathFollowing",
+    "Reason",
     "RewardWeights",
     "Sensing",
     "Sensors",
     "Starts",
     "check_machine",
     "observation_layout",
+    "reason_of",
     "substeps",
 ]

@@ -6,6 +6,7 @@ from typing import Annotated, Any, NamedTuple
 from pter_gym.compiled.records import Entry, layout_of, rows, width
 from pter_gym.hands import HandModel
 from pter_gym.params import PRESENT_CLUTCH, Machine
+from pter_gym.physics.limits import largest_energy
 from pter_gym.physics.model import Model, model_of
 from pter_gym.tasks.path_following.observation import FORCE_SCALE
 from pter_gym.tasks.path_following.reward import PACE_WINDOW, Terms
@@ -49,6 +50,7 @@ class TaskModel(NamedTuple):
     truncation_error: Annotated[float, Entry("m", "an episode is truncated this far from the path")]
     arrival: Annotated[float, Entry("m", "how near to the path its end counts as reached")]
     singularity_margin: Annotated[float, Entry("1", "smallest |sin(θA − θB)| of the workspace")]
+    energy_max: Annotated[float, Entry("J", "an episode ends as a failure above this kinetic energy")]
     start_offset: Annotated[float, Entry("m", "half-range of the start's normal offset")]
     starts: StartModel
     friction_drift: Annotated[float, Entry("1/s", "relative change of all clutch torques in a second")]
@@ -99,16 +101,25 @@ def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], rec
         Where the arcs of the path and the hand's recording begin in the array of constants, and how many there are.
     """
     hand = task.hand.model(task.pace, machine.substep, recording)
+    model = model_of(held_machine(task, machine))
     return Context(
-        machine=model_of(held_machine(task, machine)),
+        machine=model,
         hand=hand,
-        task=task_model(task, arcs),
+        task=task_model(task, arcs, largest_energy(model.arm, machine.substep, task.control_period)),
         told=told_of(task, machine, hand.push),
     )
 
 
-def task_model(task: PathFollowing, arcs: tuple[int, int]) -> TaskModel:
-    """Return the constants of a task whose path has its arcs at ``arcs``, first and count, in the constants."""
+def task_model(task: PathFollowing, arcs: tuple[int, int], energy_max: float) -> TaskModel:
+    """Return the constants of a task.
+
+    Parameters
+    ----------
+    task, arcs
+        As in ``context_of``.
+    energy_max
+        Kinetic energy that the arm may have [J].
+    """
     weights: Any = task.reward
     sensing = task.sensing
     return TaskModel(
@@ -119,6 +130,7 @@ def task_model(task: PathFollowing, arcs: tuple[int, int]) -> TaskModel:
         truncation_error=task.truncation_error,
         arrival=task.arrival,
         singularity_margin=task.singularity_margin,
+        energy_max=energy_max,
         start_offset=task.start_offset,
         starts=StartModel(task.starts.moving, task.starts.gripped, task.starts.offset),
         friction_drift=task.friction_drift,

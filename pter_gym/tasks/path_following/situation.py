@@ -71,6 +71,12 @@ def singular(q: Motion, margin: float) -> bool:
 
 
 @device
+def too_fast(kinetic_energy: float, energy_max: float) -> bool:
+    """Tell whether the arm has more kinetic energy [J] than the integrator can hold, or NaN."""
+    return not kinetic_energy <= energy_max
+
+
+@device
 def motion_at(arm: Linkage, x: float, y: float) -> Motion:
     """Return the arm at rest with the tip at (x, y) [m]; θB leads θA."""
     cos = (x * x + y * y - arm.length_a * arm.length_a - arm.length_b * arm.length_b) / (

@@ -12,6 +12,14 @@ from pter_gym.errors import ParameterError
 from pter_gym.hands import NO_HAND, MultiSineHand, Operator
 from pter_gym.params import Arm, Machine, quantity, require, require_kind, require_number
 from pter_gym.paths import Line, Path
+from pter_gym.physics.limits import (
+    LARGEST_CONDITION,
+    MOST_SUBSTEPS,
+    condition,
+    largest_energy,
+    largest_force,
+)
+from pter_gym.physics.model import model_of
 from pter_gym.tasks.path_following.observation import BOUND, ERROR_SCALE, SPEED_SCALE
 from pter_gym.tasks.path_following.reward import RewardWeights
 
@@ -23,6 +31,12 @@ SHARPEST = 0.9
 
 WIDEST = BOUND * ERROR_SCALE
 """Largest half-width of a workspace [m]: what an observation can tell."""
+
+ALONG = 2.0
+"""Largest speed along the path of an episode that begins moving, over the commanded pace."""
+
+ASIDE = 0.5
+"""Largest speed across the path of such an episode, over the commanded pace."""
 
 _PATH_SAMPLES = 257
 
@@ -138,11 +152,11 @@ def substeps(task: PathFollowing, machine: Machine) -> int:
     ratio = task.control_period / machine.substep
     count = round(ratio)
     require(
-        count >= 1 and abs(ratio - count) < 1e-9 * ratio,
+        1 <= count <= MOST_SUBSTEPS and abs(ratio - count) < 1e-9 * ratio,
         task,
         "control_period",
         task.control_period,
-        f"a whole multiple of the machine's substep {machine.substep:g} s",
+        f"a whole multiple of the machine's substep {machine.substep:g} s, at most {MOST_SUBSTEPS} times as long",
     )
     return count
 
@@ -170,7 +184,8 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
     ParameterError
         If a point of the path or a start off it lies outside the arm's reach or too near to a singular pose, the path
         bends so much that its centre of curvature is within the workspace, the substep does not divide the control
-        period, a sine is too fast for the substep, or the machine's hand has a spring, which would need an intent.
+        period, a sine is too fast for the substep, the machine's hand has a spring, which would need an intent, or the
+        arm may become faster than the integrator can hold (``pter_gym.physics.limits``).
     """
     substeps(task, machine)
     require(
@@ -183,10 +198,60 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
     require(
         machine.hand.stiffness == 0.0, machine, "hand.stiffness", machine.hand.stiffness, "0: this hand has no intent"
     )
-    held_machine(task, machine)
+    check_motion(task, machine)
     arm = machine.arm
     _check_path(task.path, task.error_max, task.singularity_margin, arm.length_a, arm.length_b)
     _check_start(task, arm)
+
+
+def check_motion(task: PathFollowing, machine: Machine) -> None:
+    """Check that the integrator can hold what the hand and the start make of an arm.
+
+    Raises
+    ------
+    ParameterError
+        If it cannot, or ``held_machine`` raises one.
+    """
+    arm, h, period = model_of(held_machine(task, machine)).arm, machine.substep, task.control_period
+    require(
+        condition(arm, h) <= LARGEST_CONDITION,
+        machine,
+        "arm",
+        machine.arm,
+        f"so far from singular that the mass matrix with the hand's mass and damping has a condition of at most "
+        f"{LARGEST_CONDITION:g}, not {condition(arm, h):.3g}",
+    )
+    force, most = strongest(task, machine), largest_force(arm, h, period)
+    require(
+        force <= most,
+        task,
+        "hand",
+        task.hand,
+        f"at most {most:.4g} N strong on this arm, not {force:.4g} N, for which the integrator could lose the motion "
+        "within a control step; a shorter substep or control_period allows more",
+    )
+    if task.starts.moving > 0.0:
+        fastest = task.pace * math.hypot(ALONG, ASIDE) / task.singularity_margin
+        omega_a, omega_b = fastest / arm.length_a, fastest / arm.length_b
+        energy = 0.5 * (arm.m11 * omega_a**2 + arm.m22 * omega_b**2) + abs(arm.coupling) * omega_a * omega_b
+        require(
+            energy <= largest_energy(arm, h, period),
+            task,
+            "starts",
+            task.starts,
+            "at rest, or moving with a smaller pace or a larger singularity_margin: the integrator could lose the "
+            "motion; a shorter substep or control_period allows more",
+        )
+
+
+def strongest(task: PathFollowing, machine: Machine) -> float:
+    """Return an upper bound of the force on the tip [N] that a task's hand can have on a machine."""
+    hand = task.hand.model(task.pace, machine.substep, (0, 0))
+    recorded = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
+    reach = machine.arm.length_a + machine.arm.length_b
+    held = task.hand.impedance
+    pull = held.stiffness * (2.0 * reach + hand.intent_lead) + held.damping * hand.intent_speed
+    return pull + math.hypot(abs(hand.push) + recorded[0], math.fsum(map(abs, hand.amplitude)) + recorded[1])
 
 
 @lru_cache(maxsize=4096)

@@ -5,10 +5,9 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 
 from pter_gym.errors import ParameterError
-from pter_gym.internal.files import FilePath, find_path, write_text_atomic
+from pter_gym.internal.files import FilePath, check_target, find_path, write_text_atomic
 from pter_gym.internal.terminal import progress_bar
 from pter_gym.paper.experiments.calibration.objective import TABLE_ONLY, Weights, misfit
 from pter_gym.paper.experiments.calibration.readings import table_of
@@ -78,7 +77,9 @@ def fit(arguments: FitArguments | None = None, start: Array | None = None) -> Fi
     Raises
     ------
     ParameterError
-        If an argument is out of its range. Nothing has been written.
+        If an argument is out of its range, or the file cannot be written. Nothing has been written.
+    StorageError
+        If the file cannot be written any more when the search is done; it says where the preset is.
     """
     arguments = FitArguments() if arguments is None else arguments
     if arguments.seed < 0 or arguments.budget < 3 * POPULATION:
@@ -86,13 +87,12 @@ def fit(arguments: FitArguments | None = None, start: Array | None = None) -> Fi
             f"fit needs seed ≥ 0 and budget ≥ {3 * POPULATION}, got seed {arguments.seed} and budget {arguments.budget}"
         )
     out = find_path("out", arguments.out)
-    if not out.resolve().parent.is_dir():
-        raise ParameterError(f"out must be a file in a folder that exists, got {str(out)!r}")
+    check_target("out", out)
     from scipy import optimize
 
     weights = TABLE_ONLY if arguments.held_out else Weights()
     generations = arguments.budget // POPULATION - 2
-    with progress_bar(Console(stderr=True)) as progress:
+    with progress_bar() as progress:
         bar = progress.add_task("fit", total=arguments.budget)
 
         def evaluate(points: Array) -> Array:

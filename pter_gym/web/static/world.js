@@ -50,9 +50,9 @@ export function placed(kernels, parts) {
 /**
  * One world by the arrays that the kernels work on.
  *
- * `config` and `constants` are as the records `Config` and `Context` of the package lay them out, with the observation's
- * scales and the tables of arcs and recordings behind them; `draws` is the number of contexts from which a reset draws;
- * `guides` says that the hand may have more than a push and sines.
+ * `config` and `constants` begin as the records `Config` and `Context` of the package lay them out; behind them are the
+ * scales of the observation, and the tables of arcs and recordings. `entries` is the number of an observation's entries,
+ * `draws` that of the contexts from which a reset draws. `guides` says that the hand may have more than a push and sines.
  */
 export class World {
   constructor(tables, kernels, { config, constants, entries, draws, guides }) {

@@ -13,7 +13,7 @@
 //     draw(env.telemetry.tip_x, env.telemetry.torque_1, env.seen.speed_along);
 //   }
 //
-// All numbers are in SI. Names, places and scales are those of pter.json, which is made from the package's declarations.
+// All numbers are in SI. Names, places and scales are those of pter.json, which the package's declarations make.
 
 import { pathThrough } from "./drawn.js";
 import { Network, readTensors } from "./network.js";
@@ -117,6 +117,7 @@ export class Environment {
   constructor(tables, kernels, settings) {
     this.tables = tables;
     this.settings = settings;
+    this.machine = find(tables.machines, "machine", settings.machine);
     this.#world = new World(tables, kernels, arraysOf(tables, settings));
     this.context = named(tables.places.context, this.#world.constants);
     this.state = this.#world.state;
@@ -129,17 +130,14 @@ export class Environment {
   adjust({ timeConstant, friction }) {
     const told = this.tables.told[this.settings.machine];
     const time = timeConstant ?? told.time_constant;
-    if (timeConstant !== undefined) require(time > 0 && time <= 10, "timeConstant", time, "within (0, 10] s");
-    if (friction !== undefined) require(friction > 0 && friction <= 10, "friction", friction, "within (0, 10]");
-    if (timeConstant !== undefined) {
-      const substep = this.#world.config[this.tables.places.config.substep];
-      for (const { machine } of [this.context, this.state]) machine.torque_decay = this.#world.kernels.decay(substep, time);
-      this.context.told.time_constant = time;
+    require(time > 0 && time <= 10, "timeConstant", time, "within (0, 10] s");
+    require(friction === undefined || (friction > 0 && friction <= 10), "friction", friction, "within (0, 10]");
+    for (const { machine } of [this.context, this.state]) {
+      if (timeConstant !== undefined) machine.torque_decay = this.#decay(timeConstant);
+      if (friction !== undefined) for (const clutch of Object.keys(machine.scale)) machine.scale[clutch] = friction;
     }
+    if (timeConstant !== undefined) this.context.told.time_constant = time;
     if (friction !== undefined) {
-      for (const { machine } of [this.context, this.state]) {
-        for (const clutch of Object.keys(machine.scale)) machine.scale[clutch] = friction;
-      }
       this.context.told.breakaway_factor = friction * told.breakaway_factor;
       this.context.told.dynamic_factor = friction * told.dynamic_factor;
     }
@@ -163,18 +161,20 @@ export class Environment {
    * Advance by one control period.
    *
    * volts  the voltages of the four clutches [V]
-   * force  with the hand "pointer", the force { x, y } on the tip [N] at the end of the period; it changes linearly along
-   *        and across the path from that of the last one. None by default.
+   * force  with the hand "pointer", the force { x, y } on the tip [N] at the end of the period; along and across the
+   *        path it changes linearly from that of the last period. None by default.
    *
-   * Returns observation (float32), reward, terminated, truncated, success and telemetry (float64); the arrays are copies.
+   * Returns observation (float32), reward, terminated, truncated, success and telemetry (float64); arrays are copies.
    */
   step(volts, force) {
-    if (this.state.alive === 0) throw new ResetNeededError("a reset is needed: none came before, or the episode has ended");
+    if (this.state.alive === 0) {
+      throw new ResetNeededError("a reset is needed: none came before, or the episode has ended");
+    }
     if (volts?.length !== 4) throw new ActionError(`volts must be four numbers, got ${volts}`);
     const pushed = this.#push(force);
     this.#world.volts.set(volts);
     if (this.#world.step()) {
-      throw new ActionError(`volts must be finite and within [0, ${this.state.machine.voltage_max}], got ${[...volts]}`);
+      throw new ActionError(`volts must be finite and within [0, ${this.machine.voltage_max}], got ${[...volts]}`);
     }
     if (pushed) {
       this.trial.along.push(pushed.along);
@@ -202,6 +202,13 @@ export class Environment {
     const { along, across } = this.trial;
     const rows = along.map((force, k) => `${k * this.tables.control_period},${force},${across[k]}`);
     return ["time,along,across", ...rows, ""].join("\n");
+  }
+
+  /** Return the part of the clutches' lag that a substep leaves. */
+  #decay(timeConstant) {
+    const { kernels, config } = this.#world;
+    const substep = config[this.tables.places.config.substep];
+    return timeConstant === null ? this.machine.torque_decay : kernels.decay(substep, timeConstant);
   }
 
   /** Write the force of the pointer at the end of the period to the hand's recording, and return it along the path. */

@@ -32,7 +32,7 @@ export function pathThrough(tables, kernels, stroke) {
   const places = tables.places.arc;
   const length = arcs.at(-1)[places.start] + arcs.at(-1)[places.length];
   const bend = Math.max(...arcs.map((arc) => Math.abs(arc[places.curvature])));
-  const error_max = Math.min(tables.width, tables.sharpest / bend);
+  const error_max = Math.min(tables.error_max, tables.sharpest / bend);
   if (!(error_max >= NARROWEST)) return "the path must not bend so sharply";
   const reached = Array.from({ length: SAMPLES }, (_, k) => {
     kernels.locate(table.byteOffset, 0, count, (length * k) / (SAMPLES - 1), point.byteOffset);

@@ -1,0 +1,154 @@
+"""Compile the simulator's kernels to WebAssembly: pter_gym/web/static/pter.wasm, and the tables that belong to it.
+
+Numba makes LLVM code of the kernels for this computer, unoptimised; LLVM makes an object for WebAssembly of it, and Zig
+(the package ``ziglang``) links it with the mathematical functions in ``functions.zig``.
+"""
+
+import os
+
+if __name__ == "__main__":  # before numba is imported
+    os.environ |= {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+
+import hashlib
+import json
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+
+from pter_gym.compiled.compiler import files_of
+from pter_gym.internal.files import write_bytes_atomic, write_text_atomic
+from pter_gym.web.kernels import KERNELS, Kernel
+from pter_gym.web.tables import MODULE, STATIC, TABLES, tables
+
+FUNCTIONS = Path(__file__).with_name("functions.zig")
+
+TRIPLE = "wasm32-unknown-unknown"
+DATA_LAYOUT = "e-m:e-p:32:32-p10:8:8-p20:8:8-i64:64-i128:128-n32:64-S128-ni:1:10:20"
+
+OPTIONS = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+INSTRUCTIONS = {"sqrt": "llvm.sqrt.f64", "floor": "llvm.floor.f64"}
+"""Functions that are exact instructions of WebAssembly."""
+
+LINKED = ("sin", "cos", "exp", "log", "atan2", "hypot")
+"""Functions that are linked in, under names of our own."""
+
+STACK = 1 << 16
+
+COUNTING = re.compile(r"^.*call void @NRT_(incref|decref)\(.*$", re.MULTILINE)
+"""Counts of references: the kernels' arrays are a page's memory, which nobody counts."""
+
+KINDS: dict[Any, str] = {numba.types.int32: "i32", numba.types.float64: "double"}
+
+
+def main(folder: Path) -> None:
+    """Write the module and its tables to a folder."""
+    module = linked(object_code())
+    text = as_text(module)
+    write_bytes_atomic(folder / MODULE.name, module)
+    write_text_atomic(folder / TABLES.name, text)
+    print(f"{MODULE.name}: {len(module)} bytes, {TABLES.name}: {len(text.encode())} bytes")
+
+
+def linked(code: bytes) -> bytes:
+    """Return the module that Zig makes of the kernels' object file."""
+    target = ["-target", "wasm32-freestanding", "-fno-entry", "--stack", str(STACK), "--export=__heap_base"]
+    exports = [f"--export={kernel.function.__name__}" for kernel in KERNELS]
+    with tempfile.TemporaryDirectory() as folder:
+        kernels, module = Path(folder) / "kernels.o", Path(folder) / "module.wasm"
+        kernels.write_bytes(code)
+        zig("build-exe", *target, str(kernels), *exports, f"-femit-bin={module}")
+        return module.read_bytes()
+
+
+def as_text(module: bytes) -> str:
+    """Return the tables of a module as JSON, with hashes of the module and of what it is made of."""
+    content = tables()
+    hashes = {"module": hashlib.sha256(module).hexdigest(), "sources": digest(content)}
+    return json.dumps({**hashes, **content}, ensure_ascii=False, separators=(",", ":"), allow_nan=False) + "\n"
+
+
+def digest(content: dict[str, Any]) -> str:
+    """Return a hash of the tables and of all files of which the module is made."""
+    reached = {name for kernel in KERNELS for name in files_of(kernel.function)}
+    sources = sorted(path for path in map(Path, reached) if path.is_file())  # what records write has none
+    found = hashlib.sha256(json.dumps(content).encode())
+    for source in (*sources, FUNCTIONS, Path(__file__)):
+        found.update(source.read_bytes())
+    return found.hexdigest()
+
+
+def zig(command: str, *arguments: str) -> None:
+    """Run Zig on the mathematical functions."""
+    release = ("-O", "ReleaseFast", "-fstrip", "-mcpu", "baseline")
+    subprocess.run([sys.executable, "-m", "ziglang", command, str(FUNCTIONS), *release, *arguments], check=True)
+
+
+def native_functions(path: Path) -> None:
+    """Write the shared library of the mathematical functions for this computer."""
+    zig("build-lib", "-dynamic", f"-femit-bin={path}")
+
+
+def object_code() -> bytes:
+    """Return the kernels as an object file for WebAssembly."""
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    modules = [llvm.parse_assembly(retargeted(kernel)) for kernel in KERNELS]
+    whole = modules[0]
+    for module in modules[1:]:
+        whole.link_in(module)
+    exported = {kernel.function.__name__ for kernel in KERNELS}
+    for function in whole.functions:
+        if not function.is_declaration and function.name not in exported:
+            function.linkage = "internal"
+    for variable in whole.global_variables:
+        variable.linkage = "internal"
+    machine = llvm.Target.from_triple(TRIPLE).create_target_machine(
+        cpu="generic", features="+bulk-memory", opt=3, reloc="static"
+    )
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    builder.getModulePassManager().run(whole, builder)
+    return machine.emit_object(whole)
+
+
+def retargeted(kernel: Kernel) -> str:
+    """Return the LLVM code of a kernel for WebAssembly, with a function of the kernel's own name to call it by."""
+    compiled: Any = numba.njit(kernel.value(*kernel.arguments), **OPTIONS)(kernel.function)
+    (signature,) = compiled.signatures
+    code: str = compiled.inspect_llvm(signature)
+    name: str = compiled.overloads[signature].fndesc.llvm_func_name
+    code = re.sub(r'target triple = ".*"', f'target triple = "{TRIPLE}"', code)
+    code = re.sub(r'target datalayout = ".*"', f'target datalayout = "{DATA_LAYOUT}"', code)
+    code = re.sub(r'"target-(cpu|features)"="[^"]*"', "", code)
+    code = COUNTING.sub("", code)
+    for function, instruction in INSTRUCTIONS.items():
+        code = code.replace(f"@{function}(", f"@{instruction}(")
+    for function in LINKED:
+        code = re.sub(rf"@(llvm\.)?{function}(\.f64)?\(", f"@pter_{function}(", code)
+    return code + entrance(kernel, name)
+
+
+def entrance(kernel: Kernel, name: str) -> str:
+    """Return the function by which a page calls a kernel: its arguments and its value, as they are."""
+    kinds = [KINDS.get(argument, "ptr") for argument in kernel.arguments]
+    given = "".join(f", {kind} %{number}" for number, kind in enumerate(kinds))
+    value = KINDS[kernel.value]
+    return f"""
+define {value} @{kernel.function.__name__}({given[2:]}) {{
+  %value = alloca {value}
+  %error = alloca ptr
+  %status = call i32 @{name}(ptr %value, ptr %error{given})
+  %result = load {value}, ptr %value
+  ret {value} %result
+}}
+"""
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else STATIC)

@@ -1,0 +1,43 @@
+"""``pter play``: the simulator in a page of the browser."""
+
+import webbrowser
+from typing import Annotated
+
+import tyro
+
+from pter_gym.errors import ParameterError
+from pter_gym.internal.terminal import say
+
+HIGHEST_PORT = 65535
+
+
+def play(
+    port: Annotated[int, tyro.conf.arg(metavar="NUMBER")] = 0,
+    open_browser: Annotated[bool, tyro.conf.arg(name="open")] = True,
+) -> None:
+    """Push the arm yourself, in a page of your browser.
+
+    You drag its handle, and the package's own kernels answer. This computer serves the page, to nobody else; no network
+    is needed. Ctrl-C ends it. Example: `pter play --no-open --port 8000`
+
+    Args:
+        port: Port of this computer that serves the page; 0 is any free one.
+        open_browser: Whether the page is opened; its address is printed either way.
+    """
+    from pter_gym.web.site import HOST, make_server
+
+    if not 0 <= port <= HIGHEST_PORT:
+        raise ParameterError(f"port must be a whole number within [0, {HIGHEST_PORT}], got {port}")
+    try:
+        server = make_server(port)
+    except OSError as error:
+        raise ParameterError(f"port must be one that is free, or 0 for any, got {port}: {error.strerror}") from None
+    address = f"http://{HOST}:{server.server_port}/"
+    with server:
+        say(f"{address}\nCtrl-C ends it.")
+        if open_browser:
+            webbrowser.open(address)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            say("ended")

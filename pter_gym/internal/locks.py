@@ -1,0 +1,38 @@
+"""Locks between processes, which end with the process that holds them."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from pter_gym.errors import ParameterError, StorageError
+
+
+@contextmanager
+def locked(path: Path, *, busy: str | None = None) -> Generator[None]:
+    """Hold a lock, which ends with its process at the latest.
+
+    Parameters
+    ----------
+    path
+        File of the lock, in a folder that exists; it stays.
+    busy
+        Message of the ParameterError that is raised where another process holds the lock; by default it is waited for.
+
+    Raises
+    ------
+    StorageError
+        If the file cannot be made.
+    """
+    lock = FileLock(path)
+    try:
+        lock.acquire(timeout=-1 if busy is None else 0)
+    except Timeout:
+        raise ParameterError(busy) from None
+    except OSError as error:
+        raise StorageError(f"{str(path)!r} cannot be locked: {error.strerror or error}") from error
+    try:
+        yield
+    finally:
+        lock.release()

@@ -1,0 +1,96 @@
+// Small traces of the last seconds of a trial, each on a canvas with its own scale.
+
+import { fitted } from "./scene.js";
+
+const SECONDS = 8;
+
+const FOUR = [1, 2, 3, 4];
+
+/** What is traced: lines by their colours, and how far the scale reaches at least. */
+const KINDS = {
+  error: {
+    lines: [{ colour: "trail", value: (trial, k) => 1000 * trial.at("normal_error", k) }],
+    least: 20,
+    signed: true,
+  },
+  volts: {
+    lines: FOUR.map((n) => ({ colour: `c${n}`, value: (trial, k) => trial.at(`volts_${n}`, k) })),
+    least: 24,
+    signed: false,
+  },
+  torques: {
+    lines: FOUR.map((n) => ({ colour: `c${n}`, value: (trial, k) => trial.at(`torque_${n}`, k) })),
+    least: 10,
+    signed: true,
+  },
+  energy: {
+    lines: [
+      { colour: "force", width: 5, value: (trial, k) => trial.ledger[k].hand },
+      { colour: "c1", value: (trial, k) => trial.ledger[k].clutches },
+      { colour: "link-a", value: (trial, k) => trial.ledger[k].kinetic },
+    ],
+    least: 1,
+    signed: false,
+  },
+};
+
+/** Draw the trace of a kind; with another trial beside it, that one is dashed. */
+export function drawTrace(canvas, kind, trial, other, palette) {
+  const { context, width, height } = fitted(canvas);
+  context.clearRect(0, 0, width, height);
+  if (kind === "mode") {
+    drawModes(context, width, height, trial, palette);
+    return;
+  }
+  const { lines, least, signed } = KINDS[kind];
+  const curves = lines.flatMap(({ colour, value, width: thick = 1.75 }) => [
+    { colour, thick, dash: [], points: sampled(trial, width, value) },
+    ...(other && kind === "error" ? [{ colour: "link-b", thick, dash: [5, 4], points: sampled(other, width, value) }] : []),
+  ]);
+  const most = Math.max(least, ...curves.flatMap(({ points }) => points.map(([, value]) => Math.abs(value))));
+  const zero = signed ? height / 2 : height - 2;
+  const scale = (zero - 3) / most;
+  context.strokeStyle = palette.groove;
+  context.lineWidth = 1;
+  context.beginPath();
+  context.moveTo(0, zero);
+  context.lineTo(width, zero);
+  context.stroke();
+  context.lineJoin = "round";
+  for (const { colour, thick, dash, points } of curves) {
+    context.lineWidth = thick;
+    context.strokeStyle = palette[colour];
+    context.setLineDash(dash);
+    context.beginPath();
+    for (const [x, value] of points) context.lineTo(x, zero - scale * value);
+    context.stroke();
+  }
+  context.setLineDash([]);
+}
+
+/** The dynamic modes as a band: empty where nothing is locked, a clutch's colour where it is, dark where all are. */
+function drawModes(context, width, height, trial, palette) {
+  const inks = [palette.groove, palette.c1, palette.c2, palette.c3, palette.c4, palette.ink];
+  const points = sampled(trial, width, (_, k) => trial.at("mode", k));
+  points.forEach(([x, mode], k) => {
+    const from = Math.round(x);
+    const end = Math.round(points[k + 1]?.[0] ?? x + 1);
+    context.fillStyle = inks[mode];
+    const top = mode === 0 ? height - 4 : 2;
+    context.fillRect(from, top, end - from, height - 2 - top);
+  });
+}
+
+/** Return points [x, value] of the last seconds, about one for each pixel. */
+function sampled(trial, width, value) {
+  const shown = SECONDS / trial.period;
+  const last = trial.rows.length - 1;
+  const first = Math.max(0, last - shown);
+  const step = Math.max(1, Math.floor(shown / width));
+  const points = [];
+  for (let k = first - (first % step) + (first % step ? step : 0); k < last; k += step) {
+    points.push([((k - first) / shown) * width, value(trial, k)]);
+  }
+  points.push([((last - first) / shown) * width, value(trial, last)]);
+  return points;
+}

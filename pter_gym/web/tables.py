@@ -1,0 +1,162 @@
+"""What a page has to know of the kernels and may choose from, as JSON: all of it from the package's declarations.
+
+Numbers in the module's memory are found by places: ``places(ROW)`` is the record of a world with row numbers in place
+of values. What a page chooses from (machines, hands, paths, laws, networks) are values in the same records.
+"""
+
+from dataclasses import asdict
+from types import MappingProxyType
+from typing import Any, cast
+
+import numpy as np
+
+from pter_gym.benchmark.measures import SEGMENTS
+from pter_gym.benchmark.naming import find_policy
+from pter_gym.benchmark.recorded import PRICE
+from pter_gym.benchmark.tuned import TUNED
+from pter_gym.compiled.layout import Layout
+from pter_gym.compiled.records import width
+from pter_gym.controllers import CONTROLLERS, Policy
+from pter_gym.engine.batch import Batch
+from pter_gym.engine.hand import INSTANT
+from pter_gym.engine.law import Memory
+from pter_gym.engine.world import CONFIG, ROW, ROWS
+from pter_gym.hands import MultiSineHand, Operator, RecordedForces
+from pter_gym.params import BASELINE, MACHINES
+from pter_gym.paths import Arc, Circle, Line, Path, Sine
+from pter_gym.paths.arcs import SEGMENT
+from pter_gym.paths.projection import SEGMENT_WIDTH
+from pter_gym.physics.friction import ClutchMode
+from pter_gym.policies import load_policy, shipped_policies
+from pter_gym.scenarios import PACES
+from pter_gym.scenarios.variations import WIDTH
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, check_machine
+from pter_gym.tasks.path_following.allowance import ALLOWANCE, START
+from pter_gym.tasks.path_following.context import CONTEXT, CONTEXT_WIDTH, context_of
+from pter_gym.tasks.path_following.specification import SHARPEST
+from pter_gym.web.kernels import MOST_ARCS
+from pter_gym.web.site import STATIC
+
+MODULE = STATIC / "pter.wasm"
+TABLES = STATIC / "pter.json"
+
+PATHS: MappingProxyType[str, Path] = MappingProxyType(
+    {"line": Line(), "arc": Arc(), "circle": Circle(), "sine": Sine()}
+)
+"""Paths by name."""
+
+POINTER = RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))
+"""A hand whose recording a page goes on writing while the world moves."""
+
+HANDS: MappingProxyType[str, Operator] = MappingProxyType({"paper": MultiSineHand(), "pointer": POINTER})
+"""Hands by name."""
+
+
+def tables() -> dict[str, Any]:
+    """Return all tables."""
+    return {**declarations(), **choices()}
+
+
+def declarations() -> dict[str, Any]:
+    """Return where everything is in the module's memory, and what it means."""
+    batch = pages_batch()
+    return {
+        "observation": fields(batch.layout),
+        "telemetry": fields(TELEMETRY),
+        "modes": [mode.name for mode in ClutchMode],
+        "places": {
+            "world": places(ROW),
+            "config": places(CONFIG),
+            "context": places(CONTEXT),
+            "arc": places(SEGMENT),
+        },
+        "widths": {
+            "world": ROWS,
+            "telemetry": len(TELEMETRY),
+            "context": CONTEXT_WIDTH,
+            "arc": SEGMENT_WIDTH,
+            "instant": INSTANT,
+            "memory": width(Memory),
+            "arcs": MOST_ARCS,
+        },
+    }
+
+
+def choices() -> dict[str, Any]:
+    """Return what a page may choose from."""
+    batch = pages_batch()
+    config = batch.device_arrays()["config"]
+    return {
+        "config": [value if np.isfinite(value) else None for value in config.tolist()],
+        "error_max": WIDTH,
+        "sharpest": SHARPEST,
+        "control_period": batch.task.control_period,
+        "paces": dict(PACES),
+        "scoring": {"segments": SEGMENTS, "price": PRICE, "allowance": ALLOWANCE, "start": START},
+        "machines": {name: part(machine=name, record="machine") for name in MACHINES},
+        "told": {name: part(machine=name, record="told") for name in MACHINES},
+        "hands": {name: part(hand=hand, record="hand") for name, hand in HANDS.items()},
+        "task": part(record="task"),
+        "paths": {name: path_table(path) for name, path in PATHS.items()},
+        "laws": {name: laws(name, batch.layout) for name in (*CONTROLLERS, *TUNED)},
+        "policies": {name: network(name, batch.layout) for name in shipped_policies()},
+    }
+
+
+def pages_batch() -> Batch:
+    """Return a world as a page has it: with all sensors, voltages as actions and no time limit."""
+    return Batch(BASELINE, PathFollowing(), 1, sensors="force")
+
+
+def fields(layout: Layout) -> list[dict[str, Any]]:
+    """Return names, units, meanings and scales."""
+    return [asdict(field) for field in layout.fields]
+
+
+def places(record: Any) -> Any:
+    """Return a record as nested objects, by the names of its entries."""
+    if not isinstance(record, tuple):
+        return record
+    return {name: places(value) for name, value in cast(Any, record)._asdict().items()}
+
+
+def part(record: str, machine: str = "baseline", hand: Operator = POINTER) -> Any:
+    """Return a part of the context of a machine and a hand, whose recording has one instant if it is one."""
+    task = PathFollowing(hand=hand)
+    return places(getattr(context_of(task, MACHINES[machine], (0, 0), (0, 1)), record))
+
+
+def path_table(path: Path) -> dict[str, Any]:
+    """Return the arcs of a path, and how wide the workspace about it is [m]."""
+    task = PathFollowing(path=path) if path.max_curvature == 0.0 else PathFollowing(path=path, error_max=WIDTH)
+    check_machine(task, BASELINE)
+    return {"arcs": path.arcs.table.tolist(), "length": path.length, "error_max": task.error_max}
+
+
+def laws(name: str, layout: Layout) -> dict[str, list[float]]:
+    """Return the gains of a law for each of the scenarios whose gains a page uses."""
+    return {scenario: gains(find_policy(name, scenario=scenario), layout) for scenario in ("standard", "paths")}
+
+
+def gains(controller: Any, layout: Layout) -> list[float]:
+    """Return the gains of a controller on the paper's machine, as its compiled law reads them."""
+    bound: Policy = controller.bind(BASELINE, layout)
+    return bound.gains.tolist()
+
+
+def network(name: str, layout: Layout) -> dict[str, Any]:
+    """Return all but the weights of a trained policy: what its card says that acts, and its base's gains."""
+    card = load_policy(name).card
+    interface = card.interface
+    return {
+        "observation": [entry for entry, _, _ in card.observation],
+        "inputs": [asdict(entry) for entry in interface.inputs],
+        "reach": interface.reach,
+        "history": interface.history,
+        "averages": interface.averages,
+        "normalised": interface.normalised,
+        "base": None if interface.base is None else gains(interface.base.schedule(), layout),
+        "voltage_max": card.voltage_max,
+        "squashed": card.squashed,
+        "shapes": card.shapes,
+    }

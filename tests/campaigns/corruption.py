@@ -1,0 +1,270 @@
+"""Damage to files of any format: to their bytes, to what they write as text, and to what is packed in them."""
+
+import gzip
+import io
+import re
+import warnings
+import zipfile
+import zlib
+from collections.abc import Callable, Sequence
+from functools import cache
+from random import Random
+
+Change = Callable[[bytes], bytes]
+"""From the content of a file, or of what is packed in one, to other content."""
+
+Inside = Callable[[bytes, Random, Change], bytes]
+"""Changes what is packed in a file, and packs it again as it should be."""
+
+WORD = 4
+
+HUGE_FILE, BOMB = 1 << 25, 1 << 29
+"""Bytes of a file that is too large, and of what a bomb holds."""
+
+DENSE = 3 << 20
+"""Bytes of a text that is full of small values, not too large to be parsed."""
+
+METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
+
+NUMBER = re.compile(rb"-?\d+(\.\d+)?([eE][+-]?\d+)?")
+TEXT = re.compile(rb'"[^"\n]*"')
+PART = re.compile(rb"[^,\n]+[,\n]")
+"""What a comma or the end of a line ends: a name and its value, a row, an entry."""
+
+NUMBERS = (
+    *(b"NaN", b"Infinity", b"-Infinity", b"nan", b"inf", b"-inf", b"1e999", b"-1e999"),
+    *(b"0", b"-0.0", b"-1", b"1e308", b"1e-320", b"0.5", b"1_0", b"0x10", b"2147483648", b"18446744073709551616"),
+    *(b"9" * 30, b"9" * 400, b"9" * 5000, b"1" + b"0" * 300 + b".5", b"true", b"null", b'"3"', b"[]", b"{}", b"[[1]]"),
+    *("\uff11".encode(), b"1979-05-27", b"1,5"),
+)
+"""What a number may become."""
+
+TEXTS = (
+    *(b'""', b'"\\ud800"', b'"\\udc00\\ud800"', b'"\\u0000"', b'"\xed\xa0\x80"', b'"\xff"', b'"../../etc/passwd"'),
+    *(
+        b'"__class__"',
+        b'"' + b"x" * 100_000 + b'"',
+        b'"\\u001b[2J"',
+        b"3",
+        b"null",
+        b"[]",
+        b'{"type": "Machine"}',
+        b'"."',
+    ),
+    *(b'"a"."b"', b"'", b'"""', b'"O"', b"'|O'", b"'<f8'", b"'|V0'"),
+)
+"""What a text may become."""
+
+
+def corrupted(data: bytes, rng: Random, insides: Sequence[Inside]) -> bytes:
+    """Return data with one to three damages, each outside or in what is packed there."""
+    for _ in range(rng.choice((1, 1, 1, 2, 3))):
+        change = rng.choice(CHANGES)
+        within = bool(insides) and rng.random() < 0.6
+        data = _inside(data, rng, rng.choice(insides), change) if within else change(data, rng)
+    return data
+
+
+def _inside(data: bytes, rng: Random, inside: Inside, change: Callable[[bytes, Random], bytes]) -> bytes:
+    """Return data with damage inside, or outside where an earlier damage has left nothing to unpack."""
+    try:
+        return inside(data, rng, lambda content: change(content, rng))
+    except Exception:  # noqa: BLE001  (what cannot be unpacked any more)
+        return change(data, rng)
+
+
+# bytes
+
+
+def cut(data: bytes, rng: Random) -> bytes:
+    """Leave the rest out."""
+    return data[: rng.randrange(len(data) + 1)]
+
+
+def flip(data: bytes, rng: Random) -> bytes:
+    """Flip some bits."""
+    found = bytearray(data or b"\0")
+    for _ in range(rng.choice((1, 1, 2, 8, 64))):
+        found[rng.randrange(len(found))] ^= 1 << rng.randrange(8)
+    return bytes(found)
+
+
+def overwrite(data: bytes, rng: Random) -> bytes:
+    """Write a word that is small, huge or anything, as a size would be."""
+    at = rng.randrange(len(data) + 1)
+    word = rng.choice((bytes(8), b"\xff" * WORD, b"\xff" * 7 + b"\x7f", b"\0\0\0\x80", rng.randbytes(WORD)))
+    return data[:at] + word + data[at + len(word) :]
+
+
+def swap_words(data: bytes, rng: Random) -> bytes:
+    """Swap two words, such as sizes."""
+    if len(data) < 2 * WORD:
+        return data[::-1]
+    one, two = sorted(rng.sample(range(len(data) - WORD + 1), 2))
+    two = max(two, one + WORD)
+    return data[:one] + data[two : two + WORD] + data[one + WORD : two] + data[one : one + WORD] + data[two + WORD :]
+
+
+def leave_out(data: bytes, rng: Random) -> bytes:
+    """Leave some out."""
+    at = rng.randrange(len(data) + 1)
+    return data[:at] + data[at + rng.choice((1, 1, 2, 16, 300)) :]
+
+
+def repeat(data: bytes, rng: Random) -> bytes:
+    """Write a piece twice or more."""
+    at = rng.randrange(len(data) + 1)
+    return data[:at] + data[at : at + rng.choice((1, 2, 16, 300))] * rng.choice((2, 2, 3, 50)) + data[at:]
+
+
+def insert(data: bytes, rng: Random) -> bytes:
+    """Write any bytes between."""
+    at = rng.randrange(len(data) + 1)
+    return data[:at] + rng.randbytes(rng.choice((1, 2, 8, 100))) + data[at:]
+
+
+def other(data: bytes, rng: Random) -> bytes:
+    """Write something else altogether."""
+    return rng.choice(
+        (
+            b"",
+            b"\0" * len(data),
+            b"\xff\xfe",
+            b"\xef\xbb\xbf" + data,
+            data[::-1],
+            data + data,
+            b"[]",
+            b"{}",
+            b"3",
+            b"null",
+        )
+    )
+
+
+def enlarge(data: bytes, rng: Random) -> bytes:
+    """Make a file too large, or one that is full; seldom, as it takes long."""
+    if rng.random() < 0.9:
+        return data + bytes(rng.choice((1, 100)))
+    piece = rng.choice((b"[],", b'{"":0},', b"1,", b"a=1\n", b"[[a]]\n", b"{},", b"0,0,0\n", b"a.a.a.a.a=1\n"))
+    return rng.choice(
+        (b" " * HUGE_FILE, b"[" + piece * (DENSE // len(piece)) + b"0]", piece * (DENSE // len(piece)), data * 2000)
+    )
+
+
+# text
+
+
+def other_number(data: bytes, rng: Random) -> bytes:
+    """Write another number, or what is none."""
+    return _replaced(data, rng, NUMBER, rng.choice(NUMBERS))
+
+
+def other_text(data: bytes, rng: Random) -> bytes:
+    """Write another text, or what is none."""
+    return _replaced(data, rng, TEXT, rng.choice(TEXTS))
+
+
+def exchanged(data: bytes, rng: Random) -> bytes:
+    """Write a text that is elsewhere in place of one."""
+    return _replaced(data, rng, TEXT, rng.choice([match[0] for match in TEXT.finditer(data)] or [b'""']))
+
+
+def nested(data: bytes, rng: Random) -> bytes:
+    """Nest a value, a little or deeply."""
+    levels = rng.choice((1, 2, 9, 20, 150, 2000, 100_000))
+    open_, close = rng.choice(((b"[", b"]"), (b'{"a":', b"}"), (b"{a=", b"}"), (b"(", b")")))
+    return _replaced(data, rng, rng.choice((NUMBER, TEXT)), open_ * levels + b"1" + close * rng.choice((0, levels)))
+
+
+def twice(data: bytes, rng: Random) -> bytes:
+    """Write an entry, a row, or a name with its value twice."""
+    return _rewritten(data, rng, PART, lambda found: found + found)
+
+
+def without(data: bytes, rng: Random) -> bytes:
+    """Leave an entry, a row, or a name with its value out."""
+    return _rewritten(data, rng, PART, lambda _: b"")
+
+
+def dotted(data: bytes, rng: Random) -> bytes:
+    """Make a name long, of many parts."""
+    return _rewritten(data, rng, PART, lambda found: b".".join([b"a"] * rng.choice((3, 50, 3000))) + found)
+
+
+def _replaced(data: bytes, rng: Random, kind: "re.Pattern[bytes]", by: bytes) -> bytes:
+    return _rewritten(data, rng, kind, lambda _: by)
+
+
+def _rewritten(data: bytes, rng: Random, kind: "re.Pattern[bytes]", change: Change) -> bytes:
+    """Return data with one match of a kind rewritten, the next one behind any place."""
+    match = kind.search(data, rng.randrange(len(data) + 1)) or kind.search(data)
+    return data if match is None else data[: match.start()] + change(match[0]) + data[match.end() :]
+
+
+CHANGES: tuple[Callable[[bytes, Random], bytes], ...] = (
+    *(cut, flip, overwrite, swap_words, leave_out, repeat, insert, other, enlarge),
+    *(other_number, other_number, other_text, exchanged, nested, twice, without, dotted),
+)
+
+
+# packed
+
+
+@cache
+def bomb(wbits: int) -> bytes:
+    """Return half a gigabyte of zeros, packed."""
+    packer = zlib.compressobj(9, zlib.DEFLATED, wbits)
+    return b"".join(packer.compress(bytes(1 << 20)) for _ in range(BOMB >> 20)) + packer.flush()
+
+
+def in_gzip(data: bytes, rng: Random, change: Change) -> bytes:
+    """Change what is in a file of gzip, or put a bomb in its place."""
+    if rng.random() < 0.02:
+        return bomb(31)
+    return gzip.compress(change(gzip.decompress(data)), 1)
+
+
+def in_archive(data: bytes, rng: Random, change: Change) -> bytes:
+    """Change a part of an archive, write one twice, under another name, or with a bomb in it."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        parts = [(part.filename, archive.read(part), part.compress_type) for part in archive.infolist()]
+    k = rng.randrange(len(parts))
+    name, content, method = parts[k]
+    way = rng.random()
+    if way < 0.8:
+        parts[k] = name, change(content), method
+    elif way < 0.9:
+        parts.insert(k, (rng.choice((name, "../" + name, "x.npy", name[:-4])), content, method))
+    elif way < 0.97:
+        parts[k] = (
+            name,
+            content,
+            rng.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)),
+        )
+    else:
+        parts.append(("bomb.npy", content[:128], zipfile.ZIP_DEFLATED))
+    return _archive(parts)
+
+
+def _archive(parts: Sequence[tuple[str, bytes, int]]) -> bytes:
+    """Return an archive; what is called a bomb has much behind it."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", compresslevel=1) as archive, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # names that are there twice
+        for name, content, method in parts:
+            info = zipfile.ZipInfo(name)
+            info.compress_type = method
+            with archive.open(info, "w") as part:
+                part.write(content)
+                for _ in range(BOMB >> 20 if name == "bomb.npy" else 0):
+                    part.write(bytes(1 << 20))
+    return stream.getvalue()
+
+
+def in_header(data: bytes, rng: Random, change: Change) -> bytes:
+    """Change the header of a file of weights, of which the first eight bytes say the length."""
+    size = int.from_bytes(data[:8], "little")
+    header = change(data[8 : 8 + size])
+    if rng.random() < 0.8:
+        header += b" " * (-len(header) % 8)
+    return len(header).to_bytes(8, "little") + header + data[8 + size :]

@@ -1,0 +1,254 @@
+"""Read damaged files of each format: only typed errors, in bounded time and memory, and nothing is executed.
+
+    python -m tests.campaigns.files --variants 2000 --page docs/robustness.md
+
+Each variant follows from the seed, the format and its number alone. It is read in this process, under an audit hook
+that knows what the reading of good files does; whatever else a variant does is a finding. So are an error of another
+kind, a warning, and a variant that takes more than ``MOST_SECONDS`` of processor time or ``MOST_MEMORY``.
+"""
+
+import argparse
+import os
+import resource
+import signal
+import sys
+import tempfile
+import time
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from pter_gym.errors import PterError
+
+from .corruption import corrupted
+from .formats import Format, LeftOut, formats
+
+MOST_SECONDS = 1.0
+MOST_MEMORY = 256 << 20
+"""Processor time and memory [B] of a reading, beyond what the process has before."""
+
+HANG = 120
+"""Seconds after which a reading is interrupted, on a computer that may be busy."""
+
+ADDRESSES = 4 << 30
+"""Address space that the process may take beyond what it has [B], so that a header cannot take all memory."""
+
+WARM = 3
+"""Good readings that tell what reading does, and damaged ones beforehand that load what messages need."""
+
+
+class HangError(BaseException):
+    """A reading does not end; no ordinary ``except`` takes it for a complaint."""
+
+
+@dataclass
+class Figures:
+    """What came of a format."""
+
+    name: str
+    refused: "Counter[str]" = field(default_factory=Counter)
+    accepted: int = 0
+    seconds: float = 0.0
+    memory: int = 0
+    findings: list[str] = field(default_factory=list)
+
+    @property
+    def variants(self) -> int:
+        """How many were read."""
+        return self.accepted + sum(self.refused.values())
+
+
+HARMLESS = "builtins.id"
+"""An event of the audit hook that executes nothing: somebody asks for an object's address, as some messages do."""
+
+
+class Auditor:
+    """Hears what Python does while a file is read; a hook stays as long as the process."""
+
+    def __init__(self) -> None:
+        self._heard: set[tuple[str, ...]] | None = None
+        sys.addaudithook(self._hear)
+
+    def _hear(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if self._heard is not None and event != HARMLESS:
+            details = arguments if event in ("open", "import", "os.remove", "os.rename", "os.mkdir") else ()
+            self._heard.add((event, *map(str, details[:3] if event == "open" else details[:1])))
+
+    @contextmanager
+    def listening(self) -> Iterator[set[tuple[str, ...]]]:
+        """Collect what is heard."""
+        heard = self._heard = set()
+        try:
+            yield heard
+        finally:
+            self._heard = None
+
+
+def campaign(
+    folder: Path, variants: int, *, first: int = 0, seed: int = 0, only: Sequence[str] = ()
+) -> Iterator[Figures]:
+    """Read so many variants of each format, and yield what came of it."""
+    auditor = Auditor()
+    kinds = formats(folder)
+    _limit_addresses()
+    for kind in kinds:
+        if not only or kind.name in only:
+            yield _tried(kind, auditor, range(first, first + variants), seed)
+
+
+def _tried(kind: Format, auditor: Auditor, numbers: range, seed: int) -> Figures:
+    """Read variants of a format; its file is good again afterwards."""
+    found = Figures(kind.name)
+    beside = {path: path.read_bytes() for path in kind.file.parent.iterdir() if path.is_file()}
+    known = _known(kind, auditor, seed)
+    for number in numbers:
+        _damage(kind, Random(f"{seed} {kind.name} {number}"), beside)
+        told = _read(kind, auditor, known, found)
+        found.findings += [f"{kind.name} {number}: {each}" for each in told]
+    _restore(beside)
+    kind.prepare()
+    kind.read()
+    return found
+
+
+def _known(kind: Format, auditor: Auditor, seed: int) -> set[tuple[str, ...]]:
+    """Return what the reading of the good file does, after everything that messages need is loaded."""
+    data = kind.file.read_bytes()
+    for damaged in (b"", data[: len(data) // 2], data.replace(b"a", b"b")):
+        kind.file.write_bytes(damaged)
+        kind.prepare()
+        with suppress(PterError, LeftOut):
+            kind.read()
+    kind.file.write_bytes(data)
+    with auditor.listening() as known:
+        for _ in range(WARM):
+            kind.prepare()
+            kind.read()
+    return known
+
+
+def _damage(kind: Format, rng: Random, beside: dict[Path, bytes]) -> None:
+    """Write a variant; half of them with what vouches for them."""
+    _restore(beside)
+    data = corrupted(beside[kind.file], rng, kind.insides)
+    kind.file.write_bytes(data)
+    if rng.random() < 0.5:
+        kind.seal(data)
+
+
+def _restore(files: dict[Path, bytes]) -> None:
+    for path, data in files.items():
+        path.write_bytes(data)
+
+
+def _read(kind: Format, auditor: Auditor, known: set[tuple[str, ...]], found: Figures) -> list[str]:
+    """Read what is there, count what came of it, and return what should not have been."""
+    kind.prepare()
+    findings: list[str] = []
+    before = _forget_peak()
+    begun = time.process_time()
+    with auditor.listening() as heard, _alarm():
+        try:
+            kind.read()
+            found.accepted += 1
+        except (PterError, LeftOut) as error:
+            found.refused[type(error).__name__] += 1
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt):
+                raise
+            found.refused[type(error).__name__] += 1
+            findings.append(f"{type(error).__name__}: {error!s:.200}")
+    seconds, memory = time.process_time() - begun, _peak() - before
+    found.seconds, found.memory = max(found.seconds, seconds), max(found.memory, memory)
+    findings += [f"it does {' '.join(each):.200}" for each in sorted(heard - known)]
+    if seconds > MOST_SECONDS:
+        findings.append(f"it takes {seconds:.2f} s")
+    if memory > MOST_MEMORY:
+        findings.append(f"it takes {memory >> 20} MB")
+    return findings
+
+
+@contextmanager
+def _alarm() -> Iterator[None]:
+    """Interrupt what does not end."""
+
+    def ring(_number: int, _frame: object) -> None:
+        raise HangError(f"it does not end within {HANG} s")
+
+    signal.signal(signal.SIGALRM, ring)
+    signal.alarm(HANG)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+
+
+def _forget_peak() -> int:
+    """Let Linux forget how much memory the process had at most, and return what it has now [B]."""
+    Path("/proc/self/clear_refs").write_text("5")
+    return _status("VmRSS")
+
+
+def _peak() -> int:
+    """Return how much memory the process had at most since then [B]."""
+    return _status("VmHWM")
+
+
+def _status(name: str) -> int:
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return 1024 * int(next(line for line in lines if line.startswith(name)).split()[1])
+
+
+def table_of(figures: Sequence[Figures]) -> str:
+    """Return the figures as a table in Markdown."""
+    lines = [
+        "| Format | Variants | Refused | Still good | Longest [ms] | Most memory [MB] | Findings |",
+        "|---|---:|---:|---:|---:|---:|---:|",
+    ]
+    for each in figures:
+        refused = sum(each.refused.values())
+        lines.append(
+            f"| {each.name} | {each.variants:,} | {refused:,} | {each.accepted:,} | {1000 * each.seconds:.0f} | "
+            f"{each.memory / 2**20:.0f} | {len(each.findings)} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the campaign and return 1 if there are findings."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--variants", type=int, default=100, help="of each format")
+    parser.add_argument("--first", type=int, default=0, help="number of the first one")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", action="append", default=[], help="a format; may be given several times")
+    parser.add_argument("--page", type=Path, help="page to write the table into, between <!-- files --> markers")
+    given = parser.parse_args(arguments)
+    warnings.simplefilter("error")
+    figures: list[Figures] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for each in campaign(Path(folder), given.variants, first=given.first, seed=given.seed, only=given.only):
+            figures.append(each)
+            print(f"{each.name}: {each.variants}, refused {dict(each.refused)}, still good {each.accepted}", flush=True)
+            print(*each.findings, sep="\n", end="\n" if each.findings else "", flush=True)
+    print(table_of(figures))
+    if given.page:
+        from docs.make.pages import write_block
+
+        write_block(given.page, "files", table_of(figures))
+    return int(any(each.findings for each in figures))
+
+
+def _limit_addresses() -> None:
+    """Take no more address space than what there is and ``ADDRESSES``."""
+    most = _status("VmSize") + ADDRESSES
+    resource.setrlimit(resource.RLIMIT_AS, (most, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    sys.exit(main())

@@ -1,0 +1,157 @@
+"""The campaign of faults: its operators, its list of equal faults, and a run on a small package."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from campaigns import mutation
+from campaigns.mutants import mutants_of
+
+FOLDER = Path(mutation.__file__).parent
+
+CODE = '''\
+"""A module."""
+
+LIMIT = 3
+
+
+def larger(x: int, y: int = 1) -> int:
+    """Return the larger one."""
+    return x if x > y else y
+
+
+def unreached(x: int) -> int:
+    return x * 2
+'''
+
+TESTS = """\
+from toy.code import larger
+
+def test_larger():
+    assert larger(2, 1) == 2
+    assert larger(1, 2) == 2
+"""
+
+DRIVER = """\
+import json, sys
+from pathlib import Path
+import mutation
+campaign = mutation.Campaign(Path(sys.argv[1]), Path(sys.argv[2]))
+source = (campaign.root / "toy/code.py").read_text()
+cases = campaign.measure(["tests/test_toy.py"], ["toy/code.py"], 5.0)
+found = mutation.mutants_of("toy/code.py", source)
+outcomes = campaign.try_all([(mutant, mutation.choose(mutant, cases, 5.0)) for mutant in found])
+print(json.dumps({outcome.mutant.change: outcome.outcome for outcome in outcomes}))
+"""
+
+
+def changes(source: str) -> list[str]:
+    return [mutant.change for mutant in mutants_of("file.py", source)]
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("y = a + b", ["a + b → a - b"]),
+        ("y = a < b", ["a < b → a <= b", "a < b → a >= b"]),
+        ("y = a <= x < b", ["a <= x < b → a < x < b", "a <= x < b → a > x < b"]),
+        ("y = not a", ["not a → a"]),
+        ("y = -a", ["-a → a"]),
+        ("y = True", ["True → False"]),
+        ("y = 2.5", ["2.5 → 3.5"]),
+        ("y = min(a, b)", ["min → max"]),
+        ("y = abs(a)", ["abs(a) → a"]),
+        ("y += a", ["y += a → y -= a"]),
+        ("a.b = c", ["a.b = c → pass"]),
+        ("a.append(b)", ["a.append(b) → pass"]),
+        ("raise ValueError(1 + 2)", ["raise ValueError(1 + 2) → pass"]),
+        ("if a: b = c", ["a → not a"]),
+        ("y = b if a else c", ["a → not a"]),
+    ],
+)
+def test_each_operator(source: str, expected: list[str]):
+    found = changes(source)
+    assert set(expected) <= set(found)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        '"""A text of 1 + 2."""',
+        "import a",
+        "def f(x: int | None) -> int | None: return x",
+        "assert a",
+        "class A:\n    def __repr__(self): return 1 + 2",
+        "y = f'{a + b}'",
+        "print(a)",
+        "Alias = int | str",
+    ],
+)
+def test_what_says_nothing_gives_no_fault(source: str):
+    assert changes(source) == []
+
+
+def test_a_change_is_one_place_of_the_text():
+    source = "θ = (a +\n     b) * 2  # θ\nz = 1\n"
+    found = {mutant.change: mutant for mutant in mutants_of("file.py", source)}
+    assert found["a + b → a - b"].source == "θ = ((a - b)) * 2  # θ\nz = 1\n"
+    assert found["a + b → a - b"].lines == range(1, 3)
+
+
+@pytest.mark.parametrize("file", ["pter_gym/physics/arm.py", "pter_gym/internal/codec.py"])
+def test_faults_of_a_file_compile_and_have_names_of_their_own(file: str):
+    source = (mutation.ROOT / file).read_text("utf-8")
+    found = mutants_of(file, source)
+    assert len({mutant.name for mutant in found}) == len(found) > 20
+    for mutant in found:
+        compile(mutant.source, file, "exec")
+        assert mutant.source != source
+
+
+def test_equal_faults_are_there_and_have_reasons():
+    equal = mutation.known_equal()
+    files = {name.partition(" | ")[0] for name in equal}
+    there = {mutant.name for file in files for mutant in mutants_of(file, (mutation.ROOT / file).read_text("utf-8"))}
+    assert equal.keys() <= there
+    assert all(len(why.split()) > 3 for why in equal.values())
+
+
+def test_every_pattern_of_a_room_has_files():
+    for patterns in mutation.ROOMS.values():
+        assert all(list(mutation.ROOT.glob(pattern)) for pattern in patterns)
+
+
+def test_a_share_has_an_interval():
+    assert mutation.share(0, 0) == ""
+    assert mutation.share(95, 100) == "95.0 (88.8 … 97.8)"
+
+
+def test_quickest_test_of_each_function_comes_first():
+    (mutant, *_) = mutants_of("f.py", "def f(a, b):\n    return a + b\n")
+    assert (mutant.lines, mutant.at_import) == (range(2, 3), False)
+    names = [("t::a[1]", 1.0, 2), ("t::a[2]", 0.5, 2), ("t::b", 2.0, 2), ("t::c", 0.1, 1)]
+    cases = [mutation.Case(name, seconds, {"f.py": frozenset([line])}) for name, seconds, line in names]
+    assert [case.name for case in mutation.choose(mutant, cases, 9.0)] == ["t::a[2]", "t::b", "t::a[1]"]
+    assert [case.name for case in mutation.choose(mutant, cases, 1.0)] == ["t::a[2]"]
+
+
+@pytest.mark.slow
+def test_a_campaign_tells_what_is_killed_survives_or_is_unreached(tmp_path: Path):
+    for name, text in {"toy/__init__.py": "", "toy/code.py": CODE, "tests/test_toy.py": TESTS}.items():
+        (tmp_path / "root" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "root" / name).write_text(text, "utf-8")
+    subprocess.run(["git", "init", "-q", tmp_path / "root"], check=True)
+    command = [sys.executable, "-c", DRIVER, tmp_path / "root", tmp_path / "work"]
+    done = subprocess.run(command, cwd=FOLDER, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout.splitlines()[-1]) == {
+        "3 → 4": "survived",
+        "1 → 2": "survived",
+        "x > y → x >= y": "survived",
+        "x > y → x <= y": "killed",
+        "x * 2 → x / 2": "unreached",
+        "2 → 3": "unreached",
+    }

@@ -1,0 +1,160 @@
+"""What is printed comes out whatever the terminal is, and never costs a result."""
+
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.table import Table
+
+from pter_gym.commands.main import commands, main
+from pter_gym.internal.terminal import progress_bar, say, terminal
+
+PTER = [sys.executable, "-m", "pter_gym.commands.main"]
+
+
+class Ascii(io.TextIOWrapper):
+    """A terminal that knows letters without accents alone."""
+
+    def __init__(self) -> None:
+        super().__init__(io.BytesIO(), encoding="ascii", write_through=True)
+
+    @property
+    def shown(self) -> str:
+        return self.buffer.getvalue().decode("ascii")  # type: ignore[attr-defined]
+
+
+def ascii_terminal(monkeypatch: pytest.MonkeyPatch) -> Ascii:
+    """Print to a terminal for ASCII alone; pytest's own one comes back between a fixture and its test."""
+    stream = Ascii()
+    monkeypatch.setattr("sys.stdout", stream)
+    monkeypatch.setattr("sys.stderr", stream)
+    return stream
+
+
+def test_a_terminal_shows_what_it_does_not_know_by_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = ascii_terminal(monkeypatch)
+    say("wrote [/b] τ \udcff.npz")
+    assert stream.shown == "wrote [/b] \\u03c4 \\udcff.npz\n"
+
+
+def test_tables_and_errors_come_out_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = ascii_terminal(monkeypatch)
+    table = Table("τ \\[s]", title="±5 %")
+    table.add_row("θ")
+    terminal().print(table)
+    assert main(["tune", "impedänce"]) == 2
+    assert "[s]" in stream.shown
+    assert "imped\\xe4nce" in stream.shown
+
+
+def test_a_way_of_a_users_own_with_strange_characters_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii", errors="replace", write_through=True)
+    monkeypatch.setattr("sys.stdout", stream)
+    say("τ")
+    assert stream.buffer.getvalue() == b"?\n"  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", commands())
+def test_help_on_any_terminal(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = ascii_terminal(monkeypatch)
+    assert main([name, "--help"]) == 0
+    assert "Example" in stream.shown
+
+
+@given(st.text(st.characters(exclude_categories=["Cc", "Zl", "Zp"])))
+def test_text_is_printed_as_it_is(text: str) -> None:
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.stdout", stream)
+        say(text)
+    shown = stream.buffer.getvalue()  # type: ignore[attr-defined]
+    assert shown.decode() == text.encode(errors="backslashreplace").decode() + "\n"
+
+
+def test_brackets_in_the_progress_are_brackets(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
+    with progress_bar() as progress:
+        progress.add_task("simulate a[/b]", total=1)
+    assert "simulate a[/b]" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_in_the_place_of_the_terminal_is_told() -> None:
+    with Path("/dev/full").open("w") as full:
+        found = subprocess.run([*PTER, "--version"], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert found.returncode == 2
+    assert found.stderr == "error: not everything could be printed: No space left on device\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs pipes")
+def test_a_reader_that_has_gone_is_no_error() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    found = subprocess.run([*PTER, "--help"], stdout=write, stderr=subprocess.PIPE, text=True)
+    os.close(write)
+    assert found.returncode in (1, 2)
+    assert "Traceback" not in found.stderr
+    assert "Exception ignored" not in found.stderr
+
+
+RECORD = ("record", "--policies", "locked", "--scenarios", "standard", "--paces", "brisk", "--episodes", "1", "--out")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="its terminal is always in Unicode")
+def test_results_are_written_and_told_in_ascii(tmp_path: Path) -> None:
+    name = "[/b] ü.npz".replace("/", "")
+    settings = {**os.environ, "PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
+    found = subprocess.run([*PTER, *RECORD, name], cwd=tmp_path, env=settings, capture_output=True, text=True)
+    assert found.returncode == 0, found.stderr
+    assert found.stdout.splitlines()[-1] == "wrote [b] \\xfc.npz"
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_results_are_written_where_nothing_can_be_printed(tmp_path: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        found = subprocess.run([*PTER, *RECORD, "d.npz"], cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert found.returncode == 2
+    assert found.stderr.splitlines()[-1].startswith("error: not everything could be printed")
+    assert [path.name for path in tmp_path.iterdir()] == ["d.npz"]
+
+
+@pytest.mark.parametrize("command", ["fit --out", "record --out", "tune impedance --storage", "tune impedance --out"])
+def test_targets_are_tried_before_any_work(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(**_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pter_gym.internal.files.TemporaryFile", refuse)
+    ending = {"fit": ".toml", "record": ".npz"}.get(command.split(maxsplit=1)[0], ".toml")
+    monkeypatch.chdir(tmp_path)
+    assert main([*command.split(), str(tmp_path / f"result{ending}")]) == 2
+    printed = capsys.readouterr()
+    option = command.rsplit(maxsplit=1)[-1]
+    assert printed.err.startswith(f"error: {option} must be in a folder that can be written to, with room for 64 kB")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["benchmark --scenario standard", "benchmark", "reproduce fig3", "speed"])
+def test_folders_are_tried_before_any_work(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(**_: object) -> None:
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr("pter_gym.internal.files.TemporaryFile", refuse)
+    assert main([*command.split(), "--out", str(tmp_path / "out")]) == 2
+    printed = capsys.readouterr()
+    assert printed.err.startswith("error: --out must be in a folder that can be written to")
+    assert "Read-only file system" in printed.err

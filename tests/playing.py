@@ -1,0 +1,147 @@
+"""``pter play`` and its page in a browser, as a person uses them."""
+
+import json
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from browser import Tab
+
+PLAY = "import sys; from pter_gym.commands.main import main; sys.exit(main())"
+
+READY = """(async () => {
+  while (!("ready" in document.documentElement.dataset)) await new Promise((done) => setTimeout(done, 20));
+  globalThis.page = (await import("./page.js")).page;
+})()"""
+
+AHEAD = """(() => {
+  const [trial] = page.trials;
+  const { length } = trial.env.context.task.path;
+  const place = (200 * (trial.now.arc_length + AWAY)) / length;
+  const [x, y] = trial.line[Math.min(200, Math.round(place))];
+  const [end, before] = [trial.line.at(-1), trial.line.at(-2)];
+  const beyond = Math.max(0, place - 200);
+  const at = { x: x + beyond * (end[0] - before[0]), y: y + beyond * (end[1] - before[1]) };
+  return { ...page.scenes[0].screen(at), ended: trial.ended };
+})()"""
+
+
+@contextmanager
+def started(*options: str) -> Iterator[str]:
+    """Run ``pter play`` and give the address that it prints."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", PLAY, "play", "--no-open", *options], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        yield process.stdout.readline().strip()
+    finally:
+        process.terminate()
+        process.wait(10)
+        process.stdout.close()
+
+
+class Play:
+    """The page in a tab, with what a person does there."""
+
+    def __init__(self, tab: Tab, address: str, downloads: Path) -> None:
+        self.tab, self.address, self.downloads = tab, address, downloads
+        tab.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(downloads))
+
+    def open(self, settings: str = "", width: int = 1280, height: int = 900, scheme: str = "light") -> "Play":
+        """Load the page with settings in its address."""
+        self.tab.show(width, height, scheme)
+        self.tab.open("about:blank")
+        self.tab.open(f"{self.address}#{settings}")
+        self.run(READY)
+        return self
+
+    def run(self, expression: str) -> Any:
+        return self.tab.run(expression)
+
+    @property
+    def problems(self) -> list[str]:
+        """What went wrong; asking its own server is right."""
+        return [each for each in self.tab.problems if f"asks the network for {self.address}" not in each]
+
+    def text(self, identity: str) -> str:
+        return self.run(f"document.getElementById({json.dumps(identity)}).textContent")
+
+    def click(self, identity: str) -> None:
+        self.run(f"document.getElementById({json.dumps(identity)}).click()")
+
+    def choose(self, identity: str, value: object) -> None:
+        """Set a control of the form as a person does, and wait until the page has taken it."""
+        self.run(
+            f"""(async () => {{
+              const control = document.getElementById({json.dumps(identity)});
+              const before = page.trials[0];
+              control.value = {json.dumps(str(value))};
+              if (control.value !== {json.dumps(str(value))}) throw new Error("no such choice");
+              for (const kind of ["input", "change"]) control.dispatchEvent(new Event(kind, {{ bubbles: true }}));
+              await new Promise((done) => setTimeout(done, 60));
+            }})()"""
+        )
+
+    def until(self, condition: str, seconds: float = 20.0) -> None:
+        end = time.monotonic() + seconds
+        while not self.run(condition):
+            assert time.monotonic() < end, f"never: {condition}"
+            time.sleep(0.03)
+
+    def mouse(self, kind: str, x: float, y: float) -> None:
+        self.tab.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
+
+    def touch(self, kind: str, *points: tuple[float, float]) -> None:
+        self.tab.call("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": y} for x, y in points])
+
+    def handle(self) -> tuple[float, float]:
+        """Where the handle is on the screen [px]."""
+        self.run("document.getElementById('stage').scrollIntoView({ block: 'center' })")
+        place = self.run("page.scenes[0].screen(page.tip)")
+        return place["x"], place["y"]
+
+    def drag(self, *, by_touch: bool = False, away: float = 0.1, seconds: float = 20.0) -> None:
+        """Lead the handle along its path until the trial ends."""
+        start = self.handle()
+        if by_touch:
+            self.touch("touchStart", start)
+        else:
+            self.mouse("mousePressed", *start)
+        end = time.monotonic() + seconds
+        while not (place := self.run(AHEAD.replace("AWAY", str(away))))["ended"] and time.monotonic() < end:
+            if by_touch:
+                self.touch("touchMove", (place["x"], place["y"]))
+            else:
+                self.mouse("mouseMoved", place["x"], place["y"])
+            time.sleep(0.01)
+        if by_touch:
+            self.touch("touchEnd")
+        else:
+            self.mouse("mouseReleased", place["x"], place["y"])
+
+    def key(self, name: str, kind: str) -> None:
+        self.tab.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
+
+    def saved(self, identity: str, name: str) -> Path:
+        """Press a button that saves a file, and return the file."""
+        file = self.downloads / name
+        file.unlink(missing_ok=True)
+        self.click(identity)
+        end = time.monotonic() + 10.0
+        while not file.exists() and time.monotonic() < end:
+            time.sleep(0.03)
+        return file.rename(file.with_name(f"{time.monotonic_ns()}-{name}"))
+
+
+def record(file: Path) -> tuple[list[str], list[list[float]]]:
+    """Names and rows of a record that the page has saved."""
+    head, *rows = file.read_text("utf-8").splitlines()
+    return [re.sub(r" \[.*", "", name) for name in head.split(",")], [
+        [float(x) for x in row.split(",")] for row in rows
+    ]

@@ -1,0 +1,280 @@
+"""Files of others: read within bounds, each name once, no number that is none, and nothing executed."""
+
+import gzip
+import io
+import json
+import os
+import struct
+import tracemalloc
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from pter_gym.errors import DataError, ParameterError
+from pter_gym.internal.archives import read_arrays
+from pter_gym.internal.checks import is_finite
+from pter_gym.internal.reading import (
+    DEEPEST,
+    MOST_DOTS,
+    MOST_JSON,
+    MOST_TOML,
+    inflate,
+    parse_json,
+    parse_toml,
+    read_bytes,
+    reading,
+)
+from pter_gym.internal.tables import MOST_ROWS, read_columns
+
+
+@pytest.fixture
+def peak() -> Any:
+    """Checks that less memory than a bound [B] is taken."""
+
+    @contextmanager
+    def measure(below: int) -> Iterator[None]:
+        tracemalloc.start()
+        try:
+            yield
+            assert tracemalloc.get_traced_memory()[1] < below
+        finally:
+            tracemalloc.stop()
+
+    return measure
+
+
+PLAIN = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(2**120), 2**120)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    # st.text has no half characters
+    | st.text(),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner, max_size=4),
+    max_leaves=12,
+)
+
+ARRAYS = st.dictionaries(
+    st.text("abcxyz_0", min_size=1, max_size=8),
+    arrays.arrays(
+        st.sampled_from(["f4", "f8", "i8", "u8", "?", "u1", "U3", ">f8"]), arrays.array_shapes(min_dims=0, min_side=0)
+    ),
+    min_size=1,
+    max_size=4,
+)
+
+
+@given(PLAIN)
+def test_json_is_read_as_it_was_written(content: Any) -> None:
+    assert parse_json(json.dumps(content).encode()) == content
+    assert parse_json(json.dumps(content, ensure_ascii=False).encode()) == content
+
+
+JSON: dict[str, tuple[bytes, str]] = {
+    "a name twice": (b'{"a": 1, "a": 1}', "occurs twice"),
+    "a name twice within": (b'[{"b": {"a": 1, "a": 2}}]', "occurs twice"),
+    "NaN": (b"[NaN]", "numbers are finite"),
+    "infinite": (b"[-Infinity]", "numbers are finite"),
+    "too large a number": (b"[1e999]", "numbers are finite, and not 1e999"),
+    "too many digits": (b"9" * 41, "at most 40 digits"),
+    "half a character": (b'["\\ud800"]', "surrogates"),
+    "half a character in a name": (b'{"\\udfff": 1}', "surrogates"),
+    "half a character, raw": (b'["\xed\xa0\x80"]', "utf-8"),
+    "deep": (b"[" * (DEEPEST + 1) + b"]" * (DEEPEST + 1), f"nested deeper than {DEEPEST}"),
+    "very deep": (b"[" * 500_000, f"nested deeper than {DEEPEST}"),
+    "very deep objects": (b'{"a":' * 200_000, f"nested deeper than {DEEPEST}"),
+    "large": (b" " * (MOST_JSON + 1), f"larger than {MOST_JSON}"),
+    "a mark of its order": (b"\xef\xbb\xbf[]", "BOM"),
+    "more behind it": (b"[] []", "Extra data"),
+    "another encoding": ("[]".encode("utf-16"), "utf-8"),
+}
+
+
+@pytest.mark.parametrize("kind", JSON)
+def test_json_that_is_not_strict_is_refused(kind: str) -> None:
+    data, told = JSON[kind]
+    with pytest.raises(ValueError, match=told):
+        parse_json(data)
+    assert parse_json(b"[" * DEEPEST + b"]" * DEEPEST)
+
+
+TOML: dict[str, tuple[str, str]] = {
+    "a name twice": ("a = 1\na = 1\n", "overwrite"),
+    "not a number": ("a = nan", "a must be a finite number, got nan"),
+    "infinite": ("a = [1.0, -inf]", "a must be a finite number, got -inf"),
+    "too large a number": ("a = 1e999", "a must be a finite number, got inf"),
+    "deep": ("a = " + "[" * 100_000, "nested deeper"),
+    "deep tables": ("a = " + "{a = " * 50_000, "nested deeper"),
+    "a long name": (".".join(["a"] * (MOST_DOTS + 2)) + " = 1", f"at most {MOST_DOTS} dots"),
+    "large": ("#" * (MOST_TOML + 1), f"larger than {MOST_TOML}"),
+    "half a character": ('a = "\\ud800"', "scalar"),
+}
+
+
+@pytest.mark.parametrize("kind", TOML)
+def test_toml_that_is_not_strict_is_refused(kind: str) -> None:
+    text, told = TOML[kind]
+    with pytest.raises(ValueError, match=told):
+        parse_toml(text)
+    assert parse_toml("a = 1.5\n[b]\nc = [1, 2]\n") == {"a": 1.5, "b": {"c": [1, 2]}}
+
+
+@given(st.binary(max_size=100), st.integers(0, 120))
+def test_what_is_packed_is_unpacked_within_its_bound(content: bytes, most: int) -> None:
+    packed = gzip.compress(content)
+    if len(content) <= most:
+        assert inflate(packed, most) == content
+    else:
+        with pytest.raises(ValueError, match=f"larger than {most} bytes"):
+            inflate(packed, most)
+    with pytest.raises(ValueError, match="no whole file of gzip"):
+        inflate(packed[:-1], 120)
+    with pytest.raises(ValueError, match="no whole file of gzip"):
+        inflate(packed + packed, 120)
+
+
+def test_a_bomb_is_not_unpacked(peak: Any) -> None:
+    bomb = gzip.compress(bytes(1 << 26))
+    with peak(below=1 << 21), pytest.raises(ValueError, match="larger than 1000 bytes"):
+        inflate(bomb, 1000)
+
+
+def test_files_are_regular_and_within_their_bound(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_bytes(b"12345")
+    assert read_bytes(file, 5) == b"12345"
+    with pytest.raises(ValueError, match="larger than 4 bytes"):
+        read_bytes(file, 4)
+    with pytest.raises(ValueError, match="there is no such file"):
+        read_bytes(tmp_path / "none", 5)
+    with pytest.raises(ValueError, match="no regular file"):
+        read_bytes(tmp_path, 5)
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / "pipe")
+        with pytest.raises(ValueError, match="no regular file"):
+            read_bytes(tmp_path / "pipe", 5)
+
+
+def test_a_complaint_gets_the_name_of_what_is_read() -> None:
+    with pytest.raises(DataError, match=r"^the file: 'a' is missing$"), reading("the file"):
+        raise KeyError("a")
+    with pytest.raises(DataError, match=r"^the file: too large$"), reading("the file"):
+        raise OverflowError("too large")
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        raise ZeroDivisionError("mine")
+
+
+def packed(found: dict[str, np.ndarray]) -> bytes:
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **found)
+    return stream.getvalue()
+
+
+@given(ARRAYS)
+def test_arrays_are_read_as_numpy_reads_them(found: dict[str, np.ndarray]) -> None:
+    read = read_arrays(packed(found), 1 << 20, found)
+    assert read.keys() == found.keys()
+    for name, array in found.items():
+        assert (read[name].dtype, read[name].shape) == (array.dtype, array.shape)
+        assert read[name].tobytes() == array.tobytes()
+        assert read[name].flags.writeable
+
+
+def test_the_order_of_an_array_stays() -> None:
+    columns = np.asfortranarray(np.arange(6.0).reshape(2, 3))
+    read = read_arrays(packed({"a": columns}), 1000)["a"]
+    assert read.flags.f_contiguous
+    np.testing.assert_array_equal(read, columns)
+
+
+def part(content: bytes, name: str = "a.npy", method: int = zipfile.ZIP_DEFLATED) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", method) as archive:
+        archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def saved(array: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def header(description: bytes, content: bytes = b"") -> bytes:
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(description)) + description + content
+
+
+def array(kind: str, shape: str, content: bytes = b"") -> bytes:
+    return header(f"{{'descr': {kind}, 'fortran_order': False, 'shape': {shape}, }}\n".encode(), content)
+
+
+ARCHIVES: dict[str, tuple[bytes, str]] = {
+    "nothing": (b"", "no whole archive"),
+    "text": (b"no archive", "no whole archive"),
+    "cut": (packed({"a": np.arange(9)})[:-30], "no whole archive"),
+    "no array": (part(b"text"), "must hold plain numbers or texts"),
+    "another ending": (part(saved(np.arange(3)), "a"), "each name once"),
+    "other methods": (part(saved(np.arange(3)), method=zipfile.ZIP_BZIP2), "stored or deflated"),
+    "objects": (part(array("'|O'", "()", b"\x80\x04N.")), "plain numbers or texts"),
+    "code in a header": (part(array("__import__('os')", "()")), "plain numbers or texts"),
+    "a deep header": (part(header(b"(" * 9000 + b"\n")), "plain numbers or texts"),
+    "larger than it is": (part(array("'<f8'", "(10000000000,)", bytes(8))), "not as many bytes"),
+    "many of nothing": (part(array("'<U0'", "(10000000000,)")), "not as many bytes"),
+    "another length of the header": (part(saved(np.arange(3)).replace(b"v\0{", b"w\0{")), "plain numbers or texts"),
+    "too much": (packed({"a": np.zeros(1 << 20)}), "at most 1000000 B"),
+}
+
+
+@pytest.mark.parametrize("kind", ARCHIVES)
+def test_archives_that_lie_are_refused_before_memory_is_taken(kind: str, peak: Any) -> None:
+    data, told = ARCHIVES[kind]
+    with peak(below=1 << 20), pytest.raises(ValueError, match=told):
+        read_arrays(data, 1_000_000)
+
+
+def test_a_part_that_is_there_twice_is_refused() -> None:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("a.npy", saved(np.arange(3)))
+        with pytest.warns(UserWarning, match="Duplicate"):
+            archive.writestr("a.npy", saved(np.arange(4)))
+    with pytest.raises(ValueError, match="each name once"):
+        read_arrays(stream.getvalue(), 1000)
+
+
+TABLES: dict[str, tuple[str, str]] = {
+    "a column twice": ("x,y,x\n1,2,3\n", "more than one column x"),
+    "commas in numbers": ("x,y\n0,5,0,6\n", "line 2 has 4 entries, the first has 2"),
+    "underscores": ("x,y\n1_0,2\n", "line 2: x must be a finite number, got '1_0'"),
+    "other digits": ("x,y\n\uff11,2\n", "line 2: x must be a finite number"),
+    "an open quote": ('x,y\n"' + "1\n" * 100_000, "field larger than field limit"),
+    "many rows": ("x,y\n" + "1,2\n" * (MOST_ROWS + 1), f"at most {MOST_ROWS} rows"),
+}
+
+
+@pytest.mark.parametrize("kind", TABLES)
+def test_tables_that_could_be_misread_are_refused(kind: str, tmp_path: Path) -> None:
+    text, told = TABLES[kind]
+    (tmp_path / "table.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(ParameterError, match=told):
+        read_columns(tmp_path / "table.csv", ("x", "y"))
+
+
+def test_blank_lines_and_short_ones_without_a_named_column_are_no_mistake(tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_text("\ufeffx, y ,note\n\n1,2\n3,4,five\n", encoding="utf-8")
+    found = read_columns(tmp_path / "table.csv", ("y", "x"))
+    assert {name: values.tolist() for name, values in found.items()} == {"y": [2.0, 4.0], "x": [1.0, 3.0]}
+
+
+@pytest.mark.parametrize("value", [True, None, "1", float("nan"), float("inf"), -(10**400), [1.0], np.int64(1)])
+def test_what_no_float64_holds_is_no_number(value: object) -> None:
+    assert not is_finite(value)
+    assert all(map(is_finite, (3, -1.5e308, np.float64(2.0))))
