@@ -110,10 +110,13 @@ def command(*words: str) -> Callable[[Path], int]:
 
 def train(folder: Path) -> int:
     """Train for six rollouts, with a checkpoint after each."""
+    import torch
     from pter_agents import prepare, training
     from pter_agents.algorithms import load_settings, settings_from
     from pter_gym.errors import PterError
 
+    # in a forked process BLAS begins anew at its first product, and dies if two threads are the first at once
+    torch.nn.functional.linear(torch.ones(64, 64), torch.ones(64, 64), torch.ones(64))
     prepare.SAMPLE_WORLDS, prepare.SAMPLE_STEPS = 16, 20
     small = {"worlds": 16, "steps": 8, "contexts": 4, "hidden": [8], "value_hidden": [8], "episode": 20}
     arguments = training.Arguments(
@@ -388,7 +391,8 @@ class Campaign:
             assert self.job.work(first) == 0
         self.wanted = self.job.results(first)
         second, begun = self.folder(), time.monotonic()
-        assert await_end(fork(partial(self.job.work, second))).status == 0
+        end = await_end(fork(partial(self.job.work, second)))
+        assert end.status == 0, f"undisturbed, in {second}: status {end.status}\n{end.text[-3000:]}"
         self.seconds = time.monotonic() - begun
         assert self.job.results(second) == self.wanted, "even undisturbed the results are others"
         self.sizes = sorted(path.stat().st_size for path in second.rglob("*") if path.is_file())
