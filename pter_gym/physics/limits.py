@@ -66,10 +66,9 @@ def largest_motion(arm: Linkage, h: float, period: float) -> float:
     """Return U² [J]: twice the kinetic energy below which an arm stays within a control step."""
     smallest, coupling = smallest_inertia(arm), abs(arm.coupling)
     turning = smallest * (LONGEST_TURN / h) ** 2
-    if coupling == 0.0:
-        return turning
     a = 2.0 * coupling**2 / smallest + 0.5 * coupling
-    return min(turning, smallest**2 / (3.0 * h * a * _lengthened(h, period)))
+    explicit = 3.0 * h * a * _lengthened(h, period)  # 0 without a coupling, or with one too small for its products
+    return turning if turning * explicit <= smallest**2 else smallest**2 / explicit
 
 
 def largest_energy(arm: Linkage, h: float, period: float) -> float:

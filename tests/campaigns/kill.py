@@ -53,6 +53,9 @@ CRASH = 70
 PATIENCE = 300.0
 """Seconds after which a process counts as hanging."""
 
+SETTLING = 0.2
+"""Seconds in which a thread that is joined has ended for the system, too."""
+
 MOST_KILLS = 3
 """Kills in one folder before the job may go on to its end."""
 
@@ -111,6 +114,7 @@ def command(*words: str) -> Callable[[Path], int]:
 def train(folder: Path) -> int:
     """Train for six rollouts, with a checkpoint after each."""
     import torch
+
     from pter_agents import prepare, training
     from pter_agents.algorithms import load_settings, settings_from
     from pter_gym.errors import PterError
@@ -249,8 +253,16 @@ class End(NamedTuple):
     text: str
 
 
+def await_threads() -> None:
+    """Wait until other threads have ended: a process that is forked meanwhile keeps what they have locked."""
+    until = time.monotonic() + SETTLING
+    while sum(1 for _ in Path("/proc/self/task").iterdir()) > 1 and time.monotonic() < until:
+        time.sleep(0.001)
+
+
 def fork(work: Callable[[], int]) -> Process:
     """Begin some work in a process of its own, which has all that is loaded here."""
+    await_threads()
     read, write = os.pipe()
     pid = os.fork()
     if pid:

@@ -119,6 +119,16 @@ def test_the_thirds_of_the_derivation(arm: Linkage, h: float, count: int) -> Non
 # --- at run time ---
 
 
+@pytest.mark.parametrize("coupling", [0.0, 5e-324, 1e-310, 1e-200, -5e-324])
+def test_a_coupling_too_small_for_its_products_is_like_none(coupling: float) -> None:
+    arm = model_of(BASELINE).arm
+    smallest = min(arm.m11, arm.m22)
+    turning = smallest * (LONGEST_TURN / 1e-3) ** 2
+    assert largest_motion(arm._replace(coupling=coupling), 1e-3, 0.01) == pytest.approx(turning)
+    machine = replace(BASELINE, arm=replace(BASELINE.arm, coupling=coupling))
+    check_machine(PathFollowing(), machine)
+
+
 def test_an_arm_that_is_too_fast_ends_its_episode_as_a_failure_with_the_reason() -> None:
     """The strongest hand that is accepted, on an arm that has almost all the energy that it may have."""
     task = PathFollowing()
