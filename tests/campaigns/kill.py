@@ -31,6 +31,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from functools import cache, partial
@@ -111,16 +112,21 @@ def command(*words: str) -> Callable[[Path], int]:
 # --- the jobs ---
 
 
+class OneThread(ThreadPoolExecutor):
+    """One thread in place of more: where two of a forked process are the first to use torch, it may crash."""
+
+    def __init__(self, _: int, **rest: Any) -> None:
+        """Take what several threads would."""
+        super().__init__(1, **rest)
+
+
 def train(folder: Path) -> int:
     """Train for six rollouts, with a checkpoint after each."""
-    import torch
-
-    from pter_agents import prepare, training
+    from pter_agents import ppo, prepare, training
     from pter_agents.algorithms import load_settings, settings_from
     from pter_gym.errors import PterError
 
-    # in a forked process BLAS begins anew at its first product, and dies if two threads are the first at once
-    torch.nn.functional.linear(torch.ones(64, 64), torch.ones(64, 64), torch.ones(64))
+    ppo.ThreadPoolExecutor = OneThread
     prepare.SAMPLE_WORLDS, prepare.SAMPLE_STEPS = 16, 20
     small = {"worlds": 16, "steps": 8, "contexts": 4, "hidden": [8], "value_hidden": [8], "episode": 20}
     arguments = training.Arguments(
