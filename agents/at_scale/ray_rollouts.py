@@ -1,4 +1,4 @@
-"""Episodes on a Ray cluster: `python agents/at_scale/ray_rollouts.py --workers 2`, then the return and speed of each."""
+"""Episodes on a Ray cluster: `python agents/at_scale/ray_rollouts.py --workers 2`, then what each worker has."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""On a Ray cluster of two nodes: workers have the worlds of one batch, bit for bit; RLlib and Tune train on them."""
+"""On a Ray cluster: two workers have the worlds of one batch, bit for bit; RLlib and Tune train on them."""
 
 import importlib.util
 from collections.abc import Iterator
@@ -12,11 +12,11 @@ import pytest
 from numpy.typing import NDArray
 
 import pter_gym
-from pter_gym.benchmark import score_episodes
+from pter_gym.benchmark import PACES, score_episodes
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.controllers import Free, Locked
 from pter_gym.engine.batch import Batch
-from pter_gym.envs.scenario import training_draws
+from pter_gym.scenarios import find_scenario
 
 pytestmark = [pytest.mark.agents, pytest.mark.long]
 ray = pytest.importorskip("ray")
@@ -35,23 +35,21 @@ def load(name: str) -> ModuleType:
     return module
 
 
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """Two nodes of one core each, on this machine's own network alone."""
-    from ray.cluster_utils import Cluster
+@pytest.fixture(autouse=True)
+def importable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the folder of a script is when it runs."""
+    monkeypatch.syspath_prepend(SCRIPTS)
 
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A cluster with room for two workers, on this machine's own network alone."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
         patch.setenv("HOME", str(tmp_path_factory.mktemp("home")))  # Ray writes the token of its clusters there
-        node = {"num_cpus": 1, "node_ip_address": "127.0.0.1", "object_store_memory": 2**27}
-        nodes = Cluster(initialize_head=True, head_node_args={**node, "include_dashboard": False})
-        try:
-            nodes.add_node(**node)
-            ray.init(nodes.address)
-            yield ray
-        finally:
-            ray.shutdown()
-            nodes.shutdown()
+        ray.init(num_cpus=2, include_dashboard=False, _node_ip_address="127.0.0.1")
+        yield
+        ray.shutdown()
 
 
 def returns_of(env: Any, policy: str, seed: int) -> NDArray[np.float64]:
@@ -68,7 +66,7 @@ def returns_of(env: Any, policy: str, seed: int) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("policy", ["residual", "impedance-tuned"])
-def test_workers_have_the_worlds_of_one_batch(cluster: Any, policy: str) -> None:
+def test_workers_have_the_worlds_of_one_batch(cluster: None, policy: str) -> None:
     script = load("ray_rollouts")
     found = script.main(workers=2, worlds=24, policy=policy, seed=5)
     assert len(np.unique(found)) == 48
@@ -76,8 +74,29 @@ def test_workers_have_the_worlds_of_one_batch(cluster: Any, policy: str) -> None
     np.testing.assert_array_equal(found, whole)
 
 
-def test_workers_are_on_different_nodes(cluster: Any) -> None:
-    script = load("ray_rollouts")
-    workers = [script.Worker.remote(2, "free") for _ in range(2)]
-    places = [worker.__ray_call__.remote(lambda _: ray.get_runtime_context().get_node_id()) for worker in workers]
-    assert len(set(ray.get(places))) == 2
+def scores_of(policy: Any, pace: str) -> dict[str, float]:
+    """Mean scores on 24 training draws, from rest as in evaluation episodes."""
+    machines, tasks = zip(*find_scenario("standard").randomisation(pace, contexts=24, seed=UNUSED).pairs(), strict=True)
+    telemetry = simulate(Batch(machines, tasks), policy, list(range(24)), max(map(time_limit, tasks)))
+    return {name: float(values.mean()) for name, values in score_episodes(telemetry, tasks).items()}
+
+
+def test_a_minute_of_rllib_beats_doing_nothing(cluster: None) -> None:
+    """Neither released nor locked clutches bring the arm along the path; what has learnt does, and nearer to it."""
+    policy = load("rllib_ppo").learn(seed=0)
+    for pace in PACES:
+        learnt, free, locked = (scores_of(each, pace) for each in (policy, Free(), Locked()))
+        print(pace, learnt, free["path_error_m"], locked["path_error_m"])  # noqa: T201
+        assert learnt["path_error_m"] < 0.5 * min(free["path_error_m"], locked["path_error_m"])
+        assert learnt["completed"] > 0.9 > max(free["completed"], locked["completed"])
+
+
+def test_tune_tries_settings_and_finds_the_best(cluster: None, tmp_path: Path) -> None:
+    found = load("ray_tune").search(trials=2, steps=8_000, out=tmp_path)
+    assert len(found) == 2
+    assert not found.errors
+    rows = found.get_dataframe()
+    assert rows["config/lr"].nunique() == rows["config/gamma"].nunique() == 2
+    assert rows["env_runners/num_env_steps_sampled_lifetime"].min() >= 8_000
+    best = found.get_best_result()
+    assert best.metrics["env_runners"]["episode_return_mean"] == rows["env_runners/episode_return_mean"].max()
