@@ -1,4 +1,4 @@
-"""Ray Tune searches two settings of RLlib's PPO: `python agents/at_scale/ray_tune.py`, then what each trial returned."""
+"""Ray Tune searches two settings of RLlib's PPO: `python agents/at_scale/ray_tune.py`, and shows the returns."""
 
 from pathlib import Path
 
