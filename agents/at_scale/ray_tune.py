@@ -11,7 +11,7 @@ RETURN = "env_runners/episode_return_mean"
 
 
 def search(trials: int = 4, steps: int = 40_000, seed: int = 0, out: Path = Path("tuned")) -> tune.ResultGrid:
-    config = make_config(seed).training(lr=tune.loguniform(1e-4, 1e-3), gamma=tune.uniform(0.97, 0.995))
+    config = make_config(seed).training(lr=tune.loguniform(1e-4, 3e-3), gamma=tune.uniform(0.97, 0.995))
     draws = tune.search.BasicVariantGenerator(random_state=seed)
     plan = tune.TuneConfig(metric=RETURN, mode="max", num_samples=trials, search_alg=draws)
     run = tune.RunConfig(stop={"env_runners/num_env_steps_sampled_lifetime": steps}, storage_path=out.resolve())

@@ -15,11 +15,11 @@ def make_config(seed: int, worlds: int = 16) -> PPOConfig:
     config = PPOConfig().environment("pter_gym:PTER/Standard-v0", env_config=keywords)
     config.env_runners(num_env_runners=0, num_envs_per_env_runner=worlds, gym_env_vectorize_mode="vector_entry_point")
     # the default of vf_clip_param, 10, stops a critic of returns as large as these
-    config.debugging(seed=seed).training(lr=3e-4, gamma=0.98, vf_clip_param=1e4)
-    return config.training(train_batch_size_per_learner=4096, minibatch_size=512, num_epochs=8)
+    config.debugging(seed=seed).training(lr=1e-3, gamma=0.98, vf_clip_param=1e4)
+    return config.training(train_batch_size_per_learner=4096, minibatch_size=256, num_epochs=5)
 
 
-def learn(seed: int = 0, steps: int = 150_000):
+def learn(seed: int = 0, steps: int = 250_000):
     torch.set_num_threads(1)
     algorithm = make_config(seed).build_algo()
     while algorithm.train()["env_runners"]["num_env_steps_sampled_lifetime"] < steps:
@@ -35,7 +35,7 @@ def learn(seed: int = 0, steps: int = 150_000):
     return from_sb3(SimpleNamespace(**spaces, predict=predict))
 
 
-def train(seed: int = 0, steps: int = 150_000, out: Path = Path("stock")) -> None:
+def train(seed: int = 0, steps: int = 250_000, out: Path = Path("stock")) -> None:
     policies = {f"rllib-ppo-{seed}": learn(seed, steps), "torque-feedback": find_policy("torque-feedback")}
     print_boards(run_scenario("standard", policies, fresh=seed, results=ResultsFolder(out)))
 

@@ -86,7 +86,6 @@ def test_a_minute_of_rllib_beats_doing_nothing(cluster: None) -> None:
     policy = load("rllib_ppo").learn(seed=0)
     for pace in PACES:
         learnt, free, locked = (scores_of(each, pace) for each in (policy, Free(), Locked()))
-        print(pace, learnt, free["path_error_m"], locked["path_error_m"])  # noqa: T201
         assert learnt["path_error_m"] < 0.5 * min(free["path_error_m"], locked["path_error_m"])
         assert learnt["completed"] > 0.9 > max(free["completed"], locked["completed"])
 
