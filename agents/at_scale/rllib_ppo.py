@@ -1,0 +1,44 @@
+"""RLlib's PPO on its new API stack: `python agents/at_scale/rllib_ppo.py --seed 0`, then its leaderboard."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import torch
+import tyro
+from ray.rllib.algorithms.ppo import PPOConfig
+
+from pter_gym.benchmark import ResultsFolder, find_policy, from_sb3, print_boards, run_scenario
+
+
+def make_config(seed: int, worlds: int = 16) -> PPOConfig:
+    keywords = {"action_unit": "normalised", "telemetry": False}
+    config = PPOConfig().environment("pter_gym:PTER/Standard-v0", env_config=keywords)
+    config.env_runners(num_env_runners=0, num_envs_per_env_runner=worlds, gym_env_vectorize_mode="vector_entry_point")
+    # the default of vf_clip_param, 10, stops a critic of returns as large as these
+    config.debugging(seed=seed).training(lr=1e-3, gamma=0.98, vf_clip_param=1e4)
+    return config.training(train_batch_size_per_learner=4096, minibatch_size=256, num_epochs=5)
+
+
+def learn(seed: int = 0, steps: int = 250_000):
+    torch.set_num_threads(1)
+    algorithm = make_config(seed).build_algo()
+    while algorithm.train()["env_runners"]["num_env_steps_sampled_lifetime"] < steps:
+        pass
+    module, envs = algorithm.get_module(), algorithm.env_runner.env
+
+    @torch.no_grad()
+    def predict(obs, **_):
+        mean, _spread = module.forward_inference({"obs": torch.as_tensor(obs)})["action_dist_inputs"].chunk(2, dim=-1)
+        return mean.numpy(), None
+
+    spaces = {"observation_space": envs.single_observation_space, "action_space": envs.single_action_space}
+    return from_sb3(SimpleNamespace(**spaces, predict=predict))
+
+
+def train(seed: int = 0, steps: int = 250_000, out: Path = Path("stock")) -> None:
+    policies = {f"rllib-ppo-{seed}": learn(seed, steps), "torque-feedback": find_policy("torque-feedback")}
+    print_boards(run_scenario("standard", policies, fresh=seed, results=ResultsFolder(out)))
+
+
+if __name__ == "__main__":
+    tyro.cli(train)
