@@ -16,7 +16,6 @@ import pytest
 from pter_gym.benchmark import run_scenario
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import BASELINE
-from pter_gym.scenarios import SCENARIOS
 
 pytestmark = pytest.mark.agents
 
