@@ -93,7 +93,7 @@ class TremorArm(HumanArm):
             self.frequency <= fastest, self, "frequency", self.frequency, f"≤ {fastest:g} Hz at this control period"
         )
         kept = float(np.sinc(self.frequency * period)) ** 2
-        force = self.tremor(period * np.arange(math.ceil(self.lasts / period) + 1)) / kept
+        force = self.tremor(np.arange(math.ceil(self.lasts / period) + 1.0) * period) / kept
         force[-1] = 0.0
         return np.outer(force, (math.cos(self.direction), math.sin(self.direction)))
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.signal import lsim
+from scipy import signal
 
 from pter_gym.controllers import Free
 from pter_gym.engine.batch import Batch
@@ -84,7 +84,7 @@ def test_a_matrix_of_the_joints_has_the_same_energy_at_the_hand() -> None:
         angles = np.array([q[0], q[0] + q[1]])
         return np.array([upper, lower]) @ np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
-    low, high = 0.0, math.pi
+    elbow, low, high = 0.0, 0.0, math.pi
     for _ in range(60):
         elbow = 0.5 * (low + high)
         low, high = (elbow, high) if np.linalg.norm(tip(np.array([0.0, elbow]))) > MIDWAY[1] else (low, elbow)
@@ -123,7 +123,7 @@ def test_the_free_hand_moves_as_it_was_measured(hand: TremorArm) -> None:
     force = np.interp(times, PERIOD * np.arange(len(stored)), stored)
     rates = [[0.0, 1.0], [-arm.stiffness / arm.mass, -arm.damping / arm.mass]]
     motion: Any = (rates, [[0.0], [1.0 / arm.mass]], [[1.0, 0.0]], [[0.0]])
-    _, position, _ = lsim(motion, force, times)
+    position = signal.lsim(motion, force, times)[1]
     frequencies = hand.frequency + hand.swell_frequency * np.array([0.0, -1.0, 1.0])
     turns = 2.0 * np.pi * np.outer(times[10_000:14_000], frequencies)
     sines = np.hstack([np.sin(turns), np.cos(turns)])
@@ -145,7 +145,7 @@ def test_the_kernel_adds_the_tremor_along_its_line_until_it_ends() -> None:
     assert np.isfinite(found).all()
     instants = rows[:, 0, COLUMN.time] - heavy.substep  # the force is that of the last substep
     stored = hand.sampled(PERIOD)
-    expected = [np.interp(instants, PERIOD * np.arange(len(stored)), force) for force in stored.T]
+    expected: Any = [np.interp(instants, PERIOD * np.arange(len(stored)), force) for force in stored.T]
     np.testing.assert_allclose(found, np.transpose(expected), rtol=0.0, atol=1e-6)
     assert np.abs(found).max() > 2.0
     assert not found[210:].any()
