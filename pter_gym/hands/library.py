@@ -139,9 +139,9 @@ def _inertia(elbow: float) -> Matrix:
     return ((i_upper + 0.25 * m_upper * upper**2 + m_lower * upper**2 + both + across, both), (both, own))
 
 
-def _own(least: float, most: float) -> Matrix:
-    """Return a matrix in its own axes."""
-    return ((least, 0.0), (0.0, most))
+def _diagonal(first: float, second: float) -> Matrix:
+    """Return a diagonal matrix."""
+    return ((first, 0.0), (0.0, second))
 
 
 def _rounded(matrix: Matrix, factor: float = 1.0) -> Matrix:
@@ -169,9 +169,9 @@ _LAG = 0.05  # s: damping over stiffness in the model of Selen et al.
 _ARMS = (
     MeasuredArm(
         name="van-beek-2015",
-        mass=_own(0.554, 0.554),
-        damping=_own(6.45, 6.45),
-        stiffness=_own(135.0, 135.0),
+        mass=_diagonal(0.554, 0.554),
+        damping=_diagonal(6.45, 6.45),
+        stiffness=_diagonal(135.0, 135.0),
         axes="own",
         posture="elbow bent, forearm in a sling; small random displacements",
         grade="read",
@@ -203,9 +203,9 @@ _ARMS = (
     ),
     MeasuredArm(
         name="tsuji-1995",
-        mass=_own(0.55, 1.5),
-        damping=_own(5.0, 15.0),
-        stiffness=_own(100.0, 300.0),
+        mass=_diagonal(0.55, 1.5),
+        damping=_diagonal(5.0, 15.0),
+        stiffness=_diagonal(100.0, 300.0),
         axes="own",
         posture="seated, posture held with a relaxed grip",
         grade="order of magnitude",
@@ -214,9 +214,9 @@ _ARMS = (
     ),
     MeasuredArm(
         name="dolan-1993",
-        mass=_own(0.55, 2.0),
-        damping=_own(5.0, 30.0),
-        stiffness=_own(100.0, 600.0),
+        mass=_diagonal(0.55, 2.0),
+        damping=_diagonal(5.0, 30.0),
+        stiffness=_diagonal(100.0, 600.0),
         axes="own",
         posture="seated, posture held",
         grade="order of magnitude",
@@ -226,9 +226,9 @@ _ARMS = (
     MeasuredArm(
         name="burdet-2001",
         mass=_LIMB_MASS,
-        damping=_own(12.0, 30.0),
-        stiffness=_own(250.0, 600.0),
-        axes="own",
+        damping=_diagonal(30.0, 12.0),
+        stiffness=_diagonal(600.0, 250.0),
+        axes="body",
         posture="in a movement straight ahead through a field that pushes off the path, after learning",
         grade="order of magnitude",
         provenance="not read from the paper's figures: stiffest across the movement, above the field's 300 to 500 N/m; "
@@ -259,7 +259,7 @@ _TREMORS = (
         band=(8.0, 12.0),
         acceleration=(0.0015 * GRAVITY, 0.035 * GRAVITY),
         grade="read",
-        provenance="0.0015 to 0.035 g peak in 97 healthy people with hands outstretched, from the abstract",
+        provenance="0.0015 to 0.035 g peak in the posture of 97 healthy people, mostly at 6 to 7 Hz, from the abstract",
         source=f"amplitude: Wade, Gresty and Findley, Arch. Neurol. 39, 358 (1982); {_LUFT}",
     ),
     MeasuredTremor(
@@ -275,7 +275,7 @@ _TREMORS = (
         band=(3.0, 8.0),
         acceleration=_of_excursion((3.0, 8.0), (0.005, 0.02)),
         grade="derived",
-        provenance=f"{_GRADES}; at rest mostly 4 to 6 Hz",
+        provenance=f"{_GRADES}; commonly 4 to 6 Hz at rest",
         source=f"amplitude: Fahn, Tolosa and Marín (1988), read in Table 1 of PMC5963668; {_LUFT}",
     ),
 )
