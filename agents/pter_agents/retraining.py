@@ -6,14 +6,13 @@ from typing import Any
 from pter_agents.algorithms import settings_from
 from pter_agents.exporting import export_run
 from pter_agents.training import RUN, Arguments, train
-from pter_agents.worlds import ALL
+from pter_agents.worlds import ALL, MIXED
 from pter_gym.benchmark import Leaderboard, find_policy, leaderboards, run_scenario
 from pter_gym.benchmark.evaluation import fresh_seed
 from pter_gym.errors import ParameterError
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.reading import reading
 from pter_gym.policies import Neural, load_policy
-from pter_gym.scenarios import SCENARIOS
 
 SUFFIX = "-again"
 """Of the name of a policy that was trained again."""
@@ -84,6 +83,6 @@ def compare(shipped: Neural, again: Neural, episodes: int | None = None) -> Sequ
     policies = {each.card.name: each for each in (shipped, again)}
     scenario = arguments_of(shipped.card.about).scenario
     boards: list[Leaderboard] = []
-    for each in SCENARIOS if scenario == ALL else (scenario,):
+    for each in MIXED if scenario == ALL else (scenario,):
         boards += leaderboards(run_scenario(each, policies, episodes=episodes, fresh=fresh_seed(each, policies)))
     return boards

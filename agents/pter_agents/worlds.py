@@ -12,15 +12,19 @@ from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE
 from pter_gym.policies.interface import LIMIT, Interface
-from pter_gym.scenarios import SCENARIOS, find_scenario
+from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios.randomisation import Mixture, OneOf, Randomisation, Vary
 from pter_gym.tasks.path_following import Sensors
 
 ALL = "all"
-"""Name for all scenarios, and for a commanded pace that is drawn among those of the scores."""
+"""Name for all scenarios of ``MIXED``, and for a commanded pace that is drawn among those of the scores."""
+
+MIXED = ("standard", "paths", "hands", "materials", "everything")
+"""The scenarios of ``ALL``: those of the shipped policies, so that they can be trained again. Later ones are not in it,
+and show what a policy does with what it has not seen."""
 
 WIDEST = "everything"
-"""The scenario that has half of the draws for all of them; the others share the rest evenly."""
+"""The scenario that has half of the draws of ``ALL``; the others share the rest evenly."""
 
 Rows = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -32,7 +36,7 @@ def training_draws(scenario: str, pace: str, *, contexts: int, seed: int, **stat
     Parameters
     ----------
     scenario
-        Its name, or ``"all"``.
+        Its name, or ``"all"`` for those of ``MIXED``.
     pace
         Name of a commanded pace, or ``"all"``.
     contexts, seed
@@ -48,8 +52,8 @@ def training_draws(scenario: str, pace: str, *, contexts: int, seed: int, **stat
     if pace not in (ALL, *PACES):
         raise unknown_name("pace", pace, (ALL, *PACES))
     if scenario == ALL:
-        share = -(-contexts // (2 * (len(SCENARIOS) - 1)))
-        shares = {each: (len(SCENARIOS) - 1) * share if each == WIDEST else share for each in SCENARIOS}
+        share = -(-contexts // (2 * (len(MIXED) - 1)))
+        shares = {each: (len(MIXED) - 1) * share if each == WIDEST else share for each in MIXED}
         return Mixture(
             parts=tuple(_draws(each, pace, contexts=own, seed=seed, **stated) for each, own in shares.items())
         )

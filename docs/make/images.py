@@ -12,6 +12,7 @@ import numpy as np
 import pygame
 import tyro
 from figures.classical import arm_and_deviation, clutches_along_path
+from figures.hands import force_and_spectrum
 from figures.pages import clutches_over_time
 from pages import IMAGES
 from studies.bounds import drawn_task
@@ -22,6 +23,7 @@ from pter_gym.benchmark.measures import column, four
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.controllers import TorqueFeedback
 from pter_gym.engine.batch import Batch
+from pter_gym.hands import MEASURED_TREMORS, find_hand
 from pter_gym.params import BASELINE
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.plots import save
@@ -75,6 +77,11 @@ def classical_clutches(path: Path) -> None:
     save(clutches_along_path(classical_episodes(), drawn_task(PACE).path, BASELINE.clutch.voltage_max), path)
 
 
+def tremors(path: Path) -> None:
+    """Force and spectrum of the measured tremors."""
+    save(force_and_spectrum({name: find_hand(name) for name in MEASURED_TREMORS}, MEASURED_TREMORS), path)
+
+
 @cache
 def classical_episodes() -> dict[str, np.ndarray]:
     """Telemetry of one drawn episode under each of four laws."""
@@ -105,6 +112,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "clutches.png": clutches,
     "classical-trajectories.png": classical_trajectories,
     "classical-clutches.png": classical_clutches,
+    "tremors.png": tremors,
 }
 
 

@@ -30,7 +30,7 @@ ALONE = "residual"
 PACE = "medium"
 DRAWS = 16
 SEED = 2**31 + 15  # of no training
-EPISODE = {"standard": 0, "paths": 13, "hands": 3, "materials": 1, "everything": 9}
+EPISODE = {"standard": 0, "paths": 13, "hands": 3, "materials": 1, "everything": 9, "tremor": 0}
 """The draw of each scenario that is shown: of those with other paths, the first sine with the paper's kind of hand."""
 
 RATE = 12.5  # frames in a second, in real time

@@ -22,11 +22,11 @@ from pages import AGENTS, put_block, table
 from pter_agents.algorithms import load_settings
 from pter_agents.exporting import export_run
 from pter_agents.training import PROGRESS, Arguments
-from pter_agents.worlds import ALL
+from pter_agents.worlds import ALL, MIXED
 from pter_gym.benchmark import Leaderboard, leaderboards, run_scenario
 from pter_gym.benchmark.evaluation import fresh_seed
 from pter_gym.policies import Neural, load_policy
-from pter_gym.scenarios import PACES, SCENARIOS
+from pter_gym.scenarios import PACES
 
 
 def validated(run: Path) -> float:
@@ -83,7 +83,7 @@ def main(
             found[folder.name] = folder
             print(f"seed {seed}: {folder}", flush=True)
     policies = {name: load(run, name) for name, run in found.items()}
-    scenarios = tuple(SCENARIOS) if scenario == ALL else (scenario,)
+    scenarios = MIXED if scenario == ALL else (scenario,)
     fresh = {each: fresh_seed(each, policies) for each in scenarios}
     boards = [leaderboards(run_scenario(each, policies, fresh=seed)) for each, seed in fresh.items()]
     median = median_of(found)

@@ -1,4 +1,4 @@
-"""The hand that holds the tip: kinds of hands, and what the kernels know of them."""
+"""The hand that holds the tip: kinds of hands, measured ones, and what the kernels know of them."""
 
 from pter_gym.hands.kinds import (
     EQ5_FREQUENCIES,
@@ -14,21 +14,32 @@ from pter_gym.hands.kinds import (
     eq5,
     read_forces,
 )
+from pter_gym.hands.library import MEASURED_ARMS, MEASURED_TREMORS, MeasuredArm, MeasuredTremor
 from pter_gym.hands.model import SINES, HandModel
+from pter_gym.hands.tremor import EssentialTremor, ParkinsonianTremor, PhysiologicalTremor, TremorArm, find_hand
 
 __all__ = [
     "EQ5_FREQUENCIES",
     "HUMAN_ARMS",
+    "MEASURED_ARMS",
+    "MEASURED_TREMORS",
     "NORMAL",
     "NO_HAND",
     "RELAXED",
     "SINES",
     "TENSE",
+    "EssentialTremor",
     "HandModel",
     "HumanArm",
+    "MeasuredArm",
+    "MeasuredTremor",
     "MultiSineHand",
     "Operator",
+    "ParkinsonianTremor",
+    "PhysiologicalTremor",
     "RecordedForces",
+    "TremorArm",
     "eq5",
+    "find_hand",
     "read_forces",
 ]

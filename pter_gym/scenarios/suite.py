@@ -241,3 +241,18 @@ def _everything() -> Varied:
         sensing=v.SENSORS,
     )
     return Varied(machine, task)
+
+
+@_scenario(
+    "tremor",
+    0,
+    asks="Human arms as they were measured, on the paper's line, with physiological, essential or Parkinsonian tremor.",
+    episodes=300,
+    stratum="hand",
+)
+def _tremor() -> Varied:
+    from pter_gym.params import BASELINE
+    from pter_gym.scenarios.randomisation import Vary
+    from pter_gym.scenarios.variations import STANDARD, TREMBLING
+
+    return Varied(BASELINE, Vary(STANDARD, hand=TREMBLING))

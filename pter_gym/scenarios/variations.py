@@ -2,7 +2,18 @@
 
 import math
 
-from pter_gym.hands import EQ5_FREQUENCIES, NORMAL, RELAXED, SINES, TENSE, HumanArm, MultiSineHand
+from pter_gym.hands import (
+    EQ5_FREQUENCIES,
+    MEASURED_ARMS,
+    MEASURED_TREMORS,
+    NORMAL,
+    RELAXED,
+    SINES,
+    TENSE,
+    HumanArm,
+    MultiSineHand,
+)
+from pter_gym.hands.tremor import KINDS
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL
 from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Repeat, Shared, Tuple, Uniform, Vary
@@ -37,6 +48,29 @@ HUMANS = OneOf(
     )
 )
 """A relaxed, normal or tense human arm."""
+
+MEASURED = OneOf(tuple(arm.hand for arm in MEASURED_ARMS.values()))
+"""Mass, damper and spring of a measured arm."""
+
+TREMBLING = OneOf(
+    tuple(
+        Vary(
+            kind(random_phases=True),
+            impedance=MEASURED,
+            eagerness=Uniform(1.3, 1.7),
+            rise=Uniform(0.2, 0.5),
+            frequency=Uniform(*MEASURED_TREMORS[name].band),
+            acceleration=LogUniform(*MEASURED_TREMORS[name].acceleration),
+            direction=Uniform(-0.5 * math.pi, 0.5 * math.pi),
+            phase=Uniform(0.0, 2.0 * math.pi),
+            swell=Uniform(0.0, 0.6),
+            swell_frequency=Uniform(0.2, 1.0),
+            swell_phase=Uniform(0.0, 2.0 * math.pi),
+        )
+        for name, kind in KINDS.items()
+    )
+)
+"""A measured arm with a physiological, an essential or a Parkinsonian tremor."""
 
 
 def _points(*boxes: tuple[float, float, float, float]) -> Tuple:

@@ -16,7 +16,6 @@ import pytest
 from pter_gym.benchmark import run_scenario
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import BASELINE
-from pter_gym.scenarios import SCENARIOS
 
 pytestmark = pytest.mark.agents
 
@@ -214,7 +213,7 @@ def test_only_the_value_network_sees_what_is_true() -> None:
 
 def test_half_of_the_draws_of_all_scenarios_are_of_everything() -> None:
     drawn = worlds.training_draws("all", "brisk", contexts=15, seed=3).pairs()
-    counts = {each: 8 if each == "everything" else 2 for each in SCENARIOS}
+    counts = {each: 8 if each == "everything" else 2 for each in worlds.MIXED}
     own = [worlds.training_draws(each, "brisk", contexts=n, seed=3).pairs() for each, n in counts.items()]
     assert drawn == [pair for pairs in own for pair in pairs]
 

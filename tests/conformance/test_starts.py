@@ -172,7 +172,9 @@ def test_a_training_episode_that_strays_is_never_terminated_on_the_way(scenario:
         strayed = np.abs(infos["telemetry"][:, COLUMN.normal_error]) > TRUNCATION_ERROR
         assert not (terminated & strayed & (observations[:, PROGRESS] < 0.5)).any()
         truncations += (truncated & strayed).sum()
-    assert truncations > 64
+    assert truncations > (0 if scenario == "tremor" else 64), (
+        "where every hand is an arm, it holds the tip near the path"
+    )
 
 
 def test_a_scenario_takes_what_its_episodes_share_and_nothing_that_it_draws() -> None:

@@ -78,6 +78,14 @@ def test_the_first_episode_runs(capsys: pytest.CaptureFixture[str]):
     assert "arrived: True" in capsys.readouterr().out
 
 
+def test_the_page_on_hands_runs(capsys: pytest.CaptureFixture[str]):
+    """And it prints what it says."""
+    page = ROOT / "docs" / "hands.md"
+    (code,) = blocks_of(page)
+    exec(compile(code, "hands.md", "exec"), {})
+    assert f"prints `{capsys.readouterr().out.strip()}`" in page.read_text("utf-8")
+
+
 @pytest.mark.slow
 def test_the_page_on_extending_runs(capsys: pytest.CaptureFixture[str]):
     """All blocks one after another, each of at most twenty lines of code."""

@@ -20,7 +20,10 @@ from pter_gym.commands.main import commands as find_commands
 from pter_gym.commands.main import main as run_command
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.envs.single import PathFollowingEnv
+from pter_gym.hands import MEASURED_ARMS, MEASURED_TREMORS
+from pter_gym.hands.library import Matrix
 from pter_gym.paper.reproduce.figures import PRODUCTS
+from pter_gym.params import Hand
 from pter_gym.params.preset import PRESET, SECTIONS
 from pter_gym.policies import load_policy, shipped_policies
 from pter_gym.scenarios import PACES, find_scenario
@@ -133,6 +136,8 @@ def described(value: Any) -> str:
             return "one of " + "; ".join(map(described, options))
         case float():
             return number(value)
+        case Hand(mass=mass, damping=damping, stiffness=stiffness):
+            return f"{number(mass)} kg, {number(damping)} N·s/m, {number(stiffness)} N/m"
         case _:
             return str(value)
 
@@ -166,6 +171,48 @@ def parameters(name: str) -> str:
     """Fields of a class of parameters."""
     module, _, attribute = name.rpartition(".")
     return fields_table(getattr(import_module(module), attribute))
+
+
+def arms() -> str:
+    """The measured arms: their matrices, what they are to the simulator, and where they come from."""
+    header = ["Name", "Mass [kg]", "Damping [N·s/m]", "Stiffness [N/m]", "Axes", "The person", "Grade", "Where from"]
+    rows = [
+        [
+            f"`{arm.name}`",
+            *(matrix_text(given) for given in (arm.mass, arm.damping, arm.stiffness)),
+            arm.axes,
+            arm.posture,
+            arm.grade,
+            f"{arm.source}: {arm.provenance}",
+        ]
+        for arm in MEASURED_ARMS.values()
+    ]
+    return rows_table(header, rows)
+
+
+def matrix_text(matrix: Matrix) -> str:
+    """A symmetric matrix: its diagonal, and what is beside that if it is not zero."""
+    (a, b), (_, d) = matrix
+    return ", ".join(number(x) for x in ((a, d) if b == 0.0 else (a, b, d)))
+
+
+def tremors() -> str:
+    """The measured tremors: bands, amplitudes, and where they come from."""
+    rows = [
+        [
+            f"`{each.name}`",
+            *map(range_text, (each.band, each.acceleration)),
+            each.grade,
+            f"{each.source}: {each.provenance}",
+        ]
+        for each in MEASURED_TREMORS.values()
+    ]
+    return rows_table(["Name", "Band [Hz]", "Acceleration [m/s²]", "Grade", "Where from"], rows)
+
+
+def range_text(ends: tuple[float, float]) -> str:
+    """From and to."""
+    return " … ".join(f"{end:.2g}" for end in ends)
 
 
 def paper() -> str:
@@ -205,7 +252,7 @@ def policy_text(name: str) -> str:
     if name in shipped_policies():
         about = load_policy(name).card.about
         below = f"Corrections to `{about['corrects']}`" if about.get("corrects") else "The four voltages"
-        where = "all scenarios" if about["scenario"] == "all" else f"`{about['scenario']}`"
+        where = "all scenarios but `tremor`" if about["scenario"] == "all" else f"`{about['scenario']}`"
         return f"{below}, learned by `{about['algorithm']}` on {where}."
     known = inspect.getdoc(CONTROLLERS[name.removesuffix("-tuned")]) or ""
     gains = " With tuned gains." if name.endswith("-tuned") else ""
@@ -238,5 +285,19 @@ def help_of(*arguments: str) -> str:
 
 MADE: dict[str, Callable[..., str]] = {
     each.__name__: each
-    for each in (summary, docstring, readme, spaces, scenario, preset, parameters, paper, policies, scenarios, commands)
+    for each in (
+        summary,
+        docstring,
+        readme,
+        spaces,
+        scenario,
+        preset,
+        parameters,
+        arms,
+        tremors,
+        paper,
+        policies,
+        scenarios,
+        commands,
+    )
 }

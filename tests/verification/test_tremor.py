@@ -1,0 +1,202 @@
+"""Measured hands: numbers that an arm can have, and a tremor whose free hand moves as it was measured."""
+
+import math
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from pter_gym.controllers import Free
+from pter_gym.engine.batch import Batch
+from pter_gym.errors import ParameterError
+from pter_gym.hands import (
+    MEASURED_ARMS,
+    MEASURED_TREMORS,
+    EssentialTremor,
+    MeasuredArm,
+    MeasuredTremor,
+    TremorArm,
+    find_hand,
+)
+from pter_gym.hands.library import LIMB, MIDWAY, endpoint
+from pter_gym.hands.tremor import KINDS
+from pter_gym.params import BASELINE, Arm
+from pter_gym.scenarios import find_scenario
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
+
+PERIOD = PathFollowing().control_period
+
+PHYSICAL = {"mass": (0.3, 4.0), "damping": (2.0, 60.0), "stiffness": (20.0, 1000.0)}
+"""Values over all directions that a human arm at the hand may have."""
+
+EVERY_HAND = [
+    replace(KINDS[name](), impedance=arm.hand, frequency=frequency, phase=1.0, swell_phase=2.0)
+    for name, tremor in MEASURED_TREMORS.items()
+    for arm in MEASURED_ARMS.values()
+    for frequency in tremor.band
+]
+"""Each tremor at both ends of its band, of each arm."""
+
+
+@pytest.mark.parametrize("arm", MEASURED_ARMS.values(), ids=MEASURED_ARMS)
+def test_an_arm_is_complete_and_physical(arm: MeasuredArm) -> None:
+    for name, (low, high) in PHYSICAL.items():
+        matrix = np.array(getattr(arm, name))
+        np.testing.assert_array_equal(matrix, matrix.T)
+        least, most = np.linalg.eigvalsh(matrix)
+        assert low <= least <= most <= high
+        turns = np.linspace(0.0, math.pi, 180, endpoint=False)
+        directions = np.stack([np.cos(turns), np.sin(turns)])
+        mean = np.einsum("id,ij,jd->d", directions, matrix, directions).mean()
+        assert getattr(arm.hand, name) == pytest.approx(mean, rel=1e-12)
+    is_cited(arm)
+    assert arm.posture
+    assert arm.name.endswith(re.findall(r"\((\d{4})\)", arm.source)[0])
+
+
+@pytest.mark.parametrize("tremor", MEASURED_TREMORS.values(), ids=MEASURED_TREMORS)
+def test_a_tremor_is_complete(tremor: MeasuredTremor) -> None:
+    is_cited(tremor)
+    frequency, acceleration = tremor.middle
+    assert 3.0 <= tremor.band[0] < frequency < tremor.band[1] <= 12.0
+    assert 0.01 < tremor.acceleration[0] < acceleration < tremor.acceleration[1] < 20.0
+
+
+def is_cited(entry: MeasuredArm | MeasuredTremor) -> None:
+    assert re.search(r"\((19|20)\d\d\)", entry.source)
+    assert entry.grade in ("read", "derived", "order of magnitude")
+    assert len(entry.provenance) > 20
+
+
+def test_the_bands_are_those_that_are_cited() -> None:
+    bands = {name.removeprefix("tremor-"): tremor.band for name, tremor in MEASURED_TREMORS.items()}
+    assert bands == {"physiological": (8.0, 12.0), "essential": (4.0, 12.0), "parkinsonian": (3.0, 8.0)}
+
+
+def test_a_matrix_of_the_joints_has_the_same_energy_at_the_hand() -> None:
+    """Found with angles by bisection and a Jacobian by differences."""
+    upper, lower = LIMB
+
+    def tip(q: np.ndarray) -> np.ndarray:
+        angles = np.array([q[0], q[0] + q[1]])
+        return np.array([upper, lower]) @ np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+    elbow, low, high = 0.0, 0.0, math.pi
+    for _ in range(60):
+        elbow = 0.5 * (low + high)
+        low, high = (elbow, high) if np.linalg.norm(tip(np.array([0.0, elbow]))) > MIDWAY[1] else (low, elbow)
+    x, y = tip(np.array([0.0, elbow]))
+    q = np.array([0.5 * math.pi - math.atan2(y, x), elbow])
+    np.testing.assert_allclose(tip(q), MIDWAY, atol=1e-12)
+    jacobian = np.stack([(tip(q + d) - tip(q - d)) / 2e-6 for d in 1e-6 * np.eye(2)], axis=1)
+    joint = ((3.0, 0.7), (0.7, 2.0))
+    at_hand = np.array(endpoint(joint, MIDWAY, LIMB))
+    for speed in np.random.default_rng(0).normal(size=(5, 2)):
+        moved = jacobian @ speed
+        assert moved @ at_hand @ moved == pytest.approx(speed @ np.array(joint) @ speed, rel=1e-7)
+
+
+@pytest.mark.parametrize("hand", [find_hand(name) for name in MEASURED_TREMORS], ids=MEASURED_TREMORS)
+def test_the_spectrum_has_its_peak_at_the_frequency_and_all_within_the_band(hand: TremorArm) -> None:
+    """Over 20 s through a Hann window: lines 0.05 Hz apart, none of which leaks far."""
+    times = np.arange(0.0, 20.0, 0.001)
+    power = np.abs(np.fft.rfft(np.hanning(len(times)) * hand.tremor(times))) ** 2
+    frequencies = np.fft.rfftfreq(len(times), 0.001)
+    assert abs(frequencies[power.argmax()] - hand.frequency) <= 0.025 + 1e-9
+    (name,) = (name for name, kind in KINDS.items() if isinstance(hand, kind))
+    low, high = MEASURED_TREMORS[name].band
+    assert power[(frequencies >= low) & (frequencies <= high)].sum() > 0.999 * power.sum()
+
+
+@pytest.mark.parametrize("hand", EVERY_HAND)
+def test_the_free_hand_moves_as_it_was_measured(hand: TremorArm) -> None:
+    """Mass, damper and spring under the stored force: the sine in its motion has the amplitude.
+
+    Of the beginning e^(−10·b/2m) < 1e-6 is left after 10 s. ``lsim`` is exact for forces that are linear between times.
+    """
+    arm = hand.impedance
+    stored = hand.sampled(PERIOD) @ [math.cos(hand.direction), math.sin(hand.direction)]
+    times = 0.001 * np.arange(14_001)
+    force = np.interp(times, PERIOD * np.arange(len(stored)), stored)
+    rates = [[0.0, 1.0], [-arm.stiffness / arm.mass, -arm.damping / arm.mass]]
+    motion: Any = (rates, [[0.0], [1.0 / arm.mass]], [[1.0, 0.0]], [[0.0]])
+    position = signal.lsim(motion, force, times)[1]
+    frequencies = hand.frequency + hand.swell_frequency * np.array([0.0, -1.0, 1.0])
+    turns = 2.0 * np.pi * np.outer(times[10_000:14_000], frequencies)
+    sines = np.hstack([np.sin(turns), np.cos(turns)])
+    fitted = np.linalg.lstsq(sines, position.ravel()[10_000:14_000], rcond=None)[0]
+    amplitude = math.hypot(fitted[0], fitted[3])
+    assert amplitude * (2.0 * math.pi * hand.frequency) ** 2 == pytest.approx(hand.acceleration, rel=1e-5)
+
+
+def test_the_kernel_adds_the_tremor_along_its_line_until_it_ends() -> None:
+    """On an arm that is too heavy to move, beside the same hand without a tremor."""
+    heavy = replace(BASELINE, arm=Arm(inertia_a=1e9, inertia_b=1e9, coupling=0.0))
+    hand = EssentialTremor(frequency=6.3, acceleration=4.0, direction=0.4, lasts=2.0)
+    tasks = [PathFollowing(hand=each) for each in (hand, replace(hand, acceleration=0.0))]
+    batch = Batch([heavy, heavy], tasks)
+    policy = Free().bind(heavy, batch.layout)
+    obs, _ = batch.reset([0, 0])
+    rows = batch.rollout(obs, policy.law, policy.gains, 250)[1]
+    found = rows[:, 0, [*COLUMN.force]] - rows[:, 1, [*COLUMN.force]]
+    assert np.isfinite(found).all()
+    instants = rows[:, 0, COLUMN.time] - heavy.substep  # the force is that of the last substep
+    stored = hand.sampled(PERIOD)
+    expected: Any = [np.interp(instants, PERIOD * np.arange(len(stored)), force) for force in stored.T]
+    np.testing.assert_allclose(found, np.transpose(expected), rtol=0.0, atol=1e-6)
+    assert np.abs(found).max() > 2.0
+    np.testing.assert_allclose(found[210:], 0.0, atol=1e-6)
+
+
+def test_the_scenario_draws_all_kinds_and_arms_within_what_was_measured() -> None:
+    hands: list[Any] = [task.hand for _, task in find_scenario("tremor").randomisation(contexts=300, seed=1).pairs()]
+    assert {type(hand) for hand in hands} == set(KINDS.values())
+    assert {hand.impedance for hand in hands} == {arm.hand for arm in MEASURED_ARMS.values()}
+    for name, kind in KINDS.items():
+        own = [hand for hand in hands if type(hand) is kind]
+        for drawn, (low, high) in (
+            ([hand.frequency for hand in own], MEASURED_TREMORS[name].band),
+            ([hand.acceleration for hand in own], MEASURED_TREMORS[name].acceleration),
+        ):
+            assert low <= min(drawn) < 1.2 * low
+            assert 0.8 * high < max(drawn) <= high
+
+
+def test_unknown_names_are_told_the_nearest() -> None:
+    with pytest.raises(ParameterError, match=r"hand must be among .* did you mean 'dolan-1993'"):
+        find_hand("dolan-1994")
+    assert find_hand("dolan-1993").impedance == MEASURED_ARMS["dolan-1993"].hand
+
+
+@pytest.mark.parametrize(
+    ("field", "keywords"),
+    [
+        ("frequency", {"frequency": 0.0}),
+        ("frequency", {"frequency": 26.0}),
+        ("acceleration", {"acceleration": -1.0}),
+        ("direction", {"direction": math.nan}),
+        ("swell", {"swell": 1.1}),
+        ("swell_frequency", {"swell_frequency": 30.0}),
+        ("lasts", {"lasts": 0.0}),
+        ("eagerness", {"eagerness": 0.0}),
+    ],
+)
+def test_bad_tremors_are_named(field: str, keywords: dict[str, Any]) -> None:
+    with pytest.raises(ParameterError, match=rf"EssentialTremor\.{field} must be"):
+        EssentialTremor(**keywords)
+
+
+def test_a_tremor_that_is_too_fast_for_the_control_period_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"EssentialTremor\.frequency must be ≤ 5 Hz"):
+        Batch(BASELINE, PathFollowing(hand=EssentialTremor(), control_period=0.05))
+
+
+@pytest.mark.parametrize("matrix", [((1.0, 2.0), (2.0, 1.0)), ((1.0, 0.1), (0.0, 1.0)), ((-1.0, 0.0), (0.0, -1.0))])
+def test_an_arm_that_is_none_is_refused(matrix: Any) -> None:
+    with pytest.raises(ParameterError, match=r"MeasuredArm\.damping must be a symmetric positive definite"):
+        replace(MEASURED_ARMS["dolan-1993"], damping=matrix)
+    with pytest.raises(ParameterError, match=r"MeasuredTremor\.band must be two positive numbers"):
+        replace(MEASURED_TREMORS["tremor-essential"], band=(5.0, 4.0))
