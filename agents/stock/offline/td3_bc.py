@@ -23,7 +23,7 @@ class Worth(nn.Module):
 
 
 def train(
-    dataset: tyro.conf.Positional[str], seed: int = 0, steps: int = 20_000, batch: int = 256, out: Path = Path("offline")
+    dataset: tyro.conf.Positional[str], seed: int = 0, steps: int = 10_000, batch: int = 256, out: Path = Path("offline")
 ) -> None:
     torch.set_num_threads(1)
     torch.manual_seed(seed)
