@@ -13,7 +13,6 @@ MOVED = MappingProxyType(
     {
         "pter_gym.benchmark.speed": "pter_gym.speed",
         "pter_gym.cli": "pter_gym.commands.main",
-        "pter_gym.demonstrations": "pter_gym.benchmark.demonstrations",
         "pter_gym.envs.batch": "pter_gym.engine.batch",
         "pter_gym.experiments": "pter_gym.paper.experiments",
         "pter_gym.layout": "pter_gym.compiled.layout",

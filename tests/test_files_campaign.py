@@ -21,7 +21,7 @@ def test_damaged_files_of_each_format_are_refused_as_they_should_be() -> None:
     command = [sys.executable, "-m", "tests.campaigns.files", "--variants", "12"]
     found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stdout + found.stderr
-    for name in ("card", "safetensors", "preset", "gains", "episodes", "demonstrations (npz)", "path (CSV)", "results"):
+    for name in ("card", "safetensors", "preset", "gains", "episodes", "path (CSV)", "results"):
         assert f"\n| {name} | 12 | " in found.stdout
 
 

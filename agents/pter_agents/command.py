@@ -76,18 +76,35 @@ def export(
     run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")],
     name: str | None = None,
     out: Path = Path(),
+    hub: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None,
 ) -> None:
     """Turn a run of `pter train` into a policy.
 
     It is three files: weights without code, a card, and a model card in Markdown. It is checked that both act alike.
 
-    Example: pter export residual-run --name mine --out policies
+    Example: pter export residual-run --name mine --out policies --hub mine-on-hub
 
     Args:
-        run: Folder of the run.
+        run: Folder of the run; with --hub also a trained policy, by its name or its path.
         name: What the policy is called; its algorithm by default.
         out: Folder for the files; made if need be.
+        hub: Folder for the policy as the Hugging Face hub lays it out: with scores and a film. Nothing is uploaded.
     """
+    from pter_gym.policies.files import RUN
+
+    if hub is None or (run / RUN).is_file():
+        policy = _export_run(run, name, out)
+    else:
+        policy = run
+    if hub is not None:
+        from pter_gym.benchmark.sharing import share_policy
+
+        with terminal(errors=True).status("scoring and filming"):
+            say(f"wrote {share_policy(str(policy), hub)}")
+
+
+def _export_run(run: Path, name: str | None, out: Path) -> Path:
+    """Turn a run into a policy and return the path of its card."""
     try:
         with terminal(errors=True).status("loading"):
             from pter_agents.exporting import export_run
@@ -97,6 +114,7 @@ def export(
         path, difference = export_run(run, out, name=name)
     say(f"largest difference between both: {difference:.1e} of the largest voltage")
     say(f"wrote {path}")
+    return path
 
 
 def retrain(

@@ -1,48 +1,59 @@
-"""``pter record``: demonstrations for imitation."""
+"""``pter record``: data sets for offline learning."""
 
-import math
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from pter_gym.commands.arguments import check_file, split
+from pter_gym.commands.arguments import split
+from pter_gym.errors import unknown_name
+from pter_gym.internal.checks import names_in
 from pter_gym.internal.terminal import progress_bar, say
 
-DEMONSTRATORS = "predictive,single-dof-tuned,torque-feedback-tuned"
+STEPS = 1_000_000
 
 
 def record(
-    policies: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = DEMONSTRATORS,
-    scenarios: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "standard,everything",
-    paces: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "slow,medium,brisk",
-    episodes: int = 4,
+    scenario: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "standard,everything",
+    level: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "expert,medium,replay,random",
+    steps: int = STEPS,
     seed: int = 0,
-    out: Path = Path("pter-demonstrations.npz"),
+    out: Path | None = None,
 ) -> None:
-    """Write what policies see and do to a file, for imitation.
+    """Write data sets for offline learning, which Minari reads.
 
-    They act on training draws of scenarios; the stored evaluation episodes are never read. The file is a NumPy archive
-    without pickles, for `pter_gym.benchmark.demonstrations.read_demonstrations`.
+    Policies of several levels act on training draws of scenarios; the stored evaluation episodes are never read. The
+    data sets are called pter/SCENARIO/LEVEL-v0. The same command writes the same bytes.
 
-    Example: pter record --policies residual --episodes 2 --out demonstrations.npz
+    Example: pter record --scenario standard --level expert --steps 20000 --out data
 
     Args:
-        policies: Separated by commas, as for `pter benchmark --scenario`.
-        scenarios: Scenarios whose training draws are used, separated by commas.
-        paces: Commanded paces, separated by commas.
-        episodes: Training draws for each scenario and pace, at least 1; all policies have the same.
-        seed: Seed of the draws, at least 0.
-        out: File to write; its folder must exist.
+        scenario: Scenarios, separated by commas.
+        level: What acts: expert, medium, replay, random, separated by commas.
+        steps: Control steps of each data set; its last episode is a whole one.
+        seed: Seed of the draws, the resets and the noise, at least 0.
+        out: Folder for the data sets; by default the one in which Minari looks for them.
     """
-    from pter_gym.benchmark.demonstrations import record as simulate
-    from pter_gym.benchmark.demonstrations import write_demonstrations
+    from pter_gym.datasets import LEVELS, record_episodes, write_dataset
+    from pter_gym.datasets.files import default_folder, load_minari
+    from pter_gym.internal.terminal import make_folder
+    from pter_gym.scenarios import find_scenario
 
-    check_file(out, ".npz")
-    names = split(policies), split(scenarios), split(paces)
+    load_minari()
+    scenarios, levels = names_in("scenario", split(scenario)), names_in("level", split(level))
+    for each in scenarios:
+        find_scenario(each)
+    for each in levels:
+        if each not in LEVELS:
+            raise unknown_name("level", each, LEVELS)
+    folder = default_folder() if out is None else out
+    make_folder(folder)
     with progress_bar() as progress:
-        task = progress.add_task("record", total=math.prod(len(each) for each in names) * max(episodes, 0))
-        found = simulate(*names, episodes=episodes, seed=seed, on_episode=lambda: progress.advance(task))
-    write_demonstrations(found, out)
-    say(f"{len(found)} episodes, {len(found.obs)} decisions, {out.stat().st_size / 1e6:.1f} MB")
-    say(f"wrote {out}")
+        for each in scenarios:
+            for which in levels:
+                task = progress.add_task(f"{each}, {which}", total=steps)
+                episodes = record_episodes(
+                    each, which, steps, seed=seed, on_steps=lambda done, task=task: progress.advance(task, done)
+                )
+                command = f"pter record --scenario {each} --level {which} --steps {steps} --seed {seed}"
+                say(f"wrote {write_dataset(each, which, episodes, folder, seed=seed, command=command)}")

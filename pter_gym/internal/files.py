@@ -144,6 +144,7 @@ def _keep(files: Mapping[str, bytes]) -> str:
         try:
             folder = Path(mkdtemp(prefix="pter-", dir=place))
             for name, data in files.items():
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 (folder / name).write_bytes(data)
         except OSError:
             if folder is not None:

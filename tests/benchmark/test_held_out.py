@@ -39,8 +39,8 @@ gymnasium.make("PTER/Everything-v0", contexts=3).reset(seed=0)
 gymnasium.make_vec("PTER/Everything-v0", num_envs=3, contexts=3).reset(seed=0)
 """,
     "recorded episodes": """
-from pter_gym.benchmark.demonstrations import record
-record(["free"], ["everything"], ["brisk"], episodes=1)
+from pter_gym.datasets import record_episodes
+record_episodes("everything", "expert", 1)
 """,
     "the damper of a pace": """
 from pter_gym.benchmark.pacing import damping_for_pace

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import pter_gym
-from pter_gym.benchmark import demonstrations, episodes
+from pter_gym.benchmark import episodes
 from pter_gym.benchmark.metrics import SCORES
 from pter_gym.benchmark.naming import GUIDE_TABLE
 from pter_gym.benchmark.tuned import TABLE, controller_of, find_tuned, read_table
@@ -31,7 +31,6 @@ from pter_gym.tuning import shipping
 from pter_gym.tuning.examination import Verdict
 from pter_gym.tuning.search import Study
 
-DEMONSTRATIONS = Path(__file__).parents[2] / "agents" / "pter_agents" / "demonstrations" / "classical.npz"
 PRESET_FILE = Path(pter_gym.__file__).parent / "presets" / "pter.toml"
 LAYOUT: Layout = observation_layout(BASELINE, "torque")
 ADDED = 0.5
@@ -308,22 +307,6 @@ def test_a_card_from_before_a_field_of_the_interface(monkeypatch: pytest.MonkeyP
 # observations
 
 
-def test_demonstrations_from_before_an_entry_of_the_observation(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = demonstrations.read_demonstrations(DEMONSTRATIONS)
-    monkeypatch.setattr(
-        demonstrations, "ENTRIES", ("first", *demonstrations.ENTRIES[:5], "new", *demonstrations.ENTRIES[5:])
-    )
-    after = demonstrations.read_demonstrations(DEMONSTRATIONS)
-    assert after.info["entries"] == before.info["entries"]
-    assert after.obs.tobytes() == before.obs.tobytes()
-
-
-def test_demonstrations_with_an_entry_that_nobody_knows_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(demonstrations, "ENTRIES", demonstrations.ENTRIES[1:])
-    with pytest.raises(DataError, match="info must name the entries"):
-        demonstrations.read_demonstrations(DEMONSTRATIONS)
-
-
 @pytest.mark.parametrize("name", ["residual", "ppo-standard"])
 def test_shipped_policies_do_not_look_at_entries_that_came_later(name: str) -> None:
     newer = Layout((*LAYOUT.fields, Field("new", "m", "came later")))
@@ -331,13 +314,3 @@ def test_shipped_policies_do_not_look_at_entries_that_came_later(name: str) -> N
     more = np.hstack([observations, np.full((5, 1), 0.5, np.float32)])
     policy = load_policy(name)
     assert np.array_equal(policy.bind(BASELINE, newer)(more), policy.bind(BASELINE, LAYOUT)(observations))
-
-
-# demonstrations
-
-
-def test_demonstrations_say_which_score_is_missing_or_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
-    for known, other in (((*SCORES, "jerk"), "score_jerk"), (SCORES[1:], f"score_{SCORES[0]}")):
-        monkeypatch.setattr(demonstrations, "SCORES", known)
-        with pytest.raises(DataError, match=rf"classical\.npz are refused: .*differs in {other}$"):
-            demonstrations.read_demonstrations(DEMONSTRATIONS)

@@ -3,14 +3,13 @@
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pter_gym.benchmark.demonstrations import read_demonstrations, write_demonstrations
 from pter_gym.benchmark.episodes import CHECKSUMS, load_episodes, store_episodes
 from pter_gym.benchmark.metrics import METRICS
 from pter_gym.benchmark.results import Contents, ResultsFolder
@@ -116,25 +115,14 @@ def _episodes(folder: Path) -> list[Format]:
 
 
 def _columns(folder: Path) -> list[Format]:
-    path, forces, archive = (folder / name for name in ("path.csv", "forces.csv", "few.npz"))
+    path, forces = (folder / name for name in ("path.csv", "forces.csv"))
     path.write_text("x,y\n-0.5,0.7\n-0.2,0.6\n0.1,0.8\n0.3,0.6\n")
     rows = [f"{0.01 * k:g},{40 + k % 3},{5.0 * np.sin(k):.4f}" for k in range(200)]
     forces.write_text("\n".join(["time,along,across", *rows]) + "\n")
-    _write_few(archive)
     return [
         Format("path (CSV)", path, lambda: read_path(path).length),
         Format("forces (CSV)", forces, lambda: read_forces(forces).sampled(0.01)),
-        Format("demonstrations (npz)", archive, lambda: read_demonstrations(archive), (in_archive,)),
     ]
-
-
-def _write_few(path: Path) -> None:
-    """Write the first demonstrations of those that are shipped."""
-    whole = read_demonstrations(ROOT / "agents" / "pter_agents" / "demonstrations" / "classical.npz")
-    few, rows = 3, int(whole.ends[2])
-    names = {name: getattr(whole, name)[:few] for name in ("starts", "ends", "draws", "policies", "scenarios", "paces")}
-    scores = {name: values[:few] for name, values in whole.scores.items()}
-    write_demonstrations(replace(whole, obs=whole.obs[:rows], volts=whole.volts[:rows], scores=scores, **names), path)
 
 
 def _results(folder: Path) -> list[Format]:

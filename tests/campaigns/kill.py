@@ -224,7 +224,7 @@ def jobs(work: Path) -> dict[str, Job]:
 
     trial = ("--trials", str(TRIALS), "--starts", "1", "--episodes", str(DRAWS), "--pace", "brisk")
     few = ("--policies", "locked,impedance", "--paces", "brisk", "--episodes", "4")
-    draws = ("--policies", "locked", "--scenarios", "standard", "--paces", "brisk", "--episodes", "1")
+    few_steps = ("--scenario", "standard", "--level", "random", "--steps", "300")
     return {
         "train": Job(train, trained, digests),
         "export": Job(
@@ -236,7 +236,7 @@ def jobs(work: Path) -> dict[str, Job]:
             tuned_rightly,
         ),
         "benchmark": Job(command("benchmark", "--scenario", "standard", *few, "--out", "FOLDER"), benchmarked, digests),
-        "record": writer("record", *draws, "--out", "FOLDER/demonstrations.npz"),
+        "record": writer("record", *few_steps, "--out", "FOLDER"),
         "fit": writer("fit", "--budget", "300", "--held-out", "--out", "FOLDER/preset.toml"),
         "reproduce": writer("reproduce", "fig3", "--out", "FOLDER"),
     }

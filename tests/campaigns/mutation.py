@@ -61,7 +61,7 @@ ROOMS = {
     ],
     "readers": [
         *(f"pter_gym/internal/{name}.py" for name in ("checks", "codec", "files", "tables")),
-        *(f"pter_gym/benchmark/{name}.py" for name in ("demonstrations", "episodes", "results", "run_files")),
+        *(f"pter_gym/benchmark/{name}.py" for name in ("episodes", "results", "run_files")),
         *(f"pter_gym/policies/{name}.py" for name in ("cards", "files", "network", "stored_gains")),
         "pter_gym/params/preset.py",
     ],

@@ -25,7 +25,7 @@ ORDER = (
     ("policies", "render"),
     ("envs",),
     ("benchmark",),
-    ("plots", "tuning"),
+    ("datasets", "plots", "tuning"),
     ("paper", "speed", "web"),
     ("commands",),
     ("__init__", "__main__"),

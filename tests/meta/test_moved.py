@@ -49,7 +49,6 @@ from pter_gym.benchmark.leaderboard import COMPLETION, FULL, PACE_ERROR, leaderb
 from pter_gym.benchmark.simulation import bind, simulate, time_limit
 from pter_gym.benchmark.statistics import bootstrap_interval, difference_interval, probability_of_improvement
 from pter_gym.controllers import Impedance, PerClutch, Policy, device
-from pter_gym.demonstrations import read_demonstrations
 from pter_gym.envs.batch import Batch
 from pter_gym.envs.single import PathFollowingEnv
 from pter_gym.errors import ParameterError

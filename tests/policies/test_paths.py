@@ -10,7 +10,6 @@ import pytest
 
 import pter_gym
 from pter_gym.benchmark import ResultsFolder, find_policy, read_policy, run_scenario, run_standard_test, verify
-from pter_gym.benchmark.demonstrations import Demonstrations, read_demonstrations, write_demonstrations
 from pter_gym.benchmark.episodes import load_episodes, scenarios, store_episodes
 from pter_gym.benchmark.identity import identity_of
 from pter_gym.benchmark.run_files import read_run
@@ -145,9 +144,6 @@ def test_files_are_written_and_read_by_each_kind_of_path(kind: Callable[[str], A
     assert read_path(kind("~/path.csv")) == read_path(kind("path.csv"))
     assert read_forces(kind("~/forces.csv")) == read_forces(kind("forces.csv"))
     assert load_preset(kind("~/preset.toml")) == load_preset(preset)
-    found = one_demonstration()
-    write_demonstrations(found, kind("~/d.npz"))
-    assert len(read_demonstrations(kind("d.npz"))) == len(read_demonstrations(kind("~/d.npz"))) == 1
     store_episodes("standard", [BASELINE], [PathFollowing()], [0], ["all"], version=1, folder=kind("~/episodes"))
     assert scenarios(kind("episodes")) == ("standard",)
     assert len(load_episodes("standard", "slow", folder=kind("~/episodes"))) == 1
@@ -156,23 +152,10 @@ def test_files_are_written_and_read_by_each_kind_of_path(kind: Callable[[str], A
     assert (home / "new" / "folder").is_dir()
 
 
-def one_demonstration() -> Demonstrations:
-    shipped = Path(pter_gym.__file__).parents[1] / "agents" / "pter_agents" / "demonstrations" / "classical.npz"
-    all_of_them = read_demonstrations(shipped)
-    end = int(all_of_them.ends[0])
-    first: dict[str, Any] = {name: getattr(all_of_them, name)[:1] for name in ("starts", "ends", "draws")}
-    names: dict[str, Any] = {name: getattr(all_of_them, name)[:1] for name in ("policies", "scenarios", "paces")}
-    scores = {name: values[:1] for name, values in all_of_them.scores.items()}
-    return Demonstrations(
-        all_of_them.obs[:end], all_of_them.volts[:end], **first, **names, scores=scores, info=all_of_them.info
-    )
-
-
 NO_PATHS = [5, None, b"file", ["file"], "", "a\0b", "~nobody-of-this-name/file"]
 
 TAKERS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "find_path": ("field", lambda path: find_path("field", path)),
-    "read_demonstrations": ("path", read_demonstrations),
     "read_path": ("file", read_path),
     "read_forces": ("file", read_forces),
     "load_preset": ("path", load_preset),
@@ -198,8 +181,6 @@ def test_what_is_no_path_is_refused_with_its_argument(taker: str, given: Any) ->
 
 
 def test_what_is_no_file_of_its_kind_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"demonstrations .* are refused"):
-        read_demonstrations(str(tmp_path))
     with pytest.raises(DataError, match="it is no regular file"):
         read_run(str(tmp_path))
 

@@ -1,0 +1,60 @@
+"""What the offline scripts share: transitions that Minari reads, networks, and the score on fresh episodes."""
+
+from pathlib import Path
+
+import minari
+import numpy as np
+import torch
+from tensordict import TensorDict
+from torch import nn
+
+from pter_gym.benchmark import ResultsFolder, print_boards, run_scenario
+
+VOLTAGE_MAX = 24.0
+
+
+def transitions(dataset_id: str) -> TensorDict:
+    """Return all control steps of a data set in the keys of torchrl."""
+    parts: dict[str, list[np.ndarray]] = {key: [] for key in ("obs", "next", "action", "reward", "terminated", "done")}
+    for episode in minari.load_dataset(dataset_id).iterate_episodes():
+        parts["obs"].append(episode.observations[:-1])
+        parts["next"].append(episode.observations[1:])
+        parts["action"].append(episode.actions)
+        parts["reward"].append(episode.rewards.astype(np.float32)[:, None])
+        parts["terminated"].append(episode.terminations[:, None])
+        parts["done"].append((episode.terminations | episode.truncations)[:, None])
+    found = {key: torch.from_numpy(np.concatenate(arrays)) for key, arrays in parts.items()}
+    later = {"observation": found["next"], **{key: found[key] for key in ("reward", "terminated", "done")}}
+    return TensorDict({"observation": found["obs"], "action": found["action"], "next": later}, len(found["obs"]))
+
+
+class Scaled(nn.Module):
+    """Inputs with mean 0 and deviation 1 over a data set."""
+
+    def __init__(self, observations: torch.Tensor) -> None:
+        super().__init__()
+        self.register_buffer("mean", observations.mean(0))
+        self.register_buffer("deviation", observations.std(0) + 1e-3)
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        return (observations - self.mean) / self.deviation
+
+
+def layers(inputs: int, outputs: int) -> list[nn.Module]:
+    return [nn.Linear(inputs, 256), nn.ReLU(), nn.Linear(256, 256), nn.ReLU(), nn.Linear(256, outputs)]
+
+
+def policy_network(observations: torch.Tensor) -> nn.Module:
+    """Return a network from observations to normalised actions."""
+    return nn.Sequential(Scaled(observations), *layers(observations.shape[1], 4), nn.Tanh())
+
+
+def score(name: str, network: nn.Module, scenario: str, seed: int, out: Path) -> None:
+    """Score a network on fresh episodes of a scenario and print the leaderboards."""
+
+    @torch.no_grad()
+    def policy(observations: np.ndarray) -> np.ndarray:
+        actions = network(torch.from_numpy(observations)).numpy()
+        return VOLTAGE_MAX * ((actions + 1.0) / 2.0) ** 2
+
+    print_boards(run_scenario(scenario, {f"{name}-{seed}": policy}, fresh=seed, results=ResultsFolder(out)))
