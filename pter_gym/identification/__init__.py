@@ -1,0 +1,1 @@
+"""Parameters of a real machine from a log of it."""
