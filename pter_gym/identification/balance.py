@@ -53,7 +53,9 @@ def first_estimate(log: Log, motion: Motion, shape: Shape) -> Array:
             if misfit < least:
                 least = misfit
                 seen = size > 1e-6
-                best = _coordinates(shape, found / size, seen, (time_constant, delay, share * shape.top), log.force is None)
+                best = _coordinates(
+                    shape, found / size, seen, (time_constant, delay, share * shape.top), log.force is None
+                )
     return best.clip(at.LOWEST, shape.highest)
 
 

@@ -6,10 +6,10 @@ derivatives, which leaves a small dense problem in the machine's coordinates for
 are mended, windows that fit badly get less weight, and the search goes on.
 
 Intervals come from the sums of each window's gradients (a sandwich): neighbouring residuals of one window are one error
-that grows, and not many errors.
+that grows, and not many errors. To these comes what changes when the log is cut, filtered and simulated in another way.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -63,6 +63,8 @@ class Fit:
         Of the windows, as they are estimated.
     weights
         Of the windows.
+    spread
+        Covariance of the coordinates by choices that a result should not depend on, shape (12, 12).
     """
 
     windows: Windows
@@ -71,6 +73,7 @@ class Fit:
     p: Array
     starts: Array = field(default_factory=lambda: np.empty(0))
     weights: Array = field(default_factory=lambda: np.empty(0))
+    spread: Array = field(default_factory=lambda: np.zeros((len(at.NAMES), len(at.NAMES))))
     on_step: Callable[[], None] = lambda: None
     _known: dict[bytes, tuple[Array, Array, Array]] = field(default_factory=dict[bytes, tuple[Array, Array, Array]])
 
@@ -142,7 +145,10 @@ class Fit:
             off = self.predicted(p, self.starts) - self.windows.measured.reshape(len(self.starts), -1)
             by_start = np.stack(
                 [
-                    (self.predicted(p, self.starts + e * ways[:, :, j]) - self.predicted(p, self.starts - e * ways[:, :, j]))
+                    (
+                        self.predicted(p, self.starts + e * ways[:, :, j])
+                        - self.predicted(p, self.starts - e * ways[:, :, j])
+                    )
                     / (2.0 * e)
                     for j, e in enumerate(START_STEPS)
                 ],
@@ -186,14 +192,24 @@ class Fit:
         blocks = int((np.abs(sums).sum(axis=1) > 0.0).sum())
         left = max(blocks - len(self.free), 1)
         scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-30))
-        inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=1e-10, hermitian=True) * np.outer(scale, scale)
+        inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=1e-10, hermitian=True) * np.outer(
+            scale, scale
+        )
         robust = inverse @ (sums.T @ sums) @ inverse * (blocks / left)
         spread = np.sum(residual**2) / max(self.weights.sum() * residual.shape[1], 1.0)
         naive = inverse * spread
         unseen = np.diag(information) * at.STEPS[self.free] ** 2 < 1.0
         robust[np.diag_indices_from(robust)] = np.maximum(np.diag(robust), np.diag(naive))
+        robust += self.spread[np.ix_(self.free, self.free)]
         robust[unseen, unseen] = np.inf
         return robust, float(student.ppf(0.975, left))
+
+    def compare(self, others: Sequence[Windows]) -> None:
+        """Find the spread: search on with the log cut in other ways."""
+        changes = [
+            Fit(o, self.shape, self.free, self.p.copy(), on_step=self.on_step).search(1).p - self.p for o in others
+        ]
+        self.spread = np.mean([np.outer(change, change) for change in changes], axis=0)
 
     def misfit(self, p: Array) -> float:
         """Return a sum over the windows that no lone window rules."""
@@ -209,5 +225,3 @@ def begin(windows: Windows, shape: Shape, free: list[int], p: Array, on_step: Ca
         tried = [np.concatenate([p[: at.RATIO], [ratio], p[at.RATIO + 1 :]]) for ratio in RATIOS]
         fit.p = min(tried, key=fit.misfit)
     return fit
-
-

@@ -128,7 +128,9 @@ def record_log(
     rng = np.random.default_rng([seed, 0x4964])
     ratio = round(experiment.interval / TRUE_SUBSTEP)
     if abs(ratio * TRUE_SUBSTEP - experiment.interval) > 1e-9:
-        raise ParameterError(f"Experiment.interval must be a multiple of {TRUE_SUBSTEP:g} s, got {experiment.interval!r}")
+        raise ParameterError(
+            f"Experiment.interval must be a multiple of {TRUE_SUBSTEP:g} s, got {experiment.interval!r}"
+        )
     rows = round(experiment.duration / experiment.interval)
     times = TRUE_SUBSTEP * np.arange(rows * ratio)
     applied = voltages(experiment, experiment.interval * (np.arange(rows) + 0.5)).clip(max=machine.clutch.voltage_max)

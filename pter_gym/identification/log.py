@@ -33,7 +33,13 @@ SHORTEST = 5.0
 LONGEST = 600.0
 """Longest log [s]."""
 
-LARGEST = {TIME: 1e9, **dict.fromkeys(VOLTS, 1000.0), **dict.fromkeys(ANGLES, 1e3), **dict.fromkeys(FORCES, 1e4), FREE: 1.0}
+LARGEST = {
+    TIME: 1e9,
+    **dict.fromkeys(VOLTS, 1000.0),
+    **dict.fromkeys(ANGLES, 1e3),
+    **dict.fromkeys(FORCES, 1e4),
+    FREE: 1.0,
+}
 """Largest size of an entry of each column."""
 
 SMALLEST = {**dict.fromkeys(VOLTS, 0.0), FREE: 0.0}

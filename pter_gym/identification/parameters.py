@@ -73,7 +73,10 @@ class Shape:
         scale = [float(slopes[x] / slope) if x in self.live else self.start.clutch_scale[x] for x in range(4)]
         before = self.start.clutch
         if self.linear:
-            knee, curvature = max(before.dynamic.knee, self.top), slope * before.dynamic.curvature / before.dynamic.slope
+            knee, curvature = (
+                max(before.dynamic.knee, self.top),
+                slope * before.dynamic.curvature / before.dynamic.slope,
+            )
         else:
             knee = float(p[KNEE])
             curvature = slope * float(p[EXTRA]) / max(self.top - knee, 0.5 * ROOM) ** 2
@@ -154,7 +157,9 @@ def quantities(machine: Machine, delay: float, top: float) -> list[Quantity]:
     arm, curve = machine.arm, machine.clutch.dynamic
     found: list[Quantity] = []
 
-    def add(name: str, unit: str, meaning: str, value: float, place: str = "", scale: float = 0.0, judged: str = "") -> None:
+    def add(
+        name: str, unit: str, meaning: str, value: float, place: str = "", scale: float = 0.0, judged: str = ""
+    ) -> None:
         found.append(Quantity(name, unit, meaning, value, scale or abs(value), judged, place))
 
     add("inertia_a", "kg·m²", "inertia about axis A", arm.inertia_a, "arm.inertia_a")
@@ -172,5 +177,7 @@ def quantities(machine: Machine, delay: float, top: float) -> list[Quantity]:
     for x, scale in enumerate(machine.clutch_scale, 1):
         add(f"scale_{x}", "1", f"torque of clutch {x} over the mean", scale, "clutch.scale")
     add("time_constant", "s", "lag of the clutches", machine.clutch.time_constant, "clutch.time_constant")
-    add("delay", "s", "from voltage to motion", delay, "sensing.delay", CONTROL_PERIOD, "of a control step of 10 ms")
+    add(
+        "delay", "s", "from voltage to motion", delay, "sensing.delay", max(delay, CONTROL_PERIOD), "of it, or of 10 ms"
+    )
     return found

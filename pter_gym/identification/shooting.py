@@ -59,9 +59,9 @@ class Inputs:
         return np.maximum(np.diff(passed, axis=0) / self.step, 0.0)
 
 
-def make_inputs(interval: float, volts: Array, force: Array) -> Inputs:
+def make_inputs(interval: float, volts: Array, force: Array, longest: float = LONGEST_SUBSTEP) -> Inputs:
     """Return the model's inputs from rows of voltages [V], each held until the next, and of forces [N]."""
-    substeps = int(np.ceil(interval / LONGEST_SUBSTEP - 1e-9))
+    substeps = int(np.ceil(interval / longest - 1e-9))
     step = interval / substeps
     charge = np.concatenate([np.zeros((1, 4)), np.cumsum(interval * volts[:-1], axis=0)])
     times = interval * np.arange(len(force))
@@ -114,7 +114,9 @@ def _build(digest: str) -> Any:
             for row in range(record.shape[1]):
                 for _substep in range(substeps):
                     command = PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3])
-                    state, _ignored = advance(model, state, command, Load(force[k, 0], force[k, 1], 0.0, 0.0, 0.0, 0.0), h)
+                    state, _ignored = advance(
+                        model, state, command, Load(force[k, 0], force[k, 1], 0.0, 0.0, 0.0, 0.0), h
+                    )
                     k += 1
                 record[window, row, 0] = state.motion.theta_a
                 record[window, row, 1] = state.motion.theta_b

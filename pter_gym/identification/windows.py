@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt, lfilter, savgol_filter
 
 from pter_gym.identification.log import Log
-from pter_gym.identification.shooting import Inputs, make_inputs
+from pter_gym.identification.shooting import LONGEST_SUBSTEP, Inputs, make_inputs
 from pter_gym.physics.friction import COUPLING, LINES
 
 Array = NDArray[np.float64]
@@ -29,6 +29,30 @@ ENGAGED = 0.3
 
 W = np.array(COUPLING)
 DIRECTIONS = np.array([np.array(line) / np.linalg.norm(line) for line in LINES])
+
+
+@dataclass(frozen=True)
+class Cutting:
+    """Choices that a result should not depend on.
+
+    Attributes
+    ----------
+    stretch
+        Length of the windows over the usual one.
+    cutoff
+        Cutoff frequency of the forces [Hz].
+    substep
+        Longest substep of the model [s].
+    """
+
+    stretch: float = 1.0
+    cutoff: float = CUTOFF
+    substep: float = LONGEST_SUBSTEP
+
+
+USUAL = Cutting()
+OTHERS = (Cutting(0.55, 2.0 * CUTOFF, 0.5 * LONGEST_SUBSTEP), Cutting(1.4, 0.6 * CUTOFF, LONGEST_SUBSTEP))
+"""Others as good: what they change in a result is part of its error."""
 
 
 @dataclass(frozen=True)
@@ -85,13 +109,13 @@ def smooth(log: Log) -> Motion:
     return Motion(theta, omega, alpha, max(noise, 1e-7), half)
 
 
-def smooth_force(log: Log) -> Array:
+def smooth_force(log: Log, cutoff: float = CUTOFF) -> Array:
     """Return the forces [N] without what is faster than a hand; zeros where the log has none."""
     if log.force is None:
         return np.zeros((len(log.theta), 2))
-    if CUTOFF * log.interval >= 0.4:
+    if cutoff * log.interval >= 0.4:
         return log.force
-    low = butter(2, 2.0 * CUTOFF * log.interval)
+    low = butter(2, 2.0 * cutoff * log.interval)
     return filtfilt(low[0], low[1], log.force, axis=0)
 
 
@@ -103,10 +127,10 @@ def lagged(log: Log, values: Array, time_constant: float) -> Array:
     return lfilter([1.0 - left], [1.0, -left], before, axis=0, zi=first)[0]
 
 
-def cut(log: Log, motion: Motion, time_constant: float) -> Windows:
+def cut(log: Log, motion: Motion, time_constant: float, cutting: Cutting = USUAL) -> Windows:
     """Return the windows of a log; the time constant [s] need not be exact."""
     seconds = WITH_FORCES if log.force is not None else WITHOUT_FORCES
-    length = max(4, round(seconds / log.interval))
+    length = max(4, round(cutting.stretch * seconds / log.interval))
     count = (len(log.theta) - 1) // length
     first = np.arange(count) * length
     rows = first[:, None] + np.arange(1, length + 1)
@@ -130,7 +154,7 @@ def cut(log: Log, motion: Motion, time_constant: float) -> Windows:
         starts=np.concatenate([motion.theta[first], omega], axis=1),
         ways=ways,
         used=used,
-        inputs=make_inputs(log.interval, log.volts, smooth_force(log)),
+        inputs=make_inputs(log.interval, log.volts, smooth_force(log, cutting.cutoff), cutting.substep),
         noise=motion.noise,
     )
 
