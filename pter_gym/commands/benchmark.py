@@ -31,7 +31,7 @@ def benchmark(
     paces: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = PACES,
     episodes: Annotated[int | None, tyro.conf.arg(metavar="COUNT")] = None,
     fresh: Annotated[str | None, tyro.conf.arg(metavar="SEED|derived")] = None,
-    machine: str = MACHINE,
+    machine: Annotated[str, tyro.conf.arg(metavar="NAME|FILE.toml")] = MACHINE,
     time_constants: Annotated[str, tyro.conf.arg(metavar="SECONDS,…")] = TIME_CONSTANTS,
     seed: int = 0,
     isolated: bool = False,
@@ -54,7 +54,7 @@ def benchmark(
         episodes: How many of the scenario's episodes to run; all by default. Ranks from fewer than 200 are provisional.
         fresh: Seed of fresh episodes, as many as the stored ones, or derived: it follows from the content of all
             policies, the code and the scenario, so nobody can tune to it. The stored ones by default.
-        machine: Clutch material of the standard test.
+        machine: Clutch material of the standard test, or the preset of a machine of your own.
         time_constants: Time constants of the standard test's clutches [s], separated by commas; one episode each.
         seed: Seed of the standard test's episodes, and of random and predictive policies, at least 0.
         isolated: Whether each policy of a scenario runs in a process of its own; see docs/trust.md.
@@ -86,17 +86,20 @@ def standard_test(names: list[str], machine: str, seconds: list[float], seed: in
     """Run the paper's standard test on controllers, print its table and write its results to a folder."""
     from pter_gym.benchmark import run_standard_test
     from pter_gym.benchmark.naming import find_controller, is_code, read_policy
+    from pter_gym.commands.machines import as_sensed
     from pter_gym.params import find_machine
+    from pter_gym.tasks.path_following import PathFollowing
 
     import_from_here()
     chosen = {name: read_policy(name) if is_code(name) else find_controller(name, seed) for name in names}
-    chosen_machine = find_machine(machine)
+    chosen_machine, goal = find_machine(machine), as_sensed(PathFollowing(), machine)
     make_folder(out)
     with progress_bar() as progress:
         task = progress.add_task("standard test", total=len(chosen))
         result = run_standard_test(
             chosen,
             machine=chosen_machine,
+            task=goal,
             time_constants=seconds,
             seed=seed,
             on_progress=lambda _: progress.advance(task),

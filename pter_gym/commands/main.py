@@ -21,7 +21,7 @@ Command = Callable[..., int | None]
 
 GROUP = "pter.commands"
 
-USERS = ("benchmark", "play", "watch", "train", "export", "tune", "reproduce", "retrain", "verify")
+USERS = ("benchmark", "play", "watch", "train", "export", "tune", "reproduce", "retrain", "verify", "identify")
 """The order of the help. Command NAME of this package is the function NAME in NAME.py, beside this file."""
 
 WORKSHOP = ("fit", "speed", "record")

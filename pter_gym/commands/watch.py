@@ -33,6 +33,7 @@ def watch(
     csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv|npz")] = None,
     size: Annotated[str | None, tyro.conf.arg(metavar="WIDTHxHEIGHT")] = None,
     speed: float = 1.0,
+    machine: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")] = None,
 ) -> None:
     """Watch policies side by side on the same episode.
 
@@ -50,11 +51,12 @@ def watch(
         csv: Table to write of all that the episode records; see docs/watching.md. Its folder must exist.
         size: Width and height of the picture in pixels.
         speed: Time of the episode over that of the film; 0.2 is slow motion.
+        machine: Clutch material, or the preset of a machine of your own, in place of the one that the scenario draws.
     """
     names = split(policies)
     check_arguments(names, out, csv, size, speed)
-    machine, task = draw(scenario, pace, seed)
-    episodes = simulate(names, scenario, machine, task, seed)
+    held, task = draw(scenario, pace, seed, machine)
+    episodes = simulate(names, scenario, held, task, seed)
     for name, episode in episodes.items():
         say(f"{name}: {summary(episode)}")
     if csv:
@@ -63,9 +65,9 @@ def watch(
         write_trajectories({name: episode.telemetry for name, episode in episodes.items()}, csv)
         say(f"wrote {csv}")
     if out:
-        write(out, episodes, machine, task, speed, size)
+        write(out, episodes, held, task, speed, size)
     elif not csv:
-        show(episodes, machine, task, speed, size)
+        show(episodes, held, task, speed, size)
 
 
 def check_arguments(names: list[str], out: Path | None, csv: Path | None, size: str | None, speed: float) -> None:
@@ -107,13 +109,21 @@ def parse_size(text: str | None) -> tuple[int, int] | None:
     return check_size(int(found[1]), int(found[2]))
 
 
-def draw(scenario: str, pace: str, seed: int) -> "tuple[Machine, PathFollowing]":
-    """Return machine and task of a scenario's first training draw from a seed."""
+def draw(scenario: str, pace: str, seed: int, machine: str | None = None) -> "tuple[Machine, PathFollowing]":
+    """Return machine and task of a scenario's first training draw from a seed; another machine takes the drawn one's."""
+    from pter_gym.commands.machines import as_sensed
     from pter_gym.internal.checks import whole_number
+    from pter_gym.params import find_machine
     from pter_gym.scenarios import find_scenario
+    from pter_gym.tasks.path_following import check_machine
 
     drawn = find_scenario(scenario).randomisation(pace, contexts=1, seed=whole_number("seed", seed, at_least=0))
-    return drawn.pairs()[0]
+    first, task = drawn.pairs()[0]
+    if machine is None:
+        return first, task
+    own, task = find_machine(machine), as_sensed(task, machine)
+    check_machine(task, own)
+    return own, task
 
 
 def simulate(

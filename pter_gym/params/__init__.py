@@ -33,6 +33,8 @@ from pter_gym.params.machine import (
     Machine,
     TorqueCurve,
     find_machine,
+    is_preset,
+    machine_of,
     tip_mass,
     with_friction,
 )
@@ -60,6 +62,8 @@ __all__ = [
     "Machine",
     "TorqueCurve",
     "find_machine",
+    "is_preset",
+    "machine_of",
     "preset",
     "quantity",
     "require",

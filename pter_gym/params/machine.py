@@ -11,7 +11,7 @@ from typing import Literal, cast, get_args
 
 from pter_gym.errors import ParameterError, nearest
 from pter_gym.params.fields import SMALLEST, preset, quantity, require, require_kind, require_number, require_numbers
-from pter_gym.params.preset import PRESET
+from pter_gym.params.preset import PRESET, Preset, load_preset
 from pter_gym.units import from_inch_pounds
 
 Lag = Literal["normal_force", "voltage"]
@@ -223,13 +223,35 @@ MACHINES = {**PAPER_MACHINES}
 """Machines that environments and commands know by name; another clutch material is one more entry."""
 
 
+def machine_of(preset: Preset) -> Machine:
+    """Return the machine of a preset, with its present clutches."""
+    values = preset.clutch
+    dynamic = TorqueCurve(slope=values.slope, knee=values.knee, curvature=values.curvature)
+    clutch = Clutch(
+        breakaway=dynamic.scaled(values.breakaway_ratio),
+        dynamic=dynamic,
+        time_constant=values.time_constant,
+        voltage_max=values.voltage_max,
+    )
+    return Machine(arm=Arm(**vars(preset.arm)), clutch=clutch, clutch_scale=values.scale)
+
+
+def is_preset(machine: object) -> bool:
+    """Tell whether a machine is given by the path of a preset."""
+    return isinstance(machine, str) and machine.endswith(".toml")
+
+
 def find_machine(machine: Machine | str | None) -> Machine:
-    """Return a machine given as itself or by its name in ``MACHINES``; ``BASELINE`` for None.
+    """Return a machine given as itself, by its name in ``MACHINES``, or by the path of a preset; ``BASELINE`` for None.
+
+    The path ends in ``.toml``, as that of what ``pter identify`` writes.
 
     Raises
     ------
     ParameterError
-        If it is no machine, or there is none of that name; it tells the nearest.
+        If it is no machine, or there is none of that name; it tells the nearest. Or a preset cannot be read.
+    DataError
+        If a preset is not what it must be.
     """
     given = cast("object", machine)
     if given is None:
@@ -238,6 +260,8 @@ def find_machine(machine: Machine | str | None) -> Machine:
         return given
     if isinstance(given, str) and given in MACHINES:
         return MACHINES[given]
+    if isinstance(given, str) and is_preset(given):
+        return machine_of(load_preset(given))
     raise ParameterError(
-        f"machine must be a Machine or one of {', '.join(MACHINES)}, got {given!r:.200}{nearest(given, MACHINES)}"
+        f"machine must be a Machine or one of {', '.join(MACHINES)}, or the path of a preset (.toml), got {given!r:.200}{nearest(given, MACHINES)}"
     )

@@ -17,7 +17,7 @@ from pter_gym.internal.codec import ABSENT, declared
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text, reading
 
-KINDS = ("published", "derived", "fitted", "chosen")
+KINDS = ("published", "derived", "fitted", "identified", "chosen")
 """First words of a provenance."""
 
 ABSENT_ORIGIN = "chosen: the file is older than this number"
@@ -63,6 +63,7 @@ class ClutchValues:
     breakaway_ratio: float = number("1", above=0.0)
     time_constant: float = number("s", above=0.0)
     voltage_max: float = number("V", above=0.0)
+    scale: tuple[float, ...] = number("1", above=0.0, absent=(1.0,) * 4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,12 +105,19 @@ class ControllerValues:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SensingValues:
+    """The time from a voltage to the motion that it makes, as a computer sees both."""
+
+    delay: float = number("s", at_least=0.0, absent=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Preset:
     """A complete set of numbers in SI.
 
     Attributes
     ----------
-    arm, clutch, delrin, path, hand, controller
+    arm, clutch, delrin, path, hand, controller, sensing
         The sections of the file.
     provenance
         Where each number comes from, by section and field: ``preset.provenance["arm.length_a"]``.
@@ -121,6 +129,7 @@ class Preset:
     path: PathValues
     hand: HandValues
     controller: ControllerValues
+    sensing: SensingValues
     provenance: Mapping[str, str]
 
 
@@ -132,6 +141,7 @@ SECTIONS: Mapping[str, type[Any]] = MappingProxyType(
         "path": PathValues,
         "hand": HandValues,
         "controller": ControllerValues,
+        "sensing": SensingValues,
     }
 )
 """The sections of a preset file, in their order."""

@@ -26,7 +26,7 @@ ORDER = (
     ("envs",),
     ("benchmark",),
     ("datasets", "plots", "tuning"),
-    ("paper", "speed", "web"),
+    ("identification", "paper", "speed", "web"),
     ("commands",),
     ("__init__", "__main__"),
 )

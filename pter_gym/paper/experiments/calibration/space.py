@@ -16,6 +16,7 @@ from pter_gym.params.preset import (
     HandValues,
     PathValues,
     Preset,
+    SensingValues,
 )
 from pter_gym.paths import Line
 from pter_gym.units import INCH_POUND
@@ -101,6 +102,8 @@ PROVENANCE: dict[str, str] = {
     "controller.damping_tangential": "fitted: damper along the path",
     "controller.slip_threshold": "fitted: a slower clutch counts as stuck",
     "controller.table_volts": "chosen: five knots; 4 V published",
+    "clutch.scale": "chosen: four clutches of one kind",
+    "sensing.delay": "chosen: none",
     "controller.feedback": "published: Kp = 0.06 (section IV-C.3), read as V per in·lbf",
 }
 
@@ -132,6 +135,7 @@ def decode(point: Array) -> Preset:
             breakaway_ratio=rounded(values["breakaway_ratio"]),
             time_constant=TIME_CONSTANT,
             voltage_max=TABLE_VOLTS[-1],
+            scale=(1.0,) * 4,
         ),
         delrin=DelrinValues(
             dynamic_scale=rounded(values["delrin_scale"]), breakaway_ratio=rounded(values["delrin_ratio"])
@@ -146,6 +150,7 @@ def decode(point: Array) -> Preset:
             table_volts=TABLE_VOLTS,
             feedback=BEST_GAIN / INCH_POUND,
         ),
+        sensing=SensingValues(delay=0.0),
         provenance=PROVENANCE,
     )
 
