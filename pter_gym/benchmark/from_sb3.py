@@ -1,7 +1,8 @@
-"""Models of Stable-Baselines3 and sb3-contrib as policies; neither of them is imported here."""
+"""What learning libraries have trained as policies; none of them is imported here."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, get_args
 
 import numpy as np
@@ -41,9 +42,37 @@ def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelController":
     return ModelController(model, _normalising(wrapper), _sensors_of(model), *_bounds_of(model))
 
 
+def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelController":
+    """Return what runs a function from observations to the actions of an environment, whatever library it comes from.
+
+    Parameters
+    ----------
+    act
+        From observations, float32 (N, entries), to actions, (N, 4): an array, or a tensor of torch. It remembers nothing.
+        Its actions are clipped to the action space; they are normalised where the lower bound is negative, and volts
+        otherwise.
+    env
+        The environment whose observations and actions these are: one of this package, or anything with its spaces.
+
+    Raises
+    ------
+    ParameterError
+        If observations or actions are not those of an environment of this package.
+    """
+
+    def predict(observations: Observations, **_: Any) -> tuple[Any, None]:
+        actions = act(observations)
+        return (actions.detach().cpu().numpy() if hasattr(actions, "detach") else actions), None
+
+    spaces_of = {
+        name: getattr(env, f"single_{name}", getattr(env, name, None)) for name in ("observation_space", "action_space")
+    }
+    return from_sb3(SimpleNamespace(predict=predict, **spaces_of))
+
+
 @dataclass(frozen=True, eq=False)
 class ModelController:
-    """A model that is ready to be bound; made by ``from_sb3``.
+    """A model that is ready to be bound; made by ``from_sb3`` and ``from_actions``.
 
     Attributes
     ----------

@@ -94,6 +94,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         self.render_mode = render_mode
         self.autoreset_mode = find_autoreset_mode(autoreset_mode)
         self.num_envs = whole_number("num_envs", num_envs)
+        self.max_episode_steps = max_episode_steps
         check_memory(self.num_envs, telemetry)
         self.batch = Batch(
             *find_pairs(machine, task, randomisation),

@@ -1,5 +1,6 @@
-"""How good a controller is on training draws of a scenario: one number that is finite and ranks all gains."""
+"""How good a policy is on training draws of a scenario: one number that is finite and ranks all of them."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -7,9 +8,9 @@ import numpy as np
 from pter_gym.benchmark.metrics import Scores, ranked_scores
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.recorded import Travel
-from pter_gym.benchmark.simulation import run, time_limit
+from pter_gym.benchmark.naming import find_policy
+from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
-from pter_gym.controllers import Controller
 from pter_gym.engine.batch import Batch
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN
@@ -31,8 +32,15 @@ COLUMNS = (COLUMN.time, COLUMN.arc_length, COLUMN.normal_error, COLUMN.is_succes
 """What ranked scores need of the telemetry."""
 
 
+LEAST = ("free", "locked", "random")
+"""Policies that know nothing; whatever has learned something is better than each of them."""
+
+UNSEEN = 10_000
+"""Seed of draws that no training has by default."""
+
+
 class Verdict(NamedTuple):
-    """What counts of a controller's scores.
+    """What counts of a policy's scores.
 
     Attributes
     ----------
@@ -55,9 +63,14 @@ class Verdict(NamedTuple):
         over += max(0.0, self.segment_pace_error - RESERVE * PACE_ERROR)
         return self.path_error_m + PENALTY * over
 
+    def __str__(self) -> str:
+        """Return the scores in words."""
+        arrives, mean, segments = (f"{100 * share:.0f} %" for share in self[1:])
+        return f"{1000 * self.path_error_m:.1f} mm, arrives in {arrives}, pace {mean} off, segments {segments}"
+
 
 class Examination:
-    """Training draws of a scenario on which controllers are scored; the same draws for all of them.
+    """Training draws of a scenario on which policies are scored; the same draws for all of them.
 
     Parameters
     ----------
@@ -77,18 +90,45 @@ class Examination:
         self.seeds = [seed * episodes + k for k in range(episodes)]
         self.batch = Batch([machine for machine, _ in pairs], self.tasks)
 
-    def judge(self, controller: Controller) -> Verdict:
-        """Return what counts of a controller's scores."""
-        scores = self.scores(controller)
+    def judge(self, policy: AnyPolicy) -> Verdict:
+        """Return what counts of a policy's scores."""
+        scores = self.scores(policy)
         return Verdict(
             float(interquartile_mean(scores["path_error_m"])),
             *(float(scores[name].mean()) for name in Verdict._fields[1:]),
         )
 
-    def scores(self, controller: Controller) -> Scores:
-        """Return the ranked scores of a controller on all draws, as the benchmark has them."""
-        episodes = run(self.batch, controller, self.seeds, self.limits, columns=list(COLUMNS), stride=SEGMENT)
+    def scores(self, policy: AnyPolicy) -> Scores:
+        """Return the ranked scores of a policy on all draws, as the benchmark has them."""
+        episodes = run(self.batch, policy, self.seeds, self.limits, columns=list(COLUMNS), stride=SEGMENT)
         telemetry = episodes.telemetry
         telemetry[np.arange(len(telemetry))[:, None] > np.array(self.limits)] = np.nan
         time, arc_length, errors, success = np.moveaxis(telemetry, -1, 0)
         return ranked_scores(Travel(time, arc_length, errors, success, self.tasks))
+
+
+def examine(
+    policies: Mapping[str, AnyPolicy],
+    scenario: str = "standard",
+    pace: str = "medium",
+    *,
+    episodes: int = 64,
+    seed: int = UNSEEN,
+) -> dict[str, Verdict]:
+    """Return how good policies are on training draws, beside ``free``, ``locked`` and ``random``, the best first.
+
+    It reads no evaluation episodes, so what comes of it may decide how to train on.
+
+    Parameters
+    ----------
+    policies
+        By name: controllers, what ``from_sb3`` and ``from_actions`` return, or functions from observations to volts.
+    scenario, pace
+        Names.
+    episodes, seed
+        Number of draws, and their seed, ≥ 0; a training's is its ``context_seed``, 0 by default.
+    """
+    examination = Examination(scenario, pace, episodes, seed)
+    known = {name: find_policy(name) for name in LEAST}
+    verdicts = {name: examination.judge(policy) for name, policy in {**known, **policies}.items()}
+    return dict(sorted(verdicts.items(), key=lambda item: item[1].value))

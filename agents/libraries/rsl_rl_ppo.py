@@ -1,0 +1,42 @@
+"""PPO of rsl-rl: `python agents/libraries/rsl_rl_ppo.py`, then its scores on training draws."""
+
+import gymnasium
+import torch
+import tyro
+from gymnasium.wrappers.vector import TransformReward
+from rsl_rl.runners import OnPolicyRunner
+from tensordict import TensorDict
+
+from pter_gym.benchmark import from_actions
+from pter_gym.envs.rsl_rl import RslRlVecEnv
+from pter_gym.tuning import examine
+
+NETWORK = {"class_name": "MLPModel", "hidden_dims": [64, 64], "activation": "tanh", "obs_normalization": True}
+
+
+def settings(horizon: int) -> dict:
+    spread = {"class_name": "GaussianDistribution", "init_std": 0.5}
+    algorithm = {"class_name": "PPO", "num_mini_batches": 8, "learning_rate": 1e-3, "entropy_coef": 0.0}
+    return {
+        "num_steps_per_env": horizon,
+        "save_interval": 1000,
+        "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
+        "actor": {**NETWORK, "distribution_cfg": spread},
+        "critic": NETWORK,
+        "algorithm": algorithm,
+    }
+
+
+def train(seed: int = 0, steps: int = 1_500_000, worlds: int = 256, horizon: int = 64):
+    torch.manual_seed(seed), torch.set_num_threads(1)
+    options = {"action_unit": "normalised", "autoreset_mode": "SAME_STEP", "telemetry": False}
+    envs = TransformReward(gymnasium.make_vec("PTER/Standard-v0", worlds, **options), lambda pay: 0.01 * pay)
+    runner = OnPolicyRunner(RslRlVecEnv(envs, seed), settings(horizon))
+    runner.learn(steps // (worlds * horizon))
+    act = runner.get_inference_policy()
+    return from_actions(lambda obs: act(TensorDict({"policy": torch.as_tensor(obs)}, [len(obs)])), envs)
+
+
+if __name__ == "__main__":
+    for name, verdict in examine({"rsl-rl": tyro.cli(train)}).items():
+        print(f"{name:>8}  {verdict}")

@@ -1,0 +1,82 @@
+"""The door for rsl-rl: its ``VecEnv`` over a vector environment, with tensors of torch that share the arrays' memory."""
+
+from typing import Any
+
+from pter_gym.errors import ParameterError, needs_extra
+
+try:
+    import torch
+    from rsl_rl.env import VecEnv
+    from tensordict import TensorDict
+except ImportError as error:
+    raise ImportError(str(needs_extra("pter_gym.envs.rsl_rl", "libraries"))) from error
+
+from gymnasium.vector import AutoresetMode
+
+
+class RslRlVecEnv(VecEnv):
+    """A ``VecEnv`` of rsl-rl, whose observations are one group, ``"policy"``.
+
+    Each step makes new arrays, and the observations are tensors on their memory: nothing is copied, and a tensor that is
+    kept does not change. Rewards are float32, as rsl-rl wants them. With worlds on a CUDA device all stays there.
+
+    Actions beyond the bounds are clipped, as rsl-rl draws them from a normal distribution. ``extras["time_outs"]`` are
+    the episodes that were truncated and not terminated.
+
+    Parameters
+    ----------
+    env
+        Of ``gymnasium.make_vec`` with ``autoreset_mode="SAME_STEP"``, with its wrappers; it is reset here.
+    seed
+        Of the first episodes; world i begins with ``seed + i``.
+
+    Raises
+    ------
+    ParameterError
+        If the environment has another ``autoreset_mode``: rsl-rl would learn from a step that does nothing.
+    """
+
+    def __init__(self, env: Any, seed: int | None = None) -> None:
+        if env.metadata["autoreset_mode"] != AutoresetMode.SAME_STEP:
+            raise ParameterError(f"autoreset_mode must be SAME_STEP, got {env.metadata['autoreset_mode'].name}")
+        self.env = env
+        self.cfg: dict[str, Any] = {}
+        self.device = torch.device(env.unwrapped.device)
+        self.num_envs, self.num_actions = env.action_space.shape
+        self.max_episode_length = env.unwrapped.max_episode_steps or 0
+        self._low, self._high = (float(bound[0]) for bound in (env.single_action_space.low, env.single_action_space.high))
+        self._steps = torch.zeros(self.num_envs, dtype=torch.long, device=self.device)
+        self._obs = self._grouped(env.reset(seed=seed)[0])
+
+    @property
+    def episode_length_buf(self) -> torch.Tensor:
+        """Control steps of each world's episode so far, (N,)."""
+        return self._steps
+
+    @episode_length_buf.setter
+    def episode_length_buf(self, steps: Any) -> None:
+        """Refuse: the worlds count their steps themselves."""
+        raise ParameterError("init_at_random_ep_len must be False: episodes begin anywhere along the path by themselves")
+
+    def get_observations(self) -> TensorDict:
+        """Return the latest observations, float32 (N, entries), as the group ``"policy"``."""
+        return self._obs
+
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
+        """Advance all worlds by one control period; actions are (N, 4)."""
+        clipped = actions.detach().clamp(self._low, self._high)
+        given = clipped if self.device.type == "cuda" else clipped.numpy()
+        obs, rewards, *flags, _ = self.env.step(given)
+        terminated, truncated = map(torch.as_tensor, flags)
+        done = terminated | truncated
+        self._steps = torch.where(done, 0, self._steps + 1)
+        self._obs = self._grouped(obs)
+        return self._obs, torch.as_tensor(rewards).float(), done, {"time_outs": truncated & ~terminated}
+
+    def close(self) -> None:
+        """Stop the threads."""
+        self.env.close()
+
+    def _grouped(self, obs: Any) -> TensorDict:
+        """Return observations as rsl-rl wants them, on the same memory."""
+        return TensorDict({"policy": torch.as_tensor(obs)}, [self.num_envs], device=self.device)
