@@ -11,6 +11,7 @@ import os
 import statistics
 import sys
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any
 
 import tyro
@@ -48,7 +49,6 @@ def measure(worlds: int, turns: int, policy: str) -> list[tuple[Speeds, Speeds]]
             for worker, core in zip(crew, cores, strict=True)
         ]
     )
-    rates(crew, worlds, (0, 1))  # kernels compile
     found = [
         ([*rates(crew, worlds, (0,)), *rates(crew, worlds, (1,))], rates(crew, worlds, (0, 1))) for _ in range(turns)
     ]
@@ -68,7 +68,7 @@ def measured_block(found: list[tuple[Speeds, Speeds]], worlds: int, policy: str,
     if taken > ALLOWED:
         text += f" The machine was not idle: before the measurement other processes took {taken:.0f} % of its cores."
     head = ["Worker", "Alone [control steps/s]", "Both at once [control steps/s]", "Ratio"]
-    return f"{table(head, rows)}\n{text}\n"
+    return f"{table(head, rows)}\n{fill(text, 120)}\n"
 
 
 def main(measured: bool = False, worlds: int = 128, turns: int = 15, policy: str = "residual") -> None:

@@ -24,14 +24,14 @@ class TremorArm(HumanArm):
     """A human arm that trembles: a force beside what the person means to do.
 
     Modelling choice. What is measured is the acceleration a of the free hand. That hand is taken as the arm's mass,
-    damper and spring, driven by a force F of the tremor's own, so with ω = 2π·frequency
+    damper and spring, driven by a force of the tremor's own, so with ω = 2π·frequency its amplitude is ::
 
-        |F| = a·|k − mω² + ibω| / ω²
+        force = a·|k − mω² + ibω| / ω²
 
     The same force acts when the hand holds the tip, whose motion then follows from hand, arm and clutches together. It
-    acts along one line, at an angle from the path, and waxes and wanes around its mean amplitude:
+    acts along one line, at an angle from the path, and waxes and wanes around its mean amplitude::
 
-        F(t) = |F|·(1 + swell·cos(2π·swell_frequency·t + swell_phase))·sin(ωt + phase)
+        F(t) = force·(1 + swell·cos(2π·swell_frequency·t + swell_phase))·sin(ωt + phase)
 
     The whole arm is taken to tremble. Where the wrist alone does, with less mass, the force is too large: it is an
     upper bound. Reflexes, fatigue, and that load changes a tremor's frequency are left out.

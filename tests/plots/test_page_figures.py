@@ -4,12 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from figures.hands import force_and_spectrum
 from figures.pages import Score, clutches_over_time, error_against_commanded_pace, spread
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from pter_gym.benchmark.statistics import Interval
+from pter_gym.hands import MEASURED_TREMORS, find_hand
 from pter_gym.internal.looks import LOOKS
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.plots.style import png
@@ -117,3 +119,16 @@ def test_the_documents_have_the_pictures() -> None:
     root = Path(__file__).parents[2]
     assert "images/error-against-pace.png" in (root / "README.md").read_text("utf-8")
     assert "images/clutches.png" in (root / "docs" / "agents.md").read_text("utf-8")
+
+
+def test_tremors_show_their_force_and_a_peak_within_the_band() -> None:
+    hands = {name: find_hand(name) for name in MEASURED_TREMORS}
+    figure = force_and_spectrum(hands, MEASURED_TREMORS)
+    panels = np.reshape(np.array(figure.axes), (3, 2))
+    for (name, hand), (left, right) in zip(hands.items(), panels, strict=True):
+        assert np.abs(left.get_lines()[0].get_ydata()).max() == pytest.approx(1.3 * hand.force, rel=0.03)
+        frequencies, amplitudes = right.get_lines()[0].get_data()
+        low, high = MEASURED_TREMORS[name].band
+        assert low < frequencies[amplitudes.argmax()] < high
+        assert amplitudes.max() == pytest.approx(hand.force, rel=0.15)
+    assert [axes.get_xlabel() for axes in panels[-1]] == ["time [s]", "frequency [Hz]"]
