@@ -3,7 +3,8 @@
     python docs/make/data_page.py [--data FOLDER] [--results RESULTS] [--train-missing]
 
 FOLDER is that of `pter record`, RESULTS what the scripts of agents/stock/offline have written; with --train-missing
-they run first for the seeds that are missing, about 25 minutes of a core for all. Without one of them its table stays.
+they run first for the seeds that are missing, about 25 minutes of a core for all. Without one of them its table stays,
+and rows of other seeds do.
 """
 
 import json
@@ -14,7 +15,7 @@ from pathlib import Path
 
 import tyro
 from pages import ROOT, table, write_block
-from stock_pages import read_scores, results_table
+from stock_pages import read_page, read_scores, results_table
 
 from pter_gym.datasets import LEVELS, dataset_id
 from pter_gym.datasets.files import CARD, DATA
@@ -55,7 +56,7 @@ def sets_table(data: Path) -> str:
 
 def train(data: Path, results: Path) -> None:
     """Let the scripts run for the seeds that are missing."""
-    there = read_scores(results) if results.exists() else {}
+    there = read_page(PAGE.read_text("utf-8"))
     for algorithm, level in TRAINED:
         for seed in SEEDS:
             if seed not in there.get(f"{algorithm.replace('_', '-')}-{level}", {}):
@@ -71,7 +72,10 @@ def main(data: Path | None = None, results: Path | None = None, train_missing: b
     if train_missing and data is not None and results is not None:
         train(data, results)
     if results is not None:
-        write_block(PAGE, "offline", results_table(read_scores(results)))
+        scores = read_page(PAGE.read_text("utf-8"))
+        for name, seeds in read_scores(results).items():
+            scores.setdefault(name, {}).update(seeds)
+        write_block(PAGE, "results", results_table(scores))
 
 
 if __name__ == "__main__":

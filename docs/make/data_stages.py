@@ -26,6 +26,7 @@ MEDIUM = {"standard": "stage-3", "others": "stage-6"}
 
 
 def main(runs: Path) -> None:
+    """Train, and write a policy for each stage."""
     run, kept = runs / "everything", runs / "kept"
     kept.mkdir(parents=True, exist_ok=True)
     settings = load_settings("ppo")
