@@ -92,10 +92,7 @@ def export(
     """
     from pter_gym.policies.files import RUN
 
-    if hub is None or (run / RUN).is_file():
-        policy = _export_run(run, name, out)
-    else:
-        policy = run
+    policy = _export_run(run, name, out) if hub is None or (run / RUN).is_file() else run
     if hub is not None:
         from pter_gym.benchmark.sharing import share_policy
 

@@ -26,6 +26,7 @@ MEDIUM = {"standard": "stage-3", "others": "stage-6"}
 
 
 def main(runs: Path) -> None:
+    """Train, and write a policy for each stage."""
     run, kept = runs / "everything", runs / "kept"
     kept.mkdir(parents=True, exist_ok=True)
     settings = load_settings("ppo")
@@ -42,7 +43,7 @@ def main(runs: Path) -> None:
     reached = {steps_of(path): path for path in checkpoints(kept)}
     wanted = [steps for steps in reached if steps % EVERY == 0 and steps + EVERY // 2 < STEPS] + [max(reached)]
     table = [
-        f'# Made by `python docs/make/data_stages.py RUNS`; σ is `deviation`, ρ is `persistence`.\n\nsteps = {STEPS}',
+        f"# Made by `python docs/make/data_stages.py RUNS`; σ is `deviation`, ρ is `persistence`.\n\nsteps = {STEPS}",
         'command = "pter train ppo --scenario everything --steps 6000000 --seed 0"',
         f"persistence = {settings.persistence}\n\n[medium]",
         *(f'{scenario} = "{name}"' for scenario, name in MEDIUM.items()),

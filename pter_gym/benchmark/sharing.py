@@ -87,7 +87,7 @@ def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -
     text = (source / f"{name}{TEXT}").read_text("utf-8") if (source / f"{name}{TEXT}").is_file() else f"# {name}\n"
     parts = {f"{name}{ending}": (source / f"{name}{ending}").read_bytes() for ending in (WEIGHTS, CARD)}
     film = film_of(name, neural, scenario)
-    card = f"{front_matter(name, scenario, boards)}\n{model_card(name, text, scenario, boards)}"
+    card = f"{front_matter(name, scenario, boards)}\n{model_card(text, scenario, boards)}"
     write_files_atomic(where, {**parts, FILM: film, README: card.encode()})
     return where
 
@@ -100,7 +100,7 @@ def _find(policy: FilePath) -> tuple[str, Path]:
 
 
 def scenario_of(trained_on: Any) -> Scenario:
-    """Return the scenario on which a policy is scored: that of its training, ``everything`` for all or an unknown one."""
+    """Return the scenario on which a policy is scored: that of its training, or ``everything``."""
     found = [each for each in SCENARIOS.values() if trained_on in (each.id, each.name)]
     return found[0] if found else SCENARIOS["everything"]
 
@@ -143,7 +143,7 @@ def front_matter(name: str, scenario: Scenario, boards: Sequence[Leaderboard]) -
     )
 
 
-def model_card(name: str, text: str, scenario: Scenario, boards: Sequence[Leaderboard]) -> str:
+def model_card(text: str, scenario: Scenario, boards: Sequence[Leaderboard]) -> str:
     """Return what people read of a card: what was written at the export, the scores, and how to use the policy."""
     rows = [
         f"| {board.pace} ({PACES[board.pace]:g} m/s) | "
@@ -158,8 +158,8 @@ def model_card(name: str, text: str, scenario: Scenario, boards: Sequence[Leader
             "",
             "## Scores",
             "",
-            f"On {first.episodes} fresh episodes of `{scenario.name}` at each pace, seed {first.fresh}, which follows "
-            f"from the content of the policy; pter-gym {__version__}. In brackets intervals of 95 %.",
+            f"On {first.episodes} fresh episodes of `{scenario.name}` at each pace by pter-gym {__version__}.",
+            f"Their seed, {first.fresh}, follows from the content of the policy. In brackets intervals of 95 %.",
             "",
             "| pace | path error [mm] | at the end [%] |",
             "|---|---|---|",

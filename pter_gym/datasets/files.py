@@ -108,9 +108,7 @@ def data_of(episodes: Sequence[Episode]) -> bytes:
         return file.id.get_file_image()
 
 
-def metadata_of(
-    scenario: str, level: str, episodes: Sequence[Episode], *, seed: int, command: str, size: int
-) -> bytes:
+def metadata_of(scenario: str, level: str, episodes: Sequence[Episode], *, seed: int, command: str, size: int) -> bytes:
     """Return what Minari is told of a data set, as it writes it; ``size`` is that of the data [B]."""
     minari = load_minari()
     from minari.dataset.minari_storage import MinariStorage
@@ -155,9 +153,7 @@ def summary_of(episodes: Sequence[Episode]) -> dict[str, Any]:
     }
 
 
-def card_of(
-    scenario: str, level: str, episodes: Sequence[Episode], *, seed: int, command: str, digest: str
-) -> str:
+def card_of(scenario: str, level: str, episodes: Sequence[Episode], *, seed: int, command: str, digest: str) -> str:
     """Return the card of a data set in Markdown; what is in front of it is for machines."""
     name, arguments = environment_of(scenario, seed)
     summary = summary_of(episodes)
@@ -179,9 +175,9 @@ def card_of(
             "",
             f"# {ident}",
             "",
-            f"{summary['steps']} control steps in {summary['episodes']} episodes of "
-            f"`gymnasium.make({name!r}, {given})`: {LEVELS[level]}.",
+            f"{summary['steps']} control steps in {summary['episodes']} episodes: {LEVELS[level]}.",
             "",
+            f"- Environment: `gymnasium.make({name!r}, {given})`",
             f"- Who acts: {_told(scenario, level)}",
             f"- Command: `{command}`, with pter-gym {__version__}",
             f"- Mean return: {_interval(returns, 1.0, 1)}",
@@ -190,9 +186,9 @@ def card_of(
             f"- SHA-256 of `data/{DATA}`: `{digest}`",
             f"- Licence: {LICENCE}, as that of pter-gym",
             "",
-            "Episodes are of training draws. Episode k begins with a reset by its stored seed; all levels of a scenario "
-            "have the same machines, paths, hands and starts. Observations and actions are float32 as the environment "
-            "gives and takes them, rewards float64. Intervals are of 95 %.",
+            "Episodes are of training draws. Each begins with a reset by its stored seed; all levels of a scenario",
+            "have the same machines, paths, hands and starts. Observations and actions are float32 as the environment",
+            "gives and takes them, rewards float64. In brackets intervals of 95 %.",
             "",
         ]
     )

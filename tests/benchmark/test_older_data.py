@@ -14,7 +14,6 @@ import pytest
 
 import pter_gym
 from pter_gym.benchmark import episodes
-from pter_gym.benchmark.metrics import SCORES
 from pter_gym.benchmark.naming import GUIDE_TABLE
 from pter_gym.benchmark.tuned import TABLE, controller_of, find_tuned, read_table
 from pter_gym.compiled.layout import Field, Layout

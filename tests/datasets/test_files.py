@@ -16,7 +16,7 @@ minari = pytest.importorskip("minari")
 pytest.importorskip("h5py")
 
 NAME = "pter/everything/random-v0"
-COMMAND = "record --scenario everything --level random --steps 400 --seed 2 --out".split()
+COMMAND = ["record", "--scenario", "everything", "--level", "random", "--steps", "400", "--seed", "2", "--out"]
 
 
 def digests(folder: Path) -> dict[str, str]:

@@ -10,7 +10,14 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "classical-control.md"
 SCRIPTS = sorted({path.stem for path in (ROOT / "docs" / "make").glob("*.py")} - {"pages"})
-NEEDS = {"ablations": "torch", "algorithms": "torch", "images": "pygame", "seeds": "torch", "training_speed": "torch"}
+NEEDS = {
+    "ablations": "torch",
+    "algorithms": "torch",
+    "data_stages": "torch",
+    "images": "pygame",
+    "seeds": "torch",
+    "training_speed": "torch",
+}
 BLOCKS = ("board: standard", "separation", "bounds", "lag", "torque", "board: everything", "lost")
 
 

@@ -10,7 +10,11 @@ from torchrl.objectives import BCLoss
 
 
 def train(
-    dataset: tyro.conf.Positional[str], seed: int = 0, steps: int = 10_000, batch: int = 512, out: Path = Path("offline")
+    dataset: tyro.conf.Positional[str],
+    seed: int = 0,
+    steps: int = 10_000,
+    batch: int = 512,
+    out: Path = Path("offline"),
 ) -> None:
     torch.set_num_threads(1)
     torch.manual_seed(seed)

@@ -1,4 +1,4 @@
-"""TD3+BC (Fujimoto and Gu, arXiv:2106.06860) with torchrl: `python agents/stock/offline/td3_bc.py pter/standard/replay-v0`."""
+"""TD3+BC (arXiv:2106.06860) with torchrl: `python agents/stock/offline/td3_bc.py pter/standard/replay-v0`."""
 
 from pathlib import Path
 
@@ -23,7 +23,11 @@ class Worth(nn.Module):
 
 
 def train(
-    dataset: tyro.conf.Positional[str], seed: int = 0, steps: int = 10_000, batch: int = 256, out: Path = Path("offline")
+    dataset: tyro.conf.Positional[str],
+    seed: int = 0,
+    steps: int = 10_000,
+    batch: int = 256,
+    out: Path = Path("offline"),
 ) -> None:
     torch.set_num_threads(1)
     torch.manual_seed(seed)
