@@ -1,7 +1,7 @@
 """A first estimate: the balance of torques as a linear regression, on a grid of what is not linear.
 
-Where all engaged clutches slip one way, the paper's Eqs. 3 and 4 are linear in inertias, slopes and curvature, once time
-constant, delay and knee are chosen. It needs no start, and its noise on accelerations does not matter for one.
+Where all engaged clutches slip one way, the paper's Eqs. 3 and 4 are linear in inertias, slopes and curvature, once
+time constant, delay and knee are chosen. It needs no start, and its noise on accelerations does not matter for one.
 """
 
 from itertools import product

@@ -1,8 +1,8 @@
 """The experiment that makes a machine's parameters visible, and what it would record on a simulated machine.
 
-A person moves the handle about the middle of the workspace all the time, and pulls harder where it resists. Meanwhile the
-clutches are switched on and off, one at a time, at voltage after voltage. So each clutch slips at each voltage, breaks
-away, and is switched while it slips; without clutches the motion shows the inertias.
+A person moves the handle about the middle of the workspace all the time, and pulls harder where it resists. Meanwhile
+the clutches are switched on and off, one at a time, at voltage after voltage. So each clutch slips at each voltage,
+breaks away, and is switched while it slips; without clutches the motion shows the inertias.
 """
 
 import math

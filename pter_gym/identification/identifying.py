@@ -114,8 +114,8 @@ def identify(
     Parameters
     ----------
     log
-        With forces; or without, but with ``free``: then stretches are used in which nobody touches the handle, and inertias
-        and torques are found relative to the inertia of link A, which is that of the start.
+        With forces; or without, but with ``free``: then stretches are used in which nobody touches the handle, and
+        inertias and torques are found relative to the inertia of link A, which is that of the start.
     start
         The machine, its name or its preset: link lengths, the largest voltage, and what the log does not show.
     on_progress

@@ -93,14 +93,15 @@ def read_log(path: FilePath) -> Log:
     Parameters
     ----------
     path
-        CSV whose first line names its columns, in any order: ``t_s`` [s], ``V1`` to ``V4`` [V], ``theta_A``, ``theta_B``
-        [rad], and if they are there ``F_x`` and ``F_y`` [N], and ``free``: 1 where nobody touches the handle, else 0.
+        CSV whose first line names its columns, in any order: ``t_s`` [s], ``V1`` to ``V4`` [V], ``theta_A`` and
+        ``theta_B`` [rad], and if they are there ``F_x`` and ``F_y`` [N], and ``free``: 1 where nobody
+        touches the handle, else 0.
 
     Raises
     ------
     ParameterError
-        If the file cannot be read, a column is missing, an entry is no number or out of its range, times do not increase
-        or are uneven by more than ``JITTER`` of the interval, or the log is too short, too long or too coarse. The
+        If the file cannot be read, a column is missing, an entry is no number or out of its range, times do not
+        increase or are uneven by more than ``JITTER`` of the interval, or the log is too short, too long or too coarse. The
         message names column and line.
     """
     file = find_path("log", path)
@@ -133,7 +134,7 @@ def read_log(path: FilePath) -> Log:
 
 
 def optional_columns(file: Path) -> list[str]:
-    """Return which of the columns that may miss a CSV file has, or raise a ParameterError if it has half of the forces."""
+    """Return which optional columns a CSV file has, or raise a ParameterError if it has one of the forces alone."""
     try:
         line = read_bytes(file, MOST_CSV).partition(b"\n")[0].decode("utf-8-sig", "replace")
         header = [name.strip() for name in next(csv.reader([line], skipinitialspace=True), [])]

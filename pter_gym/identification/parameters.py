@@ -29,7 +29,7 @@ SLOPES = (3, 4, 5, 6)
 EXTRA, KNEE, RATIO, TIME_CONSTANT, DELAY = 7, 8, 9, 10, 11
 
 STEPS = np.array([0.01] * 7 + [0.1, 0.1, 0.01, 0.02, 0.5e-3])
-"""Steps of central differences: about what one substep moves an event, so that the differences see through the raster."""
+"""Steps of central differences: about what moves an event by a substep, so that they see through the raster."""
 
 IGNORANCE = np.array([0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, math.inf, 2.0, 0.15, 0.25, 5e-3])
 """Largest standard error with which a coordinate counts as seen at all; ``extra`` is judged with the shape."""

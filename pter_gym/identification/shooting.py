@@ -1,8 +1,8 @@
 """The compiled simulator as the model of a log: many short windows, each begun where the log is.
 
-The log is cut into windows of equal length. Within each the simulator gets the recorded voltages and forces and predicts
-the angles. The clutches' lag runs on through the whole log, as it depends on no motion; the motion begins again in each
-window.
+The log is cut into windows of equal length. Within each the simulator gets the recorded voltages and forces and
+predicts the angles. The clutches' lag runs on through the whole log, as it depends on no motion; the motion begins
+again in each window.
 """
 
 from dataclasses import dataclass, replace

@@ -57,7 +57,7 @@ OTHERS = (Cutting(0.55, 2.0 * CUTOFF, 0.5 * LONGEST_SUBSTEP), Cutting(1.4, 0.6 *
 
 @dataclass(frozen=True)
 class Motion:
-    """Smoothed angles [rad], velocities [rad/s] and accelerations [rad/s²], shape (rows, 2), and the angles' noise [rad]."""
+    """Smoothed angles [rad], velocities [rad/s], accelerations [rad/s²], shape (rows, 2); noise of the angles [rad]."""
 
     theta: Array
     omega: Array
