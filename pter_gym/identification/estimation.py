@@ -49,6 +49,9 @@ WEAKEST = 2
 DISTANCES = (-40.0, -12.0, -4.0, 4.0, 12.0, 40.0)
 """How far it looks, over the standard error that independent residuals would have."""
 
+UNSEEN = 1e6
+"""Variance of a coordinate that no window shows."""
+
 BLOCK = 2
 """Windows whose gradients count as one error."""
 
@@ -232,7 +235,7 @@ class Fit:
         unseen = np.diag(information) * at.STEPS[self.free] ** 2 < 1.0
         robust[np.diag_indices_from(robust)] = np.maximum(np.diag(robust), np.diag(naive))
         robust += self.spread[np.ix_(self.free, self.free)]
-        robust[unseen, unseen] = np.inf
+        robust[unseen, unseen] = UNSEEN
         return robust, float(student.ppf(0.975, left))
 
     def compare(self, others: Sequence[Windows]) -> None:

@@ -101,8 +101,8 @@ def read_log(path: FilePath) -> Log:
     ------
     ParameterError
         If the file cannot be read, a column is missing, an entry is no number or out of its range, times do not
-        increase or are uneven by more than ``JITTER`` of the interval, or the log is too short, too long or too coarse. The
-        message names column and line.
+        increase or are uneven by more than ``JITTER`` of the interval, or the log is too short, too long or too coarse.
+        The message names column and line.
     """
     file = find_path("log", path)
     names = [TIME, *VOLTS, *ANGLES, *optional_columns(file)]

@@ -54,15 +54,15 @@ class Shape:
         The machine whose other values are kept.
     top
         Highest voltage at which a clutch slipped [V].
-    linear
-        Whether the log shows no quadratic segment: then that of the start is kept, from ``top`` on.
+    kept_knee
+        The knee from which on the curvature of the start, relative to its slope, is kept; None where both are searched.
     live
         Clutches whose slope is identified, as a mean over which the common slope is taken.
     """
 
     start: Machine
     top: float
-    linear: bool = False
+    kept_knee: float | None = None
     live: tuple[int, ...] = (0, 1, 2, 3)
 
     def machine(self, p: Array) -> Machine:
