@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.stats import t as student
+from scipy import optimize, stats
 
 from pter_gym.identification import parameters as at
 from pter_gym.identification.parameters import Shape
@@ -24,6 +23,9 @@ from pter_gym.identification.shooting import predict
 from pter_gym.identification.windows import Windows
 
 Array = NDArray[np.float64]
+
+_OPTIMIZE: Any = optimize
+_STATS: Any = stats
 
 ROUNDS = 3
 """Times that starts and weights are mended."""
@@ -120,7 +122,7 @@ class Fit:
         low, high = at.LOWEST[free], self.shape.highest[free]
         begin = self.p[free].clip(low + 1e-9, high - 1e-9)
         options: Any = {"bounds": (low, high), "x_scale": at.STEPS[free], "max_nfev": EVALUATIONS}
-        found = least_squares(residual, begin, jacobian, xtol=1e-4, ftol=1e-5, **options)
+        found = _OPTIMIZE.least_squares(residual, begin, jacobian, xtol=1e-4, ftol=1e-5, **options)
         self.p = self._with(found.x)
 
     def _look_around(self) -> None:
@@ -236,7 +238,7 @@ class Fit:
         robust[np.diag_indices_from(robust)] = np.maximum(np.diag(robust), np.diag(naive))
         robust += self.spread[np.ix_(self.free, self.free)]
         robust[unseen, unseen] = UNSEEN
-        return robust, float(student.ppf(0.975, left))
+        return robust, float(_STATS.t.ppf(0.975, left))
 
     def compare(self, others: Sequence[Windows]) -> None:
         """Find the spread: search on with the log cut in other ways."""

@@ -72,11 +72,8 @@ class Shape:
         slope = float(slopes[list(self.live)].mean()) if self.live else self.start.clutch.dynamic.slope
         scale = [float(slopes[x] / slope) if x in self.live else self.start.clutch_scale[x] for x in range(4)]
         before = self.start.clutch
-        if self.linear:
-            knee, curvature = (
-                max(before.dynamic.knee, self.top),
-                slope * before.dynamic.curvature / before.dynamic.slope,
-            )
+        if self.kept_knee is not None:
+            knee, curvature = self.kept_knee, slope * before.dynamic.curvature / before.dynamic.slope
         else:
             knee = float(p[KNEE])
             curvature = slope * float(p[EXTRA]) / max(self.top - knee, 0.5 * ROOM) ** 2
