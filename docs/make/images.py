@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -75,6 +76,16 @@ def classical_clutches(path: Path) -> None:
     save(clutches_along_path(classical_episodes(), drawn_task(PACE).path, BASELINE.clutch.voltage_max), path)
 
 
+def identified(path: Path) -> None:
+    """Torque curves that are identified from the log of the machine in docs/identify.md."""
+    from pter_gym.identification import Recorder, identify, record_log
+    from pter_gym.identification.pictures import curves
+
+    arm = replace(BASELINE.arm, inertia_a=0.7, inertia_b=0.6, coupling=0.1)
+    machine = replace(BASELINE, arm=arm, clutch_scale=(0.9, 1.1, 1.05, 0.95))
+    save(curves(identify(record_log(machine, recorder=Recorder(delay=0.012)))), path)
+
+
 @cache
 def classical_episodes() -> dict[str, np.ndarray]:
     """Telemetry of one drawn episode under each of four laws."""
@@ -105,6 +116,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "clutches.png": clutches,
     "classical-trajectories.png": classical_trajectories,
     "classical-clutches.png": classical_clutches,
+    "identified.png": identified,
 }
 
 

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 _OPTIMIZE: Any = optimize
 _STATS: Any = stats
+_LINEAR: Any = np.linalg
 
 ROUNDS = 3
 """Times that starts and weights are mended."""
@@ -200,7 +201,7 @@ class Fit:
         """Return values (windows, rows, k) without their part along the derivatives by the start; how large it is."""
         ridge = np.diag(self.windows.noise**2 / np.square(START_ERRORS))
         normal = np.einsum("wij,wik->wjk", by_start, by_start) + ridge
-        along = np.linalg.solve(normal, np.einsum("wij,wik->wjk", by_start, values))
+        along: Array = _LINEAR.solve(normal, np.einsum("wij,wik->wjk", by_start, values))
         return values - np.einsum("wij,wjk->wik", by_start, along), along
 
     def jacobian(self, p: Array) -> Array:
@@ -227,11 +228,10 @@ class Fit:
         sums = np.add.reduceat(gradients, np.arange(0, len(gradients), BLOCK), axis=0)
         blocks = int((np.abs(sums).sum(axis=1) > 0.0).sum())
         left = max(blocks - len(self.free), 1)
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-30))
-        inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=1e-10, hermitian=True) * np.outer(
-            scale, scale
-        )
-        robust = inverse @ (sums.T @ sums) @ inverse * (blocks / left)
+        size = np.sqrt(np.maximum(np.diag(information), 1e-30))
+        scale = np.outer(size, size)
+        inverse: Array = _LINEAR.pinv(information / scale, rcond=1e-10, hermitian=True) / scale
+        robust: Array = inverse @ (sums.T @ sums) @ inverse * (blocks / left)
         spread = np.sum(residual**2) / max(self.weights.sum() * residual.shape[1], 1.0)
         naive = inverse * spread
         unseen = np.diag(information) * at.STEPS[self.free] ** 2 < 1.0

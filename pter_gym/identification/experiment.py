@@ -132,8 +132,9 @@ def record_log(
             f"Experiment.interval must be a multiple of {TRUE_SUBSTEP:g} s, got {experiment.interval!r}"
         )
     rows = round(experiment.duration / experiment.interval)
-    times = TRUE_SUBSTEP * np.arange(rows * ratio)
-    applied = voltages(experiment, experiment.interval * (np.arange(rows) + 0.5)).clip(max=machine.clutch.voltage_max)
+    times: Array = TRUE_SUBSTEP * np.arange(rows * ratio, dtype=np.float64)
+    middles = experiment.interval * (np.arange(rows, dtype=np.float64) + 0.5)
+    applied = voltages(experiment, middles).clip(max=machine.clutch.voltage_max)
     # in the middle of substeps, so that no rounding decides which row a voltage is of
     row_of = np.floor((times + 0.5 * TRUE_SUBSTEP - recorder.delay) / experiment.interval).astype(int)
     volts = applied[row_of.clip(0)]

@@ -79,7 +79,7 @@ class Log:
     @property
     def times(self) -> Array:
         """Times of the rows from the first one on [s]."""
-        return self.interval * np.arange(len(self.theta))
+        return self.interval * np.arange(len(self.theta), dtype=np.float64)
 
     @property
     def duration(self) -> float:
@@ -110,10 +110,10 @@ def read_log(path: FilePath) -> Log:
     for name, values in columns.items():
         _check_range(file, name, values)
     times, interval = _raster(file, columns[TIME])
-    raster = times[0] + interval * np.arange(len(times))
+    raster = times[0] + interval * np.arange(len(times), dtype=np.float64)
 
-    def even(name: str) -> Array:
-        return np.interp(raster, times, columns[name])
+    def even(names: tuple[str, ...]) -> Array:
+        return interpolated(raster, times, np.column_stack([columns[name] for name in names]))
 
     for name in ANGLES:
         jumps = np.abs(np.diff(columns[name]))
@@ -126,8 +126,8 @@ def read_log(path: FilePath) -> Log:
     return Log(
         interval=interval,
         volts=held,
-        theta=np.column_stack([even(name) for name in ANGLES]),
-        force=np.column_stack([even(name) for name in FORCES]) if FORCES[0] in columns else None,
+        theta=even(ANGLES),
+        force=even(FORCES) if FORCES[0] in columns else None,
         free=columns[FREE] > 0.5 if FREE in columns else None,
         name=file.name,
     )
@@ -146,6 +146,14 @@ def optional_columns(file: Path) -> list[str]:
     return there + [FREE] * (FREE in header)
 
 
+def interpolated(when: Array, times: Array, columns: Array) -> Array:
+    """Return columns of values at ``times``, shape (T, k), between these times, shape (N, k)."""
+    values = np.empty((len(when), columns.shape[1]))
+    for k in range(columns.shape[1]):
+        values[:, k] = np.interp(when, times, columns[:, k])
+    return values
+
+
 def write_log(log: Log, path: FilePath) -> None:
     """Write a log as CSV, whole or not at all; ``read_log`` reads it back."""
     columns: dict[str, Array] = {TIME: log.times}
@@ -153,7 +161,7 @@ def write_log(log: Log, path: FilePath) -> None:
     if log.force is not None:
         columns |= dict(zip(FORCES, log.force.T, strict=True))
     if log.free is not None:
-        columns[FREE] = log.free.astype(float)
+        columns[FREE] = np.where(log.free, 1.0, 0.0)
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(columns)
