@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -82,6 +83,16 @@ def tremors(path: Path) -> None:
     save(force_and_spectrum({name: find_hand(name) for name in MEASURED_TREMORS}, MEASURED_TREMORS), path)
 
 
+def identified(path: Path) -> None:
+    """Torque curves that are identified from the log of the machine in docs/identify.md."""
+    from pter_gym.identification import Recorder, identify, record_log
+    from pter_gym.identification.pictures import curves
+
+    arm = replace(BASELINE.arm, inertia_a=0.7, inertia_b=0.6, coupling=0.1)
+    machine = replace(BASELINE, arm=arm, clutch_scale=(0.9, 1.1, 1.05, 0.95))
+    save(curves(identify(record_log(machine, recorder=Recorder(delay=0.012)))), path)
+
+
 @cache
 def classical_episodes() -> dict[str, np.ndarray]:
     """Telemetry of one drawn episode under each of four laws."""
@@ -113,6 +124,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "classical-trajectories.png": classical_trajectories,
     "classical-clutches.png": classical_clutches,
     "tremors.png": tremors,
+    "identified.png": identified,
 }
 
 

@@ -26,7 +26,7 @@ def identify(
 ) -> None:
     """Identify a real machine from a log of it.
 
-    Finds inertias, torques over voltage, lag and delay, each with a 95 % interval, and names what the log does not show.
+    Finds inertias, torques over voltage, lag and delay, each with a 95 % interval; names what the log does not show.
     Writes preset.toml, which other commands take as --machine, and report.html. docs/identify.md says what to record.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine

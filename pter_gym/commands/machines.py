@@ -21,6 +21,7 @@ def as_sensed(task: "PathFollowing", machine: str) -> "PathFollowing":
     steps = round(delay / task.control_period)
     if steps > MAX_DELAY:
         raise ParameterError(
-            f"machine: sensing.delay must be at most {MAX_DELAY} control steps of {task.control_period:g} s, got {delay:g} s"
+            f"machine: sensing.delay must be at most {MAX_DELAY} control steps of {task.control_period:g} s, "
+            f"got {delay:g} s"
         )
     return replace(task, sensing=replace(task.sensing, delay=steps)) if steps else task

@@ -110,7 +110,7 @@ def parse_size(text: str | None) -> tuple[int, int] | None:
 
 
 def draw(scenario: str, pace: str, seed: int, machine: str | None = None) -> "tuple[Machine, PathFollowing]":
-    """Return machine and task of a scenario's first training draw from a seed; another machine takes the drawn one's."""
+    """Return machine and task of a scenario's first training draw from a seed; a given machine replaces the drawn."""
     from pter_gym.commands.machines import as_sensed
     from pter_gym.internal.checks import whole_number
     from pter_gym.params import find_machine

@@ -1,10 +1,11 @@
 """A first estimate: the balance of torques as a linear regression, on a grid of what is not linear.
 
-Where all engaged clutches slip one way, the paper's Eqs. 3 and 4 are linear in inertias, slopes and curvature, once time
-constant, delay and knee are chosen. It needs no start, and its noise on accelerations does not matter for one.
+Where all engaged clutches slip one way, the paper's Eqs. 3 and 4 are linear in inertias, slopes and curvature, once
+time constant, delay and knee are chosen. It needs no start, and its noise on accelerations does not matter for one.
 """
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from pter_gym.identification.parameters import Shape
 from pter_gym.identification.windows import ENGAGED, Motion, W, lagged, smooth_force
 
 Array = NDArray[np.float64]
+
+_LINEAR: Any = np.linalg
 
 TIME_CONSTANTS = tuple(np.geomspace(0.02, 0.3, 8))
 DELAYS = (0.0, 0.01, 0.02)
@@ -48,7 +51,7 @@ def first_estimate(log: Log, motion: Motion, shape: Shape) -> Array:
             slopes = [_both(linear[:, [x]] * W[x]) for x in range(4)]
             table = np.column_stack([*inertial, *slopes, _both(above @ W)])
             size = np.linalg.norm(table, axis=0) + 1e-12
-            found, *_ = np.linalg.lstsq(table / size, load, rcond=1e-8)
+            found: Array = _LINEAR.lstsq(table / size, load, rcond=1e-8)[0]
             misfit = float(np.sum((load - table @ (found / size)) ** 2))
             if misfit < least:
                 least = misfit

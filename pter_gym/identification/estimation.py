@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.stats import t as student
+from scipy import optimize, stats
 
 from pter_gym.identification import parameters as at
 from pter_gym.identification.parameters import Shape
@@ -24,6 +23,10 @@ from pter_gym.identification.shooting import predict
 from pter_gym.identification.windows import Windows
 
 Array = NDArray[np.float64]
+
+_OPTIMIZE: Any = optimize
+_STATS: Any = stats
+_LINEAR: Any = np.linalg
 
 ROUNDS = 3
 """Times that starts and weights are mended."""
@@ -42,6 +45,15 @@ START_ERRORS = (0.01, 0.01, 0.3, 0.3)
 
 RATIOS = (1.0, 1.08, 1.18, 1.3, 1.45, 1.6)
 """Ratios of breakaway to dynamic torque that are tried first."""
+
+WEAKEST = 2
+"""Directions in which the search looks around."""
+
+DISTANCES = (-40.0, -12.0, -4.0, 4.0, 12.0, 40.0)
+"""How far it looks, over the standard error that independent residuals would have."""
+
+UNSEEN = 1e6
+"""Variance of a coordinate that no window shows."""
 
 BLOCK = 2
 """Windows whose gradients count as one error."""
@@ -85,9 +97,11 @@ class Fit:
 
     def search(self, rounds: int = ROUNDS) -> "Fit":
         """Search, mend starts and weights, and search again."""
-        for _ in range(rounds):
+        for left in range(rounds, 0, -1):
             if self.free:
                 self._search_once()
+            if self.free and left > 1:
+                self._look_around()
             residual, _, correction = self._residual(self.p)
             self.starts = self.starts - np.einsum("wij,wj->wi", self._ways, correction)
             size = np.sqrt(np.mean(residual**2, axis=1))
@@ -109,8 +123,31 @@ class Fit:
         low, high = at.LOWEST[free], self.shape.highest[free]
         begin = self.p[free].clip(low + 1e-9, high - 1e-9)
         options: Any = {"bounds": (low, high), "x_scale": at.STEPS[free], "max_nfev": EVALUATIONS}
-        found = least_squares(residual, begin, jacobian, xtol=1e-4, ftol=1e-5, **options)
+        found = _OPTIMIZE.least_squares(residual, begin, jacobian, xtol=1e-4, ftol=1e-5, **options)
         self.p = self._with(found.x)
+
+    def _look_around(self) -> None:
+        """Go on along the directions that the log shows least, if that is better.
+
+        The sum of squares is rough, as clutches catch and break away at whole substeps: in a long flat valley the
+        search by derivatives stops early.
+        """
+        jacobian = self._scaled(self.jacobian(self.p)) * at.STEPS[self.free]
+        sizes, ways = np.linalg.eigh(np.einsum("wij,wik->jk", jacobian, jacobian))
+        least = self._sum(self.p)
+        unit = np.sqrt(least / max(self.weights.sum() * jacobian.shape[1], 1.0))
+        for size, way in list(zip(sizes, ways.T, strict=True))[:WEAKEST]:
+            long = min(unit / np.sqrt(max(size, 1e-12)), 0.3)
+            here = self.p[self.free]
+            tried = [self._with(here + k * long * way * at.STEPS[self.free]) for k in DISTANCES]
+            tried = [p.clip(at.LOWEST, self.shape.highest) for p in tried]
+            sums = [self._sum(p) for p in tried]
+            if min(sums) < least:
+                least, self.p = min(sums), tried[int(np.argmin(sums))]
+
+    def _sum(self, p: Array) -> float:
+        """Return the weighted sum of squares."""
+        return float(np.sum(self._scaled(self._residual(p)[0]) ** 2))
 
     def _with(self, x: Array) -> Array:
         p = self.p.copy()
@@ -122,7 +159,7 @@ class Fit:
         return values * weights.reshape(-1, *[1] * (values.ndim - 1))
 
     def predicted(self, p: Array, starts: Array) -> Array:
-        """Return the predicted angles [rad], shape (windows, 2·length); NaN becomes a large number."""
+        """Return the predicted angles [rad], shape (windows, 2·length); what is not finite becomes large."""
         w = self.windows
         machine = self.shape.machine(p)
         angles = predict(machine, w.inputs, float(p[at.DELAY]), starts, w.length)
@@ -161,10 +198,10 @@ class Fit:
         return self._known[key]
 
     def _projected(self, by_start: Array, values: Array) -> tuple[Array, Array]:
-        """Return values (windows, rows, k) without their part along the derivatives by the start, and its coordinates."""
+        """Return values (windows, rows, k) without their part along the derivatives by the start; how large it is."""
         ridge = np.diag(self.windows.noise**2 / np.square(START_ERRORS))
         normal = np.einsum("wij,wik->wjk", by_start, by_start) + ridge
-        along = np.linalg.solve(normal, np.einsum("wij,wik->wjk", by_start, values))
+        along: Array = _LINEAR.solve(normal, np.einsum("wij,wik->wjk", by_start, values))
         return values - np.einsum("wij,wjk->wik", by_start, along), along
 
     def jacobian(self, p: Array) -> Array:
@@ -191,18 +228,17 @@ class Fit:
         sums = np.add.reduceat(gradients, np.arange(0, len(gradients), BLOCK), axis=0)
         blocks = int((np.abs(sums).sum(axis=1) > 0.0).sum())
         left = max(blocks - len(self.free), 1)
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-30))
-        inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=1e-10, hermitian=True) * np.outer(
-            scale, scale
-        )
-        robust = inverse @ (sums.T @ sums) @ inverse * (blocks / left)
+        size = np.sqrt(np.maximum(np.diag(information), 1e-30))
+        scale = np.outer(size, size)
+        inverse: Array = _LINEAR.pinv(information / scale, rcond=1e-10, hermitian=True) / scale
+        robust: Array = inverse @ (sums.T @ sums) @ inverse * (blocks / left)
         spread = np.sum(residual**2) / max(self.weights.sum() * residual.shape[1], 1.0)
         naive = inverse * spread
         unseen = np.diag(information) * at.STEPS[self.free] ** 2 < 1.0
         robust[np.diag_indices_from(robust)] = np.maximum(np.diag(robust), np.diag(naive))
         robust += self.spread[np.ix_(self.free, self.free)]
-        robust[unseen, unseen] = np.inf
-        return robust, float(student.ppf(0.975, left))
+        robust[unseen, unseen] = UNSEEN
+        return robust, float(_STATS.t.ppf(0.975, left))
 
     def compare(self, others: Sequence[Windows]) -> None:
         """Find the spread: search on with the log cut in other ways."""

@@ -1,8 +1,8 @@
 """The experiment that makes a machine's parameters visible, and what it would record on a simulated machine.
 
-A person moves the handle about the middle of the workspace all the time, and pulls harder where it resists. Meanwhile the
-clutches are switched on and off, one at a time, at voltage after voltage. So each clutch slips at each voltage, breaks
-away, and is switched while it slips; without clutches the motion shows the inertias.
+A person moves the handle about the middle of the workspace all the time, and pulls harder where it resists. Meanwhile
+the clutches are switched on and off, one at a time, at voltage after voltage. So each clutch slips at each voltage,
+breaks away, and is switched while it slips; without clutches the motion shows the inertias.
 """
 
 import math
@@ -132,8 +132,9 @@ def record_log(
             f"Experiment.interval must be a multiple of {TRUE_SUBSTEP:g} s, got {experiment.interval!r}"
         )
     rows = round(experiment.duration / experiment.interval)
-    times = TRUE_SUBSTEP * np.arange(rows * ratio)
-    applied = voltages(experiment, experiment.interval * (np.arange(rows) + 0.5)).clip(max=machine.clutch.voltage_max)
+    times: Array = TRUE_SUBSTEP * np.arange(rows * ratio, dtype=np.float64)
+    middles = experiment.interval * (np.arange(rows, dtype=np.float64) + 0.5)
+    applied = voltages(experiment, middles).clip(max=machine.clutch.voltage_max)
     # in the middle of substeps, so that no rounding decides which row a voltage is of
     row_of = np.floor((times + 0.5 * TRUE_SUBSTEP - recorder.delay) / experiment.interval).astype(int)
     volts = applied[row_of.clip(0)]

@@ -27,7 +27,10 @@ SEEN = 0.1
 ENOUGH = 0.3
 """How long it has to slip in all [s]."""
 
-STEPS_IN_ALL = 320
+FEWEST_LEVELS = 3
+"""Fewest voltages that tell a straight segment from a quadratic one."""
+
+STEPS_IN_ALL = 500
 """About how many steps of progress an identification takes."""
 
 
@@ -114,8 +117,8 @@ def identify(
     Parameters
     ----------
     log
-        With forces; or without, but with ``free``: then stretches are used in which nobody touches the handle, and inertias
-        and torques are found relative to the inertia of link A, which is that of the start.
+        With forces; or without, but with ``free``: then stretches are used in which nobody touches the handle, and
+        inertias and torques are found relative to the inertia of link A, which is that of the start.
     start
         The machine, its name or its preset: link lengths, the largest voltage, and what the log does not show.
     on_progress
@@ -135,6 +138,9 @@ def identify(
     windows = cut(log, motion, float(np.exp(p[at.TIME_CONSTANT])))
     breakaways = count_breakaways(log, motion, start)
     why = _hopeless(log, live, breakaways)
+    if levels(log, motion, start) < FEWEST_LEVELS:
+        shape = replace(shape, kept_knee=start.clutch.dynamic.knee)
+        why |= dict.fromkeys((at.EXTRA, at.KNEE), reasons.FEW_LEVELS)
     before = shape.coordinates(start)
     p[list(why)] = before[list(why)]
     taken = 0
@@ -194,6 +200,14 @@ def experience(log: Log, motion: Motion, start: Machine) -> tuple[Array, float]:
     return log.interval * slips.sum(axis=0), float(nearest.min()) if len(nearest) else top
 
 
+def levels(log: Log, motion: Motion, start: Machine) -> int:
+    """Return at how many voltages, at least half a volt apart, clutches slipped."""
+    slips = (np.abs(motion.omega @ W.T) > SLIPPING) & (log.volts > ENGAGED)
+    slips &= lagged(log, log.volts, start.clutch.time_constant) > 0.5 * log.volts
+    _, counts = np.unique(np.round(2.0 * log.volts[slips]), return_counts=True)
+    return int((counts * log.interval >= SEEN).sum())
+
+
 def count_breakaways(log: Log, motion: Motion, start: Machine) -> NDArray[np.int64]:
     """Return how often each clutch held and then slipped while it was on."""
     rows = np.arange(0, len(log.theta), max(1, motion.half // 2))
@@ -231,9 +245,10 @@ def _without_unseen(fit: Fit, why: dict[int, str], before: Array) -> Fit:
         errors = dict(zip(fit.free, np.sqrt(np.diag(covariance)), strict=True))
         if at.EXTRA in fit.free and _is_straight(fit, errors[at.EXTRA]):
             why |= dict.fromkeys((at.EXTRA, at.KNEE), reasons.STRAIGHT.format(fit.shape.top))
-            fit.shape = replace(fit.shape, linear=True)
+            knee = max(fit.shape.start.clutch.dynamic.knee, fit.shape.top)
+            fit.shape = replace(fit.shape, kept_knee=knee)
         else:
-            excess = {i: errors[i] / at.IGNORANCE[i] for i in fit.free if i not in (at.EXTRA, at.KNEE)}
+            excess = {i: errors[i] / at.IGNORANCE[i] for i in fit.free if i != at.EXTRA}
             worst = max(excess, key=lambda i: excess[i]) if excess else 0
             if not excess or excess[worst] <= 1.0:
                 return fit
@@ -266,6 +281,8 @@ def _findings(fit: Fit, why: dict[int, str], log: Log) -> list[Finding]:
     slopes = np.stack(columns, axis=1) if columns else np.zeros((len(here), 0))
     errors = quantile * np.sqrt(np.maximum(np.einsum("qi,ij,qj->q", slopes, covariance, slopes), 0.0))
     kept = {name: why[i] for name, i in reasons.OWNERS.items() if i in why}
+    if "knee" in kept:
+        kept["curvature"] = kept["knee"]
     if not fit.shape.live:
         kept |= {q.name: reasons.NO_CLUTCH for q in here if q.name.startswith(("torque_", "slope"))}
     found: list[Finding] = []

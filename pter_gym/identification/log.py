@@ -79,7 +79,7 @@ class Log:
     @property
     def times(self) -> Array:
         """Times of the rows from the first one on [s]."""
-        return self.interval * np.arange(len(self.theta))
+        return self.interval * np.arange(len(self.theta), dtype=np.float64)
 
     @property
     def duration(self) -> float:
@@ -93,15 +93,16 @@ def read_log(path: FilePath) -> Log:
     Parameters
     ----------
     path
-        CSV whose first line names its columns, in any order: ``t_s`` [s], ``V1`` to ``V4`` [V], ``theta_A``, ``theta_B``
-        [rad], and if they are there ``F_x`` and ``F_y`` [N], and ``free``: 1 where nobody touches the handle, else 0.
+        CSV whose first line names its columns, in any order: ``t_s`` [s], ``V1`` to ``V4`` [V], ``theta_A`` and
+        ``theta_B`` [rad], and if they are there ``F_x`` and ``F_y`` [N], and ``free``: 1 where nobody
+        touches the handle, else 0.
 
     Raises
     ------
     ParameterError
-        If the file cannot be read, a column is missing, an entry is no number or out of its range, times do not increase
-        or are uneven by more than ``JITTER`` of the interval, or the log is too short, too long or too coarse. The
-        message names column and line.
+        If the file cannot be read, a column is missing, an entry is no number or out of its range, times do not
+        increase or are uneven by more than ``JITTER`` of the interval, or the log is too short, too long or too coarse.
+        The message names column and line.
     """
     file = find_path("log", path)
     names = [TIME, *VOLTS, *ANGLES, *optional_columns(file)]
@@ -109,10 +110,10 @@ def read_log(path: FilePath) -> Log:
     for name, values in columns.items():
         _check_range(file, name, values)
     times, interval = _raster(file, columns[TIME])
-    raster = times[0] + interval * np.arange(len(times))
+    raster = times[0] + interval * np.arange(len(times), dtype=np.float64)
 
-    def even(name: str) -> Array:
-        return np.interp(raster, times, columns[name])
+    def even(names: tuple[str, ...]) -> Array:
+        return interpolated(raster, times, np.column_stack([columns[name] for name in names]))
 
     for name in ANGLES:
         jumps = np.abs(np.diff(columns[name]))
@@ -125,15 +126,15 @@ def read_log(path: FilePath) -> Log:
     return Log(
         interval=interval,
         volts=held,
-        theta=np.column_stack([even(name) for name in ANGLES]),
-        force=np.column_stack([even(name) for name in FORCES]) if FORCES[0] in columns else None,
+        theta=even(ANGLES),
+        force=even(FORCES) if FORCES[0] in columns else None,
         free=columns[FREE] > 0.5 if FREE in columns else None,
         name=file.name,
     )
 
 
 def optional_columns(file: Path) -> list[str]:
-    """Return which of the columns that may miss a CSV file has, or raise a ParameterError if it has half of the forces."""
+    """Return which optional columns a CSV file has, or raise a ParameterError if it has one of the forces alone."""
     try:
         line = read_bytes(file, MOST_CSV).partition(b"\n")[0].decode("utf-8-sig", "replace")
         header = [name.strip() for name in next(csv.reader([line], skipinitialspace=True), [])]
@@ -145,6 +146,14 @@ def optional_columns(file: Path) -> list[str]:
     return there + [FREE] * (FREE in header)
 
 
+def interpolated(when: Array, times: Array, columns: Array) -> Array:
+    """Return columns of values at ``times``, shape (T, k), between these times, shape (N, k)."""
+    values = np.empty((len(when), columns.shape[1]))
+    for k in range(columns.shape[1]):
+        values[:, k] = np.interp(when, times, columns[:, k])
+    return values
+
+
 def write_log(log: Log, path: FilePath) -> None:
     """Write a log as CSV, whole or not at all; ``read_log`` reads it back."""
     columns: dict[str, Array] = {TIME: log.times}
@@ -152,7 +161,7 @@ def write_log(log: Log, path: FilePath) -> None:
     if log.force is not None:
         columns |= dict(zip(FORCES, log.force.T, strict=True))
     if log.free is not None:
-        columns[FREE] = log.free.astype(float)
+        columns[FREE] = np.where(log.free, 1.0, 0.0)
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(columns)

@@ -29,7 +29,7 @@ SLOPES = (3, 4, 5, 6)
 EXTRA, KNEE, RATIO, TIME_CONSTANT, DELAY = 7, 8, 9, 10, 11
 
 STEPS = np.array([0.01] * 7 + [0.1, 0.1, 0.01, 0.02, 0.5e-3])
-"""Steps of central differences: about what one substep moves an event, so that the differences see through the raster."""
+"""Steps of central differences: about what moves an event by a substep, so that they see through the raster."""
 
 IGNORANCE = np.array([0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, math.inf, 2.0, 0.15, 0.25, 5e-3])
 """Largest standard error with which a coordinate counts as seen at all; ``extra`` is judged with the shape."""
@@ -54,15 +54,15 @@ class Shape:
         The machine whose other values are kept.
     top
         Highest voltage at which a clutch slipped [V].
-    linear
-        Whether the log shows no quadratic segment: then that of the start is kept, from ``top`` on.
+    kept_knee
+        The knee from which on the curvature of the start, relative to its slope, is kept; None where both are searched.
     live
         Clutches whose slope is identified, as a mean over which the common slope is taken.
     """
 
     start: Machine
     top: float
-    linear: bool = False
+    kept_knee: float | None = None
     live: tuple[int, ...] = (0, 1, 2, 3)
 
     def machine(self, p: Array) -> Machine:
@@ -72,11 +72,8 @@ class Shape:
         slope = float(slopes[list(self.live)].mean()) if self.live else self.start.clutch.dynamic.slope
         scale = [float(slopes[x] / slope) if x in self.live else self.start.clutch_scale[x] for x in range(4)]
         before = self.start.clutch
-        if self.linear:
-            knee, curvature = (
-                max(before.dynamic.knee, self.top),
-                slope * before.dynamic.curvature / before.dynamic.slope,
-            )
+        if self.kept_knee is not None:
+            knee, curvature = self.kept_knee, slope * before.dynamic.curvature / before.dynamic.slope
         else:
             knee = float(p[KNEE])
             curvature = slope * float(p[EXTRA]) / max(self.top - knee, 0.5 * ROOM) ** 2

@@ -5,8 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pter_gym.identification.identifying import Finding, Identification
-from pter_gym.plots.style import CLUTCH_COLOURS, MUTED, REFERENCE, WIDTH, label, styled
-from pter_gym.units import to_inch_pounds
+from pter_gym.plots.style import CLUTCH_COLOURS, MUTED, REFERENCE, WIDTH, inch_pounds_right, label, styled
 
 COLOURS = {"identified": CLUTCH_COLOURS[0], "uncertain": CLUTCH_COLOURS[1], "kept": MUTED}
 MOST_SHOWN = 1.0
@@ -52,9 +51,7 @@ def curves(found: Identification) -> Figure:
     axes.legend()
     axes.set_xlim(0.0, clutch.voltage_max)
     axes.set_ylim(0.0)
-    axes.secondary_yaxis("right", functions=(to_inch_pounds, lambda t: t / to_inch_pounds(1.0))).set_ylabel(
-        "torque [in·lbf]"
-    )
+    inch_pounds_right(axes)
     label(axes, "voltage [V]; grey: no clutch slipped here", "torque [N·m]")
     return figure
 

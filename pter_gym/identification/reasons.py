@@ -12,6 +12,9 @@ NO_CLUTCH = "no clutch was on while it slipped"
 STRAIGHT = "the torque is straight up to {:.3g} V, the highest voltage at which a clutch slipped"
 NO_JUMP = "the clutches break away without a jump: T_s is at most T_k, and then cannot be seen"
 
+FEW_LEVELS = "clutches slipped at fewer than three voltages"
+ONE_ABOVE = "clutches slipped at one voltage above the knee only: several knees fit, and this is one"
+
 _UNSEEN = {
     at.INERTIA_A: "the log hardly shows the inertia of link A",
     at.INERTIA_B: "the log hardly shows the inertia of link B",
@@ -46,8 +49,8 @@ _REMEDIES = {
     "torque": "let each clutch slip at each voltage, one clutch at a time",
     "slope": "let each clutch slip at each voltage, one clutch at a time",
     "scale": "let this clutch slip while it alone is on",
-    "knee": "let a clutch slip at voltages up to the highest at which you can still pull it",
-    "curvature": "let a clutch slip at voltages up to the highest at which you can still pull it",
+    "knee": "let a clutch slip at several voltages, up to the highest at which you can still pull it",
+    "curvature": "let a clutch slip at several voltages, up to the highest at which you can still pull it",
     "breakaway": "hold still with a clutch on, then pull harder until it gives, and repeat; record the forces",
     "time": "switch each clutch on and off while it slips",
     "delay": "switch each clutch on and off while it slips; record at least 200 rows per second",
@@ -63,4 +66,6 @@ def unseen(place: int, value: float, before: float) -> tuple[str, float]:
     """Return why a coordinate is not seen, and the value that it keeps."""
     if place == at.RATIO and value <= 1.03:
         return NO_JUMP, min(before, 1.0)
+    if place == at.KNEE:
+        return ONE_ABOVE, value
     return _UNSEEN[place], before

@@ -12,12 +12,13 @@ from pter_gym.identification.identifying import Finding, Identification
 from pter_gym.plots.style import INK, MUTED, png
 
 STYLE = f"""
-body {{ font: 16px/1.5 system-ui, sans-serif; color: {INK}; margin: 2rem auto; max-width: 60rem; padding: 0 1rem; }}
+body {{ font: 16px/1.5 system-ui, sans-serif; color: {INK}; margin: 2rem auto; max-width: 72rem; padding: 0 1rem; }}
 h1, h2 {{ line-height: 1.2; }} h2 {{ margin-top: 2.2rem; }}
 .table {{ overflow-x: auto; }}
 table {{ border-collapse: collapse; font-variant-numeric: tabular-nums; width: 100%; }}
 th, td {{ border-bottom: 1px solid #e3e5e9; padding: 0.25rem 0.6rem; text-align: left; vertical-align: top; }}
-th {{ font-weight: 600; }} .number {{ text-align: right; white-space: nowrap; }}
+th {{ font-weight: 600; }} td:first-child, td:last-child {{ white-space: nowrap; }}
+.number {{ text-align: right; white-space: nowrap; }}
 .kept {{ color: {MUTED}; }} .identified::before {{ content: "● "; }} .uncertain::before {{ content: "◐ "; }}
 .kept.state::before {{ content: "○ "; }}
 img {{ max-width: 100%; height: auto; }} figure {{ margin: 1rem 0; }} figcaption {{ color: {MUTED}; }}
@@ -62,7 +63,8 @@ def report(found: Identification) -> str:
 READING = (
     "Identified: the 95 % interval is within ±5 % of the number. Uncertain: it is wider; the number is used. Kept: the "
     "log does not show it, and the number of the start is kept. The coupling is judged against √(M11·M22), the delay "
-    "against itself or a control step of 10 ms, whichever is longer. Intervals hold if the machine is of the simulator's kind; they know nothing of "
+    "against itself or a control step of 10 ms, whichever is longer. Intervals hold if the "
+    "machine is of the simulator's kind; they know nothing of "
     "errors of the sensors' scale, of wrong link lengths, or of friction that depends on speed or temperature."
 )
 
@@ -83,7 +85,9 @@ def summary(found: Identification) -> str:
 
 
 def _table(found: Identification) -> str:
-    head = "".join(f"<th{NUMBER if name in ('Value', '±', 'Start') else ''}>{name}</th>" for name in HEAD)
+    head = "".join(
+        f"<th{NUMBER if name in ('Value', '95 % interval', '±', 'Start') else ''}>{name}</th>" for name in HEAD
+    )
     body = "\n".join(map(_row, found.findings))
     return f"<div class='table'><table><thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table></div>"
 
@@ -98,8 +102,9 @@ def _row(finding: Finding) -> str:
     share = "" if kept else f"{100.0 * finding.share:.1f} %" + (f" {q.judged}" if q.judged else "")
     state = finding.status + (", relative" if finding.relative else "")
     return (
-        f"<tr{' class=kept' if kept else ''}><td><code>{q.name}</code></td><td>{escape(q.meaning)}</td><td>{q.unit}</td>"
-        f"<td{NUMBER}>{number(q.value)}</td><td>{interval}</td><td{NUMBER}>{share}</td>"
+        f"<tr{' class=kept' if kept else ''}><td><code>{q.name}</code></td><td>{escape(q.meaning)}</td>"
+        f"<td>{q.unit}</td>"
+        f"<td{NUMBER}>{number(q.value)}</td><td{NUMBER}>{interval}</td><td{NUMBER}>{share}</td>"
         f"<td{NUMBER}>{number(finding.before)}</td><td class='state {finding.status}'>{state}</td></tr>"
     )
 
@@ -137,8 +142,8 @@ def _residuals(found: Identification) -> str:
     return (
         f"{int(windows.used.sum())} of {len(windows.first)} windows of {windows.length * found.log.interval:.3g} s are "
         f"used. What is not predicted has a root mean square of {rms[0]:.3g} mrad for θA and {rms[1]:.3g} mrad for θB; "
-        f"the angles have {1e3 * windows.noise:.2g} mrad of noise. Residuals far above the noise are a sign of what the "
-        f"model does not have."
+        f"the angles have {1e3 * windows.noise:.2g} mrad of noise. Residuals far above the noise show what "
+        f"the model does not have."
     )
 
 

@@ -1,8 +1,8 @@
 """The compiled simulator as the model of a log: many short windows, each begun where the log is.
 
-The log is cut into windows of equal length. Within each the simulator gets the recorded voltages and forces and predicts
-the angles. The clutches' lag runs on through the whole log, as it depends on no motion; the motion begins again in each
-window.
+The log is cut into windows of equal length. Within each the simulator gets the recorded voltages and forces and
+predicts the angles. The clutches' lag runs on through the whole log, as it depends on no motion; the motion begins
+again in each window.
 """
 
 from dataclasses import dataclass, replace
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pter_gym.compiled.compiler import compile_kernel
 from pter_gym.compiled.records import flat, read
+from pter_gym.identification.log import interpolated
 from pter_gym.params import Machine
 from pter_gym.physics.arm import Load, Motion
 from pter_gym.physics.clutch import PerClutch
@@ -50,11 +51,11 @@ class Inputs:
     def volts(self, delay: float) -> Array:
         """Return the mean voltage of each substep [V], shape (substeps in all, 4), a time [s] after it was recorded."""
         rows = len(self.charge)
-        ends = self.step * np.arange(len(self.force) + 1.0) - delay
-        times = self.step * self.substeps * np.arange(rows)
+        ends = self.step * np.arange(len(self.force) + 1, dtype=np.float64) - delay
+        times = self.step * self.substeps * np.arange(rows, dtype=np.float64)
         first = (self.charge[1] - self.charge[0]) / times[1]
         last = (self.charge[-1] - self.charge[-2]) / times[1]
-        passed = np.column_stack([np.interp(ends, times, column) for column in self.charge.T])
+        passed = interpolated(ends, times, self.charge)
         passed += np.minimum(ends, 0.0)[:, None] * first + np.maximum(ends - times[-1], 0.0)[:, None] * last
         return np.maximum(np.diff(passed, axis=0) / self.step, 0.0)
 
@@ -64,13 +65,13 @@ def make_inputs(interval: float, volts: Array, force: Array, longest: float = LO
     substeps = int(np.ceil(interval / longest - 1e-9))
     step = interval / substeps
     charge = np.concatenate([np.zeros((1, 4)), np.cumsum(interval * volts[:-1], axis=0)])
-    times = interval * np.arange(len(force))
-    middles = step * (np.arange(substeps * (len(force) - 1)) + 0.5)
+    times = interval * np.arange(len(force), dtype=np.float64)
+    middles = step * (np.arange(substeps * (len(force) - 1), dtype=np.float64) + 0.5)
     return Inputs(
         step=step,
         substeps=substeps,
         charge=charge,
-        force=np.column_stack([np.interp(middles, times, column) for column in force.T]),
+        force=interpolated(middles, times, force),
     )
 
 

@@ -1,16 +1,19 @@
 """A log cut into windows: what each begins with, which clutches hold then, and what the angles were."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, filtfilt, lfilter, savgol_filter
+from scipy import signal
 
 from pter_gym.identification.log import Log
 from pter_gym.identification.shooting import LONGEST_SUBSTEP, Inputs, make_inputs
 from pter_gym.physics.friction import COUPLING, LINES
 
 Array = NDArray[np.float64]
+
+_SIGNAL: Any = signal
 
 WITH_FORCES = 0.2
 """Length of a window [s]: angles tell accelerations well within it, and little of a wrong start is left."""
@@ -57,7 +60,7 @@ OTHERS = (Cutting(0.55, 2.0 * CUTOFF, 0.5 * LONGEST_SUBSTEP), Cutting(1.4, 0.6 *
 
 @dataclass(frozen=True)
 class Motion:
-    """Smoothed angles [rad], velocities [rad/s] and accelerations [rad/s²], shape (rows, 2), and the angles' noise [rad]."""
+    """Smoothed angles [rad], velocities [rad/s], accelerations [rad/s²], shape (rows, 2); noise of the angles [rad]."""
 
     theta: Array
     omega: Array
@@ -102,9 +105,9 @@ def smooth(log: Log) -> Motion:
     """Return the motion of a log by local polynomials."""
     half = max(2, round(SMOOTHING / log.interval))
     width = 2 * half + 1
-    theta = savgol_filter(log.theta, width, 2, axis=0)
-    omega = savgol_filter(log.theta, width, 2, deriv=1, delta=log.interval, axis=0)
-    alpha = savgol_filter(log.theta, 2 * width - 1, 3, deriv=2, delta=log.interval, axis=0)
+    theta = _SIGNAL.savgol_filter(log.theta, width, 2, axis=0)
+    omega = _SIGNAL.savgol_filter(log.theta, width, 2, deriv=1, delta=log.interval, axis=0)
+    alpha = _SIGNAL.savgol_filter(log.theta, 2 * width - 1, 3, deriv=2, delta=log.interval, axis=0)
     noise = float(np.median(np.abs(log.theta - theta)) / 0.6745)
     return Motion(theta, omega, alpha, max(noise, 1e-7), half)
 
@@ -115,8 +118,8 @@ def smooth_force(log: Log, cutoff: float = CUTOFF) -> Array:
         return np.zeros((len(log.theta), 2))
     if cutoff * log.interval >= 0.4:
         return log.force
-    low = butter(2, 2.0 * cutoff * log.interval)
-    return filtfilt(low[0], low[1], log.force, axis=0)
+    low = _SIGNAL.butter(2, 2.0 * cutoff * log.interval)
+    return _SIGNAL.filtfilt(low[0], low[1], log.force, axis=0)
 
 
 def lagged(log: Log, values: Array, time_constant: float) -> Array:
@@ -124,7 +127,7 @@ def lagged(log: Log, values: Array, time_constant: float) -> Array:
     left = float(np.exp(-log.interval / time_constant))
     before = np.concatenate([values[:1], values[:-1]])
     first = values[:1] * left
-    return lfilter([1.0 - left], [1.0, -left], before, axis=0, zi=first)[0]
+    return _SIGNAL.lfilter([1.0 - left], [1.0, -left], before, axis=0, zi=first)[0]
 
 
 def cut(log: Log, motion: Motion, time_constant: float, cutting: Cutting = USUAL) -> Windows:

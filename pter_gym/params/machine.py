@@ -263,5 +263,6 @@ def find_machine(machine: Machine | str | None) -> Machine:
     if isinstance(given, str) and is_preset(given):
         return machine_of(load_preset(given))
     raise ParameterError(
-        f"machine must be a Machine or one of {', '.join(MACHINES)}, or the path of a preset (.toml), got {given!r:.200}{nearest(given, MACHINES)}"
+        f"machine must be a Machine or one of {', '.join(MACHINES)} or the path of a preset (.toml), "
+        f"got {given!r:.200}{nearest(given, MACHINES)}"
     )

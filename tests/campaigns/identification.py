@@ -3,9 +3,9 @@
     python -m tests.campaigns.identification --machines 100 --write     100 machines, the table into docs/identify.md
     python -m tests.campaigns.identification --machines 3 --first 7     machines 7, 8 and 9 alone, with their numbers
 
-Machine number k is drawn from the seed and k: inertias, coupling, torque curve, T_s/T_k, the clutches' own factors, time
-constant, delay, encoders and the noise of the force. Its log is that of the experiment, simulated with a substep finer
-than the model's; ``identify`` starts from PTER with the machine's link lengths.
+Machine number k is drawn from the seed and k: inertias, coupling, torque curve, T_s/T_k, the clutches' own factors,
+time constant, delay, encoders and the noise of the force. Its log is that of the experiment, simulated with a
+substep finer than the model's; ``identify`` starts from PTER with the machine's link lengths.
 """
 
 import argparse
@@ -117,10 +117,10 @@ def table(all_outcomes: list[list[Outcome]], seconds: list[float]) -> str:
     """Return the outcomes of all machines as Markdown."""
     told = [outcome for each in all_outcomes for outcome in each]
     lines = [
-        "| Number | identified | error ≤ 5 % of these | median error | largest error | interval holds | uncertain | kept |",
+        "| Number | identified | error ≤ 5 % | median error | largest error | interval holds | uncertain | kept |",
         "|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
-    for group, names in [*GROUPS.items(), ("all", tuple(name for names in GROUPS.values() for name in names))]:
+    for group, names in [*GROUPS.items(), ("all", tuple(sum(GROUPS.values(), ())))]:
         own = [outcome for outcome in told if outcome.name in names]
         sure = [outcome for outcome in own if outcome.status == "identified"]
         shown = [outcome for outcome in own if outcome.status != "kept"]
