@@ -39,12 +39,13 @@ def train(seed: int = 0, steps: int = 1_500_000, worlds: int = 256, horizon: int
     spaces = {"observation_space": env.observation_space, "action_space": env.action_space, "device": "cpu"}
     policy = gaussian_model(**spaces, network=LAYERS, output="ACTIONS", initial_log_std=-0.7)
     models = {"policy": policy, "value": deterministic_model(**spaces, network=LAYERS, output="ONE")}
-    scaling = {"observation_preprocessor": RunningStandardScaler, "value_preprocessor": RunningStandardScaler}
-    sizes = {"observation_preprocessor_kwargs": {"size": env.observation_space}, "value_preprocessor_kwargs": {"size": 1}}
-    cfg = PPO_CFG(rollouts=horizon, time_limit_bootstrap=True, **SETTINGS, **scaling, **sizes)
+    cfg = PPO_CFG(rollouts=horizon, time_limit_bootstrap=True, **SETTINGS)
+    cfg.observation_preprocessor = cfg.value_preprocessor = RunningStandardScaler
+    cfg.observation_preprocessor_kwargs, cfg.value_preprocessor_kwargs = {"size": env.observation_space}, {"size": 1}
     cfg.experiment.write_interval = cfg.experiment.checkpoint_interval = 0
     agent = Truncating(models=models, memory=RandomMemory(memory_size=horizon, num_envs=worlds), cfg=cfg, **spaces)
-    SequentialTrainer(env=env, agents=agent, cfg={"timesteps": steps // worlds, "headless": True}).train()
+    trained = {"timesteps": steps // worlds, "headless": True, "close_environment_at_exit": False}
+    SequentialTrainer(env=env, agents=agent, cfg=trained).train()
     agent.enable_training_mode(False)
 
     def act(obs):

@@ -23,7 +23,8 @@ def train(
     torch.set_num_threads(1)
     command = f"rl_zoo3.train --algo {algorithm} --env PTER/Standard-v0 --gym-packages pter_gym --device cpu"
     options = f"--eval-freq -1 --verbose 0 --seed {seed} --n-timesteps {steps}"
-    sys.argv = [*command.split(), *options.split(), "--log-folder", str(out), "--conf-file", str(SETTINGS / f"{algorithm}.yml")]
+    files = ["--log-folder", str(out), "--conf-file", str(SETTINGS / f"{algorithm}.yml")]
+    sys.argv = [*command.split(), *options.split(), *files]
     train_in_zoo()
     newest = max((out / algorithm).glob("PTER-Standard-v0_*"), key=lambda run: int(run.name.rpartition("_")[2]))
     model = ALGOS[algorithm].load(newest / "PTER-Standard-v0.zip", device="cpu")
