@@ -1,4 +1,4 @@
-"""Stable-Baselines3 and sb3-contrib through either door: `python agents/libraries/sb3.py --algorithm tqc --door native`."""
+"""Stable-Baselines3 and sb3-contrib: `python agents/libraries/sb3.py --algorithm tqc --door make_vec_env`."""
 
 from typing import Literal
 
@@ -15,12 +15,15 @@ from pter_gym.envs.sb3 import PterVecEnv
 from pter_gym.tuning import examine
 
 ID = "PTER/Standard-v0"
-OFF = {"learning_rate": 1e-3, "batch_size": 512, "train_freq": 8, "gradient_steps": 16, "learning_starts": 4000}
+NETS = {"learning_rate": 1e-3, "batch_size": 512, "policy_kwargs": {"net_arch": [64, 64]}}
+ON = {**NETS, "n_steps": 256, "n_epochs": 5}
+OFF = {**NETS, "train_freq": 8, "learning_starts": 4000, "gamma": 0.98, "ent_coef": 0.005}
+LSTM = {**ON, "n_epochs": 3, "policy_kwargs": {"net_arch": [64], "lstm_hidden_size": 64}}
 ALGORITHMS = {
-    "ppo": (PPO, "MlpPolicy", {"n_steps": 256, "batch_size": 512, "n_epochs": 5}),
-    "sac": (SAC, "MlpPolicy", {**OFF, "policy_kwargs": {"net_arch": [64, 64]}}),
-    "tqc": (TQC, "MlpPolicy", {**OFF, "policy_kwargs": {"net_arch": [64, 64]}}),
-    "recurrent": (RecurrentPPO, "MlpLstmPolicy", {"n_steps": 256, "batch_size": 512, "n_epochs": 3}),
+    "ppo": (PPO, "MlpPolicy", 200_000, ON),
+    "sac": (SAC, "MlpPolicy", 80_000, {**OFF, "gradient_steps": 16}),
+    "tqc": (TQC, "MlpPolicy", 80_000, {**OFF, "gradient_steps": 8}),
+    "recurrent": (RecurrentPPO, "MlpLstmPolicy", 150_000, LSTM),
 }
 
 
@@ -28,7 +31,7 @@ def train(
     algorithm: Literal["ppo", "sac", "tqc", "recurrent"] = "ppo",
     door: Literal["native", "make_vec_env"] = "native",
     seed: int = 0,
-    steps: int = 200_000,
+    steps: int | None = None,
     worlds: int = 16,
 ):
     torch.set_num_threads(1)
@@ -37,9 +40,9 @@ def train(
         venv = PterVecEnv(gymnasium.make_vec(ID, worlds, **options))
     else:
         venv = make_vec_env(ID, worlds, seed=seed, env_kwargs={"action_unit": "normalised"})
-    made, policy, options = ALGORITHMS[algorithm]
-    venv = VecNormalize(venv, norm_reward=algorithm in ("ppo", "recurrent"))
-    return from_sb3(made(policy, venv, seed=seed, device="cpu", **options).learn(steps), venv)
+    made, policy, enough, settings = ALGORITHMS[algorithm]
+    venv = VecNormalize(venv, gamma=settings.get("gamma", 0.99))
+    return from_sb3(made(policy, venv, seed=seed, device="cpu", **settings).learn(steps or enough), venv)
 
 
 if __name__ == "__main__":

@@ -1,48 +1,51 @@
 """PPO of skrl: `python agents/libraries/skrl_ppo.py`, then its scores on training draws."""
 
 import gymnasium
+import numpy as np
 import torch
 import tyro
+from gymnasium.wrappers.vector import ClipAction
+from skrl.agents.torch.ppo import PPO, PPO_CFG
 from skrl.envs.wrappers.torch import wrap_env
-from skrl.utils.runner.torch import Runner
+from skrl.memories.torch import RandomMemory
+from skrl.resources.preprocessors.torch import RunningStandardScaler
+from skrl.trainers.torch import SequentialTrainer
+from skrl.utils import set_seed
+from skrl.utils.model_instantiators.torch import deterministic_model, gaussian_model
 
 from pter_gym.benchmark import from_actions
 from pter_gym.tuning import examine
 
 LAYERS = [{"name": "net", "input": "OBSERVATIONS", "layers": [64, 64], "activations": "tanh"}]
+SETTINGS = {"learning_epochs": 5, "mini_batches": 8, "learning_rate": 1e-3, "value_loss_scale": 0.5}
 
 
-def settings(seed: int, steps: int, horizon: int) -> dict:
-    policy = {"class": "GaussianMixin", "network": LAYERS, "output": "ACTIONS", "initial_log_std": -0.7}
-    critic = {"class": "DeterministicMixin", "network": LAYERS, "output": "ONE"}
-    ppo = {
-        "class": "PPO",
-        "rollouts": horizon,
-        "learning_epochs": 5,
-        "mini_batches": 8,
-        "learning_rate": 1e-3,
-        "value_loss_scale": 0.5,
-        "time_limit_bootstrap": True,
-        "observation_preprocessor": "RunningStandardScaler",
-        "value_preprocessor": "RunningStandardScaler",
-        "rewards_shaper_scale": 0.01,
-        "experiment": {"write_interval": 0, "checkpoint_interval": 0},
-    }
-    return {
-        "seed": seed,
-        "models": {"separate": True, "policy": {**policy, "clip_actions": True}, "value": critic},
-        "memory": {"class": "RandomMemory", "memory_size": -1},
-        "agent": ppo,
-        "trainer": {"class": "SequentialTrainer", "timesteps": steps, "headless": True},
-    }
+class Truncating(PPO):
+    """After a truncation skrl counts the value of what comes next: that must not be the start of another episode."""
+
+    def record_transition(self, *, next_observations, infos, **rest):
+        if "final_obs" in infos:
+            ended = infos["_final_obs"]
+            next_observations = next_observations.clone()
+            next_observations[ended] = torch.as_tensor(np.stack(infos["final_obs"][ended]))
+        super().record_transition(next_observations=next_observations, infos=infos, **rest)
 
 
 def train(seed: int = 0, steps: int = 1_500_000, worlds: int = 256, horizon: int = 64):
-    torch.set_num_threads(1)
-    envs = gymnasium.make_vec("PTER/Standard-v0", worlds, action_unit="normalised", telemetry=False)
-    runner = Runner(wrap_env(envs, wrapper="gymnasium"), settings(seed, steps // worlds, horizon))
-    runner.run("train")
-    agent = runner.agent
+    set_seed(seed), torch.set_num_threads(1)
+    options = {"action_unit": "normalised", "autoreset_mode": "SAME_STEP", "telemetry": False}
+    envs = gymnasium.make_vec("PTER/Standard-v0", worlds, **options)
+    env = wrap_env(ClipAction(envs), wrapper="gymnasium")
+    spaces = {"observation_space": env.observation_space, "action_space": env.action_space, "device": "cpu"}
+    policy = gaussian_model(**spaces, network=LAYERS, output="ACTIONS", initial_log_std=-0.7)
+    models = {"policy": policy, "value": deterministic_model(**spaces, network=LAYERS, output="ONE")}
+    cfg = PPO_CFG(rollouts=horizon, time_limit_bootstrap=True, **SETTINGS)
+    cfg.observation_preprocessor = cfg.value_preprocessor = RunningStandardScaler
+    cfg.observation_preprocessor_kwargs, cfg.value_preprocessor_kwargs = {"size": env.observation_space}, {"size": 1}
+    cfg.experiment.write_interval = cfg.experiment.checkpoint_interval = 0
+    agent = Truncating(models=models, memory=RandomMemory(memory_size=horizon, num_envs=worlds), cfg=cfg, **spaces)
+    trained = {"timesteps": steps // worlds, "headless": True, "close_environment_at_exit": False}
+    SequentialTrainer(env=env, agents=agent, cfg=trained).train()
     agent.enable_training_mode(False)
 
     def act(obs):

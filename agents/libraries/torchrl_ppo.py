@@ -21,12 +21,13 @@ def network(inputs: int, *outputs: nn.Module) -> nn.Sequential:
 
 def train(seed: int = 0, steps: int = 1_500_000, worlds: int = 256, horizon: int = 64):
     torch.manual_seed(seed), torch.set_num_threads(1)
-    options = {"action_unit": "normalised", "autoreset_mode": "SAME_STEP", "telemetry": False}
+    options = {"action_unit": "normalised", "autoreset_mode": "DISABLED", "telemetry": False}
     envs = gymnasium.make_vec("PTER/Standard-v0", worlds, **options)
     (size,) = envs.single_observation_space.shape
     world = TransformedEnv(GymWrapper(envs), RewardScaling(0.0, 0.01))
     world.set_seed(seed)
-    mean = TensorDictModule(network(size, nn.Linear(64, 8), NormalParamExtractor("biased_softplus_0.5")), ["observation"], ["loc", "scale"])
+    body = network(size, nn.Linear(64, 8), NormalParamExtractor("biased_softplus_0.5"))
+    mean = TensorDictModule(body, ["observation"], ["loc", "scale"])
     actor = ProbabilisticActor(mean, in_keys=["loc", "scale"], distribution_class=TanhNormal, return_log_prob=True)
     critic = ValueOperator(network(size, nn.Linear(64, 1)), in_keys=["observation"])
     advantage = GAE(gamma=0.99, lmbda=0.95, value_network=critic, average_gae=True)
@@ -42,7 +43,7 @@ def train(seed: int = 0, steps: int = 1_500_000, worlds: int = 256, horizon: int
             sum(found[name] for name in ("loss_objective", "loss_critic")).backward()
             nn.utils.clip_grad_norm_(loss.parameters(), 0.5)
             adam.step()
-    return from_actions(lambda obs: mean(torch.as_tensor(obs))[0].tanh(), envs)
+    return from_actions(lambda obs: body(torch.as_tensor(obs))[0].tanh(), envs)
 
 
 if __name__ == "__main__":

@@ -1,24 +1,25 @@
-"""The door for rsl-rl: its ``VecEnv`` over a vector environment, with tensors of torch that share the arrays' memory."""
+"""The door for rsl-rl: its ``VecEnv`` over a vector environment, with tensors on the memory of its arrays."""
 
+import importlib
 from typing import Any
+
+from gymnasium.vector import AutoresetMode
 
 from pter_gym.errors import ParameterError, needs_extra
 
 try:
-    import torch
-    from rsl_rl.env import VecEnv
-    from tensordict import TensorDict
+    torch: Any = importlib.import_module("torch")
+    VecEnv: Any = importlib.import_module("rsl_rl.env").VecEnv
+    TensorDict: Any = importlib.import_module("tensordict").TensorDict
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.envs.rsl_rl", "libraries"))) from error
-
-from gymnasium.vector import AutoresetMode
 
 
 class RslRlVecEnv(VecEnv):
     """A ``VecEnv`` of rsl-rl, whose observations are one group, ``"policy"``.
 
-    Each step makes new arrays, and the observations are tensors on their memory: nothing is copied, and a tensor that is
-    kept does not change. Rewards are float32, as rsl-rl wants them. With worlds on a CUDA device all stays there.
+    Each step makes new arrays, and the observations are tensors on their memory: nothing is copied, and a tensor that
+    is kept does not change. Rewards are float32, as rsl-rl wants them. With worlds on a CUDA device all stays there.
 
     Actions beyond the bounds are clipped, as rsl-rl draws them from a normal distribution. ``extras["time_outs"]`` are
     the episodes that were truncated and not terminated.
@@ -44,25 +45,29 @@ class RslRlVecEnv(VecEnv):
         self.device = torch.device(env.unwrapped.device)
         self.num_envs, self.num_actions = env.action_space.shape
         self.max_episode_length = env.unwrapped.max_episode_steps or 0
-        self._low, self._high = (float(bound[0]) for bound in (env.single_action_space.low, env.single_action_space.high))
+        self._low, self._high = (
+            float(bound[0]) for bound in (env.single_action_space.low, env.single_action_space.high)
+        )
         self._steps = torch.zeros(self.num_envs, dtype=torch.long, device=self.device)
         self._obs = self._grouped(env.reset(seed=seed)[0])
 
     @property
-    def episode_length_buf(self) -> torch.Tensor:
+    def episode_length_buf(self) -> Any:
         """Control steps of each world's episode so far, (N,)."""
         return self._steps
 
     @episode_length_buf.setter
-    def episode_length_buf(self, steps: Any) -> None:
+    def episode_length_buf(self, steps: Any) -> None:  # noqa: ARG002
         """Refuse: the worlds count their steps themselves."""
-        raise ParameterError("init_at_random_ep_len must be False: episodes begin anywhere along the path by themselves")
+        raise ParameterError(
+            "init_at_random_ep_len must be False: episodes begin anywhere along the path by themselves"
+        )
 
-    def get_observations(self) -> TensorDict:
+    def get_observations(self) -> Any:
         """Return the latest observations, float32 (N, entries), as the group ``"policy"``."""
         return self._obs
 
-    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
+    def step(self, actions: Any) -> tuple[Any, Any, Any, dict[str, Any]]:
         """Advance all worlds by one control period; actions are (N, 4)."""
         clipped = actions.detach().clamp(self._low, self._high)
         given = clipped if self.device.type == "cuda" else clipped.numpy()
@@ -77,6 +82,6 @@ class RslRlVecEnv(VecEnv):
         """Stop the threads."""
         self.env.close()
 
-    def _grouped(self, obs: Any) -> TensorDict:
+    def _grouped(self, obs: Any) -> Any:
         """Return observations as rsl-rl wants them, on the same memory."""
         return TensorDict({"policy": torch.as_tensor(obs)}, [self.num_envs], device=self.device)

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pter_gym.benchmark.metrics import Scores, ranked_scores
+from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.recorded import Travel
-from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.engine.batch import Batch

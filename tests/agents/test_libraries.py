@@ -1,0 +1,209 @@
+"""Learning libraries: each script runs, and learns within a minute; tensors of torch share the arrays' memory."""
+
+import importlib
+import importlib.util
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from pter_gym.benchmark import from_actions
+from pter_gym.controllers import Free
+from pter_gym.errors import ParameterError
+from pter_gym.tuning import examine
+
+pytestmark = [
+    pytest.mark.agents,
+    # the libraries' own: packages that they find deprecated, and what they do with their arguments
+    pytest.mark.filterwarnings("ignore"),
+]
+torch = pytest.importorskip("torch")
+
+ID = "PTER/Standard-v0"
+FOLDER = Path(__file__).parents[2] / "agents" / "libraries"
+PAGE = Path(__file__).parents[2] / "docs" / "learning-libraries.md"
+NEEDS = {
+    "rsl_rl_ppo": "rsl_rl",
+    "sb3": "sb3_contrib",
+    "skrl_ppo": "skrl",
+    "torchrl_ppo": "torchrl",
+    "zoo": "rl_zoo3",
+}
+TINY: dict[str, dict[str, Any]] = {name: {"steps": 512, "worlds": 8, "horizon": 32} for name in NEEDS}
+TINY |= {"sb3": {"steps": 512, "worlds": 2}, "zoo": {"steps": 64}}
+MINUTE: dict[str, tuple[str, dict[str, Any]]] = {
+    "rsl-rl": ("rsl_rl_ppo", {}),
+    "skrl": ("skrl_ppo", {}),
+    "torchrl": ("torchrl_ppo", {}),
+    **{f"sb3-{name}-native": ("sb3", {"algorithm": name}) for name in ("ppo", "sac", "tqc", "recurrent")},
+    **{f"sb3-{name}-make_vec_env": ("sb3", {"algorithm": name, "door": "make_vec_env"}) for name in ("ppo", "tqc")},
+    **{f"zoo-{name}": ("zoo", {"algorithm": name}) for name in ("ppo", "sac", "tqc")},
+}
+
+
+@pytest.fixture
+def one_torch_thread() -> Iterator[None]:
+    """The scripts set it, for networks this small are slower with more threads."""
+    threads = torch.get_num_threads()
+    yield
+    torch.set_num_threads(threads)
+
+
+def load(script: str) -> ModuleType:
+    pytest.importorskip(NEEDS[script])
+    spec = importlib.util.spec_from_file_location(script, FOLDER / f"{script}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def train(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, **options: Any) -> Any:
+    monkeypatch.setattr(sys, "argv", [script])  # the zoo takes its arguments from there
+    if script == "zoo":
+        options["out"] = tmp_path
+    monkeypatch.chdir(tmp_path)
+    return load(script).train(**options)
+
+
+def test_each_script_is_short_and_knows_nothing_of_the_trainer() -> None:
+    scripts = sorted(FOLDER.glob("*.py"))
+    assert [script.stem for script in scripts] == sorted(NEEDS)
+    for script in scripts:
+        text = script.read_text("utf-8")
+        assert len(text.splitlines()) <= 60
+        assert "pter_agents" not in text
+        assert not re.search(r"\b(reward|starts|error_max|truncation_error)=", text)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", NEEDS)
+@pytest.mark.usefixtures("one_torch_thread")
+def test_a_script_trains(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    policy = train(script, tmp_path, monkeypatch, **TINY[script], seed=3)
+    assert examine({script: policy}, episodes=2).keys() == {script, "free", "locked", "random"}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", MINUTE)
+@pytest.mark.usefixtures("one_torch_thread")
+def test_a_minute_is_enough_to_arrive(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script, options = MINUTE[name]
+    verdicts = examine({name: train(script, tmp_path, monkeypatch, **options)})
+    assert next(iter(verdicts)) == name, verdicts
+    assert verdicts[name].completed > 0.9
+    assert verdicts[name].mean_pace_error < 0.5
+
+
+def test_tensors_share_the_memory_of_the_arrays_and_keep_what_they_hold() -> None:
+    envs = gymnasium.make_vec(ID, 4, action_unit="normalised", autoreset_mode="SAME_STEP", telemetry=False)
+    obs, _ = envs.reset(seed=0)
+    kept: list[tuple[Any, Any]] = []
+    actions = torch.zeros(4, 4)
+    for _ in range(3):
+        for array in (obs, *envs.step(actions.numpy())[:4]):
+            for tensor in (torch.from_dlpack(array), torch.as_tensor(array)):
+                assert tensor.data_ptr() == array.ctypes.data
+                kept.append((tensor, array.copy()))
+        obs = envs.step(actions)[0]  # a tensor of torch is taken, too
+    for tensor, then in kept:
+        np.testing.assert_array_equal(tensor.numpy(), then)
+    addresses = {tensor.data_ptr() for tensor, _ in kept}
+    assert len(addresses) == len(kept) // 2
+
+
+def rsl_rl(worlds: int = 4, mode: str = "SAME_STEP", **options: Any) -> Any:
+    pytest.importorskip("rsl_rl")
+    door = importlib.import_module("pter_gym.envs.rsl_rl")
+    envs = gymnasium.make_vec(ID, worlds, action_unit="normalised", autoreset_mode=mode, telemetry=False, **options)
+    return door.RslRlVecEnv(envs, seed=7)
+
+
+def test_rsl_rl_sees_the_episodes_of_the_vector_environment() -> None:
+    ours = rsl_rl(max_episode_steps=20)
+    theirs = gymnasium.make_vec(
+        ID, 4, action_unit="normalised", autoreset_mode="SAME_STEP", telemetry=False, max_episode_steps=20
+    )
+    obs, _ = theirs.reset(seed=7)
+    np.testing.assert_array_equal(ours.get_observations()["policy"], obs)
+    drawn, steps, ends = np.random.default_rng(1), np.zeros(4), 0
+    for _ in range(60):
+        actions = drawn.normal(size=(4, 4)).astype(np.float32)
+        obs, rewards, terminated, truncated, _ = theirs.step(actions.clip(-1.0, 1.0))
+        seen, pay, done, extras = ours.step(torch.as_tensor(actions))
+        steps = np.where(terminated | truncated, 0, steps + 1)
+        np.testing.assert_array_equal(seen["policy"], obs)
+        np.testing.assert_array_equal(pay, rewards.astype(np.float32))
+        np.testing.assert_array_equal(done, terminated | truncated)
+        np.testing.assert_array_equal(extras["time_outs"], truncated & ~terminated)
+        np.testing.assert_array_equal(ours.episode_length_buf, steps)
+        ends += int(done.sum())
+    assert ends >= 8
+    assert ours.max_episode_length == 20
+
+
+def test_rsl_rl_is_told_what_it_cannot_have() -> None:
+    with pytest.raises(ParameterError, match="autoreset_mode must be SAME_STEP, got NEXT_STEP"):
+        rsl_rl(mode="NEXT_STEP")
+    with pytest.raises(ParameterError, match="init_at_random_ep_len must be False"):
+        rsl_rl().episode_length_buf = torch.zeros(4)
+
+
+def test_torchrl_sees_the_last_observation_of_an_episode() -> None:
+    pytest.importorskip("torchrl")
+    wrapper = importlib.import_module("torchrl.envs").GymWrapper
+    drawn = {}
+    for mode in ("DISABLED", "SAME_STEP"):
+        envs = gymnasium.make_vec(
+            ID, 4, action_unit="normalised", autoreset_mode=mode, telemetry=False, max_episode_steps=20
+        )
+        torch.manual_seed(0)
+        world = wrapper(envs)
+        world.set_seed(5)
+        drawn[mode] = world.rollout(50, break_when_any_done=False)
+    for data in drawn.values():
+        ends = data["next", "done"][:, :-1, 0]
+        assert int(ends.sum()) >= 8
+        after, now = data["next", "observation"][:, :-1], data["observation"][:, 1:]
+        assert torch.equal(after[~ends], now[~ends])
+        assert (after[ends] != now[ends]).any(dim=1).all()
+
+
+@pytest.mark.parametrize("unit", ["volt", "normalised"])
+def test_actions_of_any_library_become_volts(unit: Any) -> None:
+    envs = gymnasium.make_vec(ID, 2, action_unit=unit, telemetry=False)
+    low, high = (torch.as_tensor(bound[:1]) for bound in (envs.action_space.low, envs.action_space.high))
+    released = from_actions(lambda obs: low.expand(len(obs), 4), envs)
+    held = from_actions(lambda obs: high.expand(len(obs), 4).requires_grad_() + 9.0, envs)
+    verdicts = examine({"released": released, "held": held}, episodes=2)
+    assert verdicts["released"] == verdicts["free"]
+    assert verdicts["held"] == verdicts["locked"]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("one_torch_thread")
+def test_the_page_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    for library in ("stable_baselines3", "rsl_rl", "torchrl"):
+        pytest.importorskip(library)
+    exec("\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)), {})
+    assert re.search(r"untrained  [\d.]+ mm", capsys.readouterr().out)
+
+
+def test_the_page_shows_the_settings_of_the_zoo() -> None:
+    page = PAGE.read_text("utf-8")
+    assert f"```yaml\n{(FOLDER / 'zoo' / 'sac.yml').read_text('utf-8')}```" in page
+
+
+def test_verdicts_come_in_order_and_in_words() -> None:
+    verdicts = examine({"mine": Free()}, episodes=2)
+    values = [verdict.value for verdict in verdicts.values()]
+    assert values == sorted(values)
+    assert verdicts["mine"] == verdicts["free"]
+    assert re.fullmatch(r"[\d.]+ mm, arrives in 0 %, pace \d+ % off, segments \d+ %", str(verdicts["mine"]))
