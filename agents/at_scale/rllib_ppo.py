@@ -1,13 +1,12 @@
 """RLlib's PPO on its new API stack: `python agents/at_scale/rllib_ppo.py --seed 0`, then its leaderboard."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import torch
 import tyro
 from ray.rllib.algorithms.ppo import PPOConfig
 
-from pter_gym.benchmark import ResultsFolder, find_policy, from_sb3, print_boards, run_scenario
+from pter_gym.benchmark import ResultsFolder, find_policy, from_actions, print_boards, run_scenario
 
 
 def make_config(seed: int, worlds: int = 16) -> PPOConfig:
@@ -27,12 +26,10 @@ def learn(seed: int = 0, steps: int = 250_000):
     module, envs = algorithm.get_module(), algorithm.env_runner.env
 
     @torch.no_grad()
-    def predict(obs, **_):
-        mean, _spread = module.forward_inference({"obs": torch.as_tensor(obs)})["action_dist_inputs"].chunk(2, dim=-1)
-        return mean.numpy(), None
+    def mean(obs):
+        return module.forward_inference({"obs": torch.as_tensor(obs)})["action_dist_inputs"].chunk(2, dim=-1)[0]
 
-    spaces = {"observation_space": envs.single_observation_space, "action_space": envs.single_action_space}
-    return from_sb3(SimpleNamespace(**spaces, predict=predict))
+    return from_actions(mean, envs)
 
 
 def train(seed: int = 0, steps: int = 250_000, out: Path = Path("stock")) -> None:
