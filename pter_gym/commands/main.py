@@ -21,10 +21,10 @@ Command = Callable[..., int | None]
 
 GROUP = "pter.commands"
 
-USERS = ("benchmark", "play", "watch", "train", "export", "tune", "reproduce", "retrain", "verify", "identify")
+USERS = ("benchmark", "play", "watch", "train", "export", "tune", "identify", "record", "reproduce", "retrain", "verify")
 """The order of the help. Command NAME of this package is the function NAME in NAME.py, beside this file."""
 
-WORKSHOP = ("fit", "speed", "record")
+WORKSHOP = ("fit", "speed")
 """Commands for those who work on the package itself, which come last."""
 
 DESCRIPTION = "PTER, a passive haptic arm with four friction clutches."

@@ -39,13 +39,13 @@ def record(
     from pter_gym.internal.terminal import make_folder
     from pter_gym.scenarios import find_scenario
 
-    load_minari()
     scenarios, levels = names_in("scenario", split(scenario)), names_in("level", split(level))
     for each in scenarios:
         find_scenario(each)
     for each in levels:
         if each not in LEVELS:
             raise unknown_name("level", each, LEVELS)
+    load_minari()
     folder = default_folder() if out is None else out
     make_folder(folder)
     with progress_bar() as progress:

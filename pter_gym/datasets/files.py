@@ -3,10 +3,11 @@
 import hashlib
 import json
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -35,11 +36,10 @@ AUTHOR = "pter_gym contributors"
 def load_minari() -> ModuleType:
     """Return Minari, or raise a DependencyError that says how to install it."""
     try:
-        import h5py  # noqa: F401  (what Minari stores with)
-        import minari
+        import_module("h5py")  # what Minari stores with
+        return import_module("minari")
     except ImportError as error:
         raise needs_extra("recording", "data") from error
-    return minari
 
 
 def dataset_id(scenario: str, level: str) -> str:
@@ -105,7 +105,7 @@ def data_of(episodes: Sequence[Episode]) -> bytes:
             for name in ARRAYS:
                 group.create_dataset(name, data=getattr(episode, name))
         file.flush()
-        return file.id.get_file_image()
+        return cast(Any, file.id).get_file_image()
 
 
 def metadata_of(scenario: str, level: str, episodes: Sequence[Episode], *, seed: int, command: str, size: int) -> bytes:

@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
 from pter_gym.benchmark.loading import load_policy
+from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
 from pter_gym.policies import Net
 from pter_gym.policies import load_policy as read_policy
@@ -54,7 +54,7 @@ class Actor:
     """
 
     name: str
-    bind: Callable[[VectorEnv[Any, Any, Any], int], Act]
+    bind: Callable[[PathFollowingVectorEnv, int], Act]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,16 +115,20 @@ def stages() -> dict[str, Any]:
     return tomllib.loads((STAGES / STAGES_TABLE).read_text("utf-8"))
 
 
-def _uniform(envs: VectorEnv[Any, Any, Any], seed: int) -> Act:
+def _uniform(envs: PathFollowingVectorEnv, seed: int) -> Act:
     envs.action_space.seed(seed)
-    return lambda _: envs.action_space.sample()
+
+    def act(_: NDArray[np.float32]) -> Actions:
+        return np.asarray(envs.action_space.sample(), np.float32)
+
+    return act
 
 
 def _stage(name: str, deviation: float, persistence: float) -> Actor:
     """Return a stage of the training, with noise unless its deviation is 0."""
     policy = read_policy(name, STAGES)
 
-    def bind(envs: VectorEnv[Any, Any, Any], seed: int) -> Act:
+    def bind(envs: PathFollowingVectorEnv, seed: int) -> Act:
         if deviation == 0.0:
             return load_policy(policy, envs)
         net = Exploring(policy.network, deviation, persistence, np.random.default_rng(seed))

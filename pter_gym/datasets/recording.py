@@ -6,10 +6,11 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pter_gym.datasets.levels import Act, actors_of
+from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.errors import ParameterError
 from pter_gym.internal.checks import whole_number
 from pter_gym.scenarios import find_scenario
@@ -115,7 +116,7 @@ def _until(episodes: Iterator[Episode], steps: int) -> Iterator[Episode]:
         yield episode
 
 
-def _episodes(envs: VectorEnv[Any, Any, Any], act: Act, first: int) -> Iterator[Episode]:
+def _episodes(envs: PathFollowingVectorEnv, act: Act, first: int) -> Iterator[Episode]:
     """Give the episodes of the seeds from the first on, in their order, without an end."""
     worlds = _Worlds(envs, first)
     ended: dict[int, Episode] = {}
@@ -130,7 +131,7 @@ def _episodes(envs: VectorEnv[Any, Any, Any], act: Act, first: int) -> Iterator[
 class _Worlds:
     """Worlds that begin the episode of the next seed as soon as one has ended, and what has happened in each so far."""
 
-    def __init__(self, envs: VectorEnv[Any, Any, Any], first: int) -> None:
+    def __init__(self, envs: PathFollowingVectorEnv, first: int) -> None:
         self._envs = envs
         count = envs.num_envs
         most: int = envs.spec.max_episode_steps  # type: ignore[union-attr, assignment]
@@ -157,7 +158,7 @@ class _Worlds:
         over = terminated | truncated
         found = [
             self._episode(world, bool(terminated[world]), bool(truncated[world]), bool(infos["is_success"][world]))
-            for world in np.flatnonzero(over)
+            for world in np.flatnonzero(over).tolist()
         ]
         if found:
             self._begin(over)
@@ -173,14 +174,15 @@ class _Worlds:
             self._observations[world, : steps + 1].copy(),
             self._actions[world, :steps].copy(),
             self._rewards[world, :steps].copy(),
-            *ends,
+            ends[0],
+            ends[1],
             arrived,
             float(self._distances[world, :steps].mean()),
         )
 
     def _begin(self, over: NDArray[np.bool_]) -> None:
         """Begin the next episodes in some worlds."""
-        for world in np.flatnonzero(over):
+        for world in np.flatnonzero(over).tolist():
             self._seeds[world] = self._next
             self._next += 1
         seeds = [seed if begins else None for seed, begins in zip(self._seeds, over, strict=True)]
