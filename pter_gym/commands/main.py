@@ -21,7 +21,19 @@ Command = Callable[..., int | None]
 
 GROUP = "pter.commands"
 
-USERS = ("benchmark", "play", "watch", "train", "export", "tune", "identify", "record", "reproduce", "retrain", "verify")
+USERS = (
+    "benchmark",
+    "play",
+    "watch",
+    "train",
+    "export",
+    "tune",
+    "identify",
+    "record",
+    "reproduce",
+    "retrain",
+    "verify",
+)
 """The order of the help. Command NAME of this package is the function NAME in NAME.py, beside this file."""
 
 WORKSHOP = ("fit", "speed")
