@@ -9,6 +9,7 @@ import nbformat
 ROOT = Path(__file__).parents[1]
 EXTENDING = ROOT / "docs" / "extending.md"
 POLICIES = ROOT / "docs" / "policies.md"
+DATA = ROOT / "docs" / "data.md"
 OWN_CONTROLLER = ROOT / "notebooks" / "03_your_own_controller.ipynb"
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from documents import DATA, blocks_of, run_program
 from pter_gym.commands.main import main
 from pter_gym.datasets import Episode, record_episodes, write_dataset
 from pter_gym.errors import StorageError
@@ -93,6 +94,12 @@ def test_without_a_folder_they_go_where_minari_looks(tmp_path: Path, monkeypatch
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
     assert main(["record", "--scenario", "standard", "--level", "random", "--steps", "1"]) == 0
     assert minari.load_dataset("pter/standard/random-v0").total_episodes == 1
+
+
+def test_the_page_loads_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    assert main(["record", "--scenario", "standard", "--level", "expert", "--steps", "1"]) == 0
+    run_program(blocks_of(DATA), str(DATA))
 
 
 def test_other_data_never_have_the_old_description(

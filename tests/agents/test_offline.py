@@ -1,0 +1,48 @@
+"""Offline learning: the scripts read what `pter record` wrote, train and score, and know nothing of the trainer."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+from pter_gym.benchmark import PACES, ResultsFolder
+from pter_gym.commands.main import main
+
+pytestmark = pytest.mark.agents
+torch = pytest.importorskip("torch")
+for package in ("minari", "torchrl"):
+    pytest.importorskip(package)
+
+OFFLINE = Path(__file__).parents[2] / "agents" / "stock" / "offline"
+SCRIPTS = sorted(path for path in OFFLINE.glob("*.py") if path.stem != "common")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # torchrl's own
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_a_script_trains_and_scores(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert (
+        main(["record", "--scenario", "standard", "--level", "random", "--steps", "300", "--out", str(tmp_path)]) == 0
+    )
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    monkeypatch.setattr(sys, "path", [str(OFFLINE), *sys.path])
+    spec = importlib.util.spec_from_file_location(script.stem, script)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    threads = torch.get_num_threads()
+    module.train("pter/standard/random-v0", seed=3, steps=4, batch=8, out=tmp_path / "results")
+    torch.set_num_threads(threads)
+    name = f"{script.stem.replace('_', '-')}-random-3"
+    found = {(run.conditions.policy, run.conditions.pace) for run in ResultsFolder(tmp_path / "results").runs()}
+    assert found == {(name, pace) for pace in PACES}
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_a_script_is_short_and_reads_with_minari_alone(script: Path) -> None:
+    text = script.read_text("utf-8")
+    assert len(text.splitlines()) <= 70
+    assert "pter_agents" not in text
+    assert "pter_gym.datasets" not in text + (OFFLINE / "common.py").read_text("utf-8")
