@@ -137,7 +137,7 @@ def optional_columns(file: Path) -> list[str]:
     """Return which optional columns a CSV file has, or raise a ParameterError if it has one of the forces alone."""
     try:
         line = read_bytes(file, MOST_CSV).partition(b"\n")[0].decode("utf-8-sig", "replace")
-        header = [name.strip() for name in next(csv.reader([line], skipinitialspace=True), [])]
+        header = [name.strip() for name in next(csv.reader([line], skipinitialspace=True), ())]
     except (OSError, ValueError, csv.Error) as error:
         raise ParameterError(f"log {file} cannot be read: {error}") from None
     there = [name for name in FORCES if name in header]
