@@ -245,7 +245,8 @@ class Fit:
         changes = [
             Fit(o, self.shape, self.free, self.p.copy(), on_step=self.on_step).search(1).p - self.p for o in others
         ]
-        self.spread = np.mean([np.outer(change, change) for change in changes], axis=0)
+        # the sum, not the mean: so few changes tell their own size badly
+        self.spread = np.sum([np.outer(change, change) for change in changes], axis=0)
 
     def misfit(self, p: Array) -> float:
         """Return a sum over the windows that no lone window rules."""

@@ -168,8 +168,8 @@ def _motion(
         way = simulate(acting, state, volts[part], (0.0, 0.0), hand_target=target[part])
         theta[part] = np.concatenate([[state.theta], way.theta[:-1]])
         if not free[first]:
-            at = tip(machine.arm, theta[part])
-            force[part] = experiment.stiffness * (target[part] - at) - experiment.damping * way.tip_velocity
+            spring = experiment.stiffness * (target[part] - tip(machine.arm, theta[part]))
+            force[part] = spring - experiment.damping * velocity(machine.arm, theta[part], way.omega)
         state = way.final
     return theta, force
 
@@ -191,6 +191,12 @@ def tip(arm: Arm, theta: Array) -> Array:
     """Return the tip's position [m] at link angles [rad], both of shape (..., 2)."""
     lengths = np.array([arm.length_a, arm.length_b])
     return np.stack([np.cos(theta) @ lengths, np.sin(theta) @ lengths], axis=-1)
+
+
+def velocity(arm: Arm, theta: Array, omega: Array) -> Array:
+    """Return the tip's velocity [m/s] at link angles [rad] and velocities [rad/s], all of shape (..., 2)."""
+    speeds = omega * [arm.length_a, arm.length_b]
+    return np.stack([-np.sum(np.sin(theta) * speeds, axis=-1), np.sum(np.cos(theta) * speeds, axis=-1)], axis=-1)
 
 
 def _angles() -> tuple[float, float]:

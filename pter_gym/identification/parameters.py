@@ -164,7 +164,7 @@ def quantities(machine: Machine, delay: float, top: float) -> list[Quantity]:
     middle = math.sqrt(arm.inertia_a * arm.inertia_b)
     add("coupling", "kg·m²", "coupling of the axes", arm.coupling, "arm.coupling", middle, "of √(M11·M22)")
     for share in (0.25, 0.5, 0.75, 1.0):
-        meaning = f"dynamic torque at {share * top:.3g} V, the clutches' mean"
+        meaning = f"mean dynamic torque at {share * top:.3g}\u00a0V"
         add(f"torque_{round(100 * share)}", "N·m", meaning, curve.torque(share * top))
     add("slope", "N·m/V", "slope of the dynamic torque", curve.slope, "clutch.slope")
     add("knee", "V", "where the quadratic segment begins", curve.knee, "clutch.knee")
