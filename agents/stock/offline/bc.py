@@ -29,8 +29,7 @@ def train(
         loss(data[torch.randint(len(data), (batch,))])["loss_bc"].backward()
         adam.step()
         schedule.step()
-    _, scenario, level = dataset.split("/")
-    score(f"bc-{level.removesuffix('-v0')}", network, scenario, seed, out)
+    score("bc", network, dataset, seed, out)
 
 
 if __name__ == "__main__":

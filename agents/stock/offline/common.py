@@ -8,9 +8,7 @@ import torch
 from tensordict import TensorDict
 from torch import nn
 
-from pter_gym.benchmark import ResultsFolder, print_boards, run_scenario
-
-VOLTAGE_MAX = 24.0
+from pter_gym.benchmark import ResultsFolder, from_actions, print_boards, run_scenario
 
 
 def transitions(dataset_id: str) -> TensorDict:
@@ -49,12 +47,9 @@ def policy_network(observations: torch.Tensor) -> nn.Module:
     return nn.Sequential(Scaled(observations), *layers(observations.shape[1], 4), nn.Tanh())
 
 
-def score(name: str, network: nn.Module, scenario: str, seed: int, out: Path) -> None:
-    """Score a network on fresh episodes of a scenario and print the leaderboards."""
-
-    @torch.no_grad()
-    def policy(observations: np.ndarray) -> np.ndarray:
-        actions = network(torch.from_numpy(observations)).numpy()
-        return VOLTAGE_MAX * ((actions + 1.0) / 2.0) ** 2
-
-    print_boards(run_scenario(scenario, {f"{name}-{seed}": policy}, fresh=seed, results=ResultsFolder(out)))
+def score(algorithm: str, network: nn.Module, dataset_id: str, seed: int, out: Path) -> None:
+    """Score a network on fresh episodes of a data set's scenario and print the leaderboards."""
+    _, scenario, level = dataset_id.split("/")
+    policy = from_actions(lambda observations: network(torch.from_numpy(observations)), minari.load_dataset(dataset_id))
+    policies = {f"{algorithm}-{level.removesuffix('-v0')}-{seed}": policy}
+    print_boards(run_scenario(scenario, policies, fresh=seed, results=ResultsFolder(out)))

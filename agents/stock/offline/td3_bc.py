@@ -53,8 +53,7 @@ def train(
             loss.actor_loss(some)[0].backward()
             actors.step()
             targets.step()
-    _, scenario, level = dataset.split("/")
-    score(f"td3-bc-{level.removesuffix('-v0')}", network, scenario, seed, out)
+    score("td3-bc", network, dataset, seed, out)
 
 
 if __name__ == "__main__":
