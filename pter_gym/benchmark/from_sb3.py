@@ -49,8 +49,8 @@ def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelControll
     ----------
     act
         From observations, float32 (N, entries), to actions, (N, 4): an array or a tensor of torch. It remembers
-        nothing. Its actions are clipped to the action space; they are normalised where the lower bound is negative, and volts
-        otherwise.
+        nothing. Its actions are clipped to the action space; they are normalised where the lower bound is negative, and
+        volts otherwise.
     env
         The environment whose observations and actions these are: one of this package, or anything with its spaces.
 
