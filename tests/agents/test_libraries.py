@@ -106,7 +106,7 @@ def test_a_minute_is_enough_to_arrive(name: str, tmp_path: Path, monkeypatch: py
 def test_a_minute_of_one_file_in_the_style_of_cleanrl_is_enough_to_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
     script = load("cleanrl_ppo", STOCK)
     trained: dict[str, Any] = {}
-    monkeypatch.setattr(script, "run_scenario", lambda _, policies, **rest: trained.update(policies))
+    monkeypatch.setattr(script, "run_scenario", lambda _, policies, **_rest: trained.update(policies))
     monkeypatch.setattr(script, "print_boards", lambda _: None)
     script.train(steps=600_000)
     (name,) = trained.keys() - {"torque-feedback"}
