@@ -5,7 +5,7 @@ from typing import Literal
 import gymnasium
 import torch
 import tyro
-from sb3_contrib import TQC, RecurrentPPO
+from sb3_contrib import TQC
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecNormalize
@@ -18,17 +18,15 @@ ID = "PTER/Standard-v0"
 NETS = {"learning_rate": 1e-3, "batch_size": 512, "policy_kwargs": {"net_arch": [64, 64]}}
 ON = {**NETS, "n_steps": 256, "n_epochs": 5}
 OFF = {**NETS, "train_freq": 8, "learning_starts": 4000, "gamma": 0.98, "ent_coef": 0.005}
-LSTM = {**ON, "n_epochs": 3, "policy_kwargs": {"net_arch": [64], "lstm_hidden_size": 64}}
 ALGORITHMS = {
-    "ppo": (PPO, "MlpPolicy", 200_000, ON),
-    "sac": (SAC, "MlpPolicy", 80_000, {**OFF, "gradient_steps": 16}),
-    "tqc": (TQC, "MlpPolicy", 80_000, {**OFF, "gradient_steps": 8}),
-    "recurrent": (RecurrentPPO, "MlpLstmPolicy", 150_000, LSTM),
+    "ppo": (PPO, 200_000, ON),
+    "sac": (SAC, 80_000, {**OFF, "gradient_steps": 16}),
+    "tqc": (TQC, 60_000, {**OFF, "gradient_steps": 8}),
 }
 
 
 def train(
-    algorithm: Literal["ppo", "sac", "tqc", "recurrent"] = "ppo",
+    algorithm: Literal["ppo", "sac", "tqc"] = "ppo",
     door: Literal["native", "make_vec_env"] = "native",
     seed: int = 0,
     steps: int | None = None,
@@ -40,9 +38,9 @@ def train(
         venv = PterVecEnv(gymnasium.make_vec(ID, worlds, **options))
     else:
         venv = make_vec_env(ID, worlds, seed=seed, env_kwargs={"action_unit": "normalised"})
-    made, policy, enough, settings = ALGORITHMS[algorithm]
+    made, enough, settings = ALGORITHMS[algorithm]
     venv = VecNormalize(venv, gamma=settings.get("gamma", 0.99))
-    return from_sb3(made(policy, venv, seed=seed, device="cpu", **settings).learn(steps or enough), venv)
+    return from_sb3(made("MlpPolicy", venv, seed=seed, device="cpu", **settings).learn(steps or enough), venv)
 
 
 if __name__ == "__main__":
