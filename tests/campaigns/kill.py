@@ -268,7 +268,6 @@ def await_threads() -> None:
 
 def fork(work: Callable[[], int]) -> Process:
     """Begin some work in a process of its own, which has all that is loaded here."""
-    await_threads()
     read, write = os.pipe()
     pid = os.fork()
     if pid:
@@ -408,6 +407,7 @@ class Campaign:
         with redirect_stdout(io.StringIO()):
             assert self.job.work(first) == 0
         self.wanted = self.job.results(first)
+        await_threads()
         second, begun = self.folder(), time.monotonic()
         end = await_end(fork(partial(self.job.work, second)))
         assert end.status == 0, f"undisturbed, in {second}: status {end.status}\n{end.text[-3000:]}"
