@@ -2,7 +2,7 @@
 
     python docs/make/scores.py RESULTS
 
-The episodes follow from the code, so each change of `pter_gym` asks for this once more: ten minutes of two cores. What
+The episodes follow from the code, so each change of `pter_gym` asks for this once more: six minutes. What
 is in RESULTS already is not simulated again. `images.py` and `moving_pictures.py` draw what no score decides.
 """
 
