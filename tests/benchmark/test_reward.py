@@ -32,9 +32,13 @@ CLEARLY = 2.0
 AGREEING = 0.97
 """Smallest share of the pairs in which the reward agrees. Laws that stick and slip earn less than they score."""
 
-SHORT_SIGHTED = {("standard", "slow", 0.99, "single-dof-tuned rides beside")}
+SHORT_SIGHTED = {
+    ("standard", "slow", 0.99, "single-dof-tuned rides beside"),
+    ("tremor", "slow", 0.99, "free"),
+}
 """Scenario, pace, discount and game where an agent does not see the game whole: within a second, a tenth of the path,
-who is going to ride beside it is not beside yet. No other game returns more."""
+who is going to ride beside it is not beside yet, and a free arm is still where its hand holds it. No other game returns
+more."""
 
 GAMES: dict[str, Attack] = {
     "rushes": rides(lambda *_: 4.0),
