@@ -15,7 +15,7 @@ from pathlib import Path
 
 import tyro
 from pages import ROOT, table, write_block
-from stock_pages import read_page, read_scores, results_table
+from stock_pages import put_results, read_page
 
 from pter_gym.datasets import LEVELS, dataset_id
 from pter_gym.datasets.files import CARD, DATA
@@ -72,10 +72,7 @@ def main(data: Path | None = None, results: Path | None = None, train_missing: b
     if train_missing and data is not None and results is not None:
         train(data, results)
     if results is not None:
-        scores = read_page(PAGE.read_text("utf-8"))
-        for name, seeds in read_scores(results).items():
-            scores.setdefault(name, {}).update(seeds)
-        write_block(PAGE, "results", results_table(scores))
+        put_results(PAGE, results)
 
 
 if __name__ == "__main__":

@@ -93,15 +93,20 @@ def shown(script: Path) -> str:
     return text if len(text.splitlines()) <= LONGEST else text[text.rindex("\n\n\ndef ") + 3 :]
 
 
+def put_results(page: Path, results: Path) -> None:
+    """Bring a page's table up to date with the runs of a results folder."""
+    scores = read_page(page.read_text("utf-8"))
+    for name, seeds in read_scores(results).items():
+        scores.setdefault(name, {}).update(seeds)
+    write_block(page, "results", results_table(scores))
+
+
 def main(results: tyro.conf.Positional[Path | None] = None) -> None:
     """Write the scripts, and the table if there are results."""
     for script in sorted(SCRIPTS.glob("*.py")):
         write_block(PAGE, script.stem, f"```python\n{shown(script)}```\n")
     if results is not None:
-        scores = read_page(PAGE.read_text("utf-8"))
-        for name, seeds in read_scores(results).items():
-            scores.setdefault(name, {}).update(seeds)
-        write_block(PAGE, "results", results_table(scores))
+        put_results(PAGE, results)
 
 
 if __name__ == "__main__":
