@@ -222,6 +222,7 @@ def test_every_hand_can_go_faster_than_the_pace(scenario: str, pace: str) -> Non
     passed = np.nanmax(rows[..., COLUMN.reached], axis=0) >= lengths
     forces = passed & [isinstance(task.hand, MultiSineHand) for task in episodes.tasks]
     taken = np.nanmax(rows[..., COLUMN.time], axis=0)
+    assert passed.any()
     assert forces.any() == any(isinstance(task.hand, MultiSineHand) for task in episodes.tasks)
     assert (lengths / taken / paces)[forces].min(initial=np.inf) > 1.15
 
