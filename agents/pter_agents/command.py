@@ -6,9 +6,11 @@ from typing import Annotated
 import tyro
 
 from pter_agents.algorithms import ALGORITHMS, load_settings, smoke_settings
+from pter_gym.commands.arguments import MachineName
 from pter_gym.errors import needs_extra
 from pter_gym.internal.terminal import progress_bar, say, terminal
 from pter_gym.scenarios import SCENARIOS
+from pter_gym.scenarios.own_machine import find_own
 
 TRAINED = "What to train: " + ", ".join(f"{name} ({each.action})" for name, each in ALGORITHMS.items()) + "."
 
@@ -28,6 +30,7 @@ def train(
     resume: bool = False,
     config: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     smoke: bool = False,
+    machine: MachineName = None,
 ) -> None:
     """Train a policy on a scenario's training draws.
 
@@ -44,6 +47,7 @@ def train(
         resume: Go on from the newest checkpoint in the folder; other arguments but the steps must be as before.
         config: TOML file with hyper-parameters in place of the usual ones.
         smoke: A run of some seconds that shows that training works.
+        machine: Clutch material, or the preset of a machine of your own, in place of those that the scenario draws.
     """
     try:
         with terminal(errors=True).status("loading"):
@@ -63,6 +67,7 @@ def train(
         seed=seed,
         settings=settings,
         validation_episodes=episodes,
+        machine=None if machine is None else find_own(machine),
     )
     with progress_bar() as progress:
         task = progress.add_task(f"{algo}, {scenario}", total=steps)
@@ -120,6 +125,7 @@ def retrain(
     """Train a policy again from its card, and score both.
 
     They are scored on fresh episodes, which follow from the content of both policies, so nobody has seen them before.
+    Those that were trained on a machine of one's own are scored on training draws with that machine.
 
     Example: pter retrain residual --out again
 
@@ -140,8 +146,11 @@ def retrain(
         again = retraining.retrain(
             shipped, out, on_progress=lambda done, of: progress.update(task, completed=done, total=of)
         )
+    own = retraining.arguments_of(shipped.card.about).machine is not None
     with terminal(errors=True).status("scoring both"):
-        boards = retraining.compare(shipped, again)
-    for board in boards:
-        terminal().print(table(board), "")
+        if own:
+            shown = retraining.examine_both(shipped, again)
+        else:
+            shown = [part for board in retraining.compare(shipped, again) for part in (table(board), "")]
+    terminal().print(*shown, sep="\n")
     say(f"wrote {out / again.card.name}.json")

@@ -17,14 +17,14 @@ from pter_agents.algorithms import Model, load_settings, smoke_settings
 from pter_agents.checkpoints import load_checkpoint
 from pter_agents.networks import Actor
 from pter_agents.settings import PLAIN
-from pter_agents.training import Arguments, RunFolder, make_draws, make_model, make_parts
+from pter_agents.training import CODEC, Arguments, RunFolder, make_draws, make_model, make_parts
 from pter_agents.worlds import ALL, Worlds
 from pter_gym import __version__
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.terminal import make_folder
-from pter_gym.params import BASELINE
+from pter_gym.params import Machine
 from pter_gym.policies import Card, Interface, load_policy, write_policy
 from pter_gym.policies.cards import fields_of
 from pter_gym.policies.files import check_name
@@ -70,7 +70,7 @@ def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tupl
     check_name(name)
     make_folder(out)
     settings = arguments.settings
-    few = replace(arguments, settings=smoke_settings(arguments.algorithm, settings))
+    few = replace(arguments, settings=smoke_settings(arguments.algorithm, settings, contexts=settings.contexts))
     parts = make_parts(few, make_draws(few), interface)
     model = make_model(few, parts)
     steps = load_newest(model, folder)
@@ -80,7 +80,7 @@ def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tupl
     files = card, tensors_of(actor), model_card(card)
     with TemporaryDirectory() as folder_of_trial:
         write_policy(*files, Path(folder_of_trial))
-        difference = compare(actor.exact(), worlds, name, Path(folder_of_trial))
+        difference = compare(actor.exact(), worlds, arguments.nominal, name, Path(folder_of_trial))
     model.close()
     for part in parts:
         part.close()
@@ -117,7 +117,7 @@ def make_card(
     return Card(
         name=name,
         observation=fields_of(worlds.env.observation_layout),
-        voltage_max=BASELINE.clutch.voltage_max,
+        voltage_max=worlds.interface.voltage_max,
         interface=interface,
         hidden=hidden,
         weights_sha256="",
@@ -139,10 +139,10 @@ def tensors_of(actor: Actor) -> Tensors:
     return {name: tensor.detach().numpy().astype(np.float32) for name, tensor in found.items()}
 
 
-def compare(actor: Actor, worlds: Worlds, name: str, folder: Path) -> float:
+def compare(actor: Actor, worlds: Worlds, nominal: Machine, name: str, folder: Path) -> float:
     """Return the largest difference between voltages of a run and of a policy, over the largest voltage."""
     layout = worlds.env.observation_layout
-    policy = load_policy(name, folder).bind(BASELINE, layout)
+    policy = load_policy(name, folder).bind(nominal, layout)
     obs: Any = worlds.env.reset(seed=0)[0]  # worlds that end begin again and are not forgotten, for both policies alike
     past, memory = worlds.interface.begin(worlds.count), actor.begin(worlds.count)
     largest = 0.0
@@ -153,7 +153,7 @@ def compare(actor: Actor, worlds: Worlds, name: str, folder: Path) -> float:
         mine = policy(obs)
         largest = max(largest, float(np.abs(mine - theirs).max()))
         obs = worlds.env.step(mine)[0]
-    return largest / BASELINE.clutch.voltage_max
+    return largest / nominal.clutch.voltage_max
 
 
 def about_run(arguments: Arguments, folder: RunFolder, steps: int) -> dict[str, Any]:
@@ -167,8 +167,10 @@ def about_run(arguments: Arguments, folder: RunFolder, steps: int) -> dict[str, 
         "scenario": ALL if arguments.scenario == ALL else find_scenario(arguments.scenario).id,
         "pace": arguments.pace,
         "command": f"pter train {arguments.algorithm} --scenario {arguments.scenario} --pace {arguments.pace} "
-        f"--steps {arguments.steps} --seed {arguments.seed}{' --config FILE' if changed else ''}",
-        "arguments": {name: getattr(arguments, name) for name in ASKED},
+        f"--steps {arguments.steps} --seed {arguments.seed}{' --config FILE' if changed else ''}"
+        f"{' --machine FILE' if arguments.machine else ''}",
+        "arguments": {name: getattr(arguments, name) for name in ASKED}
+        | ({"machine": CODEC.to_plain(arguments.machine)} if arguments.machine else {}),
         "config": changed,
         "settings": vars(settings),
         "steps": steps,

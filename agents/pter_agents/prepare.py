@@ -11,7 +11,7 @@ from pter_agents.worlds import ALL, Truth, make_worlds
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.tuned import FALLBACK, SUFFIX
 from pter_gym.controllers import PaceSchedule
-from pter_gym.params import BASELINE
+from pter_gym.params import BASELINE, Machine
 from pter_gym.policies.interface import Base, Input, Interface, available, quantities, seen_without
 from pter_gym.policies.stored_gains import gains_of
 from pter_gym.scenarios.randomisation import Mixture, Randomisation
@@ -38,7 +38,9 @@ def find_base(name: str, scenario: str) -> Base | None:
     return Base(controller=name.removesuffix(SUFFIX), paces=paces, gains=tuple(map(gains_of, controllers)))
 
 
-def make_interface(settings: Settings, scenario: str, draws: Randomisation | Mixture, seed: int) -> Interface:
+def make_interface(
+    settings: Settings, scenario: str, draws: Randomisation | Mixture, seed: int, nominal: Machine = BASELINE
+) -> Interface:
     """Return the interface of a policy, its scales taken from a short run without a network.
 
     Parameters
@@ -51,6 +53,8 @@ def make_interface(settings: Settings, scenario: str, draws: Randomisation | Mix
         Machines and tasks.
     seed
         Of the run and its random actions.
+    nominal
+        The machine that a base controller is told of.
     """
     base = find_base(settings.base, scenario)
     plain = Interface(
@@ -61,14 +65,16 @@ def make_interface(settings: Settings, scenario: str, draws: Randomisation | Mix
         averages=settings.averages,
         normalised=settings.normalised,
     )
-    return replace(plain, inputs=tuple(sample_inputs(plain, settings, draws, seed)))
+    return replace(plain, inputs=tuple(sample_inputs(plain, settings, draws, seed, nominal)))
 
 
-def sample_inputs(plain: Interface, settings: Settings, draws: Randomisation | Mixture, seed: int) -> Sequence[Input]:
+def sample_inputs(
+    plain: Interface, settings: Settings, draws: Randomisation | Mixture, seed: int, nominal: Machine
+) -> Sequence[Input]:
     """Return the inputs, with the mean and the deviation of each where random actions lead."""
     worlds = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
     layout = worlds.observation_layout
-    bound = plain.bind(BASELINE, layout)
+    bound = plain.bind(nominal, layout)
     residual = plain.base is not None
     names = available(layout, residual=residual)
     shown = seen_without(names, settings.blind)
@@ -96,10 +102,11 @@ def sample_truth(settings: Settings, draws: Randomisation | Mixture, seed: int) 
     """
     worlds = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
     rng = np.random.default_rng(seed)
+    most = worlds.batch.machine.clutch.voltage_max
     worlds.reset(seed=seed)
     seen: list[np.ndarray] = []
     for _ in range(SAMPLE_STEPS):
-        worlds.step(rng.uniform(0.0, BASELINE.clutch.voltage_max, (SAMPLE_WORLDS, 4)).astype(np.float32))
+        worlds.step(rng.uniform(0.0, most, (SAMPLE_WORLDS, 4)).astype(np.float32))
         seen.append(worlds.batch.truth())
     worlds.close()
     values = np.concatenate(seen)

@@ -3,9 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from pter_agents.algorithms import settings_from
 from pter_agents.exporting import export_run
-from pter_agents.training import RUN, Arguments, train
+from pter_agents.training import RUN, Arguments, arguments_from, train
 from pter_agents.worlds import ALL, MIXED
 from pter_gym.benchmark import Leaderboard, find_policy, leaderboards, run_scenario
 from pter_gym.benchmark.evaluation import fresh_seed
@@ -13,6 +12,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.reading import reading
 from pter_gym.policies import Neural, load_policy
+from pter_gym.tuning import examine
 
 SUFFIX = "-again"
 """Of the name of a policy that was trained again."""
@@ -27,7 +27,7 @@ def arguments_of(about: Mapping[str, Any]) -> Arguments:
         If the card is of a trainer that is no longer there.
     """
     with reading("the card does not tell a training that can be repeated"):
-        return Arguments(settings=settings_from(about["algorithm"], about["settings"]), **about["arguments"])
+        return arguments_from({**about["arguments"], **{name: about[name] for name in ("algorithm", "settings")}})
 
 
 def find_trained(name: FilePath) -> Neural:
@@ -81,8 +81,25 @@ def compare(shipped: Neural, again: Neural, episodes: int | None = None) -> Sequ
         How many at each pace; as many as are stored by default.
     """
     policies = {each.card.name: each for each in (shipped, again)}
-    scenario = arguments_of(shipped.card.about).scenario
     boards: list[Leaderboard] = []
-    for each in MIXED if scenario == ALL else (scenario,):
+    for each in scenarios_of(arguments_of(shipped.card.about)):
         boards += leaderboards(run_scenario(each, policies, episodes=episodes, fresh=fresh_seed(each, policies)))
     return boards
+
+
+def examine_both(shipped: Neural, again: Neural) -> Sequence[str]:
+    """Return in lines how good both are on the machine on which they were trained, which no leaderboard has."""
+    arguments = arguments_of(shipped.card.about)
+    policies = {each.card.name: each for each in (shipped, again)}
+    return [
+        f"{scenario}, {pace}: {name}: {verdict}"
+        for scenario in scenarios_of(arguments)
+        for pace in arguments.paces
+        for name, verdict in examine(policies, scenario, pace, machine=arguments.machine).items()
+        if name in policies
+    ]
+
+
+def scenarios_of(arguments: Arguments) -> Sequence[str]:
+    """Return the names of the scenarios on which a policy was trained."""
+    return MIXED if arguments.scenario == ALL else (arguments.scenario,)

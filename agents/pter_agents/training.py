@@ -18,15 +18,19 @@ from pter_agents.prepare import make_interface, sample_truth
 from pter_agents.settings import Settings, require_whole
 from pter_agents.validation import Scores, Validation, read_scores
 from pter_agents.worlds import ALL, Worlds, make_worlds, training_draws
+from pter_gym import params
 from pter_gym.benchmark import PACES
 from pter_gym.errors import ParameterError, StorageError, unknown_name
+from pter_gym.internal.codec import Codec, dataclasses_in
 from pter_gym.internal.files import FilePath, find_path, remove_leftovers, write_text_atomic
 from pter_gym.internal.locks import locked
 from pter_gym.internal.reading import MOST_JSON, parse_json, read_bytes, reading
 from pter_gym.internal.terminal import make_folder
+from pter_gym.params import BASELINE, Machine, require_kind
 from pter_gym.policies.cards import plain_interface, read_interface
 from pter_gym.policies.interface import BoundInterface, Interface
 from pter_gym.scenarios import SCENARIOS
+from pter_gym.scenarios.own_machine import OwnMachine
 from pter_gym.scenarios.randomisation import Mixture, Randomisation
 
 RUN = "run.json"
@@ -34,6 +38,9 @@ RUN = "run.json"
 
 PROGRESS = "validation.json"
 """File in a run's folder with the scores during training."""
+
+CODEC = Codec((*dataclasses_in(params), OwnMachine))
+"""Knows the parts of a machine."""
 
 LOCK = ".lock"
 """File in a run's folder that whoever trains there has locked."""
@@ -59,6 +66,8 @@ class Arguments:
         Rollouts between two checkpoints, and between two validations.
     validation_episodes
         Episodes of a validation at each pace.
+    machine
+        One in place of those that the scenario draws; None draws them.
     """
 
     algorithm: str
@@ -70,6 +79,7 @@ class Arguments:
     checkpoint_every: int = 10
     validate_every: int = 40
     validation_episodes: int = 64
+    machine: OwnMachine | None = None
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
@@ -80,6 +90,8 @@ class Arguments:
         for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
             require_whole(self, name)
         require_whole(self, "seed", at_least=0, below=2**31)
+        if self.machine is not None:
+            require_kind(self, "machine", OwnMachine)
 
     @property
     def learner(self) -> Learner:
@@ -87,9 +99,21 @@ class Arguments:
         return find_algorithm(self.algorithm).learner
 
     @property
+    def nominal(self) -> Machine:
+        """The machine that a base controller is told of."""
+        return BASELINE if self.machine is None else self.machine.machine
+
+    @property
     def paces(self) -> tuple[str, ...]:
         """Names of the commanded paces that are trained."""
         return tuple(PACES) if self.pace == ALL else (self.pace,)
+
+
+def arguments_from(content: Mapping[str, Any]) -> Arguments:
+    """Return what to train from what a file tells of it; it raises whatever is wrong with that."""
+    told = dict(content)
+    settings = settings_from(told["algorithm"], told.pop("settings"))
+    return Arguments(settings=settings, machine=CODEC.from_plain(told.pop("machine", None)), **told)
 
 
 @dataclass(frozen=True)
@@ -115,7 +139,11 @@ class RunFolder:
         """Write what is to be trained, or raise a ParameterError if there is a run in the folder already."""
         if (self.path / RUN).exists():
             raise ParameterError(f"out holds a run already, {self.path}: give --resume, or another folder")
-        content = {**asdict(arguments), "interface": plain_interface(interface)}
+        content = {
+            **asdict(arguments),
+            "machine": CODEC.to_plain(arguments.machine),
+            "interface": plain_interface(interface),
+        }
         write_text_atomic(self.path / RUN, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
     def read(self) -> tuple[Arguments, Interface]:
@@ -134,8 +162,7 @@ class RunFolder:
         with reading(f"{file} is not what was written"):
             content = parse_json(read_bytes(file, MOST_JSON))
             interface = read_interface(content.pop("interface"))
-            settings = settings_from(content["algorithm"], content.pop("settings"))
-            return Arguments(settings=settings, **content), interface
+            return arguments_from(content), interface
 
     def newest(self) -> Path | None:
         """Return the newest checkpoint, or None."""
@@ -168,7 +195,12 @@ class Watch:
         self._logger = make_logger(folder.path, model.steps)
         settings = arguments.settings
         self._validation = Validation(
-            arguments.scenario, arguments.paces, arguments.validation_episodes, settings.sensors, **settings.seen
+            arguments.scenario,
+            arguments.paces,
+            arguments.validation_episodes,
+            settings.sensors,
+            arguments.machine,
+            **settings.seen,
         )
 
     def look(self) -> None:
@@ -237,7 +269,7 @@ def train(
         known, interface = folder.read()
         check_same(known, arguments)
     else:
-        interface = make_interface(arguments.settings, arguments.scenario, draws, arguments.seed)
+        interface = make_interface(arguments.settings, arguments.scenario, draws, arguments.seed, arguments.nominal)
     make_folder(folder.path)
     with folder.reserve(), told_once():
         if not resume:
@@ -301,6 +333,7 @@ def make_draws(arguments: Arguments, contexts: int | None = None) -> Randomisati
         arguments.pace,
         contexts=contexts or settings.contexts,
         seed=arguments.seed,
+        machine=arguments.machine,
         **settings.stated,
     )
 
@@ -311,7 +344,8 @@ def make_parts(arguments: Arguments, draws: Randomisation | Mixture, interface: 
     truth = sample_truth(settings, draws, arguments.seed) if settings.privileged else None
     count = settings.worlds // parts
     return [
-        Worlds(make_worlds(draws, count, settings.episode, settings.sensors), interface, truth) for _ in range(parts)
+        Worlds(make_worlds(draws, count, settings.episode, settings.sensors), interface, truth, arguments.nominal)
+        for _ in range(parts)
     ]
 
 

@@ -16,6 +16,7 @@ from pter_gym.engine.batch import Batch
 from pter_gym.policies import Net, NeuralPolicy
 from pter_gym.policies.interface import BoundInterface
 from pter_gym.scenarios import PACES
+from pter_gym.scenarios.own_machine import OwnMachine
 from pter_gym.tasks.path_following import Sensors
 
 Scores = dict[str, dict[str, float]]
@@ -65,19 +66,26 @@ class Validation:
         Their number at each pace; with all scenarios rounded up to whole shares of each.
     sensors
         What the worlds measure.
+    machine
+        One in place of those that the scenario draws.
     **stated
         Fields of the task that all episodes share.
     """
 
     def __init__(
-        self, scenario: str, paces: Sequence[str], episodes: int, sensors: Sensors = "torque", **stated: Any
+        self,
+        scenario: str,
+        paces: Sequence[str],
+        episodes: int,
+        sensors: Sensors = "torque",
+        machine: OwnMachine | None = None,
+        **stated: Any,
     ) -> None:
         self._tasks: dict[str, Any] = {}
         self._batches: dict[str, Batch] = {}
         for pace in paces:
-            machines, tasks = zip(
-                *training_draws(scenario, pace, contexts=episodes, seed=SEED, **stated).pairs(), strict=True
-            )
+            draws = training_draws(scenario, pace, contexts=episodes, seed=SEED, machine=machine, **stated)
+            machines, tasks = zip(*draws.pairs(), strict=True)
             self._tasks[pace] = tasks
             self._batches[pace] = Batch(machines, tasks, sensors=sensors)
 

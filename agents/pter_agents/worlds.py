@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from pter_gym.benchmark import PACES
 from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
-from pter_gym.params import BASELINE
+from pter_gym.params import BASELINE, Machine
 from pter_gym.policies.interface import LIMIT, Interface
 from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios.own_machine import OwnMachine
 from pter_gym.scenarios.randomisation import Mixture, OneOf, Randomisation, Vary
 from pter_gym.tasks.path_following import Sensors
 
@@ -30,7 +31,9 @@ Rows = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
-def training_draws(scenario: str, pace: str, *, contexts: int, seed: int, **stated: Any) -> Randomisation | Mixture:
+def training_draws(
+    scenario: str, pace: str, *, contexts: int, seed: int, machine: OwnMachine | None = None, **stated: Any
+) -> Randomisation | Mixture:
     """Return machines and tasks of a scenario at a pace.
 
     Parameters
@@ -41,6 +44,8 @@ def training_draws(scenario: str, pace: str, *, contexts: int, seed: int, **stat
         Name of a commanded pace, or ``"all"``.
     contexts, seed
         Number of pairs of machine and task, rounded up to whole shares of the scenarios, and the seed of their list.
+    machine
+        One in place of those that the scenarios draw.
     **stated
         Fields of the task that all episodes share, such as ``reward``, ``starts`` and ``truncation_error``.
 
@@ -55,15 +60,17 @@ def training_draws(scenario: str, pace: str, *, contexts: int, seed: int, **stat
         share = -(-contexts // (2 * (len(MIXED) - 1)))
         shares = {each: (len(MIXED) - 1) * share if each == WIDEST else share for each in MIXED}
         return Mixture(
-            parts=tuple(_draws(each, pace, contexts=own, seed=seed, **stated) for each, own in shares.items())
+            parts=tuple(_draws(each, pace, machine, contexts=own, seed=seed, **stated) for each, own in shares.items())
         )
-    return _draws(scenario, pace, contexts=contexts, seed=seed, **stated)
+    return _draws(scenario, pace, machine, contexts=contexts, seed=seed, **stated)
 
 
-def _draws(scenario: str, pace: str, *, contexts: int, seed: int, **stated: Any) -> Randomisation:
+def _draws(
+    scenario: str, pace: str, machine: OwnMachine | None, *, contexts: int, seed: int, **stated: Any
+) -> Randomisation:
     """Return machines and tasks of one scenario."""
     speeds = all_paces() if pace == ALL else (PACES[pace],)
-    drawn = find_scenario(scenario).randomisation(None, contexts=contexts, seed=seed, **stated)
+    drawn = find_scenario(scenario, machine).randomisation(None, contexts=contexts, seed=seed, **stated)
     task: Any = drawn.task
     return replace(drawn, task=Vary(task.base, **{**task.fields, "pace": OneOf(speeds)}))
 
@@ -144,12 +151,20 @@ class Worlds:
         What the network sees and does.
     truth
         How to scale what is true of a world for the value network; None if it sees what the policy sees.
+    nominal
+        The machine that a base controller is told of.
     """
 
-    def __init__(self, env: PathFollowingVectorEnv, interface: Interface, truth: Truth | None = None) -> None:
+    def __init__(
+        self,
+        env: PathFollowingVectorEnv,
+        interface: Interface,
+        truth: Truth | None = None,
+        nominal: Machine = BASELINE,
+    ) -> None:
         self.env = env
         self.count = env.num_envs
-        self.interface = interface.bind(BASELINE, env.observation_layout)
+        self.interface = interface.bind(nominal, env.observation_layout)
         self.size = interface.size + (0 if truth is None else len(truth.center))
         self._past = self.interface.begin(self.count)
         self._base = np.zeros((self.count, 4))

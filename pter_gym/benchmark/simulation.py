@@ -183,6 +183,7 @@ def record_episode(
     seed: int,
     max_steps: int,
     *,
+    nominal: Machine = BASELINE,
     on_step: Callable[[], object] = lambda: None,
 ) -> Episode:
     """Return an episode of a policy in a world of its own, decided step by step.
@@ -190,16 +191,18 @@ def record_episode(
     Parameters
     ----------
     policy
-        It is bound to the nominal machine, and sees force sensors only if it asks for them.
+        It sees force sensors only if it asks for them.
     machine, task, seed
         The episode.
     max_steps
         Control steps after which it is truncated.
+    nominal
+        The machine that the policy is told of.
     on_step
         Called after each control step.
     """
     episode = Rollout(Batch(machine, task, 1, sensors="force"), [seed])
-    acting = bind(policy, BASELINE, observation_layout(machine, sensors_of(policy)))
+    acting = bind(policy, nominal, observation_layout(machine, sensors_of(policy)))
     episode.begin(acting)
     while episode.steps < max_steps and not episode.ended.all():
         episode.step(acting)

@@ -4,8 +4,9 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
 
+import tyro
 from tyro.conf import Positional
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
@@ -58,6 +59,9 @@ def import_from_here() -> None:
     if (here := str(Path.cwd())) not in sys.path:
         sys.path.insert(0, here)
 
+
+MachineName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]
+"""A machine by its name or its preset; None for what is usual."""
 
 FIELD = re.compile(r"(?:[A-Z]\w*\.)?(\w+)(?= must\b| needs\b|:)")
 """How an error names a field, with its class or without."""

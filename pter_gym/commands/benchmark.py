@@ -86,19 +86,19 @@ def standard_test(names: list[str], machine: str, seconds: list[float], seed: in
     """Run the paper's standard test on controllers, print its table and write its results to a folder."""
     from pter_gym.benchmark import run_standard_test
     from pter_gym.benchmark.naming import find_controller, is_code, read_policy
-    from pter_gym.commands.machines import as_sensed
-    from pter_gym.params import find_machine
+    from pter_gym.scenarios.own_machine import as_sensed, find_own
     from pter_gym.tasks.path_following import PathFollowing
 
     import_from_here()
     chosen = {name: read_policy(name) if is_code(name) else find_controller(name, seed) for name in names}
-    chosen_machine, goal = find_machine(machine), as_sensed(PathFollowing(), machine)
+    own = find_own(machine)
+    goal = as_sensed(PathFollowing(), own)
     make_folder(out)
     with progress_bar() as progress:
         task = progress.add_task("standard test", total=len(chosen))
         result = run_standard_test(
             chosen,
-            machine=chosen_machine,
+            machine=own.machine,
             task=goal,
             time_constants=seconds,
             seed=seed,

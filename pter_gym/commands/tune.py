@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from pter_gym.commands.arguments import check_file
+from pter_gym.commands.arguments import MachineName, check_file
 from pter_gym.internal.terminal import progress_bar, say
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ def tune(
     storage: Path = Path("pter-tune.journal"),
     seed: int = 0,
     out: Path | None = None,
+    machine: MachineName = None,
 ) -> None:
     """Search for a controller's gains.
 
@@ -41,6 +42,7 @@ def tune(
         storage: Journal file of the trials; its folder must exist.
         seed: Seed of the draws and the search, at least 0.
         out: File for the best gains, in TOML, whose other entries stay; they are only printed by default.
+        machine: Clutch material, or the preset of a machine of your own, in place of those that the scenario draws.
     """
     from pter_gym.tuning import add_study
     from pter_gym.tuning import tune as search
@@ -64,6 +66,7 @@ def tune(
             episodes=episodes,
             storage=storage,
             seed=seed,
+            machine=machine,
             on_trial=show,
         )
     try:

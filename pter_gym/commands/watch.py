@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from pter_gym.commands.arguments import import_from_here, split
+from pter_gym.commands.arguments import MachineName, import_from_here, split
 from pter_gym.errors import ParameterError
 from pter_gym.internal.files import check_target
 from pter_gym.internal.terminal import progress_bar, say
+from pter_gym.scenarios import find_scenario
 
 if TYPE_CHECKING:
     from pter_gym.benchmark.simulation import Episode
     from pter_gym.params import Machine
     from pter_gym.render.film import Film
+    from pter_gym.scenarios import Scenario
     from pter_gym.tasks.path_following import PathFollowing
 
 MOST_POLICIES = 16
@@ -33,7 +35,7 @@ def watch(
     csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv|npz")] = None,
     size: Annotated[str | None, tyro.conf.arg(metavar="WIDTHxHEIGHT")] = None,
     speed: float = 1.0,
-    machine: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")] = None,
+    machine: MachineName = None,
 ) -> None:
     """Watch policies side by side on the same episode.
 
@@ -55,8 +57,9 @@ def watch(
     """
     names = split(policies)
     check_arguments(names, out, csv, size, speed)
-    held, task = draw(scenario, pace, seed, machine)
-    episodes = simulate(names, scenario, held, task, seed)
+    drawn = find_scenario(scenario, machine)
+    held, task = draw(drawn, pace, seed)
+    episodes = simulate(names, scenario, held, task, seed, drawn.nominal)
     for name, episode in episodes.items():
         say(f"{name}: {summary(episode)}")
     if csv:
@@ -109,25 +112,15 @@ def parse_size(text: str | None) -> tuple[int, int] | None:
     return check_size(int(found[1]), int(found[2]))
 
 
-def draw(scenario: str, pace: str, seed: int, machine: str | None = None) -> "tuple[Machine, PathFollowing]":
-    """Return machine and task of a scenario's first training draw from a seed; a given machine replaces the drawn."""
-    from pter_gym.commands.machines import as_sensed
+def draw(scenario: "Scenario", pace: str, seed: int) -> "tuple[Machine, PathFollowing]":
+    """Return machine and task of a scenario's first training draw from a seed."""
     from pter_gym.internal.checks import whole_number
-    from pter_gym.params import find_machine
-    from pter_gym.scenarios import find_scenario
-    from pter_gym.tasks.path_following import check_machine
 
-    drawn = find_scenario(scenario).randomisation(pace, contexts=1, seed=whole_number("seed", seed, at_least=0))
-    first, task = drawn.pairs()[0]
-    if machine is None:
-        return first, task
-    own, task = find_machine(machine), as_sensed(task, machine)
-    check_machine(task, own)
-    return own, task
+    return scenario.randomisation(pace, contexts=1, seed=whole_number("seed", seed, at_least=0)).pairs()[0]
 
 
 def simulate(
-    names: list[str], scenario: str, machine: "Machine", task: "PathFollowing", seed: int
+    names: list[str], scenario: str, machine: "Machine", task: "PathFollowing", seed: int, nominal: "Machine"
 ) -> "dict[str, Episode]":
     """Return the episode of each policy by its name."""
     from pter_gym.benchmark.naming import read_policy
@@ -141,7 +134,7 @@ def simulate(
         for name, policy in policies.items():
             bar = progress.add_task(f"simulate {name}", total=steps)
             episodes[name] = record_episode(
-                policy, machine, task, seed, steps, on_step=lambda bar=bar: progress.advance(bar)
+                policy, machine, task, seed, steps, nominal=nominal, on_step=lambda bar=bar: progress.advance(bar)
             )
             progress.update(bar, completed=steps)
     return episodes

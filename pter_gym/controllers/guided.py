@@ -19,7 +19,8 @@ class Guided(ABC):
 
     The controller knows the nominal machine that it is bound to: its link lengths and inertias, and the dynamic torque
     curve at ``table_volts``. Between these it interpolates, so its table is not the plant's curve. Below 4 V,
-    where the paper could not measure, the table is extrapolated to (0 V, 0 N·m).
+    where the paper could not measure, the table is extrapolated to (0 V, 0 N·m). It ends at the machine's largest
+    voltage: knots from there on are left out, and that one is added.
     """
 
     damping_tangential: float = preset("controller", "damping_tangential")
@@ -138,8 +139,7 @@ def bind_rows(first: Guided, rows: list[tuple[float, Gains]], machine: Machine, 
     """Return the policy of rows of gains by pace; the law and the table are those of the first controller."""
     machine = find_machine(machine)
     top = machine.clutch.voltage_max
-    volts = first.table_volts
-    require(volts[-1:] == (top,), first, "table_volts", volts, f"up to voltage_max = {top:g} V")
+    volts = (*(knot for knot in first.table_volts if knot < top), top)
     feeds_back = any(gains.feedback != 0.0 for _, gains in rows)
     if feeds_back and ("torque_1" not in layout.names or layout.index("torque_1") != SEEN.torque.x1):
         raise ParameterError('torque feedback needs torque sensors: sensors="torque" or sensors="force"')

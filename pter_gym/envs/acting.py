@@ -167,9 +167,9 @@ def normalised(volts: NDArray[np.floating], voltage_max: float) -> Actions:
 
 
 def nominal_machine(batches: list[Batch]) -> Machine:
-    """Return the machine of some worlds, or the paper's if they draw theirs or have several."""
+    """Return the machine of some worlds, or the paper's if they have several."""
     machines = {machine for batch in batches for machine, _ in batch.pairs}
-    return BASELINE if any(batch.draws for batch in batches) or len(machines) > 1 else machines.pop()
+    return BASELINE if len(machines) > 1 else machines.pop()
 
 
 def worlds_of(env: Any) -> list[Batch]:

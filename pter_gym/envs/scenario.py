@@ -7,10 +7,11 @@ from pter_gym.envs.single import PathFollowingEnv
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.checks import whole_number
 from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios.own_machine import AnyMachine
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import STARTS, RewardWeights, Starts
 
-OWN = ("task", "machine", "randomisation")
+OWN = ("task", "randomisation")
 """Arguments of ``PTER/PathFollowing-v0`` that a scenario brings itself."""
 
 TRUNCATION_ERROR = 0.1
@@ -26,6 +27,7 @@ def training_draws(
     error_max: float | None = None,
     truncation_error: float = TRUNCATION_ERROR,
     starts: Starts | str = "path",
+    machine: AnyMachine | None = None,
 ) -> Randomisation:
     """Return what the environment of a scenario draws its episodes from.
 
@@ -48,6 +50,8 @@ def training_draws(
     starts
         How episodes begin, or its name in ``pter_gym.tasks.path_following.STARTS``: anywhere along the path, moving,
         by default; ``"rest"`` begins as evaluation episodes do, and exploring noise then sees little of the path.
+    machine
+        One for all episodes, its name, or the path of a preset; by default what the scenario draws.
 
     Raises
     ------
@@ -62,7 +66,7 @@ def training_draws(
         "truncation_error": truncation_error,
         "starts": STARTS[starts] if isinstance(starts, str) else starts,
     }
-    return find_scenario(scenario).randomisation(
+    return find_scenario(scenario, machine).randomisation(
         pace,
         contexts=contexts,
         seed=whole_number("context_seed", context_seed, at_least=0),
@@ -88,7 +92,7 @@ def _split(scenario: str, keywords: dict[str, Any]) -> tuple[Randomisation, dict
         if name in keywords:
             raise ParameterError(
                 f"{name} must not be given: {find_scenario(scenario).id} draws its own; PTER/PathFollowing-v0 takes "
-                "it, and pace, reward, error_max, truncation_error, starts change what is drawn"
+                "it, and machine, pace, reward, error_max, truncation_error, starts change what is drawn"
             )
     known = training_draws.__annotations__.keys() & keywords.keys()
     drawn = training_draws(scenario, **{name: keywords[name] for name in known})

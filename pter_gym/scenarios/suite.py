@@ -17,6 +17,7 @@ from pter_gym.errors import ParameterError, unknown_name
 
 if TYPE_CHECKING:
     from pter_gym.params import Machine
+    from pter_gym.scenarios.own_machine import AnyMachine
     from pter_gym.scenarios.randomisation import Randomisation, Vary
     from pter_gym.tasks.path_following import PathFollowing
 
@@ -53,6 +54,8 @@ class Scenario:
     place
         Place in the list of scenarios from which the seed of its evaluation episodes was made; that of a scenario
         without one comes from its name and version.
+    own
+        The machine in place of all that it would draw, if there is one; see ``find_scenario``.
     """
 
     name: str
@@ -62,6 +65,14 @@ class Scenario:
     varies: Varies
     stratum: Literal["path", "hand"] = "path"
     place: int | None = None
+    own: "Machine | None" = None
+
+    @property
+    def nominal(self) -> "Machine":
+        """The machine that controllers are told of: its own one, or the paper's."""
+        from pter_gym.params import BASELINE
+
+        return self.own or BASELINE
 
     @property
     def id(self) -> str:
@@ -130,17 +141,31 @@ def find_pace(pace: float | str) -> float:
     return PACES[pace]
 
 
-def find_scenario(name: str) -> Scenario:
+def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
     """Return a scenario by its name.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    machine
+        One for all its episodes, in place of those that it draws: itself, its name in ``pter_gym.params.MACHINES``, or
+        the path of a preset, whose delay makes all observations as late. Paths and hands are drawn as they are without.
 
     Raises
     ------
     ParameterError
-        If there is no such scenario; it tells the nearest.
+        If there is no such scenario or machine; it tells the nearest. Or a preset is later than a task can be.
+    DataError
+        If a preset is not what it must be.
     """
     if name not in SCENARIOS:
         raise unknown_name("scenario", name, SCENARIOS)
-    return SCENARIOS[name]
+    if machine is None:
+        return SCENARIOS[name]
+    from pter_gym.scenarios.own_machine import on_machine
+
+    return on_machine(SCENARIOS[name], machine)
 
 
 _KNOWN: dict[str, Scenario] = {}

@@ -11,8 +11,10 @@ from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.recorded import Travel
 from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
+from pter_gym.controllers import bind
 from pter_gym.engine.batch import Batch
 from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios.own_machine import AnyMachine
 from pter_gym.tasks.path_following import COLUMN
 
 RESERVE = 0.97
@@ -80,15 +82,19 @@ class Examination:
         Number of draws.
     seed
         Of the draws, ≥ 0.
+    machine
+        One in place of those that the scenario draws, as in ``find_scenario``; policies are then told of it.
     """
 
-    def __init__(self, scenario: str, pace: str, episodes: int, seed: int) -> None:
-        pairs = find_scenario(scenario).randomisation(pace, contexts=episodes, seed=seed).pairs()
+    def __init__(self, scenario: str, pace: str, episodes: int, seed: int, machine: AnyMachine | None = None) -> None:
+        drawn = find_scenario(scenario, machine)
+        pairs = drawn.randomisation(pace, contexts=episodes, seed=seed).pairs()
         pairs.sort(key=lambda pair: time_limit(pair[1]))  # blocks of worlds then end at about one time
         self.tasks = [task for _, task in pairs]
         self.limits = [time_limit(task) for task in self.tasks]
         self.seeds = [seed * episodes + k for k in range(episodes)]
         self.batch = Batch([machine for machine, _ in pairs], self.tasks)
+        self.nominal = drawn.nominal
 
     def judge(self, policy: AnyPolicy) -> Verdict:
         """Return what counts of a policy's scores."""
@@ -100,7 +106,8 @@ class Examination:
 
     def scores(self, policy: AnyPolicy) -> Scores:
         """Return the ranked scores of a policy on all draws, as the benchmark has them."""
-        episodes = run(self.batch, policy, self.seeds, self.limits, columns=list(COLUMNS), stride=SEGMENT)
+        acting = bind(policy, self.nominal, self.batch.layout)
+        episodes = run(self.batch, acting, self.seeds, self.limits, columns=list(COLUMNS), stride=SEGMENT)
         telemetry = episodes.telemetry
         telemetry[np.arange(len(telemetry))[:, None] > np.array(self.limits)] = np.nan
         time, arc_length, errors, success = np.moveaxis(telemetry, -1, 0)
@@ -114,6 +121,7 @@ def examine(
     *,
     episodes: int = 64,
     seed: int = UNSEEN,
+    machine: AnyMachine | None = None,
 ) -> dict[str, Verdict]:
     """Return how good policies are on training draws, beside ``free``, ``locked`` and ``random``, the best first.
 
@@ -127,8 +135,10 @@ def examine(
         Names.
     episodes, seed
         Number of draws, and their seed, ≥ 0; a training's is its ``context_seed``, 0 by default.
+    machine
+        One in place of those that the scenario draws, as in ``find_scenario``; policies are then told of it.
     """
-    examination = Examination(scenario, pace, episodes, seed)
+    examination = Examination(scenario, pace, episodes, seed, machine)
     known = {name: find_policy(name) for name in LEAST}
     verdicts = {name: examination.judge(policy) for name, policy in {**known, **policies}.items()}
     return dict(sorted(verdicts.items(), key=lambda item: item[1].value))

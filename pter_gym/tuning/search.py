@@ -1,5 +1,6 @@
 """The search for gains: Optuna studies in a journal file, which can be stopped, resumed and shared."""
 
+import hashlib
 import math
 import os
 import warnings
@@ -16,7 +17,8 @@ from pter_gym.controllers import CONTROLLERS, Controller, Guided, PaceSchedule
 from pter_gym.errors import ParameterError, needs_extra, unknown_name
 from pter_gym.internal.checks import whole_number
 from pter_gym.internal.files import FilePath, check_target, find_path
-from pter_gym.scenarios import find_pace, find_scenario
+from pter_gym.scenarios import Scenario, find_pace, find_scenario
+from pter_gym.scenarios.own_machine import AnyMachine
 from pter_gym.tuning.examination import Examination, Verdict
 from pter_gym.tuning.journal import keeping, open_journal
 from pter_gym.tuning.offspring import offspring
@@ -65,6 +67,8 @@ class Study:
         Their scores on draws that the search had not seen.
     trials, starts, episodes, seed
         Gains that were tried, starts, draws of each trial, and the seed of draws and searches.
+    machine
+        What was in place of the machines that the scenario draws, as it was given; None if nothing was.
     """
 
     controller: str
@@ -76,6 +80,7 @@ class Study:
     starts: int
     episodes: int
     seed: int
+    machine: AnyMachine | None = None
 
 
 def tune(
@@ -88,6 +93,7 @@ def tune(
     episodes: int = EPISODES,
     storage: FilePath = "pter-tune.journal",
     seed: int = 0,
+    machine: AnyMachine | None = None,
     on_trial: Callable[[int, float], None] = lambda _count, _best: None,
 ) -> Study:
     """Search for a controller's gains on training draws of a scenario.
@@ -108,22 +114,25 @@ def tune(
         Journal file of Optuna's, which may hold many studies; made if need be, in a folder that exists.
     seed
         Of the draws and the search, ≥ 0.
+    machine
+        One in place of those that the scenario draws, as in ``pter_gym.scenarios.find_scenario``.
     on_trial
         Called after each trial with the number of finished ones of all starts, and the best value of this one [m].
 
     Raises
     ------
     ParameterError
-        If there is no such controller, scenario or pace, a number is out of range, the storage cannot be written, or
-        Optuna is not installed.
+        If there is no such controller, scenario, pace or machine, a number is out of range, the storage cannot be
+        written, or Optuna is not installed.
     StorageError
         If the storage cannot be written any more; a search with the same arguments goes on from the trials that it has.
     """
     storage = find_path("storage", storage)
     _check(controller, scenario, pace, storage, {"trials": trials, "starts": starts, "episodes": episodes}, seed)
     trials, starts, episodes, seed = map(int, (trials, starts, episodes, seed))
-    rungs = [Examination(scenario, pace, -(-episodes // REDUCTION**k), 2 * seed) for k in reversed(range(RUNGS))]
-    name = f"{scenario}-v{find_scenario(scenario).version} {controller} {pace} {episodes} {seed}"
+    counts = [-(-episodes // REDUCTION**k) for k in reversed(range(RUNGS))]
+    rungs = [Examination(scenario, pace, count, 2 * seed, machine) for count in counts]
+    name = f"{_label(find_scenario(scenario, machine))} {controller} {pace} {episodes} {seed}"
     search = Search(controller, pace, rungs)
     studies = _open(storage, name, [starts * seed + start for start in range(starts)])
     with keeping(storage):
@@ -137,10 +146,10 @@ def tune(
             best, rng, trials - (starts - 1) * share, lambda done, value: on_trial((starts - 1) * share + done, value)
         )
     found = [gains for study, _ in studies for gains in search.best(study)]
-    final = Examination(scenario, pace, episodes, 2 * seed + 1)
+    final = Examination(scenario, pace, episodes, 2 * seed + 1, machine)
     judged = [(final.judge(make(controller, gains)), gains) for gains in found]
     verdict, gains = min(judged, key=lambda pair: pair[0].value)
-    return Study(controller, scenario, pace, gains, verdict, trials, starts, episodes, seed)
+    return Study(controller, scenario, pace, gains, verdict, trials, starts, episodes, seed, machine)
 
 
 class Search(NamedTuple):
@@ -194,6 +203,14 @@ def _check(controller: str, scenario: str, pace: str, storage: Path, numbers: Ma
         whole_number(name, number)
     whole_number("seed", seed, at_least=0)
     check_target("storage", storage)
+
+
+def _label(scenario: Scenario) -> str:
+    """Return what tells the draws of a scenario from those of others."""
+    label = f"{scenario.name}-v{scenario.version}"
+    if scenario.own is None:
+        return label
+    return f"{label} {hashlib.sha256(repr((scenario.own, scenario.task)).encode()).hexdigest()[:16]}"
 
 
 def _open(storage: Path, name: str, seeds: Sequence[int]) -> list[tuple[Any, np.random.Generator]]:

@@ -1,6 +1,8 @@
 """Tuned gains as a file: a table for each scenario, controller and pace, which several tuners may write to."""
 
+import json
 from collections.abc import Iterator, Mapping
+from shlex import quote
 from typing import Any, cast
 
 from pter_gym.benchmark.tuned import Table, read_table
@@ -20,10 +22,13 @@ HEADING = (
 
 def command_of(study: Study) -> str:
     """Return the command that repeats a study."""
-    return (
+    command = (
         f"pter tune {study.controller} --scenario {study.scenario} --pace {study.pace} --trials {study.trials} "
         f"--starts {study.starts} --episodes {study.episodes} --seed {study.seed}"
     )
+    if study.machine is None:
+        return command
+    return f"{command} --machine {quote(study.machine) if isinstance(study.machine, str) else 'PRESET.toml'}"
 
 
 def entry_of(study: Study) -> dict[str, Any]:
@@ -72,7 +77,7 @@ def _lines(table: Table) -> Iterator[str]:
 
 
 def _value(value: object) -> str:
-    """Return a number, a switch, a string of ours or a list or table of these as TOML has it."""
+    """Return a number, a switch, a string or a list or table of these as TOML has it."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(_value, cast('tuple[object, ...]', value)))}]"
     if isinstance(value, Mapping):
@@ -80,4 +85,6 @@ def _value(value: object) -> str:
         return "{ " + ", ".join(f"{name} = {_value(part)}" for name, part in parts) + " }"
     if isinstance(value, bool):
         return str(value).lower()
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # the one character that TOML adds
+    return repr(value)

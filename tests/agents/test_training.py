@@ -26,7 +26,10 @@ from pter_agents import checkpoints as stored  # noqa: E402
 from pter_agents import command, exporting, prepare, training, worlds  # noqa: E402
 from pter_agents.algorithms import ALGORITHMS, FOLDER, load_settings, settings_from  # noqa: E402
 from pter_agents.errors import TrainingDivergedError  # noqa: E402
+from pter_agents.retraining import arguments_of  # noqa: E402
+from pter_gym.params.preset import PRESET, format_preset  # noqa: E402
 from pter_gym.policies import Neural, load_policy  # noqa: E402
+from pter_gym.scenarios.own_machine import find_own  # noqa: E402
 
 SMALL = {"worlds": 16, "steps": 8, "contexts": 4, "hidden": [8], "value_hidden": [8]}
 ROLLOUT = 16 * 8
@@ -763,6 +766,45 @@ def test_the_commands_are_declared_and_ask_for_the_extra(tmp_path: Path, monkeyp
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(DependencyError, match=r"pip install -e '\.\[agents\]'"):
         command.train("ppo", smoke=True, out=tmp_path)
+
+
+def test_a_policy_for_a_machine_of_ones_own_is_whole(tmp_path: Path, capsys: Any) -> None:
+    preset = tmp_path / "own.toml"
+    clutch = replace(PRESET.clutch, time_constant=0.05, voltage_max=20.0)
+    preset.write_text(
+        format_preset(replace(PRESET, clutch=clutch, sensing=replace(PRESET.sensing, delay=0.01)), "own"), "utf-8"
+    )
+    own = find_own(str(preset))
+    given = replace(arguments("residual", rollouts=1), scenario="everything", machine=own, settings=small("residual"))
+    for pair in training.make_draws(given, contexts=5).pairs():
+        assert (pair[0], pair[1].sensing.delay) == (own.machine, 1)
+    training.train(given, tmp_path / "run")
+    assert training.RunFolder(tmp_path / "run").read()[0] == given
+    preset.unlink()
+    with pytest.raises(ParameterError, match=r"machine is .* in the run that is in the folder, got None"):
+        training.train(replace(given, machine=None), tmp_path / "run", resume=True)
+    exporting.export_run(tmp_path / "run", tmp_path, name="mine")
+    policy = load_policy("mine", tmp_path)
+    assert policy.card.voltage_max == 20.0
+    assert policy.card.about["command"].endswith("--machine FILE")
+    with pytest.raises(ParameterError, match="voltage_max must be 20 V"):
+        run_scenario("standard", {"mine": policy}, ["brisk"], episodes=1)
+    assert arguments_of(policy.card.about) == given
+    command.retrain(str(tmp_path / "mine.json"), tmp_path / "again")
+    shown = capsys.readouterr().out
+    assert shown.count("everything, ") == 6
+    assert shown.count("mine-again: ") == 3
+    again = load_policy("mine-again", tmp_path / "again").card
+    assert again.weights_sha256 == policy.card.weights_sha256
+
+
+def test_the_command_takes_a_preset(tmp_path: Path) -> None:
+    command.train("ppo", smoke=True, out=tmp_path / "run", machine="delrin_experimental")
+    known, _ = training.RunFolder(tmp_path / "run").read()
+    assert known.machine == find_own("delrin_experimental")
+    with pytest.raises(ParameterError, match="machine must be a Machine or one of"):
+        command.train("ppo", smoke=True, out=tmp_path / "other", machine="delrin")
+    assert not (tmp_path / "other").exists()
 
 
 def test_a_policy_for_all_scenarios_says_so(tmp_path: Path) -> None:

@@ -185,17 +185,17 @@ def test_a_preset_is_a_machine(tmp_path: Path):
 
 
 def test_a_late_preset_makes_late_observations(tmp_path: Path):
-    from pter_gym.commands.machines import as_sensed
+    from pter_gym.scenarios.own_machine import as_sensed, find_own
     from pter_gym.tasks.path_following import PathFollowing
 
     path = tmp_path / "own.toml"
     for delay, steps in ((0.004, 0), (0.012, 1), (0.02, 2)):
         path.write_text(format_preset(replace(PRESET, sensing=replace(PRESET.sensing, delay=delay)), "own"), "utf-8")
-        assert as_sensed(PathFollowing(), str(path)).sensing.delay == steps
+        assert as_sensed(PathFollowing(), find_own(str(path))).sensing.delay == steps
     path.write_text(format_preset(replace(PRESET, sensing=replace(PRESET.sensing, delay=0.04)), "own"), "utf-8")
     with pytest.raises(ParameterError, match=r"sensing.delay must be at most 2 control steps"):
-        as_sensed(PathFollowing(), str(path))
-    assert as_sensed(PathFollowing(), "baseline") == PathFollowing()
+        as_sensed(PathFollowing(), find_own(str(path)))
+    assert as_sensed(PathFollowing(), find_own("baseline")) == PathFollowing()
 
 
 # --- logs ---

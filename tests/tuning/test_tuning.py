@@ -1,6 +1,7 @@
 """The search for gains: what it scores, what it keeps, and what it never reads."""
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -24,11 +25,11 @@ from pter_gym.commands.main import main
 from pter_gym.controllers import CONTROLLERS, Controller, Free, Impedance, Locked, PaceSchedule, SingleDof
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.internal.locks import locked
-from pter_gym.params import BASELINE
+from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.scenarios import PACES
 from pter_gym.tuning import SPACES, Examination, Study, Verdict, add_study, tune
 from pter_gym.tuning.examination import MISSING, RESERVE
-from pter_gym.tuning.journal import BEGIN, cut_half_line
+from pter_gym.tuning.journal import BEGIN, cut_half_line, open_journal
 from pter_gym.tuning.offspring import offspring
 from pter_gym.tuning.search import make
 from pter_gym.tuning.spaces import Range, gains_at, point_at
@@ -384,6 +385,28 @@ def test_without_optuna_there_is_a_hint(monkeypatch: pytest.MonkeyPatch, tmp_pat
     monkeypatch.setitem(sys.modules, "optuna", None)
     with pytest.raises(DependencyError, match=r"'\.\[tune\]'"):
         tune("impedance", "standard", "brisk", storage=tmp_path / "trials.journal")
+
+
+def test_a_search_for_another_machine_is_another_one(tmp_path: Path) -> None:
+    storage = tmp_path / "trials.journal"
+    given: dict[str, Any] = {"trials": 3, "starts": 1, "episodes": 4, "storage": storage}
+    usual = tune("impedance", "standard", "brisk", **given)
+    named = tune("impedance", "standard", "brisk", machine="delrin_experimental", **given)
+    itself = tune("impedance", "standard", "brisk", machine=DELRIN_EXPERIMENTAL, **given)
+    assert (usual.machine, named.machine) == (None, "delrin_experimental")
+    assert named == replace(itself, machine="delrin_experimental")
+    assert named.verdict != usual.verdict
+    assert len(optuna.get_all_study_names(open_journal(storage))) == 2
+
+
+def test_the_command_of_gains_names_the_machine_whatever_it_is_called(tmp_path: Path) -> None:
+    path = tmp_path / "tuned.toml"
+    name = 'it\'s "mine" \\ ü \x7f/own.toml'
+    add_study(replace(STUDY, machine=name), path)
+    command = read_table(path)["standard"]["impedance"]["slow"]["command"]
+    assert shlex.split(command)[-2:] == ["--machine", name]
+    add_study(replace(STUDY, machine=DELRIN_EXPERIMENTAL), path)
+    assert read_table(path)["standard"]["impedance"]["slow"]["command"].endswith("--machine PRESET.toml")
 
 
 STUDY = Study(

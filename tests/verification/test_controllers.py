@@ -433,12 +433,27 @@ def test_bad_gains_of_steering_are_named(field: str, keywords: dict[str, object]
         VelocityRatio(tip_space="no")  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.parametrize("top", [2.0, 10.0, 12.0, 24.0, 30.0])
+def test_the_table_ends_at_the_largest_voltage_of_the_machine(top: float) -> None:
+    machine = replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=top))
+    policy = Impedance().bind(machine, observation_layout(machine, "torque"))
+    knots = [knot for knot in (0.0, 4.0, 10.0, 17.0, 24.0) if knot < top] + [top]
+    for knot in knots:
+        torque = machine.clutch.dynamic.torque(knot)
+        assert table_voltage(policy.gains, torque) == pytest.approx(knot, rel=1e-12)
+    assert table_voltage(policy.gains, 1e6) == top
+    exact = Impedance(table_volts=tuple(knots)).bind(machine, policy.layout)
+    np.testing.assert_array_equal(policy.gains, exact.gains)
+    np.testing.assert_array_equal(
+        Impedance(table_volts=(0.0, 12.0)).bind(BASELINE, LAYOUT).gains,
+        Impedance(table_volts=(0.0, 12.0, 24.0)).bind(BASELINE, LAYOUT).gains,
+    )
+
+
 def test_what_does_not_fit_is_refused() -> None:
     encoders = observation_layout(BASELINE, "encoders")
     with pytest.raises(ParameterError, match="torque sensors"):
         TorqueFeedback().bind(BASELINE, encoders)
-    with pytest.raises(ParameterError, match="voltage_max"):
-        Impedance(table_volts=(0.0, 12.0)).bind(BASELINE, LAYOUT)
     policy: Policy = Impedance().bind(BASELINE, LAYOUT)
     with pytest.raises(ParameterError, match=f"{len(LAYOUT)} entries"):
         policy(np.zeros(18, np.float32))

@@ -1,0 +1,124 @@
+"""One machine in place of those that a scenario draws: a named one, or a user's own by its preset."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from pter_gym.errors import ParameterError
+from pter_gym.params import Machine, find_machine, is_preset, require_kind, require_number
+from pter_gym.params.preset import load_preset
+from pter_gym.scenarios.randomisation import Drawn, OneOf, Vary, drawn
+from pter_gym.scenarios.suite import Scenario, Varied
+from pter_gym.tasks.path_following import MAX_DELAY, PathFollowing
+
+Task = TypeVar("Task", PathFollowing, "PathFollowing | Vary[PathFollowing]")
+
+
+@dataclass(frozen=True)
+class OwnMachine:
+    """A machine, and how late a computer sees what it does.
+
+    Attributes
+    ----------
+    machine
+        The machine.
+    delay
+        Time from a voltage to the observation of the motion that it makes [s], at least 0; rounded to control steps.
+    """
+
+    machine: Machine
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check both."""
+        require_kind(self, "machine", Machine)
+        require_number(self, "delay", at_least=0.0)
+
+
+AnyMachine = OwnMachine | Machine | str
+"""A machine as users give it: one of these, its name in ``MACHINES``, or the path of a preset, which knows a delay."""
+
+
+def find_own(machine: AnyMachine) -> OwnMachine:
+    """Return a machine with its delay, which is 0 for any but a preset's.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such machine, or a preset cannot be read.
+    DataError
+        If a preset is not what it must be.
+    """
+    if isinstance(machine, OwnMachine):
+        return machine
+    delay = load_preset(machine).sensing.delay if isinstance(machine, str) and is_preset(machine) else 0.0
+    return OwnMachine(find_machine(machine), delay)
+
+
+def on_machine(scenario: Scenario, machine: AnyMachine) -> Scenario:
+    """Return a scenario whose paths, hands and sensors meet one machine; raises as ``find_own`` and ``as_sensed``."""
+    own = find_own(machine)
+    varied = Varied(InPlaceOf(scenario.machine, own.machine), as_sensed(scenario.task, own))
+    return replace(scenario, varies=lambda: varied, own=own.machine)
+
+
+class InPlaceOf(Vary[Drawn]):
+    """One value in place of drawn ones, which leaves all that is drawn after it as it is without it.
+
+    Parameters
+    ----------
+    others
+        A value or what draws them.
+    one
+        The one.
+    """
+
+    def __init__(self, others: Any, one: Drawn) -> None:
+        super().__init__(one)
+        self._others = others
+
+    def draw(self, rng: np.random.Generator) -> Drawn:
+        """Return the one value, after a draw of the others."""
+        drawn(self._others, rng)
+        return self.base
+
+    def extremes(self) -> Sequence[Drawn]:
+        """Return the one value."""
+        return [self.base]
+
+
+def as_sensed(task: Task, own: OwnMachine) -> Task:
+    """Return a task, or what draws it, with observations that are as late as a machine's; as it is without a delay.
+
+    Raises
+    ------
+    ParameterError
+        If that is later than a task can be.
+    """
+    period = (task.base if isinstance(task, Vary) else task).control_period
+    steps = round(own.delay / period)
+    if steps > MAX_DELAY:
+        raise ParameterError(
+            f"machine: sensing.delay must be at most {MAX_DELAY} control steps of {period:g} s, got {own.delay:g} s"
+        )
+    if steps == 0:
+        return task
+
+    def delayed(delay: Any) -> Any:
+        return InPlaceOf(delay, steps) if hasattr(delay, "draw") else steps
+
+    return _with(task, "sensing", lambda sensing: _with(sensing, "delay", delayed))
+
+
+def _with(value: Any, name: str, change: Callable[[Any], Any]) -> Any:
+    """Return a dataclass, or what draws it, with a field changed or with what draws the field changed."""
+    if isinstance(value, OneOf):
+        return OneOf(tuple(_with(option, name, change) for option in value.options))
+    if not isinstance(value, Vary):
+        return replace(value, **{name: change(getattr(value, name))})
+    varied = cast("Vary[Any]", value)
+    if name not in varied.fields:
+        return Vary(_with(varied.base, name, change), **varied.fields)
+    return Vary(varied.base, **{**varied.fields, name: change(varied.fields[name])})
