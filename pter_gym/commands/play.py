@@ -5,6 +5,7 @@ from typing import Annotated
 
 import tyro
 
+from pter_gym.commands.arguments import MachineName
 from pter_gym.errors import ParameterError
 from pter_gym.internal.terminal import say
 
@@ -14,6 +15,7 @@ HIGHEST_PORT = 65535
 def play(
     port: Annotated[int, tyro.conf.arg(metavar="NUMBER")] = 0,
     open_browser: Annotated[bool, tyro.conf.arg(name="open")] = True,
+    machine: MachineName = None,
 ) -> None:
     """Push the arm yourself, in a page of your browser.
 
@@ -23,13 +25,16 @@ def play(
     Args:
         port: Port of this computer that serves the page; 0 is any free one.
         open_browser: Whether the page is opened; its address is printed either way.
+        machine: Clutch material, or the preset of a machine of your own, with which the page begins. A preset's delay
+            is left out: nobody feels it with a mouse.
     """
+    from pter_gym.params import find_machine
     from pter_gym.web.site import HOST, make_server
 
     if not 0 <= port <= HIGHEST_PORT:
         raise ParameterError(f"port must be a whole number within [0, {HIGHEST_PORT}], got {port}")
     try:
-        server = make_server(port)
+        server = make_server(port, None if machine is None else find_machine(machine))
     except OSError as error:
         raise ParameterError(f"port must be one that is free, or 0 for any, got {port}: {error.strerror}") from None
     address = f"http://{HOST}:{server.server_port}/"

@@ -1,14 +1,19 @@
 """The page as a web site: its files by their addresses, and a server for them on this computer."""
 
+import json
 from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym.policies import shipped_policies
 from pter_gym.policies.files import SHIPPED
+
+if TYPE_CHECKING:
+    from pter_gym.params import Machine
 
 STATIC = Path(__file__).parent / "static"
 
@@ -44,16 +49,37 @@ def write_site(folder: FilePath) -> None:
         write_bytes_atomic(place, file.read_bytes())
 
 
-def make_server(port: int = 0) -> ThreadingHTTPServer:
-    """Return a server of the page for this computer alone, on a port or 0 for any; a taken one raises an OSError."""
-    return ThreadingHTTPServer((HOST, port), partial(_Handler, site_files()))
+def make_server(port: int = 0, own: "Machine | None" = None) -> ThreadingHTTPServer:
+    """Return a server of the page for this computer alone; a taken port raises an OSError.
+
+    Parameters
+    ----------
+    port
+        Its port, or 0 for any.
+    own
+        A machine of a person's own, which the page then begins with.
+
+    Raises
+    ------
+    ParameterError
+        If the page cannot have that machine; see ``pter_gym.web.tables.tables``.
+    """
+    return ThreadingHTTPServer((HOST, port), partial(_Handler, site_files(), {} if own is None else _tables(own)))
+
+
+def _tables(own: "Machine") -> dict[str, bytes]:
+    """Return the tables of a page with a machine by their address."""
+    from pter_gym.web.tables import TABLES, tables
+
+    return {TABLES.name: json.dumps({**json.loads(TABLES.read_bytes()), **tables(own)}).encode()}
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers with one of the given files; there is nothing else to be had."""
+    """Answers with one of the given files, or with what is made in the place of one; there is nothing else."""
 
-    def __init__(self, files: dict[str, Path], *arguments: object) -> None:
+    def __init__(self, files: dict[str, Path], made: dict[str, bytes], *arguments: object) -> None:
         self._files = files
+        self._made = made
         super().__init__(*arguments)  # pyright: ignore[reportArgumentType]
 
     def do_GET(self) -> None:
@@ -70,7 +96,7 @@ class _Handler(BaseHTTPRequestHandler):
         if file is None:
             self.send_error(HTTPStatus.NOT_FOUND)
             return
-        content = file.read_bytes()
+        content = self._made.get(address) or file.read_bytes()
         self.send_response(HTTPStatus.OK)
         self.send_header("Content-Type", TYPES[file.suffix])
         self.send_header("Content-Length", str(len(content)))

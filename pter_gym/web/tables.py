@@ -22,7 +22,7 @@ from pter_gym.engine.hand import INSTANT
 from pter_gym.engine.law import Memory
 from pter_gym.engine.world import CONFIG, ROW, ROWS
 from pter_gym.hands import MultiSineHand, Operator, RecordedForces
-from pter_gym.params import BASELINE, MACHINES
+from pter_gym.params import BASELINE, MACHINES, Machine, require
 from pter_gym.paths import Arc, Circle, Line, Path, Sine
 from pter_gym.paths.arcs import SEGMENT
 from pter_gym.paths.projection import SEGMENT_WIDTH
@@ -36,6 +36,9 @@ from pter_gym.tasks.path_following.context import CONTEXT, CONTEXT_WIDTH, contex
 from pter_gym.tasks.path_following.specification import SHARPEST
 from pter_gym.web.kernels import MOST_ARCS
 from pter_gym.web.site import STATIC
+
+VOLTAGE_MAX = BASELINE.clutch.voltage_max
+"""The largest voltage of a page [V]: of its sliders, and of its policies."""
 
 MODULE = STATIC / "pter.wasm"
 TABLES = STATIC / "pter.json"
@@ -52,9 +55,19 @@ HANDS: MappingProxyType[str, Operator] = MappingProxyType({"paper": MultiSineHan
 """Hands by name."""
 
 
-def tables() -> dict[str, Any]:
-    """Return all tables."""
-    return {**declarations(), **choices()}
+OWN = "own"
+"""Name of a machine of a person's own."""
+
+
+def tables(own: Machine | None = None) -> dict[str, Any]:
+    """Return all tables; with a machine of a person's own it is one of the machines, and controllers are told of it.
+
+    Raises
+    ------
+    ParameterError
+        If it cannot follow the paths of a page, or its largest voltage is not that of a page.
+    """
+    return {**declarations(), **choices(own)}
 
 
 def declarations() -> dict[str, Any]:
@@ -82,9 +95,13 @@ def declarations() -> dict[str, Any]:
     }
 
 
-def choices() -> dict[str, Any]:
+def choices(own: Machine | None = None) -> dict[str, Any]:
     """Return what a page may choose from."""
     batch = pages_batch()
+    nominal = BASELINE if own is None else own
+    top = nominal.clutch.voltage_max
+    require(top == VOLTAGE_MAX, nominal.clutch, "voltage_max", top, f"{VOLTAGE_MAX:g} V, as the page has it")
+    machines = MACHINES if own is None else {OWN: own, **MACHINES}
     config = batch.device_arrays()["config"]
     return {
         "config": [value if np.isfinite(value) else None for value in config.tolist()],
@@ -93,13 +110,13 @@ def choices() -> dict[str, Any]:
         "control_period": batch.task.control_period,
         "paces": dict(PACES),
         "scoring": {"segments": SEGMENTS, "price": PRICE, "allowance": ALLOWANCE, "start": START},
-        "machines": {name: part(machine=name, record="machine") for name in MACHINES},
-        "told": {name: part(machine=name, record="told") for name in MACHINES},
+        "machines": {name: part(machine=machine, record="machine") for name, machine in machines.items()},
+        "told": {name: part(machine=machine, record="told") for name, machine in machines.items()},
         "hands": {name: part(hand=hand, record="hand") for name, hand in HANDS.items()},
         "task": part(record="task"),
-        "paths": {name: path_table(path) for name, path in PATHS.items()},
-        "laws": {name: laws(name, batch.layout) for name in (*CONTROLLERS, *TUNED)},
-        "policies": {name: network(name, batch.layout) for name in shipped_policies()},
+        "paths": {name: path_table(path, nominal) for name, path in PATHS.items()},
+        "laws": {name: laws(name, nominal, batch.layout) for name in (*CONTROLLERS, *TUNED)},
+        "policies": {name: network(name, nominal, batch.layout) for name in shipped_policies()},
     }
 
 
@@ -120,31 +137,33 @@ def places(record: Any) -> Any:
     return {name: places(value) for name, value in cast(Any, record)._asdict().items()}
 
 
-def part(record: str, machine: str = "baseline", hand: Operator = POINTER) -> Any:
+def part(record: str, machine: Machine = BASELINE, hand: Operator = POINTER) -> Any:
     """Return a part of the context of a machine and a hand, whose recording has one instant if it is one."""
     task = PathFollowing(hand=hand)
-    return places(getattr(context_of(task, MACHINES[machine], (0, 0), (0, 1)), record))
+    return places(getattr(context_of(task, machine, (0, 0), (0, 1)), record))
 
 
-def path_table(path: Path) -> dict[str, Any]:
-    """Return the arcs of a path, and how wide the workspace about it is [m]."""
+def path_table(path: Path, machine: Machine) -> dict[str, Any]:
+    """Return the arcs of a path that a machine can follow, and how wide the workspace about it is [m]."""
     task = PathFollowing(path=path) if path.max_curvature == 0.0 else PathFollowing(path=path, error_max=WIDTH)
-    check_machine(task, BASELINE)
+    check_machine(task, machine)
     return {"arcs": path.arcs.table.tolist(), "length": path.length, "error_max": task.error_max}
 
 
-def laws(name: str, layout: Layout) -> dict[str, list[float]]:
+def laws(name: str, nominal: Machine, layout: Layout) -> dict[str, list[float]]:
     """Return the gains of a law for each of the scenarios whose gains a page uses."""
-    return {scenario: gains(find_policy(name, scenario=scenario), layout) for scenario in ("standard", "paths")}
+    return {
+        scenario: gains(find_policy(name, scenario=scenario), nominal, layout) for scenario in ("standard", "paths")
+    }
 
 
-def gains(controller: Any, layout: Layout) -> list[float]:
-    """Return the gains of a controller on the paper's machine, as its compiled law reads them."""
-    bound: Policy = controller.bind(BASELINE, layout)
+def gains(controller: Any, nominal: Machine, layout: Layout) -> list[float]:
+    """Return the gains of a controller that is told of a machine, as its compiled law reads them."""
+    bound: Policy = controller.bind(nominal, layout)
     return bound.gains.tolist()
 
 
-def network(name: str, layout: Layout) -> dict[str, Any]:
+def network(name: str, nominal: Machine, layout: Layout) -> dict[str, Any]:
     """Return all but the weights of a trained policy: what its card says that acts, and its base's gains."""
     card = load_policy(name).card
     interface = card.interface
@@ -155,7 +174,7 @@ def network(name: str, layout: Layout) -> dict[str, Any]:
         "history": interface.history,
         "averages": interface.averages,
         "normalised": interface.normalised,
-        "base": None if interface.base is None else gains(interface.base.schedule(), layout),
+        "base": None if interface.base is None else gains(interface.base.schedule(), nominal, layout),
         "voltage_max": card.voltage_max,
         "squashed": card.squashed,
         "shapes": card.shapes,

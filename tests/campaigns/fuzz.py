@@ -30,7 +30,7 @@ from pter_gym.engine.batch import Batch
 from pter_gym.engine.returns import Returns
 from pter_gym.engine.world import FLAG, SAME_STEP
 from pter_gym.errors import ParameterError
-from pter_gym.hands import HumanArm, MultiSineHand, Operator, RecordedForces
+from pter_gym.hands import HumanArm, MultiSineHand, Operator, RecordedForces, TremorArm
 from pter_gym.params import BASELINE, Arm, Clutch, Hand, Machine, TorqueCurve
 from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
 from pter_gym.paths import Path as Curve
@@ -170,8 +170,20 @@ def any_hand(n: Numbers) -> Operator:
         return MultiSineHand(push=n.even(-100.0, 200.0), **sines)
     if kind < 0.8:
         held = Hand(mass=n.near(0.1, 5.0), damping=n.near(0.1, 50.0), stiffness=n.near(10.0, 1000.0))
-        return HumanArm(
-            impedance=held, eagerness=n.near(0.5, 3.0), rise=n.near(0.05, 2.0), lead=n.near(0.01, 0.5), **sines
+        meant = {"impedance": held, "eagerness": n.near(0.5, 3.0), "rise": n.near(0.05, 2.0), "lead": n.near(0.01, 0.5)}
+        if kind < 0.7:
+            return HumanArm(**meant, **sines)
+        return TremorArm(
+            **meant,
+            **sines,
+            frequency=n.near(0.5, 20.0),
+            acceleration=n.near(0.1, 50.0),
+            direction=n.even(-4.0, 4.0),
+            phase=n.even(-10.0, 10.0),
+            swell=n.even(0.0, 1.0),
+            swell_frequency=n.near(0.01, 0.5),
+            swell_phase=n.even(-10.0, 10.0),
+            lasts=n.near(0.1, 5.0),
         )
     count = int(n.rng.integers(1, 6))
     times = (0.0, *np.cumsum(n.rng.uniform(1e-3, 0.5, count)).tolist())
@@ -331,7 +343,10 @@ def stronger(hand: Operator, times: float) -> Operator:
     if isinstance(hand, RecordedForces):
         return replace(hand, along=all_of(hand.along), across=all_of(hand.across))
     assert isinstance(hand, HumanArm)
-    return replace(hand, amplitudes=all_of(hand.amplitudes)) if times < 1.0 else hand
+    if times >= 1.0:
+        return hand
+    weaker = replace(hand, amplitudes=all_of(hand.amplitudes))
+    return replace(weaker, acceleration=times * weaker.acceleration) if isinstance(weaker, TremorArm) else weaker
 
 
 def extreme_pairs(rng: np.random.Generator) -> tuple[list[tuple[Machine, PathFollowing]], int]:

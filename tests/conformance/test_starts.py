@@ -106,7 +106,6 @@ def test_no_evaluation_episode_explores() -> None:
         "truncation_error": ({"truncation_error": 0.0}, r"truncation_error must be .* > 0"),
         "task": ({"task": PathFollowing()}, r"^task must not be given: PTER/Standard-v0 draws its own"),
         "randomisation": ({"randomisation": 1}, "^randomisation must not be given"),
-        "machine": ({"machine": "baseline"}, "^machine must not be given"),
     }.values(),
 )
 @pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])

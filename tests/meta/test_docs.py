@@ -3,6 +3,7 @@
 import dataclasses
 import inspect
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from safetensors.numpy import load_file
 from documents import EXTENDING, blocks_of, run_extending, run_policies
 from pter_gym import params
 from pter_gym.benchmark.leaderboard import leaderboards
+from pter_gym.benchmark.tuned import TABLE
+from pter_gym.params.preset import PRESET, format_preset
 from pter_gym.policies import SHIPPED, load_policy, write_policy
 from pter_gym.scenarios import PACES, SCENARIOS
 
@@ -84,6 +87,20 @@ def test_the_page_on_hands_runs(capsys: pytest.CaptureFixture[str]):
     (code,) = blocks_of(page)
     exec(compile(code, "hands.md", "exec"), {})
     assert f"prints `{capsys.readouterr().out.strip()}`" in page.read_text("utf-8")
+
+
+def test_the_page_on_a_machine_of_ones_own_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """What it does with a preset and gains; the log of the block before is tested elsewhere."""
+    _, code = blocks_of(ROOT / "docs" / "identify.md")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "preset.toml").write_text(format_preset(PRESET, "mine"), "utf-8")
+    shutil.copy(TABLE, tmp_path / "mine" / "gains.toml")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "identify.md", "exec"), {})
+    shown = capsys.readouterr().out
+    assert re.match(r"mine \d.*, arrives in 100 %", shown)
 
 
 @pytest.mark.slow

@@ -15,16 +15,19 @@ import numpy as np
 import pytest
 
 from pter_gym.benchmark.metrics import score
+from pter_gym.benchmark.naming import find_policy
 from pter_gym.commands.main import main
 from pter_gym.engine.batch import Batch
+from pter_gym.errors import ParameterError
 from pter_gym.hands import read_forces
-from pter_gym.params import MACHINES
+from pter_gym.params import BASELINE, MACHINES, Machine, find_machine, machine_of
+from pter_gym.params.preset import PRESET, format_preset
 from pter_gym.policies.files import SHIPPED
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios.variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.web.site import STATIC, make_server, site_files, write_site
-from pter_gym.web.tables import PATHS
+from pter_gym.web.tables import PATHS, pages_batch
 
 CONTROLS = "[...document.querySelectorAll('#control option')].map((option) => option.value)"
 
@@ -163,10 +166,11 @@ def compare(
     push = play.saved("save-push", "push.csv")
     names, rows = playing.record(play.saved("save-record", "record.csv"))
     assert names == list(TELEMETRY.names)
-    preset = MACHINES[machine]
-    clutch = replace(preset.clutch, time_constant=lag)
+    begun = find_machine(machine)
+    clutch = replace(begun.clutch, time_constant=lag)
+    scale = tuple(friction * own for own in begun.clutch_scale)
     task = task_of(path, push, pace)
-    batch = Batch(replace(preset, clutch=clutch, clutch_scale=(friction,) * 4), task, 1, sensors="force")
+    batch = Batch(replace(begun, clutch=clutch, clutch_scale=scale), task, 1, sensors="force")
     batch.reset([1])
     found = np.array(rows)
     volts = found[1:, [names.index(f"volts_{n}") for n in range(1, 5)]]
@@ -197,6 +201,43 @@ def test_a_push_by_mouse_is_that_of_python(play: Any) -> None:
     assert ledger["hand"] == pytest.approx(scored.hand_work_j, abs=0.006)
     assert ledger["clutches"] == pytest.approx(scored.dissipated_j, abs=0.006)
     assert ledger["hand"] == pytest.approx(ledger["kinetic"] + ledger["clutches"] + ledger["rounding"], abs=0.03)
+
+
+@pytest.mark.slow
+def test_a_machine_of_ones_own_is_felt(opened: Any, tmp_path: Path) -> None:
+    import playing
+
+    clutch = replace(PRESET.clutch, time_constant=0.052, scale=(0.9, 1.1, 1.05, 0.95))
+    own = replace(PRESET, arm=replace(PRESET.arm, length_a=0.6, inertia_a=0.8), clutch=clutch)
+    preset = tmp_path / "own.toml"
+    preset.write_text(format_preset(own, "own"), "utf-8")
+    with playing.started("--machine", str(preset)) as address:
+        play = playing.Play(opened.tab, address, tmp_path)
+        play.open("path=arc&friction=1.2")
+        assert play.run("[page.settings.material, page.settings.lag]") == ["own", 52]
+        assert play.run("document.getElementById('material').selectedOptions[0].text") == "Your machine"
+        assert "material" not in play.run("location.hash")
+        law = find_policy("single-dof-tuned", scenario="paths").bind(machine_of(own), pages_batch().layout)
+        assert play.run("page.workshop.tables.laws['single-dof-tuned'].paths") == law.gains.tolist()
+        play.drag()
+        compare(play, "arc", machine=str(preset), lag=0.052, friction=1.2)
+        play.choose("material", "baseline")
+        play.drag()
+        compare(play, "arc", lag=0.052, friction=1.2)
+        assert play.problems == []
+
+
+@pytest.mark.parametrize(
+    ("own", "told"),
+    [
+        (replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=12.0)), "voltage_max must be 24 V"),
+        (replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.1, length_b=0.1)), "path"),
+    ],
+    ids=["voltage", "reach"],
+)
+def test_a_machine_that_the_page_cannot_have_is_refused(own: Machine, told: str) -> None:
+    with pytest.raises(ParameterError, match=told):
+        make_server(own=own)
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ const distance = (a, b) => Math.hypot(b[0] - a[0], b[1] - a[1]);
  *
  * Returns a sentence instead where the stroke is too short, bends too sharply, or leaves the arm's reach.
  */
-export function pathThrough(tables, kernels, stroke) {
+export function pathThrough(tables, kernels, stroke, arm) {
   const fine = evenly(stroke.filter((point, k) => k === 0 || distance(stroke[k - 1], point) > 0));
   if (FINE * fine.length < SHORTEST) return `the path must be at least ${SHORTEST} m long`;
   const points = smoothed(fine).filter((_, k, all) => k % SPACING === 0 && k <= all.length - 1 - SPACING / 2);
@@ -36,7 +36,7 @@ export function pathThrough(tables, kernels, stroke) {
   if (!(error_max >= NARROWEST)) return "the path must not bend so sharply";
   const reached = Array.from({ length: SAMPLES }, (_, k) => {
     kernels.locate(table.byteOffset, 0, count, (length * k) / (SAMPLES - 1), point.byteOffset);
-    return inReach(tables, ...point);
+    return inReach(tables, arm, ...point);
   });
   return reached.every(Boolean) ? { arcs, length, error_max } : "the path must stay within the arm's reach";
 }
@@ -64,8 +64,8 @@ function smoothed(points) {
 }
 
 /** Tell whether the arm reaches a point, and is not near a singular pose there. */
-function inReach(tables, x, y) {
-  const { length_a: a, length_b: b } = tables.machines.baseline.arm;
+function inReach(tables, arm, x, y) {
+  const { length_a: a, length_b: b } = arm;
   const cos = (x * x + y * y - a * a - b * b) / (2 * a * b);
   return Math.abs(cos) < 1 && Math.sqrt(1 - cos * cos) > tables.task.singularity_margin;
 }

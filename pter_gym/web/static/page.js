@@ -6,7 +6,7 @@ import { Guide } from "./guide.js";
 import { Pointer } from "./pointer.js";
 import { Readout } from "./readout.js";
 import { colours, Scene } from "./scene.js";
-import { DEFAULTS, format, NAMES, parse } from "./settings.js";
+import { beginWithOwn, DEFAULTS, format, NAMES, parse } from "./settings.js";
 import { drawTrace } from "./traces.js";
 import { Workshop } from "./trial.js";
 import { invitation, millimetres, sentence, verdict } from "./words.js";
@@ -32,6 +32,8 @@ class Page {
 
   async open() {
     this.workshop = await Workshop.open();
+    beginWithOwn(this.workshop.tables);
+    this.settings = { ...DEFAULTS };
     const canvases = document.querySelectorAll(".stage canvas");
     this.scenes = [...canvases].map((canvas) => new Scene(canvas));
     this.pointer = new Pointer(this.scenes[0], () => this.tip, {

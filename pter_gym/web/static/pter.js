@@ -87,12 +87,13 @@ export class Simulator {
     return new Network(this.tables, card, readTensors(weights), base);
   }
 
-  /** Make a path of a stroke, [x, y] of its points [m]; one that cannot be followed raises a ParameterError. */
-  async draw(stroke) {
+  /** Make a path of a stroke, [x, y] of its points [m]; one that a machine cannot follow raises a ParameterError. */
+  async draw(stroke, machine = "baseline") {
+    const { arm } = find(this.tables.machines, "machine", machine);
     const points = Array.from(stroke ?? []);
     const fits = points.length > 1 && points.every((point) => point?.length === 2 && point.every(Number.isFinite));
     require(fits, "stroke", `${points.length} points`, "at least two points [x, y] of finite numbers");
-    const path = pathThrough(this.tables, await this.kernels(), points);
+    const path = pathThrough(this.tables, await this.kernels(), points, arm);
     if (typeof path === "string") throw new ParameterError(path);
     return path;
   }
@@ -134,7 +135,7 @@ export class Environment {
     require(friction === undefined || (friction > 0 && friction <= 10), "friction", friction, "within (0, 10]");
     for (const { machine } of [this.context, this.state]) {
       if (timeConstant !== undefined) machine.torque_decay = this.#decay(timeConstant);
-      if (friction !== undefined) for (const clutch of Object.keys(machine.scale)) machine.scale[clutch] = friction;
+      if (friction !== undefined) for (const [clutch, own] of Object.entries(this.machine.scale)) machine.scale[clutch] = friction * own;
     }
     if (timeConstant !== undefined) this.context.told.time_constant = time;
     if (friction !== undefined) {

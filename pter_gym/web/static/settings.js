@@ -32,7 +32,7 @@ export const MATERIALS = {
   delrin_theoretical: "Delrin, as published",
 };
 
-export const DEFAULTS = Object.freeze({
+export const DEFAULTS = {
   control: "single-dof-tuned",
   other: "residual",
   path: "line",
@@ -43,7 +43,15 @@ export const DEFAULTS = Object.freeze({
   lag: 105,
   friction: 1,
   volts: Object.freeze([0, 0, 0, 0]),
-});
+};
+
+/** Begin with the machine of a person's own, if the tables have one. */
+export function beginWithOwn({ told: { own } }) {
+  if (!own) return;
+  MATERIALS.own = "Your machine";
+  const lag = Math.round(1000 * own.time_constant);
+  Object.assign(DEFAULTS, { material: "own", lag: Math.min(LAG.high, Math.max(LAG.low, lag)) });
+}
 
 const HANDS = { you: "You", paper: "The paper's push" };
 

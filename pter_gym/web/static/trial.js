@@ -45,7 +45,7 @@ export class Workshop {
     const { stroke, path, pace, material, lag, friction } = settings;
     const hand = push ?? (settings.hand === "you" ? "pointer" : "paper");
     const env = await this.simulator.make({
-      path: path === "drawn" ? await this.simulator.draw(stroke) : path,
+      path: path === "drawn" ? await this.simulator.draw(stroke, material) : path,
       hand,
       pace: this.tables.paces[pace],
       machine: material,
