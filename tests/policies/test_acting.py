@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 import pter_gym
 from pter_gym.benchmark import find_policy, from_sb3
+from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.predictive.policies import Decide, Predictive
 from pter_gym.engine.batch import Batch
 from pter_gym.envs.acting import ActingPolicy, nominal_machine, normalised
@@ -342,7 +343,7 @@ def test_a_model_is_told_where_episodes_start() -> None:
 class Told(Predictive):
     """A planner that does not plan: its voltage is the number of the episode."""
 
-    def begin(self, machine: Machine, task: PathFollowing) -> Decide:
+    def begin(self, machine: Machine, task: PathFollowing, nominal: Machine, layout: Layout) -> Decide:
         object.__setattr__(self, "begun", getattr(self, "begun", 0) + 1)
         volts = np.full(4, float(self.begun))  # type: ignore[attr-defined]
         return lambda _state, _obs: volts

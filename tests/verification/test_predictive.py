@@ -17,7 +17,7 @@ from pter_gym.engine.batch import Batch
 from pter_gym.engine.world import FLAG, ROW
 from pter_gym.errors import ParameterError
 from pter_gym.hands import RecordedForces
-from pter_gym.params import BASELINE
+from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, Machine
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensing, observation_layout
 from pter_gym.tasks.path_following.observation import SEEN
@@ -148,10 +148,19 @@ def test_the_honest_one_reads_nothing_but_path_and_pace() -> None:
     assert (known_part(TASK, 30).path, known_part(TASK, 30).pace) == (TASK.path, TASK.pace)
 
 
-def test_the_rebuilt_state_is_the_true_one_on_the_nominal_machine() -> None:
-    ((machine, task),) = find_scenario("paths").randomisation("brisk", contexts=1, seed=2).pairs()
+OTHER = replace(
+    BASELINE,
+    arm=replace(BASELINE.arm, inertia_a=0.7),
+    clutch=replace(DELRIN_EXPERIMENTAL.clutch, time_constant=0.06),
+    clutch_scale=(0.8, 1.2, 1.1, 0.9),
+)
+
+
+@pytest.mark.parametrize("nominal", [BASELINE, OTHER], ids=["paper", "own"])
+def test_the_rebuilt_state_is_the_true_one_on_the_nominal_machine(nominal: Machine) -> None:
+    ((machine, task),) = find_scenario("paths", nominal).randomisation("brisk", contexts=1, seed=2).pairs()
     world = Batch(machine, task, 1, sensors="force")
-    belief = Belief(known_part(task, 30))
+    belief = Belief(known_part(task, 30), nominal, world.layout)
     rng = np.random.default_rng(3)
     obs, _ = world.reset([4])
     for _ in range(20):

@@ -17,16 +17,13 @@ from pter_gym.controllers.predictive.planner import Array, Observations, Planner
 from pter_gym.engine.batch import Batch
 from pter_gym.engine.world import ROW, Drive
 from pter_gym.hands import RecordedForces
-from pter_gym.params import BASELINE
+from pter_gym.params import Machine
 from pter_gym.paths.projection import Foot
 from pter_gym.physics.arm import Motion, UnitVector
 from pter_gym.physics.clutch import PerClutch, Torques
 from pter_gym.physics.friction import slip_velocities
-from pter_gym.tasks.path_following import PathFollowing, observation_layout, substeps
+from pter_gym.tasks.path_following import PathFollowing, substeps
 from pter_gym.tasks.path_following.situation import PathVector
-
-NOMINAL = BASELINE
-"""The machine that the controller believes in."""
 
 SLIPPING = 0.05
 """Slip velocity [rad/s] from which on a clutch's sensor tells its dynamic torque."""
@@ -69,18 +66,24 @@ class Belief:
     ----------
     task
         From ``known_part``.
+    machine
+        The nominal machine.
+    layout
+        Of the observations, with force sensors.
     """
 
-    def __init__(self, task: PathFollowing) -> None:
-        self.layout: Layout = observation_layout(NOMINAL, "force")
+    def __init__(self, task: PathFollowing, machine: Machine, layout: Layout) -> None:
+        self.layout = layout
         self.task = task
         self.arcs = task.path.arcs
-        model = Batch(NOMINAL, task, 1)
+        model = Batch(machine, task, 1)
         model.reset([0])
         self.rows: Array = model.get_state()["worlds"][0, :, 0]
-        self.decay = float(np.exp(-task.control_period / NOMINAL.clutch.time_constant))
-        self.count = substeps(task, NOMINAL)
-        self.ratio = NOMINAL.clutch.breakaway.slope / NOMINAL.clutch.dynamic.slope
+        self.decay = float(np.exp(-task.control_period / machine.clutch.time_constant))
+        self.count = substeps(task, machine)
+        self.curve = machine.clutch.dynamic
+        self.scale = np.array(machine.clutch_scale)
+        self.ratio = machine.clutch.breakaway.slope / machine.clutch.dynamic.slope
         self.dynamic = np.zeros(4)
         self.reached = 0.0
 
@@ -89,7 +92,7 @@ class Belief:
         see = {name: float(self.layout.physical(obs, name)) for name in self.layout.names}
         volts = np.array([see[f"volts_{x}"] for x in range(1, 5)])
         torques = np.array([see[f"torque_{x}"] for x in range(1, 5)])
-        steady = np.array([NOMINAL.clutch.dynamic.torque(v) for v in volts])
+        steady = self.scale * [self.curve.torque(v) for v in volts]
         self.dynamic = steady + (self.dynamic - steady) * self.decay
         slips = np.abs(slip_velocities(see["omega_a"], see["omega_b"])) > SLIPPING
         self.dynamic[slips] = np.abs(torques[slips])
@@ -121,15 +124,19 @@ class HonestPlanner:
         Of the method.
     task
         Its path, pace and workspace are used, and nothing else.
-    guide
+    guide, nominal
         As for ``Planner``.
+    layout
+        Of the observations, with force sensors.
     """
 
-    def __init__(self, settings: Settings, task: PathFollowing, guide: Controller) -> None:
+    def __init__(
+        self, settings: Settings, task: PathFollowing, guide: Controller, nominal: Machine, layout: Layout
+    ) -> None:
         known = known_part(task, settings.horizon)
-        self.belief = Belief(known)
+        self.belief = Belief(known, nominal, layout)
         self.hand = HandModel(task.control_period, settings.horizon + 1)
-        self.planner = Planner(settings, NOMINAL, known, guide)
+        self.planner = Planner(settings, nominal, known, guide, nominal)
 
     def decide(self, obs: Observations) -> Array:
         """Return the voltages for the next control step, (4,), from an observation with force sensors, (entries,)."""

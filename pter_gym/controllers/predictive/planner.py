@@ -118,7 +118,9 @@ class Planner:
     machine, task
         The model.
     guide
-        A controller whose voltages are among the plans, and the first plan; it is bound to the nominal machine.
+        A controller whose voltages are among the plans, and the first plan.
+    nominal
+        The machine that the guide is told of.
 
     Attributes
     ----------
@@ -128,13 +130,20 @@ class Planner:
         The plan of the latest decision, voltages (knots, 4) [V].
     """
 
-    def __init__(self, settings: Settings, machine: Machine, task: PathFollowing, guide: Controller) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        machine: Machine,
+        task: PathFollowing,
+        guide: Controller,
+        nominal: Machine = BASELINE,
+    ) -> None:
         self.settings = settings
         self.task = task
         self.top = machine.clutch.voltage_max
         self.batch = Batch(machine, task, settings.samples)
         self.one = Batch(machine, task, 1)
-        self.guide: Any = guide.bind(BASELINE, self.one.layout)
+        self.guide: Any = guide.bind(nominal, self.one.layout)
         self.rng = np.random.default_rng(settings.seed)
         self.plan: Array | None = None
         self.latest = np.zeros((settings.knots, 4))

@@ -16,7 +16,7 @@ from pter_gym.controllers.predictive.planner import Array, Observations, Planner
 from pter_gym.engine.batch import Batch
 from pter_gym.engine.world import ROW
 from pter_gym.errors import ParameterError
-from pter_gym.params import Machine
+from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following import IDEAL_SENSING, PathFollowing
 
 Decide = Callable[[Array, Observations], Array]
@@ -44,11 +44,11 @@ class Predictive(ABC):
         return "force"
 
     @abstractmethod
-    def begin(self, machine: Machine, task: PathFollowing) -> Decide:
-        """Return what decides in one episode on a machine."""
+    def begin(self, machine: Machine, task: PathFollowing, nominal: Machine, layout: Layout) -> Decide:
+        """Return what decides in one episode on a machine, told of a nominal machine and of the observations."""
 
-    def bind(self, machine: Machine, layout: Layout) -> "PlanningPolicy":  # noqa: ARG002
-        """Return the policy for the layout of the observations that it will get.
+    def bind(self, machine: Machine, layout: Layout) -> "PlanningPolicy":
+        """Return the policy for a nominal machine and the layout of the observations that it will get.
 
         Raises
         ------
@@ -57,14 +57,15 @@ class Predictive(ABC):
         """
         if "force_along" not in layout.names:
             raise ParameterError('predictive policies need force sensors: sensors="force"')
-        return PlanningPolicy(self, layout)
+        return PlanningPolicy(self, find_machine(machine), layout)
 
 
 class PlanningPolicy(BoundPolicy):
     """A policy that plans, ready to act in the worlds of one batch, each with a planner of its own."""
 
-    def __init__(self, policy: Predictive, layout: Layout) -> None:
+    def __init__(self, policy: Predictive, nominal: Machine, layout: Layout) -> None:
         self.layout = layout
+        self.nominal = nominal
         self.plans = Plans(policy.settings.horizon, policy.settings.rollouts)
         self._policy = policy
         self._batch: Batch | None = None
@@ -88,7 +89,7 @@ class PlanningPolicy(BoundPolicy):
 
     def _begin(self, batch: Batch, number: int) -> Decide:
         """Return what decides in an episode of one of a batch's pairs of machine and task."""
-        return self._policy.begin(*batch.pairs[number])
+        return self._policy.begin(*batch.pairs[number], self.nominal, self.layout)
 
     def act(self, observations: Observations) -> NDArray[np.float32]:
         """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries); 0 where nothing moves.
@@ -120,18 +121,18 @@ def states_of(batch: Batch) -> Array:
 class Privileged(Predictive):
     """Model-predictive control that knows the true machine, the true hand and its future: a bound."""
 
-    def begin(self, machine: Machine, task: PathFollowing) -> Decide:
+    def begin(self, machine: Machine, task: PathFollowing, nominal: Machine, layout: Layout) -> Decide:  # noqa: ARG002
         """Return what decides in one episode on a machine."""
-        return Planner(self.settings, machine, replace(task, sensing=IDEAL_SENSING), self.guide).decide
+        return Planner(self.settings, machine, replace(task, sensing=IDEAL_SENSING), self.guide, nominal).decide
 
 
 @dataclass(frozen=True, slots=True)
 class Honest(Predictive):
     """Model-predictive control from the observation, on the nominal machine; see ``honest``."""
 
-    def begin(self, machine: Machine, task: PathFollowing) -> Decide:  # noqa: ARG002
+    def begin(self, machine: Machine, task: PathFollowing, nominal: Machine, layout: Layout) -> Decide:  # noqa: ARG002
         """Return what decides in one episode; of the task it keeps path, pace and workspace, of the machine nothing."""
-        planner = HonestPlanner(self.settings, task, self.guide)
+        planner = HonestPlanner(self.settings, task, self.guide, nominal, layout)
         return lambda state, obs: planner.decide(obs)  # noqa: ARG005
 
 
