@@ -367,7 +367,9 @@ def check_same(known: Arguments, given: Arguments) -> None:
         return
     before, after = plain(known), plain(given)
     other = next(name for name in before if name != "steps" and before[name] != after[name])
-    raise ParameterError(f"{other} is {before[other]!r} in the run that is in the folder, got {after[other]!r}")
+    raise ParameterError(
+        f"{other} is {before[other]!r:.200} in the run that is in the folder, got {after[other]!r:.200}"
+    )
 
 
 def plain(arguments: Arguments) -> Mapping[str, Any]:

@@ -18,23 +18,25 @@ Task = TypeVar("Task", PathFollowing, "PathFollowing | Vary[PathFollowing]")
 
 @dataclass(frozen=True)
 class OwnMachine:
-    """A machine, and how late a computer sees what it does.
+    """A machine, and how late a computer sees what it does, if that is known.
 
     Attributes
     ----------
     machine
         The machine.
     delay
-        Time from a voltage to the observation of the motion that it makes [s], at least 0; rounded to control steps.
+        Time from a voltage to the observation of the motion that it makes [s], at least 0, which is rounded to control
+        steps; None leaves the sensors of a task as they are.
     """
 
     machine: Machine
-    delay: float = 0.0
+    delay: float | None = None
 
     def __post_init__(self) -> None:
         """Check both."""
         require_kind(self, "machine", Machine)
-        require_number(self, "delay", at_least=0.0)
+        if self.delay is not None:
+            require_number(self, "delay", at_least=0.0)
 
 
 AnyMachine = OwnMachine | Machine | str
@@ -42,7 +44,7 @@ AnyMachine = OwnMachine | Machine | str
 
 
 def find_own(machine: AnyMachine) -> OwnMachine:
-    """Return a machine with its delay, which is 0 for any but a preset's.
+    """Return a machine with its delay, which a preset alone knows.
 
     Raises
     ------
@@ -53,7 +55,7 @@ def find_own(machine: AnyMachine) -> OwnMachine:
     """
     if isinstance(machine, OwnMachine):
         return machine
-    delay = load_preset(machine).sensing.delay if isinstance(machine, str) and is_preset(machine) else 0.0
+    delay = load_preset(machine).sensing.delay if isinstance(machine, str) and is_preset(machine) else None
     return OwnMachine(find_machine(machine), delay)
 
 
@@ -90,21 +92,21 @@ class InPlaceOf(Vary[Drawn]):
 
 
 def as_sensed(task: Task, own: OwnMachine) -> Task:
-    """Return a task, or what draws it, with observations that are as late as a machine's; as it is without a delay.
+    """Return a task, or what draws it, with observations that are as late as a machine's, if that is known.
 
     Raises
     ------
     ParameterError
         If that is later than a task can be.
     """
+    if own.delay is None:
+        return task
     period = (task.base if isinstance(task, Vary) else task).control_period
     steps = round(own.delay / period)
     if steps > MAX_DELAY:
         raise ParameterError(
             f"machine: sensing.delay must be at most {MAX_DELAY} control steps of {period:g} s, got {own.delay:g} s"
         )
-    if steps == 0:
-        return task
 
     def delayed(delay: Any) -> Any:
         return InPlaceOf(delay, steps) if hasattr(delay, "draw") else steps

@@ -69,7 +69,9 @@ def test_what_draws_the_sensors_keeps_all_but_the_delay() -> None:
     rng = np.random.default_rng(0)
     drawn = {sensed.draw(rng).sensing for _ in range(30)}
     assert drawn == {replace(few, delay=2), Sensing(delay=2)}
-    assert as_sensed(task, OwnMachine(BASELINE, 0.004)) is task
+    early: Any = as_sensed(task, OwnMachine(BASELINE, 0.004))
+    assert {early.draw(rng).sensing.delay for _ in range(30)} == {0}
+    assert as_sensed(task, OwnMachine(BASELINE)) is task
 
 
 def test_the_registered_environments_take_it(preset: str) -> None:
