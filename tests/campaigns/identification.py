@@ -2,7 +2,6 @@
 
     python -m tests.campaigns.identification --machines 100 --write     100 machines, the table into docs/identify.md
     python -m tests.campaigns.identification --machines 3 --first 7     machines 7, 8 and 9 alone, with their numbers
-    python -m tests.campaigns.identification --machines 24 --calibrate  on other machines: how wide intervals have to be
 
 Machine number k is drawn from the seed and k: inertias, coupling, torque curve, T_s/T_k, the clutches' own factors,
 time constant, delay, encoders and the noise of the force. Its log is that of the experiment, simulated with a
@@ -24,8 +23,7 @@ from pter_gym.params import BASELINE, Arm, Clutch, Machine, TorqueCurve
 
 PAGE = Path(__file__).parents[2] / "docs" / "identify.md"
 
-SEED, CALIBRATION = 18, 17
-"""Seeds of the machines that are judged, and of those by which the intervals' width is chosen."""
+SEED = 18
 
 ALLOWED = 0.05
 """Largest error over the scale."""
@@ -46,13 +44,12 @@ GROUPS = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one number of one machine; ``reach`` is its error over half of its interval."""
+    """What came of one number of one machine."""
 
     name: str
     status: str
     error: float
     inside: bool
-    reach: float
 
 
 def draw_machine(rng: np.random.Generator) -> Machine:
@@ -89,9 +86,9 @@ def draw_recorder(rng: np.random.Generator) -> Recorder:
     )
 
 
-def identified(number: int, seed: int = SEED) -> tuple[Identification, Machine, float, float]:
+def identified(number: int) -> tuple[Identification, Machine, float, float]:
     """Return what was found of a machine, the machine, its delay, and how long that took [s of the processor]."""
-    rng = np.random.default_rng([seed, number])
+    rng = np.random.default_rng([SEED, number])
     machine, recorder = draw_machine(rng), draw_recorder(rng)
     log = record_log(machine, recorder=recorder, seed=number)
     start = replace(BASELINE, arm=replace(BASELINE.arm, length_a=machine.arm.length_a, length_b=machine.arm.length_b))
@@ -111,13 +108,7 @@ def outcomes(found: Identification, machine: Machine, delay: float) -> list[Outc
     )
     true = quantities(same, delay, found.fit.shape.top)
     return [
-        Outcome(
-            q.name,
-            f.status,
-            (f.quantity.value - q.value) / q.scale,
-            f.low <= q.value <= f.high,
-            2.0 * abs(f.quantity.value - q.value) / max(f.high - f.low, 1e-300),
-        )
+        Outcome(q.name, f.status, (f.quantity.value - q.value) / q.scale, f.low <= q.value <= f.high)
         for f, q in zip(found.findings, true, strict=True)
     ]
 
@@ -159,15 +150,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--machines", type=int, default=10)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument(
-        "--calibrate", action="store_true", help="machines of another seed, and what would be wide enough"
-    )
     parser.add_argument("--write", action="store_true", help="write the table into docs/identify.md")
     arguments = parser.parse_args()
     results: list[list[Outcome]] = []
     seconds: list[float] = []
     for number in range(arguments.first, arguments.first + arguments.machines):
-        found, machine, delay, taken = identified(number, CALIBRATION if arguments.calibrate else SEED)
+        found, machine, delay, taken = identified(number)
         results.append(outcomes(found, machine, delay))
         seconds.append(taken)
         told = [
@@ -176,10 +164,6 @@ def main() -> None:
             if not o.inside or o.status != "identified" or abs(o.error) > ALLOWED
         ]
         print(f"machine {number}, {taken:.0f} s: {'; '.join(told) or 'all identified and inside'}", flush=True)
-    if arguments.calibrate:
-        reaches = [outcome.reach for each in results for outcome in each if outcome.status != "kept"]
-        print(f"95 % of the errors are within {np.quantile(reaches, 0.95):.2f} times half of their interval")
-        return
     text = table(results, seconds)
     print(text)
     if arguments.write:
