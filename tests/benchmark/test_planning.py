@@ -179,7 +179,7 @@ class Binds:
 
 def renamed(layout: Layout) -> BoundPolicy:
     """An honest bound planner, whose instance decides as the privileged one."""
-    bound = PlanningPolicy(Honest(Free(), SETTINGS), layout)
+    bound = PlanningPolicy(Honest(Free(), SETTINGS), BASELINE, layout)
     bound._policy = Privileged(Free(), SETTINGS)  # type: ignore[assignment]
     return bound
 
@@ -191,7 +191,7 @@ ATTACKS = {
     "a wrapper that plans": Binds(lambda layout: Wrapping(BOUND, layout, Plans(1, 1))),
     "a wrapper that forgets that it plans": Binds(lambda layout: Forgetful(BOUND, layout, Plans(1, 1))),
     "an instance that was changed": Binds(renamed),
-    "the honest one behind a door": Binds(lambda layout: PlanningPolicy(Honest(Free(), SETTINGS), layout)),
+    "the honest one behind a door": Binds(lambda layout: PlanningPolicy(Honest(Free(), SETTINGS), BASELINE, layout)),
 }
 
 
