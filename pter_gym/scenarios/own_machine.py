@@ -7,7 +7,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from pter_gym.errors import ParameterError
-from pter_gym.params import Machine, find_machine, is_preset, require_kind, require_number
+from pter_gym.params import Machine, find_machine, is_preset, machine_of, require_kind, require_number
 from pter_gym.params.preset import load_preset
 from pter_gym.scenarios.randomisation import Drawn, OneOf, Vary, drawn
 from pter_gym.scenarios.suite import Scenario, Varied
@@ -55,8 +55,10 @@ def find_own(machine: AnyMachine) -> OwnMachine:
     """
     if isinstance(machine, OwnMachine):
         return machine
-    delay = load_preset(machine).sensing.delay if isinstance(machine, str) and is_preset(machine) else None
-    return OwnMachine(find_machine(machine), delay)
+    if isinstance(machine, str) and is_preset(machine):
+        preset = load_preset(machine)
+        return OwnMachine(machine_of(preset), preset.sensing.delay)
+    return OwnMachine(find_machine(machine))
 
 
 def on_machine(scenario: Scenario, machine: AnyMachine) -> Scenario:

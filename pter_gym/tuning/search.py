@@ -18,7 +18,7 @@ from pter_gym.errors import ParameterError, needs_extra, unknown_name
 from pter_gym.internal.checks import whole_number
 from pter_gym.internal.files import FilePath, check_target, find_path
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
-from pter_gym.scenarios.own_machine import AnyMachine
+from pter_gym.scenarios.own_machine import AnyMachine, find_own
 from pter_gym.tuning.examination import Examination, Verdict
 from pter_gym.tuning.journal import keeping, open_journal
 from pter_gym.tuning.offspring import offspring
@@ -130,9 +130,10 @@ def tune(
     storage = find_path("storage", storage)
     _check(controller, scenario, pace, storage, {"trials": trials, "starts": starts, "episodes": episodes}, seed)
     trials, starts, episodes, seed = map(int, (trials, starts, episodes, seed))
+    own = None if machine is None else find_own(machine)  # read once, whatever becomes of its file
     counts = [-(-episodes // REDUCTION**k) for k in reversed(range(RUNGS))]
-    rungs = [Examination(scenario, pace, count, 2 * seed, machine) for count in counts]
-    name = f"{_label(find_scenario(scenario, machine))} {controller} {pace} {episodes} {seed}"
+    rungs = [Examination(scenario, pace, count, 2 * seed, own) for count in counts]
+    name = f"{_label(find_scenario(scenario, own))} {controller} {pace} {episodes} {seed}"
     search = Search(controller, pace, rungs)
     studies = _open(storage, name, [starts * seed + start for start in range(starts)])
     with keeping(storage):
@@ -146,7 +147,7 @@ def tune(
             best, rng, trials - (starts - 1) * share, lambda done, value: on_trial((starts - 1) * share + done, value)
         )
     found = [gains for study, _ in studies for gains in search.best(study)]
-    final = Examination(scenario, pace, episodes, 2 * seed + 1, machine)
+    final = Examination(scenario, pace, episodes, 2 * seed + 1, own)
     judged = [(final.judge(make(controller, gains)), gains) for gains in found]
     verdict, gains = min(judged, key=lambda pair: pair[0].value)
     return Study(controller, scenario, pace, gains, verdict, trials, starts, episodes, seed, machine)
