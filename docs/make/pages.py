@@ -4,6 +4,7 @@ import json
 import re
 from pathlib import Path
 
+from pter_gym.benchmark.ranking import PRIVILEGED
 from pter_gym.internal.files import write_text_atomic
 from pter_gym.scenarios import PACES
 
@@ -71,9 +72,14 @@ def path_error(scores: dict) -> str:
     return f"{value:.1f} ({low:.1f} … {high:.1f})"
 
 
+def label(name: str, scores: dict) -> str:
+    """The name of a policy, marked if it knows what no controller can."""
+    return f"`{name}`{' (privileged)' if scores['privileged'] else ''}"
+
+
 def error_cell(scores: dict, *, details: bool) -> str:
     """Path error in mm with its interval; with details, arrivals and pace errors; marked below the line."""
-    text = joined(path_error(scores) + ("" if scores["rank"] else f" {BELOW}"))
+    text = joined(path_error(scores) + ("" if scores["reason"] in (None, PRIVILEGED) else f" {BELOW}"))
     if not details:
         return text
     arrives, mean, segments = (
@@ -93,7 +99,7 @@ def board_table(boards: list[dict], scenario: str, names: list[str], *, details:
     shown = [name for name in names if all(name in found[pace]["policies"] for pace in PACES)]
     errors = {name: [found[pace]["policies"][name] for pace in PACES] for name in shown}
     rows = [
-        [f"`{name}`", *(error_cell(scores, details=details) for scores in errors[name])]
+        [label(name, errors[name][0]), *(error_cell(scores, details=details) for scores in errors[name])]
         for name in sorted(shown, key=lambda name: errors[name][0]["path_error_m"]["value"])
     ]
     return f"`{scenario}`, {episodes}:\n\n" + table(["Policy", *paces], rows, "---")
