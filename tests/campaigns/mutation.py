@@ -8,7 +8,7 @@ compilation, and each run is forked from a process that has loaded the libraries
 
 First, each test file runs once unchanged: which test reaches which line, and how long it takes. Tests that take longer
 than ``--limit`` seconds of processor time as plain Python, or need the compiler, play no part. What was found is kept
-in the work folder until a source or that test file changes.
+in the work folder until a source or that test file changes, and so is which test noticed a fault.
 
 A fault that no test notices is equal if ``equal_mutants.toml`` has it, with the reason, and survives otherwise.
 """
@@ -195,6 +195,8 @@ class Campaign:
                 (copy / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(root / name, copy / name)
         self.writes = 0
+        self.sources = ""
+        self.noticed = work / "noticed.txt"
 
     def files(self, patterns: list[str]) -> list[str]:
         """The files of some patterns, without repetition."""
@@ -206,8 +208,8 @@ class Campaign:
             name for name in self.names if name.endswith(".py") and not name.startswith(("docs/", "tests/campaigns/"))
         ]
         others = [name for name in others if not Path(name).name.startswith("test_")]
-        common = self._digest(others, str((files, limit)))
-        stored = {test: self.work / f"{self._digest([test], common)}.json" for test in tests}
+        self.sources = self._digest(others, str((files, limit)))
+        stored = {test: self.work / f"{self._digest([test], self.sources)}.json" for test in tests}
 
         def run(test: str, copy: Path) -> int:
             def body() -> int:
@@ -234,9 +236,13 @@ class Campaign:
             for name, (seconds, reached) in json.loads(stored[test].read_text("utf-8")).items()
         ]
 
-    def try_all(self, chosen: list[tuple[Mutant, list[Case]]], *, tell: bool = True) -> list[Outcome]:
-        """Run the tests that are chosen for each fault."""
+    def try_all(self, chosen: list[tuple[Mutant, list[Case]]], *, keep: bool = True) -> list[Outcome]:
+        """Run the tests that are chosen for each fault; with ``keep`` tell and remember what notices it."""
+        noticed = self._read_noticed() if keep else {}
         outcomes = [Outcome(mutant, "unreached", "", 0.0) for mutant, cases in chosen if not cases]
+        outcomes += [
+            Outcome(mutant, "killed", noticed[mutant.name], 0.0) for mutant, _ in chosen if mutant.name in noticed
+        ]
 
         def run(job: tuple[Mutant, list[Case]], copy: Path) -> int:
             mutant, cases = job
@@ -256,11 +262,28 @@ class Campaign:
             failed = copy / "failed.txt"
             by = failed.read_text("utf-8") if failed.exists() else f"status {status}"
             outcomes.append(Outcome(mutant, "killed" if status else "survived", by if status else "", seconds))
-            if tell:
+            if keep:
                 print(f"{len(outcomes)}: {outcomes[-1].outcome} {seconds:.1f} s: {mutant.name}", flush=True)
+            if keep and failed.exists():
+                self._write_noticed(mutant.name, by)
 
-        self._run_all([job for job in chosen if job[1]], run, judge)
+        self._run_all([job for job in chosen if job[1] and job[0].name not in noticed], run, judge)
         return outcomes
+
+    def _read_noticed(self) -> dict[str, str]:
+        """The test that notices a fault, of those that stand for the present sources."""
+        lines = self.noticed.read_text("utf-8").splitlines() if self.noticed.exists() else []
+        entries = [line.split("\t") for line in lines]
+        return {name: by for key, name, by in entries if key == self._key(by)}
+
+    def _write_noticed(self, name: str, by: str) -> None:
+        with self.noticed.open("a", encoding="utf-8") as file:
+            file.write(f"{self._key(by)}\t{name}\t{by}\n")
+
+    def _key(self, by: str) -> str:
+        """A hash of all sources and of a test's file."""
+        file = by.partition("::")[0]
+        return self._digest([file], self.sources) if (self.root / file).is_file() else ""
 
     def _digest(self, names: list[str], more: str) -> str:
         found = hashlib.sha256(more.encode())
@@ -419,7 +442,7 @@ def main() -> None:
     unchanged = [
         (replace(mutant, source=(ROOT / mutant.file).read_text("utf-8")), tests) for mutant, tests in chosen[:3]
     ]
-    if any(outcome.outcome == "killed" for outcome in campaign.try_all(unchanged, tell=False)):
+    if any(outcome.outcome == "killed" for outcome in campaign.try_all(unchanged, keep=False)):
         sys.exit("tests fail without a fault")
     outcomes = [Outcome(mutant, "equal", "", 0.0) for mutant in mutants if mutant.name in equal]
     outcomes += campaign.try_all(chosen)

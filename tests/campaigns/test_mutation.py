@@ -44,7 +44,7 @@ source = (campaign.root / "toy/code.py").read_text()
 cases = campaign.measure(["tests/test_toy.py"], ["toy/code.py"], 5.0)
 found = mutation.mutants_of("toy/code.py", source)
 outcomes = campaign.try_all([(mutant, mutation.choose(mutant, cases, 5.0)) for mutant in found])
-print(json.dumps({outcome.mutant.change: outcome.outcome for outcome in outcomes}))
+print(json.dumps({outcome.mutant.change: [outcome.outcome, outcome.seconds > 0.0] for outcome in outcomes}))
 """
 
 
@@ -144,14 +144,23 @@ def test_a_campaign_tells_what_is_killed_survives_or_is_unreached(tmp_path: Path
         (tmp_path / "root" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "root" / name).write_text(text, "utf-8")
     subprocess.run(["git", "init", "-q", tmp_path / "root"], check=True)
-    command = [sys.executable, "-c", DRIVER, tmp_path / "root", tmp_path / "work"]
-    done = subprocess.run(command, cwd=FOLDER, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout.splitlines()[-1]) == {
-        "3 → 4": "survived",
-        "1 → 2": "survived",
-        "x > y → x >= y": "survived",
-        "x > y → x <= y": "killed",
-        "x * 2 → x / 2": "unreached",
-        "2 → 3": "unreached",
+    test = tmp_path / "root/tests/test_toy.py"
+
+    def run() -> dict[str, list]:
+        command = [sys.executable, "-c", DRIVER, tmp_path / "root", tmp_path / "work"]
+        done = subprocess.run(command, cwd=FOLDER, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout.splitlines()[-1])
+
+    first = run()
+    assert first == {
+        "3 → 4": ["survived", True],
+        "1 → 2": ["survived", True],
+        "x > y → x >= y": ["survived", True],
+        "x > y → x <= y": ["killed", True],
+        "x * 2 → x / 2": ["unreached", False],
+        "2 → 3": ["unreached", False],
     }
+    assert run() == {**first, "x > y → x <= y": ["killed", False]}, "what is known is not tried again"
+    test.write_text("from toy.code import larger\n\ndef test_larger():\n    assert larger(2) == 2\n", "utf-8")
+    assert run()["x > y → x <= y"] == ["killed", True], "another test, so it is tried again"
