@@ -240,9 +240,8 @@ class Campaign:
         """Run the tests that are chosen for each fault; with ``keep`` tell and remember what notices it."""
         noticed = self._read_noticed() if keep else {}
         outcomes = [Outcome(mutant, "unreached", "", 0.0) for mutant, cases in chosen if not cases]
-        outcomes += [
-            Outcome(mutant, "killed", noticed[mutant.name], 0.0) for mutant, _ in chosen if mutant.name in noticed
-        ]
+        known = [mutant for mutant, cases in chosen if cases and mutant.name in noticed]
+        outcomes += [Outcome(mutant, "killed", noticed[mutant.name], 0.0) for mutant in known]
 
         def run(job: tuple[Mutant, list[Case]], copy: Path) -> int:
             mutant, cases = job

@@ -146,7 +146,7 @@ def test_a_campaign_tells_what_is_killed_survives_or_is_unreached(tmp_path: Path
     subprocess.run(["git", "init", "-q", tmp_path / "root"], check=True)
     test = tmp_path / "root/tests/test_toy.py"
 
-    def run() -> dict[str, list]:
+    def run() -> dict[str, list[str | bool]]:
         command = [sys.executable, "-c", DRIVER, tmp_path / "root", tmp_path / "work"]
         done = subprocess.run(command, cwd=FOLDER, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
