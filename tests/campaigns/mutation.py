@@ -21,6 +21,7 @@ import json
 import math
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -29,7 +30,7 @@ import sys
 import tomllib
 import traceback
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -249,7 +250,7 @@ class Campaign:
             (copy / "failed.txt").unlink(missing_ok=True)
 
             def body() -> int:
-                files = list(dict.fromkeys(case.name.partition("::")[0] for case in cases))
+                files = list(dict.fromkeys(file_of(case.name) for case in cases))
                 selection = Selection([case.name for case in cases], copy / "failed.txt")
                 return int(pytest.main([*ALIKE, "-x", *files, f"--basetemp={copy / 'tmp'}"], plugins=[selection]))
 
@@ -281,7 +282,7 @@ class Campaign:
 
     def _key(self, by: str) -> str:
         """A hash of all sources and of a test's file."""
-        file = by.partition("::")[0]
+        file = file_of(by)
         return self._digest([file], self.sources) if (self.root / file).is_file() else ""
 
     def _digest(self, names: list[str], more: str) -> str:
@@ -338,32 +339,42 @@ class Campaign:
             free.append(copy)
 
 
+def file_of(test: str) -> str:
+    """The file of a test."""
+    return test.partition("::")[0]
+
+
 def function_of(test: str) -> str:
     """The name of a test without its parameters."""
     return test.partition("[")[0]
 
 
-def choose(mutant: Mutant, cases: list[Case], budget: float) -> list[Case]:
+def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str, str]) -> list[Case]:
     """Tests that reach a fault's statement, the quickest of each function first, within a budget [s].
 
-    What runs when a module is imported is reached by all tests that reach its functions, or else by all.
+    What runs when a module is imported is reached by all tests that reach its functions, or else by all. Tests in files
+    whose texts have the name that it sets come first.
     """
     found = [case for case in cases if mutant.file in case.lines]
+    named: set[str] = set()
     if not mutant.at_import:
         found = [case for case in found if not case.lines[mutant.file].isdisjoint(mutant.lines)]
-    elif not found:
-        found = cases
+    else:
+        if begins := re.match(r"\w+(?=: | = )", mutant.line):
+            named = {file for file, text in texts.items() if re.search(rf"\b{begins[0]}\b", text)}
+        found = [case for case in cases if mutant.file in case.lines or file_of(case.name) in named] or cases
     rank: Counter[str] = Counter()
     ordered = []
     for case in sorted(found, key=lambda case: case.seconds):
-        ordered.append((rank[function_of(case.name)], case.seconds, case.name, case))
+        place = rank[function_of(case.name)]
+        ordered.append((file_of(case.name) not in named, place, case.seconds, case.name, case))
         rank[function_of(case.name)] += 1
     chosen, spent = [], 0.0
-    for _, seconds, _, case in sorted(ordered):
-        if chosen and spent + seconds > budget:
+    for *_, case in sorted(ordered):
+        if chosen and spent + case.seconds > budget:
             break
         chosen.append(case)
-        spent += seconds
+        spent += case.seconds
     return chosen
 
 
@@ -437,7 +448,8 @@ def main() -> None:
 
     equal = known_equal()
     mutants = [mutant for mutants in drawn.values() for mutant in mutants]
-    chosen = [(mutant, choose(mutant, cases, given.budget)) for mutant in mutants if mutant.name not in equal]
+    texts = {test: (ROOT / test).read_text("utf-8") for test in campaign.files(given.tests)}
+    chosen = [(mutant, choose(mutant, cases, given.budget, texts)) for mutant in mutants if mutant.name not in equal]
     unchanged = [
         (replace(mutant, source=(ROOT / mutant.file).read_text("utf-8")), tests) for mutant, tests in chosen[:3]
     ]

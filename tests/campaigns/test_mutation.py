@@ -43,7 +43,7 @@ campaign = mutation.Campaign(Path(sys.argv[1]), Path(sys.argv[2]))
 source = (campaign.root / "toy/code.py").read_text()
 cases = campaign.measure(["tests/test_toy.py"], ["toy/code.py"], 5.0)
 found = mutation.mutants_of("toy/code.py", source)
-outcomes = campaign.try_all([(mutant, mutation.choose(mutant, cases, 5.0)) for mutant in found])
+outcomes = campaign.try_all([(mutant, mutation.choose(mutant, cases, 5.0, {})) for mutant in found])
 print(json.dumps({outcome.mutant.change: [outcome.outcome, outcome.seconds > 0.0] for outcome in outcomes}))
 """
 
@@ -134,8 +134,16 @@ def test_quickest_test_of_each_function_comes_first():
     assert (mutant.lines, mutant.at_import) == (range(2, 3), False)
     names = [("t::a[1]", 1.0, 2), ("t::a[2]", 0.5, 2), ("t::b", 2.0, 2), ("t::c", 0.1, 1)]
     cases = [mutation.Case(name, seconds, {"f.py": frozenset([line])}) for name, seconds, line in names]
-    assert [case.name for case in mutation.choose(mutant, cases, 9.0)] == ["t::a[2]", "t::b", "t::a[1]"]
-    assert [case.name for case in mutation.choose(mutant, cases, 1.0)] == ["t::a[2]"]
+    assert [case.name for case in mutation.choose(mutant, cases, 9.0, {})] == ["t::a[2]", "t::b", "t::a[1]"]
+    assert [case.name for case in mutation.choose(mutant, cases, 1.0, {})] == ["t::a[2]"]
+
+
+def test_tests_that_name_a_constant_come_first():
+    (mutant, *_) = mutants_of("f.py", "LIMIT = 3\n")
+    cases = [mutation.Case(name, 1.0, {file: frozenset([1])}) for name, file in (("t::a", "f.py"), ("u::b", "g.py"))]
+    texts = {"t": "LIMITED", "u": "assert LIMIT"}
+    assert [case.name for case in mutation.choose(mutant, cases, 9.0, texts)] == ["u::b", "t::a"]
+    assert [case.name for case in mutation.choose(mutant, cases, 9.0, {})] == ["t::a"]
 
 
 @pytest.mark.slow
