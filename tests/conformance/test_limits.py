@@ -19,6 +19,7 @@ from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, MACHINES, Arm, Hand, Machine
 from pter_gym.physics.arm import Linkage
 from pter_gym.physics.limits import (
+    LARGEST_CONDITION,
     LONGEST_TURN,
     condition,
     largest_energy,
@@ -67,6 +68,23 @@ REFUSED: dict[str, tuple[str, Callable[[], Any]]] = {
     "a huge whole number": ("length_a must be", lambda: Arm(length_a=10**400)),
     "a huge phase": ("phases must be", lambda: MultiSineHand(phases=(1e300,) * 5)),
 }
+
+
+def test_the_numbers_that_the_derivation_takes():
+    assert LONGEST_TURN == 0.5, "the series of arm.rotated is made for it"
+    assert LARGEST_CONDITION == 1e16 / 1e12, "twelve of sixteen digits are left"
+
+
+@pytest.mark.parametrize("coupling", [0.05, -0.3, 0.5])
+@pytest.mark.parametrize(("h", "period"), [(1e-3, 0.01), (0.01, 0.05), (0.2, 3.0)])
+def test_the_formulas_of_the_derivation(coupling: float, h: float, period: float):
+    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.6, m22=0.5, coupling=coupling, damping=7.0, stiffness=30.0)
+    mu = min(np.linalg.eigvalsh([[0.6, c], [c, 0.5]])[0] for c in (coupling, -coupling))
+    assert smallest_inertia(arm) == pytest.approx(mu)
+    assert condition(arm, h) == pytest.approx((0.6 + 0.5 + h * 7.0 * (0.4**2 + 0.7**2)) / mu)
+    a = 2.0 * coupling**2 / mu + abs(coupling) / 2.0
+    longer = period + math.sqrt(h * period)
+    assert largest_motion(arm, h, period) == pytest.approx(min(mu / (4.0 * h**2), mu**2 / (3.0 * h * a * longer)))
 
 
 @pytest.mark.parametrize(("text", "make"), REFUSED.values(), ids=REFUSED)

@@ -12,7 +12,7 @@ from pter_gym.physics import arm as arms
 from pter_gym.physics import clutch, open_loop, step
 from pter_gym.physics.arm import Linkage, Load, Motion
 from pter_gym.physics.clutch import Curve, PerClutch, Torques
-from pter_gym.physics.friction import slip_velocities
+from pter_gym.physics.friction import COUPLING, LINES, lower_bound, resolve, share, slip_velocities, upper_bound
 from pter_gym.physics.model import model_of
 from pter_gym.tasks.path_following.situation import Vector
 
@@ -105,7 +105,9 @@ def test_the_arm_advances_at_its_new_velocity():
 CURVE = Curve(slope=0.1, knee=4.0, curvature=0.05)
 
 
-@pytest.mark.parametrize(("volts", "torque"), [(0.0, 0.0), (3.0, 0.3), (4.0, 0.4), (6.0, 0.6 + 0.05 * 4.0)])
+@pytest.mark.parametrize(
+    ("volts", "torque"), [(0.0, 0.0), (3.0, 0.3), (4.0, 0.4), (4.5, 0.45 + 0.05 * 0.25), (6.0, 0.6 + 0.05 * 4.0)]
+)
 def test_torque_over_voltage(volts: float, torque: float):
     assert clutch.curve_torque(CURVE, volts) == pytest.approx(torque)
 
@@ -115,15 +117,15 @@ def test_torques_of_each_clutch_settle_are_scaled_and_lag():
     steady = clutch.steady_torques(CURVE, other, PerClutch(1.0, 2.0, 3.0, 6.0))
     assert steady.breakaway == pytest.approx((0.1, 0.2, 0.3, 0.8))
     assert steady.dynamic == pytest.approx((0.2, 0.4, 0.6, 1.2))
-    scaled = clutch.scaled(steady, PerClutch(1.0, 2.0, 3.0, 4.0), 0.5)
-    assert scaled.breakaway == pytest.approx((0.05, 0.2, 0.45, 1.6))
-    assert scaled.dynamic == pytest.approx((0.1, 0.4, 0.9, 2.4))
+    scaled = clutch.scaled(steady, PerClutch(1.0, 4.0, 3.0, 4.0), 0.5)
+    assert scaled.breakaway == pytest.approx((0.05, 0.4, 0.45, 1.6))
+    assert scaled.dynamic == pytest.approx((0.1, 0.8, 0.9, 2.4))
     half = clutch.lag_left(math.log(2.0), 1.0)
     assert half == pytest.approx(0.5)
     assert clutch.lag_left(2.0, 0.5) == pytest.approx(math.exp(-4.0))
     lagging = clutch.relax_torques(scaled, steady, half)
-    assert lagging.breakaway == pytest.approx((0.075, 0.2, 0.375, 1.2))
-    assert lagging.dynamic == pytest.approx((0.15, 0.4, 0.75, 1.8))
+    assert lagging.breakaway == pytest.approx((0.075, 0.3, 0.375, 1.2))
+    assert lagging.dynamic == pytest.approx((0.15, 0.6, 0.75, 1.8))
     assert clutch.relax(scaled.dynamic, steady.dynamic, 0.0) == steady.dynamic
 
 
@@ -230,3 +232,42 @@ def test_one_negative_number_of_a_start_is_refused(field: str):
     wrong[2] = -1e-9
     with pytest.raises(ParameterError, match="torques and lagged voltages must be ≥ 0"):
         open_loop.simulate(BASELINE, replace(start, **{field: wrong}), np.zeros(4), np.zeros(2), duration=0.01)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_friction_finds_the_velocity_that_a_momentum_was_made_for(seed: int):
+    """Backwards: a velocity, and impulses that may go with it, make the momentum; off ties its answer is unique."""
+    rng = np.random.default_rng([3, seed])
+    for number in range(400):
+        m11, m22 = np.exp(rng.uniform(-2.0, 2.0, 2))
+        m12 = rng.uniform(-0.99, 0.99) * math.sqrt(m11 * m22)
+        capacity = rng.exponential(1.0, 4) * rng.integers(0, 2 if number % 2 else 5, 4).clip(max=1)
+        line = np.array(LINES[rng.integers(4)])
+        omega = (np.zeros(2), line * rng.normal(), rng.normal(size=2), line + 0.1 * rng.normal(size=2))[number % 4]
+        slips = np.array(slip_velocities(*omega.tolist()))
+        held = rng.uniform(-1.0, 1.0, 4) * rng.choice([0.5, 0.99])
+        impulse = capacity * np.where(slips == 0.0, held, np.sign(slips))
+        p = np.array([[m11, m12], [m12, m22]]) @ omega + np.array(COUPLING).T @ impulse
+        found = resolve(m11, m12, m22, *p.tolist(), PerClutch(*capacity.tolist()))
+        rounding = 8 * 2.0**-53 * (m11 + m22) / (m11 * m22 - m12**2) * (np.abs(p).sum() + capacity.sum())
+        rounding += 8 * 2.0**-53 * (m11 + m22) ** 2 / (m11 * m22 - m12**2) * np.hypot(*omega)
+        assert found == pytest.approx(omega, abs=rounding), (m11, m12, m22, p, capacity)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_load_is_shared_as_the_multipliers_say_that_it_was_made_from(seed: int):
+    """Backwards: the least torques are multipliers on the two axes, limited; they make the load, and are unique."""
+    rng = np.random.default_rng([4, seed])
+    w = np.array(COUPLING)
+    for number in range(300):
+        high = rng.exponential(1.0, 4) * rng.integers(0, 4, 4).clip(max=1)
+        low = -high if number % 2 else np.minimum(rng.normal(size=4), high)
+        torque = np.clip(w @ rng.normal(scale=rng.choice([0.2, 1.0, 5.0]), size=2), low, high)
+        # share() keeps off an edge by up to 1e-12 of loads and ranges, together at most five of these sums
+        found = share(*(w.T @ torque).tolist(), PerClutch(*low.tolist()), PerClutch(*high.tolist()))
+        assert found == pytest.approx(torque, abs=1e-11 * (np.abs(low) + np.abs(high)).sum()), (low, high, torque)
+
+
+@pytest.mark.parametrize(("slip", "low", "high"), [(-0.5, 2.0, 2.0), (0.0, -2.0, 2.0), (0.5, -2.0, -2.0)])
+def test_a_slipping_clutch_has_no_choice(slip: float, low: float, high: float):
+    assert (lower_bound(slip, 2.0), upper_bound(slip, 2.0)) == (low, high)
