@@ -350,24 +350,22 @@ def function_of(test: str) -> str:
 
 
 def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str, str]) -> list[Case]:
-    """Tests that reach a fault's statement, the quickest of each function first, within a budget [s].
+    """Tests that reach a fault's statement within a budget [s]; what runs on import is reached by all of its module's.
 
-    What runs when a module is imported is reached by all tests that reach its functions, or else by all. Tests in files
-    whose texts have the name that it sets come first.
+    Tests in files that name what has the fault come first, then those in files that import its module; of these, the
+    quickest of each function.
     """
+    told = {file: nearness(mutant, text) for file, text in texts.items()}
     found = [case for case in cases if mutant.file in case.lines]
-    named: set[str] = set()
     if not mutant.at_import:
         found = [case for case in found if not case.lines[mutant.file].isdisjoint(mutant.lines)]
     else:
-        if begins := re.match(r"\w+(?=: | = )", mutant.line):
-            named = {file for file, text in texts.items() if re.search(rf"\b{begins[0]}\b", text)}
-        found = [case for case in cases if mutant.file in case.lines or file_of(case.name) in named] or cases
+        found = [case for case in cases if mutant.file in case.lines or told.get(file_of(case.name)) == 0] or cases
     rank: Counter[str] = Counter()
     ordered = []
     for case in sorted(found, key=lambda case: case.seconds):
         place = rank[function_of(case.name)]
-        ordered.append((file_of(case.name) not in named, place, case.seconds, case.name, case))
+        ordered.append((told.get(file_of(case.name), 2), place, case.seconds, case.name, case))
         rank[function_of(case.name)] += 1
     chosen, spent = [], 0.0
     for *_, case in sorted(ordered):
@@ -376,6 +374,17 @@ def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str,
         chosen.append(case)
         spent += case.seconds
     return chosen
+
+
+def nearness(mutant: Mutant, text: str) -> int:
+    """0 if the text of a test file has the function, class or constant with the fault, 1 if it has its module, else 2."""
+    names = mutant.scope.split(".") if mutant.scope else re.findall(r"^\w+(?=: | = )", mutant.line)
+    if any(re.search(rf"\b{name}\b", text) for name in names if not name.startswith("__")):
+        return 0
+    module = Path(mutant.file).with_suffix("").parts
+    last, package = module[-1], ".".join(module[:-1])
+    imported = rf"\b{'[.]'.join(module)}\b|from {package} import [^\n]*\b{last}\b"
+    return 1 if re.search(imported, text) else 2
 
 
 def known_equal() -> dict[str, str]:

@@ -146,6 +146,21 @@ def test_tests_that_name_a_constant_come_first():
     assert [case.name for case in mutation.choose(mutant, cases, 9.0, {})] == ["t::a"]
 
 
+@pytest.mark.parametrize(
+    ("text", "nearness"),
+    [
+        ("assert load(3)", 0),
+        ("from p.room.door import other", 1),
+        ("import p.room.door", 1),
+        ("from p.room import window, door", 1),
+        ("from p.room import doors; loaded()", 2),
+    ],
+)
+def test_the_nearest_tests_name_the_function_or_its_module(text: str, nearness: int):
+    (mutant, *_) = mutants_of("p/room/door.py", "def load(x):\n    return x + 1\n")
+    assert mutation.nearness(mutant, text) == nearness
+
+
 @pytest.mark.slow
 def test_a_campaign_tells_what_is_killed_survives_or_is_unreached(tmp_path: Path):
     for name, text in {"toy/__init__.py": "", "toy/code.py": CODE, "tests/test_toy.py": TESTS}.items():
