@@ -377,7 +377,7 @@ def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str,
 
 
 def nearness(mutant: Mutant, text: str) -> int:
-    """0 if the text of a test file has the function, class or constant with the fault, 1 if it has its module, else 2."""
+    """0 if a test file's text has the function, class or constant with the fault, 1 if it has its module, else 2."""
     names = mutant.scope.split(".") if mutant.scope else re.findall(r"^\w+(?=: | = )", mutant.line)
     if any(re.search(rf"\b{name}\b", text) for name in names if not name.startswith("__")):
         return 0
