@@ -1,0 +1,333 @@
+"""The functions of the task and the hand, each against a formula written otherwise; borders of what is accepted."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pter_gym.errors import ParameterError
+from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
+from pter_gym.hands.model import NO_FORCE, PerSine, Sines, advance_sines, intent_speed, renew_sines, sum_of_sines
+from pter_gym.params import BASELINE, PRESENT_CLUTCH, Clutch, Hand, TorqueCurve
+from pter_gym.paths import Arc, Line
+from pter_gym.physics.arm import Linkage, Motion, UnitVector, Vector, tip_position
+from pter_gym.physics.clutch import PerClutch
+from pter_gym.physics.limits import MOST_SUBSTEPS, largest_energy
+from pter_gym.physics.model import model_of
+from pter_gym.physics.step import Energy
+from pter_gym.tasks.path_following import PathFollowing, RewardWeights, Sensing, Starts, check_machine
+from pter_gym.tasks.path_following.allowance import ALLOWANCE, in_start_up, start_up_allowance
+from pter_gym.tasks.path_following.context import context_of, told_of
+from pter_gym.tasks.path_following.observation import Observation, observation
+from pter_gym.tasks.path_following.reward import Outcome, Terms, pace_cost, pace_share, reward_terms, total
+from pter_gym.tasks.path_following.situation import (
+    PathVector,
+    Situation,
+    motion_at,
+    reached_end,
+    singular,
+    strayed,
+    to_path,
+    to_world,
+    too_fast,
+)
+from pter_gym.tasks.path_following.specification import strongest, substeps
+
+DRAWS = range(10)
+
+
+def vector(seed: int) -> complex:
+    return complex(*np.random.default_rng([5, seed]).normal(size=2))
+
+
+def unit(angle: float) -> UnitVector:
+    return UnitVector(math.cos(angle), math.sin(angle))
+
+
+# --- where the tip is ---
+
+
+@pytest.mark.parametrize("seed", DRAWS)
+def test_parts_along_and_across_a_path_by_complex_numbers(seed: int):
+    v, angle = vector(seed), float(seed)
+    turned = v * np.exp(-1j * angle)
+    assert to_path(Vector(v.real, v.imag), unit(angle)) == pytest.approx((turned.real, turned.imag))
+    assert to_world(PathVector(turned.real, turned.imag), unit(angle)) == pytest.approx((v.real, v.imag))
+
+
+@pytest.mark.parametrize("tip", [(0.3, 0.6), (-0.5, 0.2), (0.1, -0.9), (0.4, 0.05)])
+def test_the_arm_at_a_tip_has_its_tip_there_and_link_b_ahead(tip: tuple[float, float]):
+    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=0.0, stiffness=0.0)
+    q = motion_at(arm, *tip)
+    assert tip_position(arm, q) == pytest.approx(tip, abs=1e-12)
+    assert (q.cos_a, q.sin_a, q.cos_b, q.sin_b) == pytest.approx((*unit(q.theta_a), *unit(q.theta_b)))
+    assert math.sin(q.theta_b - q.theta_a) > 0.0
+    assert (q.omega_a, q.omega_b) == (0.0, 0.0)
+
+
+def test_where_an_episode_ends():
+    assert [reached_end(s, 1.0) for s in (0.999, 1.0, 1.5)] == [False, True, True]
+    assert [strayed(0.5, e, 0.2) for e in (-0.21, -0.2, 0.2, 0.21)] == [True, False, False, True]
+    assert [strayed(s, 0.0, 0.2) for s in (-0.21, -0.2, 0.0)] == [True, False, False]
+    assert [too_fast(k, 2.0) for k in (2.0, 2.1, math.nan)] == [False, True, True]
+    poses = (math.asin(0.2), -math.asin(0.2), 0.3, 0.1, math.nan)
+    sines = [Motion(turn, 0.0, 0.0, 0.0, math.cos(turn), math.sin(turn), 1.0, 0.0) for turn in poses]
+    margin = abs(sines[0].sin_a)
+    assert [singular(q, margin) for q in sines] == [False, False, False, True, True]
+
+
+# --- what the hand does ---
+
+
+@pytest.mark.parametrize("seed", DRAWS)
+def test_sines_turn_and_keep_their_length_by_complex_numbers(seed: int):
+    rng = np.random.default_rng([6, seed])
+    vectors, turns = (rng.normal(size=5) + 1j * rng.normal(size=5) for _ in range(2))
+    sines, turn = (Sines(*(UnitVector(v.real, v.imag) for v in each)) for each in (vectors, turns))
+    turned = vectors * turns
+    assert np.array(advance_sines(sines, turn)) == pytest.approx(np.array([turned.real, turned.imag]).T)
+    near = vectors * (1.5 - 0.5 * abs(vectors) ** 2)
+    assert np.array(renew_sines(sines)) == pytest.approx(np.array([near.real, near.imag]).T)
+    amplitudes = rng.normal(size=5)
+    assert sum_of_sines(PerSine(*amplitudes.tolist()), sines) == pytest.approx(amplitudes @ vectors.imag)
+
+
+def test_an_intent_gathers_speed_with_the_least_jerk():
+    assert [intent_speed(t, 0.5, 2.0) for t in (0.0, 0.125, 0.25, 0.5, 9.0)] == [0.0, 0.3125, 1.0, 2.0, 2.0]
+
+
+def test_a_hand_that_does_nothing_by_itself():
+    *numbers, amplitude, phase, turn = NO_FORCE
+    assert numbers == 7 * [0.0]
+    assert amplitude == phase == (0.0,) * 5
+    assert turn == ((1.0, 0.0),) * 5
+
+
+@pytest.mark.parametrize(
+    ("hand", "force"),
+    [
+        (MultiSineHand(push=-3.0, amplitudes=(1.0, -1.0, 2.0, 0.0, 0.0)), 5.0),
+        (RecordedForces(times=(0.0, 1.0), along=(1.0, -5.0), across=(12.0, 1.0)), 13.0),
+        (
+            HumanArm(
+                impedance=Hand(mass=1.0, damping=4.0, stiffness=10.0),
+                eagerness=1.5,
+                lead=0.25,
+                amplitudes=(0.5, 0.0, 0.0, 0.0, -0.25),
+            ),
+            10.0 * (2.0 * 1.0 + 0.25) + 4.0 * 1.5 * 0.5 + 0.75,
+        ),
+    ],
+)
+def test_the_strongest_force_that_a_hand_can_have(hand: Any, force: float):
+    machine = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.4, length_b=0.6))
+    assert strongest(PathFollowing(hand=hand, pace=0.5), machine) == pytest.approx(force)
+
+
+# --- what a control step pays ---
+
+
+def test_what_a_pace_earns_and_costs():
+    ratios = (-1.0, 0.0, 0.5, 1.0, 2.0, 60.0)
+    assert [pace_share(ratio) for ratio in ratios] == pytest.approx([0.0, 0.0, 0.125, 1.0, 1 / 16, 60.0**-4])
+    assert [pace_cost(ratio) for ratio in ratios] == [1.0, 1.0, 0.5, 0.0, 1.0, 49.0]
+
+
+@pytest.mark.parametrize("failed", [False, True])
+def test_each_term_is_what_its_weight_says(failed: bool):
+    at = Situation(0.0, -0.03, unit(0.0), 0.0, PathVector(0.0, 0.0))
+    volts = PerClutch(1.0, 2.0, 3.0, 4.0)
+    seen = Outcome(
+        at=at,
+        advance=0.2,
+        path_length=0.8,
+        pace=0.5,
+        pace_ratio=0.5,
+        acceleration=4.0,
+        volts=volts,
+        voltage_max=20.0,
+        energy=Energy(*(0.0,) * len(Energy._fields)),
+        failed=failed,
+    )
+    terms = reward_terms(Terms(300.0, 700.0, 40.0, 5.0, 6.0, 7.0), seen, 0.01)
+    expected = Terms(
+        tracking=300.0 * 0.25 * 0.125 * math.exp(-0.03 / 0.06),
+        precision=700.0 * 0.25 * 0.125 * math.exp(-0.03 / 0.006),
+        pace=-40.0 * 0.5 * 0.01 * 0.5 / 0.8,
+        acceleration=-5.0 * 0.01 * 4.0 / 10.0,
+        effort=-6.0 * 0.01 * (1.0 + 4.0 + 9.0 + 16.0) / 4.0 / 400.0,
+        failure=-7.0 if failed else 0.0,
+    )
+    assert terms == pytest.approx(expected)
+    assert total(terms) == pytest.approx(sum(expected))
+
+
+def test_weights_of_the_reward_as_they_come():
+    weights = RewardWeights()
+    assert [getattr(weights, name) for name in Terms._fields] == [1000.0, 0.0, 100.0, 0.0, 0.0, 0.0]
+
+
+def test_the_allowance_is_what_half_of_the_tips_inertia_loses_and_two_time_constants():
+    """The tip's inertia is that of the links, carried over by how their angles follow the tip."""
+    arm, (x, y), heading = model_of(BASELINE).arm, Line().point(0.0), Line().heading(0.0)
+    at, eps = motion_at(arm, x, y), 1e-6
+    angles = [
+        [(getattr(ahead, name) - getattr(behind, name)) / (2.0 * eps) for name in ("theta_a", "theta_b")]
+        for ahead, behind in (
+            (motion_at(arm, x + eps, y), motion_at(arm, x - eps, y)),
+            (motion_at(arm, x, y + eps), motion_at(arm, x, y - eps)),
+        )
+    ]
+    coupling = arm.coupling * math.cos(at.theta_a - at.theta_b)
+    inertia = np.array(angles) @ np.array([[arm.m11, coupling], [coupling, arm.m22]]) @ np.array(angles).T
+    along = np.array([math.cos(heading), math.sin(heading)])
+    mass = 1.0 / (along @ np.linalg.inv(inertia) @ along)
+    lost = 0.5 * mass * PathFollowing().pace / MultiSineHand().push
+    assert start_up_allowance() == pytest.approx(2.0 * BASELINE.clutch.time_constant + lost, rel=1e-7)
+
+
+def test_the_allowance_is_for_the_first_hundredth_of_a_path():
+    until = ALLOWANCE + 0.02 / 0.5
+    assert in_start_up(0.02, 2.0, 0.5, until)
+    assert not in_start_up(0.0200001, 2.0, 0.5, until)
+    assert not in_start_up(0.0, 2.0, 0.5, until + 1e-9)
+
+
+# --- what is observed and told ---
+
+
+def test_an_observation_holds_what_it_says():
+    q = Motion(0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    at = Situation(0.3, 0.004, unit(0.2), 7.0, PathVector(0.8, 0.9))
+    volts, torque, force = PerClutch(1.0, 2.0, 3.0, 4.0), PerClutch(5.0, 6.0, 7.0, 8.0), PathVector(9.0, 10.0)
+    seen = observation(q, at, 1.5, 0.4, volts, torque, force)
+    assert seen == Observation(
+        *(3.0, 4.0, 5.0, 6.0, 1.0, 2.0),
+        normal_error=0.004,
+        near_error=0.004,
+        progress=pytest.approx(0.2),  # pyright: ignore[reportArgumentType]
+        heading=unit(0.2),
+        curvature=7.0,
+        speed=PathVector(0.8, 0.9),
+        pace=0.4,
+        pace_error=pytest.approx(1.0),  # pyright: ignore[reportArgumentType]
+        volts=volts,
+        torque=torque,
+        force=force,
+    )
+    for error, near in ((0.5, 0.01), (-0.5, -0.01)):
+        assert observation(q, at._replace(normal_error=error), 1.5, 0.4, volts, torque, force).near_error == near
+
+
+def test_what_is_told_of_machine_and_task():
+    twice = Clutch(
+        breakaway=PRESENT_CLUTCH.breakaway.scaled(2.0), dynamic=PRESENT_CLUTCH.dynamic.scaled(3.0), time_constant=0.07
+    )
+    machine = replace(BASELINE, clutch=twice, clutch_scale=(0.5, 1.0, 1.5, 3.0))
+    arm = HumanArm(impedance=Hand(mass=1.0, damping=4.0, stiffness=10.0))
+    task = PathFollowing(hand=arm, friction_drift=0.02, path=Arc(radius=2.0))
+    told = told_of(task, machine, 11.0)
+    assert told == pytest.approx((0.07, 1.5 * 2.0, 1.5 * 3.0, 0.02, 1.0, 4.0, 10.0, 11.0))
+    context = context_of(task, machine, (5, 6), (7, 8))
+    assert context.task.path == (5, 6, task.path.length)
+    assert context.task.pace_decay == pytest.approx(1.0 - math.exp(-0.1))
+    assert context.task.sensing.is_ideal == 1.0
+    assert context_of(replace(task, sensing=Sensing(delay=1)), machine, (0, 0), (0, 0)).task.sensing.is_ideal == 0.0
+    assert context.told.hand_push == context.hand.push == 0.0
+
+
+# --- what is accepted ---
+
+ACCEPTED: dict[str, Callable[[float], Any]] = {
+    "pace": lambda x: PathFollowing(pace=x),
+    "control_period": lambda x: PathFollowing(control_period=x),
+    "error_max": lambda x: PathFollowing(error_max=x),
+    "truncation_error": lambda x: PathFollowing(truncation_error=x),
+    "friction_drift": lambda x: PathFollowing(friction_drift=x),
+    "singularity_margin": lambda x: PathFollowing(singularity_margin=x),
+    "angle_resolution": lambda x: Sensing(angle_resolution=x),
+    "delay": lambda x: Sensing(delay=x),  # type: ignore[arg-type]
+    "moving": lambda x: Starts(moving=x),
+    "gripped": lambda x: Starts(moving=0.25, gripped=x),
+    "offset": lambda x: Starts(offset=x),
+}
+
+
+@pytest.mark.parametrize(
+    ("field", "good", "bad"),
+    [
+        ("pace", (1e-12, 5.0), (0.0, 5.001)),
+        ("control_period", (1.0,), (0.0, 1.001)),
+        ("error_max", (0.25,), (0.0, 0.251)),
+        ("truncation_error", (0.5,), (0.0, 0.501)),
+        ("friction_drift", (-1.0, 1.0), (-1.001, 1.001)),
+        ("singularity_margin", (0.999,), (0.0, 1.0)),
+        ("angle_resolution", (0.0, 0.1), (-0.001, 0.101)),
+        ("delay", (0, 2), (-1, 3, 0.5)),
+        ("moving", (0.0, 1.0), (-0.001, 1.001)),
+        ("gripped", (0.0, 0.75), (-0.001, 0.751)),
+        ("offset", (0.0, 0.25), (-0.001, 0.251)),
+    ],
+)
+def test_ranges_end_where_they_say(field: str, good: tuple[float, ...], bad: tuple[float, ...]):
+    for number in good:
+        ACCEPTED[field](number)
+    for number in bad:
+        with pytest.raises(ParameterError, match=field):
+            ACCEPTED[field](number)
+
+
+def test_what_a_task_is_without_a_word():
+    task = PathFollowing()
+    assert (task.friction_drift, task.start_offset, task.sensing.delay) == (0.0, 0.0, 0)
+    assert (task.error_max, task.truncation_error, task.arrival) == (0.25, 0.5, 0.125)
+    assert task.starts == Starts(moving=0.0, gripped=0.0, offset=0.05)
+
+
+@pytest.mark.parametrize(("ratio", "count"), [(1, 1), (7, 7), (MOST_SUBSTEPS, MOST_SUBSTEPS), (7.0 + 1e-9, 7)])
+def test_substeps_of_a_control_period(ratio: float, count: int):
+    machine = replace(BASELINE, substep=1e-5)
+    assert substeps(PathFollowing(control_period=ratio * 1e-5), machine) == count
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.5, 7.0 + 1e-7, 7.0 - 1e-7, MOST_SUBSTEPS + 1])
+def test_a_control_period_of_no_whole_number_of_substeps_is_refused(ratio: float):
+    with pytest.raises(ParameterError, match="control_period"):
+        check_machine(PathFollowing(control_period=ratio * 1e-5), replace(BASELINE, substep=1e-5))
+
+
+def test_a_sine_may_be_as_fast_as_a_tenth_of_the_substeps_rate():
+    for rate, refused in ((0.1, False), (0.1001, True)):
+        hand = MultiSineHand(frequencies=(1.0, 1.0, 1.0, 1.0, rate / BASELINE.substep))
+        if refused:
+            with pytest.raises(ParameterError, match=r"hand\.frequencies"):
+                check_machine(PathFollowing(hand=hand), BASELINE)
+        else:
+            check_machine(PathFollowing(hand=hand), BASELINE)
+    check_machine(PathFollowing(hand=RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))), BASELINE)
+
+
+def test_an_episode_may_begin_as_fast_as_the_integrator_can_hold():
+    machine = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.4, length_b=0.6), substep=1e-2)
+    arm = model_of(machine).arm
+    path = Line(x=-0.1, y=0.5, direction=0.0, length=0.2)
+    weak = MultiSineHand(push=1.0, amplitudes=(0.0,) * 5)
+    task = PathFollowing(path=path, hand=weak, starts=Starts(moving=1.0), control_period=0.2)
+    # links at up to √(2² + ½²) times the pace over margin and length
+    rates = math.hypot(2.0, 0.5) / task.singularity_margin / np.array([0.4, 0.6])
+    energy = 0.5 * (arm.m11 * rates[0] ** 2 + arm.m22 * rates[1] ** 2) + abs(arm.coupling) * rates[0] * rates[1]
+    fastest = math.sqrt(largest_energy(arm, 1e-2, 0.2) / energy)
+    check_machine(replace(task, pace=fastest * (1.0 - 1e-9)), machine)
+    with pytest.raises(ParameterError, match="starts"):
+        check_machine(replace(task, pace=fastest * (1.0 + 1e-9)), machine)
+
+
+def test_a_torque_curve_is_told_at_the_largest_voltage():
+    straight = TorqueCurve(slope=1.0, knee=100.0, curvature=0.0)
+    machine = replace(BASELINE, clutch=Clutch(breakaway=straight, dynamic=straight, voltage_max=6.0))
+    told = told_of(PathFollowing(), machine, 0.0)
+    scale = sum(machine.clutch_scale) / 4.0
+    assert told.breakaway_factor == pytest.approx(scale * 6.0 / PRESENT_CLUTCH.breakaway.torque(6.0))
