@@ -30,7 +30,7 @@ from pter_gym.physics.limits import (
 from pter_gym.physics.model import model_of
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import PathFollowing, Reason, Starts, check_machine, reason_of
-from pter_gym.tasks.path_following.specification import held_machine, strongest
+from pter_gym.tasks.path_following.specification import check_motion, held_machine, strongest
 
 TINY = replace(BASELINE.arm, inertia_a=4.4e-6, inertia_b=1e-5, coupling=-5.8e-7)
 NEAR = math.sqrt(BASELINE.arm.inertia_a * BASELINE.arm.inertia_b) * (1.0 - 1e-9)
@@ -73,6 +73,18 @@ REFUSED: dict[str, tuple[str, Callable[[], Any]]] = {
 def test_the_numbers_that_the_derivation_takes():
     assert LONGEST_TURN == 0.5, "the series of arm.rotated is made for it"
     assert LARGEST_CONDITION == 1e16 / 1e12, "twelve of sixteen digits are left"
+
+
+@pytest.mark.parametrize(("inertia", "coupling"), [(5000.0, 4999.0), (5000.0, 4999.1)])
+def test_a_condition_of_just_ten_thousand_is_accepted(inertia: float, coupling: float):
+    """The eigenvalues of these are 5000 ± the coupling, their bound 10,000 over the smaller one."""
+    arm = replace(BASELINE.arm, inertia_a=inertia, inertia_b=inertia, coupling=coupling)
+    task = PathFollowing(hand=MultiSineHand(push=0.0, amplitudes=(0.0,) * 5))
+    if coupling == 4999.0:
+        check_motion(task, replace(BASELINE, arm=arm))
+    else:
+        with pytest.raises(ParameterError, match="condition"):
+            check_motion(task, replace(BASELINE, arm=arm))
 
 
 @pytest.mark.parametrize("coupling", [0.05, -0.3, 0.5])
