@@ -356,20 +356,20 @@ def function_of(test: str) -> str:
 def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str, str]) -> list[Case]:
     """Tests that reach a fault's statement within a budget [s]; what runs on import is reached by all of its module's.
 
-    Tests in files that name what has the fault come first, then those in files that import its module; of these, the
-    quickest of each function.
+    Tests in the nearest files come first, and of these the quickest of each function.
     """
-    told = {file: min(nearness(mutant, text), 1 if file == BROAD else 2) for file, text in texts.items()}
+    told = {file: min(nearness(mutant, text), 1 if file == BROAD else 3) for file, text in texts.items()}
     found = [case for case in cases if mutant.file in case.lines]
     if not mutant.at_import:
         found = [case for case in found if not case.lines[mutant.file].isdisjoint(mutant.lines)]
     else:
-        found = [case for case in cases if mutant.file in case.lines or told.get(file_of(case.name)) == 0] or cases
+        naming = {file for file, near in told.items() if near in (0, 2)}
+        found = [case for case in cases if mutant.file in case.lines or file_of(case.name) in naming] or cases
     rank: Counter[str] = Counter()
     ordered = []
     for case in sorted(found, key=lambda case: case.seconds):
         place = rank[function_of(case.name)]
-        ordered.append((told.get(file_of(case.name), 2), place, case.seconds, case.name, case))
+        ordered.append((told.get(file_of(case.name), 3), place, case.seconds, case.name, case))
         rank[function_of(case.name)] += 1
     chosen, spent = [], 0.0
     for *_, case in sorted(ordered):
@@ -381,14 +381,17 @@ def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str,
 
 
 def nearness(mutant: Mutant, text: str) -> int:
-    """0 if a test file's text has the function, class or constant with the fault, 1 if it has its module, else 2."""
+    """How near a test file is to a fault, by its text: what it imports, and whether it names what has the fault.
+
+    0 with its module and its name, 1 with its module, 2 with a name from its package, 3 else.
+    """
     names = mutant.scope.split(".") if mutant.scope else re.findall(r"^\w+(?=: | = )", mutant.line)
-    if any(re.search(rf"\b{name}\b", text) for name in names if not name.startswith("__")):
-        return 0
+    named = any(re.search(rf"\b{name}\b", text) for name in names if not name.startswith("__"))
     module = Path(mutant.file).with_suffix("").parts
-    last, package = module[-1], ".".join(module[:-1])
-    imported = rf"\b{'[.]'.join(module)}\b|from {package} import [^\n]*\b{last}\b"
-    return 1 if re.search(imported, text) else 2
+    last, package = module[-1], "[.]".join(module[:-1])
+    if re.search(rf"\b{package}[.]{last}\b|\bfrom {package} import [^\n]*\b{last}\b", text):
+        return 0 if named else 1
+    return 2 if named and re.search(rf"\bfrom {package} import\b", text) else 3
 
 
 def known_equal() -> dict[str, str]:
@@ -445,7 +448,7 @@ def main() -> None:
     parser.add_argument("--tests", nargs="+", default=TESTS, help="patterns of test files")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--limit", type=float, default=4.0, help="of one test, in seconds of processor time")
-    parser.add_argument("--budget", type=float, default=10.0, help="of the tests of one fault, likewise")
+    parser.add_argument("--budget", type=float, default=20.0, help="of the tests of one fault, likewise")
     parser.add_argument("--work", type=Path, default=Path("pter-mutation"), help="folder for copies and outcomes")
     parser.add_argument("--least", type=float, default=0.95, help="share that must be killed")
     parser.add_argument("--write", action="store_true", help="put the table into docs/robustness.md")

@@ -143,9 +143,9 @@ def test_quickest_test_of_each_function_comes_first():
 
 
 def test_tests_that_name_a_constant_come_first():
-    (mutant, *_) = mutants_of("f.py", "LIMIT = 3\n")
-    cases = [mutation.Case(name, 1.0, {file: frozenset([1])}) for name, file in (("t::a", "f.py"), ("u::b", "g.py"))]
-    texts = {"t": "LIMITED", "u": "assert LIMIT"}
+    (mutant, *_) = mutants_of("p/f.py", "LIMIT = 3\n")
+    cases = [mutation.Case(name, 1.0, {file: frozenset([1])}) for name, file in (("t::a", "p/f.py"), ("u::b", "g.py"))]
+    texts = {"t": "from p.f import LIMITED", "u": "from p.f import LIMIT"}
     assert [case.name for case in mutation.choose(mutant, cases, 9.0, texts)] == ["u::b", "t::a"]
     assert [case.name for case in mutation.choose(mutant, cases, 9.0, {})] == ["t::a"]
 
@@ -153,11 +153,13 @@ def test_tests_that_name_a_constant_come_first():
 @pytest.mark.parametrize(
     ("text", "nearness"),
     [
-        ("assert load(3)", 0),
+        ("from p.room.door import load", 0),
         ("from p.room.door import other", 1),
         ("import p.room.door", 1),
         ("from p.room import window, door", 1),
-        ("from p.room import doors; loaded()", 2),
+        ("from p.room import load", 2),
+        ("from p.room import doors; loaded()", 3),
+        ("assert load(3)", 3),
     ],
 )
 def test_the_nearest_tests_name_the_function_or_its_module(text: str, nearness: int):
