@@ -159,7 +159,7 @@ def test_rounding_beyond_the_bounds_is_clipped() -> None:
     env: Any = gymnasium.make(ID).unwrapped
     env.reset(seed=0)
     ulp = float(np.spacing(np.float32(24.0)))
-    obs = env.step(np.array([24.0 + 3.9 * ulp, -3.9 * ulp, 0.0, 24.0]))[0]
+    obs = env.step(np.array([24.0 + 4.0 * ulp, -4.0 * ulp, 0.0, 24.0]))[0]
     first = env.observation_layout.index("volts_1")
     assert obs[first : first + 4].tolist() == [1.0, 0.0, 0.0, 1.0]
 
