@@ -7,11 +7,23 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from pter_gym import __version__
 from pter_gym.benchmark import PerSeed, ResultsFolder, run_scenario
+from pter_gym.benchmark.episodes import SEEDS, stored_strata
 from pter_gym.benchmark.metrics import METRICS, SCORES
 from pter_gym.benchmark.run_files import HASH, file_hash, read_run, run_path, write_run
+from pter_gym.benchmark.runs import (
+    INSTANTS,
+    Conditions,
+    Planning,
+    Sample,
+    ScenarioRun,
+    code_digest,
+    sample_numbers,
+)
 from pter_gym.commands import main as cli
 from pter_gym.controllers import Free, Random
 from pter_gym.controllers.predictive import Privileged, Settings
@@ -22,14 +34,29 @@ PLANNER = Privileged(Free(), Settings(samples=4, rounds=1, elite=1, horizon=5))
 Content = dict[str, Any]
 
 
+def made_up(policy: str, seed: int, episodes: int, planning: Planning | None = None) -> ScenarioRun:
+    """A run that nobody has simulated: numbers from their ranges."""
+    checksum, strata = stored_strata("standard")
+    strata = strata[:episodes]
+    rng = np.random.default_rng([seed, *policy.encode()])
+    scores = {
+        name: rng.uniform(0.0, 1.0, episodes) if metric.high != 0.0 else rng.uniform(-9.0, 0.0, episodes)
+        for name, metric in METRICS.items()
+    }
+    samples = tuple(Sample(k, *rng.normal(size=(2, 7, 2))) for k in sample_numbers(strata))
+    at = Conditions("standard", "brisk", policy, seed, episodes, checksum, f"{seed}" * 64, __version__, code_digest())
+    return ScenarioRun(at, strata, {**scores, "completed": rng.random(episodes) < 0.5}, samples, planning)
+
+
 @pytest.fixture(scope="module")
 def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with an honest policy, another one, one with two training seeds and one that plans."""
-    folder = ResultsFolder(tmp_path_factory.mktemp("results"))
-    agent = PerSeed((Random(seed=1), Random(seed=2)))
-    run_scenario("standard", {"free": Free(), "agent": agent}, ["brisk"], episodes=COUNT, results=folder)
-    run_scenario("standard", {"bound": PLANNER}, ["brisk"], episodes=1, results=folder)
-    return folder.path
+    """A folder with a policy, another one with two training seeds, and one that plans."""
+    path = tmp_path_factory.mktemp("results")
+    ResultsFolder(path).make()
+    for run in (made_up("free", 0, COUNT), made_up("agent", 0, COUNT), made_up("agent", 1, COUNT)):
+        write_run(path, run)
+    write_run(path, made_up("bound", 0, 1, Planning(privileged=True, horizon_s=0.05, rollouts=4, decision_ms=1.5)))
+    return path
 
 
 @pytest.fixture
@@ -61,6 +88,23 @@ def left_out(folder: ResultsFolder) -> dict[str, str]:
     assert counted | set(found) == files
     assert not counted & set(found)
     return found
+
+
+def test_a_run_is_what_was_written(folder: ResultsFolder) -> None:
+    planning = Planning(privileged=True, horizon_s=0.05, rollouts=4, decision_ms=1.5)
+    written = made_up("bound", 0, 1, planning)
+    run = read_run(run_path(folder.path, written.conditions))
+    assert (run.conditions, run.strata, run.planning) == (written.conditions, written.strata, planning)
+    for name, values in written.scores.items():
+        assert run.scores[name].dtype == values.dtype
+        assert run.scores[name].tolist() == values.tolist()
+    assert isinstance(run.samples, tuple)
+    for mine, its in zip(run.samples, written.samples, strict=True):
+        assert (mine.episode, mine.tip.tolist(), mine.theta.tolist()) == (
+            its.episode,
+            its.tip.tolist(),
+            its.theta.tolist(),
+        )
 
 
 def test_a_run_is_read_as_it_was_written(folder: ResultsFolder) -> None:
@@ -128,7 +172,17 @@ SEALED: dict[str, tuple[Callable[[Content], object], str]] = {
     "other episodes": (give(data="0" * 64), "other episodes than those that are stored"),
     "other code": (give(code="0" * 64), "other code"),
     "an identity that is a number": (give(identity=7), "identity must be a text or null"),
+    "a fresh seed beyond all": (give(fresh=SEEDS), "fresh must be a whole number from 0"),
+    "a name that no file can have": (give(policy="a "), "policies must have names"),
+    "more than the whole time": (set_score("effort", 1.5), "effort must be finite numbers from 0 to 1, got [1.5]"),
     "no sample": (give(samples=[]), "samples must be those of the episodes [0, 1, 2, 3]"),
+    "samples as an object": (give(samples={}), "samples must be a list"),
+    "a sample with more": (lambda content: content["samples"][0].update(more=1), "a sample: 'more' is unknown"),
+    "a sample of one number": (lambda content: content["samples"][0].update(tip_m=1.0), "tip_m must be a list"),
+    "a sample of too many": (
+        lambda content: content["samples"][0].update(tip_m=[[0.0, 0.0]] * (INSTANTS + 1)),
+        f"tip_m must be a list of 1 to {INSTANTS}",
+    ),
     "a sample of nothing": (lambda content: content["samples"][0].update(tip_m=[]), "tip_m must be a list of 1"),
     "a sample that is text": (lambda content: content["samples"][0].update(tip_m=[["a", "b"]]), "tip_m must be"),
     "a planner without time": (
@@ -138,6 +192,14 @@ SEALED: dict[str, tuple[Callable[[Content], object], str]] = {
     "a planner that is hardly one": (
         give(planning={"privileged": 0, "horizon_s": 0.1, "rollouts": 1, "decision_ms": 1.0}),
         "privileged must be true or false",
+    ),
+    "a planner before its time": (
+        give(planning={"privileged": True, "horizon_s": -0.1, "rollouts": 1, "decision_ms": 1.0}),
+        "horizon_s must be finite numbers from 0",
+    ),
+    "a planner with part of a plan": (
+        give(planning={"privileged": True, "horizon_s": 0.1, "rollouts": 0.5, "decision_ms": 1.0}),
+        "rollouts must be a whole number from 0",
     ),
 }
 
@@ -153,6 +215,35 @@ def test_a_hash_that_is_computed_again_does_not_make_nonsense_pass(edit: str, fo
     found = left_out(folder)
     assert list(found) == [target.name]
     assert reason in found[target.name]
+
+
+ACCEPTED: dict[str, Callable[[Content], object]] = {
+    "as it is": lambda _: None,
+    "the first fresh seed": give(fresh=0),
+    "the last fresh seed": give(fresh=SEEDS - 1),
+    "a policy that nobody can tell": give(identity=None),
+    "a sample of one instant": lambda content: content["samples"][0].update(tip_m=[[0.0, 0.0]], theta_rad=[[0.0, 0.0]]),
+    "a sample of as many as may be": lambda content: content["samples"][0].update(
+        tip_m=[[0.0, 0.0]] * INSTANTS, theta_rad=[[0.0, 0.0]] * INSTANTS
+    ),
+    "an effort of all": set_score("effort", 1.0),
+    "a planner without plans": give(
+        planning={"privileged": False, "horizon_s": 0.0, "rollouts": 0, "decision_ms": 0.0}
+    ),
+}
+
+
+@pytest.mark.parametrize("edit", ACCEPTED)
+def test_what_may_be_is_accepted(edit: str, folder: ResultsFolder) -> None:
+    path = of(folder, "standard-brisk-free-5")
+    content = json.loads(path.read_text())
+    ACCEPTED[edit](content)
+    path.unlink()
+    fresh = "" if content["fresh"] is None else f"-fresh{content['fresh']}"
+    target = of(folder, f"standard-brisk-free-5{fresh}")
+    content[HASH] = file_hash(content, target.name)
+    target.write_text(json.dumps(content))
+    assert read_run(target).conditions.policy == "free"
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
@@ -245,8 +336,11 @@ def test_the_command_tells_what_is_left_out(folder: ResultsFolder, capsys: pytes
 # --- ranges ---
 
 
-def test_every_score_of_an_honest_run_is_in_its_range(folder: ResultsFolder) -> None:
-    for run in folder.runs():
+def test_every_score_of_an_honest_run_is_in_its_range() -> None:
+    agent = PerSeed((Random(seed=1), Random(seed=2)))
+    runs = run_scenario("standard", {"free": Free(), "agent": agent}, ["brisk"], episodes=COUNT)
+    runs += run_scenario("standard", {"bound": PLANNER}, ["brisk"], episodes=1)
+    for run in runs:
         for name in SCORES:
             low, high = METRICS[name].low, METRICS[name].high
             assert low is None or run.scores[name].min() >= low
