@@ -82,6 +82,31 @@ def test_failure_leaves_the_earlier_file_and_nothing_else(
         assert kept(refuge) == {"result.json": b"later"}
 
 
+def test_all_is_on_the_disk_before_a_file_gets_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    sizes = []
+    monkeypatch.setattr(os, "fsync", lambda file: sizes.append(os.fstat(file).st_size))
+    write_text_atomic(tmp_path / "result.json", "x" * 100)
+    assert sizes == [100]
+
+
+def test_what_is_kept_stays_in_its_folders(tmp_path: Path, refuge: Path):
+    content = {"a/b/c": b"1", "a/b/d": b"2"}
+    with pytest.raises(StorageError, match="cannot be written"):
+        write_files_atomic(tmp_path, content)
+    (found,) = refuge.iterdir()
+    assert {str(path.relative_to(found)): path.read_bytes() for path in found.rglob("*") if path.is_file()} == content
+
+
+def test_a_target_needs_room_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def full(**_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    check_target("out", tmp_path / "result.json")
+    monkeypatch.setattr("pter_gym.internal.files.TemporaryFile", full)
+    with pytest.raises(ParameterError, match="with room for 64 kB"):
+        check_target("out", tmp_path / "result.json")
+
+
 def test_one_file_that_fails_keeps_all(tmp_path: Path, refuge: Path):
     (tmp_path / "b").mkdir()
     content = {"a": b"1", "b": b"2", "c": b"3"}

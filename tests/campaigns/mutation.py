@@ -71,7 +71,7 @@ ROOMS = {
 """What may get a fault: every file of these patterns."""
 
 TESTS = [
-    "tests/test_files.py",
+    "tests/test_*.py",
     *(f"tests/{room}/test_*.py" for room in ("benchmark", "compiled", "conformance", "policies", "properties")),
     "tests/verification/test_*.py",
     "tests/oracle/test_*.py",

@@ -39,7 +39,7 @@ from pter_gym.policies import (
     write_policy,
 )
 from pter_gym.policies.cards import fields_of, read_card
-from pter_gym.policies.files import MOST_CARD, MOST_WEIGHTS
+from pter_gym.policies.files import MOST_CARD, MOST_WEIGHTS, check_name, read_network
 from pter_gym.policies.interface import LIMIT, available, seen_without
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import observation_layout
@@ -388,6 +388,54 @@ def test_a_card_that_lies_is_refused(kind: str, folder: Path) -> None:
     file.write_text(json.dumps(card), encoding="utf-8")
     with pytest.raises(DataError, match=message):
         load_policy("tested", folder)
+
+
+LARGEST = {"hidden": (1024,) * 8, "lstm": 512, "name": "a" * 180}
+"""Sizes that a card may have."""
+
+
+@pytest.mark.parametrize("name", LARGEST)
+def test_a_card_may_be_as_large_as_it_says(name: str) -> None:
+    card = make_card(**{name: LARGEST[name]})
+    assert getattr(read_card(json.dumps(card.as_json()).encode(), "it"), name) == LARGEST[name]
+    check_name(card.name)
+
+
+@pytest.mark.parametrize(
+    ("part", "value"), [("hidden", [1025]), ("hidden", [0]), ("hidden", [1.0]), ("hidden", [1] * 9), ("lstm", 513)]
+)
+def test_and_no_larger(part: str, value: object) -> None:
+    content = {**make_card().as_json(), part: value}
+    with pytest.raises(DataError, match=part):
+        read_card(json.dumps(content).encode(), "it")
+
+
+def test_a_name_is_at_most_as_long_as_it_says() -> None:
+    with pytest.raises(ParameterError, match="at most 180"):
+        check_name("a" * 181)
+
+
+@pytest.mark.parametrize("gains", [[3], [{"damping_tangential": 1.0}, 3]])
+def test_gains_on_a_card_are_objects(gains: list[object]) -> None:
+    content: Any = make_card(interface=Interface(inputs=INPUTS, reach=2.0, base=BASE)).as_json()
+    content["interface"]["base"]["gains"] = gains
+    with pytest.raises(DataError, match="gains must be objects"):
+        read_card(json.dumps(content).encode(), "it")
+
+
+def test_an_entry_of_the_observation_has_name_unit_and_scale() -> None:
+    content: Any = make_card().as_json()
+    content["observation"][1]["more"] = 1
+    with pytest.raises(DataError, match="observation must hold objects with name, unit, scale"):
+        read_card(json.dumps(content).encode(), "it")
+
+
+def test_one_weight_that_is_not_finite_is_refused() -> None:
+    card = make_card()
+    tensors = make_tensors(card)
+    tensors["layer_0.weight"][0, 1] = np.nan
+    with pytest.raises(DataError, match="not finite"):
+        read_network(save_tensors(tensors), card, "it")
 
 
 def test_what_is_not_to_be_seen_goes_by_name_or_group() -> None:
