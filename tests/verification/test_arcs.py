@@ -1,0 +1,169 @@
+"""The geometry of arcs, each function against circles by their centres."""
+
+import cmath
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pter_gym.errors import ParameterError
+from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
+from pter_gym.paths.arcs import (
+    LARGEST_TURN,
+    SEGMENT,
+    ArcSegment,
+    arc_between,
+    biarc,
+    chain,
+    end_of,
+    heading_through,
+    mirrored,
+    parts_of,
+)
+from pter_gym.paths.projection import foot_on, point_at, project, segment_of
+from pter_gym.physics.arm import UnitVector
+
+DRAWS = range(12)
+
+
+def circle(seed: int) -> tuple[complex, float, float, float]:
+    """Centre, signed radius (positive to the left), the angle of a point from the centre, and a turn from there."""
+    rng = np.random.default_rng([8, seed])
+    side = 1.0 if seed % 2 else -1.0
+    return complex(*rng.normal(size=2)), side * rng.uniform(0.2, 3.0), rng.uniform(-3.0, 3.0), rng.uniform(0.1, 1.4)
+
+
+def on(centre: complex, radius: float, angle: float) -> tuple[complex, complex]:
+    """Point and heading of the circle at an angle, that of its centre where the radius is positive."""
+    outward = cmath.rect(1.0, angle)
+    return centre + abs(radius) * outward, math.copysign(1.0, radius) * 1j * outward
+
+
+@pytest.mark.parametrize("seed", DRAWS)
+def test_an_arc_ends_on_its_circle(seed: int):
+    centre, radius, angle, turn = circle(seed)
+    begin, heading = on(centre, radius, angle)
+    end, then = on(centre, radius, angle + math.copysign(turn, radius))
+    assert end_of(begin, heading, 1.0 / radius, abs(radius) * turn) == pytest.approx((end, then))
+    assert mirrored(heading, end - begin) == pytest.approx(then)
+    _, _, curvature, length = arc_between(begin, heading, end)
+    assert (curvature, length) == pytest.approx((1.0 / radius, abs(radius) * turn))
+    middle, heading_there = on(centre, radius, angle + math.copysign(0.3 * turn, radius))
+    assert heading_through(begin, middle, end) == pytest.approx(heading_there)
+
+
+@pytest.mark.parametrize("seed", DRAWS)
+def test_two_arcs_join_two_headings(seed: int):
+    rng = np.random.default_rng([9, seed])
+    begin, end = (complex(*rng.normal(size=2)) for _ in range(2))
+    toward = (end - begin) / abs(end - begin)
+    headings = [toward * cmath.rect(1.0, turn) for turn in rng.uniform(-1.2, 1.2, 2)]
+    first, second = biarc(begin, headings[0], end, headings[1])
+    assert (first[0], first[1]) == (begin, headings[0])
+    joint, heading = end_of(*first)
+    assert (second[0], second[1]) == pytest.approx((joint, heading))
+    assert end_of(*second) == pytest.approx((end, headings[1]))
+
+
+def test_how_many_parts_an_arc_is_cut_into():
+    assert [parts_of(k, LARGEST_TURN) for k in (0.0, 1.0, -1.0, 1.001, -1.001, 2.0, 3.0)] == [1, 1, 1, 2, 2, 2, 3]
+    table = chain([(0j, 1 + 0j, -1.0, 2.0 * LARGEST_TURN), (5j, 1j, 0.0, 4.0)]).table
+    assert table[:, SEGMENT.length].tolist() == [LARGEST_TURN, LARGEST_TURN, 4.0]
+    assert table[:, SEGMENT.start].tolist() == [0.0, LARGEST_TURN, 2.0 * LARGEST_TURN]
+
+
+def test_the_largest_curvature_of_a_path():
+    assert Arc(radius=0.4, angle=-1.0).max_curvature == pytest.approx(2.5)
+    corner = Polyline(points=((0.0, 0.5), (0.3, 0.5), (0.3, 0.8)), radius=0.1)
+    assert corner.max_curvature == pytest.approx(10.0)
+    amplitude, extent = 0.02, 1.0
+    sine = Sine(x=-0.5, y=0.6, direction=0.0, extent=extent, amplitude=amplitude, periods=1.0)
+    assert sine.max_curvature == pytest.approx(amplitude * (math.tau / extent) ** 2, rel=0.02)
+
+
+def test_a_foot_on_an_arc_and_at_its_centre():
+    arc = ArcSegment(x=0.0, y=0.0, heading_cos=0.6, heading_sin=0.8, curvature=2.0, start=3.0, length=0.5)
+    centre = 0.5j * complex(0.6, 0.8)
+    for turn, left in ((0.4, 0.1), (-0.3, -0.2), (0.9, 0.3)):
+        heading = complex(0.6, 0.8) * cmath.rect(1.0, turn)
+        point = centre + (0.5 - left) * heading * -1j
+        foot = foot_on(arc, 7, point.real, point.imag)
+        assert (foot.arc_length, foot.normal_error) == pytest.approx((3.0 + 0.5 * turn, left))
+        assert foot.heading == pytest.approx((heading.real, heading.imag))
+        assert (foot.curvature, foot.segment) == (2.0, 7)
+    foot = foot_on(arc._replace(heading_cos=1.0, heading_sin=0.0), 7, 0.0, 0.5)
+    assert (foot.arc_length, foot.normal_error, foot.heading) == (3.0, 0.5, UnitVector(1.0, 0.0))
+
+
+def straight() -> tuple[np.ndarray, int]:
+    """Three segments of 1 m in a row, as the kernels have them, behind another number."""
+    pieces = [(complex(k), 1 + 0j, 0.0, 1.0) for k in range(3)]
+    return np.concatenate([[-7.0], chain(pieces).table.ravel()]), 3
+
+
+@pytest.mark.parametrize("segment", range(3))
+@pytest.mark.parametrize(("x", "found"), [(-0.5, 0), (0.3, 0), (1.2, 1), (2.7, 2), (5.0, 2)])
+def test_a_foot_is_walked_to_from_any_segment(x: float, found: int, segment: int):
+    constants, count = straight()
+    foot = project(constants, 1, count, segment, x, -0.2)
+    assert foot.segment == found
+    assert (foot.arc_length, foot.normal_error) == pytest.approx((x, -0.2))
+
+
+def test_segments_and_points_by_arc_length():
+    constants, count = straight()
+    lengths = (-0.5, 0.0, 0.5, 1.0, 1.999, 2.0, 9.0)
+    assert [segment_of(constants, 1, count, s) for s in lengths] == [0, 0, 0, 1, 1, 2, 2]
+    assert [point_at(constants, 1, count, s) for s in lengths] == [(s, 0.0) for s in lengths]
+
+
+def test_a_circle_begins_at_its_lowest_point():
+    path = Circle(center_x=0.1, center_y=0.5, radius=0.2)
+    assert path.point(0.0) == pytest.approx((0.1, 0.3))
+    assert path.heading(0.0) == pytest.approx(0.0)
+    assert abs(Circle(clockwise=True).heading(0.0)) == pytest.approx(math.pi)
+
+
+PAIR = ((0.0, 0.5), (0.1, 0.5))
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        ((0.0, 0.5), (0.0, 0.5), (0.1, 0.5)),
+        ((0.0, 0.5), (0.1, 0.5), (0.1, 0.5)),
+        ((0.0, 0.5), [0.1, 0.5]),
+        ((0.0, 0.5), "12"),
+        ((0.0, 0.5), (0.1, 0.5, 0.2)),
+        ((0.0, 0.5), (1001.0, 0.5)),
+    ],
+)
+def test_points_that_no_path_takes(points: Any):
+    for kind in (Spline, Polyline):
+        with pytest.raises(ParameterError, match=r"points must be a tuple"):
+            kind(points=points)
+
+
+@pytest.mark.parametrize("name", ["x", "y"])
+def test_a_path_is_within_a_kilometre(name: str):
+    for far in (1000.0, -1000.0):
+        Line(**{name: far})
+    for far in (1000.1, -1000.1, math.nan):
+        with pytest.raises(ParameterError, match=f"Line.{name}"):
+            Line(**{name: far})
+
+
+def test_corners_may_take_all_of_a_straight_segment():
+    square = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+    assert Polyline(points=square, radius=1.0).length == pytest.approx(0.5 * math.pi)
+    with pytest.raises(ParameterError, match=r"Polyline\.radius"):
+        Polyline(points=square, radius=1.0 + 1e-9)
+    for turn, fits in ((math.pi - 1e-5, True), (math.pi - 1e-7, False)):
+        back = cmath.rect(1.0, turn)
+        points = ((0.0, 0.0), (1.0, 0.0), (1.0 + back.real, back.imag))
+        if fits:
+            Polyline(points=points, radius=1e-9)
+        else:
+            with pytest.raises(ParameterError, match=r"Polyline\.radius"):
+                Polyline(points=points, radius=1e-9)
