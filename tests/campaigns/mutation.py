@@ -383,7 +383,7 @@ def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str,
 def nearness(mutant: Mutant, text: str) -> int:
     """How near a test file is to a fault, by its text: what it imports, and whether it names what has the fault.
 
-    0 with its module and its name, 1 with its module, 2 with a name from its package, 3 else.
+    0 with its module and its name, 1 with its module, 2 with its name, 3 else.
     """
     names = mutant.scope.split(".") if mutant.scope else re.findall(r"^\w+(?=: | = )", mutant.line)
     named = any(re.search(rf"\b{name}\b", text) for name in names if not name.startswith("__"))
@@ -391,7 +391,7 @@ def nearness(mutant: Mutant, text: str) -> int:
     last, package = module[-1], "[.]".join(module[:-1])
     if re.search(rf"\b{package}[.]{last}\b|\bfrom {package} import [^\n]*\b{last}\b", text):
         return 0 if named else 1
-    return 2 if named and re.search(rf"\bfrom {package} import\b", text) else 3
+    return 2 if named else 3
 
 
 def known_equal() -> dict[str, str]:

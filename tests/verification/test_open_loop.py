@@ -33,6 +33,11 @@ def test_a_diverging_motion_is_told() -> None:
         simulate(coarse, initial_state(coarse, (0.0, 0.3), (400.0, -400.0)), (0.0,) * 4, (0.0, 0.0), duration=5.0)
 
 
+def test_so_fast_a_motion_is_told_in_its_first_steps() -> None:
+    with pytest.raises(DivergenceError, match="substep"):
+        simulate(BASELINE, initial_state(BASELINE, (0.0, 0.3), (1e160, -1e160)), (0.0,) * 4, (0.0, 0.0), duration=0.01)
+
+
 BAD: dict[str, tuple[tuple[Any, ...], dict[str, Any], str]] = {
     "volts out of range": (((0.0, 0.0, 0.0, 25.0), (0.0, 0.0)), {"duration": 0.1}, "volts"),
     "volts not finite": (((0.0, np.nan, 0.0, 0.0), (0.0, 0.0)), {"duration": 0.1}, "volts"),

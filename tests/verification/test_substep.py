@@ -271,6 +271,14 @@ def test_a_load_is_shared_as_the_multipliers_say_that_it_was_made_from(seed: int
         assert found == pytest.approx(torque, abs=1e-11 * (np.abs(low) + np.abs(high)).sum()), (low, high, torque)
 
 
+def test_a_load_is_shared_where_two_limits_meet():
+    """Beyond three limits at once, where the nearest corner is not that of the middle one."""
+    high, (a, b) = PerClutch(0.0, 0.335, 0.006, 0.961), (-0.244, -0.218)
+    torque = PerClutch(0.0, b, -0.006, a + b)
+    load = (torque.x1 + torque.x3 + torque.x4, torque.x2 - torque.x3 + torque.x4)
+    assert share(*load, PerClutch(*(-each for each in high)), high) == pytest.approx(torque, abs=1e-11)
+
+
 @pytest.mark.parametrize(("slip", "low", "high"), [(-0.5, 2.0, 2.0), (0.0, -2.0, 2.0), (0.5, -2.0, -2.0)])
 def test_a_slipping_clutch_has_no_choice(slip: float, low: float, high: float):
     assert (lower_bound(slip, 2.0), upper_bound(slip, 2.0)) == (low, high)
