@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import pytest
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.hands.model import NO_FORCE, PerSine, Sines, advance_sines, intent_speed, renew_sines, sum_of_sines
+from pter_gym.internal.codec import ABSENT
 from pter_gym.params import BASELINE, PRESENT_CLUTCH, Clutch, Hand, TorqueCurve
 from pter_gym.paths import Arc, Line
 from pter_gym.physics.arm import Linkage, Motion, UnitVector, Vector, tip_position
@@ -18,7 +19,7 @@ from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.limits import MOST_SUBSTEPS, largest_energy
 from pter_gym.physics.model import model_of
 from pter_gym.physics.step import Energy
-from pter_gym.tasks.path_following import PathFollowing, RewardWeights, Sensing, Starts, check_machine
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensing, Starts, check_machine
 from pter_gym.tasks.path_following.allowance import ALLOWANCE, in_start_up, start_up_allowance
 from pter_gym.tasks.path_following.context import context_of, told_of
 from pter_gym.tasks.path_following.observation import Observation, observation
@@ -34,7 +35,7 @@ from pter_gym.tasks.path_following.situation import (
     to_world,
     too_fast,
 )
-from pter_gym.tasks.path_following.specification import strongest, substeps
+from pter_gym.tasks.path_following.specification import sin_elbow, strongest, substeps
 
 DRAWS = range(10)
 
@@ -118,12 +119,12 @@ def test_a_hand_that_does_nothing_by_itself():
                 lead=0.25,
                 amplitudes=(0.5, 0.0, 0.0, 0.0, -0.25),
             ),
-            10.0 * (2.0 * 1.0 + 0.25) + 4.0 * 1.5 * 0.5 + 0.75,
+            10.0 * (2.0 * 0.9 + 0.25) + 4.0 * 1.5 * 0.5 + 0.75,
         ),
     ],
 )
 def test_the_strongest_force_that_a_hand_can_have(hand: Any, force: float):
-    machine = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.4, length_b=0.6))
+    machine = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.4, length_b=0.5))
     assert strongest(PathFollowing(hand=hand, pace=0.5), machine) == pytest.approx(force)
 
 
@@ -239,6 +240,10 @@ def test_what_is_told_of_machine_and_task():
     assert context.told.hand_push == context.hand.push == 0.0
 
 
+def test_telemetry_is_in_si():
+    assert (TELEMETRY.scales == 1.0).all()
+
+
 # --- what is accepted ---
 
 ACCEPTED: dict[str, Callable[[float], Any]] = {
@@ -285,6 +290,22 @@ def test_what_a_task_is_without_a_word():
     assert (task.friction_drift, task.start_offset, task.sensing.delay) == (0.0, 0.0, 0)
     assert (task.error_max, task.truncation_error, task.arrival) == (0.25, 0.5, 0.125)
     assert task.starts == Starts(moving=0.0, gripped=0.0, offset=0.05)
+
+
+def test_data_from_before_a_field_mean_the_task_that_there_was():
+    fields_since = [item for item in fields(PathFollowing) if ABSENT in item.metadata]
+    assert [item.name for item in fields_since] == ["truncation_error", "arrival", "starts"]
+    assert all(item.metadata[ABSENT] == item.default for item in fields_since)
+
+
+def test_the_elbows_sine_by_the_arm_at_a_tip():
+    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=0.0, stiffness=0.0)
+    tips = [(0.3, 0.6), (-0.5, 0.2), (0.1, -0.9)]
+    poses = [motion_at(arm, *tip) for tip in tips]
+    expected = [math.sin(q.theta_b - q.theta_a) for q in poses]
+    assert sin_elbow(0.4, 0.7, np.array(tips)) == pytest.approx(expected)
+    out_of_reach = np.array([(1.2, 0.0), (0.1, 0.1)])
+    assert sin_elbow(0.4, 0.7, out_of_reach).tolist() == [-1.0, -1.0]
 
 
 @pytest.mark.parametrize(("ratio", "count"), [(1, 1), (7, 7), (MOST_SUBSTEPS, MOST_SUBSTEPS), (7.0 + 1e-9, 7)])
