@@ -258,7 +258,7 @@ class Campaign:
                 selection = Selection([case.name for case in cases], copy / "failed.txt")
                 return int(pytest.main([*ALIKE, "-x", *files, f"--basetemp={copy / 'tmp'}"], plugins=[selection]))
 
-            return self._fork(copy, body, 10.0 + 5.0 * sum(case.seconds for case in cases))
+            return self._fork(copy, body, 10.0 + 2.0 * sum(case.seconds for case in cases))
 
         def judge(job: tuple[Mutant, list[Case]], copy: Path, status: int, seconds: float) -> None:
             mutant = job[0]
