@@ -12,7 +12,7 @@ from score_table import NAME, PAGE, score_table
 from benchmark.handmade import LENGTH, METRE, PERIOD, TASK, Array, episode, padded, travel
 from pter_gym.benchmark.measures import CUTOFF, low_pass
 from pter_gym.benchmark.metrics import METRICS, SCORES, Score, score, score_episodes
-from pter_gym.benchmark.recorded import START_UP, pace_factor
+from pter_gym.benchmark.recorded import START_UP, Recorded, pace_factor
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
 from pter_gym.engine.batch import Batch
@@ -169,6 +169,13 @@ def test_the_allowance_is_that_of_the_lag_and_the_push() -> None:
     lost = PERIOD * fast - rows[fast, TELEMETRY.index("arc_length")] / 0.5
     assert pytest.approx(lag + lost, abs=0.005) == ALLOWANCE
     assert 0.2 < ALLOWANCE < 0.25
+
+
+def test_cruising_is_what_comes_behind_the_first_segment() -> None:
+    """The first tenth in 0.4 s, the rest at 0.75 m/s, once to the end and once to the middle."""
+    s = np.concatenate([np.linspace(0.0, 0.1, 41), 0.1 + 0.0075 * np.arange(1, 121)])
+    for rows in (s, s[:95]):
+        assert Recorded(travel(rows)[:, None], [METRE], 24.0).cruising_pace() == pytest.approx([0.75])
 
 
 def test_stop_and_go_keeps_the_mean_pace_but_not_that_of_the_segments() -> None:

@@ -1,13 +1,15 @@
 """The paper's gains at other paces: only the damper along the path differs, and it keeps the pace."""
 
+import math
 from dataclasses import replace
 
 import numba
 import pytest
 
-from pter_gym.benchmark import PACES, find_policy, run_scenario
+from pter_gym.benchmark import PACES, find_policy, pacing, run_scenario
 from pter_gym.benchmark.pacing import LOWEST, damping_for_pace, damping_table
 from pter_gym.controllers import CONTROLLERS, Impedance, PaceSchedule, TorqueFeedback
+from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.scenarios import SCENARIOS
 
@@ -43,6 +45,28 @@ def test_every_other_gain_stays() -> None:
         run_scenario("standard", {"paper": found}, ["brisc"], episodes=1)
     with pytest.raises(ParameterError, match=r"pace must be one of 0\.12, 0\.25, 0\.5 m/s, got 0\.3"):
         found.at(0.3)
+
+
+@pytest.mark.parametrize(("pace", "damping"), [(0.5, 80.0), (0.04, 1000.0), (1e-3, 3000.0), (5.0, 10.0)])
+def test_the_solver_finds_where_a_falling_pace_is_met(
+    pace: float, damping: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = []
+
+    def cruising_pace(controller: Impedance, batch: Batch) -> float:
+        drawn.append(batch.num_worlds)
+        return 40.0 / controller.damping_tangential
+
+    monkeypatch.setattr(pacing, "_cruising_pace", cruising_pace)
+    assert damping_for_pace(Impedance(), pace) == pytest.approx(damping, rel=1e-4)
+    assert set(drawn) == {64}
+    assert len(drawn) == math.ceil(math.log2(math.log(300.0) / 1e-4))
+
+
+def test_the_table_is_of_the_papers_laws(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pacing, "damping_for_pace", lambda controller, pace, scenario: 1234.5678 * pace)  # noqa: ARG005
+    row = {pace: float(f"{1234.5678 * speed:.4g}") for pace, speed in PACES.items()}
+    assert pacing.solve_table() == {name: {"impedance": row, "torque-feedback": row} for name in SCENARIOS}
 
 
 @pytest.mark.slow

@@ -97,6 +97,13 @@ def test_two_sets_of_episodes_are_drawn_apart() -> None:
     assert alike.low < 0.0 < alike.high
 
 
+def test_two_sets_are_drawn_with_seeds_one_after_the_other() -> None:
+    a, b = np.arange(7.0), np.arange(9.0) ** 2
+    samples = mean(a[resample(7, None, 50, 4)]) - mean(b[resample(9, None, 50, 5)])
+    found = unpaired_interval(a, b, mean, resamples=50, seed=4)
+    assert found == pytest.approx((a.mean() - b.mean(), *np.percentile(samples, (2.5, 97.5))))
+
+
 def test_each_set_of_episodes_has_its_own_strata() -> None:
     between = np.where(np.array(STRATA) == "line", 100.0, 0.0)
     assert unpaired_interval(between, between[:100], mean, strata=(STRATA, STRATA[:100])) == (0.0, 0.0, 0.0)

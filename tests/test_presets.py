@@ -1,0 +1,76 @@
+"""Preset files: older ones, and the border of each range."""
+
+import re
+
+import pytest
+
+from pter_gym.errors import ParameterError
+from pter_gym.params.preset import ABSENT_ORIGIN, PRESET, SECTIONS, format_preset, parse_preset
+
+TEXT = format_preset(PRESET, "for tests")
+
+
+def without(section: str, name: str | None = None) -> str:
+    """The text without a section, or without one of its numbers."""
+    head, body = TEXT.split(f"[{section}]\n")
+    entries, _, rest = body.partition("\n\n")
+    kept = "" if name is None else "\n".join(line for line in entries.splitlines() if not line.startswith(f"{name} ="))
+    return f"{head}[{section}]\n{kept}\n\n{rest}" if name else f"{head}\n\n{rest}"
+
+
+def with_value(section: str, name: str, value: str) -> str:
+    head, body = TEXT.split(f"[{section}]\n")
+    return f"{head}[{section}]\n" + re.sub(
+        rf"(?m)^{name} = {{ value = [^u]*,", f"{name} = {{ value = {value},", body, count=1
+    )
+
+
+def test_a_file_from_before_a_number_means_what_it_meant():
+    older = parse_preset(without("clutch", "scale"))
+    assert older.clutch.scale == (1.0, 1.0, 1.0, 1.0)
+    assert older.provenance["clutch.scale"] == ABSENT_ORIGIN
+    assert parse_preset(without("sensing")).sensing.delay == 0.0
+
+
+@pytest.mark.parametrize("section", [name for name in SECTIONS if name != "sensing"])
+def test_every_other_section_has_to_be_there(section: str):
+    with pytest.raises(ParameterError, match=f"section '{section}' is missing"):
+        parse_preset(without(section))
+
+
+def test_a_number_without_a_meaning_of_its_absence_has_to_be_there():
+    with pytest.raises(ParameterError, match="field of clutch 'knee' is missing"):
+        parse_preset(without("clutch", "knee"))
+
+
+ZERO = {
+    "arm": ("coupling",),
+    "clutch": ("knee", "curvature"),
+    "path": ("x", "y", "direction"),
+    "hand": ("push", "force_max"),
+    "controller": ("stiffness", "damping_normal", "damping_tangential", "slip_threshold", "feedback"),
+    "sensing": ("delay",),
+}
+"""What may be 0."""
+
+
+@pytest.mark.parametrize(
+    ("section", "name"),
+    [(section, name) for section, kind in SECTIONS.items() for name in kind.__dataclass_fields__],
+)
+def test_numbers_that_may_be_zero_and_others(section: str, name: str):
+    value = "[0.0, 0.0, 0.0, 0.0]" if name in ("scale", "table_volts") else "0.0"
+    if name in (*ZERO.get(section, ()), "table_volts"):
+        assert (
+            parse_preset(with_value(section, name, value)) != PRESET or getattr(getattr(PRESET, section), name) == 0.0
+        )
+    else:
+        with pytest.raises(ParameterError, match=rf"{section}\.{name} must be a finite number and > 0"):
+            parse_preset(with_value(section, name, value))
+
+
+@pytest.mark.parametrize("name", ["knee", "force_max", "stiffness", "delay"])
+def test_nothing_of_these_is_below_zero(name: str):
+    section = next(section for section, kind in SECTIONS.items() if name in kind.__dataclass_fields__)
+    with pytest.raises(ParameterError, match=rf"{section}\.{name} must be a finite number and ≥ 0"):
+        parse_preset(with_value(section, name, "-0.001"))
