@@ -356,7 +356,7 @@ def function_of(test: str) -> str:
 def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str, str]) -> list[Case]:
     """Tests that reach a fault's statement within a budget [s]; what runs on import is reached by all of its module's.
 
-    Tests in the nearest files come first, and of these the quickest of each function.
+    Tests in the nearest files come first, and of each function the quickest; its further ones wait their turn.
     """
     told = {file: min(nearness(mutant, text), 1 if file == BROAD else 3) for file, text in texts.items()}
     found = [case for case in cases if mutant.file in case.lines]
@@ -368,8 +368,8 @@ def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str,
     rank: Counter[str] = Counter()
     ordered = []
     for case in sorted(found, key=lambda case: case.seconds):
-        place = rank[function_of(case.name)]
-        ordered.append((told.get(file_of(case.name), 3), place, case.seconds, case.name, case))
+        place = told.get(file_of(case.name), 3) + rank[function_of(case.name)]
+        ordered.append((place, case.seconds, case.name, case))
         rank[function_of(case.name)] += 1
     chosen, spent = [], 0.0
     for *_, case in sorted(ordered):
