@@ -102,13 +102,13 @@ def straight() -> tuple[np.ndarray, int]:
     return np.concatenate([[-7.0], chain(pieces).table.ravel()]), 3
 
 
-@pytest.mark.parametrize("segment", range(3))
-@pytest.mark.parametrize(("x", "found"), [(-0.5, 0), (0.3, 0), (1.2, 1), (2.7, 2), (5.0, 2)])
-def test_a_foot_is_walked_to_from_any_segment(x: float, found: int, segment: int):
+def test_a_foot_is_walked_to_from_any_segment():
     constants, count = straight()
-    foot = project(constants, 1, count, segment, x, -0.2)
-    assert foot.segment == found
-    assert (foot.arc_length, foot.normal_error) == pytest.approx((x, -0.2))
+    for segment in range(count):
+        for x, found in ((-0.5, 0), (0.3, 0), (1.2, 1), (2.7, 2), (5.0, 2)):
+            foot = project(constants, 1, count, segment, x, -0.2)
+            assert foot.segment == found
+            assert (foot.arc_length, foot.normal_error) == pytest.approx((x, -0.2))
 
 
 def test_segments_and_points_by_arc_length():
