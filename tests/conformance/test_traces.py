@@ -138,8 +138,17 @@ PARTS: dict[str, Callable[[], Arrays]] = {
 }
 
 
-@pytest.mark.parametrize("part", PARTS)
+def test_worlds_of_all_kinds_do_what_they_did():
+    compare("all kinds")
+
+
+@pytest.mark.parametrize("part", [part for part in PARTS if part != "all kinds"])
 def test_worlds_do_what_they_did(part: str):
+    compare(part)
+
+
+def compare(part: str) -> None:
+    """Compare what worlds do with what is stored."""
     with np.load(FILE) as stored:
         expected = {key.removeprefix(f"{part}: "): stored[key] for key in stored.files if key.startswith(f"{part}: ")}
     found = PARTS[part]()

@@ -125,24 +125,21 @@ def test_a_circle_begins_at_its_lowest_point():
     assert abs(Circle(clockwise=True).heading(0.0)) == pytest.approx(math.pi)
 
 
-PAIR = ((0.0, 0.5), (0.1, 0.5))
-
-
-@pytest.mark.parametrize(
-    "points",
-    [
-        ((0.0, 0.5), (0.0, 0.5), (0.1, 0.5)),
-        ((0.0, 0.5), (0.1, 0.5), (0.1, 0.5)),
-        ((0.0, 0.5), [0.1, 0.5]),
-        ((0.0, 0.5), "12"),
-        ((0.0, 0.5), (0.1, 0.5, 0.2)),
-        ((0.0, 0.5), (1001.0, 0.5)),
-    ],
+BAD_POINTS: tuple[Any, ...] = (
+    ((0.0, 0.5), (0.0, 0.5), (0.1, 0.5)),
+    ((0.0, 0.5), (0.1, 0.5), (0.1, 0.5)),
+    ((0.0, 0.5), [0.1, 0.5]),
+    ((0.0, 0.5), "12"),
+    ((0.0, 0.5), (0.1, 0.5, 0.2)),
+    ((0.0, 0.5), (1001.0, 0.5)),
 )
-def test_points_that_no_path_takes(points: Any):
-    for kind in (Spline, Polyline):
-        with pytest.raises(ParameterError, match=r"points must be a tuple"):
-            kind(points=points)
+
+
+def test_points_that_no_path_takes():
+    for points in BAD_POINTS:
+        for kind in (Spline, Polyline):
+            with pytest.raises(ParameterError, match=r"points must be a tuple"):
+                kind(points=points)
 
 
 @pytest.mark.parametrize("name", ["x", "y"])
@@ -155,7 +152,8 @@ def test_a_path_is_within_a_kilometre(name: str):
 
 
 def test_corners_may_take_all_of_a_straight_segment():
-    square = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+    side = math.tan(0.25 * math.pi)  # as it is rounded
+    square = ((0.0, 0.0), (side, 0.0), (side, side))
     assert Polyline(points=square, radius=1.0).length == pytest.approx(0.5 * math.pi)
     with pytest.raises(ParameterError, match=r"Polyline\.radius"):
         Polyline(points=square, radius=1.0 + 1e-9)
