@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -299,6 +300,38 @@ def test_a_name_that_no_terminal_can_print_is_left_out_in_ascii(folder: ResultsF
     folder.summarise()
     (found,) = json.loads(folder.summary.read_text())["left_out"]
     assert found["file"] == ascii("\udcff\x1b[2J.json")
+
+
+# --- what a folder finds ---
+
+
+def test_a_run_is_found_under_just_its_conditions(folder: ResultsFolder) -> None:
+    run = made_up("free", 0, COUNT)
+    found = folder.find(run.conditions)
+    assert found is not None
+    assert found.conditions == run.conditions
+    assert folder.find(replace(run.conditions, identity="f" * 64)) is None
+    assert folder.find(replace(run.conditions, policy="nobody")) is None
+    write_run(folder.path, replace(run, conditions=replace(run.conditions, identity=None)))
+    assert folder.find(replace(run.conditions, identity=None)) is None
+
+
+def test_further_seeds_of_an_earlier_policy_are_deleted(folder: ResultsFolder) -> None:
+    for seed in (2, 3):
+        write_run(folder.path, made_up("agent", seed, COUNT))
+    folder.end_seeds(made_up("agent", 1, COUNT).conditions)
+    kept = [path.stem for path in sorted((folder.path / "runs").iterdir())]
+    assert kept == ["standard-brisk-agent-5", "standard-brisk-bound-1", "standard-brisk-free-5"]
+
+
+def test_what_a_folder_holds_is_told_in_order(folder: ResultsFolder) -> None:
+    for name in ("z", "a"):
+        of(folder, name).write_text("{")
+    contents = folder.read()
+    assert isinstance(contents.left_out, tuple)
+    assert [each.file for each in contents.left_out] == ["a.json", "z.json"]
+    found = [(run.conditions.policy, run.conditions.seed) for run in contents.runs]
+    assert sorted(found) == [("agent", 0), ("agent", 1), ("bound", 0), ("free", 0)]
 
 
 # --- copies ---
