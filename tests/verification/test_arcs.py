@@ -111,6 +111,12 @@ def test_a_foot_is_walked_to_from_any_segment():
             assert (foot.arc_length, foot.normal_error) == pytest.approx((x, -0.2))
 
 
+def test_a_walk_never_turns_back():
+    """Outside a sharp corner each of two segments sends a foot to the other one."""
+    table = chain([(0j, 1 + 0j, 0.0, 1.0), (1 + 0j, 1j, 0.0, 1.0)]).table
+    assert [project(table.ravel(), 0, 2, segment, 1.5, -0.5).segment for segment in (0, 1)] == [1, 0]
+
+
 def test_segments_and_points_by_arc_length():
     constants, count = straight()
     lengths = (-0.5, 0.0, 0.5, 1.0, 1.999, 2.0, 9.0)
