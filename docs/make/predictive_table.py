@@ -4,7 +4,7 @@
         --episodes 100 --out RESULTS
     python docs/make/predictive_table.py RESULTS
 
-RESULTS holds that of `standard` and of `everything`: an hour of a core and more for each.
+RESULTS holds that of `standard`, of `everything`, or of both: an hour of a core and more for each.
 """
 
 from pathlib import Path
@@ -32,7 +32,8 @@ def section(boards: list[dict], scenario: str) -> str:
 def main(results: tyro.conf.Positional[Path], write: bool = True) -> None:
     """Write the tables into the page, or print them."""
     boards = read_boards(results)
-    content = "\n".join(section(boards, scenario) for scenario in ("standard", "everything"))
+    scenarios = dict.fromkeys(board["scenario"] for board in boards)
+    content = "\n".join(section(boards, scenario) for scenario in scenarios)
     put_block(PAGE, "predictive", content, write=write)
 
 

@@ -100,6 +100,16 @@ def test_the_larger_average_counts() -> None:
     assert hasty.path_error_m > 2.0 * hasty.path_average_error_m > hasty.mean_error_m
 
 
+def test_a_way_beside_the_path_counts_however_short_its_time() -> None:
+    """The second tenth: 1 cm in 18 steps, then 8 cm in one, 0.1 m beside the path, and 1 cm in the last."""
+    even = 0.005 * np.arange(201)
+    s = np.concatenate([even[:21], 0.1 + 0.01 / 18 * np.arange(1, 19), [0.19], even[40:]])
+    beside = np.where(s == 0.19, 0.1, 0.0)
+    found = score(travel(s, normal_error=beside), METRE)
+    assert found.path_error_m == pytest.approx(0.08 * 0.1 / 0.1 / 10)
+    assert found.segment_pace_error == pytest.approx(0.0, abs=1e-9)
+
+
 @pytest.mark.parametrize("pace", [0.8, 1.0, 1.25])
 def test_a_constant_error_costs_more_off_the_pace(pace: float) -> None:
     s = 0.5 * pace * PERIOD * np.arange(round(200 / pace) + 2)
