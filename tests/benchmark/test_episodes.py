@@ -90,6 +90,13 @@ def test_the_shipped_episodes_can_be_made_again_byte_for_byte(scenario: Scenario
     assert path.read_bytes() == (FOLDER / path.name).read_bytes()
 
 
+def test_a_folder_is_made_and_its_checksums_are_in_order(tmp_path: Path) -> None:
+    folder = tmp_path / "some" / "where"
+    store(folder)
+    store_episodes("earlier", [BASELINE], [PathFollowing()], [3], ["a"], version=1, folder=folder)
+    assert list(json.loads((folder / CHECKSUMS).read_text())) == ["earlier", "mine"]
+
+
 def test_a_new_scenario_is_drawn_by_its_name_and_version() -> None:
     new = replace(SCENARIOS["hands"], episodes=3, place=None)
     first = evaluation_draws(new)

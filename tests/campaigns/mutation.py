@@ -97,6 +97,9 @@ ALIKE = [
 ]
 """Options of all runs of pytest."""
 
+AHEAD = 8
+"""How many further cases of a test function come before the first ones of the next nearest files."""
+
 LIBRARIES = "numpy scipy.optimize scipy.stats numba gymnasium matplotlib.figure rich safetensors.numpy"
 MEASURING = 900.0
 """Processor time [s] in which a test file has to be measured."""
@@ -368,7 +371,7 @@ def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str,
     rank: Counter[str] = Counter()
     ordered = []
     for case in sorted(found, key=lambda case: case.seconds):
-        place = told.get(file_of(case.name), 3) + rank[function_of(case.name)]
+        place = AHEAD * told.get(file_of(case.name), 3) + rank[function_of(case.name)]
         ordered.append((place, case.seconds, case.name, case))
         rank[function_of(case.name)] += 1
     chosen, spent = [], 0.0
@@ -448,7 +451,7 @@ def main() -> None:
     parser.add_argument("--tests", nargs="+", default=TESTS, help="patterns of test files")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--limit", type=float, default=4.0, help="of one test, in seconds of processor time")
-    parser.add_argument("--budget", type=float, default=20.0, help="of the tests of one fault, likewise")
+    parser.add_argument("--budget", type=float, default=40.0, help="of the tests of one fault, likewise")
     parser.add_argument("--work", type=Path, default=Path("pter-mutation"), help="folder for copies and outcomes")
     parser.add_argument("--least", type=float, default=0.95, help="share that must be killed")
     parser.add_argument("--write", action="store_true", help="put the table into docs/robustness.md")
