@@ -366,8 +366,8 @@ def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str,
     if not mutant.at_import:
         found = [case for case in found if not case.lines[mutant.file].isdisjoint(mutant.lines)]
     else:
-        naming = {file for file, near in told.items() if near in (0, 2)}
-        found = [case for case in cases if mutant.file in case.lines or file_of(case.name) in naming] or cases
+        near = {file for file, place in told.items() if place < 3}
+        found = [case for case in cases if mutant.file in case.lines or file_of(case.name) in near] or cases
     rank: Counter[str] = Counter()
     ordered = []
     for case in sorted(found, key=lambda case: case.seconds):
