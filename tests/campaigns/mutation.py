@@ -98,7 +98,8 @@ ALIKE = [
 """Options of all runs of pytest."""
 
 AHEAD = 8
-"""How many further cases of a test function come before the first ones of the next nearest files."""
+"""How many further cases of a test function come before one that is a second longer, or before those of the next
+nearest files."""
 
 LIBRARIES = "numpy scipy.optimize scipy.stats numba gymnasium matplotlib.figure rich safetensors.numpy"
 MEASURING = 900.0
@@ -359,7 +360,7 @@ def function_of(test: str) -> str:
 def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str, str]) -> list[Case]:
     """Tests that reach a fault's statement within a budget [s]; what runs on import is reached by all of its module's.
 
-    Tests in the nearest files come first, and of each function the quickest; its further ones wait their turn.
+    Tests in the nearest files come first, and quick ones, and of each function the quickest; further ones wait.
     """
     told = {file: min(nearness(mutant, text), 1 if file == BROAD else 3) for file, text in texts.items()}
     found = [case for case in cases if mutant.file in case.lines]
@@ -371,8 +372,8 @@ def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str,
     rank: Counter[str] = Counter()
     ordered = []
     for case in sorted(found, key=lambda case: case.seconds):
-        place = AHEAD * told.get(file_of(case.name), 3) + rank[function_of(case.name)]
-        ordered.append((place, case.seconds, case.name, case))
+        place = AHEAD * (told.get(file_of(case.name), 3) + case.seconds) + rank[function_of(case.name)]
+        ordered.append((place, case.name, case))
         rank[function_of(case.name)] += 1
     chosen, spent = [], 0.0
     for *_, case in sorted(ordered):

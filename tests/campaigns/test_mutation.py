@@ -136,10 +136,10 @@ def test_a_share_has_an_interval():
 def test_quickest_test_of_each_function_comes_first():
     (mutant, *_) = mutants_of("f.py", "def f(a, b):\n    return a + b\n")
     assert (mutant.lines, mutant.at_import) == (range(2, 3), False)
-    names = [("t::a[1]", 1.0, 2), ("t::a[2]", 0.5, 2), ("t::b", 2.0, 2), ("t::c", 0.1, 1)]
+    names = [("t::a[1]", 0.1, 2), ("t::a[2]", 0.05, 2), ("t::b", 0.2, 2), ("t::c", 0.01, 1)]
     cases = [mutation.Case(name, seconds, {"f.py": frozenset([line])}) for name, seconds, line in names]
-    assert [case.name for case in mutation.choose(mutant, cases, 9.0, {})] == ["t::a[2]", "t::b", "t::a[1]"]
-    assert [case.name for case in mutation.choose(mutant, cases, 1.0, {})] == ["t::a[2]"]
+    assert [case.name for case in mutation.choose(mutant, cases, 0.9, {})] == ["t::a[2]", "t::b", "t::a[1]"]
+    assert [case.name for case in mutation.choose(mutant, cases, 0.1, {})] == ["t::a[2]"]
 
 
 def test_tests_that_name_a_constant_come_first():
