@@ -7,6 +7,8 @@ from pathlib import Path
 import pages
 import pytest
 
+from pter_gym.benchmark.ranking import PRIVILEGED
+
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "classical-control.md"
 SCRIPTS = sorted({path.stem for path in (ROOT / "docs" / "make").glob("*.py")} - {"pages"})
@@ -18,13 +20,14 @@ NEEDS = {
     "seeds": "torch",
     "training_speed": "torch",
 }
-BLOCKS = ("board: standard", "separation", "bounds", "lag", "torque", "board: everything", "lost")
+BLOCKS = ("board: standard", "separation", "bounds", "lag", "torque", "board: everything", "lost", "predictive")
 
 
 def scores(error: float, rank: int | None) -> dict[str, object]:
     interval = {"value": error, "low": 0.9 * error, "high": 1.1 * error}
     means = {name: {"value": x} for name, x in (("completed", 0.981), ("mean_pace_error", 0.1))}
-    return {"path_error_m": interval, "rank": rank, **means, "segment_pace_error": {"value": 0.16}}
+    told = {"rank": rank, "reason": None if rank else "uneven", "privileged": False}
+    return {"path_error_m": interval, **told, **means, "segment_pace_error": {"value": 0.16}}
 
 
 def boards() -> list[dict[str, object]]:
@@ -55,6 +58,9 @@ def test_a_leaderboard_has_intervals_and_marks_what_is_below_the_line() -> None:
     assert bad == f"| `bad` |{' 20.0 (18.0 … 22.0) † |' * 3}"
     detailed = pages.error_cell(boards()[0]["policies"]["bad"], details=True).replace("\u00a0", " ")  # type: ignore[index]
     assert detailed == "20.0 (18.0 … 22.0) †; 98.1 %, ±10 %, ±16 %"
+    bound = {**scores(0.03, None), "reason": PRIVILEGED, "privileged": True}
+    assert pages.label("bound", bound) == "`bound` (privileged)"
+    assert "†" not in pages.error_cell(bound, details=False)
     with pytest.raises(ValueError, match="no standard at brisk"):
         pages.board_table(boards()[:2], "standard", ["good"])
 
