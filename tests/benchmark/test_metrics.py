@@ -186,7 +186,10 @@ def test_cruising_is_what_comes_behind_the_first_segment() -> None:
     s = np.concatenate([np.linspace(0.0, 0.1, 41), 0.1 + 0.0075 * np.arange(1, 121)])
     for rows in (s, s[:95]):
         assert Recorded(travel(rows)[:, None], [METRE], 24.0).cruising_pace() == pytest.approx([0.75])
-    assert Recorded(travel(s[:1])[[0, 0], None], [METRE], 24.0).mean_pace() == 0.0
+
+
+def test_who_has_had_no_time_has_no_pace() -> None:
+    assert Recorded(travel(np.zeros(1))[[0, 0], None], [METRE], 24.0).mean_pace() == 0.0
 
 
 def test_stop_and_go_keeps_the_mean_pace_but_not_that_of_the_segments() -> None:

@@ -75,16 +75,13 @@ def test_the_numbers_that_the_derivation_takes():
     assert LARGEST_CONDITION == 1e16 / 1e12, "twelve of sixteen digits are left"
 
 
-@pytest.mark.parametrize(("inertia", "coupling"), [(5000.0, 4999.0), (5000.0, 4999.1)])
-def test_a_condition_of_just_ten_thousand_is_accepted(inertia: float, coupling: float):
+def test_a_condition_of_just_ten_thousand_is_accepted():
     """The eigenvalues of these are 5000 ± the coupling, their bound 10,000 over the smaller one."""
-    arm = replace(BASELINE.arm, inertia_a=inertia, inertia_b=inertia, coupling=coupling)
+    arm = replace(BASELINE.arm, inertia_a=5000.0, inertia_b=5000.0, coupling=4999.0)
     task = PathFollowing(hand=MultiSineHand(push=0.0, amplitudes=(0.0,) * 5))
-    if coupling == 4999.0:
-        check_motion(task, replace(BASELINE, arm=arm))
-    else:
-        with pytest.raises(ParameterError, match="condition"):
-            check_motion(task, replace(BASELINE, arm=arm))
+    check_motion(task, replace(BASELINE, arm=arm))
+    with pytest.raises(ParameterError, match="condition"):
+        check_motion(task, replace(BASELINE, arm=replace(arm, coupling=4999.1)))
 
 
 @pytest.mark.parametrize("coupling", [0.05, -0.3, 0.5])
