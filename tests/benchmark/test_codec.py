@@ -9,12 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pter_gym import hands, params
 from pter_gym.benchmark.episodes import CODEC
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
-from pter_gym.hands import MultiSineHand
-from pter_gym.params import BASELINE, DELRIN_THEORETICAL, LARGEST, MACHINES, Machine
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
+from pter_gym.internal.codec import dataclasses_in
+from pter_gym.params import BASELINE, DELRIN_THEORETICAL, LARGEST, MACHINES, Arm, Clutch, Hand, Machine, TorqueCurve
+from pter_gym.tasks.path_following import PathFollowing, specification
 
 
 def through_json(value: object) -> object:
@@ -25,6 +27,12 @@ def through_json(value: object) -> object:
 def test_round_trip(value: object) -> None:
     assert through_json(value) == value
     assert repr(through_json(value)) == repr(value)
+
+
+def test_dataclasses_are_those_that_a_module_or_package_defines() -> None:
+    assert list(dataclasses_in(params)) == [Arm, Clutch, Hand, Machine, TorqueCurve]
+    assert {HumanArm, MultiSineHand, RecordedForces} <= set(dataclasses_in(hands))
+    assert Machine not in dataclasses_in(specification), "it is only named there"
 
 
 @given(

@@ -1,6 +1,7 @@
 """The stored evaluation episodes, and what happens when somebody changes them."""
 
 import gzip
+import hashlib
 import json
 import shutil
 from dataclasses import replace
@@ -13,6 +14,7 @@ import pytest
 from pter_gym.benchmark.episodes import (
     CHECKSUMS,
     FOLDER,
+    SEEDS,
     find_episodes,
     fresh_episodes,
     load_episodes,
@@ -172,6 +174,19 @@ def test_changed_episodes_are_refused(copy: Path) -> None:
     content["episodes"][0]["seed"] += 1
     path.write_bytes(gzip.compress(json.dumps(content).encode()))
     with pytest.raises(DataError, match=r"standard\.json\.gz were changed: SHA-256 is [0-9a-f]{64}, stored was"):
+        load_episodes("standard", "slow", folder=copy)
+
+
+@pytest.mark.parametrize(("part", "below"), [("machine", None), ("task", None), ("seed", SEEDS)])
+def test_numbers_beyond_their_range_are_refused(part: str, below: int | None, copy: Path) -> None:
+    path = copy / "standard.json.gz"
+    content = json.loads(gzip.decompress(path.read_bytes()))
+    content["episodes"][-1][part] = below or len(content["parts"])
+    path.write_bytes(gzip.compress(json.dumps(content).encode()))
+    sums = json.loads((copy / CHECKSUMS).read_text())
+    sums["standard"] = hashlib.sha256(path.read_bytes()).hexdigest()
+    (copy / CHECKSUMS).write_text(json.dumps(sums))
+    with pytest.raises(DataError, match=r"there must be a whole number within \[0, \d+\)"):
         load_episodes("standard", "slow", folder=copy)
 
 

@@ -108,6 +108,11 @@ def test_a_run_is_what_was_written(folder: ResultsFolder) -> None:
         )
 
 
+def test_a_run_is_read_by_a_path_from_here(folder: ResultsFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder.path)
+    assert read_run("runs/standard-brisk-free-5.json").conditions.policy == "free"
+
+
 def test_a_run_is_read_as_it_was_written(folder: ResultsFolder) -> None:
     for path in sorted((folder.path / "runs").glob("*.json")):
         run = read_run(path)
@@ -176,6 +181,14 @@ SEALED: dict[str, tuple[Callable[[Content], object], str]] = {
     "a fresh seed beyond all": (give(fresh=SEEDS), "fresh must be a whole number from 0"),
     "a name that no file can have": (give(policy="a "), "policies must have names"),
     "more than the whole time": (set_score("effort", 1.5), "effort must be finite numbers from 0 to 1, got [1.5]"),
+    "many scores beyond their range": (
+        lambda content: content["scores"].update(effort=[1.5, 2.5, 3.5, 4.5, 5.5]),
+        "effort must be finite numbers from 0 to 1, got [1.5]",
+    ),
+    "a sample without its episode": (
+        lambda content: content["samples"][0].pop("episode"),
+        "a sample: 'episode' is missing",
+    ),
     "no sample": (give(samples=[]), "samples must be those of the episodes [0, 1, 2, 3]"),
     "samples as an object": (give(samples={}), "samples must be a list"),
     "a sample with more": (lambda content: content["samples"][0].update(more=1), "a sample: 'more' is unknown"),

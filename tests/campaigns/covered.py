@@ -25,8 +25,8 @@ PLAIN = [
 ]
 PLAIN_TESTS = [
     *(f"tests/benchmark/test_{name}.py" for name in ("leaderboard", "metrics", "statistics")),
-    *(f"tests/conformance/test_{name}.py" for name in ("contract", "philox")),
-    *(f"tests/verification/test_{name}.py" for name in ("controllers", "friction", "hand")),
+    *(f"tests/conformance/test_{name}.py" for name in ("contract", "one_world", "philox", "traces")),
+    *(f"tests/verification/test_{name}.py" for name in ("arcs", "controllers", "friction", "substep", "task")),
     "tests/properties",
 ]
 COMPILED = ["-m", "not gpu and not long"]

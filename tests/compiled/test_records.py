@@ -139,6 +139,15 @@ def test_a_number_without_an_entry_has_its_name_alone() -> None:
     assert fields[AT.last] == Field("last", "", "", 1.0)
 
 
+def test_leaves_cannot_be_changed() -> None:
+    assert isinstance(leaves(Whole), tuple)
+
+
+def test_an_unknown_field_of_a_layout_is_told_with_those_that_are_there() -> None:
+    with pytest.raises(KeyError, match="no field 'z'; the fields are x, y"):
+        layout_of(Bare).index("z")
+
+
 def test_two_entries_of_one_name_are_refused() -> None:
     class Twice(NamedTuple):
         here: Bare

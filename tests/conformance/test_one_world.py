@@ -1,0 +1,59 @@
+"""The functions of one world, which a GPU and a web page call, do what the block kernel does to many.
+
+Here they run as plain Python; ``test_cuda.py`` and ``tests/web`` run what is made of them.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pter_gym.engine.batch import Batch
+from pter_gym.engine.episode import conclude_step, fetch_world, take_context
+from pter_gym.engine.step import given_volts, move_world
+from pter_gym.engine.world import BASIC_ROWS, CONFIG, ROW, ROWS
+from pter_gym.hands import HumanArm, RecordedForces
+from pter_gym.params import BASELINE, DELRIN_THEORETICAL
+from pter_gym.paths import Circle
+from pter_gym.tasks.path_following import PathFollowing, Sensing
+
+MACHINE = replace(BASELINE, substep=2e-3)
+LAGGING = replace(MACHINE, clutch=replace(DELRIN_THEORETICAL.clutch, time_constant=0.02, lag="voltage"))
+WORLDS = {
+    "a push alone": (MACHINE, PathFollowing()),
+    "voltages that lag": (LAGGING, PathFollowing()),
+    "an arm that plans": (MACHINE, PathFollowing(path=Circle(), hand=HumanArm(random_phases=True), error_max=0.08)),
+    "recorded forces": (
+        MACHINE,
+        PathFollowing(hand=RecordedForces(times=(0.0, 0.3), along=(40.0, 80.0), across=(0.0, -9.0))),
+    ),
+    "noisy sensors": (MACHINE, PathFollowing(sensing=Sensing(velocity_noise=0.02, force_noise=0.5, delay=2))),
+}
+
+
+def moved_alone(batch: Batch, volts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what the first world of a batch would store after a control step, (rows,), and its reward."""
+    arrays = batch.device_arrays()
+    worlds, words, config, constants = (arrays[name].copy() for name in ("worlds", "words", "config", "constants"))
+    w = np.zeros((ROWS, 1))
+    fetch_world(w, 0, worlds, 0)
+    take_context(w, 0, constants)
+    given = given_volts(volts, 0, config[CONFIG.low], config[CONFIG.high], w[ROW.machine.voltage_max, 0])
+    move_world(w, 0, given, config, worlds.shape[1] > BASIC_ROWS)
+    conclude_step(w, 0, words[0, 0], words[0, 1], config, constants)
+    return np.append(w[: worlds.shape[1], 0], w[ROW.reward, 0])
+
+
+@pytest.mark.parametrize("kind", WORLDS)
+def test_a_world_alone_does_what_it_does_in_a_block(kind: str) -> None:
+    machine, task = WORLDS[kind]
+    batch = Batch(machine, task, sensors="force")
+    batch.reset([5])
+    rng = np.random.default_rng(3)
+    for _ in range(6):
+        volts = rng.uniform(0.0, 12.0, (1, 4))
+        alone = moved_alone(batch, volts)
+        rewards = batch.step(volts).rewards
+        stored = batch.get_state()["worlds"][0, :, 0]
+        np.testing.assert_allclose(alone, [*stored, *rewards], rtol=1e-9, atol=1e-12)
