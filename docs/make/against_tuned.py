@@ -37,11 +37,15 @@ def compare(runs: list[ScenarioRun]) -> tuple[Standing, Standing, Interval]:
     return rank([mine]).standings[0], law, difference_interval(*errors, strata=mine.strata)
 
 
-def row(scenario: str, pace: str, runs: list[ScenarioRun]) -> list[str]:
+def peak(standing: Standing) -> float:
+    """Filtered peak acceleration [m/s²]."""
+    return standing.scores["peak_acceleration_m_s2"].value
+
+
+def row(scenario: str, pace: str, mine: Standing, law: Standing, difference: Interval) -> list[str]:
     """A line of the table."""
-    mine, law, difference = compare(runs)
     mine_error, law_error = (each.scores["path_error_m"].value for each in (mine, law))
-    peaks = (f"{each.scores['peak_acceleration_m_s2'].value:.1f}" for each in (mine, law))
+    peaks = (f"{peak(each):.1f}" for each in (mine, law))
     value, low, high = (signed(f"{1000 * number:+z.1f}") for number in difference)
     return [
         f"`{scenario}`",
@@ -55,16 +59,32 @@ def row(scenario: str, pace: str, runs: list[ScenarioRun]) -> list[str]:
     ]
 
 
+def exceptions(found: dict[tuple[str, str], tuple[Standing, Standing, Interval]]) -> str:
+    """Say where the policy is not better than the law."""
+    near = {place: difference for place, (_, _, difference) in found.items() if difference.high >= 0.0}
+    rough = [place for place, (mine, law, _) in found.items() if peak(mine) > peak(law)]
+    kinds = {
+        "Larger path error": [place for place, difference in near.items() if difference.low > 0.0],
+        "An interval that holds 0": [place for place, difference in near.items() if difference.low <= 0.0],
+        "Higher peak acceleration": rough,
+    }
+    told = [
+        f"- {kind}: {', '.join(f'`{s}`, {pace}' for s, pace in places)}." for kind, places in kinds.items() if places
+    ]
+    return "\n".join([f"Where `{POLICY}` is not better:", "", *told, ""]) if told else ""
+
+
 def main(results: tyro.conf.Positional[Path], write: bool = True) -> None:
-    """Write the table into the page, or print it."""
+    """Write the table and where the policy is not better into the page, or print them."""
     groups: dict[tuple[str, str], list[ScenarioRun]] = {each: [] for each in product(SCENARIOS, PACES)}
     for run in ResultsFolder(results).runs():
         at = run.conditions
         if at.fresh is not None:
             groups[at.scenario, at.pace].append(run)
-    rows = [row(*place, runs) for place, runs in groups.items()]
+    found = {place: compare(runs) for place, runs in groups.items()}
+    rows = [row(*place, *compared) for place, compared in found.items()]
     header = [*HEADER[:3], *(f"{name} {unit}" for name, unit in zip(HEADER[3:], UNITS, strict=True))]
-    put_block(AGENTS, "against tuned", table(header, rows, "---"), write=write)
+    put_block(AGENTS, "against tuned", f"{table(header, rows, '---')}\n{exceptions(found)}", write=write)
 
 
 if __name__ == "__main__":
