@@ -61,15 +61,13 @@ def row(scenario: str, pace: str, mine: Standing, law: Standing, difference: Int
 
 def exceptions(found: dict[tuple[str, str], tuple[Standing, Standing, Interval]]) -> str:
     """Say where the policy is not better than the law."""
-    near = {place: difference for place, (_, _, difference) in found.items() if difference.high >= 0.0}
-    rough = [place for place, (mine, law, _) in found.items() if peak(mine) > peak(law)]
     kinds = {
-        "Larger path error": [place for place, difference in near.items() if difference.low > 0.0],
-        "An interval that holds 0": [place for place, difference in near.items() if difference.low <= 0.0],
-        "Higher peak acceleration": rough,
+        "Larger path error": [place for place, (_, _, difference) in found.items() if difference.low > 0.0],
+        "An interval that holds 0": [place for place, (*_, (_, low, high)) in found.items() if low <= 0.0 <= high],
+        "Higher peak acceleration": [place for place, (mine, law, _) in found.items() if peak(mine) > peak(law)],
     }
     told = [
-        f"- {kind}: {', '.join(f'`{s}`, {pace}' for s, pace in places)}." for kind, places in kinds.items() if places
+        f"- {kind}: {', '.join(f'`{s}` {pace}' for s, pace in places)}." for kind, places in kinds.items() if places
     ]
     return "\n".join([f"Where `{POLICY}` is not better:", "", *told, ""]) if told else ""
 
