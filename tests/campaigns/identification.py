@@ -1,17 +1,21 @@
 """Identification of simulated machines: how large the errors are, and how often the intervals hold.
 
-    python -m tests.campaigns.identification --machines 100 --write     100 machines, the table into docs/identify.md
-    python -m tests.campaigns.identification --machines 3 --first 7     machines 7, 8 and 9 alone, with their numbers
+    python -m tests.campaigns.identification --machines 100 --processes 2 --write    the table into docs/identify.md
+    python -m tests.campaigns.identification --machines 3 --first 7                  machines 7, 8 and 9 alone
 
 Machine number k is drawn from the seed and k: inertias, coupling, torque curve, T_s/T_k, the clutches' own factors,
 time constant, delay, encoders and the noise of the force. Its log is that of the experiment, simulated with a
-substep finer than the model's; ``identify`` starts from PTER with the machine's link lengths.
+substep finer than the model's; ``identify`` starts from PTER with the machine's link lengths. Interrupted by Ctrl-C, it
+tells of the machines up to then.
 """
 
 import argparse
 import math
+import multiprocessing
+import signal
 import sys
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -86,15 +90,15 @@ def draw_recorder(rng: np.random.Generator) -> Recorder:
     )
 
 
-def identified(number: int) -> tuple[Identification, Machine, float, float]:
-    """Return what was found of a machine, the machine, its delay, and how long that took [s of the processor]."""
+def identified(number: int) -> tuple[list[Outcome], float]:
+    """Return what came of each number of a machine, and how long that took [s of the processor]."""
     rng = np.random.default_rng([SEED, number])
     machine, recorder = draw_machine(rng), draw_recorder(rng)
     log = record_log(machine, recorder=recorder, seed=number)
     start = replace(BASELINE, arm=replace(BASELINE.arm, length_a=machine.arm.length_a, length_b=machine.arm.length_b))
     began = time.process_time()
     found = identify(log, start)
-    return found, machine, recorder.delay, time.process_time() - began
+    return outcomes(found, machine, recorder.delay), time.process_time() - began
 
 
 def outcomes(found: Identification, machine: Machine, delay: float) -> list[Outcome]:
@@ -145,25 +149,36 @@ def share(flags: list[bool]) -> str:
     return f"{100 * sum(flags) / len(flags):.0f} %" if flags else "–"
 
 
+def remarkable(found: list[Outcome]) -> str:
+    """Return what is not as wished."""
+    told = [
+        f"{o.name} {100 * o.error:+.1f} % {o.status}{'' if o.inside else ' OUTSIDE'}"
+        for o in found
+        if not o.inside or o.status != "identified" or abs(o.error) > ALLOWED
+    ]
+    return "; ".join(told) or "all identified and inside"
+
+
 def main() -> None:
     """Run the campaign."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--machines", type=int, default=10)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--write", action="store_true", help="write the table into docs/identify.md")
+    parser.add_argument("--processes", type=int, default=1)
     arguments = parser.parse_args()
+    numbers = range(arguments.first, arguments.first + arguments.machines)
     results: list[list[Outcome]] = []
     seconds: list[float] = []
-    for number in range(arguments.first, arguments.first + arguments.machines):
-        found, machine, delay, taken = identified(number)
-        results.append(outcomes(found, machine, delay))
-        seconds.append(taken)
-        told = [
-            f"{o.name} {100 * o.error:+.1f} % {o.status}{'' if o.inside else ' OUTSIDE'}"
-            for o in results[-1]
-            if not o.inside or o.status != "identified" or abs(o.error) > ALLOWED
-        ]
-        print(f"machine {number}, {taken:.0f} s: {'; '.join(told) or 'all identified and inside'}", flush=True)
+    own = multiprocessing.get_context("spawn")
+    with (
+        own.Pool(arguments.processes, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool,
+        suppress(KeyboardInterrupt),
+    ):
+        for number, (found, taken) in zip(numbers, pool.imap(identified, numbers), strict=True):
+            results.append(found)
+            seconds.append(taken)
+            print(f"machine {number}, {taken:.0f} s: {remarkable(found)}", flush=True)
     text = table(results, seconds)
     print(text)
     if arguments.write:
