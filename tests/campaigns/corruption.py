@@ -28,8 +28,9 @@ METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.
 
 NUMBER = re.compile(rb"-?\d+(\.\d+)?([eE][+-]?\d+)?")
 TEXT = re.compile(rb'"[^"\n]*"')
-PART = re.compile(rb"[^,\n]+[,\n]")
-"""What a comma or the end of a line ends: a name and its value, a row, an entry."""
+PART = re.compile(rb"(?:^|(?<=[,\n]))[^,\n]+[,\n]")
+"""What a comma or the end of a line ends: a name and its value, a row, an entry. Nothing is read twice to find one, as a
+file may be large and have neither."""
 
 NUMBERS = (
     *(b"NaN", b"Infinity", b"-Infinity", b"nan", b"inf", b"-inf", b"1e999", b"-1e999"),
