@@ -25,6 +25,7 @@ from pter_gym.internal.reading import (
     DEEPEST,
     MOST_DOTS,
     MOST_JSON,
+    MOST_PARTS,
     MOST_TOML,
     inflate,
     parse_json,
@@ -89,8 +90,10 @@ JSON: dict[str, tuple[bytes, str]] = {
     "half a character in a name": (b'{"\\udfff": 1}', "surrogates"),
     "half a character, raw": (b'["\xed\xa0\x80"]', "utf-8"),
     "deep": (b"[" * (DEEPEST + 1) + b"]" * (DEEPEST + 1), f"nested deeper than {DEEPEST}"),
-    "very deep": (b"[" * 500_000, f"nested deeper than {DEEPEST}"),
-    "very deep objects": (b'{"a":' * 200_000, f"nested deeper than {DEEPEST}"),
+    "very deep": (b"[" * MOST_PARTS, f"nested deeper than {DEEPEST}"),
+    "very deep objects": (b'{"a":' * MOST_PARTS, f"nested deeper than {DEEPEST}"),
+    "many lists": (b"[" + b"[]," * MOST_PARTS + b"0]", f"more than {MOST_PARTS} lists and objects"),
+    "many objects": (b"[" + b"{}," * MOST_PARTS + b"0]", f"more than {MOST_PARTS} lists and objects"),
     "large": (b" " * (MOST_JSON + 1), f"larger than {MOST_JSON}"),
     "a mark of its order": (b"\xef\xbb\xbf[]", "BOM"),
     "more behind it": (b"[] []", "Extra data"),
@@ -104,6 +107,10 @@ def test_json_that_is_not_strict_is_refused(kind: str) -> None:
     with pytest.raises(ValueError, match=told):
         parse_json(data)
     assert parse_json(b"[" * DEEPEST + b"]" * DEEPEST)
+
+
+def test_json_of_the_most_parts_is_read() -> None:
+    assert len(parse_json(b"[" + b"[]," * (MOST_PARTS - 2) + b"{}]")) == MOST_PARTS - 1
 
 
 TOML: dict[str, tuple[str, str]] = {

@@ -202,4 +202,4 @@ def _check_keys(content: Any, names: Collection[str], what: str) -> None:
 
 def _require(condition: object, name: str, accepted: str, found: Any) -> None:
     if not condition:
-        raise ValueError(f"{name} must be {accepted}, got {shorten(repr(found), 60)}")
+        raise ValueError(f"{name} must be {accepted}, got {shorten(repr(found)[:200], 60)}")

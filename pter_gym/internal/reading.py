@@ -21,6 +21,9 @@ MOST_JSON, MOST_TOML = 1 << 22, 1 << 18
 DEEPEST = 16
 """Deepest nesting of JSON."""
 
+MOST_PARTS = 1 << 17
+"""Most lists and objects in JSON; brackets in texts count, too. A million of them would take seconds."""
+
 TOO_DEEP = f"it is nested deeper than {DEEPEST}"
 
 MOST_DIGITS = 40
@@ -100,10 +103,12 @@ def parse_json(data: bytes, most: int = MOST_JSON) -> Any:
     Raises
     ------
     ValueError
-        If it is none, is larger than ``most`` [B] or nested deeper than ``DEEPEST``, has a name twice in one object, a
-        number that no float64 holds, or text that cannot be written in UTF-8.
+        If it is none, is larger than ``most`` [B] or nested deeper than ``DEEPEST``, has more than ``MOST_PARTS`` lists
+        and objects, a name twice in one object, a number that no float64 holds, or text that UTF-8 cannot write.
     """
     text = bounded(data, most).decode("utf-8")
+    if text.count("[") + text.count("{") > MOST_PARTS:
+        raise ValueError(f"it has more than {MOST_PARTS} lists and objects")
     try:
         content = json.loads(
             text, object_pairs_hook=_unique, parse_float=_finite, parse_int=_whole, parse_constant=_finite

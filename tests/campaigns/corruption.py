@@ -29,8 +29,8 @@ METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.
 NUMBER = re.compile(rb"-?\d+(\.\d+)?([eE][+-]?\d+)?")
 TEXT = re.compile(rb'"[^"\n]*"')
 PART = re.compile(rb"(?:^|(?<=[,\n]))[^,\n]+[,\n]")
-"""What a comma or the end of a line ends: a name and its value, a row, an entry. Nothing is read twice to find one, as a
-file may be large and have neither."""
+"""What a comma or the end of a line ends: a name and its value, a row, an entry. One pass finds it, also in a large
+file that has neither."""
 
 NUMBERS = (
     *(b"NaN", b"Infinity", b"-Infinity", b"nan", b"inf", b"-inf", b"1e999", b"-1e999"),
@@ -146,9 +146,10 @@ def enlarge(data: bytes, rng: Random) -> bytes:
     """Make a file too large, or one that is full; seldom, as it takes long."""
     if rng.random() < 0.9:
         return data + bytes(rng.choice((1, 100)))
+    copies = min(2000, HUGE_FILE // max(1, len(data)))
     piece = rng.choice((b"[],", b'{"":0},', b"1,", b"a=1\n", b"[[a]]\n", b"{},", b"0,0,0\n", b"a.a.a.a.a=1\n"))
     return rng.choice(
-        (b" " * HUGE_FILE, b"[" + piece * (DENSE // len(piece)) + b"0]", piece * (DENSE // len(piece)), data * 2000)
+        (b" " * HUGE_FILE, b"[" + piece * (DENSE // len(piece)) + b"0]", piece * (DENSE // len(piece)), data * copies)
     )
 
 
