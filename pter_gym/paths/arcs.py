@@ -84,6 +84,21 @@ class Arcs:
             curvature,
         )
 
+    def extremes(self) -> Array:
+        """Return points of the chain [m], the nearest to the origin and the farthest among them, shape (3 S + 1, 2).
+
+        They are the joints, and the points of each arc that lie in line with its centre and the origin.
+        """
+        x, y, cos, sin, curvature, start, length = self.table.T
+        begin, heading = x + 1j * y, cos + 1j * sin
+        bent = curvature != 0.0
+        bend = np.where(bent, curvature, 1.0)
+        turn: Array = np.angle((begin + 1j * heading / bend) / (-1j * heading / bend))
+        turns = np.stack([turn, turn - np.copysign(np.pi, turn)])
+        lined = start + np.clip(np.where(bent, turns / bend, -(x * cos + y * sin)), 0.0, length)
+        x, y, _, _ = self.at(np.concatenate([start, lined.ravel(), [self.length]]))
+        return np.stack([x, y], axis=1)
+
 
 class Path(ABC):
     """A curve in the plane by its arc length s [m]; normal errors are positive to the left of the heading.

@@ -1,26 +1,28 @@
 """Build machines and tasks of every kind, and simulate those that are accepted, at the limits of what is.
 
     python tests/campaigns/fuzz.py --combinations 1e6 --steps 1e9
-    python tests/campaigns/fuzz.py --combinations 1e6 --steps 1e9 --write
+    python tests/campaigns/fuzz.py --combinations 1e6 --steps 1e9 --processes 2 --write
 
 The first part gives the constructors usual numbers, extreme ones, and what is no number at all: they accept it or raise
 a ParameterError, and say nothing else. The second part draws parameters that are as extreme as they may be: forces and
 speeds up to the limits of ``pter_gym.physics.limits``, near-singular arms, long substeps and control periods. Worlds of
 them run with voltages of several kinds. Every number that comes out has to be finite, and the energy of each control
-step to balance. A batch that takes longer than ``PATIENCE`` ends the process with its stack. ``--write`` puts the
-figures into docs/robustness.md.
+step to balance. A batch in which something is wrong is named at once; one that takes longer than ``PATIENCE`` ends the
+campaign with its stack. ``--write`` puts the figures into docs/robustness.md.
 """
 
 import argparse
 import faulthandler
 import math
+import multiprocessing
 import sys
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, fields, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -396,26 +398,41 @@ class Ran:
     worst: str = ""
 
 
-def run(steps: int, seed: int = 0) -> Ran:
-    """Simulate worlds of extreme parameters for so many world-steps."""
+def run(steps: int, seed: int = 0, each: Callable[..., Iterable[Ran]] = map) -> Ran:
+    """Simulate worlds of extreme parameters for so many world-steps; ``each`` is ``map``, or that of a pool."""
+    batches = math.ceil(steps / (KINDS * COPIES * ROUNDS * ROUND))
+    total = Ran()
+    for found in each(partial(ran_batch, seed), range(batches)):
+        if found.worst:
+            print(found.worst, flush=True)
+        total = merged(total, found)
+    return total
+
+
+def ran_batch(seed: int, number: int) -> Ran:
+    """Return what the worlds of a batch did."""
     compile_kernels()
-    found, begin, number = Ran(), time.process_time(), 0
-    while found.steps < steps:
-        rng = np.random.default_rng([seed, 2, number])
-        pairs, refused = extreme_pairs(rng)
-        found.refused += refused
-        found.kinds += len(pairs)
-        faulthandler.dump_traceback_later(PATIENCE, exit=True)
-        start = time.perf_counter()
-        run_batch(found, pairs, rng, f"batch {number} of seed {seed}")
-        found.slowest = max(found.slowest, time.perf_counter() - start)
-        faulthandler.cancel_dump_traceback_later()
-        found.batches += 1
-        number += 1
+    found, begin = Ran(batches=1), time.process_time()
+    rng = np.random.default_rng([seed, 2, number])
+    pairs, found.refused = extreme_pairs(rng)
+    found.kinds = len(pairs)
+    faulthandler.dump_traceback_later(PATIENCE, exit=True)
+    start = time.perf_counter()
+    run_batch(found, pairs, rng, f"batch {number} of seed {seed}")
+    found.slowest = time.perf_counter() - start
+    faulthandler.cancel_dump_traceback_later()
     found.seconds = time.process_time() - begin
     return found
 
 
+def merged(one: Ran, two: Ran) -> Ran:
+    """Return what the worlds of both did."""
+    sums = {item.name: getattr(one, item.name) + getattr(two, item.name) for item in fields(Ran)}
+    largest = {name: max(getattr(one, name), getattr(two, name)) for name in ("energy_error", "slowest")}
+    return Ran(**{**sums, **largest, "worst": one.worst or two.worst})
+
+
+@cache
 def compile_kernels() -> None:
     """Compile what is to run, which takes longer than ``PATIENCE`` on a busy machine."""
     batch = Batch(BASELINE, PathFollowing())
@@ -488,18 +505,19 @@ def main() -> int:
     parser.add_argument("--combinations", type=float, default=1e6, help="of constructors")
     parser.add_argument("--steps", type=float, default=1e9, help="of all worlds together")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--write", action="store_true", help="put the figures into docs/robustness.md")
     arguments = parser.parse_args()
-    built = build(int(arguments.combinations), arguments.seed)
-    ran = run(int(arguments.steps), arguments.seed)
+    with ProcessPoolExecutor(arguments.processes, multiprocessing.get_context("spawn")) as pool:
+        building = pool.submit(build, int(arguments.combinations), arguments.seed)
+        ran = run(int(arguments.steps), arguments.seed, pool.map)
+        built = building.result()
     sys.path.append(str(ROOT / "docs" / "make"))
     from pages import put_block, table
 
     put_block(
         ROOT / "docs" / "robustness.md", "fuzz", table(["What", "Found"], figures(built, ran)), write=arguments.write
     )
-    if ran.worst:
-        print("worst:", ran.worst)
     return int(ran.not_finite > 0 or ran.energy_error > ENERGY_LIMIT)
 
 

@@ -274,6 +274,14 @@ def test_what_only_machine_and_task_together_show() -> None:
         Batch(BASELINE, PathFollowing(path=Line(x=0.0, y=0.997 * reach, length=0.01)))
     with pytest.raises(ParameterError, match=r"start_offset must be so small .* got 0\.03"):
         Batch(BASELINE, PathFollowing(start_offset=0.03))
+    small = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.035, length_b=0.05))
+    beside = PathFollowing(path=Line(x=0.0, y=0.025, length=0.005), start_offset=0.05)
+    with pytest.raises(ParameterError, match="start_offset must be so small"):  # starts on both sides of the base
+        Batch(small, beside)
+    Batch(small, replace(beside, start_offset=0.005))
+    even = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.5, length_b=0.5))
+    with pytest.raises(ParameterError, match="path must be within reach"):  # for some millimetres, at the base
+        Batch(even, PathFollowing(path=Line(x=-0.8965, y=5e-4, length=1.8), singularity_margin=0.004))
     with pytest.raises(ParameterError, match=r"hand\.stiffness"):
         Batch(replace(BASELINE, hand=Hand(stiffness=100.0)), PathFollowing())
     with pytest.raises(ParameterError, match="substep"):

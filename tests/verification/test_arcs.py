@@ -54,6 +54,28 @@ def test_an_arc_ends_on_its_circle(seed: int):
 
 
 @pytest.mark.parametrize("seed", DRAWS)
+def test_the_nearest_and_the_farthest_point_are_among_the_extremes(seed: int):
+    rng = np.random.default_rng([10, seed])
+    curvatures = rng.permutation([0.0, 0.0, *rng.uniform(-4.0, 4.0, 3)])
+    begin, heading = complex(*rng.normal(size=2)), cmath.rect(1.0, rng.uniform(-3.0, 3.0))
+    pieces: list[tuple[complex, complex, float, float]] = []
+    for curvature, length in zip(curvatures, rng.uniform(0.1, 1.5, 5), strict=True):
+        pieces.append((begin, heading, curvature, length))
+        begin, heading = end_of(begin, heading, curvature, length)
+    arcs = chain(pieces)
+    step = arcs.length / 50_000
+    x, y, _, _ = arcs.at(np.linspace(0.0, arcs.length, 50_001))
+    found, dense = np.hypot(*arcs.extremes().T), np.hypot(x, y)
+    assert dense.min() - step / 2 < found.min() < dense.min() + 1e-12
+    assert dense.max() - 1e-12 < found.max() < dense.max() + step / 2
+
+
+def test_the_extremes_of_a_circle_about_the_origin_are_on_it():
+    points = Circle(center_y=0.0, radius=0.3).arcs.extremes()
+    assert np.hypot(*points.T) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("seed", DRAWS)
 def test_two_arcs_join_two_headings(seed: int):
     rng = np.random.default_rng([9, seed])
     begin, end = (complex(*rng.normal(size=2)) for _ in range(2))

@@ -12,6 +12,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.hands import NO_HAND, MultiSineHand, Operator
 from pter_gym.params import Arm, Machine, quantity, require, require_kind, require_number
 from pter_gym.paths import Line, Path
+from pter_gym.paths.arcs import Arcs, ArcSegment
 from pter_gym.physics.limits import (
     LARGEST_CONDITION,
     MOST_SUBSTEPS,
@@ -37,8 +38,6 @@ ALONG = 2.0
 
 ASIDE = 0.5
 """Largest speed across the path of such an episode, over the commanded pace."""
-
-_PATH_SAMPLES = 257
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,7 +261,7 @@ def _check_path(path: Path, error_max: float, margin: float, length_a: float, le
             f"PathFollowing.error_max must be ≤ {SHARPEST / bend:.4g} m, {SHARPEST:g} of the smallest radius of "
             f"{type(path).__name__}, got {error_max!r}"
         )
-    points = path.sampled(_PATH_SAMPLES)
+    points = path.arcs.extremes()
     outside = sin_elbow(length_a, length_b, points) <= margin
     if outside.any():
         x, y = points[outside.argmax()]
@@ -273,12 +272,10 @@ def _check_path(path: Path, error_max: float, margin: float, length_a: float, le
 
 
 def _check_start(task: PathFollowing, arm: Arm) -> None:
-    (x, y), heading = task.path.point(0.0), task.path.heading(0.0)
-    ends = [
-        (x - offset * math.sin(heading), y + offset * math.cos(heading))
-        for offset in (-task.start_offset, task.start_offset)
-    ]
-    elbows = sin_elbow(arm.length_a, arm.length_b, np.array(ends))
+    (x, y), heading, offset = task.path.point(0.0), task.path.heading(0.0), task.start_offset
+    cos, sin = math.cos(heading), math.sin(heading)
+    starts = Arcs(np.array([ArcSegment(x + offset * sin, y - offset * cos, -sin, cos, 0.0, 0.0, 2.0 * offset)]))
+    elbows = sin_elbow(arm.length_a, arm.length_b, starts.extremes())
     require(
         float(elbows.min()) > task.singularity_margin,
         task,
