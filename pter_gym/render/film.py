@@ -177,21 +177,33 @@ def _mp4(film: Film, on_frame: Progress) -> bytes:
 
 
 def _gif(film: Film, on_frame: Progress) -> bytes:
-    """Return a gif, in the most frequent colours of the last frame."""
-    width, height = film.size
-    counted: Any = Image.fromarray(film.pixels(len(film) - 1)).getcolors(width * height)
-    palette = Image.new("P", (1, 1))
-    palette.putpalette([part for _, colour in sorted(counted, reverse=True)[:COLOURS] for part in colour])
+    """Return a gif in the most frequent colours of the last frame; others become the nearest of them."""
+    last, counts = np.unique(_codes(film.pixels(len(film) - 1)), return_counts=True)
+    palette = _parts(last[np.argsort(-counts, kind="stable")[:COLOURS]])
 
     def frames() -> Iterator[Image.Image]:
         for frame in range(len(film)):
-            yield Image.fromarray(film.pixels(frame)).quantize(palette=palette, dither=Image.Dither.NONE)
+            codes, where = np.unique(_codes(film.pixels(frame)), return_inverse=True)
+            nearest = ((_parts(codes)[:, None] - palette) ** 2).sum(axis=2).argmin(axis=1)
+            image = Image.frombytes("P", film.size, nearest[where].astype(np.uint8).tobytes())
+            image.putpalette(palette.astype(np.uint8).tobytes())
+            yield image
             on_frame()
 
     drawn, content = frames(), io.BytesIO()
     duration = round(1000 / RATES[".gif"])
     next(drawn).save(content, "GIF", save_all=True, append_images=drawn, duration=duration, loop=0)
     return content.getvalue()
+
+
+def _codes(picture: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Return the colour of each pixel as one number."""
+    return picture.reshape(-1, 3) @ np.array([65536, 256, 1], np.int32)
+
+
+def _parts(codes: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return colours as red, green and blue, (K, 3)."""
+    return np.stack([codes >> 16, codes >> 8 & 255, codes & 255], axis=1)
 
 
 def _png(film: Film, on_frame: Progress) -> bytes:
