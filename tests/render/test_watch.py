@@ -111,13 +111,13 @@ def test_missing_pygame_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert "pip install -e '.[render]'" in capsys.readouterr().err
 
 
-def test_a_policy_that_plans_and_one_of_ones_own(here: Path, monkeypatch: pytest.MonkeyPatch):
-    """As `pter benchmark` finds them; what lasts long stops at once."""
+def test_a_policy_of_ones_own(here: Path, monkeypatch: pytest.MonkeyPatch):
+    """As `pter benchmark` finds it."""
     monkeypatch.setattr("pter_gym.benchmark.simulation.time_limit", lambda _: 2)
     (here / "mine_to_watch.py").write_text(
         "import numpy as np\n\ndef act(obs):\n    return np.full((len(obs), 4), 2.0)\n"
     )
-    assert main(["watch", "predictive,mine_to_watch:act", "--csv", "x.npz"]) == 0
+    assert main(["watch", "random,mine_to_watch:act", "--csv", "x.npz"]) == 0
     with np.load(here / "x.npz") as table:
-        assert table["policy"].tolist() == ["predictive"] * 3 + ["mine_to_watch:act"] * 3
+        assert table["policy"].tolist() == ["random"] * 3 + ["mine_to_watch:act"] * 3
         np.testing.assert_array_equal(table["volts_2"][-2:], 2.0)
