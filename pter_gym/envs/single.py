@@ -13,8 +13,7 @@ from pter_gym.engine.batch import ActionUnit, Batch
 from pter_gym.errors import ParameterError
 from pter_gym.internal.checks import whole_number
 from pter_gym.params import Machine, find_machine
-from pter_gym.render.arrangement import check_size
-from pter_gym.render.style import HEIGHT, WIDTH
+from pter_gym.render.size import HEIGHT, WIDTH, check_size
 from pter_gym.scenarios.randomisation import Mixture, Randomisation
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensors
 from pter_gym.tasks.path_following.observation import BOUND
@@ -99,7 +98,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
       drift of the clutches, what the hand adds). The telemetry tells it always.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"volt"` (default) or `"normalised"`.
-    - `render_mode`: `"human"` or `"rgb_array"` (needs the extra `render`).
+    - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.
     - `width`, `height`: size of its pictures, 840 × 600 pixels by default.
 
     ## Version History
@@ -219,7 +218,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _draw(self) -> NDArray[np.uint8] | None:
         if self._viewer is None:
-            from pter_gym.render import Viewer
+            from pter_gym.render.viewer import Viewer
 
             mode: RenderMode = "human" if self.render_mode == "human" else "rgb_array"
             self._viewer = Viewer(self.machine, self.task, mode, *self._size)

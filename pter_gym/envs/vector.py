@@ -19,8 +19,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.internal.checks import whole_number
 from pter_gym.internal.computer import available_cores, available_memory
 from pter_gym.params import Machine
-from pter_gym.render.style import TILE_HEIGHT, TILE_WIDTH
-from pter_gym.render.worlds import WorldsViewer
+from pter_gym.render.size import TILE_HEIGHT, TILE_WIDTH
 from pter_gym.scenarios.randomisation import Mixture, Randomisation
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
 from pter_gym.tasks.path_following.observation import BOUND
@@ -57,7 +56,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
     telemetry
         Whether ``infos`` holds telemetry.
     render_mode
-        ``"rgb_array"`` for a picture of each world from ``render``, of at most 64 worlds; needs the extra ``render``.
+        ``"rgb_array"`` for a picture of each world from ``render``, of at most 64 worlds.
     width, height
         Size of the picture of one world [px].
     num_threads
@@ -112,7 +111,11 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
             "render_fps": round(1.0 / self.batch.task.control_period),
             "autoreset_mode": self.autoreset_mode,
         }
-        self._viewer = WorldsViewer(self.batch.pairs, self.num_envs, width, height) if render_mode else None
+        self._viewer = None
+        if render_mode:
+            from pter_gym.render.viewer import WorldsViewer
+
+            self._viewer = WorldsViewer(self.batch.pairs, self.num_envs, width, height)
         self._ended = _ENDED[self.autoreset_mode]
         self._records = telemetry
         self.single_action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
