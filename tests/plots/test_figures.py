@@ -137,10 +137,10 @@ def test_an_interrupted_save_leaves_the_earlier_file(tmp_path: Path, monkeypatch
 
 
 def test_figures_of_a_standard_test(tmp_path: Path):
-    from pter_gym.benchmark import find_controller, run_standard_test
+    from pter_gym.benchmark import find_policy, run_standard_test
     from pter_gym.plots.benchmark import error_against_time, tip_paths
 
-    policies = {name: find_controller(name) for name in ("impedance", "free")}
+    policies = {name: find_policy(name, scenario=None) for name in ("impedance", "free")}
     result = run_standard_test(policies, time_constants=[0.03, 0.105])
     for figure in (tip_paths(result), error_against_time(result)):
         assert set(lines(figure)) >= {"desired path", "impedance", "free"}
