@@ -10,12 +10,11 @@ import socket
 import struct
 import subprocess
 import sys
-import time
 import weakref
 from contextlib import suppress
 from enum import IntEnum
 from pathlib import Path
-from typing import Any, Self, cast, get_args
+from typing import IO, Any, Self, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +74,7 @@ class Isolated(BoundPolicy):
     name
         ``package.module:attribute``, as in ``find_policy``. Other policies run no code but the package's own.
     timeout
-        Longest time for an answer [s]: to start, to be bound, for a decision.
+        Longest time to wait [s] for an answer or its next part: to start, to be bound, for a decision.
 
     Raises
     ------
@@ -94,7 +93,8 @@ class Isolated(BoundPolicy):
             raise ParameterError(f"timeout must lie within (0, {LONGEST:g}] s, got {timeout!r}")
         self.name, self.timeout = name, timeout
         self.process, self._socket = _start(name)
-        self.close = weakref.finalize(self, _end, self.process, self._socket)
+        self._stream = self._socket.makefile("rwb")
+        self.close = weakref.finalize(self, _end, self.process, self._socket, self._stream)
         try:
             self.sensors: Sensors = self._parsed(self._answer())
             if self.sensors not in get_args(Sensors):
@@ -150,18 +150,20 @@ class Isolated(BoundPolicy):
         PolicyError
             If it raised anything else, or its process has ended, is too slow or sends something else.
         """
-        deadline = time.monotonic() + self.timeout
         try:
             self._socket.settimeout(self.timeout)
-            self._socket.sendall(message)
-            kind, found = HEADER.unpack(self._read(HEADER.size, deadline))
+            self._stream.write(message)
+            self._stream.flush()
+            kind, found = HEADER.unpack(self._stream.read(HEADER.size))
             fits = found == size if size is not None and kind == Kind.DONE else found <= MOST_TEXT
             if kind not in (Kind.DONE, Kind.FAULT) or not fits:
                 raise self._wrong()
-            content = self._read(found, deadline)
+            content = self._stream.read(found)
+            if len(content) < found:
+                raise EOFError
         except TimeoutError:
             raise self._failed(f"must answer within {self.timeout:g} s, and did not") from None
-        except (OSError, EOFError):
+        except (OSError, EOFError, struct.error):
             self.close()
             raise self._failed(f"has ended its process, with exit status {self.process.returncode}") from None
         except BaseException:  # an answer may still be on its way
@@ -175,17 +177,6 @@ class Isolated(BoundPolicy):
                 raise FAULTS[error](told) if error in FAULTS else self._failed(told)
             case _:
                 raise self._wrong()
-
-    def _read(self, size: int, deadline: float) -> bytes:
-        """Return so many bytes, or raise a TimeoutError, or an EOFError if there will be no more."""
-        found = bytearray()
-        while len(found) < size:
-            self._socket.settimeout(max(deadline - time.monotonic(), 1e-6))
-            part = self._socket.recv(size - len(found))
-            if not part:
-                raise EOFError
-            found += part
-        return bytes(found)
 
     def _parsed(self, content: bytes) -> Any:
         try:
@@ -223,9 +214,11 @@ def _start(name: str) -> tuple["subprocess.Popen[bytes]", socket.socket]:
     return process, own
 
 
-def _end(process: "subprocess.Popen[bytes]", own: socket.socket) -> None:
+def _end(process: "subprocess.Popen[bytes]", own: socket.socket, stream: IO[bytes]) -> None:
     """End a process and those that it has started, and wait for it."""
-    own.close()
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()
+    own.close()
+    with suppress(OSError):  # what was not sent
+        stream.close()

@@ -24,11 +24,24 @@ PACKAGE = Path(__file__).parents[1]
 
 DECIDING = (
     "units.py",
-    *("compiled", "params", "physics", "hands", "paths", "tasks", "engine", "scenarios", "controllers", "policies"),
-    *(
-        f"benchmark/{name}.py"
-        for name in ("episodes", "evaluation", "measures", "metrics", "ranking", "recorded", "simulation", "statistics")
-    ),
+    "compiled",
+    "params",
+    "physics",
+    "hands",
+    "paths",
+    "tasks",
+    "engine",
+    "scenarios",
+    "controllers",
+    "policies",
+    "benchmark/episodes.py",
+    "benchmark/evaluation.py",
+    "benchmark/measures.py",
+    "benchmark/metrics.py",
+    "benchmark/ranking.py",
+    "benchmark/recorded.py",
+    "benchmark/simulation.py",
+    "benchmark/statistics.py",
     "presets/pter.toml",
 )
 """The folders and files of the package that decide a score. Gains and weights are part of a policy's identity."""
@@ -61,7 +74,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Planning:
-    """How a policy that plans came to its decisions.
+    """How a planner came to its decisions.
 
     Attributes
     ----------
@@ -96,11 +109,11 @@ class Conditions:
     data
         SHA-256 of the episodes.
     identity
-        SHA-256 of the policy's content; None if that cannot be told, as of a plain function.
+        SHA-256 of the policy's content; None if that cannot be known, as of a plain function.
     version
         Of the package.
     code
-        SHA-256 of the package's sources.
+        SHA-256 of the code that decides scores.
     fresh
         Seed of fresh episodes; None for the stored ones.
     """
@@ -149,19 +162,19 @@ class ScenarioRun:
 
 
 def check_name(name: object) -> None:
-    """Raise a ParameterError unless something can be the name of a policy, in a table and in the name of a file."""
+    """Raise a ParameterError unless something can name a policy, in a table and in the name of a file."""
     good = isinstance(name, str) and name.strip() == name != "" and name.isprintable()
     if not good or len(quote(str(name), safe=" ")) > LONGEST_NAME:
         raise ParameterError(
-            f"policies must have names of 1 to {LONGEST_NAME} printable characters, of which those that no file's name "
-            f"can hold count three or more, without a space at either end, got {name!r:.60}"
+            f"policies must have names of 1 to {LONGEST_NAME} printable characters, without a space at either end (one "
+            f"that a file name cannot hold counts as three or more), got {name!r:.60}"
         )
 
 
 def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
     """Return the runs of one policy's training seeds on the same episodes as one run; seeds are a further stratum.
 
-    Nobody can tell what it is if nobody can of one of them, and it plans, or is privileged, if one of them does.
+    Its identity is unknown if one of theirs is, and it plans, or is privileged, if one of them does.
     """
     if len(runs) == 1:
         return runs[0]
@@ -180,7 +193,7 @@ def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
 def without_copies(runs: Iterable[ScenarioRun]) -> tuple[tuple[ScenarioRun, ...], tuple[tuple[ScenarioRun, int], ...]]:
     """Return the runs that count, and those whose policy is that of an earlier training seed, with that seed.
 
-    A copy is no further seed. Policies whose content nobody can tell are the same if all their scores are.
+    A copy does not count as a further seed. Policies of unknown content are the same if all their scores are.
     """
     first: dict[tuple[object, ...], int] = {}
     kept: list[ScenarioRun] = []

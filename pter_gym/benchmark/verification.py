@@ -103,7 +103,7 @@ def verify(
         except PterError as error:
             finding = f"it cannot be run again: {error}"
         verdicts.append(Verdict(file, finding))
-    return (*sorted(verdicts), Verdict(results.summary.name, _compare_summary(results, contents)))
+    return (*sorted(verdicts), Verdict(results.summary.name, compare_summary(results, contents)))
 
 
 def _episodes_of(run: ScenarioRun) -> tuple[str, str, int, int]:
@@ -142,7 +142,7 @@ def _compare(run: ScenarioRun, policy: AnyPolicy, batches: Batches, num_threads:
     return SAME
 
 
-def _compare_summary(results: ResultsFolder, contents: Contents) -> str:
+def compare_summary(results: ResultsFolder, contents: Contents) -> str:
     """Return how ``benchmark.json`` differs from what follows from the runs, or ``SAME``."""
     try:
         found = parse_json(read_bytes(results.summary, MOST_SUMMARY), MOST_SUMMARY)

@@ -16,7 +16,7 @@ from pter_gym.benchmark.results import Contents, ResultsFolder
 from pter_gym.benchmark.run_files import HASH, file_hash, run_path, write_run
 from pter_gym.benchmark.runs import Conditions, Sample, ScenarioRun, code_digest, sample_numbers
 from pter_gym.benchmark.tuned import TABLE, find_tuned
-from pter_gym.benchmark.verification import summary_finding
+from pter_gym.benchmark.verification import compare_summary
 from pter_gym.hands import read_forces
 from pter_gym.params.preset import load_preset
 from pter_gym.paths import read_path
@@ -148,7 +148,7 @@ def _results(folder: Path) -> list[Format]:
             file.write_bytes(data)
 
     contents = results.read()
-    summary = Format("summary", results.summary, lambda: _told(summary_finding(results, contents)))
+    summary = Format("summary", results.summary, lambda: _told(compare_summary(results, contents)))
     return [Format("results", file, read, (), seal), summary]
 
 

@@ -160,7 +160,6 @@ TAKERS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "read_forces": ("file", read_forces),
     "load_preset": ("path", load_preset),
     "ResultsFolder": ("path", ResultsFolder),
-    "ResultsFolder data": ("data", lambda path: ResultsFolder("results", path)),
     "verify": ("path", verify),
     "read_run": ("path", read_run),
     "load_episodes": ("folder", lambda path: load_episodes("standard", "slow", folder=path)),
