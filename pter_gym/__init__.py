@@ -13,7 +13,7 @@ from pter_gym._version import __version__
 from pter_gym.scenarios.suite import SCENARIOS
 
 if TYPE_CHECKING:
-    from pter_gym.benchmark.loading import load_policy
+    from pter_gym.benchmark.naming import load_policy
     from pter_gym.params import (
         BASELINE,
         DELRIN_EXPERIMENTAL,
@@ -51,7 +51,7 @@ _HOMES = {
         ("BASELINE", "DELRIN_EXPERIMENTAL", "DELRIN_THEORETICAL", "Arm", "Clutch", "Hand", "Machine", "TorqueCurve"),
         "pter_gym.params",
     ),
-    "load_policy": "pter_gym.benchmark.loading",
+    "load_policy": "pter_gym.benchmark.naming",
     "PathFollowing": "pter_gym.tasks.path_following",
 }
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._version import __version__
-from pter_gym.benchmark.episodes import FOLDER, Episodes, check_fresh, find_episodes
-from pter_gym.benchmark.identity import SAID, derived_seed, identity_of
+from pter_gym.benchmark.episodes import Episodes, check_fresh, find_episodes
+from pter_gym.benchmark.identity import derived_seed, identity_of
 from pter_gym.benchmark.measures import column, vector
 from pter_gym.benchmark.metrics import Scores, score_episodes
 from pter_gym.benchmark.naming import find_policy, is_built_in, text_of
@@ -64,10 +64,8 @@ def run_scenario(
     episodes: int | None = None,
     fresh: int | None = None,
     results: ResultsFolder | FilePath | None = None,
-    reuse_callables: bool = False,
     num_threads: int = 2,
     on_progress: Callable[[str], None] = lambda _: None,
-    data: FilePath = FOLDER,
 ) -> tuple[ScenarioRun, ...]:
     """Run policies on the evaluation episodes of a scenario.
 
@@ -87,15 +85,10 @@ def run_scenario(
         Seed within [0, 2⁶⁴) of fresh episodes, see ``fresh_seed``; the stored ones by default.
     results
         Where each finished run is kept, and taken from if it was finished before: a folder of results or its path.
-    reuse_callables
-        Whether to believe a callable whose attribute ``identity``, a string, says what it is. Nobody can tell what a
-        callable does, so it is run again each time otherwise.
     num_threads
         Threads that share the episodes of a compiled law; the scores do not depend on it.
     on_progress
         Called with the name of each policy and pace when they are done.
-    data
-        Folder of the stored episodes.
 
     Raises
     ------
@@ -107,7 +100,7 @@ def run_scenario(
     named = _named(policies, scenario)
     paces = names_in("paces", paces)
     fresh = None if fresh is None else check_fresh(fresh)
-    sets = {pace: find_episodes(scenario, pace, fresh, folder=data) for pace in paces}
+    sets = {pace: find_episodes(scenario, pace, fresh) for pace in paces}
     sets = {pace: full if episodes is None else full.first(episodes) for pace, full in sets.items()}
     if results is not None and not isinstance(results, ResultsFolder):
         results = ResultsFolder(results)
@@ -120,7 +113,7 @@ def run_scenario(
             conditions = _conditions(chosen, fresh, pace, name)
             for seed, trained in enumerate(each_seed(policy)):
                 bound = batches.bind(trained)
-                identity = identity_of(trained, bound.policy, trusted=reuse_callables)
+                identity = identity_of(trained, bound.policy)
                 _check_built_in(name, identity)
                 at = replace(conditions, seed=seed, identity=identity)
                 runs.append(_find_or_run(at, bound, batches, results, num_threads))
@@ -199,7 +192,7 @@ def _conditions(episodes: Episodes, fresh: int | None, pace: str, policy: str) -
 
 def _check_built_in(name: str, identity: str | None) -> None:
     """Raise a ParameterError if nobody can tell whether a policy is the built-in one of its name."""
-    if (identity is None or identity.startswith(SAID)) and is_built_in(name):
+    if identity is None and is_built_in(name):
         raise ParameterError(f"policies must have names of their own for callables, {name!r} is a built-in policy")
 
 

@@ -1,7 +1,6 @@
 """What learning libraries have trained as policies; none of them is imported here."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, get_args
 
@@ -12,14 +11,15 @@ from numpy.typing import NDArray
 from pter_gym.compiled.layout import Layout
 from pter_gym.controllers import BoundPolicy
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine, find_machine
+from pter_gym.params import BASELINE, Machine
 from pter_gym.policies.interface import squared
 from pter_gym.tasks.path_following import Sensors, observation_layout
 
 Observations = NDArray[np.float32]
+Normalise = Callable[[Observations], Observations]
 
 
-def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelController":
+def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelPolicy":
     """Return what runs a model in ``run_scenario``: deterministic, with its recurrent states kept for each world.
 
     Parameters
@@ -38,19 +38,18 @@ def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelController":
         If observations or actions of the model are not those of an environment of this package.
     """
     own = getattr(model, "get_vec_normalize_env", lambda: None)
-    wrapper = own() if vec_normalize is None else vec_normalize
-    return ModelController(model, _normalising(wrapper), _sensors_of(model), *_bounds_of(model))
+    return ModelPolicy(model, _normalising(own() if vec_normalize is None else vec_normalize))
 
 
-def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelController":
+def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
     """Return what runs a function from observations to the actions of an environment, whatever library it comes from.
 
     Parameters
     ----------
     act
-        From observations, float32 (N, entries), to actions, (N, 4): an array or a tensor of torch. It remembers
-        nothing. Its actions are clipped to the action space; they are normalised where the lower bound is negative,
-        and volts otherwise.
+        From observations, float32 (N, entries), to actions, (N, 4): an array or a tensor of torch. It has no memory.
+        Its actions are clipped to the action space; they are normalised where the lower bound is negative, and volts
+        otherwise.
     env
         The environment whose observations and actions these are: one of this package, or anything with its spaces.
 
@@ -70,27 +69,30 @@ def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelControll
     return from_sb3(SimpleNamespace(predict=predict, **spaces_of))
 
 
-@dataclass(frozen=True, eq=False)
-class ModelController:
-    """A model that is ready to be bound; made by ``from_sb3`` and ``from_actions``.
+class ModelPolicy(BoundPolicy):
+    """A model as a policy of the machine as it is; ``bind`` makes one for another machine.
 
-    Attributes
+    Parameters
     ----------
     model
         With ``predict``.
     normalise
         Turns observations into what the model was trained on.
+
+    Attributes
+    ----------
     sensors
         What the observations must hold.
-    low, high
-        Bounds of its actions, (4,).
     """
 
-    model: Any
-    normalise: Callable[[Observations], Observations]
-    sensors: Sensors
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    def __init__(self, model: Any, normalise: Normalise, voltage_max: float = BASELINE.clutch.voltage_max) -> None:
+        self.sensors, self.layout = _observed_by(model)
+        space = getattr(model, "action_space", None)
+        if not isinstance(space, spaces.Box) or space.shape != (4,) or not space.is_bounded():
+            raise ParameterError(f"model.action_space must be a Box of 4 entries with bounds, got {space}")
+        self._low, self._high = space.low.astype(np.float64), space.high.astype(np.float64)
+        self._model, self._normalise, self._voltage_max = model, normalise, voltage_max
+        self.reset()
 
     def bind(self, machine: Machine, layout: Layout) -> "ModelPolicy":
         """Return the policy for a nominal machine and the layout of the observations that it will get.
@@ -100,20 +102,13 @@ class ModelController:
         ParameterError
             If the observations have another number of entries.
         """
-        (entries,) = self.model.observation_space.shape
-        if len(layout) != entries:
-            raise ParameterError(f"observations must have the {entries} entries of the model, got {len(layout)}")
-        return ModelPolicy(self, layout, find_machine(machine).clutch.voltage_max)
-
-
-class ModelPolicy(BoundPolicy):
-    """A model that is ready to act."""
-
-    def __init__(self, controller: ModelController, layout: Layout, voltage_max: float) -> None:
-        self.layout = layout
-        self._controller = controller
-        self._voltage_max = voltage_max
-        self.reset()
+        if len(layout) != len(self.layout):
+            raise ParameterError(
+                f"observations must have the {len(self.layout)} entries of the model, got {len(layout)}"
+            )
+        bound = ModelPolicy(self._model, self._normalise, machine.clutch.voltage_max)
+        bound.layout = layout
+        return bound
 
     def reset(self) -> None:
         """Forget the recurrent states: new episodes begin."""
@@ -126,37 +121,27 @@ class ModelPolicy(BoundPolicy):
 
     def act(self, observations: Observations) -> NDArray[np.float64]:
         """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries)."""
-        actions, self._state = self._controller.model.predict(
-            self._controller.normalise(observations),
-            state=self._state,
-            episode_start=np.full(len(observations), self._begins),
-            deterministic=True,
+        begins, self._begins = np.full(len(observations), self._begins), False
+        actions, self._state = self._model.predict(
+            self._normalise(observations), state=self._state, episode_start=begins, deterministic=True
         )
-        self._begins = False
-        most, low, high = self._voltage_max, self._controller.low, self._controller.high
+        most, low, high = self._voltage_max, self._low, self._high
         linear = (np.clip(np.asarray(actions, np.float64), low, high) - low) * (most / (high - low))
         return np.where(low < 0.0, squared(linear, most), linear)
 
 
-def _sensors_of(model: Any) -> Sensors:
-    """Return the sensors whose observations are as wide as a model's."""
+def _observed_by(model: Any) -> tuple[Sensors, Layout]:
+    """Return the sensors whose observations are as wide as a model's, and their layout."""
     space = getattr(model, "observation_space", None)
-    widths: dict[int, Sensors] = {len(observation_layout(BASELINE, each)): each for each in get_args(Sensors)}
-    if not isinstance(space, spaces.Box) or len(space.shape) != 1 or space.shape[0] not in widths:
-        known = " or ".join(f"{width} ({sensors})" for width, sensors in widths.items())
-        raise ParameterError(f"model.observation_space must be a Box of {known} entries, got {space}")
-    return widths[space.shape[0]]
+    layouts: dict[Sensors, Layout] = {each: observation_layout(BASELINE, each) for each in get_args(Sensors)}
+    for sensors, layout in layouts.items():
+        if isinstance(space, spaces.Box) and space.shape == (len(layout),):
+            return sensors, layout
+    known = " or ".join(f"{len(layout)} ({sensors})" for sensors, layout in layouts.items())
+    raise ParameterError(f"model.observation_space must be a Box of {known} entries, got {space}")
 
 
-def _bounds_of(model: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the bounds of a model's actions, which are those of the voltages."""
-    space = getattr(model, "action_space", None)
-    if not isinstance(space, spaces.Box) or space.shape != (4,) or not space.is_bounded():
-        raise ParameterError(f"model.action_space must be a Box of 4 entries with bounds, got {space}")
-    return space.low.astype(np.float64), space.high.astype(np.float64)
-
-
-def _normalising(wrapper: Any) -> Callable[[Observations], Observations]:
+def _normalising(wrapper: Any) -> Normalise:
     """Return what normalises observations as a wrapper does, without a change to its statistics."""
     if wrapper is None:
         return lambda obs: obs
@@ -164,9 +149,8 @@ def _normalising(wrapper: Any) -> Callable[[Observations], Observations]:
         return wrapper.normalize_obs
     if not all(hasattr(wrapper, name) for name in ("obs_rms", "epsilon")):
         raise ParameterError(f"vec_normalize must be a VecNormalize or a NormalizeObservation, got {wrapper!r}")
-    return lambda obs: _standardised(obs, wrapper)
 
+    def standardised(obs: Observations) -> Observations:
+        return ((obs - wrapper.obs_rms.mean) / np.sqrt(wrapper.obs_rms.var + wrapper.epsilon)).astype(np.float32)
 
-def _standardised(obs: Observations, wrapper: Any) -> Observations:
-    """Return observations as Gymnasium's ``NormalizeObservation`` has them."""
-    return ((obs - wrapper.obs_rms.mean) / np.sqrt(wrapper.obs_rms.var + wrapper.epsilon)).astype(np.float32)
+    return standardised

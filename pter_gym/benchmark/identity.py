@@ -1,7 +1,7 @@
-"""What a policy is: a hash of the content that it acts by, and never of what it says of itself.
+"""What a policy is: a hash of the content that it acts by, and never of what it says about itself.
 
-Content can be told of compiled laws, and of the package's own policies with all their settings, gains and weights. What
-another callable does cannot be told: it has no identity.
+Content is known of compiled laws, and of the package's own policies with all their settings, gains and weights. What
+another callable does cannot be known, so it has no identity.
 """
 
 import hashlib
@@ -15,47 +15,35 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark.isolation import Isolated
 from pter_gym.benchmark.simulation import AnyPolicy
-from pter_gym.controllers import BoundPolicy, bind
+from pter_gym.controllers import BoundPolicy
 from pter_gym.controllers.base import Policy
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE
 from pter_gym.policies.cards import Card
 
-SAID = "said: "
-"""How an identity begins that a caller believes a callable."""
-
-TOLD: Mapping[type, tuple[str, ...]] = MappingProxyType({Card: ("name", "about", "weights_sha256")})
-"""Fields that tell of content and are none of it."""
+PROSE: Mapping[type, tuple[str, ...]] = MappingProxyType({Card: ("name", "about", "weights_sha256")})
+"""Fields that describe a policy and do not change what it does."""
 
 
 class _UnknownError(Exception):
-    """The content of something cannot be told."""
+    """The content of something cannot be known."""
 
 
-def identity_of(policy: AnyPolicy, bound: BoundPolicy, *, trusted: bool = False) -> str | None:
-    """Return the SHA-256 of what a policy acts by, or None if that cannot be told.
+def identity_of(policy: AnyPolicy, bound: BoundPolicy) -> str | None:
+    """Return the SHA-256 of what a policy acts by, or None if that cannot be known.
 
     Parameters
     ----------
     policy, bound
         The policy as it was given, and as it acts. Of a compiled law, gains, law and layout of the observations count;
         of any other policy of the package, all its parts.
-    trusted
-        Whether what a callable says in ``identity``, a string, is believed where None would be the answer.
     """
-    if type(policy) is Isolated:
-        inside = cast(Isolated, policy).inside
-        return None if inside is None else identity_of(inside, bind(inside, BASELINE, bound.layout))
     try:
-        if type(bound) is Policy:
-            _check_methods(bound)
-            return _sha256(["law", _known(bound.fingerprint), _plain(bound.layout)])
-        return _sha256(["policy", _plain(policy)])
+        if type(bound) is not Policy:
+            return _sha256(["policy", _plain(policy)])
+        return _sha256(["law", bound.fingerprint, _plain(bound.layout)]) if bound.fingerprint else None
     except _UnknownError:
-        said: object = getattr(policy, "identity", None)
-        return SAID + said if trusted and isinstance(said, str) else None
+        return None
 
 
 def derived_seed(identities: Mapping[str, Iterable[str | None]], code: str, scenario: str) -> int:
@@ -68,29 +56,21 @@ def derived_seed(identities: Mapping[str, Iterable[str | None]], code: str, scen
     identities
         Of the policies, by name; of one with several training seeds, those of all of them.
     code, scenario
-        SHA-256 of the package's sources, and name of the scenario.
+        The digest of the code that decides scores, and the name of the scenario.
 
     Raises
     ------
     ParameterError
-        If the content of a policy cannot be told; it names the policy.
+        If the content of a policy cannot be known; the message names the policy.
     """
-    known: set[str] = set()
     for name, each in identities.items():
-        for identity in each:
-            if identity is None or identity.startswith(SAID):
-                raise ParameterError(
-                    f"fresh must be a whole number for {name!r}: nobody can tell what that callable does, so no seed "
-                    "can follow from it"
-                )
-            known.add(identity)
+        if None in each:
+            raise ParameterError(
+                f"fresh must be a whole number for {name!r}: what that callable does cannot be known, so no seed can "
+                "follow from it"
+            )
+    known = {cast(str, identity) for each in identities.values() for identity in each}
     return int(_sha256([sorted(known), code, scenario])[:16], 16)
-
-
-def _known(fingerprint: str | None) -> str:
-    if fingerprint is None:
-        raise _UnknownError
-    return fingerprint
 
 
 def _plain(value: object) -> object:
@@ -105,31 +85,19 @@ def _plain(value: object) -> object:
     if kind in (dict, MappingProxyType):
         return ["map", *sorted([str(key), _plain(item)] for key, item in cast("Mapping[str, object]", value).items())]
     if kind is np.ndarray:
-        return _array(cast("NDArray[Any]", value))
+        array = cast("NDArray[Any]", value)
+        if array.dtype.kind in "biuf":
+            return ["array", array.dtype.str, list(array.shape), hashlib.sha256(array.tobytes()).hexdigest()]
     if not is_dataclass(kind) or not _is_ours(kind):
         raise _UnknownError
-    _check_methods(value)
-    names = [field.name for field in fields(kind) if field.name not in TOLD.get(kind, ())]
+    names = [field.name for field in fields(kind) if field.name not in PROSE.get(kind, ())]
     return [f"{kind.__module__}.{kind.__qualname__}", {name: _plain(getattr(value, name)) for name in names}]
-
-
-def _array(array: NDArray[Any]) -> object:
-    if array.dtype.kind not in "biuf":
-        raise _UnknownError
-    return ["array", array.dtype.str, list(array.shape), hashlib.sha256(array.tobytes()).hexdigest()]
 
 
 def _is_ours(kind: type) -> bool:
     """Tell whether a class is one of this package, whatever it says."""
     ours = kind.__module__.startswith(f"{__name__.partition('.')[0]}.")
     return ours and getattr(sys.modules.get(kind.__module__), kind.__qualname__, None) is kind
-
-
-def _check_methods(value: object) -> None:
-    """Raise an _UnknownError if something has a method that is not that of its class."""
-    own = {field.name for field in fields(cast(Any, value))}
-    if any(callable(getattr(type(value), name, None)) for name in getattr(value, "__dict__", {}).keys() - own):
-        raise _UnknownError
 
 
 def _sha256(parts: object) -> str:

@@ -1,6 +1,6 @@
-"""A policy in a process of its own, which gets observations and gives volts; nothing else crosses.
+"""A policy in a process of its own: observations go in, voltages come out, and nothing else crosses.
 
-A message is a header of fixed size and what it announces: raw float32 numbers, or JSON. ``serving`` is the other side.
+A message is a header of fixed size and what it announces: JSON, or raw float32 numbers. ``serving`` is the other side.
 """
 
 import json
@@ -10,310 +10,121 @@ import socket
 import struct
 import subprocess
 import sys
-import time
 import weakref
 from contextlib import suppress
 from enum import IntEnum
 from pathlib import Path
-from typing import Any, NamedTuple, Self, cast, get_args
+from typing import IO, Any, Self, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym import params
-from pter_gym.benchmark.naming import find_policy, is_code
-from pter_gym.benchmark.simulation import AnyPolicy
+from pter_gym.benchmark.naming import is_code
 from pter_gym.compiled.layout import Field, Layout
 from pter_gym.controllers import BoundPolicy
-from pter_gym.errors import ActionError, DataError, ParameterError, PolicyError, PterError
-from pter_gym.internal.checks import whole_number
+from pter_gym.errors import ActionError, ParameterError, PolicyError
+from pter_gym.internal.checks import is_finite
 from pter_gym.internal.codec import Codec, dataclasses_in
 from pter_gym.internal.reading import parse_json
-from pter_gym.params import Machine
-from pter_gym.tasks.path_following import Sensors
+from pter_gym.params import BASELINE, Machine
+from pter_gym.tasks.path_following import Sensors, observation_layout
 
 Observations = NDArray[np.float32]
 
 TIMEOUT = 60.0
-"""Longest time that a policy may take for an answer [s]: to start, to be bound or for a decision."""
+"""Default limit on the time for an answer [s]."""
 
 LONGEST = 86400.0
-"""Longest time that may be given to it [s]."""
+"""Largest limit that may be set [s]."""
 
 MOST_TEXT = 1 << 16
-"""Longest text that is read from a policy's process [B]."""
+"""Longest text that is read from the process [B]."""
 
 CODEC = Codec([*dataclasses_in(params), Layout, Field])
 """Knows the parts of a machine and of a layout."""
 
-FAULTS: dict[str, type[PterError]] = {
-    kind.__name__: kind for kind in (ActionError, DataError, ParameterError, PolicyError)
-}
-"""Errors that cross, by name."""
+FAULTS = {kind.__name__: kind for kind in (ActionError, ParameterError)}
+"""Errors of a policy that leave its process running, by name; any other is a PolicyError and ends it."""
 
 
 class Kind(IntEnum):
     """What a message is."""
 
-    FIND = 0  # text: what to find
-    BIND = 1  # text: machine and layout
-    RESET = 2
-    DECIDE = 3  # numbers: observations
-    DONE = 4  # text: what was found
-    VOLTS = 5  # numbers
-    FAULT = 6  # text: the name of an error, and its message
+    BIND = 0  # machine and layout, as JSON
+    RESET = 1
+    DECIDE = 2  # observations, float32 (N, entries)
+    DONE = 3  # volts, float32 (N, 4), for observations; JSON otherwise
+    FAULT = 4  # the name of an error, and its message, as JSON
 
 
-HEADER = struct.Struct("<4I")
-"""Kind, number of the binding, rows and columns; text is one row of bytes."""
+HEADER = struct.Struct("<2I")
+"""Kind and size [B] of what follows."""
 
 
-class Header(NamedTuple):
-    """What a message announces."""
-
-    kind: int
-    binding: int = 0
-    rows: int = 0
-    columns: int = 0
-
-    @property
-    def size(self) -> int:
-        """Bytes that follow."""
-        return self.rows * self.columns * (4 if self.kind in (Kind.DECIDE, Kind.VOLTS) else 1)
-
-
-def pack_text(kind: Kind, content: object, binding: int = 0) -> bytes:
-    """Return a message of plain data."""
-    data = json.dumps(content).encode()
-    return HEADER.pack(kind, binding, 1, len(data)) + data
-
-
-def pack_numbers(kind: Kind, numbers: NDArray[np.float32], binding: int = 0) -> bytes:
-    """Return a message of numbers, (rows, columns)."""
-    return HEADER.pack(kind, binding, *numbers.shape) + np.ascontiguousarray(numbers, "<f4").tobytes()
-
-
-class Session:
-    """A process with a policy in it, from its start to its end.
-
-    Parameters
-    ----------
-    name
-        What the user wrote, for messages.
-    timeout
-        Longest time for an answer [s].
-
-    Raises
-    ------
-    PolicyError
-        If this system cannot start such a process.
-    """
-
-    def __init__(self, name: str, timeout: float) -> None:
-        if os.name != "posix":
-            raise PolicyError("isolated policies need Linux or macOS")
-        self.name, self.timeout = name, timeout
-        try:
-            self.process, self._socket = _start()
-        except OSError as error:
-            raise PolicyError(f"policy {name!r}: its process cannot be started: {error}") from error
-        self.close = weakref.finalize(self, _end, self.process, self._socket, os.getpid())
-
-    def ask(self, message: bytes) -> tuple[Header, bytes]:
-        """Return the answer to a message.
-
-        Raises
-        ------
-        PterError
-            What the other process tells of.
-        ActionError
-            If volts have a wrong shape; the process is ended.
-        PolicyError
-            If the policy has failed, or its process has ended, is too slow or gives no answer; the process is ended.
-        """
-        if not self.close.alive:
-            raise PolicyError(f"policy {self.name!r} has no process any more: it has failed or was closed")
-        try:
-            header, content = self._exchange(message)
-        except TimeoutError:
-            self.close()
-            raise PolicyError(f"policy {self.name!r} must answer within {self.timeout:g} s, and did not") from None
-        except (OSError, EOFError):
-            self.close()
-            status = self.process.returncode
-            raise PolicyError(f"policy {self.name!r}: its process has ended with exit status {status}") from None
-        except BaseException:
-            self.close()
-            raise
-        if header.kind == Kind.FAULT:
-            raise self._fault(content)
-        return header, content
-
-    def read_text(self, content: bytes) -> Any:
-        """Return the plain data of an answer; end the process and raise a PolicyError if there are none."""
-        try:
-            return parse_json(content, MOST_TEXT)
-        except ValueError:
-            raise self.no_answer() from None
-
-    def no_answer(self) -> PolicyError:
-        """End the process, and return the error for an answer that is none."""
-        self.close()
-        return PolicyError(f"policy {self.name!r}: its answer is none")
-
-    def _fault(self, content: bytes) -> PterError:
-        """Return the error that the process tells of; a PolicyError ends it."""
-        told = self.read_text(content)
-        try:
-            kind, message = FAULTS[told["error"]], told["message"]
-        except (KeyError, TypeError):
-            return self.no_answer()
-        if not isinstance(message, str):
-            return self.no_answer()
-        if kind is PolicyError:
-            self.close()
-        return kind(_printable(message))
-
-    def _exchange(self, message: bytes) -> tuple[Header, bytes]:
-        """Send a message and return the answer; its size is looked at before it is read."""
-        deadline = time.monotonic() + self.timeout
-        asked = Header(*HEADER.unpack_from(message))
-        self._socket.settimeout(self.timeout)
-        self._socket.sendall(message)
-        header = Header(*HEADER.unpack(self._read(HEADER.size, deadline)))
-        decides = asked.kind == Kind.DECIDE
-        if header.kind not in (Kind.FAULT, Kind.VOLTS if decides else Kind.DONE):
-            raise self.no_answer()
-        if header.kind == Kind.VOLTS and header[2:] != (asked.rows, 4):
-            raise ActionError(f"action must have the shape {(asked.rows, 4)}, got {header[2:]}")
-        if header.kind != Kind.VOLTS and header.size > MOST_TEXT:
-            raise PolicyError(f"policy {self.name!r}: its answer must have at most {MOST_TEXT} B, got {header.size}")
-        return header, self._read(header.size, deadline)
-
-    def _read(self, size: int, deadline: float) -> bytes:
-        """Return so many bytes, or raise a TimeoutError, or an EOFError if there will be no more."""
-        found = bytearray()
-        while len(found) < size:
-            self._socket.settimeout(max(deadline - time.monotonic(), 1e-6))
-            part = self._socket.recv(size - len(found))
-            if not part:
-                raise EOFError
-            found += part
-        return bytes(found)
-
-
-def _start() -> tuple["subprocess.Popen[bytes]", socket.socket]:
-    """Start a process that serves a policy, and return it with the socket to it."""
-    paths = os.pathsep.join(path or str(Path.cwd()) for path in sys.path)
-    own, theirs = socket.socketpair()
-    try:
-        with theirs:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "pter_gym.benchmark.serving", str(theirs.fileno())],
-                stdin=subprocess.DEVNULL,
-                stdout=2,
-                pass_fds=(theirs.fileno(),),
-                start_new_session=True,
-                env={**os.environ, "PYTHONPATH": paths},
-            )
-    except BaseException:
-        own.close()
-        raise
-    return process, own
-
-
-def _end(process: "subprocess.Popen[bytes]", own: socket.socket, owner: int) -> None:
-    """End a process and those that it has started, and wait for it; a forked copy of its owner leaves it alone."""
-    own.close()
-    if os.getpid() == owner:
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-
-
-def _printable(text: str) -> str:
-    """Return a text with escapes for what no terminal should be sent."""
-    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
-
-
-class IsolatedPolicy(BoundPolicy):
-    """A policy that acts in another process, bound there under a number."""
-
-    def __init__(self, session: Session, layout: Layout, number: int) -> None:
-        self.layout = layout
-        self._session = session
-        self._number = number
-
-    def reset(self) -> None:
-        """Tell it that new episodes begin."""
-        self._session.ask(HEADER.pack(Kind.RESET, self._number, 0, 0))
-
-    def act(self, observations: Observations) -> NDArray[np.float32]:
-        """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries)."""
-        header, content = self._session.ask(pack_numbers(Kind.DECIDE, observations, self._number))
-        return np.frombuffer(content, "<f4").reshape(header.rows, header.columns)
-
-
-class Isolated:
-    """A policy in a process of its own: a controller that knows no more than what it is sent.
+class Isolated(BoundPolicy):
+    """Somebody's code as a policy in a process of its own: it knows no more than what it is sent.
 
     The process is a fresh interpreter. It gets the nominal machine and the layout of the observations, then
-    observations, and gives volts. It ends with ``close``, at the end of a ``with`` block, with a PolicyError, or when
-    nobody needs it.
+    observations, and returns volts. It ends with ``close``, at the end of a ``with`` block, with a PolicyError, or when
+    it is no longer referred to. It acts for one machine and layout at a time: ``bind`` replaces them.
 
     Parameters
     ----------
     name
-        ``package.module:attribute``, the path of an exported policy, or a built-in name. The attribute is a controller
-        or a callable from observations to volts; a class is called without arguments to make one.
-    seed, scenario
-        As in ``find_policy``, for built-in names.
+        ``package.module:attribute``, as in ``find_policy``. Other policies run no code but the package's own.
     timeout
-        Longest time for an answer [s]: to start, to be bound, for a decision.
+        Longest time to wait [s] for an answer or its next part: to start, to be bound, for a decision.
 
     Raises
     ------
     ParameterError
         If there is no such policy, it cannot be bound to the nominal machine, or it plans: planners need the worlds.
-        Or if another argument is not what it must be; then nothing has started.
+        Or if the timeout is out of range.
     PolicyError
         If its process fails.
     """
 
-    def __init__(self, name: str, *, seed: int = 0, scenario: str = "standard", timeout: float = TIMEOUT) -> None:
-        _check(name, scenario, timeout)
-        self.name = name
-        self._seed, self._scenario = whole_number("seed", seed, at_least=0), scenario
-        self._session = Session(name, timeout)
+    def __init__(self, name: str, *, timeout: float = TIMEOUT) -> None:
+        given = cast("object", name)
+        if not isinstance(given, str) or not is_code(given):
+            raise ParameterError(f"name must be a text such as 'package.module:attribute', got {given!r:.200}")
+        if not (is_finite(timeout) and 0.0 < timeout <= LONGEST):
+            raise ParameterError(f"timeout must lie within (0, {LONGEST:g}] s, got {timeout!r}")
+        self.name, self.timeout = name, timeout
+        self.process, self._socket = _start(name)
+        self._stream = self._socket.makefile("rwb")
+        self.close = weakref.finalize(self, _end, self.process, self._socket, self._stream)
         try:
-            _, content = self._session.ask(
-                pack_text(Kind.FIND, {"name": name, "seed": self._seed, "scenario": scenario})
-            )
-            self.sensors: Sensors = _told_sensors(self._session, content)
+            self.sensors: Sensors = self._parsed(self._answer())
+            if self.sensors not in get_args(Sensors):
+                raise self._wrong()
+            self.bind(BASELINE, observation_layout(BASELINE, self.sensors))
         except BaseException:
             self.close()
             raise
 
-    @property
-    def inside(self) -> AnyPolicy | None:
-        """The built-in or exported policy that acts there, to tell its content; None for code."""
-        return None if is_code(self.name) else find_policy(self.name, self._seed, self._scenario)
-
-    def bind(self, machine: Machine, layout: Layout) -> IsolatedPolicy:
-        """Return the policy for a nominal machine and the layout of the observations that it will get.
+    def bind(self, machine: Machine, layout: Layout) -> Self:
+        """Bind the policy to a nominal machine and the layout of the observations that it will get, and return it.
 
         Raises
         ------
         ParameterError
             If it cannot be bound to these.
         """
-        content = {"machine": CODEC.to_plain(machine), "layout": CODEC.to_plain(layout)}
-        header, _ = self._session.ask(pack_text(Kind.BIND, content))
-        return IsolatedPolicy(self._session, layout, header.binding)
+        told = {"machine": CODEC.to_plain(machine), "layout": CODEC.to_plain(layout)}
+        self._ask(Kind.BIND, json.dumps(told).encode())
+        self.layout = layout
+        return self
 
-    def close(self) -> None:
-        """End its process."""
-        self._session.close()
+    def reset(self) -> None:
+        """Tell the policy that new episodes begin."""
+        self._ask(Kind.RESET)
+
+    def act(self, observations: Observations) -> NDArray[np.float32]:
+        """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries)."""
+        sent = np.ascontiguousarray(observations, "<f4").tobytes()
+        return np.frombuffer(self._ask(Kind.DECIDE, sent, 16 * len(observations)), "<f4").reshape(-1, 4)
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -323,20 +134,91 @@ class Isolated:
         """End its process."""
         self.close()
 
+    def _ask(self, kind: Kind, content: bytes = b"", size: int | None = None) -> bytes:
+        """Send a message and return the content of the answer; see ``_answer``."""
+        if not self.close.alive:
+            raise PolicyError(f"policy {self.name!r} has no process any more: it has failed or was closed")
+        return self._answer(HEADER.pack(kind, len(content)) + content, size)
 
-def _check(name: Any, scenario: Any, timeout: Any) -> None:
-    """Raise a ParameterError unless a policy and a scenario are named and the time is one."""
-    if not isinstance(name, str):
-        raise ParameterError(f"name must be a text such as 'package.module:attribute', got {name!r}")
-    if not isinstance(scenario, str):
-        raise ParameterError(f"scenario must be the name of one, got {scenario!r}")
-    if not isinstance(timeout, (int, float)) or not 0.0 < timeout <= LONGEST:
-        raise ParameterError(f"timeout must lie within (0, {LONGEST:g}] s, got {timeout!r}")
+    def _answer(self, message: bytes = b"", size: int | None = None) -> bytes:
+        """Send a message, and return the content of the answer, which is a text or has a size [B].
+
+        Raises
+        ------
+        ActionError, ParameterError
+            If the policy raised it; its process goes on.
+        PolicyError
+            If it raised anything else, or its process has ended, is too slow or sends something else.
+        """
+        try:
+            self._socket.settimeout(self.timeout)
+            self._stream.write(message)
+            self._stream.flush()
+            kind, found = HEADER.unpack(self._stream.read(HEADER.size))
+            fits = found == size if size is not None and kind == Kind.DONE else found <= MOST_TEXT
+            if kind not in (Kind.DONE, Kind.FAULT) or not fits:
+                raise self._wrong()
+            content = self._stream.read(found)
+            if len(content) < found:
+                raise EOFError
+        except TimeoutError:
+            raise self._failed(f"must answer within {self.timeout:g} s, and did not") from None
+        except (OSError, EOFError, struct.error):
+            self.close()
+            raise self._failed(f"has ended its process, with exit status {self.process.returncode}") from None
+        except BaseException:  # an answer may still be on its way
+            self.close()
+            raise
+        if kind == Kind.DONE:
+            return content
+        match self._parsed(content):
+            case [str(error), str(told)]:
+                told = "".join(char if char.isprintable() else ascii(char)[1:-1] for char in told)
+                raise FAULTS[error](told) if error in FAULTS else self._failed(told)
+            case _:
+                raise self._wrong()
+
+    def _parsed(self, content: bytes) -> Any:
+        try:
+            return parse_json(content, MOST_TEXT)
+        except ValueError:
+            raise self._wrong() from None
+
+    def _wrong(self) -> PolicyError:
+        return self._failed("has sent something that is not an answer")
+
+    def _failed(self, why: str) -> PolicyError:
+        """End the process and return the error to raise."""
+        self.close()
+        return PolicyError(f"policy {self.name!r} {why}")
 
 
-def _told_sensors(session: Session, content: bytes) -> Sensors:
-    """Return what a policy's observations must hold, as its process says."""
-    told = session.read_text(content)
-    if told not in get_args(Sensors):
-        raise session.no_answer()
-    return cast(Sensors, told)
+def _start(name: str) -> tuple["subprocess.Popen[bytes]", socket.socket]:
+    """Start a process that serves a policy, and return it with the socket to it."""
+    if os.name != "posix":
+        raise PolicyError("isolated policies need Linux or macOS")
+    own, theirs = socket.socketpair()
+    try:
+        with theirs:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "pter_gym.benchmark.serving", str(theirs.fileno()), name],
+                stdin=subprocess.DEVNULL,
+                stdout=2,
+                pass_fds=(theirs.fileno(),),
+                start_new_session=True,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(path or str(Path.cwd()) for path in sys.path)},
+            )
+    except OSError as error:
+        own.close()
+        raise PolicyError(f"policy {name!r}: its process cannot be started: {error}") from error
+    return process, own
+
+
+def _end(process: "subprocess.Popen[bytes]", own: socket.socket, stream: IO[bytes]) -> None:
+    """End a process and those that it has started, and wait for it."""
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    own.close()
+    with suppress(OSError):  # what was not sent
+        stream.close()

@@ -1,70 +1,116 @@
-"""Policies as a user writes them: by name, by the path of an exported one, or as ``package.module:attribute``.
-
-Names are those of built-in controllers, the paper's at each pace, tuned ones, planners, and trained ones.
-"""
+"""Find a policy as a user writes it: by name, by the path of an exported one, or as ``package.module:attribute``."""
 
 import os
 import re
 from importlib.metadata import EntryPoint
-from types import MappingProxyType
-from typing import cast
+from pathlib import Path
+from typing import Any, cast
 
-from pter_gym.benchmark.pacing import damping_table, paced
-from pter_gym.benchmark.runs import PACKAGE
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.benchmark.tuned import SUFFIX, TUNED, find_tuned
-from pter_gym.controllers import CONTROLLERS, Controller, Random
+from pter_gym.controllers import CONTROLLERS, Random
 from pter_gym.controllers.impedance import Impedance
-from pter_gym.controllers.predictive import Honest, Privileged, Settings
+from pter_gym.envs.acting import ActingPolicy
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.files import FilePath, find_path
-from pter_gym.policies import load_policy, shipped_policies
+from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.policies.files import is_here, is_path
 
-PLANNERS = MappingProxyType({"predictive": Privileged, "predictive-honest": Honest})
-"""Policies that plan, by name."""
+PLANNERS = ("predictive", "predictive-honest")
+"""Policies that plan."""
 
 GUIDE = "single-dof-tuned"
-GUIDE_TABLE = PACKAGE / "presets" / "guide.toml"
-"""What guides them, with gains of its own: a plan cannot follow a law that switches within its knots."""
+GUIDE_TABLE = Path(__file__).parents[1] / "presets" / "guide.toml"
+"""The law that guides planners, with gains of its own: a plan cannot follow a law that switches between its knots."""
 
 CODE = re.compile(r"\w+(\.\w+)*:\w+(\.\w+)*")
 """How an attribute of a module is written."""
 
 
-def read_policy(name: FilePath, seed: int = 0, scenario: str = "standard") -> AnyPolicy:
-    """Return a policy as a user writes it: ``package.module:attribute``, or what ``find_policy`` finds.
+def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard") -> AnyPolicy:
+    """Return a policy as a user writes it.
 
     Parameters
     ----------
     name
-        The attribute is a controller or a callable from observations to volts; a class is called without arguments to
-        make one. Its module is imported into this process.
-    seed, scenario
-        As in ``find_policy``.
+        One of:
+
+        - a built-in controller, such as ``impedance``, with a damper for each commanded pace where the paper's gains
+          need one;
+        - a controller with tuned gains, such as ``impedance-tuned``;
+        - a planner, ``predictive`` or ``predictive-honest``;
+        - a trained policy of the package, such as ``residual``, or the path of an exported one;
+        - ``package.module:attribute``: a controller or a callable from observations to volts. A class is called
+          without arguments to make one. The module is imported into this process.
+    seed
+        Seed of the random policy and of planners.
+    scenario
+        Scenario whose gains and dampers to use. With None, controllers have their default gains, and there are no tuned
+        ones or planners, as in the paper's standard test.
 
     Raises
     ------
     ParameterError
-        If there is none.
+        If there is no such policy; the message suggests the nearest names.
+    DataError
+        If a file of an exported policy is damaged.
     """
     name = text_of(name)
-    if not is_code(name):
-        return find_policy(name, seed, scenario)
-    if not CODE.fullmatch(name):
+    if is_code(name):
+        return _import(name)
+    known = (*CONTROLLERS, *(() if scenario is None else (*TUNED, *PLANNERS)), *shipped_policies())
+    if is_path(name) or name in shipped_policies() or (name not in known and is_here(name)):
+        return read_policy(name)
+    if name not in known:
+        raise unknown_name("policies", name, known)
+    if name in PLANNERS:
+        from pter_gym.controllers.predictive import Honest, Privileged, Settings
+
+        kind = Privileged if name == "predictive" else Honest
+        return kind(find_tuned(GUIDE, scenario, path=GUIDE_TABLE), Settings(seed=seed))
+    if name in TUNED:
+        return find_tuned(name, scenario)
+    controller = Random(seed=seed) if name == "random" else CONTROLLERS[name]()
+    if not isinstance(controller, Impedance) or scenario is None:
+        return controller
+    from pter_gym.benchmark.pacing import damping_table, paced
+
+    dampers = damping_table().get(scenario, {}).get(name)
+    return paced(controller, dampers) if dampers else controller
+
+
+def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> ActingPolicy:
+    """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
+
+    It notices by itself when episodes begin, and returns actions in the unit of the environment.
+
+    Parameters
+    ----------
+    policy
+        What ``pter benchmark --policies`` takes: the name of a trained policy or of a controller, the path of an
+        exported policy (a string or a ``pathlib.Path``), or ``package.module:attribute``. Or a policy itself: a
+        controller, what ``from_sb3`` returns, or a function from observations, float32 (N, entries), to volts, (N, 4).
+    env
+        Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
+        its wrappers. Tuned gains are those of its scenario.
+    seed
+        Seed of the random policy and of planners.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such policy, or it cannot act in this environment; the message says why.
+    DataError
+        If a file of the policy is damaged.
+    """
+    if isinstance(policy, (str, os.PathLike)):
+        policy = find_policy(cast("FilePath", policy), seed, _scenario_of(env))
+    elif not callable(policy) and not hasattr(policy, "bind"):
         raise ParameterError(
-            f"policies: there is no {name!r}: code must be written as package.module:attribute, in letters, digits, _"
+            "policy must be a name, the path of an exported policy, a controller, or a function from observations to "
+            f"volts, got {policy!r:.200}"
         )
-    try:
-        found = EntryPoint(name, name, "").load()
-    except (ImportError, AttributeError) as error:
-        raise ParameterError(f"policies: there is no {name!r}: {error}") from None
-    if not isinstance(found, type):
-        return found
-    try:
-        return found()
-    except TypeError as error:
-        raise ParameterError(f"policies: {name!r} must be made without arguments: {error}") from error
+    return ActingPolicy(policy, env)
 
 
 def is_code(name: str) -> bool:
@@ -77,65 +123,8 @@ def is_built_in(name: str) -> bool:
     return name.removesuffix(SUFFIX) in (*CONTROLLERS, *PLANNERS, *shipped_policies())
 
 
-def find_policy(name: FilePath, seed: int = 0, scenario: str = "standard") -> Controller:
-    """Return a policy by name: a controller with a damper for each pace, tuned gains, one that plans, or trained.
-
-    Parameters
-    ----------
-    name
-        In ``CONTROLLERS``, one of those with gains and ``-tuned`` after its name, in ``PLANNERS``, a trained policy, or
-        the path of an exported one, as in ``pter_gym.policies.load_policy``.
-    seed
-        Of the random policy, and of those that plan.
-    scenario
-        For which dampers were solved and gains tuned; see ``pter_gym.benchmark.tuned.find_tuned``.
-
-    Raises
-    ------
-    ParameterError
-        If there is no policy of that name, or no gains for it.
-    """
-    name = text_of(name)
-    known = (*CONTROLLERS, *TUNED, *PLANNERS, *shipped_policies())
-    if not is_path(name) and name not in known and not is_here(name):
-        raise unknown_name("policies", name, known)
-    if name in PLANNERS:
-        return PLANNERS[name](find_tuned(GUIDE, scenario, path=GUIDE_TABLE), Settings(seed=seed))
-    if name.endswith(SUFFIX) and not is_path(name):
-        return find_tuned(name, scenario)
-    controller = find_controller(name, seed)
-    dampers = damping_table().get(scenario, {}).get(name)
-    return paced(controller, dampers) if dampers and isinstance(controller, Impedance) else controller
-
-
-def find_controller(name: FilePath, seed: int = 0) -> Controller:
-    """Return a built-in controller with its default gains, or a trained policy that the package ships, by name.
-
-    Parameters
-    ----------
-    name
-        Its name, or the path of an exported policy, as in ``pter_gym.policies.load_policy``.
-    seed
-        Of the random policy.
-
-    Raises
-    ------
-    ParameterError
-        If there is neither of that name; it tells the nearest.
-    DataError
-        If a file of the policy is not what it must be.
-    """
-    name = text_of(name)
-    if name in CONTROLLERS:
-        kind = CONTROLLERS[name]
-        return Random(seed=seed) if kind is Random else kind()
-    if is_path(name) or name in shipped_policies() or is_here(name):
-        return load_policy(name)
-    raise unknown_name("policies", name, (*CONTROLLERS, *shipped_policies()))
-
-
 def text_of(name: FilePath) -> str:
-    """Return a name or path as text that says which of both it is, or raise a ParameterError."""
+    """Return a name or path as text that shows which of the two it is, or raise a ParameterError."""
     given = cast("object", name)
     if isinstance(given, str):
         return given
@@ -143,3 +132,25 @@ def text_of(name: FilePath) -> str:
         raise ParameterError(f"policies must be names or paths, got {given!r:.200}")
     text = str(find_path("policies", name))
     return text if is_path(text) else f"./{text}"
+
+
+def _import(name: str) -> Any:
+    """Return the policy that an attribute of a module is; an instance where it is a class."""
+    if not CODE.fullmatch(name):
+        raise ParameterError(
+            f"policies: there is no {name!r}: code must be written as package.module:attribute, in letters, digits, _"
+        )
+    try:
+        found = EntryPoint(name, name, "").load()
+    except (ImportError, AttributeError) as error:
+        raise ParameterError(f"policies: there is no {name!r}: {error}") from None
+    try:
+        return found() if isinstance(found, type) else found
+    except TypeError as error:
+        raise ParameterError(f"policies: {name!r} must be made without arguments: {error}") from error
+
+
+def _scenario_of(env: Any) -> str:
+    """Return the name of the scenario that an environment belongs to; ``standard`` for any other."""
+    first = next(iter(getattr(env, "envs", ())), env)
+    return getattr(getattr(first, "spec", None), "kwargs", {}).get("scenario", "standard")

@@ -9,17 +9,17 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 
 from pter_gym.benchmark.recorded import Recorded
-from pter_gym.benchmark.runs import PACKAGE
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.controllers import CONTROLLERS, Impedance, PaceSchedule, TorqueFeedback, bind
 from pter_gym.engine.batch import Batch
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 
-TABLE = PACKAGE / "presets" / "paces.toml"
+TABLE = Path(__file__).parents[1] / "presets" / "paces.toml"
 
 DRAWS = 64
 """Training draws on which the damper is solved."""

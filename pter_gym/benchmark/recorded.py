@@ -1,4 +1,4 @@
-"""Episodes as scores are found from them: what several scores need is found once."""
+"""Episodes as scores read them: what several scores need is computed once."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -27,7 +27,7 @@ from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tasks.path_following.allowance import ALLOWANCE, START
 
 START_UP = 0.2
-"""Start-up interval [s] that accelerations leave out: the push begins at once, and its jolt is no policy's doing.
+"""Start-up interval [s] that accelerations leave out: the push begins at once, and no policy causes its jolt.
 
 The calibration to the paper uses it too, so it stays a number of its own beside ``ALLOWANCE``.
 """
@@ -39,7 +39,7 @@ with the speed, and where the arm starts with its square, so with less a slower 
 
 
 class Travel:
-    """N episodes along their paths: all that scores which decide on ranks are found from.
+    """N episodes along their paths: all that the scores need that decide on ranks.
 
     Parameters
     ----------
@@ -138,11 +138,11 @@ class Travel:
         return pace_errors(self.relative_times, self.finished).mean(axis=0)
 
     def mean_pace(self) -> Array:
-        """Return the mean speed along the path [m/s]; 0 for who never left its start."""
+        """Return the mean speed along the path [m/s]; 0 where the tip never left the start."""
         return _speed(np.minimum(self.furthest[-1], self.length), self.passed[-1])
 
     def cruising_pace(self) -> Array:
-        """Return the mean speed along the path behind its first segment [m/s]; 0 for who never got there."""
+        """Return the mean speed along the path behind its first segment [m/s]; 0 where the tip never got there."""
         way = np.minimum(self.furthest[-1], self.length) - self.length / SEGMENTS
         return _speed(way, self.passed[-1] - self.passed[1])
 
@@ -231,8 +231,8 @@ class Recorded(Travel):
 def pace_factor(ratios: Array) -> Array:
     """Return by what the error of a segment counts, from its time over what the pace needs: 1 at that, more elsewhere.
 
-    A slow ride, of a ratio r, is brought to the commanded pace by r to the power of ``PRICE``; a fast one, which is no
-    better for it, costs ``PRICE`` times what its ratio lacks of 1.
+    The error of a slow ride, of a ratio r > 1, is multiplied by r to the power of ``PRICE``; that of a fast one by 1
+    plus ``PRICE`` times what r lacks of 1.
     """
     return np.where(ratios > 1.0, ratios**PRICE, 1.0 + PRICE * (1.0 - ratios))
 

@@ -2,7 +2,7 @@
 
 Files are written whole or not at all, so an interrupted benchmark goes on where it stopped, and several benchmarks may
 write to one folder at once: each run has its own file, and the summary is read and written under a lock. A file that is
-broken, edited, copied or renamed is left out, with its reason, and stops nobody.
+damaged, edited, copied or renamed is left out, with the reason, and does not affect the others.
 """
 
 import json
@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pter_gym.benchmark.episodes import FOLDER
 from pter_gym.benchmark.gaps import find_gaps
 from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
 from pter_gym.benchmark.run_files import read_run, run_path, write_run
@@ -41,6 +40,15 @@ class Contents(NamedTuple):
     runs: tuple[ScenarioRun, ...]
     left_out: tuple[LeftOut, ...]
 
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``benchmark.json`` holds, in SI."""
+        return {
+            "bootstrap": {"level": LEVEL, "resamples": RESAMPLES, "seed": SEED},
+            "leaderboards": [board.as_json() for board in leaderboards(self.runs)],
+            "gaps": [gap.as_json() for gap in find_gaps(self.runs)],
+            "left_out": [each._asdict() for each in self.left_out],
+        }
+
 
 @dataclass(frozen=True)
 class ResultsFolder:
@@ -50,16 +58,12 @@ class ResultsFolder:
     ----------
     path
         Where it is.
-    data
-        Folder of the stored episodes.
     """
 
     path: Path
-    data: Path = FOLDER
 
-    def __init__(self, path: FilePath, data: FilePath = FOLDER) -> None:
+    def __init__(self, path: FilePath) -> None:
         object.__setattr__(self, "path", find_path("path", path))
-        object.__setattr__(self, "data", find_path("data", data))
 
     @property
     def summary(self) -> Path:
@@ -72,13 +76,11 @@ class ResultsFolder:
 
     def find(self, conditions: Conditions) -> ScenarioRun | None:
         """Return the finished run under just these conditions, or None; there is none without an identity."""
-        if conditions.identity is None:
-            return None
         try:
-            run = read_run(run_path(self.path, conditions), data=self.data)
+            run = read_run(run_path(self.path, conditions))
         except DataError:
             return None
-        return run if run.conditions == conditions else None
+        return run if conditions.identity is not None and run.conditions == conditions else None
 
     def add(self, run: ScenarioRun) -> None:
         """Keep a run; one under the same names is replaced."""
@@ -86,10 +88,9 @@ class ResultsFolder:
 
     def end_seeds(self, conditions: Conditions) -> None:
         """Delete the runs of training seeds from this one on: they are of an earlier policy of the same name."""
-        at = conditions
-        while (path := run_path(self.path, at)).is_file():
+        while (path := run_path(self.path, conditions)).is_file():
             path.unlink(missing_ok=True)
-            at = replace(at, seed=at.seed + 1)
+            conditions = replace(conditions, seed=conditions.seed + 1)
 
     def read(self) -> Contents:
         """Return the runs that count, and each other file with the reason why it does not."""
@@ -97,13 +98,12 @@ class ResultsFolder:
         left_out: list[LeftOut] = []
         for path in sorted((self.path / "runs").glob("*.json")):
             try:
-                runs.append(read_run(path, data=self.data))
+                runs.append(read_run(path))
             except DataError as error:
                 left_out.append(_left_out(path.name, str(error).removeprefix(f"{path.name}: ")))
         kept, copies = without_copies(runs)
-        left_out += [
-            _left_out(run_path(Path(), run.conditions).name, f"it is the policy of seed {seed}") for run, seed in copies
-        ]
+        for run, seed in copies:
+            left_out.append(_left_out(run_path(self.path, run.conditions).name, f"it is the policy of seed {seed}"))
         return Contents(kept, tuple(sorted(left_out)))
 
     def runs(self) -> tuple[ScenarioRun, ...]:
@@ -112,26 +112,10 @@ class ResultsFolder:
 
     def summarise(self) -> tuple[Leaderboard, ...]:
         """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
-        return self.summarise_contents()[1]
-
-    def summarise_contents(self) -> tuple[Contents, tuple[Leaderboard, ...]]:
-        """Do as ``summarise``, and return what the folder held too."""
         with locked(self.path / LOCK):
             contents = self.read()
-            boards = leaderboards(contents.runs)
-            text = json.dumps(summary_of(contents, boards), indent=2, allow_nan=False)
-            write_text_atomic(self.summary, text + "\n")
-        return contents, boards
-
-
-def summary_of(contents: Contents, boards: tuple[Leaderboard, ...]) -> dict[str, Any]:
-    """Return what ``benchmark.json`` holds, in SI."""
-    return {
-        "bootstrap": {"level": LEVEL, "resamples": RESAMPLES, "seed": SEED},
-        "leaderboards": [board.as_json() for board in boards],
-        "gaps": [gap.as_json() for gap in find_gaps(contents.runs)],
-        "left_out": [each._asdict() for each in contents.left_out],
-    }
+            write_text_atomic(self.summary, json.dumps(contents.as_json(), indent=2, allow_nan=False) + "\n")
+        return leaderboards(contents.runs)
 
 
 def _left_out(file: str, reason: str) -> LeftOut:

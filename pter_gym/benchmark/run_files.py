@@ -1,14 +1,14 @@
-"""The file of a run. Whoever reads one believes nothing: each part is checked, and a complaint says what is wrong.
+"""The file of a run. A reader trusts nothing in it: each part is checked, and an error says what is wrong.
 
 A file holds a SHA-256 over its own name and all that is in it, so a part that is edited, and a file that is copied or
-renamed, does not pass. Whoever computes the hash again has still scores that ``pter verify`` refutes.
+renamed, does not pass. Scores that somebody invents and hashes again are found by ``pter verify``.
 """
 
 import hashlib
 import json
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import asdict, fields
 from pathlib import Path
 from textwrap import shorten
 from typing import Any
@@ -17,8 +17,8 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark.episodes import FOLDER, SEEDS, stored_strata
-from pter_gym.benchmark.metrics import METRICS, Values
+from pter_gym.benchmark.episodes import SEEDS, stored_strata
+from pter_gym.benchmark.metrics import METRICS
 from pter_gym.benchmark.runs import (
     INSTANTS,
     Conditions,
@@ -36,8 +36,6 @@ from pter_gym.scenarios import find_pace
 HASH = "sha256"
 """Name of the hash in a file."""
 
-PARTS = (HASH, *Conditions.__dataclass_fields__, "strata", "planning", "scores", "samples")
-
 
 def run_path(folder: FilePath, conditions: Conditions) -> Path:
     """Return the file of a run in a folder of results."""
@@ -51,17 +49,15 @@ def write_run(folder: FilePath, run: ScenarioRun) -> None:
     """Write a run to its file, whole or not at all."""
     path = run_path(folder, run.conditions)
     content = {
-        **asdict(run.conditions),
-        "strata": run.strata,
+        "conditions": asdict(run.conditions),
         "planning": run.planning and asdict(run.planning),
         "scores": {name: values.tolist() for name, values in run.scores.items()},
-        "samples": [
-            {"episode": sample.episode, "tip_m": sample.tip.tolist(), "theta_rad": sample.theta.tolist()}
+        "samples": {
+            str(sample.episode): {"tip_m": sample.tip.tolist(), "theta_rad": sample.theta.tolist()}
             for sample in run.samples
-        ],
+        },
     }
-    sealed = {HASH: file_hash(content, path.name), **content}
-    write_text_atomic(path, json.dumps(sealed, allow_nan=False) + "\n")
+    write_text_atomic(path, json.dumps({HASH: file_hash(content, path.name), **content}, allow_nan=False) + "\n")
 
 
 def file_hash(content: Mapping[str, object], name: str) -> str:
@@ -70,42 +66,32 @@ def file_hash(content: Mapping[str, object], name: str) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
-def read_run(path: FilePath, *, data: FilePath = FOLDER) -> ScenarioRun:
+def read_run(path: FilePath) -> ScenarioRun:
     """Return the run in a file.
-
-    Parameters
-    ----------
-    path
-        Of the file.
-    data
-        Folder of the stored episodes.
 
     Raises
     ------
     DataError
-        If the file is not whole, or of other code, or not what was written under its name; it says why.
+        If the file is damaged, made by other code, or not what was written under its name; it says why.
     """
     path = find_path("path", path)
     with reading(path.name):
         content = _content(path)
-        conditions = _conditions(content)
-        if run_path(path.parents[1], conditions).name != path.name:
-            raise ValueError(f"its name is not that of its run, which is {run_path(Path(), conditions).name}")
-        if conditions.code != code_digest():
-            raise ValueError(f"it is of other code, version {conditions.version}")
-        checksum, strata = stored_strata(conditions.scenario, folder=data)  # fresh episodes have the same strata
-        if conditions.fresh is None and conditions.data != checksum:
-            raise ValueError("it is of other episodes than those that are stored")
-        _whole(conditions.episodes, "episodes", 1, len(strata))
-        strata = strata[: conditions.episodes]
-        if content["strata"] != list(strata):
-            raise ValueError("strata are not those of the episodes")
+        at = _conditions(content["conditions"])
+        expected = run_path(path.parents[1], at).name
+        _require(expected == path.name, f"its name is not that of its run, which is {expected}")
+        _require(at.code == code_digest(), f"it is of other code, version {at.version}")
+        checksum, strata = stored_strata(at.scenario)  # fresh episodes have the same strata
+        if at.fresh is None:
+            _require(at.data == checksum, "it is of other episodes than those that are stored")
+        _check_range("episodes", at.episodes, 1, len(strata))
+        strata = strata[: at.episodes]
         return ScenarioRun(
-            conditions,
-            strata,
-            _scores(content["scores"], len(strata)),
-            _samples(content["samples"], strata),
-            _planning(content["planning"]),
+            conditions=at,
+            strata=strata,
+            scores={name: _scores(content["scores"][name], name, at.episodes) for name in METRICS},
+            samples=tuple(_sample(k, content["samples"][str(k)]) for k in sample_numbers(strata)),
+            planning=None if content["planning"] is None else _planning(content["planning"]),
         )
 
 
@@ -115,91 +101,63 @@ def _content(path: Path) -> dict[str, Any]:
     try:
         content = parse_json(data)
     except ValueError as error:
-        raise ValueError(f"it is no JSON: {error}") from None
-    _check_keys(content, PARTS, "it")
-    if content[HASH] != file_hash(content, path.name):
-        raise ValueError("it was edited, copied or renamed: its SHA-256 is another")
+        raise ValueError(f"it is not JSON: {error}") from None
+    _require(content[HASH] == file_hash(content, path.name), "it was edited, copied or renamed: its SHA-256 is another")
     return content
 
 
 def _conditions(content: Mapping[str, Any]) -> Conditions:
-    """Return the conditions of a file, each of the type and in the range that it must have."""
-    for name in ("scenario", "pace", "policy", "data", "version", "code"):
-        _require(type(content[name]) is str, name, "a text", content[name])
-    _require(type(content["identity"]) in (str, type(None)), "identity", "a text or null", content["identity"])
-    _whole(content["seed"], "seed", 0)
-    _whole(content["episodes"], "episodes", 1)
-    if content["fresh"] is not None:
-        _whole(content["fresh"], "fresh", 0, SEEDS - 1)
-    check_name(content["policy"])
-    find_pace(content["pace"])
-    return Conditions(**{name: content[name] for name in Conditions.__dataclass_fields__})
+    _check_types(Conditions, content)
+    at = Conditions(**content)
+    check_name(at.policy)
+    find_pace(at.pace)
+    _check_range("seed", at.seed, 0)
+    _check_range("fresh", at.fresh or 0, 0, SEEDS - 1)
+    return at
 
 
-def _planning(content: Any) -> Planning | None:
-    if content is None:
-        return None
-    _check_keys(content, Planning.__dataclass_fields__, "planning")
-    _require(type(content["privileged"]) is bool, "privileged", "true or false", content["privileged"])
-    _whole(content["rollouts"], "rollouts", 0)
-    for name in ("horizon_s", "decision_ms"):
-        _numbers([content[name]], name, (1,), 0.0)
+def _planning(content: Mapping[str, Any]) -> Planning:
+    _check_types(Planning, content)
+    for name in ("rollouts", "horizon_s", "decision_ms"):
+        _check_range(name, content[name], 0)
     return Planning(**content)
 
 
-def _scores(content: Any, count: int) -> dict[str, Values]:
-    _check_keys(content, METRICS, "scores")
-    found = {name: _numbers(content[name], name, (count,), metric.low, metric.high) for name, metric in METRICS.items()}
-    _require(set(found["completed"].tolist()) <= {0.0, 1.0}, "completed", "true or false", content["completed"])
-    return {**found, "completed": found["completed"] == 1.0}
-
-
-def _samples(content: Any, strata: Sequence[str]) -> tuple[Sample, ...]:
-    _require(isinstance(content, list), "samples", "a list", content)
-    for sample in content:
-        _check_keys(sample, ("episode", "tip_m", "theta_rad"), "a sample")
-        _require(isinstance(sample["tip_m"], list), "tip_m", "a list", sample["tip_m"])
-    numbers = [sample["episode"] for sample in content]
-    _require(numbers == sample_numbers(strata), "samples", f"those of the episodes {sample_numbers(strata)}", numbers)
-    return tuple(_sample(sample) for sample in content)
-
-
-def _sample(content: Mapping[str, Any]) -> Sample:
-    instants = len(content["tip_m"])
-    _require(1 <= instants <= INSTANTS, "tip_m", f"a list of 1 to {INSTANTS} points", content["tip_m"])
-    tip, theta = (_numbers(content[name], name, (instants, 2)) for name in ("tip_m", "theta_rad"))
-    return Sample(content["episode"], tip, theta)
-
-
-def _numbers(
-    content: Any, name: str, shape: tuple[int, ...], low: float | None = None, high: float | None = None
-) -> NDArray[np.float64]:
-    """Return finite numbers of a shape within a range."""
-    try:
-        values = np.array(content)
-    except ValueError:  # lists of different lengths
-        values = np.empty(0)
-    _require(values.shape == shape and values.dtype.kind in "bif", name, f"numbers of the shape {shape}", content)
-    values = values.astype(np.float64)
-    least, most = -math.inf if low is None else low, math.inf if high is None else high
-    good = np.isfinite(values) & (values >= least) & (values <= most)
-    _require(good.all(), name, f"finite numbers from {least:g} to {most:g}", values[~good][:1].tolist())
+def _scores(content: Any, name: str, count: int) -> NDArray[Any]:
+    values = _array(content, name, (count,), "b" if name == "completed" else "f")
+    for value in (values.min(), values.max()):
+        _check_range(name, value, METRICS[name].low, METRICS[name].high)
     return values
 
 
-def _whole(value: Any, name: str, low: int, high: float = math.inf) -> None:
-    _require(type(value) is int and low <= value <= high, name, f"a whole number from {low} to {high:g}", value)
+def _sample(episode: int, content: Mapping[str, Any]) -> Sample:
+    instants = len(content["tip_m"])
+    _check_range("instants of a sample", instants, 1, INSTANTS)
+    return Sample(episode, *(_array(content[name], name, (instants, 2), "f") for name in ("tip_m", "theta_rad")))
 
 
-def _check_keys(content: Any, names: Collection[str], what: str) -> None:
-    _require(isinstance(content, dict), what, "an object", content)
-    missing = [name for name in names if name not in content]
-    unknown = [name for name in content if name not in names]
-    for told, differ in (("is missing", missing), ("is unknown", unknown)):
-        if differ:
-            raise ValueError(f"{what}: {differ[0]!r} {told}")
+def _array(content: Any, name: str, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
+    """Return an array of a shape and kind, ``f`` for numbers and ``b`` for truth values."""
+    values = np.array(content)
+    good = values.shape == shape and values.dtype.kind == kind
+    what = "numbers" if kind == "f" else "true or false"
+    _require(good, f"{name} must be {what} of the shape {shape}, got {shorten(repr(content)[:200], 60)}")
+    return values
 
 
-def _require(condition: object, name: str, accepted: str, found: Any) -> None:
+def _check_types(kind: type[Any], content: Mapping[str, Any]) -> None:
+    """Raise an error unless an object holds a value of the right type for each field of a dataclass."""
+    for item in fields(kind):
+        accepted, value = item.type, content[item.name]
+        good = isinstance(value, accepted) and (accepted is bool or not isinstance(value, bool))  # type: ignore[arg-type]
+        _require(good, f"{item.name} must be {getattr(accepted, '__name__', accepted)}, got {value!r:.60}")
+
+
+def _check_range(name: str, value: float, low: float | None, high: float | None = None) -> None:
+    least, most = -math.inf if low is None else low, math.inf if high is None else high
+    _require(least <= value <= most, f"{name} must be within [{least:g}, {most:g}], got {value!r}")
+
+
+def _require(condition: object, complaint: str) -> None:
     if not condition:
-        raise ValueError(f"{name} must be {accepted}, got {shorten(repr(found)[:200], 60)}")
+        raise ValueError(complaint)

@@ -1,17 +1,19 @@
 """One policy on the episodes of one scenario at one pace: what was run, and its scores."""
 
+import ast
 import hashlib
 import json
+import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import cast
 from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import SCORES, Scores
 from pter_gym.errors import ParameterError
 from pter_gym.policies.files import LONGEST_NAME
@@ -19,6 +21,30 @@ from pter_gym.policies.files import LONGEST_NAME
 Array = NDArray[np.float64]
 
 PACKAGE = Path(__file__).parents[1]
+
+DECIDING = (
+    "units.py",
+    "compiled",
+    "params",
+    "physics",
+    "hands",
+    "paths",
+    "tasks",
+    "engine",
+    "scenarios",
+    "controllers",
+    "policies",
+    "benchmark/episodes.py",
+    "benchmark/evaluation.py",
+    "benchmark/measures.py",
+    "benchmark/metrics.py",
+    "benchmark/ranking.py",
+    "benchmark/recorded.py",
+    "benchmark/simulation.py",
+    "benchmark/statistics.py",
+    "presets/pter.toml",
+)
+"""The folders and files of the package that decide a score. Gains and weights are part of a policy's identity."""
 
 SAMPLES = 4
 """Episodes of a run that are kept to be drawn: the first of each stratum, then the first ones."""
@@ -48,7 +74,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Planning:
-    """How a policy that plans came to its decisions.
+    """How a planner came to its decisions.
 
     Attributes
     ----------
@@ -83,11 +109,11 @@ class Conditions:
     data
         SHA-256 of the episodes.
     identity
-        SHA-256 of the policy's content; None if that cannot be told, as of a plain function.
+        SHA-256 of the policy's content; None if that cannot be known, as of a plain function.
     version
         Of the package.
     code
-        SHA-256 of the package's sources.
+        SHA-256 of the code that decides scores.
     fresh
         Seed of fresh episodes; None for the stored ones.
     """
@@ -136,19 +162,19 @@ class ScenarioRun:
 
 
 def check_name(name: object) -> None:
-    """Raise a ParameterError unless something can be the name of a policy, in a table and in the name of a file."""
+    """Raise a ParameterError unless something can name a policy, in a table and in the name of a file."""
     good = isinstance(name, str) and name.strip() == name != "" and name.isprintable()
     if not good or len(quote(str(name), safe=" ")) > LONGEST_NAME:
         raise ParameterError(
-            f"policies must have names of 1 to {LONGEST_NAME} printable characters, of which those that no file's name "
-            f"can hold count three or more, without a space at either end, got {name!r:.60}"
+            f"policies must have names of 1 to {LONGEST_NAME} printable characters, without a space at either end (one "
+            f"that a file name cannot hold counts as three or more), got {name!r:.60}"
         )
 
 
 def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
     """Return the runs of one policy's training seeds on the same episodes as one run; seeds are a further stratum.
 
-    Nobody can tell what it is if nobody can of one of them, and it plans, or is privileged, if one of them does.
+    Its identity is unknown if one of theirs is, and it plans, or is privileged, if one of them does.
     """
     if len(runs) == 1:
         return runs[0]
@@ -167,7 +193,7 @@ def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
 def without_copies(runs: Iterable[ScenarioRun]) -> tuple[tuple[ScenarioRun, ...], tuple[tuple[ScenarioRun, int], ...]]:
     """Return the runs that count, and those whose policy is that of an earlier training seed, with that seed.
 
-    A copy is no further seed. Policies whose content nobody can tell are the same if all their scores are.
+    A copy does not count as a further seed. Policies of unknown content are the same if all their scores are.
     """
     first: dict[tuple[object, ...], int] = {}
     kept: list[ScenarioRun] = []
@@ -191,9 +217,38 @@ def sample_numbers(strata: Sequence[str]) -> list[int]:
 
 @cache
 def code_digest() -> str:
-    """Return a SHA-256 of the package's sources and presets: with other code, an earlier run is not the same run."""
-    content = hashlib.sha256(__version__.encode())
-    for path in sorted(path for pattern in ("*.py", "*.toml") for path in PACKAGE.rglob(pattern)):
-        content.update(path.relative_to(PACKAGE).as_posix().encode())
-        content.update(path.read_bytes())
+    """Return a SHA-256 of the code that decides a score: with other code, an earlier run is not the same run.
+
+    It is over the syntax trees of ``DECIDING`` without docstrings, so it depends neither on comments and layout nor on
+    the version of Python.
+
+    Raises
+    ------
+    FileNotFoundError
+        If one of them does not exist.
+    """
+    content = hashlib.sha256()
+    for part in DECIDING:
+        place = PACKAGE / part
+        files = [place] if place.is_file() else sorted(place.rglob("*.py"))
+        if not files:
+            raise FileNotFoundError(f"{place} decides scores and does not exist: correct DECIDING in {__file__}")
+        for path in files:
+            text = path.read_text("utf-8")
+            meaning = tomllib.loads(text) if path.suffix == ".toml" else _meaning(ast.parse(text))
+            content.update(f"{path.relative_to(PACKAGE).as_posix()}: {meaning}\n".encode())
     return content.hexdigest()
+
+
+def _meaning(node: object) -> object:
+    """Return a syntax tree as plain data without docstrings; what is absent in some versions of Python is left out."""
+    if isinstance(node, list):
+        return [_meaning(each) for each in cast("list[object]", node) if not _is_docstring(each)]
+    if not isinstance(node, ast.AST):
+        return repr(node)
+    parts = ((name, _meaning(value)) for name, value in ast.iter_fields(node) if value not in (None, []))
+    return [type(node).__name__, *parts]
+
+
+def _is_docstring(node: object) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)

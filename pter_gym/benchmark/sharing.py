@@ -6,8 +6,9 @@ Nothing here uses a network. The folder is read like that of any exported policy
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from string import Template
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any
 
 from pter_gym._version import __version__
 from pter_gym.benchmark.evaluation import fresh_seed, run_scenario
@@ -16,7 +17,7 @@ from pter_gym.benchmark.simulation import record_episode, time_limit
 from pter_gym.internal.checks import whole_number
 from pter_gym.internal.files import FilePath, find_path, write_files_atomic
 from pter_gym.internal.terminal import make_folder
-from pter_gym.policies import SHIPPED, Neural, load_policy, shipped_policies
+from pter_gym.policies import SHIPPED, Neural, read_policy, shipped_policies
 from pter_gym.policies.files import CARD, TEXT, WEIGHTS, find_exported
 from pter_gym.scenarios import PACES, SCENARIOS, Scenario
 
@@ -26,32 +27,44 @@ EPISODES = 200
 README, FILM = "README.md", "replay.mp4"
 """Names that the hub looks for: the model card, and the film on its page."""
 
-FILM_PACE, FILM_SEED = "medium", 0
-"""Of the episode in the film, a training draw."""
+SHOWN = (("path_error_m", "mm", 1000.0, 2), ("completed", "%", 100.0, 1))
+"""The scores on a card: name, unit, factor from SI to it, and decimals."""
 
-LICENCE = "mit"
+CARD_TEXT = Template("""\
+---
+license: mit
+library_name: pter-gym
+pipeline_tag: reinforcement-learning
+tags: [reinforcement-learning, robotics, haptics, gymnasium, pter-gym, $id]
+model-index: $index
+---
 
+$text
 
-class Metric(NamedTuple):
-    """A score on a card.
+## Scores
 
-    Attributes
-    ----------
-    score
-        Its name in ``Score``.
-    factor, unit
-        From SI to what is shown.
-    digits
-        Behind the point.
-    """
+On $episodes fresh episodes of `$scenario` at each pace by pter-gym $version.
+Their seed, $seed, follows from the content of the policy. In brackets intervals of 95 %.
 
-    score: str
-    factor: float
-    unit: str
-    digits: int
+| pace | path error [mm] | at the end [%] |
+|---|---|---|
+$rows
 
+## Use
 
-METRICS = (Metric("path_error_m", 1000.0, "mm", 2), Metric("completed", 100.0, "%", 1))
+```python
+import gymnasium
+import pter_gym
+
+env = gymnasium.make("$id", pace="medium")
+policy = pter_gym.load_policy("path/to/this/folder", env)
+observation, info = env.reset(seed=0)
+action = policy(observation)
+```
+
+`pter benchmark --scenario $scenario --policies path/to/this/folder --fresh $seed` scores it.
+""")
+"""What the hub reads of a card, in YAML, of which JSON is a part, and what people read."""
 
 
 def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -> Path:
@@ -75,28 +88,25 @@ def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -
     StorageError
         If the folder cannot be written; it says where its files are.
     """
+    from pter_gym.render.canvas import load_pygame
+    from pter_gym.render.recording import check_ending
+
     episodes, where = whole_number("episodes", episodes), find_path("out", out)
-    _check_film()
-    name, source = _find(policy)
-    neural = load_policy(name, source)
+    load_pygame()
+    check_ending(Path(FILM))
+    name, source = (str(policy), SHIPPED) if policy in shipped_policies() else find_exported(policy)
+    neural = read_policy(name, source)
     scenario = scenario_of(neural.card.about.get("scenario"))
     make_folder(where)
     told = {name: neural}
     runs = run_scenario(scenario.name, told, episodes=episodes, fresh=fresh_seed(scenario.name, told))
-    boards = leaderboards(runs)
-    text = (source / f"{name}{TEXT}").read_text("utf-8") if (source / f"{name}{TEXT}").is_file() else f"# {name}\n"
+    written = source / f"{name}{TEXT}"
+    text = written.read_text("utf-8") if written.is_file() else f"# {name}\n"
     parts = {f"{name}{ending}": (source / f"{name}{ending}").read_bytes() for ending in (WEIGHTS, CARD)}
-    film = film_of(name, neural, scenario)
-    card = f"{front_matter(name, scenario, boards)}\n{model_card(text, scenario, boards)}"
-    write_files_atomic(where, {**parts, FILM: film, README: card.encode()})
+    parts[FILM] = _film(name, neural, scenario)
+    parts[README] = model_card(name, text, scenario, leaderboards(runs)).encode()
+    write_files_atomic(where, parts)
     return where
-
-
-def _find(policy: FilePath) -> tuple[str, Path]:
-    """Return name and folder of a policy."""
-    if policy in shipped_policies():
-        return str(policy), SHIPPED
-    return find_exported(policy)
 
 
 def scenario_of(trained_on: Any) -> Scenario:
@@ -105,104 +115,46 @@ def scenario_of(trained_on: Any) -> Scenario:
     return found[0] if found else SCENARIOS["everything"]
 
 
-def front_matter(name: str, scenario: Scenario, boards: Sequence[Leaderboard]) -> str:
-    """Return what the hub reads of a card, in YAML, of which JSON is a part."""
-    metrics = [
-        {
-            "type": metric.score,
-            "name": f"{metric.score} at {board.pace} pace [{metric.unit}]",
-            "value": _shown(board, metric)[0],
-            "args": {
-                "pace_m_s": PACES[board.pace],
-                "interval_95": _shown(board, metric)[1:],
-                "episodes": board.episodes,
-                "fresh_seed": str(board.fresh),
-            },
-        }
-        for board in boards
-        for metric in METRICS
-    ]
-    task = "reinforcement-learning"
-    return "\n".join(
-        [
-            "---",
-            f"license: {LICENCE}",
-            "library_name: pter-gym",
-            f"pipeline_tag: {task}",
-            f"tags: [{task}, robotics, haptics, gymnasium, pter-gym, {scenario.id}]",
-            "model-index:",
-            f"- name: {json.dumps(name)}",
-            "  results:",
-            f"  - task: {{type: {task}, name: {task}}}",
-            f"    dataset: {{type: {scenario.id}, name: {scenario.id}}}",
-            "    metrics:",
-            *(f"    - {json.dumps(metric)}" for metric in metrics),
-            "---",
-            "",
-        ]
+def model_card(name: str, text: str, scenario: Scenario, boards: Sequence[Leaderboard]) -> str:
+    """Return a policy's card: what the hub reads, what was written at the export, the scores, and how to use it."""
+    metrics: list[dict[str, Any]] = []
+    rows: list[str] = []
+    for board in boards:
+        cells = [f"{board.pace} ({PACES[board.pace]:g} m/s)"]
+        for score, unit, factor, digits in SHOWN:
+            value, low, high = (round(factor * each, digits) for each in board.standings[0].scores[score])
+            cells.append(f"{value} ({low} … {high})")
+            told = {"pace_m_s": PACES[board.pace], "interval_95": [low, high], "fresh_seed": str(board.fresh)}
+            metrics.append(
+                {
+                    "type": score,
+                    "name": f"{score} at {board.pace} pace [{unit}]",
+                    "value": value,
+                    "args": {**told, "episodes": board.episodes},
+                }
+            )
+        rows.append(f"| {' | '.join(cells)} |")
+    task = {"type": "reinforcement-learning", "name": "reinforcement-learning"}
+    result = {"task": task, "dataset": {"type": scenario.id, "name": scenario.id}, "metrics": metrics}
+    return CARD_TEXT.substitute(
+        id=scenario.id,
+        index=json.dumps([{"name": name, "results": [result]}]),
+        text=text.rstrip(),
+        episodes=boards[0].episodes,
+        scenario=scenario.name,
+        version=__version__,
+        seed=boards[0].fresh,
+        rows="\n".join(rows),
     )
 
 
-def model_card(text: str, scenario: Scenario, boards: Sequence[Leaderboard]) -> str:
-    """Return what people read of a card: what was written at the export, the scores, and how to use the policy."""
-    rows = [
-        f"| {board.pace} ({PACES[board.pace]:g} m/s) | "
-        + " | ".join("{} ({} … {})".format(*_shown(board, metric)) for metric in METRICS)
-        + " |"
-        for board in boards
-    ]
-    first = boards[0]
-    return "\n".join(
-        [
-            text.rstrip(),
-            "",
-            "## Scores",
-            "",
-            f"On {first.episodes} fresh episodes of `{scenario.name}` at each pace by pter-gym {__version__}.",
-            f"Their seed, {first.fresh}, follows from the content of the policy. In brackets intervals of 95 %.",
-            "",
-            "| pace | path error [mm] | at the end [%] |",
-            "|---|---|---|",
-            *rows,
-            "",
-            "## Use",
-            "",
-            "```python",
-            "import gymnasium",
-            "import pter_gym",
-            "",
-            f'env = gymnasium.make("{scenario.id}", pace="medium")',
-            'policy = pter_gym.load_policy("path/to/this/folder", env)',
-            "observation, info = env.reset(seed=0)",
-            "action = policy(observation)",
-            "```",
-            "",
-            f"`pter benchmark --scenario {scenario.name} --policies path/to/this/folder` scores it.",
-            "",
-        ]
-    )
-
-
-def _shown(board: Leaderboard, metric: Metric) -> tuple[float, float, float]:
-    """Return a score with its interval as it is shown."""
-    found = board.standings[0].scores[metric.score]
-    value, low, high = (round(metric.factor * each, metric.digits) for each in found)
-    return value, low, high
-
-
-def _check_film() -> None:
-    from pter_gym.render.film import check_ending
-
-    check_ending(Path(FILM))
-
-
-def film_of(name: str, policy: Neural, scenario: Scenario) -> bytes:
-    """Return a film of one training draw."""
+def _film(name: str, policy: Neural, scenario: Scenario) -> bytes:
+    """Return a film of one training draw at medium pace."""
     from pter_gym.render.film import RATES, Film, Shot, write_film
     from pter_gym.render.picture import Subject
 
-    ((machine, task),) = scenario.randomisation(FILM_PACE, contexts=1, seed=FILM_SEED).pairs()
-    episode = record_episode(policy, machine, task, FILM_SEED, time_limit(task))
+    ((machine, task),) = scenario.randomisation("medium", contexts=1, seed=0).pairs()
+    episode = record_episode(policy, machine, task, 0, time_limit(task))
     film = Film([Shot(Subject(machine, task, name), episode.telemetry)], RATES[Path(FILM).suffix])
     with TemporaryDirectory() as folder:
         write_film(film, Path(folder) / FILM)

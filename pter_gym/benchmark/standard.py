@@ -91,7 +91,8 @@ def run_standard_test(
     ----------
     policies
         By name: controllers, which are bound to ``machine``, or any ``policy(observations) -> volts``, float32
-        (N, entries) to (N, 4). ``find_controller`` returns a built-in one.
+        (N, entries) to (N, 4). ``find_policy(name, scenario=None)`` returns
+        a built-in one.
     machine, task
         The machine or its name, whose time constant is varied, and the task; PTER and its task by default.
     time_constants

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
-from pter_gym.benchmark.runs import PACKAGE
 from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
 from pter_gym.errors import DataError, ParameterError, unknown_name
 from pter_gym.internal.files import FilePath, find_path
@@ -16,7 +15,7 @@ from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text, reading
 from pter_gym.policies.stored_gains import restore_guided
 from pter_gym.scenarios import PACES
 
-TABLE = PACKAGE / "presets" / "tuned.toml"
+TABLE = Path(__file__).parents[1] / "presets" / "tuned.toml"
 
 SUFFIX = "-tuned"
 

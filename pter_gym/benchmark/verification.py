@@ -1,4 +1,4 @@
-"""Results, run again: whether the scores in a folder are those of the policies that they are said to be of."""
+"""Results, run again: whether the scores in a folder are those of the policies that they name."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -10,12 +10,11 @@ import numpy as np
 
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.evaluation import Batches, PerSeed, each_seed, evaluate
-from pter_gym.benchmark.identity import SAID, identity_of
-from pter_gym.benchmark.leaderboard import leaderboards
-from pter_gym.benchmark.naming import find_policy
-from pter_gym.benchmark.results import SUMMARY, Contents, ResultsFolder, summary_of
+from pter_gym.benchmark.identity import identity_of
+from pter_gym.benchmark.naming import find_policy, is_code
+from pter_gym.benchmark.results import Contents, ResultsFolder
 from pter_gym.benchmark.run_files import run_path
-from pter_gym.benchmark.runs import Planning, Sample, ScenarioRun
+from pter_gym.benchmark.runs import ScenarioRun
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.errors import ParameterError, PterError
 from pter_gym.internal.files import FilePath
@@ -37,7 +36,7 @@ class Verdict(NamedTuple):
     file
         Its name.
     finding
-        ``SAME``, what differs, or why nobody can tell.
+        ``SAME``, what differs, or why it cannot be compared.
     """
 
     file: str
@@ -66,9 +65,10 @@ def verify(
     results
         The folder, or its path.
     policies
-        By their names in the results; those that are missing are found by name, as ``find_policy`` does.
+        By their names in the results; those that are missing are found by name, as ``find_policy`` does, but code that
+        results name is not imported.
     seed
-        Of the random policy, and of those that plan, if they are found by name.
+        Of the random policy and of planners, if they are found by name.
     num_threads
         As in ``run_scenario``.
     on_progress
@@ -88,13 +88,22 @@ def verify(
     contents = results.read()
     if not contents.runs and not contents.left_out:
         raise ParameterError(f"results must be a folder with files in runs, there are none in {str(results.path)!r}")
-    again = _Again(results, policies or {}, seed, num_threads)
+
+    @lru_cache(1)
+    def batches_of(scenario: str, pace: str, count: int, fresh: int) -> Batches:
+        return Batches(find_episodes(scenario, pace, None if fresh < 0 else fresh).first(count))
+
     verdicts = [Verdict(left.file, left.reason) for left in contents.left_out]
     for run in sorted(contents.runs, key=_episodes_of):
         file = run_path(results.path, run.conditions).name
         on_progress(file)
-        verdicts.append(Verdict(file, again.finding(run)))
-    return (*sorted(verdicts), Verdict(results.summary.name, summary_finding(results, contents)))
+        try:
+            policy = _policy_of(run, policies or {}, seed)
+            finding = _compare(run, policy, batches_of(*_episodes_of(run)), num_threads)
+        except PterError as error:
+            finding = f"it cannot be run again: {error}"
+        verdicts.append(Verdict(file, finding))
+    return (*sorted(verdicts), Verdict(results.summary.name, compare_summary(results, contents)))
 
 
 def _episodes_of(run: ScenarioRun) -> tuple[str, str, int, int]:
@@ -102,80 +111,43 @@ def _episodes_of(run: ScenarioRun) -> tuple[str, str, int, int]:
     return at.scenario, at.pace, at.episodes, -1 if at.fresh is None else at.fresh
 
 
-class _Again:
-    """Runs the runs of a folder again; see ``verify``."""
-
-    def __init__(self, results: ResultsFolder, policies: Policies, seed: int, num_threads: int) -> None:
-        self._results = results
-        self._policies = policies
-        self._seed = seed
-        self._num_threads = num_threads
-        self._batches = lru_cache(1)(self._make_batches)
-
-    def finding(self, run: ScenarioRun) -> str:
-        """Return what comes out of one run."""
-        at = run.conditions
-        try:
-            batches = self._batches(*_episodes_of(run))
-            policy = self._policy(run)
-            bound = batches.bind(policy)
-            if at.data != batches.episodes.checksum:
-                return f"other episodes: the file says {_short(at.data)}, those are {_short(batches.episodes.checksum)}"
-            identity = identity_of(policy, bound.policy)
-            told = None if at.identity is None or at.identity.startswith(SAID) else at.identity
-            if identity != told:
-                return f"another policy: the file says {_short(told)}, that of this name is {_short(identity)}"
-            scores, samples, planning = evaluate(bound, batches, self._num_threads)
-        except PterError as error:
-            return f"it cannot be run again: {error}"
-        return difference(run, replace(run, scores=scores, samples=samples, planning=planning))
-
-    def _make_batches(self, scenario: str, pace: str, count: int, seed: int) -> Batches:
-        episodes = find_episodes(scenario, pace, None if seed < 0 else seed, folder=self._results.data)
-        return Batches(episodes.first(count))
-
-    def _policy(self, run: ScenarioRun) -> AnyPolicy:
-        at = run.conditions
-        known = self._policies.get(at.policy)
-        seeds = each_seed(find_policy(at.policy, self._seed, at.scenario) if known is None else known)
-        if at.seed >= len(seeds):
-            raise ParameterError(f"there is no training seed {at.seed} of {at.policy!r}")
-        return seeds[at.seed]
+def _policy_of(run: ScenarioRun, policies: Policies, seed: int) -> AnyPolicy:
+    at = run.conditions
+    if at.policy not in policies and is_code(at.policy):
+        raise ParameterError(f"policies must name the code that may be imported, {at.policy!r} is not among them")
+    known = policies[at.policy] if at.policy in policies else find_policy(at.policy, seed, at.scenario)
+    if at.seed >= len(each_seed(known)):
+        raise ParameterError(f"there is no training seed {at.seed} of {at.policy!r}")
+    return each_seed(known)[at.seed]
 
 
-def difference(run: ScenarioRun, again: ScenarioRun) -> str:
-    """Return the first difference between a run and the same one run again, in words, or ``SAME``."""
-    for name, values in again.scores.items():
-        other = np.flatnonzero(run.scores[name] != values)
-        if len(other):
-            k = int(other[0])
+def _compare(run: ScenarioRun, policy: AnyPolicy, batches: Batches, num_threads: int) -> str:
+    """Run a run again and return the first difference in words, or ``SAME``."""
+    at, bound = run.conditions, batches.bind(policy)
+    for what, said, found in (
+        ("episodes", at.data, batches.episodes.checksum),
+        ("policy", at.identity, identity_of(policy, bound.policy)),
+    ):
+        if said != found:
+            return f"other {what}: the file says {said}, this is {found}"
+    scores, samples, planning = evaluate(bound, batches, num_threads)
+    for name, values in scores.items():
+        for k in np.flatnonzero(run.scores[name] != values)[:1]:
             return f"differs: {name} of episode {k}: {run.scores[name][k].item()!r} instead of {values[k].item()!r}"
-    if _untimed(run.planning) != _untimed(again.planning):
-        return f"differs: planning: {_untimed(run.planning)} instead of {_untimed(again.planning)}"
-    for one, two in zip(run.samples, again.samples, strict=True):
-        if not _are_same(one, two):
+    if (planning and replace(planning, decision_ms=0.0)) != (run.planning and replace(run.planning, decision_ms=0.0)):
+        return f"differs: planning: {run.planning} instead of {planning}"
+    for one, two in zip(run.samples, samples, strict=True):
+        if not (np.array_equal(one.tip, two.tip) and np.array_equal(one.theta, two.theta)):
             return f"differs: the motion of episode {two.episode}"
     return SAME
 
 
-def _untimed(planning: Planning | None) -> Planning | None:
-    return planning and replace(planning, decision_ms=0.0)
-
-
-def _are_same(one: Sample, two: Sample) -> bool:
-    return one.episode == two.episode and np.array_equal(one.tip, two.tip) and np.array_equal(one.theta, two.theta)
-
-
-def summary_finding(results: ResultsFolder, contents: Contents) -> str:
-    """Tell whether ``benchmark.json`` is what follows from the runs."""
+def compare_summary(results: ResultsFolder, contents: Contents) -> str:
+    """Return how ``benchmark.json`` differs from what follows from the runs, or ``SAME``."""
     try:
         found = parse_json(read_bytes(results.summary, MOST_SUMMARY), MOST_SUMMARY)
     except (OSError, ValueError) as error:
         return f"it cannot be read: {error}"
-    expected = json.loads(json.dumps(summary_of(contents, leaderboards(contents.runs))))
-    differ = [name for name in expected if found.get(name) != expected[name]] if isinstance(found, dict) else [SUMMARY]
+    expected = json.loads(json.dumps(contents.as_json()))
+    differ = [name for name in expected if not isinstance(found, dict) or found.get(name) != expected[name]]
     return f"differs from what the runs give: {', '.join(differ)}" if differ else SAME
-
-
-def _short(identity: str | None) -> str:
-    return "unknown" if identity is None else f"{identity[:8]}…"

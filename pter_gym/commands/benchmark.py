@@ -57,7 +57,7 @@ def benchmark(
         machine: Clutch material of the standard test, or the preset of a machine of your own.
         time_constants: Time constants of the standard test's clutches [s], separated by commas; one episode each.
         seed: Seed of the standard test's episodes, and of random and predictive policies, at least 0.
-        isolated: Whether each policy of a scenario runs in a process of its own; see docs/trust.md.
+        isolated: Whether each policy that is code runs in a process of its own; see docs/trust.md.
         out: Folder for the results; made if need be.
     """
     if scenario is None:
@@ -85,12 +85,12 @@ def refuse(given: Mapping[str, bool], needed: str) -> None:
 def standard_test(names: list[str], machine: str, seconds: list[float], seed: int, out: Path) -> None:
     """Run the paper's standard test on controllers, print its table and write its results to a folder."""
     from pter_gym.benchmark import run_standard_test
-    from pter_gym.benchmark.naming import find_controller, is_code, read_policy
+    from pter_gym.benchmark.naming import find_policy
     from pter_gym.scenarios.own_machine import as_sensed, find_own
     from pter_gym.tasks.path_following import PathFollowing
 
     import_from_here()
-    chosen = {name: read_policy(name) if is_code(name) else find_controller(name, seed) for name in names}
+    chosen = {name: find_policy(name, seed, scenario=None) for name in names}
     own = find_own(machine)
     goal = as_sensed(PathFollowing(), own)
     make_folder(out)
@@ -125,18 +125,19 @@ def scenario_benchmark(
     isolated: bool,
 ) -> None:
     """Run controllers on a scenario's evaluation episodes, print its leaderboards and write its results to a folder."""
-    from pter_gym.benchmark import Isolated, ResultsFolder, read_policy, run_scenario
+    from pter_gym.benchmark import Isolated, ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark.gaps import find_gaps, gap_tables
     from pter_gym.benchmark.leaderboard import table
+    from pter_gym.benchmark.naming import is_code
 
     results = ResultsFolder(out)
     import_from_here()
     with ExitStack() as processes, progress_bar() as progress:
 
         def find(name: str) -> "AnyPolicy":
-            if not isolated:
-                return read_policy(name, seed, scenario)
-            return processes.enter_context(Isolated(name, seed=seed, scenario=scenario))
+            if isolated and is_code(name):
+                return processes.enter_context(Isolated(name))
+            return find_policy(name, seed, scenario)
 
         policies = {name: find(name) for name in names}
         task = progress.add_task(scenario, total=len(names) * len(paces))
@@ -149,8 +150,8 @@ def scenario_benchmark(
             results=results,
             on_progress=lambda _: progress.advance(task),
         )
-    contents, all_boards = results.summarise_contents()
-    boards = [board for board in all_boards if board.has_episodes_of(runs[0])]
+    boards = [board for board in results.summarise() if board.has_episodes_of(runs[0])]
+    contents = results.read()
     for board in boards:
         terminal().print(table(board), "")
     for gaps in gap_tables([gap for gap in find_gaps(contents.runs) if gap.scenario == scenario]):

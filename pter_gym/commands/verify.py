@@ -14,10 +14,10 @@ def verify(
     policies: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "",
     seed: int = 0,
 ) -> int:
-    """Run what is in a results folder again and compare scores.
+    """Run what is in a results folder again and compare scores, bit for bit.
 
-    They are compared bit for bit. Prints for each file what differs, or why it cannot be run again; the exit status
-    is 1 unless all are the same. The measured time of a decision is not compared.
+    Prints for each file what differs, or why it cannot be run again; the exit status is 1 unless all are the same. The
+    measured time of a decision is not compared.
 
     Built-in and exported policies are found by name, as `pter benchmark` does. What results name as code is
     imported only if it is given here; `pter_gym.benchmark.verify` takes other callables.
@@ -29,12 +29,12 @@ def verify(
         policies: Policies as package.module:attribute that may be imported, separated by commas.
         seed: Seed of random and predictive policies, at least 0.
     """
-    from pter_gym.benchmark import ResultsFolder, read_policy
+    from pter_gym.benchmark import ResultsFolder, find_policy
     from pter_gym.benchmark import verify as run_again
     from pter_gym.benchmark.naming import is_code
 
     import_from_here()
-    known = {name: read_policy(name, seed) for name in split(policies) if is_code(name)}
+    known = {name: find_policy(name, seed) for name in split(policies) if is_code(name)}
     with progress_bar() as progress:
         task = progress.add_task("verify", total=None)
         verdicts = run_again(

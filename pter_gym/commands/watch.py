@@ -130,11 +130,11 @@ def simulate(
     names: list[str], scenario: str, machine: "Machine", task: "PathFollowing", seed: int, nominal: "Machine"
 ) -> "dict[str, Episode]":
     """Return the episode of each policy by its name."""
-    from pter_gym.benchmark.naming import read_policy
+    from pter_gym.benchmark import find_policy
     from pter_gym.benchmark.simulation import record_episode, time_limit
 
     import_from_here()
-    policies = {name: read_policy(name, seed, scenario) for name in names}
+    policies = {name: find_policy(name, seed, scenario) for name in names}
     episodes: dict[str, Episode] = {}
     with progress_bar() as progress:
         steps = time_limit(task)

@@ -172,34 +172,25 @@ def worst(self: Changed, obs: Observations) -> NDArray[np.bool_]:
 
 
 ATTACKS: dict[str, Attack] = {
-    "lingers in the first tenth, 0.3": rides(within(0, 0.3)),
-    "lingers in the first tenth, 0.5": rides(within(0, 0.5)),
-    **{f"rides at {pace}": rides(lambda _, __, pace=pace: pace) for pace in (0.88, 0.92, 0.95, 1.05, 1.1)},
-    "lingers where it is hard, 0.4": rides(within(SEGMENTS, 0.4)),
-    "rushes where it is hard, 1.5": rides(within(SEGMENTS, 1.5)),
+    "lingers in the first tenth": rides(within(0, 0.3)),
+    **{f"rides at {pace}": rides(lambda _, __, pace=pace: pace) for pace in (0.88, 0.95, 1.05)},
+    "lingers where it is hard": rides(within(SEGMENTS, 0.4)),
+    "rushes where it is hard": rides(within(SEGMENTS, 1.5)),
     "goes and stops": alternates(0.6, 2.5, 20),
-    "goes fast in one segment and slowly in the next": alternates(1.15, 0.87, 10),
-    "goes slowly in one half of a segment and fast in the other": alternates(0.8, 1.33, 20),
     "changes its pace in the middle of the segments": alternates(1.15, 0.87, 10, shift=0.5),
     "waits where the error is zero": locks(at_zero_error),
-    "locks for a moment again and again": locks(partial(every, steps=5, of=50)),
     "waits at the start for the allowance": locks(partial(every, steps=20, of=10**9)),
     "lets go for the first moment": sets(0.0, partial(every, steps=20, of=10**9)),
     "creeps at the end": rides(within(-1, 0.4)),
-    "rushes at the end": rides(within(-1, 1.5)),
-    "lets go at the end": sets(0.0, beyond(0.93)),
     "stops just before the end": locks(beyond(0.97)),
     "rides 60 mm beside the path": beside(0.06),
-    "rides 157 mm beside the path": beside(0.157),
     "rides 60 mm beside the path and dashes to its end": beside(0.06, until=0.95),
     "leaves the workspace while it is ahead": tells(error=lambda *at: np.where(beyond(0.5)(*at), 0.5, 0.0)),
     "weaves about the path": tells(error=lambda self, _: 0.005 * math.sin(0.3 * self.steps)),
-    "shakes all clutches": sets(0.0, partial(every, steps=1, of=2)),
     "cuts the corners": inside(0.1, 0.03),
     "rides near the centres of the bends": inside(0.85, 0.2),
     "gives up in one episode of five": locks(one_of(5)),
     "gives up in the quarter of the episodes that are hardest": locks(worst),
-    "creeps in the quarter of the episodes that are hardest": tells(pace=lambda *at: np.where(worst(*at), 0.7, 1.0)),
     "goes slowly while its error is large": tells(
         pace=lambda self, obs: np.where(np.abs(self.honest.see(obs, "normal_error")) > 0.003, 0.85, 1.05)
     ),
@@ -207,6 +198,14 @@ ATTACKS: dict[str, Attack] = {
 
 ON_BENDS = ("cuts the corners", "rides near the centres of the bends", "rides 60 mm beside the path")
 """What is tried on the paths that bend."""
+
+GATE = {"standard": "brisk", "paths": "medium"}
+COURSES = [
+    pytest.param(scenario, pace, marks=pytest.mark.slow if GATE[scenario] == pace else pytest.mark.long)
+    for scenario in GATE
+    for pace in PACES
+]
+"""Scenarios and paces; the long run has all of them."""
 
 
 class Course:
@@ -250,10 +249,8 @@ class Course:
         return reason_below({name: Interval(*3 * [value]) for name, value in means.items()}, self.pace) is None
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scenario", HONEST)
-@pytest.mark.parametrize("pace", PACES)
-def test_no_attack_ranks_above_the_honest_policy(pace: str, scenario: str) -> None:
+@pytest.mark.parametrize(("scenario", "pace"), COURSES)
+def test_no_attack_ranks_above_the_honest_policy(scenario: str, pace: str) -> None:
     course = Course(scenario, pace)
     table: list[str] = []
     gained = False

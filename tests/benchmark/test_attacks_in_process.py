@@ -9,7 +9,7 @@ import pytest
 
 from benchmark import attacking_policies
 from benchmark.attacking_policies import HARMLESS, KEPT, REFUSED, TAMPERING, honest
-from pter_gym.benchmark import Isolated, ResultsFolder, recorded, run_scenario
+from pter_gym.benchmark import Isolated, ResultsFolder, run_scenario
 from pter_gym.benchmark.recorded import Travel
 from pter_gym.benchmark.simulation import record_episode
 from pter_gym.controllers import Free
@@ -18,20 +18,16 @@ from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
 
 COUNT = 2
-MODULE = "attacking_policies"
 
 
 @pytest.fixture(autouse=True)
 def clean(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Undo what attacks do to the package."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1]))
     monkeypatch.setattr(Travel, "segment_errors", Travel.segment_errors)
-    monkeypatch.setattr(recorded, "PRICE", recorded.PRICE)
-    state = np.random.get_state()  # noqa: NPY002
     KEPT.clear()
     yield
     KEPT.clear()
-    np.random.set_state(state)  # noqa: NPY002
 
 
 def path_errors(policy: Any) -> list[float]:
@@ -45,17 +41,14 @@ def untouched() -> list[float]:
     return path_errors(honest)
 
 
-@pytest.mark.parametrize(
-    "attack", [pytest.param(attack, marks=pytest.mark.long) if "with gc" in attack else attack for attack in TAMPERING]
-)
+@pytest.mark.parametrize("attack", ["reads the frames that call it", "replaces a function of the package"])
 def test_in_process_a_policys_code_is_trusted(attack: str, untouched: list[float]) -> None:
     assert path_errors(TAMPERING[attack]) != untouched
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("attack", TAMPERING)
-def test_in_a_process_of_its_own_it_gains_nothing(attack: str, untouched: list[float]) -> None:
-    with Isolated(f"{MODULE}:{TAMPERING[attack].__name__}") as policy:
+def test_in_a_process_of_its_own_nothing_gains(untouched: list[float]) -> None:
+    with Isolated("benchmark.isolated_policies:tampers") as policy:
         assert path_errors(policy) == untouched
 
 

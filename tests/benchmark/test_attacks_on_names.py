@@ -29,22 +29,13 @@ def release_too(obs: Any) -> Any:
 
 REFUSED: dict[str, Any] = {
     "a name without a character": "",
-    "a name of spaces": "  ",
     "a name with a control sequence": "mine\x1b[2J",
     "a name of two lines": "mine\nother",
     "a name that is no Unicode": "\ud800",
     "a name that no file can have": "n" * 300,
     "a number as a name": 7,
     "a callable named as a built-in policy": "ppo-standard",
-    "a callable named as a tuned policy": "single-dof-tuned",
     "a callable named as a planner": "predictive-honest",
-}
-
-SHOWN: dict[str, str] = {
-    "a name with slashes": "../../../etc/mine",
-    "a name with markup": "[/] [red]mine",
-    "a name with mathematics": r"$\frac$ mine",
-    "a name that looks like that of a shipped policy": "ppo-ѕtandard",
 }
 
 
@@ -56,9 +47,8 @@ def test_a_name_that_cannot_be_one_is_refused_before_anything_runs(attack: str, 
     assert results.runs() == ()
 
 
-@pytest.mark.parametrize("attack", SHOWN)
-def test_a_strange_name_is_shown_as_it_is_and_stays_in_its_folder(attack: str, tmp_path: Path) -> None:
-    name = SHOWN[attack]
+@pytest.mark.parametrize("name", ["../../../etc/mine", "[/] [red]mine", r"$\frac$ mine"])
+def test_a_strange_name_is_shown_as_it_is_and_stays_in_its_folder(name: str, tmp_path: Path) -> None:
     results = ResultsFolder(tmp_path / "in" / "results")
     policies = {name: release, "free": Free()}
     runs = run_scenario("standard", policies, ["brisk"], episodes=1, results=results)

@@ -50,19 +50,6 @@ def test_numbers_of_numpy_become_plain_ones() -> None:
     assert type(through_json(task).pace) is float  # type: ignore[attr-defined]
 
 
-def test_every_part_of_a_machine_and_a_task_is_known() -> None:
-    assert {"Machine", "Clutch", "TorqueCurve", "Arm", "Hand", "PathFollowing", "Line", "MultiSineHand"} <= set(
-        CODEC.kinds
-    )
-
-
-@dataclass(frozen=True)
-class Stranger:
-    """A dataclass of somebody else."""
-
-    size: float = 1.0
-
-
 @dataclass(frozen=True)
 class Imposter:
     """A dataclass of somebody else that takes a known name."""
@@ -71,7 +58,7 @@ class Imposter:
 Imposter.__name__ = "Machine"
 
 
-@pytest.mark.parametrize("value", [Stranger(), Imposter(), Impedance(), [1.0], {"a": 1}, object(), Machine])
+@pytest.mark.parametrize("value", [Imposter(), Impedance(), [1.0], {"a": 1}, Machine])
 def test_what_is_unknown_is_not_stored(value: object) -> None:
     with pytest.raises(ParameterError, match="stored type must be among"):
         CODEC.to_plain(value)

@@ -30,7 +30,6 @@ RECURRENT: dict[str, Any] = {**SMALL, "policy_kwargs": {"net_arch": [8], "lstm_h
 ON_POLICY: dict[str, Any] = {"n_steps": 32, "batch_size": 32}
 KINDS = {
     "PPO": lambda env: sb3.PPO("MlpPolicy", env, **SMALL, **ON_POLICY),
-    "SAC": lambda env: sb3.SAC("MlpPolicy", env, **SMALL, learning_starts=16),
     "TQC": lambda env: contrib.TQC("MlpPolicy", env, **SMALL, learning_starts=16),
     "RecurrentPPO": lambda env: contrib.RecurrentPPO("MlpLstmPolicy", env, **RECURRENT, **ON_POLICY),
 }
@@ -43,8 +42,7 @@ def trained(kind: str, unit: str = "normalised", sensors: Sensors = "torque") ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("unit", ["normalised", "volt"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "unit"), [("PPO", "volt"), ("TQC", "normalised"), ("RecurrentPPO", "normalised")])
 def test_a_model_acts_as_in_its_own_environment(kind: str, unit: Any) -> None:
     model, venv = trained(kind, unit)
     statistics = venv.obs_rms.mean.copy(), venv.obs_rms.var.copy(), venv.obs_rms.count
@@ -138,11 +136,6 @@ def test_gymnasiums_statistics_are_taken_too() -> None:
     assert seen[0].dtype == np.float32
 
 
-@pytest.mark.parametrize("sensors", ["encoders", "torque", "force"])
-def test_sensors_follow_from_the_width_of_the_observations(sensors: Sensors) -> None:
-    assert from_sb3(Remembering(sensors)).sensors == sensors
-
-
 def model_with(**spaces_given: Any) -> Any:
     model = Remembering()
     return SimpleNamespace(**{**vars(model), **spaces_given})
@@ -152,10 +145,8 @@ def model_with(**spaces_given: Any) -> Any:
     ("model", "match"),
     [
         (model_with(observation_space=spaces.Box(-1.0, 1.0, (5,))), "observation_space must be a Box of"),
-        (model_with(observation_space=spaces.Dict({})), "observation_space must be a Box of"),
         (model_with(action_space=spaces.Box(-1.0, 1.0, (3,))), "action_space must be a Box of 4 entries"),
         (model_with(action_space=spaces.Box(-np.inf, np.inf, (4,))), "action_space must be a Box of 4 entries"),
-        (model_with(action_space=spaces.Discrete(4)), "action_space must be a Box of 4 entries"),
         (object(), "observation_space must be a Box of"),
     ],
 )

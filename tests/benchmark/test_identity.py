@@ -1,46 +1,38 @@
 """What a policy is: its content, never what it says of itself."""
 
+import re
+import shutil
 from dataclasses import dataclass, replace
-from enum import Enum
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pter_gym.benchmark import PerSeed, ResultsFolder, find_policy, fresh_seed, run_scenario
-from pter_gym.benchmark.identity import SAID, derived_seed, identity_of
+from documents import ROOT
+from pter_gym.benchmark import PerSeed, find_policy, fresh_seed, run_scenario
+from pter_gym.benchmark import runs as runs_module
+from pter_gym.benchmark.identity import derived_seed, identity_of
 from pter_gym.compiled.layout import Layout
 from pter_gym.controllers import Free, Impedance, Locked, PerClutch, Random, bind, device
 from pter_gym.controllers.base import Policy
 from pter_gym.controllers.predictive import Honest, Privileged, Settings
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine
-from pter_gym.policies import Neural, load_policy
+from pter_gym.policies import Neural, read_policy
 from pter_gym.tasks.path_following import observation_layout
 
 TRAINED = "ppo-standard"
 
 
-def content_of(policy: Any, sensors: Any = "force", *, trusted: bool = False) -> str | None:
-    return identity_of(policy, bind(policy, BASELINE, observation_layout(BASELINE, sensors)), trusted=trusted)
+def content_of(policy: Any, sensors: Any = "force") -> str | None:
+    return identity_of(policy, bind(policy, BASELINE, observation_layout(BASELINE, sensors)))
 
 
 def release(obs: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.zeros((len(obs), 4), np.float32)
-
-
-class Says:
-    """A callable that says what it is."""
-
-    def __init__(self, identity: object, volts: float = 0.0) -> None:
-        self.identity = identity
-        self.volts = volts
-
-    def __call__(self, obs: NDArray[np.float32]) -> NDArray[np.float32]:
-        return np.full((len(obs), 4), self.volts, np.float32)
 
 
 @device
@@ -61,27 +53,6 @@ def of_tuple(volts: float) -> Any:
     @device
     def law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
         return PerClutch(read[0][1000], read[0][1000], read[0][1000], read[0][1000])
-
-    return law
-
-
-def of_submodule(volts: float) -> Any:
-    read, inner = ModuleType("outer"), ModuleType("outer.inner")
-    vars(read)["inner"], vars(inner)["VOLTS"] = inner, volts
-
-    @device
-    def law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-        return PerClutch(read.inner.VOLTS, read.inner.VOLTS, read.inner.VOLTS, read.inner.VOLTS)
-
-    return law
-
-
-def of_enum(volts: float) -> Any:
-    read = Enum("Volts", {"HELD": volts})
-
-    @device
-    def law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-        return PerClutch(read.HELD.value, read.HELD.value, read.HELD.value, read.HELD.value)
 
     return law
 
@@ -117,7 +88,7 @@ def changed(policy: Neural, factor: float) -> Neural:
 
 
 def test_different_content_is_another_policy() -> None:
-    trained = load_policy(TRAINED)
+    trained = read_policy(TRAINED)
     policies = [
         Free(),
         Locked(),
@@ -144,15 +115,15 @@ def test_different_content_is_another_policy() -> None:
 
 
 def test_the_same_content_is_the_same_policy() -> None:
-    for make in (Impedance, lambda: load_policy(TRAINED), lambda: Mine(holding), lambda: Honest(Impedance())):
+    for make in (Impedance, lambda: read_policy(TRAINED), lambda: Mine(holding), lambda: Honest(Impedance())):
         assert content_of(make()) == content_of(make())
-    trained = load_policy(TRAINED)
+    trained = read_policy(TRAINED)
     card = replace(trained.card, name="another", about={}, weights_sha256="0" * 64)
     assert content_of(Neural(card, trained.network)) == content_of(trained), "a name is no content"
 
 
 def test_nobody_can_tell_what_a_callable_does() -> None:
-    trained = load_policy(TRAINED)
+    trained = read_policy(TRAINED)
 
     class Child(Neural):
         pass
@@ -167,55 +138,21 @@ def test_nobody_can_tell_what_a_callable_does() -> None:
         def __call__(self, inputs: Any, memory: Any) -> Any:
             return inputs[:, :4], memory
 
-    own_method = Neural(trained.card, trained.network)
-    object.__setattr__(own_method, "bind", lambda *_: release)
-    own_act = bind(Free(), BASELINE, observation_layout(BASELINE, "force"))
-    own_act.act = release  # type: ignore[method-assign]
     unknown: list[Any] = [
         release,
-        Says("agent 7"),
         Honest(release),  # type: ignore[arg-type]
         Child(trained.card, trained.network),
         Neural(trained.card, Reads()),  # type: ignore[arg-type]
         trained.bind(BASELINE, observation_layout(BASELINE, "torque")),
         Rigged(np.zeros(5), observation_layout(BASELINE, "force")),
-        own_method,
-        own_act,
         Mine(of_object(0.0)),
     ]
     for policy in unknown:
         assert content_of(policy) is None
 
 
-def test_what_a_callable_says_is_believed_if_the_caller_says_so() -> None:
-    assert content_of(Says("agent 7"), trusted=True) == f"{SAID}agent 7"
-    assert content_of(Says(7), trusted=True) is None
-    assert content_of(release, trusted=True) is None
-    said = content_of(Free())
-    assert content_of(Says(said), trusted=True) != said
-
-
-def test_the_score_of_another_policy_is_not_reused(tmp_path: Path) -> None:
-    """Another callable that repeats an identity, and other weights under the same card."""
-    folder = ResultsFolder(tmp_path)
-    trained = load_policy(TRAINED)
-    for one, two in ((Says("agent 7"), Says("agent 7", 24.0)), (trained, changed(trained, 0.5))):
-        runs = [
-            run_scenario("standard", {"agent": each}, ["brisk"], episodes=1, results=folder)[0] for each in (one, two)
-        ]
-        assert runs[0].scores["path_error_m"] != runs[1].scores["path_error_m"]
-
-
-@pytest.mark.parametrize("law", [of_tuple, of_submodule, of_enum])
-def test_the_score_of_a_law_that_reads_another_value_is_not_reused(tmp_path: Path, law: Any) -> None:
-    folder = ResultsFolder(tmp_path)
-    runs = [
-        run_scenario("standard", {"mine": Mine(law(volts))}, ["brisk"], episodes=1, results=folder)[0]
-        for volts in (0.0, 12.0)
-    ]
-    assert runs[0].conditions.identity != runs[1].conditions.identity
-    assert runs[0].scores["path_error_m"] != runs[1].scores["path_error_m"]
-    assert content_of(Mine(law(12.0))) == content_of(Mine(law(12.0)))
+def test_a_law_that_reads_another_value_is_another_policy() -> None:
+    assert content_of(Mine(of_tuple(0.0))) != content_of(Mine(of_tuple(12.0))) == content_of(Mine(of_tuple(12.0)))
 
 
 def test_what_is_judged_is_what_acts() -> None:
@@ -252,7 +189,71 @@ def test_the_derived_seed_follows_from_all_that_is_judged() -> None:
     assert len({seed, *others}) == 1 + len(others)
 
 
-@pytest.mark.parametrize("policy", [release, Says("agent 7"), PerSeed((Free(), release)), Mine(of_object(0.0))])
+@pytest.mark.parametrize("policy", [release, PerSeed((Free(), release)), Mine(of_object(0.0))])
 def test_no_seed_follows_from_what_nobody_can_tell(policy: Any) -> None:
     with pytest.raises(ParameterError, match="fresh must be a whole number for 'mine'"):
         fresh_seed("standard", {"free": Free(), "mine": policy})
+
+
+@pytest.mark.xfail(reason="README's scores are to be made again: their seed follows from the digest of the code")
+def test_the_seed_in_readme_is_that_of_its_command() -> None:
+    text = (ROOT / "README.md").read_text("utf-8")
+    (policies,) = re.findall(r"pter benchmark --scenario standard --fresh derived --policies (\S+)", text)
+    (seed,) = re.findall(r"`standard`, 200 fresh episodes, seed (\d+)", text)
+    assert fresh_seed("standard", policies.split(",")) == int(seed)
+
+
+# --- the code that decides a score
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the package's sources, of which the digest is taken."""
+    folder = tmp_path / "pter_gym"
+    for path in (path for ending in ("py", "toml") for path in runs_module.PACKAGE.rglob(f"*.{ending}")):
+        copy = folder / path.relative_to(runs_module.PACKAGE)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, copy)
+    monkeypatch.setattr(runs_module, "PACKAGE", folder)
+    return folder
+
+
+def digest() -> str:
+    return runs_module.code_digest.__wrapped__()
+
+
+def test_prose_and_pictures_do_not_change_the_digest_of_the_code(package: Path) -> None:
+    before = digest()
+    for path in package.rglob("*.py"):
+        path.write_text(
+            "# a comment\n" + path.read_text("utf-8").replace('"""\n', '  Or so."""  # a comment\n\n', 1), "utf-8"
+        )
+    with (package / "presets" / "pter.toml").open("a", encoding="utf-8") as file:
+        file.write("# a comment\n")
+    assert digest() == before == runs_module.code_digest()
+    for room in ("render", "plots", "internal"):
+        for path in (package / room).rglob("*.py"):
+            path.write_text("DRAWN = 1\n", "utf-8")
+    assert digest() == before
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new"),
+    [
+        ("physics/friction.py", "2.0 * c.x4", "2.5 * c.x4"),
+        ("benchmark/recorded.py", "PRICE = 2.0", "PRICE = 3.0"),
+        ("presets/pter.toml", "value = 0.5645", "value = 0.5646"),
+    ],
+)
+def test_another_number_is_other_code(package: Path, file: str, old: str, new: str) -> None:
+    before, path = digest(), package / file
+    path.write_text(path.read_text("utf-8").replace(old, new), "utf-8")
+    assert digest() != before
+
+
+def test_a_room_that_does_not_exist_is_told(package: Path) -> None:
+    (package / "physics").rename(package / "mechanics")
+    with pytest.raises(
+        FileNotFoundError, match=r"physics decides scores and does not exist: correct DECIDING in .*runs\.py"
+    ):
+        digest()

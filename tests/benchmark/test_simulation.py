@@ -8,7 +8,6 @@ import pytest
 from numpy.typing import NDArray
 
 from pter_gym.benchmark import PACES, find_policy, run_standard_test
-from pter_gym.benchmark.naming import find_controller
 from pter_gym.benchmark.simulation import record_episode, run, simulate, time_limit
 from pter_gym.controllers import CONTROLLERS, BoundPolicy, Free, Impedance, PaceSchedule, bind
 from pter_gym.controllers.predictive import Honest, Privileged, Settings
@@ -122,7 +121,7 @@ def test_the_door_takes_what_is_bound_and_refuses_what_cannot_act() -> None:
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_built_in_laws_run_compiled_and_can_be_told(name: str) -> None:
     layout = Batch(BASELINE, PathFollowing(), 1).layout
-    first, second = (bind(find_controller(name), BASELINE, layout) for _ in range(2))
+    first, second = (bind(find_policy(name, scenario=None), BASELINE, layout) for _ in range(2))
     assert isinstance(first, BoundPolicy)
     assert first.compiled
     assert first.fingerprint == second.fingerprint

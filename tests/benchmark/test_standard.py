@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from standard_table import NAME, PAGE, standard_table
 
-from pter_gym.benchmark import Result, find_controller, run_standard_test
+from pter_gym.benchmark import Result, find_policy, run_standard_test
 from pter_gym.commands import main as cli
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.errors import ParameterError
@@ -36,7 +36,9 @@ FIELDS = {
 @pytest.fixture(scope="module")
 def result() -> Result:
     """All built-in controllers at three time constants."""
-    return run_standard_test({name: find_controller(name) for name in CONTROLLERS}, time_constants=(0.01, 0.105, 0.2))
+    return run_standard_test(
+        {name: find_policy(name, scenario=None) for name in CONTROLLERS}, time_constants=(0.01, 0.105, 0.2)
+    )
 
 
 def test_file(result: Result) -> None:
@@ -102,7 +104,7 @@ def test_any_callable_is_a_policy(result: Result) -> None:
 
 def test_the_seed_decides_the_random_policy() -> None:
     runs = [
-        run_standard_test({"random": find_controller("random", seed)}, seed=seed, time_constants=(0.1,))
+        run_standard_test({"random": find_policy("random", seed)}, seed=seed, time_constants=(0.1,))
         for seed in (1, 1, 2)
     ]
     one, two, other = (run.runs["random"][0].telemetry.tobytes() for run in runs)
@@ -113,7 +115,7 @@ def test_the_seed_decides_the_random_policy() -> None:
 def test_the_hash_knows_the_configuration(result: Result) -> None:
     from pter_gym.params import DELRIN_EXPERIMENTAL
 
-    free = {"free": find_controller("free")}
+    free = {"free": find_policy("free", scenario=None)}
     hashes = {
         run_standard_test(free, time_constants=(0.01, 0.105, 0.2)).as_json()["config_hash"],
         run_standard_test(free, time_constants=(0.01,)).as_json()["config_hash"],
@@ -134,7 +136,7 @@ def test_the_hash_knows_the_configuration(result: Result) -> None:
 )
 def test_bad_arguments_are_named(field: str, keywords: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match=field):
-        run_standard_test(**{"policies": {"free": find_controller("free")}, **keywords})
+        run_standard_test(**{"policies": {"free": find_policy("free", scenario=None)}, **keywords})
 
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

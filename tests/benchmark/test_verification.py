@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pter_gym.benchmark import PerSeed, ResultsFolder, Verdict, run_scenario, verify
+from pter_gym.benchmark import PerSeed, ResultsFolder, Verdict, fresh_seed, run_scenario, verify
 from pter_gym.benchmark import verification as verification_module
 from pter_gym.benchmark.run_files import HASH, file_hash
 from pter_gym.benchmark.verification import SAME
 from pter_gym.commands import main as cli
 from pter_gym.controllers import Free, Locked, Random
 from pter_gym.controllers.predictive import Honest, Settings
-from pter_gym.errors import ParameterError
 
 PLANNER = Honest(Free(), Settings(samples=4, rounds=1, elite=1, horizon=5))
 
@@ -49,11 +48,12 @@ def folder(original: Path, tmp_path: Path) -> ResultsFolder:
     return ResultsFolder(Path(shutil.copytree(original, tmp_path / "results")))
 
 
-def edit(folder: ResultsFolder, name: str, **entries: Any) -> str:
+def edit(folder: ResultsFolder, name: str, conditions: Any = (), **entries: Any) -> str:
     """Edit a file, compute its hash again and write the summary again."""
     path = folder.path / "runs" / name
     content = json.loads(path.read_text())
     content.update(entries)
+    content["conditions"].update(conditions)
     content[HASH] = file_hash(content, name)
     path.write_text(json.dumps(content))
     folder.summarise()
@@ -94,22 +94,22 @@ def test_planning_and_motion_are_compared_but_for_the_measured_time(folder: Resu
     edit(folder, name, planning={**planning, "rollouts": 1})
     assert "planning" in bad(verify(folder, POLICIES))[name]
     samples = json.loads((folder.path / "runs" / "standard-brisk-mine-1.json").read_text())["samples"]
-    samples[0]["tip_m"][5][0] += 0.001
+    samples["0"]["tip_m"][5][0] += 0.001
     edit(folder, "standard-brisk-mine-1.json", samples=samples)
     assert bad(verify(folder, POLICIES))["standard-brisk-mine-1.json"] == "differs: the motion of episode 0"
 
 
 def test_another_policy_is_found(folder: ResultsFolder) -> None:
-    name = edit(folder, "standard-brisk-torque-feedback-3.json", identity="0" * 64)
-    assert bad(verify(folder, POLICIES))[name].startswith("another policy: the file says 00000000…")
+    name = edit(folder, "standard-brisk-torque-feedback-3.json", conditions={"identity": "0" * 64})
+    assert bad(verify(folder, POLICIES))[name].startswith("other policy: the file says 00000000")
     found = bad(verify(folder, {**POLICIES, "said": Random(seed=3), "mine": Free()}))
-    assert found["standard-brisk-said-1.json"].startswith("another policy")
-    assert found["standard-brisk-mine-1.json"].startswith("another policy: the file says unknown")
+    assert found["standard-brisk-said-1.json"].startswith("other policy")
+    assert found["standard-brisk-mine-1.json"].startswith("other policy: the file says None")
 
 
 def test_other_fresh_episodes_are_found(folder: ResultsFolder) -> None:
-    name = edit(folder, "standard-brisk-free-3-fresh7.json", data="0" * 64)
-    assert bad(verify(folder, POLICIES))[name].startswith("other episodes: the file says 00000000…")
+    name = edit(folder, "standard-brisk-free-3-fresh7.json", conditions={"data": "0" * 64})
+    assert bad(verify(folder, POLICIES))[name].startswith("other episodes: the file says 00000000")
 
 
 def test_what_cannot_be_run_again_is_told(folder: ResultsFolder) -> None:
@@ -124,36 +124,21 @@ def test_what_cannot_be_run_again_is_told(folder: ResultsFolder) -> None:
     }
 
 
-def test_results_of_other_code_and_broken_files_are_told(folder: ResultsFolder) -> None:
-    name = edit(folder, "standard-brisk-free-3.json", code="0" * 64, version="9")
-    (folder.path / "runs" / "broken.json").write_text("{")
-    folder.summarise()
-    found = bad(verify(folder, POLICIES))
-    assert found[name] == "it is of other code, version 9"
-    assert found["broken.json"].startswith("it is no JSON")
-    assert len(found) == 2
-
-
 def test_a_summary_that_is_edited_is_found(folder: ResultsFolder) -> None:
     content = json.loads(folder.summary.read_text())
     content["leaderboards"][0]["policies"].popitem()
     for damage, finding in (
         (json.dumps(content), "differs from what the runs give: leaderboards"),
-        ("[]", "differs from what the runs give: benchmark.json"),
+        ("[]", "differs from what the runs give: bootstrap"),
         ("{", "it cannot be read"),
     ):
         folder.summary.write_text(damage)
         assert bad(verify(folder, POLICIES))["benchmark.json"].startswith(finding)
 
 
-@pytest.mark.parametrize("runs", [True, False])
-def test_a_folder_without_runs_is_refused(runs: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    if runs:
-        (tmp_path / "runs").mkdir()
-    with pytest.raises(ParameterError, match="results must be a folder with files in runs"):
-        verify(ResultsFolder(tmp_path))
+def test_a_folder_without_runs_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["verify", str(tmp_path)]) == 2
-    assert "RESULTS must be" in capsys.readouterr().err
+    assert "RESULTS must be a folder with files in runs" in capsys.readouterr().err
 
 
 def test_code_is_imported_only_if_it_is_named(
@@ -170,25 +155,23 @@ def test_code_is_imported_only_if_it_is_named(
     monkeypatch.delitem(sys.modules, "mine_to_verify")
     assert cli.main(["verify", "out"]) == 1
     assert "mine_to_verify" not in sys.modules
-    assert "it cannot be run again: policies must be among" in capsys.readouterr().out
+    assert "it cannot be run again: policies must name the code that may be imported" in capsys.readouterr().out
     assert cli.main(["verify", "out", "--policies", name]) == 0
 
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    arguments = ["--policies", "free,locked", "--paces", "brisk", "--episodes", "2", "--out", str(tmp_path)]
-    for more in ([], ["--fresh", "3"], ["--fresh", "derived"]):
-        assert cli.main(["benchmark", "--scenario", "standard", *arguments, *more]) == 0
-    shown = " ".join(capsys.readouterr().out.split())
-    assert "fresh episodes, seed 3" in shown
-    assert "stored less fresh of seed 3" in shown
+    results = ResultsFolder(tmp_path)
+    for fresh in (None, fresh_seed("standard", ["free", "locked"])):
+        run_scenario("standard", ["free", "locked"], ["brisk"], episodes=2, fresh=fresh, results=results)
+    results.summarise()
     assert cli.main(["verify", str(tmp_path)]) == 0
-    assert "7 of 7 files are the same" in capsys.readouterr().out
+    assert "5 of 5 files are the same" in capsys.readouterr().out
     monkeypatch.setattr(verification_module, "find_policy", lambda *_: Free())
     assert cli.main(["verify", str(tmp_path)]) == 1
     shown = capsys.readouterr().out
     assert f"standard-brisk-free-2.json: {SAME}" in shown
-    assert "standard-brisk-locked-2.json: another policy" in shown
-    assert "4 of 7 files are the same" in shown
+    assert "standard-brisk-locked-2.json: other policy" in shown
+    assert "3 of 5 files are the same" in shown
 
 
 def test_a_built_in_policy_that_is_named_has_the_gains_of_each_scenario(tmp_path: Path) -> None:

@@ -16,11 +16,11 @@ from pter_gym.benchmark.results import Contents, ResultsFolder
 from pter_gym.benchmark.run_files import HASH, file_hash, run_path, write_run
 from pter_gym.benchmark.runs import Conditions, Sample, ScenarioRun, code_digest, sample_numbers
 from pter_gym.benchmark.tuned import TABLE, find_tuned
-from pter_gym.benchmark.verification import summary_finding
+from pter_gym.benchmark.verification import compare_summary
 from pter_gym.hands import read_forces
 from pter_gym.params.preset import load_preset
 from pter_gym.paths import read_path
-from pter_gym.policies import SHIPPED, load_policy
+from pter_gym.policies import SHIPPED, read_policy
 
 from .corruption import Inside, in_archive, in_gzip, in_header
 
@@ -86,7 +86,7 @@ def _policies(folder: Path) -> list[Format]:
         card.write_text(json.dumps({**good, "weights_sha256": hashlib.sha256(data).hexdigest()}))
 
     def read() -> object:
-        return load_policy(POLICY, place)
+        return read_policy(POLICY, place)
 
     return [Format("card", card, read), Format("safetensors", weights, read, (in_header,), seal)]
 
@@ -148,7 +148,7 @@ def _results(folder: Path) -> list[Format]:
             file.write_bytes(data)
 
     contents = results.read()
-    summary = Format("summary", results.summary, lambda: _told(summary_finding(results, contents)))
+    summary = Format("summary", results.summary, lambda: _told(compare_summary(results, contents)))
     return [Format("results", file, read, (), seal), summary]
 
 
@@ -180,7 +180,7 @@ def _runs(folder: Path) -> list[Format]:
     from pter_agents.checkpoints import load_checkpoint, save_checkpoint
     from pter_agents.training import PROGRESS, RUN, Arguments, RunFolder, make_draws, make_model, make_parts
 
-    interface = load_policy("ppo-standard").card.interface
+    interface = read_policy("ppo-standard").card.interface
     small = {"worlds": 8, "steps": 8, "contexts": 4, "minibatch": 32, "epochs": 1, "hidden": (8,), "value_hidden": (8,)}
     settings = smoke_settings("ppo", load_settings("ppo"), **small, privileged=False)
     arguments = Arguments(algorithm="ppo", scenario="standard", pace="brisk", steps=64, seed=3, settings=settings)

@@ -42,7 +42,7 @@ from pter_agents.settings import load_settings
 from pter_agents.training import PROGRESS, Arguments, train
 from pter_agents.worlds import training_draws
 from pter_gym import BASELINE, simulate
-from pter_gym.benchmark import PACES, ResultsFolder, find_controller, find_policy, leaderboards, run_scenario
+from pter_gym.benchmark import PACES, ResultsFolder, find_policy, leaderboards, run_scenario
 from pter_gym.benchmark import run_standard_test, score_episodes
 from pter_gym.benchmark.episodes import load_episodes
 from pter_gym.benchmark.leaderboard import COMPLETION, FULL, PACE_ERROR, leaderboards, table
@@ -61,7 +61,7 @@ from pter_gym.physics.clutch import PerClutch
 from pter_gym.plots import paper
 from pter_gym.plots.benchmark import error_against_time, tip_paths
 from pter_gym.plots.leaderboard import error_against_pace, trajectories
-from pter_gym.policies import load_policy
+from pter_gym.policies import read_policy
 from pter_gym.randomisation import LogUniform, OneOf, Randomisation, Uniform, Vary
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.units import to_inch_pounds, to_inches

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pter_gym
-from pter_gym.benchmark import ResultsFolder, find_policy, read_policy, run_scenario, run_standard_test, verify
+from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario, run_standard_test, verify
 from pter_gym.benchmark.episodes import load_episodes, scenarios, store_episodes
 from pter_gym.benchmark.identity import identity_of
 from pter_gym.benchmark.run_files import read_run
@@ -26,7 +26,7 @@ from pter_gym.internal.terminal import make_folder
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL
 from pter_gym.params.preset import load_preset
 from pter_gym.paths import read_path
-from pter_gym.policies import SHIPPED, exported_policies, load_policy, shipped_policies
+from pter_gym.policies import SHIPPED, exported_policies, read_policy, shipped_policies
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
 from pter_gym.tuning import add_study
@@ -79,17 +79,17 @@ def content_of(policy: Any) -> str | None:
 def test_an_exported_policy_is_found_by_each_kind_of_path(kind: Callable[[str], Any], path: str, home: Path) -> None:
     given = kind(path.format(home=home))
     expected = content_of(find_policy("residual"))
-    for find in (load_policy, find_policy, read_policy):
+    for find in (read_policy, find_policy):
         assert content_of(find(given)) == expected
 
 
 def test_a_policy_in_the_present_folder_is_found_by_its_name(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(home / "policies")
     (home / "policies" / "residual.json").write_text("no card")
-    expected = content_of(load_policy("residual"))
-    assert content_of(find_policy("mine")) == content_of(load_policy("mine")) == expected
+    expected = content_of(read_policy("residual"))
+    assert content_of(find_policy("mine")) == content_of(read_policy("mine")) == expected
     assert (
-        content_of(load_policy("mine", "~/policies")) == content_of(load_policy("mine", home / "policies")) == expected
+        content_of(read_policy("mine", "~/policies")) == content_of(read_policy("mine", home / "policies")) == expected
     )
     assert shipped_policies("~/policies") == ("mine", "residual")
     assert exported_policies("../policies") == exported_policies() == ("mine",)
@@ -97,7 +97,7 @@ def test_a_policy_in_the_present_folder_is_found_by_its_name(home: Path, monkeyp
 
 def test_what_is_not_there_is_told_with_what_is_near(home: Path) -> None:
     def refused(path: Any, match: str) -> None:
-        for find in (load_policy, find_policy):
+        for find in (read_policy, find_policy):
             with pytest.raises(ParameterError, match=match):
                 find(path)
 
@@ -111,7 +111,7 @@ def test_what_is_not_there_is_told_with_what_is_near(home: Path) -> None:
     (home / "run" / "run.json").write_text("{}")
     refused("./run", "the folder of a training, of which `pter export run` makes a policy")
     with pytest.raises(ParameterError, match="policies must be among mine, other, got 'more'"):
-        load_policy("more", "policies")
+        read_policy("more", "policies")
 
 
 def test_results_are_found_by_each_kind_of_path(home: Path) -> None:
@@ -160,14 +160,13 @@ TAKERS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "read_forces": ("file", read_forces),
     "load_preset": ("path", load_preset),
     "ResultsFolder": ("path", ResultsFolder),
-    "ResultsFolder data": ("data", lambda path: ResultsFolder("results", path)),
     "verify": ("path", verify),
     "read_run": ("path", read_run),
     "load_episodes": ("folder", lambda path: load_episodes("standard", "slow", folder=path)),
     "find_tuned": ("path", lambda path: find_tuned("impedance-tuned", path=path)),
     "add_study": ("path", lambda path: add_study(None, path)),  # type: ignore[arg-type]
     "shipped_policies": ("folder", shipped_policies),
-    "load_policy": ("name", load_policy),
+    "read_policy": ("name", read_policy),
     "make_folder": ("out", make_folder),
 }
 

@@ -34,7 +34,7 @@ from pter_gym.policies import (
     Interface,
     Network,
     Neural,
-    load_policy,
+    read_policy,
     shipped_policies,
     write_policy,
 )
@@ -91,7 +91,7 @@ def observations(count: int = 16) -> np.ndarray:
 
 
 def test_a_policy_is_its_network_between_scaled_inputs_and_volts(folder: Path) -> None:
-    policy = load_policy("tested", folder)
+    policy = read_policy("tested", folder)
     tensors = make_tensors(policy.card)
     obs = observations()
     values = obs * LAYOUT.scales
@@ -125,7 +125,7 @@ def test_a_residual_of_zero_is_its_base_in_every_bit(name: str, tmp_path: Path) 
     batch = Batch(machines, tasks)
     ran = [
         simulate(batch, controller.bind(BASELINE, batch.layout), range(24), 150)
-        for controller in (load_policy("tested", tmp_path), schedule)
+        for controller in (read_policy("tested", tmp_path), schedule)
     ]
     assert len({task.pace for task in tasks}) > 10
     np.testing.assert_array_equal(*ran)
@@ -136,7 +136,7 @@ def test_a_residual_reaches_so_many_volts_from_its_base(tmp_path: Path) -> None:
     tensors = {name: np.zeros(shape, np.float32) for name, shape in card.shapes.items()}
     tensors["layer_1.bias"][:] = (0.5, -0.5, 3.0, -3.0)
     write_policy(card, tensors, "", tmp_path)
-    policy = load_policy("tested", tmp_path)
+    policy = read_policy("tested", tmp_path)
     obs = observations()
     bound = policy.card.interface.bind(BASELINE, LAYOUT)
     _, base = bound.see(obs, bound.begin(len(obs)))
@@ -187,7 +187,7 @@ def test_averages_follow_slowly(folder: Path) -> None:
 def test_a_policy_with_a_history_begins_anew_in_each_benchmark(tmp_path: Path) -> None:
     card = make_card(interface=Interface(inputs=INPUTS, reach=12.0, history=(2,), averages=(9,)))
     write_policy(card, make_tensors(card), "", tmp_path)
-    policy = load_policy("tested", tmp_path).bind(BASELINE, LAYOUT)
+    policy = read_policy("tested", tmp_path).bind(BASELINE, LAYOUT)
     machines, tasks = zip(*find_scenario("standard").randomisation("brisk", contexts=3, seed=1).pairs(), strict=True)
     batch = Batch(machines, tasks)
     first, second = (simulate(batch, policy, [4, 5, 6], 40) for _ in range(2))
@@ -197,7 +197,7 @@ def test_a_policy_with_a_history_begins_anew_in_each_benchmark(tmp_path: Path) -
 
 
 def test_inputs_are_limited_and_ended_worlds_give_numbers(folder: Path) -> None:
-    bound = load_policy("tested", folder).card.interface.bind(BASELINE, LAYOUT)
+    bound = read_policy("tested", folder).card.interface.bind(BASELINE, LAYOUT)
     obs = np.full((2, len(LAYOUT)), 25.0, np.float32)
     obs[1] = 0.0
     inputs, _ = bound.see(obs, bound.begin(2))
@@ -208,7 +208,7 @@ def test_inputs_are_limited_and_ended_worlds_give_numbers(folder: Path) -> None:
 def test_a_squashed_policy_has_tanh_behind_its_last_layer(folder: Path, tmp_path: Path) -> None:
     card = make_card(squashed=True, name="squashed")
     write_policy(card, make_tensors(card), "", tmp_path)
-    plain, squashed = (load_policy(name, tmp_path).network for name in ("tested", "squashed"))
+    plain, squashed = (read_policy(name, tmp_path).network for name in ("tested", "squashed"))
     rows = np.random.default_rng(0).normal(size=(7, 3))
     np.testing.assert_array_equal(squashed(rows, np.zeros((7, 0)))[0], np.tanh(plain(rows, np.zeros((7, 0)))[0]))
 
@@ -237,7 +237,7 @@ def test_a_policy_with_memory_remembers_each_world_until_it_is_reset(tmp_path: P
     card = make_card(interface=Interface(inputs=INPUTS, reach=12.0), lstm=6)
     tensors = make_tensors(card)
     write_policy(card, tensors, "", tmp_path)
-    policy = load_policy("tested", tmp_path)
+    policy = read_policy("tested", tmp_path)
     bound = card.interface.bind(BASELINE, LAYOUT)
     rows = [observations(5) * np.float32(factor) for factor in (1.0, 0.9, 0.8, 0.7)]
     seen = np.stack([bound.see(row, bound.begin(5))[0] for row in rows])
@@ -254,7 +254,7 @@ def test_a_policy_with_memory_remembers_each_world_until_it_is_reset(tmp_path: P
 
 
 def test_what_was_written_is_read(folder: Path) -> None:
-    policy = load_policy("tested", folder)
+    policy = read_policy("tested", folder)
     assert policy.card == replace(make_card(), weights_sha256=policy.card.weights_sha256)
     assert shipped_policies(folder) == ("tested",)
     for k, weight in enumerate(policy.network.weights):
@@ -262,7 +262,7 @@ def test_what_was_written_is_read(folder: Path) -> None:
 
 
 def test_a_run_of_a_policy_is_not_repeated_unless_the_policy_changes(folder: Path, tmp_path: Path) -> None:
-    policy = load_policy("tested", folder)
+    policy = read_policy("tested", folder)
     results = ResultsFolder(tmp_path / "results")
 
     def run(chosen: Neural) -> bool:
@@ -272,13 +272,13 @@ def test_a_run_of_a_policy_is_not_repeated_unless_the_policy_changes(folder: Pat
         return before != [file.stat().st_ino for file in results.path.glob("runs/*.json")]
 
     assert run(policy)
-    assert not run(load_policy("tested", folder))
+    assert not run(read_policy("tested", folder))
     other = Neural(replace(policy.card, interface=replace(policy.card.interface, reach=11.0)), policy.network)
     assert run(other)
 
 
 def test_the_identity_follows_what_acts_and_nothing_else(folder: Path) -> None:
-    policy = load_policy("tested", folder)
+    policy = read_policy("tested", folder)
     told = Neural(replace(policy.card, about={"score": 1.0}), policy.network)
     other = Neural(replace(policy.card, interface=replace(policy.card.interface, reach=11.0)), policy.network)
     assert content_of(told) == content_of(policy)
@@ -293,7 +293,7 @@ def test_the_identity_follows_what_acts_and_nothing_else(folder: Path) -> None:
 
 
 def test_other_observations_are_refused_with_both_named(folder: Path) -> None:
-    policy = load_policy("tested", folder)
+    policy = read_policy("tested", folder)
     with pytest.raises(ParameterError, match=r"torque_4 \[20 N·m\]; these have .*volts_4 \[24 V\]$"):
         policy.bind(BASELINE, observation_layout(BASELINE, "encoders"))
     weak = replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=20.0))
@@ -308,7 +308,7 @@ def test_other_observations_are_refused_with_both_named(folder: Path) -> None:
 )
 def test_a_name_is_never_a_path(name: str, folder: Path) -> None:
     with pytest.raises(ParameterError, match="names of small letters"):
-        load_policy(name, folder)
+        read_policy(name, folder)
     card = make_card(name=name)
     with pytest.raises(ParameterError, match="names of small letters"):
         write_policy(card, make_tensors(card), "", folder)
@@ -316,7 +316,7 @@ def test_a_name_is_never_a_path(name: str, folder: Path) -> None:
 
 def test_an_unknown_name_tells_the_nearest(folder: Path) -> None:
     with pytest.raises(ParameterError, match="did you mean 'tested'"):
-        load_policy("testd", folder)
+        read_policy("testd", folder)
 
 
 Break = Callable[[dict[str, Any]], Any]
@@ -387,7 +387,7 @@ def test_a_card_that_lies_is_refused(kind: str, folder: Path) -> None:
     change(card)
     file.write_text(json.dumps(card), encoding="utf-8")
     with pytest.raises(DataError, match=message):
-        load_policy("tested", folder)
+        read_policy("tested", folder)
 
 
 LARGEST = {"hidden": (1024,) * 8, "lstm": 512, "name": "a" * 180}
@@ -491,7 +491,7 @@ def test_hostile_cards_are_refused(kind: str, folder: Path, monkeypatch: pytest.
     monkeypatch.chdir(folder)
     (folder / "tested.json").write_bytes(HOSTILE[kind])
     with pytest.raises(DataError, match="refused"):
-        load_policy("tested", folder)
+        read_policy("tested", folder)
     assert not (folder / "executed").exists()
 
 
@@ -550,14 +550,14 @@ def test_hostile_weights_are_refused(kind: str, folder: Path, monkeypatch: pytes
     card["weights_sha256"] = hashlib.sha256(WEIGHTS[kind]).hexdigest()
     (folder / "tested.json").write_text(json.dumps(card), encoding="utf-8")
     with pytest.raises(DataError, match="refused"):
-        load_policy("tested", folder)
+        read_policy("tested", folder)
     assert not (folder / "executed").exists()
 
 
 def test_missing_weights_and_weights_that_do_not_fit_are_refused(folder: Path) -> None:
     (folder / "tested.safetensors").unlink()
     with pytest.raises(DataError, match="there is no such file"):
-        load_policy("tested", folder)
+        read_policy("tested", folder)
     card = make_card(name="other")
     with pytest.raises(DataError, match="refused"):
         write_policy(card, whole(**{"layer_0.bias": None}), "", folder)
@@ -578,14 +578,14 @@ def test_an_older_card_has_neither_memory_nor_squashing(folder: Path) -> None:
     card = json.loads(file.read_text(encoding="utf-8"))
     del card["squashed"], card["lstm"]
     file.write_text(json.dumps(card), encoding="utf-8")
-    policy = load_policy("tested", folder)
+    policy = read_policy("tested", folder)
     assert (policy.card.squashed, policy.card.lstm) == (False, 0)
     assert (policy.network.squashed, policy.network.lstm) == (False, None)
 
 
 @pytest.mark.parametrize("name", shipped_policies())
 def test_a_shipped_policy_acts_and_says_what_it_is(name: str) -> None:
-    policy = load_policy(name)
+    policy = read_policy(name)
     assert content_of(find_policy(name)) == content_of(policy)
     volts = policy.bind(BASELINE, LAYOUT)(observations())
     assert volts.shape == (16, 4)
@@ -597,8 +597,8 @@ def test_a_shipped_policy_acts_and_says_what_it_is(name: str) -> None:
 def test_a_policy_that_sets_the_voltages_needs_numpy_and_safetensors_alone(folder: Path) -> None:
     program = (
         "import sys; from pathlib import Path; import numpy as np\n"
-        "from pter_gym.policies import load_policy\n"
-        f"policy = load_policy('tested', Path({str(folder)!r}))\n"
+        "from pter_gym.policies import read_policy\n"
+        f"policy = read_policy('tested', Path({str(folder)!r}))\n"
         "print(*sorted({name.split('.')[0] for name in sys.modules}))\n"
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
