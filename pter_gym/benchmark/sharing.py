@@ -88,11 +88,9 @@ def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -
     StorageError
         If the folder cannot be written; it says where its files are.
     """
-    from pter_gym.render.canvas import load_pygame
-    from pter_gym.render.recording import check_ending
+    from pter_gym.render.film import check_ending
 
     episodes, where = whole_number("episodes", episodes), find_path("out", out)
-    load_pygame()
     check_ending(Path(FILM))
     name, source = (str(policy), SHIPPED) if policy in shipped_policies() else find_exported(policy)
     neural = read_policy(name, source)
