@@ -1,16 +1,16 @@
 """The leaderboard: the policies in the order of their ranks, as a table and as JSON."""
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 from rich.markup import escape
 from rich.table import Table
 
 from pter_gym._version import __version__
-from pter_gym.benchmark.metrics import METRICS
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, Standing, find_standings
 from pter_gym.benchmark.runs import ScenarioRun
+from pter_gym.benchmark.statistics import Interval
 from pter_gym.internal.terminal import terminal
 from pter_gym.scenarios import PACES
 
@@ -18,6 +18,33 @@ __all__ = ["COMPLETION", "FULL", "PACE_ERROR", "Leaderboard", "leaderboards", "r
 
 FULL = 200
 """Fewest episodes for a rank that is not provisional."""
+
+
+class Column(NamedTuple):
+    """A column of the table: a score, the title as ``rich`` prints it, and the text of the score's interval."""
+
+    score: str
+    title: str
+    text: Callable[[Interval], str]
+
+
+def _percent(share: Interval) -> str:
+    return f"{100 * share.value:.3g}"
+
+
+def _millimetres(length: Interval) -> str:
+    return "{:.1f} ({:.1f}…{:.1f})".format(*(1000 * x for x in length))
+
+
+COLUMNS = (
+    Column("path_error_m", "path error\n\\[mm]", _millimetres),
+    Column("completed", "at the\nend\n\\[%]", _percent),
+    Column("mean_pace_error", "mean\npace\n\\[±%]", _percent),
+    Column("segment_pace_error", "segment\npace\n\\[±%]", _percent),
+    Column("rms_acceleration_m_s2", "rms acc.\n\\[m/s²]", lambda x: f"{x.value:.2f}"),
+    Column("smoothness", "smooth-\nness", lambda x: f"{x.value:.1f}"),
+)
+"""The columns of the table after rank and policy."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +57,12 @@ class Leaderboard:
         Names.
     episodes, data
         How many of the episodes were run, and the SHA-256 of all of them.
-    fresh
-        Seed of fresh episodes; None for the stored ones.
     config_hash
         SHA-256 of all that the scores depend on, apart from the policies.
     standings
         One per policy.
+    fresh
+        Seed of fresh episodes; None for the stored ones.
     """
 
     scenario: str
@@ -69,7 +96,7 @@ class Leaderboard:
             "version": __version__,
             "config_hash": self.config_hash,
             "provisional": self.provisional,
-            "policies": {standing.policy: _standing_json(standing) for standing in self.standings},
+            "policies": {standing.policy: standing.as_json() for standing in self.standings},
         }
 
 
@@ -93,24 +120,30 @@ def table(board: Leaderboard) -> Table:
     """Return a leaderboard for a terminal of 80 columns: intervals of 95 %, and below it why others have no rank."""
     kind = "provisional, " if board.provisional else ""
     which = "episodes" if board.fresh is None else f"fresh episodes, seed {board.fresh}"
-    shown = Table(
-        title=f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} {which}",
-        caption=_caption(board),
+    notes = [f"– {standing.policy}: {standing.reason}" for standing in board.standings if standing.reason]
+    notes += [
+        f"{standing.policy}: {p.rollouts:,} plans of {p.horizon_s:g} s, {p.decision_ms:.1f} ms a decision"
+        for standing in board.standings
+        if (p := standing.planning)
+    ]
+    shown = plain_table(
+        f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} {which}",
+        ["#", "policy", *(column.title for column in COLUMNS)],
+        caption=escape("\n".join(notes)),
         caption_justify="left",
-        box=None,
-        padding=(0, 1),
-        collapse_padding=True,
-        pad_edge=False,
     )
-    shown.add_column("#", justify="right")
-    shown.add_column("policy", no_wrap=True)
-    columns = {name: m.column for name, m in METRICS.items() if m.column}
-    order = sorted(columns.items(), key=lambda item: item[1].place)
-    for _, column in order:
-        shown.add_column(column.title, justify="right", no_wrap=True)
     for standing in board.standings:
         place = "–" if standing.rank is None else str(standing.rank)
-        shown.add_row(place, escape(standing.label), *(column.text(standing.scores[name]) for name, column in order))
+        texts = [column.text(standing.scores[column.score]) for column in COLUMNS]
+        shown.add_row(place, escape(standing.label), *texts)
+    return shown
+
+
+def plain_table(title: str, headers: Iterable[str], **options: Any) -> Table:
+    """Return a table for a terminal of 80 columns, without rows and lines; numbers are aligned to the right."""
+    shown = Table(title=title, box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, **options)
+    for header in headers:
+        shown.add_column(header, justify="left" if header in ("pace", "policy") else "right", no_wrap=True)
     return shown
 
 
@@ -118,26 +151,3 @@ def print_boards(runs: Sequence[ScenarioRun]) -> None:
     """Print the leaderboards of runs to the terminal."""
     for board in leaderboards(runs):
         terminal().print(table(board), "")
-
-
-def _caption(board: Leaderboard) -> str:
-    lines = [f"– {standing.policy}: {standing.reason}" for standing in board.standings if standing.reason]
-    lines += [
-        f"{standing.policy}: {p.rollouts:,} plans of {p.horizon_s:g} s, {p.decision_ms:.1f} ms a decision"
-        for standing in board.standings
-        if (p := standing.planning)
-    ]
-    return escape("\n".join(lines))
-
-
-def _standing_json(standing: Standing) -> dict[str, Any]:
-    return {
-        "rank": standing.rank,
-        "reason": standing.reason,
-        "privileged": standing.privileged,
-        "planning": standing.planning and asdict(standing.planning),
-        "identity": standing.identity,
-        **{name: interval._asdict() for name, interval in standing.scores.items()},
-        "difference_to_best_m": standing.difference and standing.difference._asdict(),
-        "probability_of_improvement": standing.probability and standing.probability._asdict(),
-    }
