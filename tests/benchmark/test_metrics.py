@@ -1,17 +1,16 @@
 """Scores against episodes whose scores are known."""
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from score_table import NAME, PAGE, score_table
 
 from benchmark.handmade import LENGTH, METRE, PERIOD, TASK, Array, episode, padded, travel
-from pter_gym.benchmark.measures import CUTOFF, low_pass
-from pter_gym.benchmark.metrics import METRICS, SCORES, Score, score, score_episodes
+from pter_gym.benchmark.measures import low_pass
+from pter_gym.benchmark.metrics import METRICS, Score, score, score_episodes
 from pter_gym.benchmark.recorded import START_UP, Recorded, pace_factor
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
@@ -26,18 +25,6 @@ from pter_gym.tasks.path_following.allowance import ALLOWANCE
 def path_average(arc_length: Array, error: Array, length: float, error_max: float) -> float:
     task = replace(TASK, path=replace(TASK.path, length=length), error_max=error_max)
     return score(episode(len(arc_length) - 1, arc_length=arc_length, normal_error=error), task).path_average_error_m
-
-
-def test_one_name_for_each_score() -> None:
-    rows = travel(np.linspace(0.0, 1.0, 201))
-    assert set(score_episodes(rows[:, None], [METRE])) == set(SCORES) == {item.name for item in fields(Score)}
-
-
-def test_a_score_says_what_it_is_and_the_page_repeats_it() -> None:
-    assert all(metric.unit and metric.meaning for metric in METRICS.values())
-    places = [metric.column.place for metric in METRICS.values() if metric.column]
-    assert sorted(places) == list(range(1, len(places) + 1))
-    assert f"<!-- {NAME} -->\n{score_table()}<!-- /{NAME} -->\n" in PAGE.read_text("utf-8")
 
 
 def test_constant_error_at_constant_speed() -> None:
@@ -60,12 +47,6 @@ def test_constant_error_at_constant_speed() -> None:
 
 
 # --- path error ---
-
-
-def test_path_average_of_a_triangle() -> None:
-    s = np.linspace(0.0, 1.0, 10_001)
-    error = np.where(s < 0.5, s, 1.0 - s)
-    assert path_average(s, error, 1.0, 0.25) == pytest.approx(0.25, abs=1e-4)
 
 
 def test_a_policy_that_stops_pays_for_the_rest() -> None:
@@ -186,10 +167,7 @@ def test_cruising_is_what_comes_behind_the_first_segment() -> None:
     s = np.concatenate([np.linspace(0.0, 0.1, 41), 0.1 + 0.0075 * np.arange(1, 121)])
     for rows in (s, s[:95]):
         assert Recorded(travel(rows)[:, None], [METRE], 24.0).cruising_pace() == pytest.approx([0.75])
-
-
-def test_who_has_had_no_time_has_no_pace() -> None:
-    assert Recorded(travel(np.zeros(1))[[0, 0], None], [METRE], 24.0).mean_pace() == 0.0
+    assert Recorded(travel(np.zeros(1))[[0, 0], None], [METRE], 24.0).mean_pace() == 0.0, "no time, no pace"
 
 
 def test_stop_and_go_keeps_the_mean_pace_but_not_that_of_the_segments() -> None:
@@ -243,17 +221,8 @@ def test_start_up_is_left_out_of_accelerations() -> None:
     settled = low_pass(acceleration[1:, None], PERIOD)[round(START_UP / PERIOD) :]
     assert found.mean_acceleration_m_s2 == pytest.approx(np.abs(settled).mean())
     assert found.rms_acceleration_m_s2 == pytest.approx(math.sqrt((settled**2).mean()))
-
-
-def test_an_episode_shorter_than_the_start_up_counts_whole() -> None:
-    assert score(episode(5, acceleration_y=2.0), TASK).raw_peak_acceleration_m_s2 == 2.0
-
-
-def test_low_pass_is_first_order() -> None:
-    period = 1e-4
-    response = low_pass(np.ones((2000, 1)), period)[:, 0]
-    time = period * np.arange(1, 2001)
-    np.testing.assert_allclose(response, 1.0 - np.exp(-2.0 * math.pi * CUTOFF * time), atol=1e-12)
+    short = score(episode(5, acceleration_y=2.0), TASK)
+    assert short.raw_peak_acceleration_m_s2 == 2.0, "an episode shorter than the start-up counts whole"
 
 
 def test_smoothness_of_a_sine() -> None:
@@ -332,7 +301,9 @@ def test_each_episode_has_its_own_path_and_pace() -> None:
     np.testing.assert_allclose(found["path_error_m"], 0.0, atol=1e-9)
 
 
-def test_nothing_to_score() -> None:
+def test_an_episode_has_at_least_one_step() -> None:
+    found = score_episodes(padded([episode(1), episode(3)]), [TASK, TASK])
+    assert found["path_error_m"][0] == score(episode(1), TASK).path_error_m > 0.0
     with pytest.raises(ValueError, match="at least one step"):
         score(episode(0), TASK)
     nothing = episode(3)
@@ -341,9 +312,3 @@ def test_nothing_to_score() -> None:
         score(nothing, TASK)
     with pytest.raises(ValueError, match="episode 1 has none"):
         score_episodes(padded([episode(3), nothing]), [TASK, TASK])
-
-
-def test_one_step_is_an_episode() -> None:
-    found = score_episodes(padded([episode(1), episode(3)]), [TASK, TASK])
-    alone = score(episode(1), TASK)
-    assert found["path_error_m"][0] == alone.path_error_m > 0.0

@@ -93,13 +93,6 @@ def test_every_reason_is_given() -> None:
     assert [part in reason for part in ("arrives in 0 %", "too slow", "50 % off", "60 % off")] == 4 * [True]
 
 
-def test_stop_and_go_at_the_right_mean_pace_is_below_the_line() -> None:
-    ends = [0.0, 0.2, *np.cumsum([0.05, 0.35] * 4 + [0.2]) + 0.2]
-    rows = travel(np.interp(METRE.control_period * np.arange(201), ends, np.linspace(0.0, 1.0, 11)))
-    board = rank([run_of("stop-and-go", score_episodes(padded(5 * [rows]), 5 * [METRE]))])
-    assert (board.standings[0].reason or "").startswith("uneven: segments")
-
-
 def test_training_seeds_share_a_line_and_are_a_stratum() -> None:
     seeds = [run_of("agent", with_error("agent", error).scores, k) for k, error in enumerate((0.02, 0.03, 0.04))]
     runs = [*seeds, with_error("other", 0.025)]
