@@ -146,9 +146,6 @@ class Watching(BoundPolicy):
     def reset_in(self, batch: Any) -> None:
         self.told.append(batch)
 
-    def advance(self, worlds: Any, steps: int) -> None:
-        self.told.append(worlds)
-
     def act(self, observations: Any) -> Any:
         self.told += [observations.base] if observations.base is not None else []
         return np.zeros((len(observations), 4))
