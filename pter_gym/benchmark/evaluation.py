@@ -255,7 +255,7 @@ def evaluate(bound: Bound, batches: Batches, num_threads: int) -> tuple[Scores, 
 
 
 def _planning(bound: Bound, batches: Batches, parts: Sequence[Part]) -> Planning | None:
-    """Return how a policy planned, if it did; what it was told nobody knows, unless it is one of the package's own."""
+    """Return how a policy planned, if it did; it counts as privileged unless it is known to use only observations."""
     plans = next((part.plans for part in parts if part.plans), None)
     if plans is None:
         return None
