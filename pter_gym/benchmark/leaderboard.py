@@ -1,6 +1,6 @@
 """The leaderboard: the policies in the order of their ranks, as a table and as JSON."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,7 +10,6 @@ from rich.table import Table
 from pter_gym._version import __version__
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, Standing, find_standings
 from pter_gym.benchmark.runs import ScenarioRun
-from pter_gym.benchmark.statistics import Interval
 from pter_gym.internal.terminal import terminal
 from pter_gym.scenarios import PACES
 
@@ -21,28 +20,21 @@ FULL = 200
 
 
 class Column(NamedTuple):
-    """A column of the table: a score, the title as ``rich`` prints it, and the text of the score's interval."""
+    """A score in the table: its title as ``rich`` prints it, its factor from SI, its text by value, low and high."""
 
     score: str
     title: str
-    text: Callable[[Interval], str]
-
-
-def _percent(share: Interval) -> str:
-    return f"{100 * share.value:.3g}"
-
-
-def _millimetres(length: Interval) -> str:
-    return "{:.1f} ({:.1f}…{:.1f})".format(*(1000 * x for x in length))
+    factor: float
+    text: str
 
 
 COLUMNS = (
-    Column("path_error_m", "path error\n\\[mm]", _millimetres),
-    Column("completed", "at the\nend\n\\[%]", _percent),
-    Column("mean_pace_error", "mean\npace\n\\[±%]", _percent),
-    Column("segment_pace_error", "segment\npace\n\\[±%]", _percent),
-    Column("rms_acceleration_m_s2", "rms acc.\n\\[m/s²]", lambda x: f"{x.value:.2f}"),
-    Column("smoothness", "smooth-\nness", lambda x: f"{x.value:.1f}"),
+    Column("path_error_m", "path error\n\\[mm]", 1000.0, "{:.1f} ({:.1f}…{:.1f})"),
+    Column("completed", "at the\nend\n\\[%]", 100.0, "{:.3g}"),
+    Column("mean_pace_error", "mean\npace\n\\[±%]", 100.0, "{:.3g}"),
+    Column("segment_pace_error", "segment\npace\n\\[±%]", 100.0, "{:.3g}"),
+    Column("rms_acceleration_m_s2", "rms acc.\n\\[m/s²]", 1.0, "{:.2f}"),
+    Column("smoothness", "smooth-\nness", 1.0, "{:.1f}"),
 )
 """The columns of the table after rank and policy."""
 
@@ -134,7 +126,7 @@ def table(board: Leaderboard) -> Table:
     )
     for standing in board.standings:
         place = "–" if standing.rank is None else str(standing.rank)
-        texts = [column.text(standing.scores[column.score]) for column in COLUMNS]
+        texts = [each.text.format(*(each.factor * x for x in standing.scores[each.score])) for each in COLUMNS]
         shown.add_row(place, escape(standing.label), *texts)
     return shown
 
