@@ -25,6 +25,8 @@ from pter_gym.tasks.path_following import COLUMN, PathFollowing
 PINNED_SEEDS, PINNED_PHASE = (4215971544462223395, 7145062265811555858), 2.012818905321554
 """Of the first fresh episodes of one seed: results that name a seed mean the same episodes for ever."""
 
+SOME = ["standard", *(pytest.param(n, marks=pytest.mark.long) for n in SCENARIOS if n != "standard")]
+
 TASKS = [PathFollowing(), PathFollowing(path=Line(length=0.5)), PathFollowing()]
 
 
@@ -69,7 +71,7 @@ def test_a_new_scenario_is_drawn_by_its_name_and_version() -> None:
         assert evaluation_draws(other) != first
 
 
-@pytest.mark.parametrize("name", ["standard", *(pytest.param(n, marks=pytest.mark.long) for n in SCENARIOS)])
+@pytest.mark.parametrize("name", SOME)
 def test_no_episode_is_drawn_twice_and_all_sets_have_the_same_strata(name: str) -> None:
     """Stored ones, fresh ones of all paces and several seeds, and training draws have no episode in common."""
     fresh = [("medium", None), ("medium", 2**64 - 1), *((pace, 0) for pace in PACES)]
@@ -150,7 +152,7 @@ def test_missing_and_damaged_files_are_named(name: str, damage: bytes | None, tm
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["standard", *(pytest.param(n, marks=pytest.mark.long) for n in SCENARIOS)])
+@pytest.mark.parametrize("scenario", SOME)
 @pytest.mark.parametrize("pace", PACES)
 def test_every_hand_can_go_faster_than_the_pace(scenario: str, pace: str) -> None:
     """Braking is all that a clutch can do: without it, the tip gets past 1.15 times the commanded pace."""

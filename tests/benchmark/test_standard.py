@@ -4,9 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from pter_gym.benchmark import Result, run_standard_test
 from pter_gym.benchmark.measures import column
@@ -61,19 +59,6 @@ def test_integrator_error_on_the_standard_test(result: Result) -> None:
         work, dissipated, loss, residual = (column(rows, term).sum() for term in terms)
         assert abs(loss - residual) <= 0.002 * work
         assert work - dissipated - loss + residual == pytest.approx(column(rows, "kinetic_energy")[-1], rel=1e-11)
-
-
-def test_any_callable_is_a_policy(result: Result) -> None:
-    seen: list[tuple[int, ...]] = []
-
-    def release(obs: NDArray[np.float32]) -> NDArray[np.float32]:
-        seen.append(obs.shape)
-        return np.zeros((len(obs), 4), np.float32)
-
-    found = run_standard_test({"mine": release}, time_constants=(0.01, 0.105, 0.2))
-    assert {shape[0] for shape in seen} == {3}
-    for mine, free in zip(found.runs["mine"], result.runs["free"], strict=True):
-        assert mine.telemetry.tobytes() == free.telemetry.tobytes()
 
 
 def test_the_seed_decides_the_random_policy() -> None:
