@@ -1,12 +1,10 @@
 """Ranks go to those who arrive and keep the pace; cheats run for real land below the line, with the reason."""
 
-import io
 import json
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from rich.console import Console
 
 from pter_gym.benchmark import PACES, Leaderboard, find_policy, leaderboards, run_scenario
 from pter_gym.benchmark.leaderboard import table
@@ -65,12 +63,8 @@ def test_the_damper_of_another_pace_is_below_the_line() -> None:
 
 
 @pytest.mark.slow
-def test_the_table_fits_a_terminal_and_the_json_is_plain_and_finite(boards: dict[str, Leaderboard]) -> None:
-    console = Console(width=80, record=True, file=io.StringIO())
-    console.print(table(boards["medium"]))
-    lines = console.export_text().splitlines()
-    assert max(map(len, lines)) <= 80
-    assert all(any(f"– {cheat}: " in line for line in lines) for cheat in CHEATS)
+def test_the_json_is_plain_and_finite_and_the_table_has_a_row_for_each_policy(boards: dict[str, Leaderboard]) -> None:
+    assert table(boards["medium"]).row_count == len(CHEATS) + len(HONEST)
     for board in json.loads(json.dumps([board.as_json() for board in boards.values()], allow_nan=False)):
         assert set(board) >= {"scenario", "pace", "pace_m_s", "version", "config_hash", "policies", "episodes"}
         for policy in board["policies"].values():
