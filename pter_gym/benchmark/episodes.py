@@ -214,14 +214,21 @@ def _decode(data: bytes, checksum: str) -> Episodes:
     content: dict[str, Any] = parse_json(inflate(data, MOST_JSON))
     parts = [CODEC.from_plain(part) for part in content["parts"]]
     entries: list[dict[str, Any]] = content["episodes"]
+    (scenario,) = _all_of(str, [content["scenario"]])
     return Episodes(
-        content["scenario"],
+        scenario,
         checksum,
-        machines=_all_of(Machine, [parts[entry["machine"]] for entry in entries]),
-        tasks=_all_of(PathFollowing, [parts[entry["task"]] for entry in entries]),
-        seeds=_all_of(int, [entry["seed"] for entry in entries]),
+        machines=_all_of(Machine, [parts[_whole(entry["machine"], len(parts))] for entry in entries]),
+        tasks=_all_of(PathFollowing, [parts[_whole(entry["task"], len(parts))] for entry in entries]),
+        seeds=tuple(_whole(entry["seed"], SEEDS) for entry in entries),
         strata=_all_of(str, [entry["stratum"] for entry in entries]),
     )
+
+
+def _whole(number: Any, below: int) -> int:
+    if type(number) is not int or not 0 <= number < below:
+        raise ValueError(f"there must be a whole number within [0, {below}), {number!r:.40} is out of range")
+    return number
 
 
 def _all_of(kind: type[T], values: Sequence[Any]) -> tuple[T, ...]:

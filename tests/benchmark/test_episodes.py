@@ -125,8 +125,12 @@ def of_another_kind(content: dict[str, Any]) -> None:
     content["episodes"][-1]["task"] = content["episodes"][-1]["machine"]
 
 
+def with_a_seed_below_zero(content: dict[str, Any]) -> None:
+    content["episodes"][-1]["seed"] = -1
+
+
 @pytest.mark.parametrize("sealed", [False, True])
-@pytest.mark.parametrize("change", [beyond_its_parts, of_another_kind])
+@pytest.mark.parametrize("change", [beyond_its_parts, of_another_kind, with_a_seed_below_zero])
 def test_changed_episodes_are_refused(change: Any, sealed: bool, tmp_path: Path) -> None:
     """Also where their checksum was changed with them."""
     path = store(tmp_path)
@@ -135,7 +139,7 @@ def test_changed_episodes_are_refused(change: Any, sealed: bool, tmp_path: Path)
     path.write_bytes(gzip.compress(json.dumps(content).encode()))
     if sealed:
         (tmp_path / CHECKSUMS).write_text(json.dumps({"mine": hashlib.sha256(path.read_bytes()).hexdigest()}))
-    expected = "index out of range|must be a PathFollowing" if sealed else "were changed: SHA-256 is"
+    expected = "is out of range|must be a PathFollowing" if sealed else "were changed: SHA-256 is"
     with pytest.raises(DataError, match=expected):
         load_episodes("mine", "slow", folder=tmp_path)
 
