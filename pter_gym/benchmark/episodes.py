@@ -7,12 +7,12 @@
 import gzip
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from numbers import Integral
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 from pter_gym import hands, params, paths
 from pter_gym.errors import DataError, ParameterError, unknown_name
@@ -73,22 +73,16 @@ class Episodes:
         return len(self.seeds)
 
     def first(self, count: int) -> "Episodes":
-        """Return the first ``count`` episodes.
-
-        Raises
-        ------
-        ParameterError
-            If there are not so many.
-        """
+        """Return the first ``count`` episodes, or raise a ParameterError if there are not so many."""
         if not isinstance(count, Integral) or not 1 <= count <= len(self):
             raise ParameterError(f"episodes must be from 1 to {len(self)} for {self.scenario}, got {count!r}")
-        return replace(
-            self,
-            machines=self.machines[:count],
-            tasks=self.tasks[:count],
-            seeds=self.seeds[:count],
-            strata=self.strata[:count],
-        )
+        parts = ("machines", "tasks", "seeds", "strata")
+        return replace(self, **{name: getattr(self, name)[:count] for name in parts})
+
+    def at_pace(self, speed: float) -> "Episodes":
+        """Return the episodes at a commanded pace [m/s]; tasks that are one stay one."""
+        paced = {id(task): replace(task, pace=speed) for task in self.tasks}
+        return replace(self, tasks=tuple(paced[id(task)] for task in self.tasks))
 
 
 def scenarios(folder: FilePath = FOLDER) -> tuple[str, ...]:
@@ -97,32 +91,44 @@ def scenarios(folder: FilePath = FOLDER) -> tuple[str, ...]:
 
 
 def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Episodes:
-    """Return the evaluation episodes of a scenario at a pace.
-
-    Parameters
-    ----------
-    scenario
-        Name of the scenario.
-    pace
-        ``slow``, ``medium`` or ``brisk``.
-    folder
-        Where the files are.
+    """Return the stored evaluation episodes of a scenario at a pace.
 
     Raises
     ------
     ParameterError
         If there is no such scenario or pace.
     DataError
-        If a file is missing or not what was stored.
+        If a file in the folder is missing or not what was stored.
     """
     speed = find_pace(pace)
-    return _at_pace(_stored(scenario, folder), speed)
+    return _stored(scenario, folder).at_pace(speed)
 
 
 def stored_strata(scenario: str, *, folder: FilePath = FOLDER) -> tuple[str, tuple[str, ...]]:
     """Return the checksum of a scenario's stored episodes and their strata; raises as ``load_episodes``."""
     stored = _stored(scenario, folder)
     return stored.checksum, stored.strata
+
+
+def find_episodes(scenario: str, pace: str, fresh: int | None = None, *, folder: FilePath = FOLDER) -> Episodes:
+    """Return the stored evaluation episodes of a scenario at a pace, or the fresh ones of a seed within [0, 2⁶⁴).
+
+    Fresh ones are as many as the stored ones, with the same strata at the same places; each pace has draws of its own.
+    Raises as ``load_episodes``, and a ParameterError if the seed is out of range.
+    """
+    if fresh is None:
+        return load_episodes(scenario, pace, folder=folder)
+    speed = find_pace(pace)
+    find_scenario(scenario)
+    return _draw(scenario, check_fresh(fresh), pace).at_pace(speed)
+
+
+def check_fresh(seed: Any) -> int:
+    """Return the seed of fresh episodes, or raise a ParameterError."""
+    number = whole_number("fresh", seed, at_least=0)
+    if number >= SEEDS:
+        raise ParameterError(f"fresh must be a whole number within [0, 2⁶⁴), got {seed!r}")
+    return number
 
 
 def store_episodes(
@@ -139,85 +145,37 @@ def store_episodes(
 
     Parameters
     ----------
-    scenario
-        Name of the scenario.
+    scenario, version
+        Name and version of the scenario.
     machines, tasks, seeds, strata
         One entry per episode, as in ``Episodes``; the tasks' pace is set when they are read.
-    version
-        Version of the scenario.
     folder
         Where to write; made if need be.
     """
     folder = find_path("folder", folder)
     folder.mkdir(parents=True, exist_ok=True)
-    data = _compressed(_encoded(scenario, machines, tasks, seeds, strata, version))
+    draws = zip(machines, tasks, seeds, strata, strict=True)
+    data = bytearray(gzip.compress(_encode(scenario, version, draws), mtime=0))
+    data[_OPERATING_SYSTEM] = _UNIX  # versions of Python name it differently
     sums = _checksums(folder) if (folder / CHECKSUMS).exists() else {}
     path = folder / f"{scenario}.json.gz"
-    write_bytes_atomic(path, data)
+    write_bytes_atomic(path, bytes(data))
     sums[scenario] = hashlib.sha256(data).hexdigest()
     write_text_atomic(folder / CHECKSUMS, json.dumps(dict(sorted(sums.items())), indent=2) + "\n")
     return path
-
-
-def fresh_episodes(scenario: str, pace: str, seed: int) -> Episodes:
-    """Return new evaluation episodes of a scenario at a pace: as many as the stored ones, strata at the same places.
-
-    Parameters
-    ----------
-    scenario
-        Name of the scenario.
-    pace
-        ``slow``, ``medium`` or ``brisk``; each has draws of its own.
-    seed
-        Whole number within [0, 2⁶⁴).
-
-    Raises
-    ------
-    ParameterError
-        If there is no such scenario or pace, or the seed is out of range.
-    """
-    speed = find_pace(pace)
-    find_scenario(scenario)
-    return _at_pace(_draw(scenario, check_fresh(seed), pace), speed)
-
-
-def find_episodes(scenario: str, pace: str, fresh: int | None = None, *, folder: FilePath = FOLDER) -> Episodes:
-    """Return the stored evaluation episodes of a scenario at a pace, or the fresh ones of a seed."""
-    return load_episodes(scenario, pace, folder=folder) if fresh is None else fresh_episodes(scenario, pace, fresh)
-
-
-def check_fresh(seed: Any) -> int:
-    """Return the seed of fresh episodes, or raise a ParameterError."""
-    number = whole_number("fresh", seed, at_least=0)
-    if number >= SEEDS:
-        raise ParameterError(f"fresh must be a whole number within [0, 2⁶⁴), got {seed!r}")
-    return number
 
 
 @lru_cache(8)
 def _draw(scenario: str, seed: int, pace: str) -> Episodes:
     found = find_scenario(scenario)
     machines, tasks, strata = zip(*evaluation_draws(found, (seed, pace)), strict=True)
-    seeds = fresh_reset_seeds(found, (seed, pace))
-    data = _encoded(scenario, machines, tasks, seeds, strata, found.version)
-    return Episodes(scenario, hashlib.sha256(data).hexdigest(), machines, tasks, tuple(seeds), strata)
+    seeds = tuple(fresh_reset_seeds(found, (seed, pace)))
+    data = _encode(scenario, found.version, zip(machines, tasks, seeds, strata, strict=True))
+    return Episodes(scenario, hashlib.sha256(data).hexdigest(), machines, tasks, seeds, strata)
 
 
-def _at_pace(episodes: Episodes, speed: float) -> Episodes:
-    """Return episodes at a commanded pace [m/s]; tasks that are one stay one."""
-    paced = {id(task): replace(task, pace=speed) for task in episodes.tasks}
-    return replace(episodes, tasks=tuple(paced[id(task)] for task in episodes.tasks))
-
-
-def _encoded(
-    scenario: str,
-    machines: Sequence[Machine],
-    tasks: Sequence[PathFollowing],
-    seeds: Sequence[int],
-    strata: Sequence[str],
-    version: int,
-) -> bytes:
-    """Return what a file of episodes holds, as JSON."""
+def _encode(scenario: str, version: int, draws: Iterable[tuple[Machine, PathFollowing, int, str]]) -> bytes:
+    """Return what a file of episodes holds, as JSON, in which equal machines and tasks are stored once."""
     parts: dict[str, int] = {}
 
     def number(part: object) -> int:
@@ -225,51 +183,28 @@ def _encoded(
 
     entries = [
         {"machine": number(machine), "task": number(task), "seed": seed, "stratum": stratum}
-        for machine, task, seed, stratum in zip(machines, tasks, seeds, strata, strict=True)
+        for machine, task, seed, stratum in draws
     ]
-    content = {
-        "scenario": scenario,
-        "version": version,
-        "parts": [json.loads(part) for part in parts],
-        "episodes": entries,
-    }
+    plain = [json.loads(part) for part in parts]
+    content = {"scenario": scenario, "version": version, "parts": plain, "episodes": entries}
     return json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
 
 
-def _compressed(content: bytes) -> bytes:
-    """Return content as gzip, the same with all versions of Python, which name the operating system differently."""
-    data = bytearray(gzip.compress(content, mtime=0))
-    data[_OPERATING_SYSTEM] = _UNIX
-    return bytes(data)
-
-
 def _checksums(folder: Path) -> dict[str, str]:
-    data = _bytes(folder / CHECKSUMS)
-    with reading(f"evaluation data {folder / CHECKSUMS} were changed"):
-        content = parse_json(data)
-        if not isinstance(content, dict):
-            raise TypeError("there must be an object")
-        return cast("dict[str, str]", content)
+    with reading(f"evaluation data {folder / CHECKSUMS} cannot be read"):
+        return dict(parse_json(read_bytes(folder / CHECKSUMS, MOST_JSON)))
 
 
 def _stored(scenario: str, folder: FilePath) -> Episodes:
     folder = find_path("folder", folder)
-    sums = _checksums(folder)
+    sums, path = _checksums(folder), folder / f"{scenario}.json.gz"
     if scenario not in sums:
         raise unknown_name("scenario", scenario, sorted(sums))
-    return _read(folder / f"{scenario}.json.gz", sums[scenario])
-
-
-def _bytes(path: Path) -> bytes:
     with reading(f"evaluation data {path} cannot be read"):
-        return read_bytes(path, MOST_JSON)
-
-
-def _read(path: Path, expected: str) -> Episodes:
-    data = _bytes(path)
+        data = read_bytes(path, MOST_JSON)
     found = hashlib.sha256(data).hexdigest()
-    if found != expected:
-        raise DataError(f"evaluation data {path} were changed: SHA-256 is {found}, stored was {expected}")
+    if found != sums[scenario]:
+        raise DataError(f"evaluation data {path} were changed: SHA-256 is {found}, stored was {sums[scenario]}")
     with reading(f"evaluation data {path}"):
         return _decode(data, found)
 
@@ -279,18 +214,15 @@ def _decode(data: bytes, checksum: str) -> Episodes:
     content: dict[str, Any] = parse_json(inflate(data, MOST_JSON))
     parts = [CODEC.from_plain(part) for part in content["parts"]]
     entries: list[dict[str, Any]] = content["episodes"]
+    (scenario,) = _all_of(str, [content["scenario"]])
     return Episodes(
-        scenario=_checked(content["scenario"], str),
-        checksum=checksum,
-        machines=tuple(_checked(_part(parts, entry["machine"]), Machine) for entry in entries),
-        tasks=tuple(_checked(_part(parts, entry["task"]), PathFollowing) for entry in entries),
+        scenario,
+        checksum,
+        machines=_all_of(Machine, [parts[_whole(entry["machine"], len(parts))] for entry in entries]),
+        tasks=_all_of(PathFollowing, [parts[_whole(entry["task"], len(parts))] for entry in entries]),
         seeds=tuple(_whole(entry["seed"], SEEDS) for entry in entries),
-        strata=tuple(_checked(entry["stratum"], str) for entry in entries),
+        strata=_all_of(str, [entry["stratum"] for entry in entries]),
     )
-
-
-def _part(parts: Sequence[Any], number: Any) -> Any:
-    return parts[_whole(number, len(parts))]
 
 
 def _whole(number: Any, below: int) -> int:
@@ -299,7 +231,9 @@ def _whole(number: Any, below: int) -> int:
     return number
 
 
-def _checked(part: Any, kind: type[T]) -> T:
-    if not isinstance(part, kind):
-        raise TypeError(f"there must be a {kind.__name__}, there is a {type(part).__name__}")
-    return part
+def _all_of(kind: type[T], values: Sequence[Any]) -> tuple[T, ...]:
+    """Return values as a tuple, or raise a TypeError unless all of them are of a kind."""
+    for value in values:
+        if type(value) is not kind:
+            raise TypeError(f"there must be a {kind.__name__}, there is a {type(value).__name__}")
+    return tuple(values)

@@ -13,7 +13,7 @@ from pter_gym._version import __version__
 from pter_gym.benchmark.episodes import Episodes, check_fresh, find_episodes
 from pter_gym.benchmark.identity import derived_seed, identity_of
 from pter_gym.benchmark.measures import column, vector
-from pter_gym.benchmark.metrics import Scores, score_episodes
+from pter_gym.benchmark.metrics import SCORES, Scores, score_episodes
 from pter_gym.benchmark.naming import find_policy, is_built_in, text_of
 from pter_gym.benchmark.results import ResultsFolder
 from pter_gym.benchmark.runs import (
@@ -38,8 +38,6 @@ from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import Sensors, observation_layout
 
-Array = NDArray[np.float64]
-
 CHUNK = 64
 """Episodes that are simulated together; their telemetry is scored and let go."""
 
@@ -56,9 +54,12 @@ class PerSeed:
             raise ParameterError(f"policies must be one or more, all of them different, got {self.policies!r:.200}")
 
 
+Policies = Mapping[str, AnyPolicy | PerSeed] | Sequence[FilePath]
+
+
 def run_scenario(
     scenario: str,
-    policies: Mapping[str, AnyPolicy | PerSeed] | Sequence[FilePath],
+    policies: Policies,
     paces: Sequence[str] = tuple(PACES),
     *,
     episodes: int | None = None,
@@ -85,6 +86,7 @@ def run_scenario(
         Seed within [0, 2⁶⁴) of fresh episodes, see ``fresh_seed``; the stored ones by default.
     results
         Where each finished run is kept, and taken from if it was finished before: a folder of results or its path.
+        What a callable does cannot be known, so it is run again each time.
     num_threads
         Threads that share the episodes of a compiled law; the scores do not depend on it.
     on_progress
@@ -98,32 +100,45 @@ def run_scenario(
         If the stored episodes were changed.
     """
     named = _named(policies, scenario)
-    paces = names_in("paces", paces)
     fresh = None if fresh is None else check_fresh(fresh)
-    sets = {pace: find_episodes(scenario, pace, fresh) for pace in paces}
+    sets = {pace: find_episodes(scenario, pace, fresh) for pace in names_in("paces", paces)}
     sets = {pace: full if episodes is None else full.first(episodes) for pace, full in sets.items()}
-    if results is not None and not isinstance(results, ResultsFolder):
-        results = ResultsFolder(results)
-    if results:
-        results.make()
+    folder = ResultsFolder(results) if results is not None and not isinstance(results, ResultsFolder) else results
+    if folder:
+        folder.make()
     runs: list[ScenarioRun] = []
     for pace, chosen in sets.items():
         batches = Batches(chosen)
         for name, policy in named.items():
-            conditions = _conditions(chosen, fresh, pace, name)
-            for seed, trained in enumerate(each_seed(policy)):
+            seeds = each_seed(policy)
+            for seed, trained in enumerate(seeds):
                 bound = batches.bind(trained)
                 identity = identity_of(trained, bound.policy)
                 _check_built_in(name, identity)
-                at = replace(conditions, seed=seed, identity=identity)
-                runs.append(_find_or_run(at, bound, batches, results, num_threads))
-            if results:
-                results.end_seeds(replace(conditions, seed=len(each_seed(policy))))
+                at = Conditions(
+                    scenario=scenario,
+                    pace=pace,
+                    policy=name,
+                    seed=seed,
+                    episodes=len(chosen),
+                    data=chosen.checksum,
+                    identity=identity,
+                    version=__version__,
+                    code=code_digest(),
+                    fresh=fresh,
+                )
+                found = folder and folder.find(at)
+                made = found or ScenarioRun(at, chosen.strata, *evaluate(bound, batches, num_threads))
+                if folder and not found:
+                    folder.add(made)
+                runs.append(made)
+            if folder:
+                folder.end_seeds(replace(runs[-1].conditions, seed=len(seeds)))
             on_progress(f"{name}, {pace}")
     return tuple(runs)
 
 
-def fresh_seed(scenario: str, policies: Mapping[str, AnyPolicy | PerSeed] | Sequence[FilePath]) -> int:
+def fresh_seed(scenario: str, policies: Policies) -> int:
     """Return the seed of fresh episodes that follows from what is judged: all policies, the code and the scenario.
 
     Parameters
@@ -137,8 +152,7 @@ def fresh_seed(scenario: str, policies: Mapping[str, AnyPolicy | PerSeed] | Sequ
         If there is no such policy, or its content cannot be told, as of a plain callable; it names the policy.
     """
     identities = {
-        name: [identity_of(each, _bound_to_nominal(each)) for each in each_seed(policy)]
-        for name, policy in _named(policies, scenario).items()
+        name: [_identity(each) for each in each_seed(policy)] for name, policy in _named(policies, scenario).items()
     }
     return derived_seed(identities, code_digest(), scenario)
 
@@ -148,9 +162,8 @@ def each_seed(policy: AnyPolicy | PerSeed) -> tuple[AnyPolicy, ...]:
     return policy.policies if isinstance(policy, PerSeed) else (policy,)
 
 
-def _named(
-    policies: Mapping[str, AnyPolicy | PerSeed] | Sequence[FilePath], scenario: str
-) -> Mapping[str, AnyPolicy | PerSeed]:
+def _named(policies: Policies, scenario: str) -> Mapping[str, AnyPolicy | PerSeed]:
+    """Return policies by name, or raise a ParameterError that names one that cannot be judged under its name."""
     if not policies:
         raise ParameterError("policies must hold at least one name")
     if not isinstance(policies, Mapping):
@@ -158,55 +171,25 @@ def _named(
         for name in names:
             check_name(name)
         return {name: find_policy(name, scenario=scenario) for name in names}
-    for name in policies:
-        check_name(name)
     for name, policy in policies.items():
+        check_name(name)
         for each in each_seed(policy):
             if not isinstance(each, Controller) and not callable(each):
                 raise ParameterError(f"policies must have a method bind or be callable, {name!r} is {each!r:.200}")
             if is_built_in(name):
-                _check_built_in(name, identity_of(each, _bound_to_nominal(each)))
+                _check_built_in(name, _identity(each))
     return policies
 
 
-def _bound_to_nominal(policy: AnyPolicy) -> BoundPolicy:
-    """Return a policy that is bound to the nominal machine and to the sensors that it asks for."""
-    return bind(policy, BASELINE, observation_layout(BASELINE, sensors_of(policy)))
-
-
-def _conditions(episodes: Episodes, fresh: int | None, pace: str, policy: str) -> Conditions:
-    """Return the conditions of a run by the present code, of the first training seed and an unknown identity."""
-    return Conditions(
-        scenario=episodes.scenario,
-        pace=pace,
-        policy=policy,
-        seed=0,
-        episodes=len(episodes),
-        data=episodes.checksum,
-        identity=None,
-        version=__version__,
-        code=code_digest(),
-        fresh=fresh,
-    )
+def _identity(policy: AnyPolicy) -> str | None:
+    """Return what a policy is, bound to the nominal machine and to the sensors that it asks for."""
+    return identity_of(policy, bind(policy, BASELINE, observation_layout(BASELINE, sensors_of(policy))))
 
 
 def _check_built_in(name: str, identity: str | None) -> None:
-    """Raise a ParameterError if nobody can tell whether a policy is the built-in one of its name."""
+    """Raise a ParameterError if a policy that may be anything has the name of a built-in one."""
     if identity is None and is_built_in(name):
         raise ParameterError(f"policies must have names of their own for callables, {name!r} is a built-in policy")
-
-
-def _find_or_run(
-    conditions: Conditions, bound: "Bound", batches: "Batches", results: ResultsFolder | None, num_threads: int
-) -> ScenarioRun:
-    """Return a run, from the results if it is there."""
-    found = results and results.find(conditions)
-    if found:
-        return found
-    made = ScenarioRun(conditions, batches.episodes.strata, *evaluate(bound, batches, num_threads))
-    if results:
-        results.add(made)
-    return made
 
 
 class Bound(NamedTuple):
@@ -232,7 +215,6 @@ class Batches:
     def __init__(self, episodes: Episodes) -> None:
         self.episodes = episodes
         self.chunks = [slice(start, start + CHUNK) for start in range(0, len(episodes), CHUNK)]
-        self.kept = sample_numbers(episodes.strata)
         self.batch = cache(self._make)
 
     def _make(self, number: int, sensors: Sensors) -> Batch:
@@ -249,15 +231,14 @@ class Batches:
         chunk, batch = self.chunks[number], self.batch(number, bound.sensors)
         tasks = self.episodes.tasks[chunk]
         limits = [time_limit(task) for task in tasks]
-        episodes = run(batch, bound.policy, self.episodes.seeds[chunk], limits)
-        telemetry = episodes.telemetry
+        rollout = run(batch, bound.policy, self.episodes.seeds[chunk], limits)
+        telemetry = rollout.telemetry
         for world, limit in enumerate(limits):
             telemetry[limit + 1 :, world] = np.nan
         scores = score_episodes(telemetry, tasks, voltage_max=batch.machine.clutch.voltage_max)
-        here = (k for k in self.kept if chunk.start <= k < chunk.stop)
-        return Part(
-            scores, [_sample(k, telemetry[:, k - chunk.start]) for k in here], episodes.plans, episodes.decision_ms
-        )
+        kept = [k for k in sample_numbers(self.episodes.strata) if chunk.start <= k < chunk.stop]
+        samples = [_sample(k, telemetry[:, k - chunk.start]) for k in kept]
+        return Part(scores, samples, rollout.plans, rollout.decision_ms)
 
 
 def evaluate(bound: Bound, batches: Batches, num_threads: int) -> tuple[Scores, tuple[Sample, ...], Planning | None]:
@@ -269,13 +250,13 @@ def evaluate(bound: Bound, batches: Batches, num_threads: int) -> tuple[Scores, 
             parts = list(pool.map(one, numbers))
     else:
         parts = [one(number) for number in numbers]
-    scores = {name: np.concatenate([part.scores[name] for part in parts]) for name in parts[0].scores}
+    scores = {name: np.concatenate([part.scores[name] for part in parts]) for name in SCORES}
     return scores, tuple(sample for part in parts for sample in part.samples), _planning(bound, batches, parts)
 
 
 def _planning(bound: Bound, batches: Batches, parts: Sequence[Part]) -> Planning | None:
-    """Return how a policy planned, if it did; what it was told nobody knows, unless it is one of the package's own."""
-    plans = next((part.plans for part in parts if part.plans is not None), None)
+    """Return how a policy planned, if it did; it counts as privileged unless it is known to use only observations."""
+    plans = next((part.plans for part in parts if part.plans), None)
     if plans is None:
         return None
     seconds = plans.horizon * batches.episodes.tasks[0].control_period
@@ -283,7 +264,7 @@ def _planning(bound: Bound, batches: Batches, parts: Sequence[Part]) -> Planning
     return Planning(bound.kind not in UNPRIVILEGED, round(seconds, 6), plans.rollouts, round(took, 2))
 
 
-def _sample(number: int, telemetry: Array) -> Sample:
+def _sample(number: int, telemetry: NDArray[np.float64]) -> Sample:
     finished = telemetry[np.isfinite(column(telemetry, "time"))]
     shown = np.unique(np.linspace(0, len(finished) - 1, INSTANTS).round().astype(int))
     theta = np.stack([column(finished, "theta_a"), column(finished, "theta_b")], axis=-1)

@@ -1,14 +1,13 @@
 """The leaderboard: the policies in the order of their ranks, as a table and as JSON."""
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 from rich.markup import escape
 from rich.table import Table
 
 from pter_gym._version import __version__
-from pter_gym.benchmark.metrics import METRICS
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, Standing, find_standings
 from pter_gym.benchmark.runs import ScenarioRun
 from pter_gym.internal.terminal import terminal
@@ -18,6 +17,26 @@ __all__ = ["COMPLETION", "FULL", "PACE_ERROR", "Leaderboard", "leaderboards", "r
 
 FULL = 200
 """Fewest episodes for a rank that is not provisional."""
+
+
+class Column(NamedTuple):
+    """A score in the table: its title as ``rich`` prints it, its factor from SI, its text by value, low and high."""
+
+    score: str
+    title: str
+    factor: float
+    text: str
+
+
+COLUMNS = (
+    Column("path_error_m", "path error\n\\[mm]", 1000.0, "{:.1f} ({:.1f}…{:.1f})"),
+    Column("completed", "at the\nend\n\\[%]", 100.0, "{:.3g}"),
+    Column("mean_pace_error", "mean\npace\n\\[±%]", 100.0, "{:.3g}"),
+    Column("segment_pace_error", "segment\npace\n\\[±%]", 100.0, "{:.3g}"),
+    Column("rms_acceleration_m_s2", "rms acc.\n\\[m/s²]", 1.0, "{:.2f}"),
+    Column("smoothness", "smooth-\nness", 1.0, "{:.1f}"),
+)
+"""The columns of the table after rank and policy."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +49,12 @@ class Leaderboard:
         Names.
     episodes, data
         How many of the episodes were run, and the SHA-256 of all of them.
-    fresh
-        Seed of fresh episodes; None for the stored ones.
     config_hash
         SHA-256 of all that the scores depend on, apart from the policies.
     standings
         One per policy.
+    fresh
+        Seed of fresh episodes; None for the stored ones.
     """
 
     scenario: str
@@ -69,7 +88,7 @@ class Leaderboard:
             "version": __version__,
             "config_hash": self.config_hash,
             "provisional": self.provisional,
-            "policies": {standing.policy: _standing_json(standing) for standing in self.standings},
+            "policies": {standing.policy: standing.as_json() for standing in self.standings},
         }
 
 
@@ -93,24 +112,30 @@ def table(board: Leaderboard) -> Table:
     """Return a leaderboard for a terminal of 80 columns: intervals of 95 %, and below it why others have no rank."""
     kind = "provisional, " if board.provisional else ""
     which = "episodes" if board.fresh is None else f"fresh episodes, seed {board.fresh}"
-    shown = Table(
-        title=f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} {which}",
-        caption=_caption(board),
+    notes = [f"– {standing.policy}: {standing.reason}" for standing in board.standings if standing.reason]
+    notes += [
+        f"{standing.policy}: {p.rollouts:,} plans of {p.horizon_s:g} s, {p.decision_ms:.1f} ms a decision"
+        for standing in board.standings
+        if (p := standing.planning)
+    ]
+    shown = plain_table(
+        f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} {which}",
+        ["#", "policy", *(column.title for column in COLUMNS)],
+        caption=escape("\n".join(notes)),
         caption_justify="left",
-        box=None,
-        padding=(0, 1),
-        collapse_padding=True,
-        pad_edge=False,
     )
-    shown.add_column("#", justify="right")
-    shown.add_column("policy", no_wrap=True)
-    columns = {name: m.column for name, m in METRICS.items() if m.column}
-    order = sorted(columns.items(), key=lambda item: item[1].place)
-    for _, column in order:
-        shown.add_column(column.title, justify="right", no_wrap=True)
     for standing in board.standings:
         place = "–" if standing.rank is None else str(standing.rank)
-        shown.add_row(place, escape(standing.label), *(column.text(standing.scores[name]) for name, column in order))
+        texts = [each.text.format(*(each.factor * x for x in standing.scores[each.score])) for each in COLUMNS]
+        shown.add_row(place, escape(standing.label), *texts)
+    return shown
+
+
+def plain_table(title: str, headers: Iterable[str], **options: Any) -> Table:
+    """Return a table for a terminal of 80 columns, without rows and lines; numbers are aligned to the right."""
+    shown = Table(title=title, box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, **options)
+    for header in headers:
+        shown.add_column(header, justify="left" if header in ("pace", "policy") else "right", no_wrap=True)
     return shown
 
 
@@ -118,26 +143,3 @@ def print_boards(runs: Sequence[ScenarioRun]) -> None:
     """Print the leaderboards of runs to the terminal."""
     for board in leaderboards(runs):
         terminal().print(table(board), "")
-
-
-def _caption(board: Leaderboard) -> str:
-    lines = [f"– {standing.policy}: {standing.reason}" for standing in board.standings if standing.reason]
-    lines += [
-        f"{standing.policy}: {p.rollouts:,} plans of {p.horizon_s:g} s, {p.decision_ms:.1f} ms a decision"
-        for standing in board.standings
-        if (p := standing.planning)
-    ]
-    return escape("\n".join(lines))
-
-
-def _standing_json(standing: Standing) -> dict[str, Any]:
-    return {
-        "rank": standing.rank,
-        "reason": standing.reason,
-        "privileged": standing.privileged,
-        "planning": standing.planning and asdict(standing.planning),
-        "identity": standing.identity,
-        **{name: interval._asdict() for name, interval in standing.scores.items()},
-        "difference_to_best_m": standing.difference and standing.difference._asdict(),
-        "probability_of_improvement": standing.probability and standing.probability._asdict(),
-    }

@@ -3,14 +3,13 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.benchmark.measures import column
 from pter_gym.benchmark.recorded import PRICE, Array, Recorded, Travel
-from pter_gym.benchmark.statistics import Interval
 from pter_gym.params import BASELINE
 from pter_gym.physics.friction import ClutchMode
 from pter_gym.tasks.path_following import PathFollowing
@@ -19,44 +18,6 @@ Values = NDArray[Any]
 
 Scores = dict[str, Values]
 """The fields of ``Score`` by name, each an array (N,) over episodes; ``completed`` is bool, the others are float64."""
-
-
-class Column(NamedTuple):
-    """A column of the leaderboard.
-
-    Attributes
-    ----------
-    place
-        Columns are in the order of their places.
-    title
-        As ``rich`` prints it, lines included.
-    text
-        From a score's interval to what is shown.
-    """
-
-    place: int
-    title: str
-    text: Callable[[Interval], str]
-
-
-def millimetres(interval: Interval) -> str:
-    """Return a length with its interval in millimetres."""
-    return "{:.1f} ({:.1f}…{:.1f})".format(*(1000 * x for x in interval))
-
-
-def one_decimal(interval: Interval) -> str:
-    """Return a number with one decimal."""
-    return f"{interval.value:.1f}"
-
-
-def two_decimals(interval: Interval) -> str:
-    """Return a number with two decimals."""
-    return f"{interval.value:.2f}"
-
-
-def percent(interval: Interval) -> str:
-    """Return a share in percent, to three digits."""
-    return f"{100 * interval.value:.3g}"
 
 
 class Metric(NamedTuple):
@@ -68,52 +29,40 @@ class Metric(NamedTuple):
         In words.
     find
         From many episodes to their scores, (N,).
+    from_travel
+        Whether ``find`` needs no more than ``Travel``, as those do that decide on ranks; otherwise it takes
+        ``Recorded``.
     mean
         Whether the mean over the episodes counts and not their interquartile mean.
-    column
-        How the leaderboard shows it, if it does.
-    from_travel
-        Whether ``Travel`` is enough to find it; otherwise it takes ``Recorded``.
     low, high
-        Smallest and largest value that it can have, None for none.
+        Smallest and largest value that it can have, None where there is no bound.
     """
 
     unit: str
     meaning: str
     find: Callable[[Any], Values]
-    mean: bool = False
-    column: Column | None = None
     from_travel: bool = False
-    low: float | None = None
+    mean: bool = False
+    low: float | None = 0.0
     high: float | None = None
 
 
-def of_travel(
-    unit: str,
-    meaning: str,
-    find: Callable[[Travel], Values],
-    *,
-    mean: bool = False,
-    column: Column | None = None,
-    low: float | None = 0.0,
-    high: float | None = None,
+def _of_travel(
+    unit: str, meaning: str, find: Callable[[Travel], Values], *, mean: bool = False, high: float | None = None
 ) -> Any:
-    """Declare a score that needs no more than ``Travel``, as those do that decide on ranks; see ``Metric``."""
-    return field(metadata={"metric": Metric(unit, meaning, find, mean, column, True, low, high)})
+    return field(metadata={"metric": Metric(unit, meaning, find, True, mean, high=high)})
 
 
-def of_record(
+def _of_record(
     unit: str,
     meaning: str,
     find: Callable[[Recorded], Values],
     *,
     mean: bool = False,
-    column: Column | None = None,
     low: float | None = 0.0,
     high: float | None = None,
 ) -> Any:
-    """Declare a score that needs all of the telemetry; see ``Metric``."""
-    return field(metadata={"metric": Metric(unit, meaning, find, mean, column, False, low, high)})
+    return field(metadata={"metric": Metric(unit, meaning, find, False, mean, low, high)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,73 +72,45 @@ class Score:
     Every score is finite, whatever the episode. One that ends within the start-up interval counts whole.
     """
 
-    path_error_m: float = of_travel(
+    path_error_m: float = _of_travel(
         "m",
         f"mean over ten segments of the larger of ∫|e|dt/t and ∫|e|ds/(L/10), times r^{PRICE:g} if r = t·v/(L/10) > 1, "
         f"else {1.0 + PRICE:g} − {PRICE:g}r",
         lambda e: e.segment_errors().mean(axis=0),
-        column=Column(1, "path error\n\\[mm]", millimetres),
     )
-    mean_error_m: float = of_travel("m", "time average of |e|; ranks do not use it", Travel.mean_error)
-    path_average_error_m: float = of_travel("m", "path average ∫|e|ds/L; ranks do not use it", Travel.path_average)
-    mean_pace_error: float = of_travel(
-        "1",
-        "|T·v/L − 1| with the commanded pace v",
-        Travel.mean_pace_error,
-        mean=True,
-        column=Column(3, "mean\npace\n\\[±%]", percent),
+    mean_error_m: float = _of_travel("m", "time average of |e|; ranks do not use it", Travel.mean_error)
+    path_average_error_m: float = _of_travel("m", "path average ∫|e|ds/L; ranks do not use it", Travel.path_average)
+    mean_pace_error: float = _of_travel("1", "|T·v/L − 1| with the commanded pace v", Travel.mean_pace_error, mean=True)
+    segment_pace_error: float = _of_travel(
+        "1", "mean of |t·v/(L/10) − 1| over ten segments", Travel.segment_pace_error, mean=True
     )
-    segment_pace_error: float = of_travel(
-        "1",
-        "mean of |t·v/(L/10) − 1| over ten segments",
-        Travel.segment_pace_error,
-        mean=True,
-        column=Column(4, "segment\npace\n\\[±%]", percent),
-    )
-    mean_pace_m_s: float = of_travel("m/s", "mean speed along the path", Travel.mean_pace)
-    mean_speed_m_s: float = of_record("m/s", "time average of the tip's speed", lambda e: e.mean(e.speed))
-    mean_acceleration_m_s2: float = of_record("m/s²", "time average", lambda e: e.mean_of(e.acceleration))
-    rms_acceleration_m_s2: float = of_record(
-        "m/s²",
-        "root of the mean square",
-        lambda e: e.rms_of(e.acceleration),
-        column=Column(5, "rms acc.\n\\[m/s²]", two_decimals),
-    )
-    peak_acceleration_m_s2: float = of_record("m/s²", "largest", lambda e: e.peak_of(e.acceleration))
-    raw_mean_acceleration_m_s2: float = of_record(
+    mean_pace_m_s: float = _of_travel("m/s", "mean speed along the path", Travel.mean_pace)
+    mean_speed_m_s: float = _of_record("m/s", "time average of the tip's speed", lambda e: e.mean(e.speed))
+    mean_acceleration_m_s2: float = _of_record("m/s²", "time average", lambda e: e.mean_of(e.acceleration))
+    rms_acceleration_m_s2: float = _of_record("m/s²", "root of the mean square", lambda e: e.rms_of(e.acceleration))
+    peak_acceleration_m_s2: float = _of_record("m/s²", "largest", lambda e: e.peak_of(e.acceleration))
+    raw_mean_acceleration_m_s2: float = _of_record(
         "m/s²", "time average, not filtered", lambda e: e.mean_of(e.raw_acceleration)
     )
-    raw_rms_acceleration_m_s2: float = of_record(
+    raw_rms_acceleration_m_s2: float = _of_record(
         "m/s²", "root of the mean square, not filtered", lambda e: e.rms_of(e.raw_acceleration)
     )
-    raw_peak_acceleration_m_s2: float = of_record(
+    raw_peak_acceleration_m_s2: float = _of_record(
         "m/s²", "largest, not filtered", lambda e: e.peak_of(e.raw_acceleration)
     )
-    smoothness: float = of_record(
-        "1",
-        "−ln of the dimensionless jerk; larger is smoother",
-        Recorded.smoothness,
-        low=None,
-        high=0.0,
-        column=Column(6, "smooth-\nness", one_decimal),
+    smoothness: float = _of_record(
+        "1", "−ln of the dimensionless jerk; larger is smoother", Recorded.smoothness, low=None, high=0.0
     )
-    path_length_m: float = of_record("m", "way of the tip", Recorded.way)
-    completed: bool = of_travel(
-        "1",
-        "the end of the path was reached",
-        Travel.completed,
-        mean=True,
-        high=1.0,
-        column=Column(2, "at the\nend\n\\[%]", percent),
-    )
-    duration_s: float = of_travel("s", "length of the episode", lambda e: e.end)
-    effort: float = of_record("1", "mean of (V/V_max)² over time and clutches", Recorded.effort, high=1.0)
-    dissipated_j: float = of_record("J", "energy taken by the clutches", lambda e: e.total("dissipated"))
-    hand_work_j: float = of_record("J", "work of the hand", lambda e: e.total("hand_work"), low=None)
-    saturated: float = of_record(
+    path_length_m: float = _of_record("m", "way of the tip", Recorded.way)
+    completed: bool = _of_travel("1", "the end of the path was reached", Travel.completed, mean=True, high=1.0)
+    duration_s: float = _of_travel("s", "length of the episode", lambda e: e.end)
+    effort: float = _of_record("1", "mean of (V/V_max)² over time and clutches", Recorded.effort, high=1.0)
+    dissipated_j: float = _of_record("J", "energy taken by the clutches", lambda e: e.total("dissipated"))
+    hand_work_j: float = _of_record("J", "work of the hand", lambda e: e.total("hand_work"), low=None)
+    saturated: float = _of_record(
         "1", "fraction of the time with a clutch at its largest voltage", Recorded.saturated, mean=True, high=1.0
     )
-    stuck: float = of_record(
+    stuck: float = _of_record(
         "1",
         "fraction of the time at zero degrees of freedom",
         lambda e: e.mean(column(e.steps, "mode") == ClutchMode.ZERO_DOF),
@@ -198,7 +119,9 @@ class Score:
     )
 
 
-METRICS = MappingProxyType({item.name: cast(Metric, item.metadata["metric"]) for item in fields(Score)})
+METRICS: MappingProxyType[str, Metric] = MappingProxyType(
+    {item.name: item.metadata["metric"] for item in fields(Score)}
+)
 """What each score is, by its name."""
 
 SCORES = tuple(METRICS)

@@ -14,18 +14,15 @@ from types import MappingProxyType
 
 from pter_gym.benchmark.recorded import Recorded
 from pter_gym.benchmark.simulation import simulate, time_limit
-from pter_gym.controllers import CONTROLLERS, Impedance, PaceSchedule, TorqueFeedback, bind
+from pter_gym.controllers import Impedance, PaceSchedule, TorqueFeedback
 from pter_gym.engine.batch import Batch
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 
 TABLE = Path(__file__).parents[1] / "presets" / "paces.toml"
 
-DRAWS = 64
-"""Training draws on which the damper is solved."""
-
-SEED = 5
-"""Seed of the draws."""
+DRAWS, SEED = 64, 5
+"""Number and seed of the training draws on which the damper is solved."""
 
 LOWEST, HIGHEST = 10.0, 3000.0
 """Range of the search [N·s/m]."""
@@ -46,9 +43,7 @@ def damping_table() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
     return MappingProxyType(tomllib.loads(TABLE.read_text(encoding="utf-8")))
 
 
-def damping_for_pace(
-    controller: Impedance, pace: float, scenario: str = "standard", *, draws: int = DRAWS, seed: int = SEED
-) -> float:
+def damping_for_pace(controller: Impedance, pace: float, scenario: str = "standard", *, draws: int = DRAWS) -> float:
     """Return the damper along the path [N·s/m] with which a controller keeps a pace on training draws.
 
     Where no damper from 10 to 3000 N·s/m gives that pace, it is the end of this range that comes nearest.
@@ -61,11 +56,10 @@ def damping_for_pace(
         Commanded mean speed along the path [m/s]. It is kept behind the first segment, which has the start-up.
     scenario
         Name of the scenario.
-    draws, seed
-        Number and seed of the training draws over which the pace is averaged.
+    draws
+        Number of the training draws over which the pace is averaged.
     """
-    drawn = find_scenario(scenario).randomisation(pace, contexts=draws, seed=seed)
-    machines, tasks = zip(*drawn.pairs(), strict=True)
+    machines, tasks = zip(*find_scenario(scenario).randomisation(pace, contexts=draws, seed=SEED).pairs(), strict=True)
     batch = Batch(machines, tasks)
     low, high = math.log(LOWEST), math.log(HIGHEST)
     while high - low > 1e-4:
@@ -79,11 +73,11 @@ def damping_for_pace(
 
 def solve_table() -> dict[str, dict[str, dict[str, float]]]:
     """Solve the damper of each of the paper's controllers for each scenario and pace, to four digits."""
+    laws = {"impedance": Impedance(), "torque-feedback": TorqueFeedback()}
     return {
         scenario: {
-            name: {pace: float(f"{damping_for_pace(kind(), speed, scenario):.4g}") for pace, speed in PACES.items()}
-            for name, kind in CONTROLLERS.items()
-            if kind in (Impedance, TorqueFeedback)
+            name: {pace: float(f"{damping_for_pace(law, speed, scenario):.4g}") for pace, speed in PACES.items()}
+            for name, law in laws.items()
         }
         for scenario in SCENARIOS
     }
@@ -91,6 +85,5 @@ def solve_table() -> dict[str, dict[str, dict[str, float]]]:
 
 def _cruising_pace(controller: Impedance, batch: Batch) -> float:
     tasks = [task for _, task in batch.pairs]
-    policy = bind(controller, BASELINE, batch.layout)
-    telemetry = simulate(batch, policy, list(range(len(tasks))), max(map(time_limit, tasks)))
+    telemetry = simulate(batch, controller, range(len(tasks)), max(map(time_limit, tasks)))
     return float(Recorded(telemetry, tasks, BASELINE.clutch.voltage_max).cruising_pace().mean())

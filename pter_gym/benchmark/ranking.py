@@ -1,7 +1,8 @@
 """Where ranks are decided: policies by path error, if they arrive and keep the pace."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 from pter_gym.benchmark.metrics import METRICS
 from pter_gym.benchmark.runs import Planning, ScenarioRun, join_seeds, without_copies
@@ -68,53 +69,66 @@ class Standing:
         """Its name where scores are shown."""
         return f"{self.policy} (privileged)" if self.privileged else self.policy
 
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``benchmark.json`` holds of it, in SI."""
+        return {
+            "rank": self.rank,
+            "reason": self.reason,
+            "privileged": self.privileged,
+            "planning": self.planning and asdict(self.planning),
+            "identity": self.identity,
+            **{name: interval._asdict() for name, interval in self.scores.items()},
+            "difference_to_best_m": self.difference and self.difference._asdict(),
+            "probability_of_improvement": self.probability and self.probability._asdict(),
+        }
+
 
 def find_standings(runs: Sequence[ScenarioRun]) -> tuple[Standing, ...]:
     """Rank runs on the same episodes at the same pace, the best first; a policy's training seeds count as one."""
     seeds: dict[str, list[ScenarioRun]] = {}
     for run in without_copies(runs)[0]:
         seeds.setdefault(run.conditions.policy, []).append(run)
-    runs = [join_seeds(each) for each in seeds.values()]
-    judged = [_judge(run) for run in runs]
-    order = sorted(range(len(runs)), key=lambda k: _place(judged[k]))
-    best = runs[order[0]] if judged[order[0]].reason is None else None
+    judged = sorted(((_judge(run), run) for run in map(join_seeds, seeds.values())), key=_place)
+    first, best = judged[0]
     standings: list[Standing] = []
-    for place, k in enumerate(order):
-        found = judged[k]
-        against = {} if best is None or best is runs[k] else _against(runs[k], best)
-        standings.append(replace(found, rank=None if found.reason else place + 1, **against))
+    for place, (standing, run) in enumerate(judged):
+        against = {} if first.reason or run is best else _against(run, best)
+        standings.append(replace(standing, rank=None if standing.reason else place + 1, **against))
     return tuple(standings)
 
 
 def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
     """Return in words why a policy with these scores at a pace [m/s] has no rank, or None if it has one."""
     reasons: list[str] = []
+    completed, mean_pace, segments = (
+        scores[name].value for name in ("completed", "mean_pace_error", "segment_pace_error")
+    )
     limit = f"limit {100 * PACE_ERROR:g} %"
-    completed = scores["completed"].value
     if completed < COMPLETION:
         reasons.append(f"arrives in {100 * completed:.3g} % of the episodes ({100 * COMPLETION:g} % needed)")
-    if scores["mean_pace_error"].value > PACE_ERROR:
+    if mean_pace > PACE_ERROR:
         speed = scores["mean_pace_m_s"].value
         way = "fast" if speed > pace else "slow"
-        off = _percent(scores["mean_pace_error"])
-        reasons.append(f"too {way}: mean pace {speed:.2g} for {pace:g} m/s, {off} off ({limit})")
-    if scores["segment_pace_error"].value > PACE_ERROR:
-        reasons.append(f"uneven: segments {_percent(scores['segment_pace_error'])} off the pace ({limit})")
+        reasons.append(f"too {way}: mean pace {speed:.2g} for {pace:g} m/s, {100 * mean_pace:.3g} % off ({limit})")
+    if segments > PACE_ERROR:
+        reasons.append(f"uneven: segments {100 * segments:.3g} % off the pace ({limit})")
     return "; ".join(reasons) or None
 
 
 def _judge(run: ScenarioRun) -> Standing:
+    """Return what a policy scored, and why it has no rank if it has none; the rank comes later."""
     scores = {
         name: bootstrap_interval(run.scores[name], mean if metric.mean else interquartile_mean, strata=run.strata)
         for name, metric in METRICS.items()
     }
     at = run.conditions
-    reasons = [PRIVILEGED] if run.planning and run.planning.privileged else []
-    reasons += [reason] if (reason := reason_below(scores, PACES[at.pace])) else []
+    privileged = PRIVILEGED if run.planning and run.planning.privileged else None
+    reasons = [reason for reason in (privileged, reason_below(scores, PACES[at.pace])) if reason]
     return Standing(at.policy, at.identity, None, "; ".join(reasons) or None, scores, planning=run.planning)
 
 
-def _place(standing: Standing) -> tuple[bool, float, str]:
+def _place(judged: tuple[Standing, ScenarioRun]) -> tuple[bool, float, str]:
+    standing, _ = judged
     return standing.reason is not None, standing.scores["path_error_m"].value, standing.policy
 
 
@@ -127,7 +141,3 @@ def _against(run: ScenarioRun, best: ScenarioRun) -> dict[str, Interval]:
         "difference": difference_interval(mine, other, strata=strata),
         "probability": probability_of_improvement(mine, other, strata=strata),
     }
-
-
-def _percent(interval: Interval) -> str:
-    return f"{100 * interval.value:.3g} %"

@@ -22,9 +22,6 @@ AnyPolicy = Controller | Callable[[Observations], Any]
 
 Columns = slice | list[int]
 
-ALL = slice(None)
-"""All columns of the telemetry."""
-
 
 class Rollout:
     """New episodes in a batch, one in each world, as far as a policy has taken them.
@@ -36,7 +33,7 @@ class Rollout:
     seeds
         Of the resets, N of them.
     columns
-        Of the telemetry that is kept.
+        Of the telemetry that is kept; all by default.
 
     Attributes
     ----------
@@ -52,7 +49,7 @@ class Rollout:
         Observations of the control steps that were decided one by one.
     """
 
-    def __init__(self, batch: Batch, seeds: Sequence[int], columns: Columns = ALL) -> None:
+    def __init__(self, batch: Batch, seeds: Sequence[int], columns: Columns = slice(None)) -> None:
         self.batch = batch
         self.obs, first = batch.reset(seeds)
         self.steps = 0
@@ -73,9 +70,9 @@ class Rollout:
             policy.reset_in(self.batch)
 
     def advance(self, policy: BoundPolicy, steps: int) -> None:
-        """Go on by one control step, with a compiled law by so many at once."""
+        """Go on by one control step, or with a compiled law, which runs inside the kernel, by so many at once."""
         if isinstance(policy, Policy):
-            self._follow(policy.law, policy.gains, steps)
+            self._keep(*self.batch.rollout(self.obs, policy.law, policy.gains, steps, self._memory))
         else:
             self.step(policy)
 
@@ -89,12 +86,8 @@ class Rollout:
         self.seen.append(returns.obs)
         self._keep(returns.obs, returns.telemetry)
 
-    def _follow(self, law: Callable[..., Any], gains: Array, steps: int) -> None:
-        """Go on by so many control steps with a compiled law, which runs inside the kernel with a memory of its own."""
-        self._keep(*self.batch.rollout(self.obs, law, gains, steps, self._memory))
-
     def _keep(self, obs: Observations, rows: Array) -> None:
-        """Keep the telemetry of further control steps, (T, N, len(TELEMETRY)), and the last observations."""
+        """Keep the last observations and the telemetry of further control steps, (T, N, len(TELEMETRY))."""
         self.obs = obs
         self.steps += len(rows)
         self.ended = rows[-1, :, COLUMN.terminated] != 0.0  # NaN after the end
@@ -118,7 +111,7 @@ def run(
     seeds: Sequence[int],
     limits: Sequence[int],
     *,
-    columns: Columns = ALL,
+    columns: Columns = slice(None),
     stride: int | None = None,
 ) -> Rollout:
     """Run new episodes until each has ended or reached its limit.
@@ -132,9 +125,9 @@ def run(
     seeds, limits
         Of the resets, and control steps after which an episode is truncated, N each.
     columns
-        Of the telemetry that is kept.
+        Of the telemetry that is kept; all by default.
     stride
-        Control steps after which a compiled law is looked after; it runs to the largest limit by default.
+        Control steps of a compiled law between two looks at who has ended; it runs to the largest limit by default.
     """
     episodes = Rollout(batch, seeds, columns)
     acting = bind(policy, BASELINE, batch.layout)
@@ -148,12 +141,7 @@ def run(
 def simulate(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: int) -> Array:
     """Return the telemetry of new episodes, (steps + 1, N, len(TELEMETRY)), NaN after the end of an episode.
 
-    Parameters
-    ----------
-    batch, policy, seeds
-        As in ``run``.
-    max_steps
-        Control steps after which an episode is truncated.
+    Arguments are those of ``run``; all episodes are truncated after ``max_steps`` control steps.
     """
     return run(batch, policy, seeds, [max_steps] * batch.num_worlds).telemetry
 
@@ -208,8 +196,7 @@ def record_episode(
         episode.step(acting)
         on_step()
     telemetry = episode.telemetry[:, 0]
-    volts = telemetry[1:, [*COLUMN.volts]].astype(np.float32)
-    return Episode(telemetry, np.concatenate(episode.seen), volts)
+    return Episode(telemetry, np.concatenate(episode.seen), telemetry[1:, [*COLUMN.volts]].astype(np.float32))
 
 
 def sensors_of(policy: AnyPolicy) -> Sensors:

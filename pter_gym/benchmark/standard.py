@@ -18,8 +18,6 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
-Array = NDArray[np.float64]
-
 TIME_CONSTANTS = (0.01, 0.03, 0.06, 0.105, 0.15, 0.2)
 """Time constants of the clutches [s] that a run covers; 0.105 is the manufacturer's (paper section IV-C.3)."""
 
@@ -43,7 +41,7 @@ class Run:
 
     time_constant: float
     score: Score
-    telemetry: Array
+    telemetry: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -56,24 +54,22 @@ class Result:
     runs: dict[str, tuple[Run, ...]]
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``benchmark.json`` holds; lengths in m, times in s, energies in J."""
+        """Return what ``benchmark.json`` holds; lengths in m, times in s, energies in J.
+
+        ``config_hash`` is the SHA-256 of all that the test depends on, apart from the policies and the seed.
+        """
         time_constants = [run.time_constant for run in next(iter(self.runs.values()))]
+        config = {"machine": asdict(self.machine), "task": asdict(self.task), "time_constants": time_constants}
         return {
             "scenario": "standard",
             "seed": self.seed,
             "version": __version__,
-            "config_hash": config_hash(self.machine, self.task, time_constants),
+            "config_hash": hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest(),
             "policies": {
                 name: [{"time_constant_s": run.time_constant, **asdict(run.score)} for run in runs]
                 for name, runs in self.runs.items()
             },
         }
-
-
-def config_hash(machine: Machine, task: PathFollowing, time_constants: Sequence[float]) -> str:
-    """Return the SHA-256 of all that a standard test depends on, apart from the policies and the seed."""
-    config = {"machine": asdict(machine), "task": asdict(task), "time_constants": list(time_constants)}
-    return hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest()
 
 
 def run_standard_test(
@@ -117,11 +113,9 @@ def run_standard_test(
     for name, policy in policies.items():
         batch = Batch(machines, task, sensors=sensors_of(policy))
         telemetry = simulate(batch, bind(policy, machine, batch.layout), [seed] * len(machines), MAX_STEPS)
-        runs[name] = tuple(_run(tau, telemetry[:, world], task) for world, tau in enumerate(time_constants))
+        episodes = (rows[np.isfinite(rows[:, COLUMN.time])] for rows in telemetry.swapaxes(0, 1))
+        runs[name] = tuple(
+            Run(tau, score(rows, task), rows) for tau, rows in zip(time_constants, episodes, strict=True)
+        )
         on_progress(name)
     return Result(task=task, machine=machine, seed=seed, runs=runs)
-
-
-def _run(time_constant: float, telemetry: Array, task: PathFollowing) -> Run:
-    finished = telemetry[np.isfinite(telemetry[:, COLUMN.time])]
-    return Run(time_constant=time_constant, score=score(finished, task), telemetry=finished)

@@ -3,8 +3,9 @@
 The measures are those of Agarwal, Schwarzer, Castro, Courville and Bellemare, "Deep reinforcement learning at the edge
 of the statistical precipice", NeurIPS 2021. Here two policies meet the same episodes, so they are compared in pairs.
 
-Episodes are drawn again within their stratum. Several training seeds are a further stratum: label each value
-by both, as in ``strata=[(stratum, seed), …]``.
+All intervals are stratified percentile bootstraps: ``strata`` holds one label per episode, and episodes are drawn again
+within their stratum; by default there is one. Training seeds are a further stratum: label each value by both, as in
+``strata=[(stratum, seed), …]``. A ``Statistic`` goes from values (…, N) to (…).
 """
 
 from collections.abc import Callable, Hashable, Sequence
@@ -16,6 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Statistic = Callable[[Array], Array]
+Strata = Sequence[Hashable] | None
+Pair = tuple[Strata, Strata]
 
 RESAMPLES = 2000
 """Bootstrap samples of an interval."""
@@ -37,10 +40,9 @@ class Interval(NamedTuple):
 
 def interquartile_mean(values: ArrayLike) -> Array:
     """Return the mean of the middle half, over the last axis: ⌊n/4⌋ values are left out at each end."""
-    values = np.asarray(values, np.float64)
-    size = values.shape[-1]
-    cut = size // 4
-    return np.sort(values, axis=-1)[..., cut : size - cut].mean(axis=-1)
+    ordered = np.sort(np.asarray(values, np.float64), axis=-1)
+    cut = ordered.shape[-1] // 4
+    return ordered[..., cut : ordered.shape[-1] - cut].mean(axis=-1)
 
 
 def mean(values: ArrayLike) -> Array:
@@ -49,135 +51,59 @@ def mean(values: ArrayLike) -> Array:
 
 
 def bootstrap_interval(
-    values: ArrayLike,
-    statistic: Statistic = interquartile_mean,
-    *,
-    strata: Sequence[Hashable] | None = None,
-    resamples: int = RESAMPLES,
-    seed: int = SEED,
+    values: ArrayLike, statistic: Statistic = interquartile_mean, *, strata: Strata = None
 ) -> Interval:
-    """Return a statistic of episodes with its stratified percentile bootstrap interval.
-
-    Parameters
-    ----------
-    values
-        One per episode, shape (N,).
-    statistic
-        From (…, N) to (…).
-    strata
-        One label per episode; all alike by default.
-    resamples, seed
-        Number of bootstrap samples and seed of their draws.
-    """
+    """Return a statistic of episodes, shape (N,), with its interval."""
     values = np.asarray(values, np.float64)
-    samples = statistic(values[resample(len(values), strata, resamples, seed)])
-    return _interval(float(statistic(values)), samples)
+    chosen = resample(len(values), strata)
+    return _interval(statistic(values), statistic(values[chosen]))
 
 
 def difference_interval(
-    a: ArrayLike,
-    b: ArrayLike,
-    statistic: Statistic = interquartile_mean,
-    *,
-    strata: Sequence[Hashable] | None = None,
-    resamples: int = RESAMPLES,
-    seed: int = SEED,
+    a: ArrayLike, b: ArrayLike, statistic: Statistic = interquartile_mean, *, strata: Strata = None
 ) -> Interval:
-    """Return statistic(a) − statistic(b) of two policies on the same episodes, shape (N,) each; see above."""
+    """Return statistic(a) − statistic(b) of two policies on the same episodes, shape (N,) each."""
     a, b = _paired(a, b)
-    chosen = resample(len(a), strata, resamples, seed)
-    return _interval(float(statistic(a) - statistic(b)), statistic(a[chosen]) - statistic(b[chosen]))
+    chosen = resample(len(a), strata)
+    return _interval(statistic(a) - statistic(b), statistic(a[chosen]) - statistic(b[chosen]))
 
 
 def unpaired_interval(
-    a: ArrayLike,
-    b: ArrayLike,
-    statistic: Statistic = interquartile_mean,
-    *,
-    strata: tuple[Sequence[Hashable] | None, Sequence[Hashable] | None] = (None, None),
-    resamples: int = RESAMPLES,
-    seed: int = SEED,
+    a: ArrayLike, b: ArrayLike, statistic: Statistic = interquartile_mean, *, strata: Pair = (None, None)
 ) -> Interval:
-    """Return statistic(a) − statistic(b) on different episodes, shapes (N,) and (M,): each is drawn again by itself.
+    """Return statistic(a) − statistic(b) on different episodes, shapes (N,) and (M,), each drawn by itself.
 
-    Parameters
-    ----------
-    a, b
-        One value per episode.
-    statistic
-        From (…, N) to (…).
-    strata
-        One label per episode of a, and of b; all alike by default.
-    resamples, seed
-        As in ``bootstrap_interval``; b has the seed after that of a.
+    ``strata`` are those of a and those of b.
     """
-    values = [np.asarray(each, np.float64) for each in (a, b)]
-    samples = [
-        statistic(each[resample(len(each), labels, resamples, seed + k)])
-        for k, (each, labels) in enumerate(zip(values, strata, strict=True))
-    ]
-    return _interval(float(statistic(values[0]) - statistic(values[1])), samples[0] - samples[1])
+    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    drawn = statistic(a[resample(len(a), strata[0])]) - statistic(b[resample(len(b), strata[1], seed=SEED + 1)])
+    return _interval(statistic(a) - statistic(b), drawn)
 
 
-def probability_of_improvement(
-    a: ArrayLike,
-    b: ArrayLike,
-    *,
-    strata: Sequence[Hashable] | None = None,
-    resamples: int = RESAMPLES,
-    seed: int = SEED,
-) -> Interval:
-    """Return the fraction of episodes in which a's error is smaller than b's, ties counted half, with its interval.
-
-    Parameters
-    ----------
-    a, b
-        Errors of two policies on the same episodes, shape (N,) each.
-    strata, resamples, seed
-        As in ``bootstrap_interval``.
-    """
+def probability_of_improvement(a: ArrayLike, b: ArrayLike, *, strata: Strata = None) -> Interval:
+    """Return the fraction of episodes in which a's error is smaller than b's, shape (N,) each; ties count half."""
     a, b = _paired(a, b)
-    wins = 0.5 * ((a < b).astype(np.float64) + (a <= b))
-    return bootstrap_interval(wins, mean, strata=strata, resamples=resamples, seed=seed)
+    return bootstrap_interval(0.5 * ((a < b).astype(np.float64) + (a <= b)), mean, strata=strata)
 
 
 class Profile(NamedTuple):
-    """A performance profile: which fraction of the episodes has an error of at most each threshold.
+    """A performance profile: the fraction of episodes within each of K errors, and its interval point by point."""
 
-    Attributes
-    ----------
-    thresholds
-        Errors, shape (K,).
-    fraction, low, high
-        Fraction of the episodes, and its interval point by point, shape (K,).
-    """
-
-    thresholds: Array
     fraction: Array
     low: Array
     high: Array
 
 
-def performance_profile(
-    errors: ArrayLike,
-    thresholds: ArrayLike,
-    *,
-    strata: Sequence[Hashable] | None = None,
-    resamples: int = RESAMPLES,
-    seed: int = SEED,
-) -> Profile:
-    """Return the performance profile of errors (N,) at thresholds (K,)."""
-    errors, thresholds = np.asarray(errors, np.float64), np.asarray(thresholds, np.float64)
-    within = (errors <= thresholds[:, None]).astype(np.float64)
-    times_drawn = _times_drawn(resample(len(errors), strata, resamples, seed))
-    low, high = _percentiles(within @ times_drawn.T / len(errors))
-    return Profile(thresholds, within.sum(axis=-1) / len(errors), low, high)
+def performance_profile(errors: ArrayLike, thresholds: ArrayLike, *, strata: Strata = None) -> Profile:
+    """Return which fraction of errors (N,) is at most each of the thresholds (K,)."""
+    errors = np.asarray(errors, np.float64)
+    within = (errors <= np.asarray(thresholds, np.float64)[:, None]).astype(np.float64)
+    times_drawn = np.array([np.bincount(sample, minlength=len(errors)) for sample in resample(len(errors), strata)])
+    return Profile(within.mean(axis=-1), *_percentiles(within @ times_drawn.T / len(errors)))
 
 
-def resample(
-    size: int, strata: Sequence[Hashable] | None, resamples: int = RESAMPLES, seed: int = SEED
-) -> NDArray[np.intp]:
-    """Return bootstrap samples of episode numbers, shape (resamples, size): each within the stratum of its place."""
+def resample(size: int, strata: Strata, resamples: int = RESAMPLES, seed: int = SEED) -> NDArray[np.intp]:
+    """Return bootstrap samples of episode numbers, shape (resamples, size), each within the stratum of its place."""
     if size < 1:
         raise ValueError("statistics need at least one episode")
     labels = [None] * size if strata is None else list(strata)
@@ -201,13 +127,6 @@ def _drawn(groups: tuple[tuple[int, ...], ...], resamples: int, seed: int) -> ND
     return chosen
 
 
-def _times_drawn(chosen: NDArray[np.intp]) -> Array:
-    """Return how often each episode is in each bootstrap sample, shape (resamples, size)."""
-    samples, size = len(chosen), chosen[0].size
-    places: NDArray[np.intp] = np.add(chosen, size * np.arange(samples)[:, None])
-    return np.bincount(places.ravel(), minlength=chosen.size).reshape(samples, size).astype(np.float64)
-
-
 def _paired(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
     first, second = np.asarray(a, np.float64), np.asarray(b, np.float64)
     if first.ndim != 1 or first.shape != second.shape:
@@ -221,6 +140,6 @@ def _percentiles(samples: Array) -> tuple[Array, Array]:
     return low, high
 
 
-def _interval(value: float, samples: Array) -> Interval:
+def _interval(value: Array, samples: Array) -> Interval:
     low, high = _percentiles(samples)
-    return Interval(value, float(low), float(high))
+    return Interval(float(value), float(low), float(high))

@@ -15,9 +15,6 @@ from pter_gym.tasks.path_following import TELEMETRY
 
 Array = NDArray[np.float64]
 
-POLICY = "policy"
-"""The first column: whose episode a row is of."""
-
 
 def write_trajectories(episodes: Mapping[str, Array], path: Path) -> None:
     """Write episodes below each other to a file, whole or not at all; the same episodes give the same bytes.
@@ -27,10 +24,10 @@ def write_trajectories(episodes: Mapping[str, Array], path: Path) -> None:
     episodes
         By the name of the policy: telemetry from the reset on, where the time is 0, float64 (T + 1, len(TELEMETRY)).
     path
-        A file that ends in ``.csv`` or ``.npz``; its folder must exist.
+        A file in a folder that exists.
 
-        - ``.csv``: one line of ``headings``, then a line for each control step. A number is written with as many
-          digits as bring back its bits.
+        - ``.csv``: headings such as ``policy``, ``time [s]`` and ``mode``, then a line for each control step. A number
+          has as many digits as bring back its bits.
         - ``.npz``: an array for each column under its name without the unit, and ``names`` and ``units`` of the
           columns; no pickles.
 
@@ -49,15 +46,10 @@ def check_table(path: Path) -> None:
         raise unknown_name("csv's ending", path.suffix, WRITERS)
 
 
-def headings() -> list[str]:
-    """Return the headings of a CSV file: ``policy``, then ``name [unit]`` or, of pure numbers, ``name``."""
-    return [POLICY, *(f.name if f.unit == "1" else f"{f.name} [{f.unit}]" for f in TELEMETRY.fields)]
-
-
 def _as_csv(episodes: Mapping[str, Array]) -> bytes:
     text = io.StringIO(newline="")
     rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(headings())
+    rows.writerow(["policy", *(f.name if f.unit == "1" else f"{f.name} [{f.unit}]" for f in TELEMETRY.fields)])
     for name, telemetry in episodes.items():
         rows.writerows([name, *row] for row in telemetry.tolist())
     return text.getvalue().encode()

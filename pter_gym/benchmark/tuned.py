@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
-from pter_gym.errors import DataError, ParameterError, unknown_name
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text, reading
 from pter_gym.policies.stored_gains import restore_guided
@@ -54,14 +54,14 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
         raise unknown_name("policies", name, TUNED)
     controller, path = name.removesuffix(SUFFIX), find_path("path", path)
     table = read_table(path)
-    known = next((table[s] for s in (scenario or FALLBACK, FALLBACK) if s in table and table[s].get(controller)), None)
-    if known is None:
-        raise ParameterError(
-            f"policies: there are no tuned gains of {controller!r} for {scenario or FALLBACK!r} or {FALLBACK!r}; "
-            f"`pter tune {controller}` finds some"
-        )
-    knots = [(PACES[pace], controller_of(controller, entry, path)) for pace, entry in known[controller].items()]
-    return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])))
+    for place in (scenario or FALLBACK, FALLBACK):
+        if entries := table.get(place, {}).get(controller):
+            knots = [(PACES[pace], controller_of(controller, entry, path)) for pace, entry in entries.items()]
+            return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])))
+    raise ParameterError(
+        f"policies: there are no tuned gains of {controller!r} for {scenario or FALLBACK!r} or {FALLBACK!r}; "
+        f"`pter tune {controller}` finds some"
+    )
 
 
 def read_table(path: FilePath = TABLE) -> Table:
@@ -70,19 +70,21 @@ def read_table(path: FilePath = TABLE) -> Table:
     Raises
     ------
     DataError
-        If the file cannot be read or names a controller or pace that there is none of.
+        If the file cannot be read, names an unknown controller or pace, or does not hold tables.
     """
     path = find_path("path", path)
     with reading(f"tuned gains {path} cannot be read"):
         table = parse_toml(read_text(path, MOST_TOML)) if path.exists() else {}
-    for scenario, controllers in table.items():
-        for controller, paces in _table(controllers, scenario, path).items():
-            if controller not in TUNABLE:
-                raise DataError(f"tuned gains {path}: {scenario}.{controller} is no controller with gains")
-            for pace, entry in _table(paces, f"{scenario}.{controller}", path).items():
-                if pace not in PACES:
-                    raise DataError(f"tuned gains {path}: {scenario}.{controller}.{pace} is no pace")
-                _check_entry(_table(entry, pace, path), f"{scenario}.{controller}.{pace}", path)
+        for scenario, controllers in table.items():
+            for controller, paces in _table(controllers, scenario).items():
+                if controller not in TUNABLE:
+                    raise ValueError(f"{scenario}: there is no controller with gains called {controller!r}")
+                for pace, entry in _table(paces, f"{scenario}.{controller}").items():
+                    where = f"{scenario}.{controller}.{pace}"
+                    if pace not in PACES:
+                        raise ValueError(f"{where}: there is no pace {pace!r}")
+                    _table(_table(entry, where).get("gains"), f"{where}.gains")
+                    _table(entry.get("defaults", {}), f"{where}.defaults")
     return table
 
 
@@ -92,19 +94,13 @@ def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
     Raises
     ------
     DataError
-        If a gain is unknown or refused, or is in none of both and does not declare what its absence meant.
+        If a gain is unknown or refused, or a missing one does not declare what its absence means.
     """
     with reading(f"tuned gains {path}"):
         return restore_guided(name, entry["gains"], entry.get("defaults"))
 
 
-def _check_entry(entry: Mapping[str, Any], where: str, path: Path) -> None:
-    """Raise a DataError unless an entry has gains; it may have the defaults that they rely on."""
-    for name, part in (("gains", entry.get("gains")), ("defaults", entry.get("defaults", {}))):
-        _table(part, f"{where}.{name}", path)
-
-
-def _table(value: object, where: str, path: Path) -> dict[str, Any]:
+def _table(value: object, where: str) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise DataError(f"tuned gains {path}: {where} must be a table")
+        raise ValueError(f"{where} must be a table")
     return cast("dict[str, Any]", value)

@@ -1,9 +1,10 @@
 """``pter benchmark``: controllers on the paper's standard test, or ranked on a scenario."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -15,7 +16,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.internal.terminal import make_folder, progress_bar, say, terminal
 
 if TYPE_CHECKING:
-    from pter_gym.benchmark import Leaderboard, Result
+    from pter_gym.benchmark import Leaderboard, Result, Score
     from pter_gym.benchmark.runs import ScenarioRun
     from pter_gym.benchmark.simulation import AnyPolicy
 
@@ -61,24 +62,19 @@ def benchmark(
         out: Folder for the results; made if need be.
     """
     if scenario is None:
-        given = {
-            "paces": paces != PACES,
-            "episodes": episodes is not None,
-            "fresh": fresh is not None,
-            "isolated": isolated,
-        }
-        refuse(given, "--scenario")
+        on_scenario = {"paces": paces != PACES, "episodes": episodes, "fresh": fresh, "isolated": isolated}
+        refuse(on_scenario, "--scenario")
         standard_test(split(policies), machine, numbers("time_constants", time_constants), seed, out)
     else:
-        given = {"machine": machine != MACHINE, "time_constants": time_constants != TIME_CONSTANTS}
-        refuse(given, "no --scenario: it has machines of its own")
+        in_test = {"machine": machine != MACHINE, "time_constants": time_constants != TIME_CONSTANTS}
+        refuse(in_test, "no --scenario: it has machines of its own")
         scenario_benchmark(scenario, split(policies), split(paces), episodes, fresh, seed, out, isolated=isolated)
 
 
-def refuse(given: Mapping[str, bool], needed: str) -> None:
+def refuse(given: Mapping[str, object], needed: str) -> None:
     """Raise a ParameterError that names an argument that was given where it has no meaning."""
-    for name, is_given in given.items():
-        if is_given:
+    for name, value in given.items():
+        if value is not None and value is not False:
             raise ParameterError(f"{name} needs {needed}")
 
 
@@ -177,46 +173,35 @@ def fresh_number(text: str | None, scenario: str, policies: "Mapping[str, AnyPol
     return int(text)
 
 
+COLUMNS: "Mapping[str, Callable[[Score], str]]" = MappingProxyType(
+    {
+        "path\nerror\n\\[mm]": lambda s: f"{1000 * s.path_error_m:.1f}",
+        "mean\nerror\n\\[mm]": lambda s: f"{1000 * s.mean_error_m:.1f}",
+        "mean\nspeed\n\\[m/s]": lambda s: f"{s.mean_speed_m_s:.3f}",
+        "mean\nacc.\n\\[m/s²]": lambda s: f"{s.mean_acceleration_m_s2:.2f}",
+        "peak\nacc.\n\\[m/s²]": lambda s: f"{s.peak_acceleration_m_s2:.2f}",
+        "way\n\n\\[m]": lambda s: f"{s.path_length_m:.3f}",
+        "at\nthe\nend": lambda s: "yes" if s.completed else "no",
+        "time\n\n\\[s]": lambda s: f"{s.duration_s:.2f}",
+        "brake\nwork\n\\[J]": lambda s: f"{s.dissipated_j:.2f}",
+    }
+)
+"""The scores of the standard test that are printed, by the titles of their columns."""
+
+
 def scores_table(result: "Result") -> Table:
     """Return a table with one row per policy and time constant, in SI; it fits a terminal of 80 columns."""
-    table = Table(
-        title=f"The paper's standard test, seed {result.seed}",
+    from pter_gym.benchmark.leaderboard import plain_table
+
+    table = plain_table(
+        f"The paper's standard test, seed {result.seed}",
+        ["policy", "τ\n\n\\[s]", *COLUMNS],
         caption="path error: at equal pace, mean over ten segments; docs/scoring.md says how",
-        box=None,
-        padding=(0, 1),
-        collapse_padding=True,
-        pad_edge=False,
     )
-    table.add_column("policy", no_wrap=True)
-    for header in (
-        "τ\n\n\\[s]",
-        "path\nerror\n\\[mm]",
-        "mean\nerror\n\\[mm]",
-        "mean\nspeed\n\\[m/s]",
-        "mean\nacc.\n\\[m/s²]",
-        "peak\nacc.\n\\[m/s²]",
-        "way\n\n\\[m]",
-        "at\nthe\nend",
-        "time\n\n\\[s]",
-        "brake\nwork\n\\[J]",
-    ):
-        table.add_column(header, justify="right", no_wrap=True)
     for name, runs in result.runs.items():
         for k, run in enumerate(runs):
-            s = run.score
-            table.add_row(
-                escape(name) if k == 0 else "",
-                f"{run.time_constant:g}",
-                f"{1000 * s.path_error_m:.1f}",
-                f"{1000 * s.mean_error_m:.1f}",
-                f"{s.mean_speed_m_s:.3f}",
-                f"{s.mean_acceleration_m_s2:.2f}",
-                f"{s.peak_acceleration_m_s2:.2f}",
-                f"{s.path_length_m:.3f}",
-                "yes" if s.completed else "no",
-                f"{s.duration_s:.2f}",
-                f"{s.dissipated_j:.2f}",
-            )
+            texts = [text(run.score) for text in COLUMNS.values()]
+            table.add_row(escape(name) if k == 0 else "", f"{run.time_constant:g}", *texts)
         table.add_row()
     return table
 

@@ -1,4 +1,4 @@
-"""The stored evaluation episodes, and what happens when somebody changes them."""
+"""The evaluation episodes, stored and fresh, and what happens when somebody changes the stored ones."""
 
 import gzip
 import hashlib
@@ -11,16 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pter_gym.benchmark.episodes import (
-    CHECKSUMS,
-    FOLDER,
-    SEEDS,
-    find_episodes,
-    fresh_episodes,
-    load_episodes,
-    scenarios,
-    store_episodes,
-)
+from pter_gym.benchmark.episodes import CHECKSUMS, FOLDER, find_episodes, load_episodes, scenarios, store_episodes
 from pter_gym.controllers import Free
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
@@ -34,6 +25,8 @@ from pter_gym.tasks.path_following import COLUMN, PathFollowing
 PINNED_SEEDS, PINNED_PHASE = (4215971544462223395, 7145062265811555858), 2.012818905321554
 """Of the first fresh episodes of one seed: results that name a seed mean the same episodes for ever."""
 
+SOME = ["standard", *(pytest.param(n, marks=pytest.mark.long) for n in SCENARIOS if n != "standard")]
+
 TASKS = [PathFollowing(), PathFollowing(path=Line(length=0.5)), PathFollowing()]
 
 
@@ -42,43 +35,20 @@ def store(folder: Path, version: int = 1) -> Path:
     return store_episodes("mine", machines, TASKS, [3, 1, 2], ["a", "b", "a"], version=version, folder=folder)
 
 
-@pytest.fixture
-def copy(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(FOLDER, tmp_path / "episodes"))
-
-
-@pytest.mark.parametrize("scenario", scenarios())
-def test_the_package_has_whole_episodes(scenario: str) -> None:
-    for pace, speed in PACES.items():
-        episodes = load_episodes(scenario, pace)
-        assert len(episodes) >= 200
-        assert {task.pace for task in episodes.tasks} == {speed}
-        assert len(episodes.machines) == len(episodes.tasks) == len(episodes.strata) == len(episodes)
-
-
-def test_ranks_on_the_standard_scenario_use_many_phase_sets() -> None:
-    tasks = load_episodes("standard", "medium").tasks
-    hands = {task.hand for task in tasks}
-    assert len(hands) >= 200
-    assert all(isinstance(hand, MultiSineHand) and not hand.random_phases for hand in hands)
-
-
-def test_what_was_stored_is_read(tmp_path: Path) -> None:
-    path = store(tmp_path)
-    episodes = load_episodes("mine", "brisk", folder=tmp_path)
+def test_what_was_stored_is_read_and_the_same_episodes_are_the_same_bytes(tmp_path: Path) -> None:
+    path = store(tmp_path / "some" / "where")
+    episodes = load_episodes("mine", "brisk", folder=path.parent)
     assert [task.path for task in episodes.tasks] == [task.path for task in TASKS]
+    assert {task.pace for task in episodes.tasks} == {PACES["brisk"]}
     assert episodes.machines[1] == DELRIN_EXPERIMENTAL
     assert episodes.machines[0] is episodes.machines[2]
     assert episodes.tasks[0] is episodes.tasks[2]
     assert (episodes.seeds, episodes.strata) == ((3, 1, 2), ("a", "b", "a"))
     assert len(json.loads(gzip.decompress(path.read_bytes()))["parts"]) == 4
-    assert scenarios(tmp_path) == ("mine",)
-
-
-def test_the_same_episodes_are_the_same_bytes(tmp_path: Path) -> None:
-    first, second = (store(tmp_path / name).read_bytes() for name in ("a", "b"))
-    assert first == second
-    assert store(tmp_path / "c", version=2).read_bytes() != first
+    assert store(tmp_path / "again").read_bytes() == path.read_bytes() != store(tmp_path / "new", 2).read_bytes()
+    store_episodes("earlier", [BASELINE], [PathFollowing()], [3], ["a"], version=1, folder=path.parent)
+    assert list(json.loads((path.parent / CHECKSUMS).read_text())) == ["earlier", "mine"]
+    assert scenarios(path.parent) == ("earlier", "mine")
 
 
 @pytest.mark.slow
@@ -92,13 +62,6 @@ def test_the_shipped_episodes_can_be_made_again_byte_for_byte(scenario: Scenario
     assert path.read_bytes() == (FOLDER / path.name).read_bytes()
 
 
-def test_a_folder_is_made_and_its_checksums_are_in_order(tmp_path: Path) -> None:
-    folder = tmp_path / "some" / "where"
-    store(folder)
-    store_episodes("earlier", [BASELINE], [PathFollowing()], [3], ["a"], version=1, folder=folder)
-    assert list(json.loads((folder / CHECKSUMS).read_text())) == ["earlier", "mine"]
-
-
 def test_a_new_scenario_is_drawn_by_its_name_and_version() -> None:
     new = replace(SCENARIOS["hands"], episodes=3, place=None)
     first = evaluation_draws(new)
@@ -108,24 +71,16 @@ def test_a_new_scenario_is_drawn_by_its_name_and_version() -> None:
         assert evaluation_draws(other) != first
 
 
-# --- fresh ones ---
-
-
-@pytest.mark.parametrize("scenario", SCENARIOS)
-def test_fresh_episodes_are_as_many_with_the_same_strata(scenario: str) -> None:
-    stored, fresh = load_episodes(scenario, "slow"), fresh_episodes(scenario, "slow", 7)
-    assert fresh.strata == stored.strata
-    assert len(fresh.machines) == len(fresh.tasks) == len(fresh.seeds) == len(stored)
-    field = SCENARIOS[scenario].stratum
-    assert [type(getattr(task, field)).__name__ for task in fresh.tasks] == list(fresh.strata)
-    assert {task.pace for task in fresh.tasks} == {PACES["slow"]}
-
-
-@pytest.mark.parametrize("name", SCENARIOS)
-def test_no_episode_is_drawn_twice(name: str) -> None:
+@pytest.mark.parametrize("name", SOME)
+def test_no_episode_is_drawn_twice_and_all_sets_have_the_same_strata(name: str) -> None:
     """Stored ones, fresh ones of all paces and several seeds, and training draws have no episode in common."""
-    fresh = [("medium", 2**64 - 1), *((pace, 0) for pace in PACES)]
-    sets = [load_episodes(name, "medium"), *(fresh_episodes(name, pace, seed) for pace, seed in fresh)]
+    fresh = [("medium", None), ("medium", 2**64 - 1), *((pace, 0) for pace in PACES)]
+    sets = [find_episodes(name, pace, seed) for pace, seed in fresh]
+    for each, (pace, _) in zip(sets, fresh, strict=True):
+        assert {task.pace for task in each.tasks} == {PACES[pace]}
+        kinds = [type(getattr(task, SCENARIOS[name].stratum)).__name__ for task in each.tasks]
+        assert kinds == list(each.strata) == list(sets[0].strata)
+        assert len(each.machines) == len(each.seeds) == len(kinds) >= 200
     pairs = [pair for each in sets for pair in zip(each.machines, each.tasks, strict=True)]
     for seed in (0, FRESH):
         pairs += SCENARIOS[name].randomisation("medium", seed=seed, contexts=200).pairs()
@@ -138,97 +93,70 @@ def test_no_episode_is_drawn_twice(name: str) -> None:
 
 
 def test_fresh_episodes_follow_from_the_seed() -> None:
-    pinned = fresh_episodes("paths", "medium", 5)
+    pinned = find_episodes("paths", "medium", 5)
     assert pinned.seeds[:2] == PINNED_SEEDS
     hand = pinned.tasks[0].hand
     assert isinstance(hand, MultiSineHand)
     assert hand.phases[0] == PINNED_PHASE
-    assert find_episodes("paths", "medium", 5) == pinned
-    assert find_episodes("paths", "medium") == load_episodes("paths", "medium")
 
 
-@pytest.mark.parametrize("seed", [-1, 2**64, 1.5, "7", True, None])
-def test_a_seed_of_fresh_episodes_is_checked(seed: object) -> None:
-    with pytest.raises(ParameterError, match="fresh must be a whole number"):
-        fresh_episodes("standard", "slow", seed)  # type: ignore[arg-type]
-    with pytest.raises(ParameterError, match="scenario must be among"):
-        fresh_episodes("standart", "slow", 1)
-    with pytest.raises(ParameterError, match="pace must be among"):
-        fresh_episodes("standard", "slo", 1)
-
-
-def test_some_of_them() -> None:
+def test_bad_names_seeds_and_counts_are_refused() -> None:
     episodes = load_episodes("standard", "slow")
     few = episodes.first(3)
-    assert (len(few), few.checksum) == (3, episodes.checksum)
-    assert few.tasks == episodes.tasks[:3]
-    counts: list[Any] = [0, -1, len(episodes) + 1, 2.5, "2", None]
-    for count in counts:
-        with pytest.raises(ParameterError, match="episodes must be from 1 to"):
-            episodes.first(count)
+    assert (len(few), few.checksum, few.tasks) == (3, episodes.checksum, episodes.tasks[:3])
+    bad: list[Any] = [-1, 2**64, 1.5, "7"]
+    for value in bad:
+        with pytest.raises(ParameterError, match="fresh must be a whole number"):
+            find_episodes("standard", "slow", value)
+        with pytest.raises(ParameterError, match=f"episodes must be from 1 to {len(episodes)}"):
+            episodes.first(value)
+    for fresh in (None, 1):
+        with pytest.raises(ParameterError, match=r"scenario must be among .* did you mean 'standard'"):
+            find_episodes("standart", "slow", fresh)
+        with pytest.raises(ParameterError, match=r"pace must be among slow, medium, brisk, .* did you mean 'medium'"):
+            find_episodes("standard", "mediun", fresh)
 
 
-def test_changed_episodes_are_refused(copy: Path) -> None:
-    path = copy / "standard.json.gz"
+def beyond_its_parts(content: dict[str, Any]) -> None:
+    content["episodes"][-1]["task"] = len(content["parts"])
+
+
+def of_another_kind(content: dict[str, Any]) -> None:
+    content["episodes"][-1]["task"] = content["episodes"][-1]["machine"]
+
+
+def with_a_seed_below_zero(content: dict[str, Any]) -> None:
+    content["episodes"][-1]["seed"] = -1
+
+
+@pytest.mark.parametrize("sealed", [False, True])
+@pytest.mark.parametrize("change", [beyond_its_parts, of_another_kind, with_a_seed_below_zero])
+def test_changed_episodes_are_refused(change: Any, sealed: bool, tmp_path: Path) -> None:
+    """Also where their checksum was changed with them."""
+    path = store(tmp_path)
     content = json.loads(gzip.decompress(path.read_bytes()))
-    content["episodes"][0]["seed"] += 1
+    change(content)
     path.write_bytes(gzip.compress(json.dumps(content).encode()))
-    with pytest.raises(DataError, match=r"standard\.json\.gz were changed: SHA-256 is [0-9a-f]{64}, stored was"):
-        load_episodes("standard", "slow", folder=copy)
+    if sealed:
+        (tmp_path / CHECKSUMS).write_text(json.dumps({"mine": hashlib.sha256(path.read_bytes()).hexdigest()}))
+    expected = "is out of range|must be a PathFollowing" if sealed else "were changed: SHA-256 is"
+    with pytest.raises(DataError, match=expected):
+        load_episodes("mine", "slow", folder=tmp_path)
 
 
-@pytest.mark.parametrize(("part", "below"), [("machine", None), ("task", None), ("seed", SEEDS)])
-def test_numbers_beyond_their_range_are_refused(part: str, below: int | None, copy: Path) -> None:
-    path = copy / "standard.json.gz"
-    content = json.loads(gzip.decompress(path.read_bytes()))
-    content["episodes"][-1][part] = below or len(content["parts"])
-    path.write_bytes(gzip.compress(json.dumps(content).encode()))
-    sums = json.loads((copy / CHECKSUMS).read_text())
-    sums["standard"] = hashlib.sha256(path.read_bytes()).hexdigest()
-    (copy / CHECKSUMS).write_text(json.dumps(sums))
-    with pytest.raises(DataError, match=r"there must be a whole number within \[0, \d+\)"):
-        load_episodes("standard", "slow", folder=copy)
-
-
-@pytest.mark.parametrize("damage", [b"", b"\x00", b"not gzip"])
-def test_damaged_episodes_are_refused(damage: bytes, copy: Path) -> None:
-    (copy / "standard.json.gz").write_bytes(damage)
-    with pytest.raises(DataError, match="were changed"):
-        load_episodes("standard", "slow", folder=copy)
-
-
-def test_one_bit(copy: Path) -> None:
-    path = copy / "standard.json.gz"
-    data = bytearray(path.read_bytes())
-    data[len(data) // 2] ^= 1
-    path.write_bytes(data)
-    with pytest.raises(DataError, match="were changed"):
-        load_episodes("standard", "slow", folder=copy)
-
-
+@pytest.mark.parametrize("damage", [None, b"", b"{", b"3"])
 @pytest.mark.parametrize("name", ["standard.json.gz", CHECKSUMS])
-def test_missing_files_are_named(name: str, copy: Path) -> None:
+def test_missing_and_damaged_files_are_named(name: str, damage: bytes | None, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(FOLDER, tmp_path / "episodes"))
     (copy / name).unlink()
-    with pytest.raises(DataError, match=f"{name} cannot be read"):
+    if damage is not None:
+        (copy / name).write_bytes(damage)
+    with pytest.raises(DataError, match=name):
         load_episodes("standard", "slow", folder=copy)
-
-
-@pytest.mark.parametrize("text", ["", "{", "3"])
-def test_damaged_checksums_are_refused(text: str, copy: Path) -> None:
-    (copy / CHECKSUMS).write_text(text)
-    with pytest.raises(DataError, match="checksums"):
-        load_episodes("standard", "slow", folder=copy)
-
-
-def test_unknown_names_are_refused_with_the_nearest() -> None:
-    with pytest.raises(ParameterError, match=r"scenario must be among .* did you mean 'standard'"):
-        load_episodes("standart", "slow")
-    with pytest.raises(ParameterError, match=r"pace must be among slow, medium, brisk, .* did you mean 'medium'"):
-        load_episodes("standard", "mediun")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", SCENARIOS)
+@pytest.mark.parametrize("scenario", SOME)
 @pytest.mark.parametrize("pace", PACES)
 def test_every_hand_can_go_faster_than_the_pace(scenario: str, pace: str) -> None:
     """Braking is all that a clutch can do: without it, the tip gets past 1.15 times the commanded pace."""
@@ -241,18 +169,7 @@ def test_every_hand_can_go_faster_than_the_pace(scenario: str, pace: str) -> Non
     paces = np.array([task.pace for task in episodes.tasks])
     assert (speed / paces).min() > 1.15
     lengths = np.array([task.path.length for task in episodes.tasks])
-    passed = np.nanmax(rows[..., COLUMN.reached], axis=0) >= lengths
-    forces = passed & [isinstance(task.hand, MultiSineHand) for task in episodes.tasks]
-    taken = np.nanmax(rows[..., COLUMN.time], axis=0)
-    assert passed.any()
-    assert forces.any() == any(isinstance(task.hand, MultiSineHand) for task in episodes.tasks)
-    assert (lengths / taken / paces)[forces].min(initial=np.inf) > 1.15
-
-
-def test_no_stored_episode_is_among_the_training_draws() -> None:
-    for name, scenario in SCENARIOS.items():
-        drawn = scenario.randomisation("medium").pairs()
-        kept = load_episodes(name, "medium")
-        assert not {repr(pair) for pair in zip(kept.machines, kept.tasks, strict=True)} & {repr(p) for p in drawn}
-        phases = [getattr(task.hand, "phases", None) for task in kept.tasks]
-        assert len(set(phases)) == len(phases)
+    forces = np.array([isinstance(task.hand, MultiSineHand) for task in episodes.tasks])
+    arrive = forces & (np.nanmax(rows[..., COLUMN.reached], axis=0) >= lengths)
+    assert arrive.any() == forces.any()
+    assert (lengths / np.nanmax(rows[..., COLUMN.time], axis=0) / paces)[arrive].min(initial=np.inf) > 1.15

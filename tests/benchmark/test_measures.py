@@ -9,20 +9,12 @@ from pter_gym.benchmark.measures import (
     CUTOFF,
     find_marks,
     low_pass,
-    mean_over,
-    norm,
     pace_errors,
-    running_maximum,
     smoothness,
     way_integral,
 )
 
 NAN = np.nan
-
-
-def test_running_maximum_looks_over_gaps():
-    found = running_maximum(np.array([[0.0, 1.0], [2.0, NAN], [1.0, 0.5]]))
-    np.testing.assert_array_equal(found, [[0.0, 1.0], [2.0, 1.0], [2.0, 1.0]])
 
 
 def test_marks_are_passed_between_rows_on_a_row_and_never():
@@ -63,9 +55,3 @@ def test_low_pass_starts_at_rest_and_holds_its_input():
     decay = math.exp(-2.0 * math.pi * CUTOFF * period)
     found = low_pass(np.array([1.0, 1.0, 0.0]), period)
     np.testing.assert_allclose(found, [1.0 - decay, 1.0 - decay**2, decay - decay**3])
-
-
-def test_means_and_lengths():
-    counted = np.array([[True, True], [False, True]])
-    np.testing.assert_array_equal(mean_over(np.array([[1.0, 2.0], [NAN, 4.0]]), counted), [1.0, 3.0])
-    np.testing.assert_array_equal(norm(np.array([[3.0, -4.0], [0.0, 2.0]])), [5.0, 2.0])

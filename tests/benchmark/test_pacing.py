@@ -7,33 +7,37 @@ import numba
 import pytest
 
 from pter_gym.benchmark import PACES, find_policy, pacing, run_scenario
-from pter_gym.benchmark.pacing import LOWEST, damping_for_pace, damping_table
+from pter_gym.benchmark.pacing import damping_for_pace, damping_table
 from pter_gym.controllers import CONTROLLERS, Impedance, PaceSchedule, TorqueFeedback
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.scenarios import SCENARIOS
 
-
-@pytest.mark.long
-@pytest.mark.parametrize("scenario", ["standard", "everything"])
-@pytest.mark.parametrize("name", ["impedance", "torque-feedback"])
-def test_the_table_is_what_the_solver_finds(name: str, scenario: str) -> None:
-    for pace, speed in PACES.items():
-        solved = damping_for_pace(CONTROLLERS[name](), speed, scenario)  # type: ignore[arg-type]
-        assert damping_table()[scenario][name][pace] == pytest.approx(solved, rel=1e-3)
+LAWS = {"impedance": Impedance(), "torque-feedback": TorqueFeedback()}
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="takes an hour without the compiler")
-def test_an_entry_of_the_table_is_what_the_solver_finds() -> None:
-    """The cheapest one; all of them are solved in the test above."""
-    solved = damping_for_pace(TorqueFeedback(), PACES["brisk"], "standard")
-    assert damping_table()["standard"]["torque-feedback"]["brisk"] == pytest.approx(solved, rel=1e-3)
+@pytest.mark.parametrize(
+    ("name", "scenario", "pace"),
+    [
+        ("torque-feedback", "standard", "brisk"),
+        *(
+            pytest.param(n, s, p, marks=pytest.mark.long)
+            for n in LAWS
+            for s in ("standard", "everything")
+            for p in PACES
+        ),
+    ],
+)
+def test_the_table_is_what_the_solver_finds(name: str, scenario: str, pace: str) -> None:
+    solved = damping_for_pace(LAWS[name], PACES[pace], scenario)
+    assert damping_table()[scenario][name][pace] == pytest.approx(solved, rel=1e-3)
 
 
 def test_every_other_gain_stays() -> None:
     assert set(damping_table()) == set(SCENARIOS)
     for scenario, controllers in damping_table().items():
-        assert set(controllers) == {"impedance", "torque-feedback"}
+        assert set(controllers) == set(LAWS)
         for name, dampers in controllers.items():
             found = find_policy(name, scenario=scenario)
             assert isinstance(found, PaceSchedule)
@@ -51,6 +55,7 @@ def test_every_other_gain_stays() -> None:
 def test_the_solver_finds_where_a_falling_pace_is_met(
     pace: float, damping: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Or the end of its range that comes nearest."""
     drawn = []
 
     def cruising_pace(controller: Impedance, batch: Batch) -> float:
@@ -59,16 +64,4 @@ def test_the_solver_finds_where_a_falling_pace_is_met(
 
     monkeypatch.setattr(pacing, "_cruising_pace", cruising_pace)
     assert damping_for_pace(Impedance(), pace) == pytest.approx(damping, rel=1e-4)
-    assert set(drawn) == {64}
-    assert len(drawn) == math.ceil(math.log2(math.log(300.0) / 1e-4))
-
-
-def test_the_table_is_of_the_papers_laws(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pacing, "damping_for_pace", lambda controller, pace, scenario: 1234.5678 * pace)  # noqa: ARG005
-    row = {pace: float(f"{1234.5678 * speed:.4g}") for pace, speed in PACES.items()}
-    assert pacing.solve_table() == {name: {"impedance": row, "torque-feedback": row} for name in SCENARIOS}
-
-
-@pytest.mark.slow
-def test_a_pace_out_of_reach_gives_the_end_of_the_range() -> None:
-    assert damping_for_pace(Impedance(), 3.9, draws=2) == pytest.approx(LOWEST, rel=1e-3)
+    assert drawn == [64] * math.ceil(math.log2(math.log(300.0) / 1e-4))

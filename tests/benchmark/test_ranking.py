@@ -1,53 +1,112 @@
-"""What each score counts as, and how it comes into a standing."""
+"""Which scores decide on ranks, and how the scores of many episodes come into a standing."""
+
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
 from benchmark.handmade import METRE, padded, travel
-from pter_gym.benchmark.metrics import METRICS, Metric, score_episodes
-from pter_gym.benchmark.ranking import find_standings
+from pter_gym.benchmark.leaderboard import COLUMNS, FULL, leaderboards, rank
+from pter_gym.benchmark.metrics import METRICS, SCORES, Scores, score_episodes
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, reason_below
 from pter_gym.benchmark.runs import Conditions, ScenarioRun
-from pter_gym.benchmark.statistics import interquartile_mean
+from pter_gym.benchmark.statistics import Interval, interquartile_mean
 
 MEANS = {"mean_pace_error", "segment_pace_error", "completed", "saturated", "stuck"}
 SHARES = {"completed", "effort", "saturated", "stuck"}
-OF_THE_RECORD = {
-    *("mean_speed_m_s", "mean_acceleration_m_s2", "rms_acceleration_m_s2", "peak_acceleration_m_s2"),
-    *("raw_mean_acceleration_m_s2", "raw_rms_acceleration_m_s2", "raw_peak_acceleration_m_s2"),
-    *("smoothness", "path_length_m", "effort", "dissipated_j", "hand_work_j", "saturated", "stuck"),
+OF_TRAVEL = {
+    *("path_error_m", "mean_error_m", "path_average_error_m", "mean_pace_error", "segment_pace_error"),
+    *("mean_pace_m_s", "completed", "duration_s"),
 }
 
 
-def named(**wanted: object) -> set[str]:
-    """Scores with these attributes."""
-    return {n for n, metric in METRICS.items() if all(getattr(metric, key) == value for key, value in wanted.items())}
+def run_of(policy: str, scores: Scores, seed: int = 0) -> ScenarioRun:
+    count = len(scores["path_error_m"])
+    at = Conditions("standard", "brisk", policy, seed, count, "data", None, "0", "code")
+    return ScenarioRun(at, count * ("one",), scores, ())
 
 
-def test_what_each_score_is():
+def with_error(policy: str, error: float, count: int = 40, **others: float) -> ScenarioRun:
+    """A run that arrives at the pace, with path errors spread around a value [m]."""
+    scores: Scores = {name: np.zeros(count) for name in SCORES}
+    scores["completed"] = np.ones(count, bool)
+    scores["path_error_m"] = error * np.linspace(0.9, 1.1, count)
+    return run_of(policy, scores | {name: np.full(count, value) for name, value in others.items()})
+
+
+def ranks(runs: Sequence[ScenarioRun]) -> list[tuple[str, int | None]]:
+    return [(standing.policy, standing.rank) for standing in rank(runs).standings]
+
+
+def test_what_each_score_is() -> None:
+    def named(**wanted: object) -> set[str]:
+        return {n for n, metric in METRICS.items() if all(getattr(metric, k) == v for k, v in wanted.items())}
+
     assert named(mean=True) == MEANS
-    assert named(from_travel=False) == OF_THE_RECORD
+    assert named(from_travel=True) == OF_TRAVEL
     assert named(high=1.0) == SHARES
-    assert named(high=0.0) == {"smoothness"}
     assert named(low=None) == {"smoothness", "hand_work_j"}
-    assert named(low=0.0, high=None) == METRICS.keys() - SHARES - {"smoothness", "hand_work_j"}
-    assert not Metric("m", "a length", lambda _: np.zeros(1)).from_travel
+    assert named(high=0.0) == {"smoothness"}
+    assert METRICS.keys() >= {column.score for column in COLUMNS}
 
 
-def test_columns_come_in_their_order():
-    columns = {metric.column.place: name for name, metric in METRICS.items() if metric.column}
-    assert [columns[place] for place in sorted(columns)] == [
-        *("path_error_m", "completed", "mean_pace_error", "segment_pace_error", "rms_acceleration_m_s2", "smoothness")
-    ]
-    assert sorted(columns) == [1, 2, 3, 4, 5, 6]
-
-
-def test_a_standing_has_means_of_shares_and_interquartile_means_of_the_rest():
+def test_a_standing_has_means_of_shares_and_interquartile_means_of_the_rest() -> None:
     rng = np.random.default_rng(0)
-    steps = rng.integers(150, 260, 40)
-    rides = [travel(np.linspace(0.0, 1.0, n), normal_error=rng.uniform(0.0, 0.1)) for n in steps]
+    rides = [travel(np.linspace(0.0, 1.0, n), normal_error=rng.uniform(0.0, 0.1)) for n in rng.integers(150, 260, 40)]
     scores = score_episodes(padded(rides), [METRE] * len(rides))
-    at = Conditions("standard", "brisk", "mine", 0, len(rides), "", None, "", "")
-    (found,) = find_standings([ScenarioRun(at, ("line",) * len(rides), scores, ())])
+    (found,) = rank([run_of("mine", scores)]).standings
     for name, values in scores.items():
         expected = values.mean() if name in MEANS else interquartile_mean(values)
         assert found.scores[name].value == pytest.approx(float(expected)), name
+
+
+def test_order_is_that_of_the_path_error_with_those_without_a_rank_last() -> None:
+    cheat = with_error("cheat", 0.001, mean_pace_error=0.2, mean_pace_m_s=1.0)
+    runs = [with_error("b", 0.03), cheat, with_error("a", 0.02)]
+    assert ranks(runs) == [("a", 1), ("b", 2), ("cheat", None)]
+    best, second, last = rank(runs).standings
+    assert best.difference is None
+    assert second.difference == pytest.approx((0.01, 0.01, 0.01), rel=0.05)
+    assert second.probability == (0.0, 0.0, 0.0)
+    assert last.probability == (1.0, 1.0, 1.0)
+    assert rank([cheat]).standings[0].difference is None
+
+
+@pytest.mark.parametrize(
+    ("name", "limit", "beyond"),
+    [
+        ("completed", COMPLETION, -1e-6),
+        ("mean_pace_error", PACE_ERROR, 1e-6),
+        ("segment_pace_error", PACE_ERROR, 1e-6),
+    ],
+)
+def test_limits_are_inclusive(name: str, limit: float, beyond: float) -> None:
+    fine = {"completed": 1.0, "mean_pace_error": 0.0, "segment_pace_error": 0.0, "mean_pace_m_s": 0.25}
+    for value, allowed in ((limit, True), (limit + beyond, False)):
+        scores = {key: Interval(x, x, x) for key, x in {**fine, name: value}.items()}
+        assert (reason_below(scores, 0.25) is None) == allowed
+
+
+def test_every_reason_is_given() -> None:
+    late = with_error("x", 0.02, completed=False, mean_pace_error=0.5, segment_pace_error=0.6)
+    reason = rank([late]).standings[0].reason or ""
+    assert [part in reason for part in ("arrives in 0 %", "too slow", "50 % off", "60 % off")] == 4 * [True]
+
+
+def test_training_seeds_share_a_line_and_are_a_stratum() -> None:
+    seeds = [run_of("agent", with_error("agent", error).scores, k) for k, error in enumerate((0.02, 0.03, 0.04))]
+    runs = [*seeds, with_error("other", 0.025)]
+    assert ranks(runs) == [("other", 1), ("agent", 2)]
+    agent = rank(runs).standings[1]
+    error = agent.scores["path_error_m"]
+    assert error.value == pytest.approx(0.03, rel=0.01)
+    assert error.high - error.low < 0.002, "the spread between seeds is no spread within strata"
+    assert agent.difference is not None
+    assert agent.difference.value == pytest.approx(0.005, rel=0.01)
+    assert agent.probability == (0.0, 0.0, 0.0)
+
+
+def test_boards_hold_runs_on_the_same_episodes() -> None:
+    found = leaderboards([with_error("a", 0.02, FULL - 1), with_error("b", 0.01, FULL)])
+    assert [[standing.policy for standing in board.standings] for board in found] == [["a"], ["b"]]
+    assert [board.provisional for board in found] == [True, False]
