@@ -25,7 +25,7 @@ from pter_gym.errors import DataError
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.terminal import make_folder
 from pter_gym.params import Machine
-from pter_gym.policies import Card, Interface, load_policy, write_policy
+from pter_gym.policies import Card, Interface, read_policy, write_policy
 from pter_gym.policies.cards import fields_of
 from pter_gym.policies.files import check_name
 from pter_gym.scenarios import find_scenario
@@ -142,7 +142,7 @@ def tensors_of(actor: Actor) -> Tensors:
 def compare(actor: Actor, worlds: Worlds, nominal: Machine, name: str, folder: Path) -> float:
     """Return the largest difference between voltages of a run and of a policy, over the largest voltage."""
     layout = worlds.env.observation_layout
-    policy = load_policy(name, folder).bind(nominal, layout)
+    policy = read_policy(name, folder).bind(nominal, layout)
     obs: Any = worlds.env.reset(seed=0)[0]  # worlds that end begin again and are not forgotten, for both policies alike
     past, memory = worlds.interface.begin(worlds.count), actor.begin(worlds.count)
     largest = 0.0

@@ -11,7 +11,7 @@ from pter_gym.benchmark.evaluation import fresh_seed
 from pter_gym.errors import ParameterError
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.reading import reading
-from pter_gym.policies import Neural, load_policy
+from pter_gym.policies import Neural, read_policy
 from pter_gym.tuning import examine
 
 SUFFIX = "-again"
@@ -67,7 +67,7 @@ def retrain(
     run, name = out / "run", shipped.card.name + SUFFIX
     train(arguments, run, resume=(run / RUN).exists(), on_progress=lambda done: on_progress(done, arguments.steps))
     export_run(run, out, name=name)
-    return load_policy(name, out)
+    return read_policy(name, out)
 
 
 def compare(shipped: Neural, again: Neural, episodes: int | None = None) -> Sequence[Leaderboard]:

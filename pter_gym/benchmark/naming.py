@@ -18,7 +18,8 @@ from pter_gym.controllers.impedance import Impedance
 from pter_gym.controllers.predictive import Honest, Privileged, Settings
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.files import FilePath, find_path
-from pter_gym.policies import load_policy, shipped_policies
+from pter_gym.policies import read_policy as read_policy_file
+from pter_gym.policies import shipped_policies
 from pter_gym.policies.files import is_here, is_path
 
 PLANNERS = MappingProxyType({"predictive": Privileged, "predictive-honest": Honest})
@@ -84,7 +85,7 @@ def find_policy(name: FilePath, seed: int = 0, scenario: str = "standard") -> Co
     ----------
     name
         In ``CONTROLLERS``, one of those with gains and ``-tuned`` after its name, in ``PLANNERS``, a trained policy, or
-        the path of an exported one, as in ``pter_gym.policies.load_policy``.
+        the path of an exported one, as in ``pter_gym.policies.read_policy``.
     seed
         Of the random policy, and of those that plan.
     scenario
@@ -114,7 +115,7 @@ def find_controller(name: FilePath, seed: int = 0) -> Controller:
     Parameters
     ----------
     name
-        Its name, or the path of an exported policy, as in ``pter_gym.policies.load_policy``.
+        Its name, or the path of an exported policy, as in ``pter_gym.policies.read_policy``.
     seed
         Of the random policy.
 
@@ -130,7 +131,7 @@ def find_controller(name: FilePath, seed: int = 0) -> Controller:
         kind = CONTROLLERS[name]
         return Random(seed=seed) if kind is Random else kind()
     if is_path(name) or name in shipped_policies() or is_here(name):
-        return load_policy(name)
+        return read_policy_file(name)
     raise unknown_name("policies", name, (*CONTROLLERS, *shipped_policies()))
 
 

@@ -16,7 +16,7 @@ from pter_gym.benchmark.simulation import record_episode, time_limit
 from pter_gym.internal.checks import whole_number
 from pter_gym.internal.files import FilePath, find_path, write_files_atomic
 from pter_gym.internal.terminal import make_folder
-from pter_gym.policies import SHIPPED, Neural, load_policy, shipped_policies
+from pter_gym.policies import SHIPPED, Neural, read_policy, shipped_policies
 from pter_gym.policies.files import CARD, TEXT, WEIGHTS, find_exported
 from pter_gym.scenarios import PACES, SCENARIOS, Scenario
 
@@ -78,7 +78,7 @@ def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -
     episodes, where = whole_number("episodes", episodes), find_path("out", out)
     _check_film()
     name, source = _find(policy)
-    neural = load_policy(name, source)
+    neural = read_policy(name, source)
     scenario = scenario_of(neural.card.about.get("scenario"))
     make_folder(where)
     told = {name: neural}

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from pter_gym.benchmark.loading import load_policy
 from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
-from pter_gym.policies import Net
-from pter_gym.policies import load_policy as read_policy
+from pter_gym.policies import Net, read_policy
 
 Actions = NDArray[np.float32]
 Act = Callable[[NDArray[np.float32]], Actions]

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from pter_gym.envs.devices import make_vector_env
 from pter_gym.envs.single import PathFollowingEnv
+from pter_gym.envs.vector import make_vector_env
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.checks import whole_number
 from pter_gym.scenarios import find_scenario
@@ -81,7 +81,7 @@ def make_env(scenario: str, **keywords: Any) -> PathFollowingEnv:
 
 
 def make_vec(num_envs: int = 1, *, scenario: str, **keywords: Any) -> Any:
-    """Return many worlds of a scenario; see ``make_env`` and ``pter_gym.envs.devices.make_vector_env``."""
+    """Return many worlds of a scenario; see ``make_env`` and ``pter_gym.envs.vector.make_vector_env``."""
     drawn, rest = _split(scenario, keywords)
     return make_vector_env(num_envs, randomisation=drawn, **rest)
 

@@ -1,7 +1,7 @@
 """The Gymnasium environment: a batch of one world."""
 
 from collections.abc import Sequence
-from typing import Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import gymnasium
 import numpy as np
@@ -13,11 +13,11 @@ from pter_gym.engine.batch import ActionUnit, Batch
 from pter_gym.errors import ParameterError
 from pter_gym.internal.checks import whole_number
 from pter_gym.params import Machine, find_machine
-from pter_gym.render.arrangement import check_size
-from pter_gym.render.style import HEIGHT, WIDTH
-from pter_gym.scenarios.randomisation import Mixture, Randomisation
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensors
 from pter_gym.tasks.path_following.observation import BOUND
+
+if TYPE_CHECKING:
+    from pter_gym.scenarios.randomisation import Mixture, Randomisation
 
 RenderMode = Literal["human", "rgb_array"]
 
@@ -114,15 +114,14 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         task: PathFollowing | None = None,
         sensors: Sensors = "torque",
         action_unit: ActionUnit = "volt",
-        randomisation: Randomisation | Mixture | None = None,
+        randomisation: "Randomisation | Mixture | None" = None,
         observe_context: bool = False,
         render_mode: RenderMode | None = None,
-        width: int = WIDTH,
-        height: int = HEIGHT,
+        width: int = 840,
+        height: int = 600,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ParameterError(f"render_mode must be one of human, rgb_array or None, got {render_mode!r}")
-        self._size = check_size(width, height)
         machines, tasks = find_pairs(machine, task, randomisation)
         self.batch = Batch(
             machines,
@@ -137,9 +136,8 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self.action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
         self.observation_space = spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32)
-        self._viewer: Any = None
-        self._shown: NDArray[np.float64] | None = None
-        self._trail: list[NDArray[np.float64]] = []
+        self._viewer = None if render_mode is None else self._make_viewer(width, height)
+        self._rows: list[NDArray[np.float64]] = []
 
     @property
     def observation_layout(self) -> Layout:
@@ -170,10 +168,11 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         seed = None if seed is None else whole_number("seed", seed, at_least=0)
         obs, telemetry = self.batch.reset([seed])
         super().reset(seed=seed)
-        self._trail = []
-        if len(self.batch.pairs) > 1:
-            self._look_at_episode()
-        self._show(telemetry[0])
+        if self._viewer is not None:
+            self._rows = []
+            if len(self.batch.pairs) > 1:
+                self._viewer.look_at(self.machine, self.task)
+            self._show(telemetry[0])
         return obs[0], {"telemetry": telemetry[0], "is_success": False}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -187,16 +186,16 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             Before the first reset and after the end of an episode.
         """
         obs, row, reward, terminated, truncated, success = self.batch.step_alone(action)
-        if self.render_mode is not None:
+        if self._viewer is not None:
             self._show(row)
         return obs, reward, terminated, truncated, {"telemetry": row, "is_success": success}
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture (height, width, 3) in the mode ``rgb_array``; ``human`` shows each step by itself."""
-        if self.render_mode is None:
+        if self._viewer is None:
             gymnasium.logger.warn("render_mode was not given to gymnasium.make; nothing is rendered")
             return None
-        if self._shown is None:
+        if not self._rows:
             raise gymnasium.error.ResetNeeded("render needs a reset before it")
         return self._draw() if self.render_mode == "rgb_array" else None
 
@@ -204,32 +203,26 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Close the window, if there is one."""
         if self._viewer is not None:
             self._viewer.close()
-            self._viewer = None
+
+    def _make_viewer(self, width: int, height: int) -> Any:
+        """Return what draws; drawing code is loaded here alone."""
+        from pter_gym.render import Viewer
+
+        return Viewer(self.machine, self.task, "human" if self.render_mode == "human" else "rgb_array", width, height)
 
     def _show(self, row: NDArray[np.float64]) -> None:
-        self._shown = row
-        self._trail.append(row[[*COLUMN.tip]])
+        self._rows.append(row)
         if self.render_mode == "human":
             self._draw()
 
-    def _look_at_episode(self) -> None:
-        """Draw the machine and the task of the present episode from now on."""
-        if self._viewer is not None:
-            self._viewer.look_at(self.machine, self.task)
-
     def _draw(self) -> NDArray[np.uint8] | None:
-        if self._viewer is None:
-            from pter_gym.render import Viewer
-
-            mode: RenderMode = "human" if self.render_mode == "human" else "rgb_array"
-            self._viewer = Viewer(self.machine, self.task, mode, *self._size)
-        return self._viewer.draw(self._shown, np.array(self._trail))
+        return self._viewer.draw(self._rows[-1], np.array(self._rows)[:, [*COLUMN.tip]])
 
 
 def find_pairs(
     machine: Machine | str | Sequence[Machine | str] | None,
     task: PathFollowing | Sequence[PathFollowing] | None,
-    randomisation: Randomisation | Mixture | None,
+    randomisation: "Randomisation | Mixture | None",
 ) -> tuple[Machine | list[Machine], PathFollowing | Sequence[PathFollowing]]:
     """Return machines and tasks as a ``Batch`` takes them, from the arguments of an environment.
 
@@ -250,7 +243,7 @@ def find_pairs(
 
 
 def check_tasks(task: PathFollowing | Sequence[PathFollowing]) -> PathFollowing | Sequence[PathFollowing]:
-    """Return a task or tasks as they were given, or raise a ParameterError that names what is none."""
+    """Return a task or tasks as they were given, or raise a ParameterError that names what is not a task."""
     given: object = task
     many = isinstance(given, Sequence) and not isinstance(given, str)
     for each in cast(Sequence[object], given) if many else [given]:

@@ -1,7 +1,7 @@
 """Trained policies as files that hold numbers alone, and what acts from them: numpy and safetensors, no torch."""
 
 from pter_gym.policies.cards import Card
-from pter_gym.policies.files import SHIPPED, exported_policies, load_policy, shipped_policies, write_policy
+from pter_gym.policies.files import SHIPPED, exported_policies, read_policy, shipped_policies, write_policy
 from pter_gym.policies.interface import Base, Input, Interface
 from pter_gym.policies.network import LSTM, Network
 from pter_gym.policies.neural import Net, Neural, NeuralPolicy
@@ -18,7 +18,7 @@ __all__ = [
     "Neural",
     "NeuralPolicy",
     "exported_policies",
-    "load_policy",
+    "read_policy",
     "shipped_policies",
     "write_policy",
 ]

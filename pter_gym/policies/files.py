@@ -70,7 +70,7 @@ def is_here(name: str) -> bool:
     return name in exported_policies() or find_path("policies", name).is_dir()
 
 
-def load_policy(name: FilePath, folder: FilePath | None = None) -> Neural:
+def read_policy(name: FilePath, folder: FilePath | None = None) -> Neural:
     """Return a trained policy as a controller: bound to a machine and a layout, it acts.
 
     ``pter_gym.load_policy`` returns one that is ready to act in an environment.

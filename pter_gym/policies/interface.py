@@ -6,7 +6,7 @@ or the environments' normalised actions.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from pter_gym.compiled.layout import Layout
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.codec import ABSENT
 from pter_gym.params import Machine, require, require_flag, require_kind, require_number
 from pter_gym.policies.stored_gains import gains_of, make_guided
 
@@ -93,7 +92,7 @@ class Base:
     paces
         Commanded paces [m/s], rising.
     gains
-        For each pace, fields of the controller; those that are not named have their defaults.
+        For each pace, all gains of the controller by name; those that are left out become its defaults.
     """
 
     controller: str
@@ -101,11 +100,12 @@ class Base:
     gains: tuple[Mapping[str, Any], ...]
 
     def __post_init__(self) -> None:
-        """Check names and numbers by making the controllers."""
+        """Check names and numbers by making the controllers, and fill in the gains that are left out."""
         rising = all(low < high for low, high in pairwise((0.0, *self.paces, np.inf)))
         require(rising and len(self.paces) > 0, self, "paces", self.paces, "rising numbers > 0")
         require(len(self.gains) == len(self.paces), self, "gains", self.gains, "one set for each pace")
-        self.schedule()
+        knots = self.schedule().knots
+        object.__setattr__(self, "gains", tuple(gains_of(controller) for _, controller in knots))
 
     def schedule(self) -> "PaceSchedule":
         """Return the controller: gains linear in the commanded pace between those of the paces."""
@@ -113,13 +113,6 @@ class Base:
 
         made = [make_guided(self.controller, gains) for gains in self.gains]
         return PaceSchedule(tuple(zip(self.paces, made, strict=True)))
-
-    def complete(self) -> "Base":
-        """Return it with all gains named, which is what can be stored: defaults change."""
-        made = [controller for _, controller in self.schedule().knots]
-        return replace(
-            self, gains=tuple({**gains_of(each), **given} for each, given in zip(made, self.gains, strict=True))
-        )
 
 
 @dataclass(frozen=True)
@@ -149,7 +142,7 @@ class Interface:
     base: Base | None = None
     history: tuple[int, ...] = ()
     averages: tuple[int, ...] = ()
-    normalised: bool = field(default=False, metadata={ABSENT: False})
+    normalised: bool = False
 
     def __post_init__(self) -> None:
         """Check the numbers."""

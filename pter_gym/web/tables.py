@@ -27,7 +27,7 @@ from pter_gym.paths import Arc, Circle, Line, Path, Sine
 from pter_gym.paths.arcs import SEGMENT
 from pter_gym.paths.projection import SEGMENT_WIDTH
 from pter_gym.physics.friction import ClutchMode
-from pter_gym.policies import load_policy, shipped_policies
+from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios.variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, check_machine
@@ -165,7 +165,7 @@ def gains(controller: Any, nominal: Machine, layout: Layout) -> list[float]:
 
 def network(name: str, nominal: Machine, layout: Layout) -> dict[str, Any]:
     """Return all but the weights of a trained policy: what its card says that acts, and its base's gains."""
-    card = load_policy(name).card
+    card = read_policy(name).card
     interface = card.interface
     return {
         "observation": [entry for entry, _, _ in card.observation],

@@ -19,7 +19,7 @@ pytest.importorskip("stable_baselines3")
 from pter_agents import algorithms, command, exporting, prepare, training  # noqa: E402
 from pter_agents.ppo import PPOSettings  # noqa: E402
 from pter_agents.settings import Settings  # noqa: E402
-from pter_gym.policies import load_policy  # noqa: E402
+from pter_gym.policies import read_policy  # noqa: E402
 
 OF_PPO = {item.name for item in fields(PPOSettings)} - {item.name for item in fields(Settings)}
 
@@ -48,7 +48,7 @@ def test_an_algorithm_is_one_table_and_one_module(added: str, tmp_path: Path) ->
     assert (arguments.algorithm, settings.rate, settings.worlds) == (added, 1e-3, 64)
     path, difference = exporting.export_run(tmp_path / "run", tmp_path / "out")
     assert difference <= exporting.SAME
-    about = load_policy(added, path.parent).card.about
+    about = read_policy(added, path.parent).card.about
     assert (about["algorithm"], about["steps"]) == (added, 3 * 64 * 32)
 
 

@@ -16,7 +16,7 @@ from pter_gym.errors import ActionError, ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
 from pter_gym.paths import Line
-from pter_gym.policies import load_policy
+from pter_gym.policies import read_policy
 from pter_gym.tasks.path_following import STARTS, PathFollowing
 
 pytestmark = pytest.mark.agents
@@ -265,7 +265,7 @@ def test_a_trained_policy_acts_in_it_and_notices_new_episodes() -> None:
     env = make_sb3_vec_env(3, task=replace(TASK, start_offset=0.0, truncation_error=0.02, starts=STARTS["path"]))
     watched = vec_env.VecMonitor(env)
     policy = pter_gym.load_policy("residual", watched)
-    alone = [load_policy("residual").bind(BASELINE, env.env.observation_layout) for _ in range(3)]
+    alone = [read_policy("residual").bind(BASELINE, env.env.observation_layout) for _ in range(3)]
     watched.seed(0)
     observations, began = watched.reset(), 0
     for _ in range(100):

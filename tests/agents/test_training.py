@@ -28,7 +28,7 @@ from pter_agents.algorithms import ALGORITHMS, FOLDER, load_settings, settings_f
 from pter_agents.errors import TrainingDivergedError  # noqa: E402
 from pter_agents.retraining import arguments_of  # noqa: E402
 from pter_gym.params.preset import PRESET, format_preset  # noqa: E402
-from pter_gym.policies import Neural, load_policy  # noqa: E402
+from pter_gym.policies import Neural, read_policy  # noqa: E402
 from pter_gym.scenarios.own_machine import find_own  # noqa: E402
 
 SMALL = {"worlds": 16, "steps": 8, "contexts": 4, "hidden": [8], "value_hidden": [8]}
@@ -282,7 +282,7 @@ def test_networks_do_not_see_what_they_are_blind_to(
     assert {each.name for each in everything} - {each.name for each in interface.inputs} == missing
     assert set(interface.inputs) < set(everything)
     exporting.export_run(tmp_path / "run", tmp_path / "out", name="mine")
-    card = load_policy("mine", tmp_path / "out").card
+    card = read_policy("mine", tmp_path / "out").card
     assert card.interface.inputs == interface.inputs
     assert {name for name, _, _ in card.observation} >= missing - {f"base_{x}" for x in range(1, 5)}
 
@@ -303,7 +303,7 @@ def test_a_policy_with_other_sensors_has_no_place_in_the_benchmark(tmp_path: Pat
     training.train(arguments("ppo", rollouts=1, sensors="force"), tmp_path / "run")
     exporting.export_run(tmp_path / "run", tmp_path, name="mine")
     with pytest.raises(ParameterError, match="force_along"):
-        run_scenario("standard", {"mine": load_policy("mine", tmp_path)}, ["brisk"], episodes=1)
+        run_scenario("standard", {"mine": read_policy("mine", tmp_path)}, ["brisk"], episodes=1)
 
 
 def test_validation_draws_are_no_training_draws() -> None:
@@ -719,7 +719,7 @@ def test_an_exported_policy_acts_like_the_run(algorithm: str, tmp_path: Path) ->
     path, difference = exporting.export_run(tmp_path / "run", tmp_path / "out", name="mine")
     assert path.name == "mine.json"
     assert difference <= exporting.SAME
-    policy = load_policy("mine", tmp_path / "out")
+    policy = read_policy("mine", tmp_path / "out")
     assert isinstance(policy, Neural)
     assert policy.card.about["steps"] == 2 * ROLLOUT
     assert (policy.card.interface.base is None) == (ALGORITHMS[algorithm].action == "the clutch voltages")
@@ -784,7 +784,7 @@ def test_a_policy_for_a_machine_of_ones_own_is_whole(tmp_path: Path, capsys: Any
     with pytest.raises(ParameterError, match=r"machine is .* in the run that is in the folder, got None"):
         training.train(replace(given, machine=None), tmp_path / "run", resume=True)
     exporting.export_run(tmp_path / "run", tmp_path, name="mine")
-    policy = load_policy("mine", tmp_path)
+    policy = read_policy("mine", tmp_path)
     assert policy.card.voltage_max == 20.0
     assert policy.card.about["command"].endswith("--machine FILE")
     with pytest.raises(ParameterError, match="voltage_max must be 20 V"):
@@ -794,7 +794,7 @@ def test_a_policy_for_a_machine_of_ones_own_is_whole(tmp_path: Path, capsys: Any
     shown = capsys.readouterr().out
     assert shown.count("everything, ") == 6
     assert shown.count("mine-again: ") == 3
-    again = load_policy("mine-again", tmp_path / "again").card
+    again = read_policy("mine-again", tmp_path / "again").card
     assert again.weights_sha256 == policy.card.weights_sha256
 
 
@@ -810,7 +810,7 @@ def test_the_command_takes_a_preset(tmp_path: Path) -> None:
 def test_a_policy_for_all_scenarios_says_so(tmp_path: Path) -> None:
     given = replace(arguments("ppo", rollouts=1), scenario="all")
     training.train(given, tmp_path / "run")
-    card = load_policy("mine", exporting.export_run(tmp_path / "run", tmp_path, name="mine")[0].parent).card
+    card = read_policy("mine", exporting.export_run(tmp_path / "run", tmp_path, name="mine")[0].parent).card
     assert "the training draws of all scenarios" in (tmp_path / "mine.md").read_text(encoding="utf-8")
     assert card.about["arguments"]["scenario"] == "all"
     assert prepare.find_base("impedance-tuned", "all") == prepare.find_base("impedance-tuned", "everything")

@@ -18,7 +18,7 @@ from pter_gym.controllers.base import Policy
 from pter_gym.controllers.predictive import Honest, Privileged, Settings
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine
-from pter_gym.policies import Neural, load_policy
+from pter_gym.policies import Neural, read_policy
 from pter_gym.tasks.path_following import observation_layout
 
 TRAINED = "ppo-standard"
@@ -117,7 +117,7 @@ def changed(policy: Neural, factor: float) -> Neural:
 
 
 def test_different_content_is_another_policy() -> None:
-    trained = load_policy(TRAINED)
+    trained = read_policy(TRAINED)
     policies = [
         Free(),
         Locked(),
@@ -144,15 +144,15 @@ def test_different_content_is_another_policy() -> None:
 
 
 def test_the_same_content_is_the_same_policy() -> None:
-    for make in (Impedance, lambda: load_policy(TRAINED), lambda: Mine(holding), lambda: Honest(Impedance())):
+    for make in (Impedance, lambda: read_policy(TRAINED), lambda: Mine(holding), lambda: Honest(Impedance())):
         assert content_of(make()) == content_of(make())
-    trained = load_policy(TRAINED)
+    trained = read_policy(TRAINED)
     card = replace(trained.card, name="another", about={}, weights_sha256="0" * 64)
     assert content_of(Neural(card, trained.network)) == content_of(trained), "a name is no content"
 
 
 def test_nobody_can_tell_what_a_callable_does() -> None:
-    trained = load_policy(TRAINED)
+    trained = read_policy(TRAINED)
 
     class Child(Neural):
         pass
@@ -198,7 +198,7 @@ def test_what_a_callable_says_is_believed_if_the_caller_says_so() -> None:
 def test_the_score_of_another_policy_is_not_reused(tmp_path: Path) -> None:
     """Another callable that repeats an identity, and other weights under the same card."""
     folder = ResultsFolder(tmp_path)
-    trained = load_policy(TRAINED)
+    trained = read_policy(TRAINED)
     for one, two in ((Says("agent 7"), Says("agent 7", 24.0)), (trained, changed(trained, 0.5))):
         runs = [
             run_scenario("standard", {"agent": each}, ["brisk"], episodes=1, results=folder)[0] for each in (one, two)

@@ -22,7 +22,7 @@ from pter_gym.errors import DataError
 from pter_gym.internal.codec import Codec
 from pter_gym.params import BASELINE, quantity
 from pter_gym.params.preset import PRESET, SECTIONS, HandValues, Preset, load_preset, number
-from pter_gym.policies import Base, Card, Input, Interface, cards, load_policy, write_policy
+from pter_gym.policies import Base, Card, Input, Interface, cards, read_policy, write_policy
 from pter_gym.policies.cards import fields_of
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import RewardWeights, observation_layout
@@ -259,7 +259,7 @@ def written(folder: Path, base: Base | None = None) -> Path:
 
 
 def base_of(folder: Path) -> Any:
-    base = load_policy("tested", folder).card.interface.base
+    base = read_policy("tested", folder).card.interface.base
     assert base is not None
     return base.schedule().knots[0][1]
 
@@ -276,31 +276,31 @@ def test_a_new_card_carries_the_gains_that_it_relies_on(tmp_path: Path, monkeypa
 
 
 def test_shipped_cards_from_before_a_gain_have_its_meaning_then(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = load_policy("residual").card.interface.base
+    before = read_policy("residual").card.interface.base
     assert before is not None
     install_controller(monkeypatch, "single-dof", with_field(SingleDof, "softness", added()))
-    after = load_policy("residual").card.interface.base
+    after = read_policy("residual").card.interface.base
     assert after is not None
     assert after.gains == tuple({**gains, "softness": NEUTRAL} for gains in before.gains)
     install_controller(monkeypatch, "single-dof", with_field(SingleDof, "softness", added(MISSING)))
     with pytest.raises(DataError, match=r"residual\.json is refused: .*SingleDof has no field 'softness'"):
-        load_policy("residual")
+        read_policy("residual")
     install_controller(monkeypatch, "single-dof", with_field(Impedance, "approaches", added()))
     with pytest.raises(DataError, match=r"residual\.json is refused: .*no gain 'approach'.*did you mean 'approaches'"):
-        load_policy("residual")
+        read_policy("residual")
 
 
 def test_a_card_from_before_a_field_of_the_interface(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = load_policy("ppo-standard").card
+    before = read_policy("ppo-standard").card
     monkeypatch.setattr(cards, "Interface", with_field(Interface, "leak", added()))
-    after = load_policy("ppo-standard").card
+    after = read_policy("ppo-standard").card
     assert vars(after.interface) == {**vars(before.interface), "leak": NEUTRAL}
     monkeypatch.setattr(cards, "Interface", with_field(Interface, "leak", added(MISSING)))
     with pytest.raises(DataError, match=r"ppo-standard\.json is refused: .*Interface has no field 'leak'"):
-        load_policy("ppo-standard")
+        read_policy("ppo-standard")
     monkeypatch.setattr(cards, "Interface", without_field(with_field(Interface, "reaches", added()), "reach"))
     with pytest.raises(DataError, match=r"fields of Interface .* got 'reach'; did you mean 'reaches'"):
-        load_policy("ppo-standard")
+        read_policy("ppo-standard")
 
 
 # observations
@@ -311,5 +311,5 @@ def test_shipped_policies_do_not_look_at_entries_that_came_later(name: str) -> N
     newer = Layout((*LAYOUT.fields, Field("new", "m", "came later")))
     observations = np.random.default_rng(0).uniform(-1.0, 1.0, (5, len(LAYOUT))).astype(np.float32)
     more = np.hstack([observations, np.full((5, 1), 0.5, np.float32)])
-    policy = load_policy(name)
+    policy = read_policy(name)
     assert np.array_equal(policy.bind(BASELINE, newer)(more), policy.bind(BASELINE, LAYOUT)(observations))

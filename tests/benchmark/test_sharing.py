@@ -11,7 +11,7 @@ import pytest
 import pter_gym
 from pter_gym.benchmark import leaderboards, run_scenario
 from pter_gym.benchmark.sharing import front_matter, model_card, scenario_of, share_policy
-from pter_gym.policies import SHIPPED, load_policy
+from pter_gym.policies import SHIPPED, read_policy
 from pter_gym.scenarios import PACES, SCENARIOS
 
 EPISODES = 4
@@ -50,7 +50,7 @@ def test_the_card_has_the_scores_of_the_benchmark(folder: Path) -> None:
     text = (folder / "README.md").read_text("utf-8")
     seed = int(re.findall(r"seed, (\d+), follows", text)[0])
     boards = leaderboards(run_scenario("standard", [NAME], fresh=seed, episodes=EPISODES))
-    policy = load_policy(NAME)
+    policy = read_policy(NAME)
     assert policy.card.about["scenario"] == "PTER/Standard-v0"
     assert front_matter(NAME, SCENARIOS["standard"], boards) in text
     written = (SHIPPED / f"{NAME}.md").read_text("utf-8")

@@ -20,7 +20,7 @@ from pter_gym.benchmark.verification import summary_finding
 from pter_gym.hands import read_forces
 from pter_gym.params.preset import load_preset
 from pter_gym.paths import read_path
-from pter_gym.policies import SHIPPED, load_policy
+from pter_gym.policies import SHIPPED, read_policy
 
 from .corruption import Inside, in_archive, in_gzip, in_header
 
@@ -86,7 +86,7 @@ def _policies(folder: Path) -> list[Format]:
         card.write_text(json.dumps({**good, "weights_sha256": hashlib.sha256(data).hexdigest()}))
 
     def read() -> object:
-        return load_policy(POLICY, place)
+        return read_policy(POLICY, place)
 
     return [Format("card", card, read), Format("safetensors", weights, read, (in_header,), seal)]
 
@@ -180,7 +180,7 @@ def _runs(folder: Path) -> list[Format]:
     from pter_agents.checkpoints import load_checkpoint, save_checkpoint
     from pter_agents.training import PROGRESS, RUN, Arguments, RunFolder, make_draws, make_model, make_parts
 
-    interface = load_policy("ppo-standard").card.interface
+    interface = read_policy("ppo-standard").card.interface
     small = {"worlds": 8, "steps": 8, "contexts": 4, "minibatch": 32, "epochs": 1, "hidden": (8,), "value_hidden": (8,)}
     settings = smoke_settings("ppo", load_settings("ppo"), **small, privileged=False)
     arguments = Arguments(algorithm="ppo", scenario="standard", pace="brisk", steps=64, seed=3, settings=settings)

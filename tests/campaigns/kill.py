@@ -208,10 +208,10 @@ def benchmarked(folder: Path) -> Kept:
 
 def exported(folder: Path) -> Kept:
     """Return what is written of a policy; if its card is there, which is the last, it must be a whole one."""
-    from pter_gym.policies import load_policy
+    from pter_gym.policies import read_policy
 
     if (folder / "policies" / "mine.json").exists():
-        load_policy("mine", folder / "policies")
+        read_policy("mine", folder / "policies")
     return digests(folder)
 
 

@@ -9,7 +9,7 @@ from pter_gym.datasets import LEVELS, Episode, actors_of, record_episodes
 from pter_gym.datasets.levels import STAGES, Exploring, stages
 from pter_gym.datasets.recording import EPISODES_OF_A_SEED, environment_of
 from pter_gym.errors import ParameterError
-from pter_gym.policies import load_policy, shipped_policies
+from pter_gym.policies import read_policy, shipped_policies
 
 STEPS = 2000
 
@@ -78,7 +78,7 @@ def test_the_same_command_gives_the_same_bits() -> None:
 
 
 def test_noise_lasts_and_is_forgotten() -> None:
-    network = load_policy("stage-6", STAGES).network
+    network = read_policy("stage-6", STAGES).network
     net = Exploring(network, 0.5, 0.9, np.random.default_rng(0))
     inputs = np.zeros((2000, network.weights[0].shape[1]))
     outputs, noise = net(inputs, net.begin(2000))
@@ -95,7 +95,7 @@ def test_all_stages_are_there_and_said_what_they_are() -> None:
     assert tuple(names) == shipped_policies(STAGES)
     assert set(told["medium"].values()) <= set(names)
     for each in told["stages"]:
-        about = load_policy(each["name"], STAGES).card.about
+        about = read_policy(each["name"], STAGES).card.about
         assert about["steps"] == each["steps"]
         assert about["settings"]["persistence"] == told["persistence"]
         assert about["scenario"] == "PTER/Everything-v0"

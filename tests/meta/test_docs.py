@@ -15,7 +15,7 @@ from pter_gym import params
 from pter_gym.benchmark.leaderboard import leaderboards
 from pter_gym.benchmark.tuned import TABLE
 from pter_gym.params.preset import PRESET, format_preset
-from pter_gym.policies import SHIPPED, load_policy, write_policy
+from pter_gym.policies import SHIPPED, read_policy, write_policy
 from pter_gym.scenarios import PACES, SCENARIOS
 
 ROOT = Path(__file__).parents[2]
@@ -127,7 +127,7 @@ def test_the_page_on_trained_policies_runs(
 
 def write_policy_as(name: str, folder: Path) -> Path:
     """Write a shipped policy to a folder under another name."""
-    shipped = load_policy("residual")
+    shipped = read_policy("residual")
     folder.mkdir()
     write_policy(dataclasses.replace(shipped.card, name=name), load_file(SHIPPED / "residual.safetensors"), "", folder)
     return folder

@@ -61,7 +61,7 @@ from pter_gym.physics.clutch import PerClutch
 from pter_gym.plots import paper
 from pter_gym.plots.benchmark import error_against_time, tip_paths
 from pter_gym.plots.leaderboard import error_against_pace, trajectories
-from pter_gym.policies import load_policy
+from pter_gym.policies import read_policy
 from pter_gym.randomisation import LogUniform, OneOf, Randomisation, Uniform, Vary
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.units import to_inch_pounds, to_inches

@@ -22,7 +22,7 @@ from pter_gym.envs.acting import ActingPolicy, nominal_machine, normalised
 from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Machine
-from pter_gym.policies import SHIPPED, Card, Input, Interface, load_policy, write_policy
+from pter_gym.policies import SHIPPED, Card, Input, Interface, read_policy, write_policy
 from pter_gym.policies.cards import fields_of
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import STARTS, PathFollowing, observation_layout
@@ -368,4 +368,4 @@ def test_what_ships_acts_by_name_and_by_path() -> None:
     observation, _ = env.reset(seed=0)
     by_path = pter_gym.load_policy(SHIPPED / "residual", env)(observation)
     np.testing.assert_array_equal(pter_gym.load_policy("residual", env)(observation), by_path)
-    np.testing.assert_array_equal(pter_gym.load_policy(load_policy("residual"), env)(observation), by_path)
+    np.testing.assert_array_equal(pter_gym.load_policy(read_policy("residual"), env)(observation), by_path)

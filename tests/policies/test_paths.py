@@ -26,7 +26,8 @@ from pter_gym.internal.terminal import make_folder
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL
 from pter_gym.params.preset import load_preset
 from pter_gym.paths import read_path
-from pter_gym.policies import SHIPPED, exported_policies, load_policy, shipped_policies
+from pter_gym.policies import SHIPPED, exported_policies, shipped_policies
+from pter_gym.policies import read_policy as load_policy
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
 from pter_gym.tuning import add_study

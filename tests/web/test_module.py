@@ -22,7 +22,7 @@ from pter_gym.hands import read_forces
 from pter_gym.params import BASELINE, MACHINES
 from pter_gym.paths import Arcs
 from pter_gym.paths.arcs import SEGMENT
-from pter_gym.policies import load_policy, shipped_policies
+from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.policies.files import SHIPPED
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios.variations import WIDTH
@@ -181,7 +181,7 @@ def test_laws_have_the_bits_of_the_native_ones(name: str, path: str, page: Any, 
 @pytest.mark.parametrize("name", shipped_policies())
 def test_networks_answer_as_in_python(name: str, page: Any, recorded: Any) -> None:
     """Sums in another order differ by rounding, and so a float32 voltage now and then by a last place."""
-    shipped = load_policy(name)
+    shipped = read_policy(name)
     layout = pages_batch().layout
     interface = shipped.card.interface.bind(BASELINE, layout)
     past, memory = interface.begin(1), shipped.network.begin(1)
