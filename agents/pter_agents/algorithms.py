@@ -6,26 +6,24 @@ torch until an algorithm's module is asked for.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from numpy.typing import NDArray
-
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.codec import ABSENT, tuple_of
+from pter_gym.internal.codec import tuple_of
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text
 
 if TYPE_CHECKING:
     from pter_agents.networks import Actor
-    from pter_agents.settings import Settings
-    from pter_agents.worlds import Worlds
+    from pter_agents.settings import TrainingSettings
+    from pter_agents.worlds import TrainingWorlds
 
-State = dict[str, NDArray[Any]]
-"""All that a training's future depends on, as arrays by name."""
+State = dict[str, Any]
+"""All that a training's future depends on: arrays, tensors and numbers, nested by name."""
 
 FOLDER = Path(__file__).parent
 
@@ -59,11 +57,11 @@ class Model(Protocol):
         ...
 
     def get_state(self) -> State:
-        """Return copies of all that the training's future depends on."""
+        """Return all that the training's future depends on, ``steps`` among it; not copies."""
         ...
 
     def set_state(self, state: State) -> None:
-        """Go on where ``get_state`` was called."""
+        """Go on where ``get_state`` was called; arrays may have become tensors."""
         ...
 
     def set_weights(self, state: State) -> None:
@@ -92,9 +90,9 @@ class Learner:
         Parts of the worlds.
     """
 
-    settings: "type[Settings]"
+    settings: "type[TrainingSettings]"
     smoke: Mapping[str, Any]
-    make_model: "Callable[[Any, Sequence[Worlds], int, int], Model]"
+    make_model: "Callable[[Any, Sequence[TrainingWorlds], int, int], Model]"
     parts: int
 
 
@@ -142,7 +140,7 @@ def find_algorithm(name: str) -> Algorithm:
     return ALGORITHMS[name]
 
 
-def load_settings(algorithm: str, file: FilePath | None = None) -> "Settings":
+def load_settings(algorithm: str, file: FilePath | None = None) -> "TrainingSettings":
     """Return the hyper-parameters of an algorithm, with those in a file in place of the usual ones.
 
     Raises
@@ -159,22 +157,21 @@ def load_settings(algorithm: str, file: FilePath | None = None) -> "Settings":
     return settings_from(algorithm, values)
 
 
-def smoke_settings(algorithm: str, settings: "Settings", **changes: Any) -> "Settings":
+def smoke_settings(algorithm: str, settings: "TrainingSettings", **changes: Any) -> "TrainingSettings":
     """Return hyper-parameters of a smoke run with some changes; networks and what they see stay as they are."""
     return settings_from(algorithm, {**asdict(settings), **SMOKE, **find_algorithm(algorithm).learner.smoke, **changes})
 
 
-def settings_from(algorithm: str, values: Mapping[str, Any]) -> "Settings":
+def settings_from(algorithm: str, values: Mapping[str, Any]) -> "TrainingSettings":
     """Return the hyper-parameters of an algorithm from plain values; see ``load_settings``."""
     kind = find_algorithm(algorithm).learner.settings
-    known = {item.name: item.type for item in fields(kind)}
+    known = {item.name: item for item in fields(kind)}
     for name in values:
         if name not in known:
             raise unknown_name("config", name, known)
-    values = {**{item.name: item.metadata[ABSENT] for item in fields(kind) if ABSENT in item.metadata}, **values}
-    for name, expected in known.items():
-        if name not in values:
+    for name, item in known.items():
+        if name not in values and item.default is MISSING:
             raise ParameterError(f"config must hold {name}")
-        if expected is str and not isinstance(values[name], str):
-            raise ParameterError(f"Settings.{name} must be a string, got {values[name]!r}")
+        if item.type is str and not isinstance(values.get(name), str):
+            raise ParameterError(f"{kind.__name__}.{name} must be a string, got {values[name]!r}")
     return kind(**{name: tuple_of(value) for name, value in values.items()})

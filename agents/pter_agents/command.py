@@ -34,8 +34,8 @@ def train(
 ) -> None:
     """Train a policy on a scenario's training draws.
 
-    The folder of the run gets two checkpoints, the newest ones; validation.json with the scores on drawn episodes that
-    are not trained on; progress.csv, and what TensorBoard shows.
+    The folder of the run holds the two newest checkpoints, validation.json with the scores on drawn episodes that are
+    not trained on, progress.csv, and the logs for TensorBoard.
 
     Example: pter train residual --smoke --out residual-run
 
@@ -85,7 +85,8 @@ def export(
 ) -> None:
     """Turn a run of `pter train` into a policy.
 
-    It is three files: weights without code, a card, and a model card in Markdown. It is checked that both act alike.
+    A policy is three files: weights without code, a card, and a model card in Markdown. The command checks that the
+    run's policy and the exported one act alike.
 
     Example: pter export residual-run --name mine --out policies --hub mine-on-hub
 
@@ -124,8 +125,8 @@ def retrain(
 ) -> None:
     """Train a policy again from its card, and score both.
 
-    They are scored on fresh episodes, which follow from the content of both policies, so nobody has seen them before.
-    Those that were trained on a machine of one's own are scored on training draws with that machine.
+    The scores are on fresh episodes, whose seed follows from the content of both policies, so neither has seen them.
+    Policies that were trained on a machine of their own are scored on training draws with that machine.
 
     Example: pter retrain residual --out again
 

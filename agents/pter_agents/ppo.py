@@ -7,7 +7,6 @@ Noise that is new at each control step hardly passes the clutches' lag. So it is
 standard normal ε. Given n' the action a has mean μ + ρ·n' and deviation σ, with which its likelihood is exact.
 """
 
-import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,11 +18,10 @@ import torch
 from torch import nn
 
 from pter_agents.algorithms import Learner, State
-from pter_agents.networks import Actor, ActorCritic, moments_of
-from pter_agents.settings import Settings, require_whole
-from pter_agents.worlds import Mask, Rows, Worlds
-from pter_gym.internal.reading import parse_json
-from pter_gym.params import require, require_number
+from pter_agents.networks import Actor, ActorCritic
+from pter_agents.settings import TrainingSettings
+from pter_agents.worlds import Mask, Rows, TrainingWorlds
+from pter_gym.params import require, require_number, require_whole
 
 PARTS = 2
 """Parts of the worlds; the results depend on their number, and on that alone."""
@@ -33,8 +31,8 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PPOSettings(Settings):
-    """Hyper-parameters of proximal policy optimisation, in addition to those of ``Settings``.
+class PPOSettings(TrainingSettings):
+    """Hyper-parameters of proximal policy optimisation, in addition to those of ``TrainingSettings``.
 
     Attributes
     ----------
@@ -123,7 +121,7 @@ class Samples(NamedTuple):
 class Part:
     """A part of the worlds, its exploration, and its rollouts."""
 
-    def __init__(self, settings: PPOSettings, worlds: Worlds, seed: int, number: int) -> None:
+    def __init__(self, settings: PPOSettings, worlds: TrainingWorlds, seed: int, number: int) -> None:
         self._settings = settings
         self.worlds = worlds
         self.rng = np.random.default_rng((seed, number))
@@ -162,16 +160,16 @@ class Part:
         return Samples(*(torch.from_numpy(each.reshape(-1, *each.shape[2:])) for each in rows))
 
     def get_state(self) -> State:
-        """Return copies of all that changes."""
-        own = {"noise": self._noise.copy(), "inputs": self._inputs.copy()}
-        drawn = {"rng": np.array(json.dumps(self.rng.bit_generator.state))}
-        return {**self.worlds.get_state(), **own, **drawn}
+        """Return all that changes."""
+        own = {"noise": self._noise, "inputs": self._inputs, "rng": self.rng.bit_generator.state}
+        return {**own, "worlds": self.worlds.get_state()}
 
     def set_state(self, state: State) -> None:
         """Go on where ``get_state`` was called."""
-        self.worlds.set_state(state)
-        self._noise, self._inputs = state["noise"], state["inputs"]
-        self.rng.bit_generator.state = parse_json(str(state["rng"]).encode())
+        self.worlds.set_state(state["worlds"])
+        self._noise[:] = state["noise"]
+        self._inputs[:] = state["inputs"]
+        self.rng.bit_generator.state = state["rng"]
 
 
 def estimate(rewards: Rows, values: Rows, ends: Mask, finals: Rows, discount: float, trace: float) -> Rows:
@@ -214,7 +212,7 @@ class PPO:
         Of weights, worlds and noise.
     """
 
-    def __init__(self, settings: PPOSettings, parts: Sequence[Worlds], total: int, seed: int) -> None:
+    def __init__(self, settings: PPOSettings, parts: Sequence[TrainingWorlds], total: int, seed: int) -> None:
         self._settings = settings
         self._total = total
         self.steps = 0
@@ -241,7 +239,7 @@ class PPO:
         done = self.steps / self._total
         deviation, rate = s.deviation_at(done), s.learning_rate_at(done)
         self._adam.param_groups[0]["lr"] = rate
-        samples = normalised(self._each(lambda part: part.collect(self.networks, deviation), self._parts))
+        samples = with_even_advantages(self._each(lambda part: part.collect(self.networks, deviation), self._parts))
         losses = [self._learn(samples, deviation) for _ in range(s.epochs)]
         self.steps += self.rollout
         loss = float(np.mean(losses))
@@ -286,43 +284,32 @@ class PPO:
         return Actor(self.networks.policy)
 
     def get_state(self) -> State:
-        """Return copies of all that a training's future depends on."""
-        adam = self._adam.state_dict()["state"]
-        found: State = {"steps": np.array(self.steps)}
-        for k, weight in enumerate(self._weights):
-            found[f"weight_{k}"] = weight.detach().numpy().copy()
-            for name, tensor in adam.get(k, {}).items():
-                found[f"adam_{k}_{name}"] = tensor.numpy().copy()
-        for number, part in enumerate(self._parts):
-            found |= {f"part_{number}_{name}": value for name, value in part.get_state().items()}
-        return found
+        """Return all that a training's future depends on."""
+        return {
+            "steps": self.steps,
+            "networks": self.networks.state_dict(),
+            "adam": self._adam.state_dict(),
+            "parts": [part.get_state() for part in self._parts],
+        }
 
     def set_state(self, state: State) -> None:
         """Go on where ``get_state`` was called."""
         self.set_weights(state)
-        adam = self._adam.state_dict()
-        if "adam_0_step" in state:
-            adam["state"] = {k: moments_of(state, f"adam_{k}", weight) for k, weight in enumerate(self._weights)}
-        self._adam.load_state_dict(adam)
-        self.steps = int(state["steps"])
-        for number, part in enumerate(self._parts):
-            prefix = f"part_{number}_"
-            part.set_state(
-                {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}
-            )
+        self._adam.load_state_dict(state["adam"])
+        self.steps = state["steps"]
+        for part, kept in zip(self._parts, state["parts"], strict=True):
+            part.set_state(kept)
 
     def set_weights(self, state: State) -> None:
         """Take the networks of a state."""
-        with torch.no_grad():
-            for k, weight in enumerate(self._weights):
-                weight.copy_(torch.from_numpy(state[f"weight_{k}"]))
+        self.networks.load_state_dict(state["networks"])
 
     def close(self) -> None:
         """Stop the threads."""
         self._threads.shutdown()
 
 
-def normalised(samples: Sequence[Samples]) -> list[Samples]:
+def with_even_advantages(samples: Sequence[Samples]) -> list[Samples]:
     """Return samples whose advantages have mean 0 and deviation 1 over all parts."""
     every = torch.cat([part.advantages for part in samples])
     mean, deviation = every.mean(), every.std()

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pter_agents.settings import PLAIN, Settings
+from pter_agents.settings import PLAIN, TrainingSettings
 from pter_agents.worlds import ALL, Truth, make_worlds
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.tuned import FALLBACK, SUFFIX
@@ -39,7 +39,7 @@ def find_base(name: str, scenario: str) -> Base | None:
 
 
 def make_interface(
-    settings: Settings, scenario: str, draws: Randomisation | Mixture, seed: int, nominal: Machine = BASELINE
+    settings: TrainingSettings, scenario: str, draws: Randomisation | Mixture, seed: int, nominal: Machine = BASELINE
 ) -> Interface:
     """Return the interface of a policy, its scales taken from a short run without a network.
 
@@ -69,7 +69,7 @@ def make_interface(
 
 
 def sample_inputs(
-    plain: Interface, settings: Settings, draws: Randomisation | Mixture, seed: int, nominal: Machine
+    plain: Interface, settings: TrainingSettings, draws: Randomisation | Mixture, seed: int, nominal: Machine
 ) -> Sequence[Input]:
     """Return the inputs, with the mean and the deviation of each where random actions lead."""
     worlds = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
@@ -92,7 +92,7 @@ def sample_inputs(
     return [_input(name, column) for name, column in zip(names, values.T, strict=True) if name in shown]
 
 
-def sample_truth(settings: Settings, draws: Randomisation | Mixture, seed: int) -> Truth:
+def sample_truth(settings: TrainingSettings, draws: Randomisation | Mixture, seed: int) -> Truth:
     """Return what varies of all that is true of a world, from a short run at random; it follows from the seed.
 
     Parameters

@@ -10,7 +10,7 @@ from sb3_contrib import TQC
 
 from pter_agents.algorithms import Learner
 from pter_agents.sac import OffPolicy, SACSettings
-from pter_agents.worlds import Worlds
+from pter_agents.worlds import TrainingWorlds
 from pter_gym.params import require
 
 QUANTILES = 25
@@ -36,7 +36,7 @@ class TQCSettings(SACSettings):
         require(whole, self, "dropped", self.dropped, f"a whole number from 0 to {QUANTILES - 1}")
 
 
-def make_tqc(settings: TQCSettings, parts: Sequence[Worlds], total: int, seed: int) -> OffPolicy:  # noqa: ARG001
+def make_tqc(settings: TQCSettings, parts: Sequence[TrainingWorlds], total: int, seed: int) -> OffPolicy:  # noqa: ARG001
     """Return an untrained model, see ``Learner``."""
     return OffPolicy(settings, parts, seed, TQC, top_quantiles_to_drop_per_net=settings.dropped)
 

@@ -1,5 +1,6 @@
 """The worlds to train on: a scenario's training draws behind the interface of a policy."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -21,8 +22,7 @@ ALL = "all"
 """Name for all scenarios of ``MIXED``, and for a commanded pace that is drawn among those of the scores."""
 
 MIXED = ("standard", "paths", "hands", "materials", "everything")
-"""The scenarios of ``ALL``: those of the shipped policies, so that they can be trained again. Later ones are not in it,
-and show what a policy does with what it has not seen."""
+"""The scenarios of ``ALL``, on which shipped policies were trained; later ones show how policies do on others."""
 
 WIDEST = "everything"
 """The scenario that has half of the draws of ``ALL``; the others share the rest evenly."""
@@ -31,7 +31,7 @@ Rows = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
-def training_draws(
+def draws_for(
     scenario: str, pace: str, *, contexts: int, seed: int, machine: OwnMachine | None = None, **stated: Any
 ) -> Randomisation | Mixture:
     """Return machines and tasks of a scenario at a pace.
@@ -137,7 +137,7 @@ class Step(NamedTuple):
     last: Rows
 
 
-class Worlds:
+class TrainingWorlds:
     """Worlds as the networks of a policy meet them: its inputs as observations, its outputs as actions.
 
     The inputs of the value network alone follow those of the policy. Those of an episode's last observation are from
@@ -172,7 +172,7 @@ class Worlds:
         self._known = np.zeros((self.count, self.size - interface.size))
         self._returns = np.zeros(self.count)
         self.finished: list[float] = []
-        """Returns of the episodes that have ended; whoever reads them may empty the list."""
+        """Returns of the episodes that have ended; a reader may clear the list."""
 
     def reset(self, seed: int) -> Rows:
         """Start new episodes with the seeds from ``seed`` on, and return what the networks see, (N, size)."""
@@ -197,22 +197,17 @@ class Worlds:
             self._returns[ended] = 0.0
         return Step(self._see(obs), rewards, terminated, truncated, ended, last)
 
-    def get_state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that changes."""
+    def get_state(self) -> dict[str, Any]:
+        """Return all that changes."""
         own = {"base": self._base, "known": self._known, "returns": self._returns}
-        return {
-            **self.env.get_state(),
-            **self._past.get_state(),
-            **{name: part.copy() for name, part in own.items()},
-        }
+        return {**own, "worlds": self.env.get_state(), "past": self._past.get_state()}
 
-    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
-        """Go on where ``get_state`` was called."""
-        self.env.set_state(state)
-        self._past.set_state(state)
-        self._base = state["base"]
-        self._known = state["known"]
-        self._returns = state["returns"]
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on where ``get_state`` was called; arrays may be tensors."""
+        self.env.set_state({name: np.asarray(part) for name, part in state["worlds"].items()})
+        self._past.set_state(state["past"])
+        for name, mine in (("base", self._base), ("known", self._known), ("returns", self._returns)):
+            mine[:] = state[name]
 
     def close(self) -> None:
         """Stop the worlds."""

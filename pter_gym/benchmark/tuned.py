@@ -88,15 +88,15 @@ def read_table(path: FilePath = TABLE) -> Table:
 
 
 def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
-    """Return a controller with the gains of an entry, and its defaults for those that were not searched.
+    """Return a controller with the gains of an entry; those that it does not name are the defaults that it relies on.
 
     Raises
     ------
     DataError
-        If a gain is unknown, refused or missing.
+        If a gain is unknown or refused.
     """
     with reading(f"tuned gains {path}"):
-        return make_guided(name, {**entry.get("defaults", {}), **entry["gains"]}, complete=True)
+        return make_guided(name, {**entry.get("defaults", {}), **entry["gains"]})
 
 
 def _check_entry(entry: Mapping[str, Any], where: str, path: Path) -> None:

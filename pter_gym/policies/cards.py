@@ -1,18 +1,16 @@
 """The card of a policy: all but the weights, as JSON. What is read is checked before it is used."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from itertools import pairwise
 from typing import Any, cast
 
 from pter_gym.compiled.layout import Layout
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.checks import is_finite
-from pter_gym.internal.codec import completed
 from pter_gym.internal.reading import parse_json, reading
 from pter_gym.params import require, require_flag, require_kind, require_number
 from pter_gym.policies.interface import Base, Input, Interface
-from pter_gym.policies.stored_gains import make_guided
 
 FORMAT = 1
 """Version of the format."""
@@ -151,7 +149,7 @@ def read_card(data: bytes, what: str) -> Card:
         values = dict(_object(parse_json(data), "it"))
         if (found := values.pop("format", None)) != FORMAT:
             raise ValueError(f"format must be {FORMAT}, got {found!r}")
-        values = completed(Card, values)
+        values = _fields(Card, values)
         values.update(
             observation=tuple(map(_entry, _list(values["observation"], "observation", MOST_INPUTS))),
             interface=read_interface(values["interface"]),
@@ -168,12 +166,11 @@ def read_interface(content: Any) -> Interface:
     ValueError
         If it is not one.
     """
-    values = completed(Interface, _object(content, "interface"))
+    values = _fields(Interface, _object(content, "interface"))
     base: Any = values["base"]
     values.update(
         inputs=tuple(
-            Input(**completed(Input, _object(each, "inputs")))
-            for each in _list(values["inputs"], "inputs", MOST_INPUTS)
+            Input(**_fields(Input, _object(each, "inputs"))) for each in _list(values["inputs"], "inputs", MOST_INPUTS)
         ),
         base=None if base is None else _base(base),
         history=_list(values["history"], "history", MOST_LAYERS),
@@ -183,11 +180,9 @@ def read_interface(content: Any) -> Interface:
 
 
 def _base(content: Any) -> Base:
-    values = completed(Base, _object(content, "base"))
-    gains = [_object(each, "gains") for each in _list(values["gains"], "gains", MOST_INPUTS)]
-    for each in gains:
-        make_guided(values["controller"], each, complete=True)
-    return Base(values["controller"], _list(values["paces"], "paces", MOST_INPUTS), tuple(gains))
+    values = _fields(Base, _object(content, "base"))
+    gains = tuple(_object(each, "gains") for each in _list(values["gains"], "gains", MOST_INPUTS))
+    return Base(values["controller"], _list(values["paces"], "paces", MOST_INPUTS), gains)
 
 
 def _entry(content: Any) -> tuple[str, str, float]:
@@ -196,6 +191,17 @@ def _entry(content: Any) -> tuple[str, str, float]:
     if len(entry) != 3 or type(name) is not str or type(unit) is not str or not is_finite(scale) or not scale > 0.0:
         raise ValueError(f"observation must hold objects with name, unit and scale > 0, got {content!r:.200}")
     return name, unit, float(scale)
+
+
+def _fields(kind: type[Any], content: dict[str, Any]) -> dict[str, Any]:
+    """Return an object, or raise a ValueError unless it has exactly the fields of a dataclass."""
+    known = [item.name for item in fields(kind)]
+    for name in content:
+        if name not in known:
+            raise unknown_name(f"fields of {kind.__name__}", name, known)
+    if missing := [name for name in known if name not in content]:
+        raise ValueError(f"{kind.__name__} must have {', '.join(known)}; {', '.join(missing)} is missing")
+    return content
 
 
 def _object(content: Any, what: str) -> dict[str, Any]:

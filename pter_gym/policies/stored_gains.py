@@ -5,7 +5,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.codec import completed, stored_fields, tuple_of
+from pter_gym.internal.codec import tuple_of
 
 if TYPE_CHECKING:
     from pter_gym.controllers import Guided
@@ -16,31 +16,21 @@ def gains_of(controller: "Guided") -> dict[str, Any]:
     return {item.name: getattr(controller, item.name) for item in fields(controller)}
 
 
-def make_guided(name: str, gains: Mapping[str, Any], *, complete: bool = False) -> "Guided":
-    """Return a controller.
-
-    Parameters
-    ----------
-    name
-        In ``pter_gym.controllers.CONTROLLERS``.
-    gains
-        By name; those that are missing have their defaults.
-    complete
-        Whether all gains must be named, as in stored data, which must not depend on defaults.
+def make_guided(name: str, gains: Mapping[str, Any]) -> "Guided":
+    """Return a controller by its name in ``CONTROLLERS``; gains that are not named are its defaults.
 
     Raises
     ------
     ParameterError
-        If there is no such controller or gain, which tells the nearest, or a gain is refused or missing.
+        If there is no such controller or gain, which tells the nearest, or a gain is refused.
     """
     from pter_gym.controllers import CONTROLLERS, Guided  # loads numba, which policies without a base do not need
 
     guided = {known: kind for known, kind in CONTROLLERS.items() if issubclass(kind, Guided)}
     if name not in guided:
         raise unknown_name("controller", name, guided)
-    known = stored_fields(guided[name])
+    known = [item.name for item in fields(guided[name])]
     for gain in gains:
         if gain not in known:
             raise ParameterError(f"{name} has no gain {gain!r}: {unknown_name('gains', gain, known)}")
-    given = completed(guided[name], gains) if complete else gains
-    return guided[name](**{gain: tuple_of(value) for gain, value in given.items()})
+    return guided[name](**{gain: tuple_of(value) for gain, value in gains.items()})

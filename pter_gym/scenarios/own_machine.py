@@ -65,7 +65,7 @@ def on_machine(scenario: Scenario, machine: AnyMachine) -> Scenario:
     """Return a scenario whose paths, hands and sensors meet one machine; raises as ``find_own`` and ``as_sensed``."""
     own = find_own(machine)
     varied = Varied(InPlaceOf(scenario.machine, own.machine), as_sensed(scenario.task, own))
-    return replace(scenario, varies=lambda: varied, own=own.machine)
+    return replace(scenario, own=own.machine, own_varied=varied)
 
 
 class InPlaceOf(Vary[Drawn]):

@@ -38,9 +38,7 @@ class Distribution(Protocol):
 
 
 @dataclass(frozen=True)
-class Uniform:
-    """An even draw from [low, high]."""
-
+class _Range:
     low: float
     high: float
 
@@ -49,34 +47,30 @@ class Uniform:
         require_number(self, "low")
         require_number(self, "high", at_least=self.low)
 
+    def extremes(self) -> Sequence[float]:
+        """Return the smallest and the largest number."""
+        return self.low, self.high
+
+
+class Uniform(_Range):
+    """An even draw from [low, high]."""
+
     def draw(self, rng: np.random.Generator) -> float:
         """Return a number drawn evenly."""
         return float(rng.uniform(self.low, self.high))
 
-    def extremes(self) -> Sequence[float]:
-        """Return the smallest and the largest number."""
-        return self.low, self.high
 
-
-@dataclass(frozen=True)
-class LogUniform:
+class LogUniform(_Range):
     """A draw from [low, high] whose logarithm is even."""
-
-    low: float
-    high: float
 
     def __post_init__(self) -> None:
         """Check that both are finite, positive and in order."""
         require_number(self, "low", above=0.0)
-        require_number(self, "high", at_least=self.low)
+        super().__post_init__()
 
     def draw(self, rng: np.random.Generator) -> float:
         """Return a number whose logarithm is drawn evenly."""
         return math.exp(rng.uniform(math.log(self.low), math.log(self.high)))
-
-    def extremes(self) -> Sequence[float]:
-        """Return the smallest and the largest number."""
-        return self.low, self.high
 
 
 @dataclass(frozen=True)
@@ -249,7 +243,7 @@ class Randomisation:
                     raise
             else:
                 return machine, task
-        raise AssertionError("unreachable")
+        raise AssertionError
 
 
 @dataclass(frozen=True, kw_only=True)

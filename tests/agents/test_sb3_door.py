@@ -80,26 +80,6 @@ def test_same_episodes_as_stable_baselines_own_vec_env_of_single_environments() 
     assert min(ends.values()) > 3, ends
 
 
-def test_terminal_observation_is_the_batchs_final_obs() -> None:
-    ours = make()
-    batch: Any = gymnasium.make_vec(
-        ID, num_envs=COUNT, task=TASK, action_unit="normalised", max_episode_steps=LIMIT, autoreset_mode="SAME_STEP"
-    )
-    ours.seed(3)
-    ours.reset()
-    batch.reset(seed=3)
-    seen = 0
-    for row in actions():
-        obs, _, dones, infos = ours.step(row)
-        batch_obs, _, terminated, truncated, batch_infos = batch.step(row)
-        assert obs.tobytes() == batch_obs.tobytes()
-        for world in np.flatnonzero(dones):
-            assert infos[world]["terminal_observation"].tobytes() == batch_infos["final_obs"][world].tobytes()
-            assert infos[world]["TimeLimit.truncated"] == (truncated[world] and not terminated[world])
-            seen += 1
-    assert seen > 10
-
-
 def test_infos_are_fresh_dicts_of_python_values() -> None:
     env = make()
     env.reset()

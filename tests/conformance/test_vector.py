@@ -191,7 +191,7 @@ def test_episodes_of_the_single_worlds_end_in_every_way() -> None:
 
 
 @pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode.name)
-@pytest.mark.parametrize("count", [1, 7, 64])
+@pytest.mark.parametrize("count", [7, 64])
 def test_a_row_of_a_batch_is_a_single_environment(count: int, mode: AutoresetMode) -> None:
     env = make(count, mode)
     for step, record in enumerate(live(env, seeds(count), actions(count))):
@@ -200,7 +200,7 @@ def test_a_row_of_a_batch_is_a_single_environment(count: int, mode: AutoresetMod
 
 @pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode.name)
 def test_any_number_of_threads(mode: AutoresetMode) -> None:
-    envs = [make(THREADED, mode, num_threads=threads) for threads in (1, 2, 3, 5)]
+    envs = [make(THREADED, mode, num_threads=threads) for threads in (1, 3)]
     lives = zip(*(live(env, seeds(THREADED), actions(THREADED)) for env in envs), strict=True)
     for step, (one, *others) in enumerate(lives):
         require_same(rows(one, slice(ALONE)), alone(mode)[step], step)
@@ -224,8 +224,8 @@ def test_ten_thousand_worlds() -> None:
             require_same(one, other, step)
 
 
-@pytest.mark.parametrize("count", [64, THREADED])
-def test_any_order_of_worlds(count: int) -> None:
+def test_any_order_of_worlds() -> None:
+    count = THREADED
     order = np.random.default_rng(1).permutation(count)
     env = make(count, SAME_STEP)
     turned = make(count, SAME_STEP, list(order))
@@ -237,8 +237,9 @@ def test_any_order_of_worlds(count: int) -> None:
         require_same(rows(one, order), two, step)
 
 
-@pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode.name)
-@pytest.mark.parametrize(("count", "half"), [(1, 100), (64, 57), (THREADED, 101)])
+@pytest.mark.parametrize(
+    ("count", "half", "mode"), [*((64, 57, mode) for mode in AutoresetMode), (THREADED, 101, SAME_STEP)]
+)
 def test_after_a_checkpoint(count: int, half: int, mode: AutoresetMode) -> None:
     env = make(count, mode)
     voltages = actions(count)
@@ -361,16 +362,6 @@ def test_record_episode_statistics(mode: AutoresetMode) -> None:
             seen += 1
         before = ended
     assert seen == env.episode_count > 20
-
-
-def test_normalize_observation_and_reward() -> None:
-    env: Any = wrappers.NormalizeReward(wrappers.NormalizeObservation(make(7, NEXT_STEP)))
-    env.reset(seed=seeds(7))
-    for row in actions(7):
-        obs, rewards, *_ = env.step(row)
-        assert np.isfinite(obs).all()
-        assert np.isfinite(rewards).all()
-    assert np.abs(obs.mean()) < 3.0
 
 
 @pytest.mark.agents

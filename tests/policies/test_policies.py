@@ -41,7 +41,6 @@ from pter_gym.policies import (
 from pter_gym.policies.cards import fields_of, read_card
 from pter_gym.policies.files import MOST_CARD, MOST_WEIGHTS, check_name
 from pter_gym.policies.interface import LIMIT, available, seen_without
-from pter_gym.policies.stored_gains import gains_of, make_guided
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import observation_layout
 
@@ -330,16 +329,14 @@ def _in_interface(**values: Any) -> Break:
 
 
 def _base(**values: Any) -> dict[str, Any]:
-    return {"controller": "impedance", "paces": [1], "gains": [GAINS], **values}
+    return {"controller": "impedance", "paces": [1], "gains": [{}], **values}
 
-
-GAINS = {**gains_of(make_guided("impedance", {})), "table_volts": [0, 24]}
 
 BROKEN: dict[str, tuple[Break, str]] = {
     "another format": (_set(format=2), "format must be 1"),
     "another environment": (_set(environment="PTER/PathFollowing-v9"), "PathFollowing-v0.*PathFollowing-v9"),
-    "a key too many": (_set(code="import os"), "stored fields of Card must be among .* got 'code'"),
-    "a key too few": (lambda card: card.pop("squashed"), "stored Card has no field 'squashed'"),
+    "a key too many": (_set(code="import os"), "fields of Card must be among .* got 'code'"),
+    "a key too few": (lambda card: card.pop("squashed"), "squashed is missing"),
     "another name": (_set(name="other"), "that of 'other'"),
     "a name of a number": (_set(name=3), "name must be of type str"),
     "a layer of no units": (_set(hidden=[5, 0]), "hidden"),
@@ -357,11 +354,10 @@ BROKEN: dict[str, tuple[Break, str]] = {
     "a history of a number": (_in_interface(history=3), "history"),
     "an unknown base": (_in_interface(base=_base(controller="os")), "controller"),
     "an unknown gain": (_in_interface(base=_base(gains=[{"stifness": 1}])), "did you mean 'stiffness'"),
-    "a missing gain": (_in_interface(base=_base(gains=[{"stiffness": 1}])), "stored Impedance has no field"),
-    "a gain out of range": (_in_interface(base=_base(gains=[{**GAINS, "stiffness": -1}])), "stiffness"),
+    "a gain out of range": (_in_interface(base=_base(gains=[{"stiffness": -1}])), "stiffness"),
     "gains in a list": (_in_interface(base=_base(gains=[3])), "gains must be an object"),
     "gains for another number of paces": (_in_interface(base=_base(paces=[1, 2])), "gains"),
-    "paces that fall": (_in_interface(base=_base(paces=[2, 1], gains=[GAINS, GAINS])), "rising"),
+    "paces that fall": (_in_interface(base=_base(paces=[2, 1], gains=[{}, {}])), "rising"),
     "a squashing of 1": (_set(squashed=1), "squashed must be True or False, got 1"),
     "an LSTM of too many units": (_set(lstm=513), "lstm must be a whole number from 0 to 512, got 513"),
     "an LSTM of true units": (_set(lstm=True), "lstm"),
