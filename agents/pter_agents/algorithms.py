@@ -28,10 +28,10 @@ State = dict[str, Any]
 FOLDER = Path(__file__).parent
 
 ENTRY = "algorithm"
-"""Key under which a file says that it is an algorithm's, and not hyper-parameters for one."""
+"""Key that only the file of an algorithm has."""
 
 SMOKE = {"worlds": 64, "steps": 32, "contexts": 16}
-"""Hyper-parameters of a run that shows that training works, not that it learns."""
+"""Hyper-parameters of a short run that shows that training works, not that it learns."""
 
 
 class Model(Protocol):
@@ -49,7 +49,7 @@ class Model(Protocol):
     rollout: int
 
     def advance(self) -> Mapping[str, float]:
-        """Collect a rollout, learn from it, and return what is worth a log; FloatingPointError if it diverges."""
+        """Collect a rollout, learn from it, and return values for the logs; FloatingPointError if it diverges."""
         ...
 
     def actor(self) -> "Actor":
@@ -65,7 +65,7 @@ class Model(Protocol):
         ...
 
     def set_weights(self, state: State) -> None:
-        """Take the networks of a state alone."""
+        """Take only the networks of a state."""
         ...
 
     def close(self) -> None:
@@ -82,10 +82,10 @@ class Learner:
     settings
         Its hyper-parameters.
     smoke
-        Those that differ in a smoke run, in addition to ``SMOKE``.
+        Values of a smoke run, in addition to ``SMOKE``.
     make_model
-        Makes an untrained model from hyper-parameters, worlds in as many parts of the same size as ``parts``, the
-        control steps of the whole training, and the seed of all that it draws.
+        Makes an untrained model from hyper-parameters, worlds in ``parts`` parts of the same size, the control steps of
+        the whole training, and a seed.
     parts
         Parts of the worlds.
     """
@@ -133,7 +133,7 @@ def find_algorithm(name: str) -> Algorithm:
     Raises
     ------
     ParameterError
-        If there is none of that name; it tells the nearest.
+        If there is none of that name; the message suggests the nearest.
     """
     if name not in ALGORITHMS:
         raise unknown_name("algorithm", name, ALGORITHMS)
@@ -141,13 +141,13 @@ def find_algorithm(name: str) -> Algorithm:
 
 
 def load_settings(algorithm: str, file: FilePath | None = None) -> "TrainingSettings":
-    """Return the hyper-parameters of an algorithm, with those in a file in place of the usual ones.
+    """Return the hyper-parameters of an algorithm; those in a file replace the usual ones.
 
     Raises
     ------
     ParameterError
-        If there is no such algorithm or hyper-parameter, which tells the nearest, or a value is out of range, or the
-        file cannot be read.
+        If there is no such algorithm or hyper-parameter, with the nearest, a value is out of range, or the file cannot
+        be read.
     """
     find_algorithm(algorithm)
     values = read_table(FOLDER / f"{algorithm}.toml")

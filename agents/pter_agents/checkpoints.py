@@ -8,7 +8,7 @@ import pickle
 import re
 import zipfile
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -96,7 +96,8 @@ def steps_of(path: FilePath) -> int:
 def _as_tensors(value: Any) -> Any:
     """Return a state with its arrays as tensors, on the same memory."""
     if isinstance(value, dict):
-        return {name: _as_tensors(part) for name, part in value.items()}
+        return {name: _as_tensors(part) for name, part in cast("dict[Any, Any]", value).items()}
     if isinstance(value, (list, tuple)):
-        return type(value)(_as_tensors(part) for part in value)
+        parts = [_as_tensors(part) for part in cast("list[Any]", value)]
+        return parts if isinstance(value, list) else tuple(parts)
     return torch.from_numpy(value) if isinstance(value, np.ndarray) else value

@@ -40,13 +40,13 @@ def train(
     Example: pter train residual --smoke --out residual-run
 
     Args:
-        pace: Commanded pace, or all of them in turn.
+        pace: Commanded pace, or all of them.
         steps: Control steps of all worlds together.
         seed: Seed of weights, worlds, draws and actions, at least 0.
-        out: Folder of the run; made if need be. It may hold no other run.
-        resume: Go on from the newest checkpoint in the folder; other arguments but the steps must be as before.
-        config: TOML file with hyper-parameters in place of the usual ones.
-        smoke: A run of some seconds that shows that training works.
+        out: Folder of the run, created if necessary; it must not hold another run.
+        resume: Go on from the newest checkpoint in the folder; only the steps may differ from before.
+        config: TOML file with hyper-parameters that replace the usual ones.
+        smoke: Make a run of a few seconds that shows that training works.
         machine: Clutch material, or the preset of a machine of your own, in place of those that the scenario draws.
     """
     try:
@@ -92,8 +92,8 @@ def export(
 
     Args:
         run: Folder of the run; with --hub also a trained policy, by its name or its path.
-        name: What the policy is called; its algorithm by default.
-        out: Folder for the files; made if need be.
+        name: Name of the policy; by default that of the algorithm.
+        out: Folder for the files, created if necessary.
         hub: Folder for the policy as the Hugging Face hub lays it out: with scores and a film. Nothing is uploaded.
     """
     from pter_gym.policies.files import RUN
@@ -131,8 +131,8 @@ def retrain(
     Example: pter retrain residual --out again
 
     Args:
-        policy: Name of a trained policy that the package ships, or the path of the card of another.
-        out: Folder for the run and the new policy; made if need be. A run that was stopped there goes on.
+        policy: Name of a shipped trained policy, or the path of the card of another.
+        out: Folder for the run and the new policy, created if necessary. A run that was stopped there goes on.
     """
     try:
         with terminal(errors=True).status("loading"):

@@ -101,7 +101,7 @@ def load_newest(model: Model, folder: RunFolder) -> int:
     Raises
     ------
     DataError
-        If there is none, or it cannot be read.
+        If the run has no checkpoint, or it cannot be read.
     """
     while True:
         newest = folder.newest()
@@ -146,7 +146,7 @@ def compare(actor: Actor, worlds: TrainingWorlds, nominal: Machine, name: str, f
 
 
 def about_run(arguments: Arguments, folder: RunFolder, steps: int) -> dict[str, Any]:
-    """Return what a card tells of the training."""
+    """Return what a card says about the training."""
     settings = arguments.settings
     usual = load_settings(arguments.algorithm)
     changed = {name: value for name, value in vars(settings).items() if value != getattr(usual, name)}

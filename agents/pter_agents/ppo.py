@@ -24,7 +24,7 @@ from pter_agents.worlds import Mask, Rows, TrainingWorlds
 from pter_gym.params import require, require_number, require_whole
 
 PARTS = 2
-"""Parts of the worlds; the results depend on their number, and on that alone."""
+"""Parts of the worlds; the results depend on their number, not on the number of cores."""
 
 P = TypeVar("P")
 T = TypeVar("T")
@@ -37,7 +37,7 @@ class PPOSettings(TrainingSettings):
     Attributes
     ----------
     minibatch, epochs
-        Samples of a gradient step, and how often each sample is used.
+        Samples of a gradient step, and gradient steps for each sample.
     learning_rate
         At the beginning; it falls linearly to ``learning_rate_end``.
     discount, trace
@@ -46,7 +46,7 @@ class PPOSettings(TrainingSettings):
         σ of the exploration at the beginning and at the end. After ``exploring``, a share of the training, it falls
         exponentially.
     persistence
-        ρ of the exploration: what is left of its noise one control step later.
+        ρ of the exploration: the share of its noise that is left one control step later.
     reward_scale
         Factor of the rewards for the value network.
     clip, value_weight, max_gradient
@@ -87,12 +87,12 @@ class PPOSettings(TrainingSettings):
         require(whole, self, "minibatch", self.minibatch, f"an even divisor of worlds × steps = {samples}")
 
     def deviation_at(self, done: float) -> float:
-        """Return σ where a share of the training is done."""
+        """Return σ after a share of the training."""
         fallen = max(0.0, done - self.exploring) / (1.0 - self.exploring) if self.exploring < 1.0 else 0.0
         return self.deviation * (self.deviation_end / self.deviation) ** min(fallen, 1.0)
 
     def learning_rate_at(self, done: float) -> float:
-        """Return the learning rate where a share of the training is done."""
+        """Return the learning rate after a share of the training."""
         return self.learning_rate_end + (self.learning_rate - self.learning_rate_end) * max(1.0 - done, 0.0)
 
 
@@ -104,7 +104,7 @@ class Samples(NamedTuple):
     inputs
         What the networks saw.
     targets
-        Actions less what was left of the noise, ρ·n'.
+        Actions minus the rest of the earlier noise, ρ·n'.
     drawn
         ε.
     advantages, returns
@@ -130,7 +130,7 @@ class Part:
 
     @torch.no_grad()
     def collect(self, networks: ActorCritic, deviation: float) -> Samples:
-        """Follow the policy with noise and return what came of it."""
+        """Follow the policy with noise for a rollout and return the samples."""
         s = self._settings
         shape = (s.steps, self.worlds.count)
         inputs = np.empty((*shape, self.worlds.size), np.float32)
@@ -228,7 +228,7 @@ class PPO:
         self._parts = [Part(settings, worlds, seed, number) for number, worlds in enumerate(parts)]
 
     def advance(self) -> dict[str, float]:
-        """Collect a rollout, learn from it, and return what is worth a log.
+        """Collect a rollout, learn from it, and return values for the logs.
 
         Raises
         ------
@@ -276,7 +276,7 @@ class PPO:
         return float(loss.detach()), torch.autograd.grad(loss, self._weights)
 
     def _each(self, do: Callable[[P], T], over: Iterable[P]) -> list[T]:
-        """Return what a function makes of each, in a thread for each."""
+        """Return the results of a function, called in a thread for each part."""
         return list(self._threads.map(do, over))
 
     def actor(self) -> Actor:

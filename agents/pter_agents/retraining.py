@@ -36,7 +36,7 @@ def find_trained(name: FilePath) -> Neural:
     Raises
     ------
     ParameterError
-        If there is none, or it was not trained.
+        If there is none of that name, or it is not a trained one.
     """
     found = find_policy(name)
     if not isinstance(found, Neural):

@@ -83,7 +83,7 @@ class StableWorlds(PterVecEnv):
 
 
 class Stable:
-    """A model around an algorithm of Stable-Baselines3: all but the mean action.
+    """A model around an algorithm of Stable-Baselines3; a subclass gives the mean action.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class Stable:
         algorithm._last_episode_starts = np.ones(worlds.count, np.bool_)
 
     def advance(self) -> dict[str, float]:
-        """Collect a rollout, learn from it, and return what is worth a log.
+        """Collect a rollout, learn from it, and return values for the logs.
 
         Raises
         ------
@@ -157,7 +157,7 @@ class Stable:
         self.algorithm.set_parameters(state["networks"], device="cpu")
 
     def close(self) -> None:
-        """Stop nothing: there are no threads."""
+        """Do nothing: there are no threads."""
 
     def _finite(self) -> bool:
         """Tell whether all weights are finite."""

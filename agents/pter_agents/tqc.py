@@ -1,6 +1,5 @@
-"""Truncated quantile critics (Kuznetsov et al., arXiv:2005.04269) of sb3-contrib: soft actor-critic that doubts itself.
-
-Each critic gives quantiles of the return. The largest are dropped, so what is overestimated is not believed.
+"""Truncated quantile critics (Kuznetsov et al., arXiv:2005.04269) of sb3-contrib: soft actor-critic that
+estimates quantiles of the return, and drops the largest ones against overestimation.
 """
 
 from collections.abc import Sequence

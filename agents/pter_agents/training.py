@@ -98,7 +98,7 @@ class Arguments:
 
     @property
     def nominal(self) -> Machine:
-        """The machine that a base controller is told of."""
+        """The machine that a base controller is bound to."""
         return BASELINE if self.machine is None else self.machine.machine
 
     @property
@@ -134,7 +134,7 @@ class RunFolder:
         object.__setattr__(self, "path", find_path("path", path))
 
     def reserve(self) -> AbstractContextManager[None]:
-        """Have the folder alone, or raise a ParameterError if another process trains in it."""
+        """Lock the folder, or raise a ParameterError if another process trains in it."""
         return locked(self.path / LOCK, busy=f"out: another process trains in {str(self.path)!r}")
 
     def begin(self, arguments: Arguments, interface: Interface) -> None:
@@ -194,8 +194,10 @@ class Watch:
         self._interface = interface
         self._folder = folder
         csv = f"progress-{model.steps}.csv" if model.steps else "progress.csv"  # a resumed run has one of its own
-        formats = [CSVOutputFormat(str(folder.path / csv)), TensorBoardOutputFormat(str(folder.path))]
-        self._logger = Logger(str(folder.path), formats)
+        self._logger = Logger(
+            str(folder.path),
+            [CSVOutputFormat(str(folder.path / csv)), TensorBoardOutputFormat(str(folder.path))],
+        )
         self._validation = Validation(
             arguments.scenario,
             arguments.paces,

@@ -1,6 +1,7 @@
 """The worlds to train on: a scenario's training draws behind the interface of a policy."""
 
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -52,7 +53,7 @@ def draws_for(
     Raises
     ------
     ParameterError
-        If there is no such scenario or pace; it tells the nearest.
+        If there is no such scenario or pace; the message suggests the nearest.
     """
     if pace not in (ALL, *PACES):
         raise unknown_name("pace", pace, (ALL, *PACES))
@@ -76,7 +77,7 @@ def _draws(
 
 
 def all_paces() -> tuple[float, ...]:
-    """Return the commanded paces [m/s], each as often as it is fast, so all take about the same share of time."""
+    """Return the commanded paces [m/s], fast ones more often, so all take about the same share of time."""
     slowest = min(PACES.values())
     return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
 
@@ -109,7 +110,7 @@ def make_worlds(
 
 
 class Truth(NamedTuple):
-    """What varies of all that is true of a world, see ``Batch.truth``: which entries, their centres and scales."""
+    """The entries of ``Batch.truth`` that vary, with their centres and scales."""
 
     entries: NDArray[np.intp]
     center: NDArray[np.float64]
@@ -117,16 +118,16 @@ class Truth(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What a control step of N worlds has led to.
+    """Result of a control step of N worlds.
 
     Attributes
     ----------
     inputs
-        What the networks see now, of worlds that have ended after their reset; (N, size).
+        What the networks see now, (N, size); of worlds that have ended, after their reset.
     rewards, terminated, truncated
         (N,) each.
     ended, last
-        Numbers of the worlds that have ended, and what the networks would have seen of them at the end.
+        Indices of the worlds that have ended, and what the networks would have seen of them at the end.
     """
 
     inputs: Rows
@@ -140,8 +141,8 @@ class Step(NamedTuple):
 class TrainingWorlds:
     """Worlds as the networks of a policy meet them: its inputs as observations, its outputs as actions.
 
-    The inputs of the value network alone follow those of the policy. Those of an episode's last observation are from
-    one control step earlier: the world has begun again by then.
+    The inputs that only the value network sees follow those of the policy. With an episode's last observation they are
+    from one control step earlier, as the world has begun again by then.
 
     Parameters
     ----------
@@ -150,9 +151,9 @@ class TrainingWorlds:
     interface
         What the network sees and does.
     truth
-        How to scale what is true of a world for the value network; None if it sees what the policy sees.
+        Scaling of the truth about a world for the value network; None if it sees what the policy sees.
     nominal
-        The machine that a base controller is told of.
+        The machine that a base controller is bound to.
     """
 
     def __init__(
@@ -190,7 +191,7 @@ class TrainingWorlds:
         if len(ended):
             final = obs.copy()
             final[ended] = np.stack(list(infos["final_obs"][ended]))
-            seen = self.interface.see(final, self._past, passing=True)[0]
+            seen = self.interface.see(final, deepcopy(self._past))[0]
             last = np.hstack([seen, self._known])[ended].astype(np.float32)
             self._past.forget(done)
             self.finished += self._returns[ended].tolist()

@@ -163,7 +163,7 @@ def worlds_of(env: Any) -> list[Batch]:
     Raises
     ------
     ParameterError
-        If there are none in this process, or a wrapper changes observations or actions.
+        If the environment has no worlds in this process, or a wrapper changes observations or actions.
     """
     inner = getattr(env, "venv", None) or getattr(env, "env", None)  # a wrapper's, of either library
     if inner is not None:

@@ -72,7 +72,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Starting State
     At rest at the start of the path, clutches released. With `task.start_offset` the tip starts off the path by an even
-    draw, with `task.hand.random_phases` the phases of the disturbance are drawn; both from the seed alone. A reset
+    draw, with `task.hand.random_phases` the phases of the disturbance are drawn; both depend only on the seed. A reset
     without a seed goes on to the next episode of the present seed.
 
     With `task.starts`, for training, a share of the episodes begins anywhere along the path, off it and moving, and
@@ -82,8 +82,8 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Episode End
     ### Termination
     The tip reaches the end of the path (`is_success` if it is within `task.arrival`, 0.125 m, of it), or leaves the
-    workspace: too far from the path, backed off from its start, or near a singular pose. An arm that is faster than the
-    simulator can hold, many times faster than usual hands make it, ends an episode too.
+    workspace: too far from the path, behind its start, or near a singular pose. An arm that is too fast for the
+    simulator, many times faster than usual hands move it, ends an episode too.
     `pter_gym.tasks.path_following.reason_of` says why one has ended.
 
     ### Truncation
@@ -95,8 +95,8 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error, arrival,
       starts, sensing, reward weights.
     - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws machine and task in place of these.
-    - `observe_context`: whether the observation ends with what is told of machine and task (time constant, torque and
-      drift of the clutches, what the hand adds). The telemetry tells it always.
+    - `observe_context`: whether the observation ends with the context of machine and task (time constant, torque and
+      drift of the clutches, what the hand adds). The telemetry always has it.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"volt"` (default) or `"normalised"`.
     - `render_mode`: `"human"` or `"rgb_array"` (needs the extra `render`).
@@ -136,7 +136,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self.action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
         self.observation_space = spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32)
-        self._viewer = None if render_mode is None else self._make_viewer(width, height)
+        self._viewer: Any = None if render_mode is None else self._make_viewer(width, height)
         self._rows: list[NDArray[np.float64]] = []
 
     @property
@@ -205,7 +205,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._viewer.close()
 
     def _make_viewer(self, width: int, height: int) -> Any:
-        """Return what draws; drawing code is loaded here alone."""
+        """Return the viewer; only this loads drawing code."""
         from pter_gym.render import Viewer
 
         return Viewer(self.machine, self.task, "human" if self.render_mode == "human" else "rgb_array", width, height)

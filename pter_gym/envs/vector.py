@@ -52,7 +52,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
     sensors, action_unit, randomisation, observe_context
         See ``PathFollowingEnv``.
     autoreset_mode
-        What happens to a world whose episode has ended; an ``AutoresetMode`` or its value.
+        When a world whose episode has ended is reset; an ``AutoresetMode`` or its value.
     max_episode_steps
         Control steps after which an episode is truncated; None for no limit.
     telemetry
@@ -141,7 +141,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         seed
             None for the next episode of each world's seed, an int s for the seeds s, s + 1, …, or one for each world.
         options
-            ``{"reset_mask": mask}`` with a bool array (N,) resets the chosen worlds alone.
+            ``{"reset_mask": mask}`` with a bool array (N,) resets only the chosen worlds.
 
         Raises
         ------
@@ -191,15 +191,15 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
             self.batch.close()
 
     def get_state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
+        """Return copies of all that changes; ``set_state`` restores them bit for bit."""
         return self.batch.get_state()
 
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
-        """Bring the worlds to a state from ``get_state`` of an environment with as many worlds."""
+        """Restore a state from ``get_state`` of an environment with as many worlds."""
         self.batch.set_state(state)
 
     def _make_viewer(self, width: int, height: int) -> Any:
-        """Return what draws; drawing code is loaded here alone."""
+        """Return the viewer; only this loads drawing code."""
         from pter_gym.render.worlds import WorldsViewer
 
         return WorldsViewer(self.batch.pairs, self.num_envs, width, height)
@@ -211,7 +211,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         return infos
 
     def _add_final(self, infos: dict[str, Any], returns: Returns, ended: Mask) -> None:
-        """Add what Gymnasium asks of SAME_STEP, where the rest of ``infos`` is the reset's."""
+        """Add the final observations and infos of SAME_STEP; the rest of ``infos`` belongs to the reset."""
         if not ended.any():
             return
         success = infos["is_success"]
@@ -301,14 +301,14 @@ def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
 
 
 BYTES_PER_WORLD = 1800
-"""What a world takes at most, measured: its state, its part of the spaces and of two steps' returns [B]."""
+"""Most memory of a world, measured: its state, its share of the spaces and of the returns of two steps [B]."""
 
 BYTES_OF_TELEMETRY = 2000
 """What telemetry adds to the memory of a world [B]."""
 
 
 def check_memory(worlds: int, telemetry: bool) -> None:
-    """Raise a ParameterError if so many worlds would not fit into the memory of this machine."""
+    """Raise a ParameterError if this many worlds would not fit into memory."""
     most = available_memory() // (BYTES_PER_WORLD + (BYTES_OF_TELEMETRY if telemetry else 0))
     if worlds > most:
         raise ParameterError(f"num_envs must be ≤ {most}, which fit into this machine's memory, got {worlds}")

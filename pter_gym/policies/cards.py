@@ -16,7 +16,7 @@ FORMAT = 1
 """Version of the format."""
 
 ENVIRONMENT = "PTER/PathFollowing-v0"
-"""Environment whose observations and actions these policies are made for."""
+"""Environment that these policies are made for."""
 
 OUTPUTS = 4
 
@@ -45,7 +45,7 @@ class Card:
     weights_sha256
         SHA-256 of the file of weights.
     about
-        Scenario, training command, versions, scores: for people, nothing acts on it.
+        Scenario, training command, versions, scores: for people; it changes nothing in how the policy acts.
     environment
         Id of the environment.
     squashed
@@ -81,7 +81,7 @@ class Card:
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Names and shapes of the tensors that belong to it."""
+        """Names and shapes of its tensors."""
         sizes = (self.lstm or self.interface.size, *self.hidden, OUTPUTS)
         found: dict[str, tuple[int, ...]] = {}
         if self.lstm:
@@ -95,7 +95,7 @@ class Card:
         return found
 
     def check_layout(self, layout: Layout) -> None:
-        """Raise a ParameterError unless observations of this layout have all entries that it was trained on."""
+        """Raise a ParameterError unless this layout has all entries of the observations that it was trained on."""
         there = fields_of(layout)
         known = {(name, unit) for name, unit, _ in there}
         lacking = tuple(entry for entry in self.observation if entry[:2] not in known)
@@ -187,7 +187,7 @@ def _base(content: Any) -> Base:
 
 def _entry(content: Any) -> tuple[str, str, float]:
     entry = _object(content, "observation")
-    name, unit, scale = entry.get("name"), entry.get("unit"), entry.get("scale")
+    name, unit, scale = (entry.get(key, "") for key in ("name", "unit", "scale"))
     if len(entry) != 3 or type(name) is not str or type(unit) is not str or not is_finite(scale) or not scale > 0.0:
         raise ValueError(f"observation must hold objects with name, unit and scale > 0, got {content!r:.200}")
     return name, unit, float(scale)

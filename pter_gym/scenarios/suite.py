@@ -45,12 +45,12 @@ class Scenario:
     stratum
         The part of the task whose kind is the stratum of an evaluation episode.
     place
-        Place in the list of scenarios from which the seed of its evaluation episodes was made; that of a scenario
-        without one comes from its name and version.
+        Number from which the seed of its evaluation episodes is made; by default the seed follows from name and
+        version.
     own
-        The machine in place of all that it would draw, if there is one; see ``find_scenario``.
+        The machine in place of those that it would draw, if there is one; see ``find_scenario``.
     own_varied
-        What varies with that machine; that of the name in ``variations.VARIED`` without one.
+        What varies with that machine; by default what ``variations.VARIED`` has under the name.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Scenario:
 
     @property
     def nominal(self) -> "Machine":
-        """The machine that controllers are told of: its own one, or the paper's."""
+        """The machine that controllers are bound to: its own one, or the paper's."""
         from pter_gym.params import BASELINE
 
         return self.own or BASELINE
@@ -134,7 +134,7 @@ def find_pace(pace: float | str) -> float:
     Raises
     ------
     ParameterError
-        If there is no such name; it tells the nearest.
+        If there is no such name; the message suggests the nearest.
     """
     if not isinstance(pace, str):
         return pace
@@ -152,14 +152,14 @@ def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
         Its name.
     machine
         One for all its episodes, in place of those that it draws: itself, its name in ``pter_gym.params.MACHINES``, or
-        the path of a preset, whose delay makes all observations as late. Paths and hands are drawn as they are without.
+        the path of a preset, whose delay all observations get. Paths and hands are drawn as without it.
 
     Raises
     ------
     ParameterError
-        If there is no such scenario or machine; it tells the nearest. Or a preset is later than a task can be.
+        If there is no such scenario or machine, with the nearest, or the delay of a preset is too long for a task.
     DataError
-        If a preset is not what it must be.
+        If a preset is malformed.
     """
     if name not in SCENARIOS:
         raise unknown_name("scenario", name, SCENARIOS)

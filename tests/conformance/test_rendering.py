@@ -147,28 +147,19 @@ def frames_in(path: Path) -> int:
     return imageio_ffmpeg.count_frames_and_secs(str(path))[0]
 
 
-def test_gymnasium_records_one_world(tmp_path: Path):
-    pytest.importorskip("moviepy")
-    env = RecordVideo(gymnasium.make(ID, **SMALL), str(tmp_path / "one"), episode_trigger=lambda _: True)
-    env.reset(seed=0)
-    for _ in range(9):
-        env.step(volts(1)[0])
-    env.close()
-    (video,) = (tmp_path / "one").iterdir()
-    assert frames_in(video) == 10
-
-
-def test_gymnasium_records_many_worlds(tmp_path: Path):
+def test_gymnasium_records_one_world_and_many(tmp_path: Path):
     pytest.importorskip("moviepy")
     if not hasattr(wrappers, "RecordVideo"):
         pytest.skip("this Gymnasium records no vector environments")
-    env = wrappers.RecordVideo(make_vec(4), str(tmp_path / "four"), episode_trigger=lambda _: True)
-    env.reset(seed=0)
-    for _ in range(9):
-        env.step(volts(4))
-    env.close()
-    (video,) = (tmp_path / "four").iterdir()
-    assert frames_in(video) == 10
+    one = RecordVideo(gymnasium.make(ID, **SMALL), str(tmp_path / "one"), episode_trigger=lambda _: True)
+    four = wrappers.RecordVideo(make_vec(4), str(tmp_path / "four"), episode_trigger=lambda _: True)
+    for name, env, actions in (("one", one, volts(1)[0]), ("four", four, volts(4))):
+        env.reset(seed=0)
+        for _ in range(9):
+            env.step(actions)
+        env.close()
+        (video,) = (tmp_path / name).iterdir()
+        assert frames_in(video) == 10
 
 
 @pytest.mark.gpu

@@ -255,17 +255,6 @@ def test_after_a_checkpoint(count: int, half: int, mode: AutoresetMode) -> None:
             require_same(one, two, step)
 
 
-def test_a_checkpoint_stays_as_it_is() -> None:
-    env = make(64, SAME_STEP)
-    env.reset(seed=0)
-    state = env.get_state()
-    kept = {name: part.copy() for name, part in state.items()}
-    env.set_state(state)
-    for row in actions(64)[:60]:
-        env.step(row)
-    require_same(state, kept, 0)
-
-
 @pytest.mark.parametrize("name", ["worlds", "words", "seeded"])
 def test_a_wrong_checkpoint_is_refused_and_nothing_changes(name: str) -> None:
     env = make(64, SAME_STEP)
@@ -295,13 +284,6 @@ def test_an_end_at_the_limit_is_both_terminated_and_truncated_as_with_time_limit
         alone_end = first_end(gymnasium.make(ID, max_episode_steps=limit), zero)
         batch_end = first_end(gymnasium.make_vec(ID, num_envs=1, max_episode_steps=limit), zero[None])
         assert batch_end == alone_end == [min(step, limit), *flags]
-
-
-def test_the_registered_limit_applies() -> None:
-    env: Any = gymnasium.make_vec(ID, num_envs=2, autoreset_mode=SAME_STEP)
-    env.reset(seed=0)
-    ends = [env.step(np.full((2, 4), 24.0, np.float32))[3] for _ in range(1000)]
-    assert np.flatnonzero(np.array(ends)[:, 0]).tolist() == [999]
 
 
 def told(infos: dict[str, Any]) -> dict[str, Any]:
