@@ -1,12 +1,12 @@
 """Checkpoints of a run: all that a training's future depends on, as tensors and numbers without code.
 
-They are written whole or not at all, and the newest two are kept.
+A file is a SHA-256 and what ``torch.save`` writes. It is written whole or not at all, and the newest two are kept.
 """
 
 import io
 import pickle
 import re
-import zipfile
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,7 +21,7 @@ from pter_gym.internal.reading import read_bytes, reading
 KEPT = 2
 """Newest checkpoints that are kept."""
 
-NAME = re.compile(r"checkpoint-(\d+)\.pt")
+NAME = re.compile(r"checkpoint-(\d+)\.ckpt")
 
 
 def checkpoints(folder: FilePath) -> list[Path]:
@@ -42,8 +42,8 @@ def save_checkpoint(model: Model, folder: FilePath) -> Path:
     """
     content = io.BytesIO()
     torch.save(_as_tensors(model.get_state()), content)
-    path = find_path("folder", folder) / f"checkpoint-{model.steps}.pt"
-    write_bytes_atomic(path, content.getvalue())
+    path = find_path("folder", folder) / f"checkpoint-{model.steps}.ckpt"
+    write_bytes_atomic(path, sha256(content.getvalue()).digest() + content.getvalue())
     for old in checkpoints(folder)[:-KEPT]:
         old.unlink(missing_ok=True)
     return path
@@ -59,13 +59,13 @@ def read_checkpoint(path: FilePath) -> dict[str, Any]:
     """
     path = find_path("path", path)
     with reading(f"checkpoint {path} cannot be read"):
-        content = io.BytesIO(read_bytes(path, available_memory()))
+        data = read_bytes(path, available_memory())
+        digest, content = data[: sha256().digest_size], data[sha256().digest_size :]
+        if sha256(content).digest() != digest:
+            raise ValueError("it is damaged")
         try:
-            if zipfile.ZipFile(content).testzip() is not None:  # torch does not look at checksums
-                raise ValueError("it is damaged")
-            content.seek(0)
-            found = torch.load(content, weights_only=True)
-        except (RuntimeError, pickle.UnpicklingError, zipfile.BadZipFile) as error:
+            found = torch.load(io.BytesIO(content), weights_only=True)
+        except (RuntimeError, pickle.UnpicklingError) as error:
             raise ValueError(str(error)) from None
         if found["steps"] != steps_of(path):
             raise ValueError(f"it is of {found['steps']} control steps")

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import asdict, replace
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -342,11 +343,14 @@ def test_a_resumed_run_ends_where_an_uninterrupted_one_does(
 
     with pytest.raises(KeyboardInterrupt):
         training.train(given, tmp_path / "parts", on_progress=stop)
-    assert stored.checkpoints(tmp_path / "parts")[-1].name == "checkpoint-128.pt"
+    assert stored.checkpoints(tmp_path / "parts")[-1].name == "checkpoint-128.ckpt"
     (tmp_path / "parts" / ".0123456789abcdef.tmp").write_bytes(b"left by a killed process")
     resumed = training.train(given, tmp_path / "parts", resume=True)
     assert not list((tmp_path / "parts").glob(".*.tmp"))
-    assert [path.name for path in stored.checkpoints(tmp_path / "parts")] == ["checkpoint-384.pt", "checkpoint-512.pt"]
+    assert [path.name for path in stored.checkpoints(tmp_path / "parts")] == [
+        "checkpoint-384.ckpt",
+        "checkpoint-512.ckpt",
+    ]
     scores = json.loads((tmp_path / "parts" / training.PROGRESS).read_text())
     assert {steps: set(row) for steps, row in scores.items()} == {"512": {"slow", "medium", "brisk"}}
     assert (tmp_path / "whole" / "progress.csv").read_text().count("\n") > 3
@@ -432,7 +436,7 @@ def test_a_full_disk_leaves_the_earlier_checkpoint(tmp_path: Path, monkeypatch: 
     training.train(arguments(rollouts=2), tmp_path)
     before = {path: path.read_bytes() for path in stored.checkpoints(tmp_path)}
     monkeypatch.setattr("os.fsync", lambda _: (_ for _ in ()).throw(OSError(28, "No space left on device")))
-    newest = f"the newest checkpoint is .*checkpoint-{2 * ROLLOUT}.pt, from which --resume goes on"
+    newest = f"the newest checkpoint is .*checkpoint-{2 * ROLLOUT}.ckpt, from which --resume goes on"
     with pytest.raises(StorageError, match=f"after {2 * ROLLOUT} steps: .* cannot be written: No space left.*{newest}"):
         training.train(arguments(rollouts=4), tmp_path, resume=True)
     monkeypatch.undo()
@@ -454,7 +458,7 @@ def flip(data: bytes) -> bytes:
 def written(state: Any) -> bytes:
     content = io.BytesIO()
     torch.save(state, content)
-    return content.getvalue()
+    return sha256(content.getvalue()).digest() + content.getvalue()
 
 
 DAMAGES: dict[str, Callable[[bytes, Any], bytes]] = {
@@ -510,7 +514,7 @@ def test_a_number_that_is_not_finite_stops_the_training(
         monkeypatch.setattr(worlds.TrainingWorlds, "step", broken)
     else:
         monkeypatch.setattr(torch.nn.utils, "clip_grad_norm_", lambda given, _: spoil(list(given)))
-    with pytest.raises(TrainingDivergedError, match=r"last good checkpoint is .*checkpoint-(256|128)\.pt"):
+    with pytest.raises(TrainingDivergedError, match=r"last good checkpoint is .*checkpoint-(256|128)\.ckpt"):
         training.train(arguments(algorithm), tmp_path)
     for path in stored.checkpoints(tmp_path):
         assert all(each.isfinite().all() for each in weights(path))
