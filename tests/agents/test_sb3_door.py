@@ -4,7 +4,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -127,55 +126,6 @@ def test_bad_actions_and_a_closed_environment_raise() -> None:
     env.close()
     with pytest.raises(gymnasium.error.ClosedEnvironmentError):
         env.step(np.zeros((COUNT, 4), np.float32))
-
-
-def test_vec_monitor_and_vec_normalize(tmp_path: Path) -> None:
-    env = vec_env.VecMonitor(make(), str(tmp_path / "monitor.csv"), info_keywords=("is_success",))
-    plain = make()
-    for each in (env, plain):
-        each.seed(5)
-        each.reset()
-    returns = np.zeros(COUNT, np.float32)
-    seen = 0
-    for row in actions():
-        _, _, _, infos = env.step(row)
-        _, rewards, dones, _ = plain.step(row)
-        returns += rewards
-        for world in np.flatnonzero(dones):
-            assert infos[world]["episode"]["r"] == returns[world]
-            returns[world] = 0.0
-            seen += 1
-    env.close()
-    assert len((tmp_path / "monitor.csv").read_text().splitlines()) == seen + 2
-    normalised = vec_env.VecNormalize(make(), clip_obs=5.0)
-    normalised.seed(5)
-    normalised.reset()
-    for row in actions():
-        obs, rewards, _, infos = normalised.step(row)
-        assert np.isfinite(obs).all()
-        assert np.isfinite(rewards).all()
-        for info in infos:
-            assert np.abs(info.get("terminal_observation", 0.0)).max() <= 5.0
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("one_torch_thread")
-def test_ppo_learns_and_is_evaluated() -> None:
-    evaluate = pytest.importorskip("stable_baselines3.common.evaluation").evaluate_policy
-    env = vec_env.VecNormalize(vec_env.VecMonitor(make()), norm_obs=False)
-    model = algorithms.PPO("MlpPolicy", env, n_steps=64, batch_size=64, n_epochs=2, seed=0, device="cpu")
-    model.learn(total_timesteps=4 * 64 * COUNT)
-    assert model.num_timesteps == 4 * 64 * COUNT
-    assert len(model.ep_info_buffer) > 5
-    assert len(model.ep_success_buffer) > 5
-    assert all(parameter.isfinite().all() for parameter in model.policy.parameters())
-    one, two = make(), vec_env.VecMonitor(make())
-    results = []
-    for each in (one, two):
-        each.seed(9)
-        results.append(evaluate(model, each, n_eval_episodes=12, return_episode_rewards=True, warn=False))
-    assert results[0][1] == results[1][1]
-    np.testing.assert_allclose(results[0][0], results[1][0], rtol=1e-5)
 
 
 @pytest.mark.slow

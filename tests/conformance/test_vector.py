@@ -13,7 +13,6 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers import vector as wrappers
 
 import pter_gym  # noqa: F401  (registers the environment)
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
@@ -323,42 +322,3 @@ def test_returns_are_those_of_gymnasiums_own_vector_environment(mode: AutoresetM
             one, two = ours.reset(options={"reset_mask": mask}), theirs.reset(options={"reset_mask": mask})
         else:
             one, two = ours.step(row), theirs.step(row)
-
-
-@pytest.mark.parametrize("mode", [NEXT_STEP, SAME_STEP], ids=lambda mode: mode.name)
-def test_record_episode_statistics(mode: AutoresetMode) -> None:
-    env = wrappers.RecordEpisodeStatistics(make(7, mode))
-    env.reset(seed=seeds(7))  # pyright: ignore[reportArgumentType]
-    returns, lengths = np.zeros(7), np.zeros(7, int)
-    before = np.zeros(7, bool)
-    seen = 0
-    for row in actions(7):
-        _, rewards, terminated, truncated, infos = env.step(row)
-        counts = ~before if mode == NEXT_STEP else np.ones(7, bool)
-        returns, lengths = returns + rewards, lengths + counts
-        ended = terminated | truncated
-        for world in np.flatnonzero(ended):
-            assert infos["episode"]["r"][world] == pytest.approx(returns[world], rel=1e-12)
-            assert infos["episode"]["l"][world] == lengths[world]
-            returns[world], lengths[world] = 0.0, 0
-            seen += 1
-        before = ended
-    assert seen == env.episode_count > 20
-
-
-@pytest.mark.agents
-def test_numpy_to_torch() -> None:
-    torch = pytest.importorskip("torch")
-    pytest.importorskip("array_api_compat")
-    from gymnasium.wrappers.vector.numpy_to_torch import NumpyToTorch
-
-    env: Any = NumpyToTorch(make(7, NEXT_STEP))
-    plain = make(7, NEXT_STEP)
-    plain.reset(seed=seeds(7))
-    obs, infos = env.reset(seed=seeds(7))
-    assert isinstance(infos["telemetry"], torch.Tensor)
-    for row in actions(7)[:60]:
-        obs, rewards, terminated, _, _ = env.step(torch.from_numpy(row))
-        assert obs.numpy().tobytes() == plain.step(row)[0].tobytes()
-    assert rewards.dtype == torch.float64
-    assert terminated.dtype == torch.bool

@@ -37,8 +37,8 @@ from pter_gym.policies import (
     shipped_policies,
     write_policy,
 )
-from pter_gym.policies.cards import fields_of, read_card
-from pter_gym.policies.files import MOST_CARD, MOST_WEIGHTS, check_name
+from pter_gym.policies.cards import fields_of
+from pter_gym.policies.files import MOST_CARD, MOST_WEIGHTS
 from pter_gym.policies.interface import LIMIT, available, seen_without
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import observation_layout
@@ -302,7 +302,7 @@ BROKEN: dict[str, tuple[Break, str]] = {
     "another environment": (_set(environment="PTER/PathFollowing-v9"), "PathFollowing-v0.*PathFollowing-v9"),
     "a key too many": (_set(code="import os"), "fields of Card must be among .* got 'code'"),
     "a key too few": (lambda card: card.pop("squashed"), "squashed is missing"),
-    "another name": (_set(name="other"), "that of 'other'"),
+    "another name": (_set(name="other"), "belongs to 'other'"),
     "a name of a number": (_set(name=3), "name must be of type str"),
     "a layer of no units": (_set(hidden=[5, 0]), "hidden"),
     "a giant layer": (_set(hidden=[1025]), "hidden"),
@@ -345,17 +345,6 @@ def test_a_wrong_card_is_refused(kind: str, folder: Path) -> None:
     file.write_text(json.dumps(card), encoding="utf-8")
     with pytest.raises(DataError, match=message):
         read_policy("tested", folder)
-
-
-LARGEST = {"hidden": (1024,) * 8, "lstm": 512, "name": "a" * 180}
-"""Sizes that a card may have."""
-
-
-@pytest.mark.parametrize("name", LARGEST)
-def test_a_card_may_be_as_large_as_it_says(name: str) -> None:
-    card = make_card(**{name: LARGEST[name]})
-    assert getattr(read_card(json.dumps(card.as_json()).encode(), "it"), name) == LARGEST[name]
-    check_name(card.name)
 
 
 def test_what_is_not_to_be_seen_goes_by_name_or_group() -> None:
@@ -467,14 +456,6 @@ def test_missing_weights_and_weights_that_do_not_fit_are_refused(folder: Path) -
     with pytest.raises(DataError, match="refused"):
         write_policy(card, whole(**{"layer_0.bias": None}), "", folder)
     assert not (folder / "other.json").exists()
-
-
-def test_a_memory_of_another_shape_is_refused(tmp_path: Path) -> None:
-    card, name = make_card(lstm=6), "lstm.weight_hidden"
-    tensors = make_tensors(card)
-    tensors[name] = np.repeat(tensors[name], 2, axis=0)
-    with pytest.raises(DataError, match=rf"{name} must be float32 \(24,.*it is float32 \(48,"):
-        write_policy(card, tensors, "", tmp_path)
 
 
 @pytest.mark.parametrize("name", shipped_policies())
