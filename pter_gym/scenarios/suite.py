@@ -170,56 +170,45 @@ def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
     return on_machine(SCENARIOS[name], machine)
 
 
-SCENARIOS = MappingProxyType(
-    {
-        scenario.name: scenario
-        for scenario in (
-            Scenario(
-                "standard",
-                0,
-                "The paper's line, hand and clutches; the phases of the disturbance differ.",
-                episodes=200,
-                place=0,
-            ),
-            Scenario(
-                "paths",
-                0,
-                "Other paths, most of them curved; the paper's hand and clutches.",
-                episodes=300,
-                place=1,
-            ),
-            Scenario(
-                "hands",
-                0,
-                "Other hands on the paper's line: forces of any spectrum, and human arms with mass, damper and spring.",
-                episodes=300,
-                stratum="hand",
-                place=2,
-            ),
-            Scenario(
-                "materials",
-                0,
-                "Other clutches on the paper's line: material, time constant, torque errors and drift.",
-                episodes=300,
-                place=3,
-            ),
-            Scenario(
-                "everything",
-                0,
-                "Paths, hands and clutches as in the other scenarios, other inertias, and sensors with noise and "
-                "delay.",
-                episodes=1000,
-                place=4,
-            ),
-            Scenario(
-                "tremor",
-                0,
-                "Human arms as they were measured, on the paper's line, with physiological, essential or Parkinsonian "
-                "tremor.",
-                episodes=300,
-                stratum="hand",
-            ),
-        )
-    }
+_SUITE = (
+    Scenario(
+        "standard",
+        0,
+        "The paper's line, hand and clutches; the phases of the disturbance differ.",
+        episodes=200,
+        place=0,
+    ),
+    Scenario("paths", 0, "Other paths, most of them curved; the paper's hand and clutches.", episodes=300, place=1),
+    Scenario(
+        "hands",
+        0,
+        "Other hands on the paper's line: forces of any spectrum, and human arms with mass, damper and spring.",
+        episodes=300,
+        stratum="hand",
+        place=2,
+    ),
+    Scenario(
+        "materials",
+        0,
+        "Other clutches on the paper's line: material, time constant, torque errors and drift.",
+        episodes=300,
+        place=3,
+    ),
+    Scenario(
+        "everything",
+        0,
+        "Paths, hands and clutches as in the other scenarios, other inertias, and sensors with noise and delay.",
+        episodes=1000,
+        place=4,
+    ),
+    Scenario(
+        "tremor",
+        0,
+        "Human arms as they were measured, on the paper's line, with physiological, essential or Parkinsonian tremor.",
+        episodes=300,
+        stratum="hand",
+    ),
 )
+
+SCENARIOS = MappingProxyType({each.name: each for each in _SUITE})
 """The scenarios by name."""
