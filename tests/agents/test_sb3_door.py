@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -183,3 +184,10 @@ def test_a_trained_policy_acts_in_it_and_notices_new_episodes() -> None:
     assert began >= 2
     with pytest.raises(ParameterError, match="its wrapper VecNormalize changes them"):
         pter_gym.load_policy("residual", vec_env.VecNormalize(env))
+
+
+def test_their_checker_is_silent() -> None:
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        checker.check_env(gymnasium.make(ID, action_unit="normalised").unwrapped)
