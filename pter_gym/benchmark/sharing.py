@@ -191,18 +191,15 @@ def _shown(board: Leaderboard, metric: Metric) -> tuple[float, float, float]:
 
 
 def _check_film() -> None:
-    from pter_gym.render.canvas import load_pygame
-    from pter_gym.render.recording import check_ending
+    from pter_gym.render.film import check_ending
 
-    load_pygame()
     check_ending(Path(FILM))
 
 
 def film_of(name: str, policy: Neural, scenario: Scenario) -> bytes:
     """Return a film of one training draw."""
-    from pter_gym.render.film import Film, Shot
+    from pter_gym.render.film import RATES, Film, Shot, write_film
     from pter_gym.render.picture import Subject
-    from pter_gym.render.recording import RATES, write_film
 
     ((machine, task),) = scenario.randomisation(FILM_PACE, contexts=1, seed=FILM_SEED).pairs()
     episode = record_episode(policy, machine, task, FILM_SEED, time_limit(task))

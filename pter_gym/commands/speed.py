@@ -9,7 +9,7 @@ from pter_gym.internal.terminal import make_folder, say, terminal
 def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pter-speed")) -> None:
     """Measure the simulator's speed beside its peers.
 
-    Takes a few minutes, prints tables, and writes speed.json, speed.png and speed.pdf. Peers that are not installed
+    Takes two minutes, prints tables, and writes speed.json, speed.png and speed.pdf. Peers that are not installed
     (MuJoCo, EnvPool) and a GPU that is not there are skipped and named. The machine should have nothing else to do.
 
     Example: pter speed --quick
@@ -20,7 +20,7 @@ def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pt
         out: Folder for the results; made if need be.
     """
     from pter_gym.internal.files import write_text_atomic
-    from pter_gym.plots import save
+    from pter_gym.plots.style import save
     from pter_gym.speed import as_json, make_plan, measure, notes, tables
     from pter_gym.speed.plot import cost_figure
 

@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,7 +16,6 @@ from pter_gym.scenarios import find_scenario
 if TYPE_CHECKING:
     from pter_gym.benchmark.simulation import Episode
     from pter_gym.params import Machine
-    from pter_gym.render.film import Film
     from pter_gym.scenarios import Scenario
     from pter_gym.tasks.path_following import PathFollowing
 
@@ -40,7 +38,7 @@ def watch(
     """Watch policies side by side on the same episode.
 
     Opens a window, or writes a file with --out. The episode is a training draw of the scenario; the stored evaluation
-    episodes are never read. Needs the extra render, unless --csv is all that is asked for.
+    episodes are never read. A window and mp4 need the extra render.
 
     Example: pter watch torque-feedback,residual --out both.gif
 
@@ -67,10 +65,21 @@ def watch(
 
         write_trajectories({name: episode.telemetry for name, episode in episodes.items()}, csv)
         say(f"wrote {csv}")
-    if out:
-        write(out, episodes, held, task, speed, size)
-    elif not csv:
-        show(episodes, held, task, speed, size)
+    if not out and csv:
+        return
+    from pter_gym.render.film import RATES, Film, Shot, frames_of, show_film, write_film
+    from pter_gym.render.picture import Subject
+
+    shots = [Shot(Subject(held, task, name), episode.telemetry) for name, episode in episodes.items()]
+    rate = RATES[out.suffix.lower()] if out else WINDOW_RATE
+    film = Film(shots, rate, speed, parse_size(size))
+    if not out:
+        show_film(film, rate, f"PTER: {', '.join(episodes)}")
+        return
+    with progress_bar() as progress:
+        bar = progress.add_task("draw", total=frames_of(film, out))
+        write_film(film, out, lambda: progress.advance(bar))
+    say(f"wrote {out}, {out.stat().st_size / 1e6:.2f} MB")
 
 
 def check_arguments(names: list[str], out: Path | None, csv: Path | None, size: str | None, speed: float) -> None:
@@ -88,10 +97,8 @@ def check_arguments(names: list[str], out: Path | None, csv: Path | None, size: 
     if csv:
         check_table(csv)
     if out:
-        from pter_gym.render.canvas import load_pygame
-        from pter_gym.render.recording import check_ending
+        from pter_gym.render.film import check_ending
 
-        load_pygame()
         check_ending(out)
     elif not csv:
         from pter_gym.render.window import has_display
@@ -102,7 +109,7 @@ def check_arguments(names: list[str], out: Path | None, csv: Path | None, size: 
 
 def parse_size(text: str | None) -> tuple[int, int] | None:
     """Return width and height [px], None for the default ones, or raise a ParameterError."""
-    from pter_gym.render.arrangement import check_size
+    from pter_gym.render.size import check_size
 
     if text is None:
         return None
@@ -148,47 +155,3 @@ def summary(episode: "Episode") -> str:
     end = "arrived" if last[COLUMN.is_success] else "left the workspace" if last[COLUMN.terminated] else "time is up"
     error = 1e3 * abs(episode.telemetry[:, COLUMN.normal_error])
     return f"{end} after {last[COLUMN.time]:.2f} s; error {error.mean():.1f} mm on average, {error.max():.1f} at most"
-
-
-def make_film(
-    episodes: "Mapping[str, Episode]",
-    machine: "Machine",
-    task: "PathFollowing",
-    rate: float,
-    speed: float,
-    size: str | None,
-) -> "Film":
-    """Return the film of episodes side by side."""
-    from pter_gym.render.film import Film, Shot
-    from pter_gym.render.picture import Subject
-
-    shots = [Shot(Subject(machine, task, name), episode.telemetry) for name, episode in episodes.items()]
-    return Film(shots, rate, speed, parse_size(size))
-
-
-def write(
-    out: Path,
-    episodes: "Mapping[str, Episode]",
-    machine: "Machine",
-    task: "PathFollowing",
-    speed: float,
-    size: str | None,
-) -> None:
-    """Write a film to a file and say how large it is."""
-    from pter_gym.render.recording import RATES, frames_of, write_film
-
-    film = make_film(episodes, machine, task, RATES[out.suffix.lower()], speed, size)
-    with progress_bar() as progress:
-        bar = progress.add_task("draw", total=frames_of(film, out))
-        write_film(film, out, lambda: progress.advance(bar))
-    say(f"wrote {out}, {out.stat().st_size / 1e6:.2f} MB")
-
-
-def show(
-    episodes: "Mapping[str, Episode]", machine: "Machine", task: "PathFollowing", speed: float, size: str | None
-) -> None:
-    """Show a film in a window until it is closed."""
-    from pter_gym.render.recording import show_film
-
-    film = make_film(episodes, machine, task, WINDOW_RATE, speed, size)
-    show_film(film, WINDOW_RATE, f"PTER: {', '.join(episodes)}")

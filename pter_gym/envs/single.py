@@ -99,7 +99,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
       drift of the clutches, what the hand adds). The telemetry always has it.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"volt"` (default) or `"normalised"`.
-    - `render_mode`: `"human"` or `"rgb_array"` (needs the extra `render`).
+    - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.
     - `width`, `height`: size of its pictures, 840 × 600 pixels by default.
 
     ## Version History
@@ -206,7 +206,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _make_viewer(self, width: int, height: int) -> Any:
         """Return the viewer; only this loads drawing code."""
-        from pter_gym.render import Viewer
+        from pter_gym.render.viewer import Viewer
 
         return Viewer(self.machine, self.task, "human" if self.render_mode == "human" else "rgb_array", width, height)
 

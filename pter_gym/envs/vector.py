@@ -58,7 +58,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
     telemetry
         Whether ``infos`` holds telemetry.
     render_mode
-        ``"rgb_array"`` for a picture of each world from ``render``, of at most 64 worlds; needs the extra ``render``.
+        ``"rgb_array"`` for a picture of each world from ``render``, of at most 64 worlds.
     width, height
         Size of the picture of one world [px].
     num_threads
@@ -200,7 +200,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
 
     def _make_viewer(self, width: int, height: int) -> Any:
         """Return the viewer; only this loads drawing code."""
-        from pter_gym.render.worlds import WorldsViewer
+        from pter_gym.render.viewer import WorldsViewer
 
         return WorldsViewer(self.batch.pairs, self.num_envs, width, height)
 

@@ -16,10 +16,8 @@ from pter_gym.benchmark.leaderboard import Leaderboard
 from pter_gym.benchmark.ranking import PACE_ERROR, Standing
 from pter_gym.benchmark.runs import Sample, ScenarioRun, join_seeds
 from pter_gym.benchmark.statistics import performance_profile
-from pter_gym.internal.looks import Look, looks
-from pter_gym.plots.benchmark import MILLIMETRE
-from pter_gym.plots.legends import dots, entries, legend_below, scale_bar, shown
-from pter_gym.plots.style import REFERENCE, WIDTH, label, styled
+from pter_gym.plots.legends import dots, name_policies, scale_bar, shown
+from pter_gym.plots.style import MILLIMETRE, REFERENCE, WIDTH, Look, label, looks, styled
 from pter_gym.plots.ticks import pace_ticks, plain_ticks
 from pter_gym.render import style as picture
 from pter_gym.render.geometry import FiveBar, five_bar, path_points, workspace
@@ -33,8 +31,10 @@ BELOW = 0.35
 THRESHOLDS = 200
 
 SLOWEST = 0.03
-"""Mean pace [m/s] at which slower policies are drawn, with an arrow."""
+"""Mean pace [m/s] at which slower policies are drawn."""
 
+_DESIRED: Any = {"color": REFERENCE, "linestyle": "-", "linewidth": 4.0, "alpha": 0.3}
+_ARM: Any = {"linestyle": "-", "linewidth": 4.0, "alpha": 0.5}
 _NOTE = "filled: ranked; hollow: below the line; bars: 95 % intervals"
 _FAINT = "hollow and faint: below the line"
 
@@ -66,7 +66,7 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
             axes.fill_between(x, found.low, found.high, color=look["color"], alpha=0.18 * alpha, linewidth=0.0)
             axes.plot(x, found.fraction, alpha=alpha, **look)
         axes.set_xscale("log")
-        plain_ticks(axes, "x", most=5)
+        plain_ticks(axes, "x")
         axes.set_xlabel("path error [mm]")
     panels[0].set_ylabel("share of episodes within it")
     _legend(figure, boards, f"{_FAINT}; bands: 95 % intervals")
@@ -87,17 +87,12 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
         standings = [standing for board in boards for standing in board.standings if standing.policy == name]
         paces = np.array([standing.scores["mean_pace_m_s"].value for standing in standings])
         _front(axes, np.maximum(paces, SLOWEST), standings, look)
-        for standing, pace in zip(standings, paces, strict=True):
-            if pace < SLOWEST:
-                at = (SLOWEST, standing.scores["path_error_m"].value / MILLIMETRE)
-                arrow = {"arrowstyle": "<-", "color": look.colour}
-                axes.annotate("", at, (-14.0, 0.0), textcoords="offset points", arrowprops=arrow)
     axes.set_xscale("log")
     axes.set_yscale("log")
     pace_ticks(axes, {board.pace: PACES[board.pace] for board in boards}, SLOWEST)
     plain_ticks(axes, "y")
     label(axes, "mean pace along the path [m/s]", "path error [mm]")
-    _legend(figure, boards, f"{_NOTE}; shaded: paces that rank")
+    _legend(figure, boards, f"{_NOTE}\nshaded: paces that rank")
     return figure
 
 
@@ -157,10 +152,8 @@ def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun], episodes: Epis
     for axes in panels[len(best) :]:
         axes.set_visible(False)
     scene = {
-        f"the arm under {shown(board.standings[0].label)}, half-way": Line2D(
-            [], [], color=picture.LINK_A, linewidth=4.0, alpha=0.5
-        ),
-        "desired path": Line2D([], [], color=REFERENCE, linewidth=4.0, alpha=0.3),
+        f"the arm under {shown(board.standings[0].label)}, half-way": Line2D([], [], **_ARM, color=picture.LINK_A),
+        "desired path": Line2D([], [], **_DESIRED),
     }
     _legend(figure, [board], f"{_pace(board)}; {_FAINT}", scene)
     return figure
@@ -180,22 +173,11 @@ def _half_way(episodes: Episodes, sample: Sample) -> FiveBar:
 def _draw_scene(axes: Axes, episodes: Episodes, sample: Sample) -> None:
     """Draw workspace and path of a sample, and the arm half-way."""
     task = episodes.tasks[sample.episode]
-    outline = workspace(task.path, task.error_max)
-    axes.fill(*outline.T, color=picture.WORKSPACE, zorder=0)
-    axes.plot(*path_points(task.path).T, color=REFERENCE, linestyle="-", linewidth=4.0, alpha=0.3, zorder=3)
+    axes.fill(*workspace(task.path, task.error_max).T, color=picture.WORKSPACE, zorder=0)
+    axes.plot(*path_points(task.path).T, **_DESIRED, zorder=3)
     base, elbow_a, elbow_b, tip = _half_way(episodes, sample)
-    bars = (
-        (elbow_b, tip, picture.PARALLEL_A, 2.5),
-        (elbow_a, tip, picture.PARALLEL_B, 2.5),
-        (base, elbow_b, picture.LINK_B, 4.0),
-        (base, elbow_a, picture.LINK_A, 4.0),
-    )
-    for start, end, colour, width in bars:
-        both = np.stack([start, end])
-        axes.plot(*both.T, color=colour, linestyle="-", linewidth=width, solid_capstyle="round", alpha=0.5, zorder=1)
-    for pivot in (base, elbow_a, elbow_b):
-        axes.plot(*pivot, color=picture.INK, marker="o", markersize=4.0, markerfacecolor="white", zorder=2)
-    axes.plot(*tip, color=picture.INK, marker="o", markersize=5.0, zorder=6)
+    for elbow, colour in ((elbow_b, picture.LINK_B), (elbow_a, picture.LINK_A)):
+        axes.plot(*np.stack([base, elbow, tip]).T, **_ARM, color=colour, marker="o", markerfacecolor="white", zorder=1)
 
 
 def _look(by_policy: Mapping[str, Look], standing: Standing) -> dict[str, Any]:
@@ -253,5 +235,4 @@ def _legend(
     """Name all policies below the panels, and say what was run."""
     kind = "stored" if boards[0].fresh is None else "fresh"
     ran = f"{boards[0].scenario}, {boards[0].episodes} {kind} episode{'s' if boards[0].episodes > 1 else ''}"
-    handles, names = [*more.values(), *entries(_looks(boards))], [*more, *map(shown, _labels(boards).values())]
-    legend_below(figure, handles, names, f"{ran}; {note}")
+    name_policies(figure, _looks(boards), list(_labels(boards).values()), f"{ran}; {note}", more)

@@ -1,26 +1,19 @@
-"""Legends that are whole however many entries they have, marks of policies on their lines, and scale bars."""
+"""Names and marks of policies, and scale bars."""
 
 from collections.abc import Mapping, Sequence
-from math import ceil
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
-from pter_gym.internal.looks import Look
-from pter_gym.plots.style import INK, SMALL
+from pter_gym.plots.style import INK, SMALL, Look, legend_below
 from pter_gym.units import to_inches
 
 LONGEST = 60
 """Most characters of a name in a picture; longer ones lose their middle."""
-
-MOST_COLUMNS = 6
-MARGIN = 0.06  # in, between the legend and the edge of the figure
 
 
 def shown(name: str, longest: int = LONGEST) -> str:
@@ -29,42 +22,19 @@ def shown(name: str, longest: int = LONGEST) -> str:
     return (name if len(name) <= longest else f"{name[: half - 1]}…{name[-half:]}").replace("$", r"\$")
 
 
-def legend_below(figure: Figure, handles: Sequence[Any], names: Sequence[str], note: str | None = None) -> None:
-    """Show a legend below all axes, in as many columns as fit, and make the figure higher by the legend's height.
-
-    Parameters
-    ----------
-    figure
-        With the axes as high as they shall be.
-    handles, names
-        Of the entries.
-    note
-        Above the entries; it may have several lines.
-    """
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    columns = min(len(names), MOST_COLUMNS)
-    while True:
-        legend = figure.legend(handles, names, loc="outside lower center", ncols=columns, title=note)
-        box = legend.get_window_extent(renderer)
-        if columns == 1 or box.width <= figure.bbox.width - 2.0 * MARGIN * figure.dpi:
-            break
-        legend.remove()
-        columns = ceil(len(names) / ceil(len(names) / (columns - 1)))
-    figure.set_figheight(figure.get_figheight() + box.height / figure.dpi)
-
-
-def legend_of(figure: Figure, axes: Axes, note: str | None = None) -> None:
-    """Show what has a label in one of several panels below all of them."""
-    handles, names = axes.get_legend_handles_labels()
-    legend_below(figure, handles, names, note)
-
-
 def entries(looks: Mapping[str, Look]) -> list[Line2D]:
-    """Return what stands for each policy in a legend."""
+    """Return the legend's handle of each policy."""
     return [
         Line2D([], [], color=look.colour, linestyle=look.dashes, marker=look.marker, markersize=5.5)
         for look in looks.values()
     ]
+
+
+def name_policies(
+    figure: Figure, looks: Mapping[str, Look], names: Sequence[str], note: str, scene: Mapping[str, Line2D]
+) -> None:
+    """Add the legend of policies below a figure, after what else is in it; ``note`` goes above."""
+    legend_below(figure, [*scene.values(), *entries(looks)], [*scene, *map(shown, names)], note)
 
 
 def dots(place: int, count: int) -> tuple[float, float]:

@@ -1,21 +1,22 @@
-"""One style for all figures: sizes, colours, units on every axis, and how a figure becomes files."""
+"""One style for all figures: sizes, colours, units on every axis, legends, and how a figure becomes files."""
 
 import io
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from functools import wraps
+from math import ceil
 from pathlib import Path
-from typing import Any, ParamSpec
+from typing import Any, NamedTuple, ParamSpec
 
 import matplotlib as mpl
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from pter_gym.errors import ParameterError
 from pter_gym.internal import palette
 from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic
-from pter_gym.internal.looks import numbered
 from pter_gym.units import to_inch_pounds, to_inches
 
 Arguments = ParamSpec("Arguments")
@@ -36,9 +37,48 @@ REFERENCE = "#3b4048"
 
 CLUTCH_COLOURS = (palette.BLUE, palette.ORANGE, palette.GREEN, palette.PURPLE)
 
-LOOKS = [numbered(k) for k in range(15)]
-COLOURS = tuple(look.colour for look in LOOKS)
-DASHES = tuple(look.dashes for look in LOOKS)
+MILLIMETRE = 1e-3
+
+COLOURS = (
+    palette.BLUE,
+    palette.VERMILLION,
+    palette.GREEN,
+    palette.PURPLE,
+    palette.ORANGE,
+    palette.SKY_BLUE,
+    palette.BLACK,
+    palette.NAVY,
+    palette.BRICK,
+    palette.SAGE,
+    palette.MAROON,
+    palette.PLUM,
+    palette.SLATE,
+    palette.CORNFLOWER,
+    palette.ULTRAMARINE,
+)
+MARKERS: tuple[Any, ...] = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "d", "h", (4, 1, 45), (6, 1, 0))
+DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (1.5, 1.2)))
+"""Solid, dashed, dash-dotted and dotted: lengths in widths of the line."""
+
+
+class Look(NamedTuple):
+    """What a line or a point looks like, in Matplotlib's terms."""
+
+    colour: str
+    marker: Any
+    dashes: Any
+
+
+def numbered(k: int) -> Look:
+    """Return the look of the k-th of several things, from 0 on: 15 colours and markers, then other pairs of them."""
+    shift, place = divmod(k, len(COLOURS))
+    return Look(COLOURS[place], MARKERS[(place + shift) % len(MARKERS)], DASHES[k % len(DASHES)])
+
+
+def looks(names: Iterable[str]) -> dict[str, Look]:
+    """Return a look for each name, in their order; up to 15 have neither colour nor marker in common."""
+    return {name: numbered(k) for k, name in enumerate(dict.fromkeys(names))}
+
 
 STYLE: Any = {
     "axes.axisbelow": True,
@@ -47,7 +87,7 @@ STYLE: Any = {
     "axes.labelcolor": INK,
     "axes.labelsize": 9.0,
     "axes.linewidth": 0.8,
-    "axes.prop_cycle": cycler(color=COLOURS, linestyle=DASHES),
+    "axes.prop_cycle": cycler(color=COLOURS, linestyle=[numbered(k).dashes for k in range(len(COLOURS))]),
     "axes.titlelocation": "left",
     "axes.titlepad": 6.0,
     "axes.titlesize": 9.0,
@@ -123,6 +163,34 @@ def inch_pounds_right(axes: Axes, name: str = "torque") -> None:
     axes.secondary_yaxis("right", functions=scaled(to_inch_pounds(1.0))).set_ylabel(f"{name} [in·lbf]")
 
 
+def scaled(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+    """Return the functions of a second axis whose numbers are a factor times those of the first."""
+    return lambda value: value * factor, lambda value: value / factor
+
+
+def legend_below(figure: Figure, handles: Sequence[Any], names: Sequence[str], note: str | None = None) -> None:
+    """Show a legend below all axes, in as many columns as fit, and make the figure higher by the legend's height.
+
+    ``note`` goes above the entries; it may have several lines.
+    """
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    columns = min(len(names), 6)
+    while True:
+        legend = figure.legend(handles, names, loc="outside lower center", ncols=columns, title=note)
+        box = legend.get_window_extent(renderer)
+        if columns == 1 or box.width <= 0.98 * figure.bbox.width:
+            break
+        legend.remove()
+        columns = ceil(len(names) / ceil(len(names) / (columns - 1)))
+    figure.set_figheight(figure.get_figheight() + box.height / figure.dpi)
+
+
+def legend_of(figure: Figure, axes: Axes, note: str | None = None) -> None:
+    """Show what has a label in one of several panels below all of them."""
+    handles, names = axes.get_legend_handles_labels()
+    legend_below(figure, handles, names, note)
+
+
 def percent(share: float, digits: int = 0, *, signed: bool = False) -> str:
     """Return a share in percent with a typographic minus sign; what rounds to zero has none."""
     value = f"{100.0 * share:{'+' if signed else ''}z.{digits}f}".replace("-", "−")
@@ -174,8 +242,3 @@ def save(figure: Figure, path: FilePath) -> tuple[Path, Path]:
     for each, content in contents.items():
         write_bytes_atomic(each, content)
     return first, second
-
-
-def scaled(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
-    """Return the functions of a second axis whose numbers are a factor times those of the first."""
-    return lambda value: value * factor, lambda value: value / factor

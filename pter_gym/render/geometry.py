@@ -26,6 +26,16 @@ class Box(NamedTuple):
     right: float
     high: float
 
+    @property
+    def width(self) -> float:
+        """Extent from left to right."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """Extent from the lower to the higher edge."""
+        return self.high - self.low
+
 
 class FiveBar(NamedTuple):
     """Pivots of the mechanism in the world, each an array (2,) [m]; the fifth bar is the ground.
@@ -98,9 +108,7 @@ class View:
 
 def fit(world: Box, screen: Box) -> View:
     """Return the view in which a box of the world [m] fills a box of the screen [px], centred and undistorted."""
-    scale = min(
-        (screen.right - screen.left) / (world.right - world.left), (screen.high - screen.low) / (world.high - world.low)
-    )
+    scale = min(screen.width / world.width, screen.height / world.height)
     return View(
         scale,
         (
@@ -129,16 +137,6 @@ def thinned(points: Array, step: float) -> Array:
     kept = np.diff(np.floor(travelled / step), prepend=0.0) > 0.0
     kept[-1] = True
     return np.vstack([points[:1], points[1:][kept]])
-
-
-def normals(points: Array) -> Array:
-    """Return unit vectors (K, 2) to the left of a line through points (K, 2), halfway between its pieces' normals."""
-    ahead = np.diff(points, axis=0)
-    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-    left /= np.maximum(np.hypot(*left.T), 1e-9)[:, None]
-    both = np.vstack([left[:1], left[1:] + left[:-1], left[-1:]])
-    length = np.hypot(*both.T)[:, None]
-    return np.where(length > 0.1, both / np.maximum(length, 0.1), np.vstack([left, left[-1:]]))
 
 
 def _arc_lengths(path: Path) -> list[float]:

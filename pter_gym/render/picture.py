@@ -1,5 +1,6 @@
-"""The picture: the arm on its path, and its clutches beside or below it; several pictures make a sheet."""
+"""The picture: the arm on its path, its clutches below it; several pictures make a sheet."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -8,18 +9,25 @@ from numpy.typing import NDArray
 
 from pter_gym.params import Machine
 from pter_gym.render import scene, style
-from pter_gym.render.arrangement import HEADER, Arrangement, arrange, cells
-from pter_gym.render.canvas import Align, Canvas
-from pter_gym.render.clutches import readings
+from pter_gym.render.canvas import Canvas, text_width
 from pter_gym.render.geometry import Box, fit, five_bar, world_box
-from pter_gym.render.panel import Panel
-from pter_gym.render.snapshot import Snapshot
-from pter_gym.render.strip import Strip
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.render.readings import Limits, draw_card, outcome, signed
+from pter_gym.render.size import TILE_HEIGHT, TILE_WIDTH
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 Array = NDArray[np.float64]
 
-WHOLE = Box(0, 0, style.WIDTH, style.HEIGHT)
+TEXT_FROM = (240, 160)
+"""Width and height [px] below which there is no room for text."""
+
+LEGEND_FROM = 340
+"""Height [px] from which there is a legend."""
+
+STROKE_GROWTH = 0.7
+"""Power of the size by which strokes grow: small pictures need broad ones."""
+
+MARGIN, LINE, CARD, GAP = 16, 24, 62, 8
+"""Edge of the drawing, heights of a line of text and of a clutch's card, and space between cards, in units of text."""
 
 
 class Subject(NamedTuple):
@@ -31,96 +39,93 @@ class Subject(NamedTuple):
 
 
 class Picture:
-    """Draws a subject into a box of the canvas [px]."""
+    """Draws a subject in a size [px]; what never changes is drawn once."""
 
-    def __init__(self, machine: Machine, task: PathFollowing, box: Box = WHOLE, name: str = "") -> None:
-        self._parts = arrange(box)
-        self.view = fit(world_box(machine.arm, task.path, task.error_max), self._parts.drawing)
-        self._arm, self._task, self._name = machine.arm, task, name
-        self._beside = _beside(machine, self._parts)
+    def __init__(self, subject: Subject, width: int, height: int) -> None:
+        machine, task, name = subject
+        self._arm, self._limits = machine.arm, Limits.of(machine)
+        self._has_text = width >= TEXT_FROM[0] and height >= TEXT_FROM[1]
+        self._unit = unit = 0.9 * math.sqrt(min(width / TILE_WIDTH, height / TILE_HEIGHT))
+        head = (2 if height >= LEGEND_FROM else 1) * LINE * unit
+        self._panel = Box(0, height - (LINE + CARD + 2 * GAP) * unit, width, height)
+        drawing = Box(MARGIN * unit, head, width - MARGIN * unit, self._panel.low - 0.5 * MARGIN * unit)
+        if not self._has_text:
+            margin = 0.03 * min(width, height)
+            drawing = Box(margin, margin, width - margin, height - margin)
+        self.view = fit(world_box(machine.arm, task.path, task.error_max), drawing)
+        self._stroke = min(drawing.width / 508, drawing.height / 532) ** STROKE_GROWTH
+        self._still = Canvas(width, height, style.BACKGROUND)
+        scene.draw_task(self._still, self.view, task, self._stroke)
+        scene.draw_stand(self._still, self.view, self._stroke)
+        if self._has_text:
+            size, left = style.TITLE * unit, drawing.left
+            self._still.text(_cut(name, drawing.width - 64 * unit, size), left, 0.5 * LINE * unit, size, style.INK)
+            scene.draw_scale_bar(self._still, self.view, left, drawing.high, style.SMALL * unit)
+            if height >= LEGEND_FROM:
+                scene.draw_legend(self._still, left, 1.5 * LINE * unit, min(style.BODY * unit, drawing.width / 32))
 
-    def draw_still(self, canvas: Canvas) -> None:
-        """Draw what never changes."""
-        parts = self._parts
-        canvas.clip(parts.scene)
-        scene.draw_task(canvas, self.view, self._task, parts.stroke)
-        if parts.kind == "panel":
-            self._write_name(canvas, (parts.drawing.right, parts.drawing.high - 8 * parts.text), "right")
-        if parts.legend:
-            top = parts.scene.low + (HEADER if parts.kind == "strip" else style.MARGIN) * parts.text
-            scene.draw_legend(canvas, (parts.drawing.left, top), parts.legend)
-        if parts.kind != "none":
-            scene.draw_scale_bar(canvas, self.view, (parts.drawing.left, parts.drawing.high), parts.text)
-        canvas.clip(parts.readings)
-        if self._beside:
-            self._beside.draw_still(canvas)
+    def draw(self, row: Array, trail: Array) -> NDArray[np.uint8]:
+        """Return a telemetry row, shape (len(TELEMETRY),), as pixels; ``trail`` holds past tips [m], shape (K, 2)."""
+        canvas = self._still.copy()
+        size = style.BODY * self._unit if self._has_text else 0.0
+        canvas.line(self.view.pixels(np.reshape(trail, (-1, 2))), style.TRAIL, max(3 * self._stroke, 1.5))
+        pivots = [self.view.pixels(pivot) for pivot in five_bar(self._arm, *map(float, row[[*COLUMN.theta]]))]
+        scene.draw_arm(canvas, pivots, self._stroke, size)
+        scene.draw_handle(canvas, self.view, pivots[3], row[[*COLUMN.force]], self._stroke, size)
+        if self._has_text:
+            self._draw_readings(canvas, row, size)
+        return canvas.pixels()
 
-    def draw(self, canvas: Canvas, snapshot: Snapshot, trail: Array) -> None:
-        """Draw one state; ``trail`` holds past tip positions [m], shape (K, 2)."""
-        parts = self._parts
-        written = parts.kind != "none"
-        canvas.clip(parts.scene)
-        canvas.polyline(self.view.pixels(np.reshape(trail, (-1, 2))), style.TRAIL, max(3 * parts.stroke, 1.5))
-        pivots = [self.view.pixels(pivot) for pivot in five_bar(self._arm, snapshot.theta_a, snapshot.theta_b)]
-        scene.draw_arm(canvas, pivots, parts.stroke)
-        if written:
-            scene.draw_link_names(canvas, pivots, parts.stroke, style.TITLE * parts.text)
-        size = style.BODY * parts.text if written else 0.0
-        scene.draw_force(canvas, self.view, pivots[3], snapshot.force, parts.stroke, size)
-        scene.draw_handle(canvas, pivots[3], parts.stroke)
-        if parts.kind == "strip":
-            self._draw_header(canvas, readings(snapshot).time.value)
-        canvas.clip(parts.readings)
-        if self._beside:
-            self._beside.draw(canvas, snapshot)
-
-    def _draw_header(self, canvas: Canvas, time: str) -> None:
-        """Write name and time above the scene of a tile."""
-        parts = self._parts
-        y = parts.scene.low + 0.5 * HEADER * parts.text
-        canvas.text(time, (parts.drawing.right, y), style.BODY * parts.text, style.MUTED, "right")
-        room = canvas.text_width(f"  {time}", style.BODY * parts.text)
-        self._write_name(canvas, (parts.drawing.left, y), "left", room)
-
-    def _write_name(self, canvas: Canvas, at: tuple[float, float], align: Align, taken: float = 0.0) -> None:
-        """Write the name, or what there is room for of its end."""
-        size = style.TITLE * self._parts.text
-        room = self._parts.drawing.right - self._parts.drawing.left - taken
-        text = self._name
-        while len(text) > 1 and canvas.text_width(text, size) > room:
-            text = "…" + text.removeprefix("…")[1:]
-        canvas.text(text, at, size, style.INK, align)
+    def _draw_readings(self, canvas: Canvas, row: Array, size: float) -> None:
+        """Write the time above the scene; below it the error and the mode, and draw a card for each clutch."""
+        left, top, right, bottom = self._panel
+        gap, line, pad = GAP * self._unit, LINE * self._unit, MARGIN * self._unit
+        canvas.text(f"{row[COLUMN.time]:.2f} s", right - pad, 0.5 * line, size, style.MUTED, "r")
+        canvas.box(self._panel, style.PANEL)
+        y, error = top + 0.5 * (gap + line), signed(1e3 * float(row[COLUMN.normal_error]))
+        canvas.text(f"error {error} mm", pad, y, size, style.INK)
+        canvas.text(outcome(row), right - pad, y, size, style.INK, "r")
+        step = (right - left - gap) / 4
+        for clutch in range(4):
+            box = Box(left + gap + clutch * step, top + gap + line, left + (clutch + 1) * step, bottom - gap)
+            draw_card(canvas, box, clutch, row, self._limits, self._unit)
 
 
 class Sheet:
-    """A canvas of ``width`` × ``height`` pixels with pictures of subjects; what never changes is drawn once."""
+    """Pictures of subjects in a grid that fills ``width`` × ``height`` pixels, row by row."""
 
     def __init__(self, width: int, height: int, subjects: Sequence[Subject]) -> None:
-        boxes = cells(width, height, len(subjects))
+        rows, columns = grid(len(subjects))
+        x, y = (
+            np.linspace(0, length, count + 1).round().astype(int)
+            for length, count in ((width, columns), (height, rows))
+        )
+        self._size = width, height
+        self._corners = [(x[k % columns], y[k // columns]) for k in range(len(subjects))]
         self._pictures = [
-            Picture(subject.machine, subject.task, box, subject.name)
-            for subject, box in zip(subjects, boxes, strict=True)
+            Picture(subject, int(x[k % columns + 1] - x[k % columns]), int(y[k // columns + 1] - y[k // columns]))
+            for k, subject in enumerate(subjects)
         ]
-        self._still = Canvas(width, height, style.BACKGROUND)
-        for picture in self._pictures:
-            picture.draw_still(self._still)
-        self._still.clip(Box(0, 0, width, height))
-        for box in boxes:
-            if box.left > 0:
-                self._still.box(Box(box.left - 0.5, box.low, box.left + 0.5, box.high), style.GROOVE)
-            if box.low > 0:
-                self._still.box(Box(box.left, box.low - 0.5, box.right, box.low + 0.5), style.GROOVE)
 
-    def draw(self, states: Sequence[tuple[Snapshot, Array]]) -> Canvas:
-        """Return a canvas with a state and a trail, (K, 2) [m], of each subject."""
-        canvas = self._still.copy()
-        for picture, (snapshot, trail) in zip(self._pictures, states, strict=True):
-            picture.draw(canvas, snapshot, trail)
-        return canvas
+    def draw(self, states: Sequence[tuple[Array, Array]]) -> NDArray[np.uint8]:
+        """Return the pictures of a telemetry row and a trail, (K, 2) [m], of each subject: (height, width, 3)."""
+        width, height = self._size
+        whole = np.full((height, width, 3), 255, np.uint8)
+        for (left, top), picture, state in zip(self._corners, self._pictures, states, strict=True):
+            pixels = picture.draw(*state)
+            pixels[: 1 if top else 0] = pixels[:, : 1 if left else 0] = 227
+            whole[top : top + len(pixels), left : left + pixels.shape[1]] = pixels
+        return whole
 
 
-def _beside(machine: Machine, parts: Arrangement) -> Panel | Strip | None:
-    """Return what draws the readings, if there is room for them."""
-    if parts.kind == "none":
-        return None
-    return (Panel if parts.kind == "panel" else Strip)(machine, parts.readings, parts.text)
+def grid(count: int) -> tuple[int, int]:
+    """Return rows and columns of a grid for so many pictures: up to three side by side, then about as many as rows."""
+    columns = count if count <= 3 else math.ceil(math.sqrt(count))
+    return -(-count // columns), columns
+
+
+def _cut(text: str, room: float, size: float) -> str:
+    """Return a text, or what there is room for of its end [px]."""
+    while len(text) > 1 and text_width(text, size) > room:
+        text = "…" + text.removeprefix("…")[1:]
+    return text

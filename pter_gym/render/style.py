@@ -1,14 +1,6 @@
-"""Sizes and colours of the picture."""
+"""Colours of a picture, and its sizes of text [px at the default size]."""
 
 from pter_gym.internal import palette
-
-WIDTH = 840
-HEIGHT = 600
-PANEL_WIDTH = 300
-MARGIN = 16
-
-TILE_WIDTH = 320
-TILE_HEIGHT = 240
 
 BACKGROUND = "#ffffff"
 PANEL = "#f3f4f6"
@@ -28,6 +20,4 @@ PARALLEL_B = "#f3cf80"
 VOLTS = palette.SKY_BLUE
 TORQUE = palette.VERMILLION
 
-TITLE = 20
-BODY = 17
-SMALL = 15
+TITLE, BODY, SMALL = 14, 12, 11

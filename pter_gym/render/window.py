@@ -1,11 +1,23 @@
-"""A window on the screen."""
+"""A window on the screen, with pygame."""
 
 from typing import Any
 
-from pter_gym.render.canvas import load_pygame
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.errors import needs_extra
 
 INVISIBLE = ("dummy", "offscreen")
 """Drivers of SDL that show nothing."""
+
+
+def load_pygame() -> Any:
+    """Return the module ``pygame``, or raise a DependencyError that says how to install it."""
+    try:
+        import pygame
+    except ImportError as error:
+        raise needs_extra("a window", "render") from error
+    return pygame
 
 
 def has_display() -> bool:
@@ -36,20 +48,17 @@ class Window:
 
     def is_open(self) -> bool:
         """Handle the window's events; return False once it is closed: by its button, Escape, or other code."""
-        if self._pygame.display.get_surface() is None:
+        pygame = self._pygame
+        if pygame.display.get_surface() is None:
             self._open = False
-        if self._open:
-            for event in self._pygame.event.get():
-                if event.type == self._pygame.QUIT or (
-                    event.type == self._pygame.KEYDOWN and event.key == self._pygame.K_ESCAPE
-                ):
-                    self.close()
-                    break
+        events = pygame.event.get() if self._open else ()
+        if any(e.type == pygame.QUIT or (e.type == pygame.KEYDOWN and e.key == pygame.K_ESCAPE) for e in events):
+            self.close()
         return self._open
 
-    def show(self, surface: Any) -> None:
-        """Show a picture, then wait until the next one is due."""
-        self._screen.blit(surface, (0, 0))
+    def show(self, picture: NDArray[np.uint8]) -> None:
+        """Show a picture (height, width, 3), then wait until the next one is due."""
+        self._pygame.surfarray.blit_array(self._screen, picture.swapaxes(0, 1))
         self._pygame.display.flip()
         self._clock.tick(self._rate)
 

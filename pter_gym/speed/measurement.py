@@ -20,15 +20,13 @@ from pter_gym.speed.ours import (
     sweep,
 )
 from pter_gym.speed.peers import Ratio, measure_peer, our_loads, peers
-from pter_gym.speed.pictures import SIZES, Pictures, measure_pictures
-from pter_gym.speed.roofline import Roofline, measure_roofline
 from pter_gym.speed.timing import Effort
 
 REFERENCE_WORLDS = 16_384
 """Our worlds beside a peer."""
 
-CARTPOLE = "CartPole-v1"
-REACHER = "Reacher-v5"
+SINGLE = ("CartPole-v1", "Reacher-v5")
+"""Environments beside a single one of ours."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,6 @@ class Plan:
     comparisons: Effort
     single_steps: int
     single_rounds: int
-    roofline_rounds: int
 
 
 @dataclass(frozen=True)
@@ -58,9 +55,7 @@ class Speed:
     cuda: Cuda | None
     single_steps: tuple[SingleStep, ...]
     peers: tuple[Ratio, ...]
-    roofline: Roofline
     skipped: tuple[Skipped, ...]
-    pictures: tuple[Pictures, ...] = ()
 
 
 def make_plan(*, quick: bool = False, max_worlds: int = CUDA_SIZES[-1]) -> Plan:
@@ -88,7 +83,6 @@ def make_plan(*, quick: bool = False, max_worlds: int = CUDA_SIZES[-1]) -> Plan:
         comparisons=Effort(0.1, 3) if quick else Effort(0.5, 7),
         single_steps=200 if quick else 400,
         single_rounds=5 if quick else 25,
-        roofline_rounds=3 if quick else 15,
     )
 
 
@@ -102,13 +96,9 @@ def measure(plan: Plan, on_progress: Callable[[str], object] = lambda _: None) -
     on_progress("a CUDA device")
     device = cuda(plan.cuda_sizes, plan.rates)
     on_progress("single steps")
-    singles, missing = single_steps((CARTPOLE, REACHER), plan.single_steps, plan.single_rounds)
+    singles, missing = single_steps(SINGLE, plan.single_steps, plan.single_rounds)
     ratios, absent = _beside_peers(plan, on_progress)
-    on_progress("the substep loop and the peak of the arithmetic")
-    roofline = measure_roofline(plan.roofline_rounds, recompile=not plan.quick)
-    on_progress("pictures")
-    pictures, undrawn = measure_pictures(SIZES, plan.rates)
-    skipped = [*every.skipped, *missing, *absent, *undrawn, *_left_out(plan)]
+    skipped = [*every.skipped, *missing, *absent, *_left_out(plan)]
     if isinstance(device, Skipped):
         skipped.append(device)
     return Speed(
@@ -121,9 +111,7 @@ def measure(plan: Plan, on_progress: Callable[[str], object] = lambda _: None) -
         cuda=None if isinstance(device, Skipped) else device,
         single_steps=tuple(singles),
         peers=tuple(ratios),
-        roofline=roofline,
         skipped=tuple(skipped),
-        pictures=pictures,
     )
 
 
@@ -140,7 +128,5 @@ def _beside_peers(plan: Plan, on_progress: Callable[[str], object]) -> tuple[lis
 
 
 def _left_out(plan: Plan) -> list[Skipped]:
-    sizes = [worlds for worlds in CPU_SIZES if worlds not in plan.cpu_sizes]
-    why = "not asked for" if not plan.quick else "a quick run"
-    rows = [Skipped(f"{worlds:,} worlds", why) for worlds in sizes]
-    return [*rows, Skipped("loops that LLVM vectorised in the block kernel", why)] if plan.quick else rows
+    why = "a quick run" if plan.quick else "not asked for"
+    return [Skipped(f"{worlds:,} worlds", why) for worlds in CPU_SIZES if worlds not in plan.cpu_sizes]

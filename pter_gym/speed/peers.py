@@ -6,7 +6,7 @@ with two motors, a target and no clutch; one of its steps is two substeps of 10 
 
 import importlib
 import importlib.metadata
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
@@ -20,8 +20,8 @@ from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
 from pter_gym.speed.mujoco_arm import ArmNumbers, build
 from pter_gym.speed.ours import ID, Skipped, all_threads, substeps_per_step, vector_load
-from pter_gym.speed.timing import Comparison, Effort, Load, compare, rate
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.speed.timing import Effort, Load, compare, rate
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 _PREPARED = 4
 ROLLOUT_SUBSTEPS = 250
@@ -108,19 +108,6 @@ def measure_peer(peer: Peer, ours: Mapping[Kind, Load], our_worlds: int, effort:
         return Skipped(peer.name, f"not installed: {error}")
     found = compare(ours[peer.kind], load, effort)
     load.close()
-    return _ratio(peer, worlds, our_worlds, found)
-
-
-def _fastest(peer: Peer, effort: Effort) -> int:
-    rates: dict[int, float] = {}
-    for worlds in peer.worlds:
-        load = peer.load(worlds)
-        rates[worlds] = rate(load, Effort(effort.seconds, 1))
-        load.close()
-    return max(rates, key=lambda worlds: rates[worlds])
-
-
-def _ratio(peer: Peer, worlds: int, our_worlds: int, found: Comparison) -> Ratio:
     return Ratio(
         name=peer.name,
         package=peer.package,
@@ -133,6 +120,15 @@ def _ratio(peer: Peer, worlds: int, our_worlds: int, found: Comparison) -> Ratio
         our_steps_per_second=found.rate,
         ratio=found.ratio,
     )
+
+
+def _fastest(peer: Peer, effort: Effort) -> int:
+    rates: dict[int, float] = {}
+    for worlds in peer.worlds:
+        load = peer.load(worlds)
+        rates[worlds] = rate(load, Effort(effort.seconds, 1))
+        load.close()
+    return max(rates, key=lambda worlds: rates[worlds])
 
 
 ROLLOUT = "mujoco.rollout"
@@ -234,27 +230,18 @@ def _rollout(worlds: int, threads: int, *, soft: bool) -> Load:
     arm = BASELINE.arm
     numbers = ArmNumbers(arm.length_a, arm.length_b, arm.inertia_a, arm.inertia_b, arm.coupling)
     volts = np.random.default_rng(0).uniform(0.0, BASELINE.clutch.voltage_max, (worlds, 4))
-    models = [build(numbers, BASELINE.substep, _torques(row), soft=soft) for row in volts.tolist()]
+    torques = [[BASELINE.clutch.dynamic.torque(v) for v in row] for row in volts.tolist()]
+    models = [build(numbers, BASELINE.substep, row, soft=soft) for row in torques]
     data = [mujoco.MjData(models[0]) for _ in range(threads)]
     state = np.zeros((worlds, mujoco.mj_stateSize(models[0], mujoco.mjtState.mjSTATE_FULLPHYSICS)))
-    angle_a, angle_b = _start_angles()
+    env: Any = gymnasium.make(ID)
+    _, info = env.reset(seed=0)
+    env.close()
+    angle_a, angle_b = (info["telemetry"][row] for row in COLUMN.theta)
     state[:, 1], state[:, 2] = angle_a, angle_b - angle_a
     forces = np.broadcast_to(_hand_forces(ROLLOUT_SUBSTEPS), (worlds, ROLLOUT_SUBSTEPS, 2)).copy()
     pool = rollout.Rollout(nthread=threads)
     return Load(lambda: pool.rollout(models, data, state, forces), worlds * ROLLOUT_SUBSTEPS, pool.close)
-
-
-def _torques(volts: Sequence[float]) -> list[float]:
-    return [BASELINE.clutch.dynamic.torque(v) for v in volts]
-
-
-def _start_angles() -> tuple[float, float]:
-    """Return the link angles [rad] at the start of an episode."""
-    env: Any = gymnasium.make(ID)
-    _, info = env.reset(seed=0)
-    env.close()
-    layout = env.unwrapped.telemetry_layout
-    return float(layout.physical(info["telemetry"], "theta_a")), float(layout.physical(info["telemetry"], "theta_b"))
 
 
 def _hand_forces(count: int) -> Any:

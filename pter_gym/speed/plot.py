@@ -3,11 +3,9 @@
 from itertools import count
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import StrMethodFormatter
 
-from pter_gym.internal.looks import numbered
-from pter_gym.plots.legends import legend_of
-from pter_gym.plots.style import WIDTH, label, styled
+from pter_gym.plots.style import WIDTH, label, legend_of, numbered, styled
 from pter_gym.speed import Speed
 from pter_gym.speed.peers import Kind
 
@@ -36,12 +34,7 @@ def cost_figure(speed: Speed) -> Figure:
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(plain_number))
+        axis.set_major_formatter(StrMethodFormatter("{x:,.10g}"))
     label(axes, "worlds [1]", "time per env-step of one world [ns]")
     legend_of(figure, axes, f"an env-step: {speed.substeps_per_step} substeps, observation, reward, reset")
     return figure
-
-
-def plain_number(value: float, _: int | None) -> str:
-    """Return a tick's label without exponents."""
-    return f"{value:,.10g}"

@@ -9,24 +9,19 @@ from rich.table import Table
 from pter_gym.speed.measurement import Speed
 from pter_gym.speed.ours import ID
 from pter_gym.speed.peers import Kind
-from pter_gym.speed.roofline import Roofline
-from pter_gym.speed.targets import targets
 
 
 def as_json(speed: Speed) -> dict[str, Any]:
-    """Return everything, with the targets and whether they are met, for ``json.dumps``."""
+    """Return everything for ``json.dumps``."""
     return {
         "environment": f"{ID}, no telemetry, SAME_STEP, random voltages prepared beforehand",
         **asdict(speed),
-        "targets": [{**asdict(target), "met": target.met} for target in targets(speed)],
     }
 
 
 def tables(speed: Speed) -> list[Table]:
-    """Return what a terminal shows: throughput, peers, single steps, the substep loop, the targets, what is missing."""
-    shown = [_throughput(speed), _peers(speed), _singles(speed), _roofline(speed.roofline)]
-    shown += [_pictures(speed)] if speed.pictures else []
-    shown.append(_targets(speed))
+    """Return what a terminal shows: throughput, peers, single steps, and what is missing."""
+    shown = [_throughput(speed), _peers(speed), _singles(speed)]
     return [*shown, _skipped(speed)] if speed.skipped else shown
 
 
@@ -82,39 +77,6 @@ def _singles(speed: Speed) -> Table:
     table = _table("One env.step through gymnasium.make, in turn", "peer", "ours [µs]", "peer [µs]", "ours over peer")
     for row in speed.single_steps:
         table.add_row(row.peer, f"{row.microseconds:.2f}", f"{row.peer_microseconds:.2f}", f"{row.ratio:.3f}")
-    return table
-
-
-def _roofline(roofline: Roofline) -> Table:
-    table = _table("The substep loop on one thread", "", "")
-    counts = f"{roofline.operations_per_substep:.0f}, {roofline.operations_per_step:.0f}"
-    table.add_row("operations of a substep, of an env-step", counts)
-    table.add_row("time of a substep of one world \\[ns]", f"{roofline.nanoseconds_per_substep:.2f}")
-    table.add_row("peak without FMA [Gop/s]", f"{roofline.peak / 1e9:.1f}, {roofline.peak_width} numbers in a vector")
-    table.add_row("share of the peak", f"{100.0 * roofline.share:.1f} %")
-    table.add_row("the same for a whole env-step", f"{100.0 * roofline.share_of_step:.1f} %")
-    if roofline.widths:
-        table.add_row(
-            "loops of the kernel that LLVM vectorised",
-            f"{len(roofline.widths)}, widths {', '.join(map(str, sorted(set(roofline.widths))))}",
-        )
-    return table
-
-
-def _pictures(speed: Speed) -> Table:
-    table = _table("Pictures of one world that moves, on one core", "size [px]", "[1/s]")
-    for row in speed.pictures:
-        table.add_row(f"{row.width} × {row.height}", f"{row.per_second:.0f}")
-    return table
-
-
-def _targets(speed: Speed) -> Table:
-    table = _table("Targets", "", "wanted", "measured", "")
-    words = {True: "met", False: "missed", None: "not measured"}
-    for target in targets(speed):
-        wanted = f"{'≥' if target.at_least else '≤'} {target.limit:,.4g} {target.unit}".strip()
-        measured = "" if target.value is None else f"{target.value:,.4g} {target.unit}".strip()
-        table.add_row(target.name, wanted, measured, words[target.met])
     return table
 
 

@@ -14,9 +14,7 @@ from gymnasium.wrappers import vector as wrappers
 
 import pter_gym  # noqa: F401  (registers the environments)
 from pter_gym.errors import ParameterError
-from pter_gym.render.worlds import MOST_WORLDS
-
-pytest.importorskip("pygame")
+from pter_gym.render.viewer import MOST_WORLDS
 
 ID = "PTER/PathFollowing-v0"
 SMALL: dict[str, Any] = {"render_mode": "rgb_array", "width": 240, "height": 180}

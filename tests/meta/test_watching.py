@@ -10,7 +10,7 @@ from documents import ROOT, blocks_of, run_program
 from pter_gym.benchmark.naming import is_built_in
 from pter_gym.commands import watch as command
 from pter_gym.commands.main import main
-from pter_gym.render.worlds import MOST_WORLDS
+from pter_gym.render.viewer import MOST_WORLDS
 from pter_gym.scenarios import PACES, SCENARIOS
 
 PAGE = ROOT / "docs" / "watching.md"

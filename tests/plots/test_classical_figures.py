@@ -8,7 +8,6 @@ from studies.clutch_use import episodes
 
 from pter_gym.benchmark.measures import column, four, vector
 from pter_gym.params import BASELINE
-from pter_gym.plots.style import png
 from pter_gym.tasks.path_following import PathFollowing
 
 PATH = PathFollowing().path
@@ -64,8 +63,3 @@ def test_clutch_panels_show_volts_and_states(followed: dict[str, np.ndarray]) ->
         full = (four(telemetry[2:], "volts") >= TOP * (1.0 - 1e-6))[forward]
         assert drawn[FULL] == full.sum()
         assert drawn[STUCK] > 0
-
-
-def test_the_same_figure_has_the_same_bytes(followed: dict[str, np.ndarray]) -> None:
-    first, again = (png(arm_and_deviation(followed, BASELINE.arm, PATH)) for _ in range(2))
-    assert first == again

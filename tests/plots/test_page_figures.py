@@ -1,20 +1,15 @@
-"""Pictures of the documents: who has a rank, names that can be read, and when each clutch sticks."""
-
-from pathlib import Path
+"""Pictures of the documents: who has a rank, and when each clutch sticks."""
 
 import numpy as np
 import pytest
 from figures.hands import force_and_spectrum
-from figures.pages import Score, clutches_over_time, error_against_commanded_pace, spread
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from figures.pages import Score, clutches_over_time, error_against_commanded_pace
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from pter_gym.benchmark.statistics import Interval
 from pter_gym.hands import MEASURED_TREMORS, find_hand
-from pter_gym.internal.looks import LOOKS
 from pter_gym.physics.friction import ClutchMode
-from pter_gym.plots.style import png
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import TELEMETRY
 
@@ -57,32 +52,6 @@ def test_points_stand_at_their_pace_and_are_hollow_without_a_rank() -> None:
             assert any(x == pytest.approx(score.pace, rel=0.1) for x in near), name
 
 
-def test_names_are_whole_and_apart() -> None:
-    figure = error_against_commanded_pace({name: front(30.0, 31.0, 32.0) for name in LOOKS}, "title")
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    boxes = [text.get_window_extent(canvas.get_renderer()) for text in figure.axes[0].texts]
-    assert sorted(text.get_text() for text in figure.axes[0].texts) == sorted(LOOKS)
-    for k, box in enumerate(boxes):
-        assert box.x1 <= figure.bbox.x1
-        assert 0.0 <= box.y0 < box.y1 <= figure.bbox.y1
-        assert not any(box.overlaps(other) for other in boxes[:k])
-    (legend,) = figure.legends
-    box = legend.get_window_extent(canvas.get_renderer())
-    assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
-
-
-def test_places_keep_their_order_and_distance() -> None:
-    wanted = np.array([0.1, 0.11, 0.12, 0.5, 0.98, 0.99])
-    found = spread(wanted, 0.05)
-    assert (np.diff(found) >= 0.05 - 1e-12).all()
-    np.testing.assert_allclose(found[:3], [0.06, 0.11, 0.16])
-    assert found[3] == pytest.approx(0.5)
-    np.testing.assert_allclose(found[4:], [0.95, 1.0], atol=0.011)
-    assert found[-1] <= 1.0
-    np.testing.assert_allclose(spread(np.array([0.2, 0.9]), 0.05), [0.2, 0.9])
-
-
 def telemetry(modes: list[int]) -> np.ndarray:
     rows = np.zeros((len(modes), len(TELEMETRY)))
     rows[:, TELEMETRY.index("time")] = 0.01 * np.arange(len(modes))
@@ -109,16 +78,6 @@ def test_clutches_show_distance_voltages_and_sticking() -> None:
         np.testing.assert_allclose(spans, both if clutch == 2 else both[1:])
     for axes in panels[1:, 1]:
         assert not axes.collections[1].get_paths()
-
-
-def test_the_same_scores_give_the_same_bytes() -> None:
-    assert png(error_against_commanded_pace(FRONTS, "a")) == png(error_against_commanded_pace(FRONTS, "a"))
-
-
-def test_the_documents_have_the_pictures() -> None:
-    root = Path(__file__).parents[2]
-    assert "images/error-against-pace.png" in (root / "README.md").read_text("utf-8")
-    assert "images/clutches.png" in (root / "docs" / "agents.md").read_text("utf-8")
 
 
 def test_tremors_show_their_force_and_a_peak_within_the_band() -> None:

@@ -6,19 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
+from PIL import Image
 
 from pter_gym.errors import DependencyError, ParameterError, StorageError
 from pter_gym.params import BASELINE
-from pter_gym.render import recording
-from pter_gym.render.colours import MOST, Colours
-from pter_gym.render.film import PAUSE, Film, Shot, default_size
+from pter_gym.render.film import PAUSE, Film, Shot, check_ending, default_size, frames_of, write_film
 from pter_gym.render.picture import Subject
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
-
-pytest.importorskip("pygame")
 
 SIZE = (161, 121)
 """Odd: no way to store a film may change it."""
@@ -65,31 +59,12 @@ def test_sizes_by_default():
         assert height <= 1080
 
 
-@settings(max_examples=30, deadline=None)
-@given(
-    arrays.arrays(np.uint8, (5, 7), elements=st.integers(0, MOST - 1)),
-    arrays.arrays(np.uint8, (MOST, 3)),
-)
-def test_colours_that_fit_stay_as_they_are(entries: np.ndarray, palette: np.ndarray):
-    picture = palette[entries]
-    np.testing.assert_array_equal(np.asarray(Colours([picture]).image(picture).convert("RGB")), picture)
-
-
-def test_other_colours_become_the_nearest():
-    flat = np.zeros((16, 16, 3), np.uint8)
-    flat[8:] = 200
-    other = np.full_like(flat, 190)
-    np.testing.assert_array_equal(np.asarray(Colours([flat]).image(other).convert("RGB")), 200)
-
-
-@pytest.mark.parametrize("ending", [".gif", ".GIF"])
-def test_a_gif_has_the_frames_and_the_colours(tmp_path: Path, ending: str):
-    image = pytest.importorskip("PIL.Image")
-    found, path = film(25), tmp_path / f"film{ending}"
+def test_a_gif_has_the_frames_and_the_colours(tmp_path: Path):
+    found, path = film(25), tmp_path / "film.GIF"
     drawn: list[int] = []
-    recording.write_film(found, path, lambda: drawn.append(1))
-    assert len(drawn) == recording.frames_of(found, path) == len(found)
-    with image.open(path) as gif:
+    write_film(found, path, lambda: drawn.append(1))
+    assert len(drawn) == frames_of(found, path) == len(found)
+    with Image.open(path) as gif:
         assert gif.size == SIZE
         assert gif.info["loop"] == 0
         seconds = 0.0
@@ -99,23 +74,22 @@ def test_a_gif_has_the_frames_and_the_colours(tmp_path: Path, ending: str):
         last = np.asarray(gif.convert("RGB"))
     assert seconds == pytest.approx(len(found) / 25)
     same = (last == found.pixels(len(found) - 1)).all(axis=-1)
-    assert same.mean() > 0.95
+    assert same.mean() > 0.9
 
 
 def test_a_png_is_the_last_frame(tmp_path: Path):
-    image = pytest.importorskip("PIL.Image")
     found, path = film(), tmp_path / "end.png"
-    recording.write_film(found, path)
-    assert recording.frames_of(found, path) == 1
-    with image.open(path) as png:
+    write_film(found, path)
+    assert frames_of(found, path) == 1
+    with Image.open(path) as png:
         np.testing.assert_array_equal(np.asarray(png), found.pixels(len(found) - 1))
 
 
 def test_an_mp4_can_be_played(tmp_path: Path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     found, path = film(steps=(6,)), tmp_path / "film.mp4"
-    recording.check_ending(path)
-    recording.write_film(found, path)
+    check_ending(path)
+    write_film(found, path)
     frames, seconds = ffmpeg.count_frames_and_secs(str(path))
     assert frames == len(found)
     assert seconds == pytest.approx(len(found) / 50, abs=0.03)
@@ -130,7 +104,7 @@ def test_what_fails_leaves_the_file_as_it_was(tmp_path: Path):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        recording.write_film(film(), path, fail)
+        write_film(film(), path, fail)
     assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("film.gif", "older")]
 
 
@@ -139,18 +113,18 @@ def test_a_film_for_which_there_is_no_room_is_told(tmp_path: Path):
         raise OSError(28, "No space left on device")
 
     with pytest.raises(StorageError, match=r"film cannot be made .* No space left"):
-        recording.write_film(film(), tmp_path / "film.gif", full)
+        write_film(film(), tmp_path / "film.mp4", full)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["film.avi", "film", "film.mp3"])
 def test_another_ending_is_refused(name: str):
     with pytest.raises(ParameterError, match=r"out's ending must be among \.mp4, \.gif, \.png"):
-        recording.check_ending(Path(name))
+        check_ending(Path(name))
 
 
 def test_missing_ffmpeg_is_named(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    recording.check_ending(Path("film.gif"))
+    check_ending(Path("film.gif"))
     with pytest.raises(DependencyError, match=r"ffmpeg .*pip install -e '\.\[render\]'"):
-        recording.check_ending(Path("film.mp4"))
+        check_ending(Path("film.mp4"))

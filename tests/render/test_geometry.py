@@ -15,7 +15,6 @@ from pter_gym.render.geometry import (
     arrow,
     fit,
     five_bar,
-    normals,
     path_points,
     thinned,
     workspace,
@@ -98,11 +97,3 @@ def test_thinned_keeps_the_ends_and_the_distance():
     assert np.diff(kept[:, 0]).max() <= 2.0 + 0.1
     np.testing.assert_array_equal(thinned(np.zeros((50, 2)), 2.0), np.zeros((2, 2)))
     assert thinned(np.zeros((0, 2)), 2.0).shape == (0, 2)
-
-
-def test_normals_are_to_the_left_and_survive_a_reversal():
-    np.testing.assert_allclose(normals(np.array([(0.0, 0.0), (2.0, 0.0)])), [(0.0, 1.0), (0.0, 1.0)])
-    corner = normals(np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]))
-    np.testing.assert_allclose(corner[1], (-math.sqrt(0.5), math.sqrt(0.5)))
-    back = normals(np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 0.0)]))
-    np.testing.assert_allclose(np.hypot(*back.T), 1.0)

@@ -7,18 +7,18 @@ from matplotlib.figure import Figure
 from pter_gym.paper.experiments.single_dof import SingleDof, SingleDofTest
 from pter_gym.paper.experiments.step_response import StepResponse
 from pter_gym.paper.plots.marks import FAINT, mark
-from pter_gym.plots.legends import legend_of
 from pter_gym.plots.style import (
     CLUTCH_COLOURS,
     COLOURS,
     DASHES,
-    LOOKS,
     REFERENCE,
     WIDTH,
     inch_pounds_right,
     inches_above,
     inches_right,
     label,
+    legend_of,
+    numbered,
     styled,
 )
 from pter_gym.units import to_inch_pounds
@@ -90,7 +90,7 @@ def clutch_step(result: StepResponse) -> Figure:
             torque,
             color=CLUTCH_COLOURS[k],
             linestyle="none",
-            marker=LOOKS[k].marker,
+            marker=numbered(k).marker,
             markersize=4.5,
             markevery=(offset, every),
             label=f"clutch {k + 1}",

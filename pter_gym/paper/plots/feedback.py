@@ -6,15 +6,15 @@ from matplotlib.figure import Figure
 from pter_gym.paper.experiments.feedback import BEST_GAIN, FollowedLine, GainSweep, LineFollowing
 from pter_gym.paper.experiments.measures import PLATEAU_FROM
 from pter_gym.paper.plots.marks import FAINT, mark_line
-from pter_gym.plots.benchmark import MILLIMETRE
-from pter_gym.plots.legends import legend_of
 from pter_gym.plots.style import (
     COLOURS,
+    MILLIMETRE,
     REFERENCE,
     WIDTH,
     inches_above,
     inches_right,
     label,
+    legend_of,
     scaled,
     styled,
 )

@@ -4,11 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pter_gym.internal.looks import numbered
 from pter_gym.paper.experiments.reversal import Reversal, Reversals
 from pter_gym.paper.experiments.torque_curves import MEASURED_FROM, TorqueCurves
 from pter_gym.paper.plots.marks import FAINT, name_of
-from pter_gym.plots.legends import legend_of
 from pter_gym.plots.style import (
     COLOURS,
     DASHES,
@@ -18,6 +16,8 @@ from pter_gym.plots.style import (
     WIDTH,
     inch_pounds_right,
     label,
+    legend_of,
+    numbered,
     percent,
     styled,
 )

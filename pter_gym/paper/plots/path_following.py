@@ -7,20 +7,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pter_gym.internal.looks import numbered
 from pter_gym.paper.experiments.claims import COLUMNS, TABLE_TOLERANCE
 from pter_gym.paper.experiments.measures import paper_units
 from pter_gym.paper.experiments.time_constants import PAPER_TABLE, Sweep, TableRow
 from pter_gym.paper.plots.marks import FAINT, mark, mark_line, name_of
 from pter_gym.params import TIME_CONSTANT
-from pter_gym.plots.benchmark import MILLIMETRE
-from pter_gym.plots.legends import legend_of
 from pter_gym.plots.style import (
     COLOURS,
+    MILLIMETRE,
     REFERENCE,
     WIDTH,
     inches_right,
     label,
+    legend_of,
+    numbered,
     percent,
     scaled,
     styled,
