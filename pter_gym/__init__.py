@@ -60,7 +60,7 @@ find_old_names()
 gymnasium.register(
     id="PTER/PathFollowing-v0",
     entry_point="pter_gym.envs.single:PathFollowingEnv",
-    vector_entry_point="pter_gym.envs.devices:make_vector_env",
+    vector_entry_point="pter_gym.envs.vector:make_vector_env",
     max_episode_steps=1000,
 )
 

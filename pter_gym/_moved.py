@@ -23,7 +23,6 @@ MOVED = MappingProxyType(
         "pter_gym.randomisation": "pter_gym.scenarios.randomisation",
         "pter_gym.reproduce": "pter_gym.paper.reproduce",
         "pter_gym.sb3": "pter_gym.envs.sb3",
-        "pter_gym.vector_checker": "pter_gym.envs.checker",
     }
 )
 """New name of each module by its old one; what a package holds has moved with it."""

@@ -6,34 +6,32 @@ torch until an algorithm's module is asked for.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from numpy.typing import NDArray
-
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.codec import ABSENT, tuple_of
+from pter_gym.internal.codec import tuple_of
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text
 
 if TYPE_CHECKING:
     from pter_agents.networks import Actor
-    from pter_agents.settings import Settings
-    from pter_agents.worlds import Worlds
+    from pter_agents.settings import TrainingSettings
+    from pter_agents.worlds import TrainingWorlds
 
-State = dict[str, NDArray[Any]]
-"""All that a training's future depends on, as arrays by name."""
+State = dict[str, Any]
+"""All that a training's future depends on: arrays, tensors and numbers, nested by name."""
 
 FOLDER = Path(__file__).parent
 
 ENTRY = "algorithm"
-"""Key under which a file says that it is an algorithm's, and not hyper-parameters for one."""
+"""Key that only the file of an algorithm has."""
 
 SMOKE = {"worlds": 64, "steps": 32, "contexts": 16}
-"""Hyper-parameters of a run that shows that training works, not that it learns."""
+"""Hyper-parameters of a short run that shows that training works, not that it learns."""
 
 
 class Model(Protocol):
@@ -51,7 +49,7 @@ class Model(Protocol):
     rollout: int
 
     def advance(self) -> Mapping[str, float]:
-        """Collect a rollout, learn from it, and return what is worth a log; FloatingPointError if it diverges."""
+        """Collect a rollout, learn from it, and return values for the logs; FloatingPointError if it diverges."""
         ...
 
     def actor(self) -> "Actor":
@@ -59,15 +57,15 @@ class Model(Protocol):
         ...
 
     def get_state(self) -> State:
-        """Return copies of all that the training's future depends on."""
+        """Return all that the training's future depends on, ``steps`` among it; not copies."""
         ...
 
     def set_state(self, state: State) -> None:
-        """Go on where ``get_state`` was called."""
+        """Go on where ``get_state`` was called; arrays may have become tensors."""
         ...
 
     def set_weights(self, state: State) -> None:
-        """Take the networks of a state alone."""
+        """Take only the networks of a state."""
         ...
 
     def close(self) -> None:
@@ -84,17 +82,17 @@ class Learner:
     settings
         Its hyper-parameters.
     smoke
-        Those that differ in a smoke run, in addition to ``SMOKE``.
+        Values of a smoke run, in addition to ``SMOKE``.
     make_model
-        Makes an untrained model from hyper-parameters, worlds in as many parts of the same size as ``parts``, the
-        control steps of the whole training, and the seed of all that it draws.
+        Makes an untrained model from hyper-parameters, worlds in ``parts`` parts of the same size, the control steps of
+        the whole training, and a seed.
     parts
         Parts of the worlds.
     """
 
-    settings: "type[Settings]"
+    settings: "type[TrainingSettings]"
     smoke: Mapping[str, Any]
-    make_model: "Callable[[Any, Sequence[Worlds], int, int], Model]"
+    make_model: "Callable[[Any, Sequence[TrainingWorlds], int, int], Model]"
     parts: int
 
 
@@ -135,21 +133,21 @@ def find_algorithm(name: str) -> Algorithm:
     Raises
     ------
     ParameterError
-        If there is none of that name; it tells the nearest.
+        If there is none of that name; the message suggests the nearest.
     """
     if name not in ALGORITHMS:
         raise unknown_name("algorithm", name, ALGORITHMS)
     return ALGORITHMS[name]
 
 
-def load_settings(algorithm: str, file: FilePath | None = None) -> "Settings":
-    """Return the hyper-parameters of an algorithm, with those in a file in place of the usual ones.
+def load_settings(algorithm: str, file: FilePath | None = None) -> "TrainingSettings":
+    """Return the hyper-parameters of an algorithm; those in a file replace the usual ones.
 
     Raises
     ------
     ParameterError
-        If there is no such algorithm or hyper-parameter, which tells the nearest, or a value is out of range, or the
-        file cannot be read.
+        If there is no such algorithm or hyper-parameter, with the nearest, a value is out of range, or the file cannot
+        be read.
     """
     find_algorithm(algorithm)
     values = read_table(FOLDER / f"{algorithm}.toml")
@@ -159,22 +157,21 @@ def load_settings(algorithm: str, file: FilePath | None = None) -> "Settings":
     return settings_from(algorithm, values)
 
 
-def smoke_settings(algorithm: str, settings: "Settings", **changes: Any) -> "Settings":
+def smoke_settings(algorithm: str, settings: "TrainingSettings", **changes: Any) -> "TrainingSettings":
     """Return hyper-parameters of a smoke run with some changes; networks and what they see stay as they are."""
     return settings_from(algorithm, {**asdict(settings), **SMOKE, **find_algorithm(algorithm).learner.smoke, **changes})
 
 
-def settings_from(algorithm: str, values: Mapping[str, Any]) -> "Settings":
+def settings_from(algorithm: str, values: Mapping[str, Any]) -> "TrainingSettings":
     """Return the hyper-parameters of an algorithm from plain values; see ``load_settings``."""
     kind = find_algorithm(algorithm).learner.settings
-    known = {item.name: item.type for item in fields(kind)}
+    known = {item.name: item for item in fields(kind)}
     for name in values:
         if name not in known:
             raise unknown_name("config", name, known)
-    values = {**{item.name: item.metadata[ABSENT] for item in fields(kind) if ABSENT in item.metadata}, **values}
-    for name, expected in known.items():
-        if name not in values:
+    for name, item in known.items():
+        if name not in values and item.default is MISSING:
             raise ParameterError(f"config must hold {name}")
-        if expected is str and not isinstance(values[name], str):
-            raise ParameterError(f"Settings.{name} must be a string, got {values[name]!r}")
+        if item.type is str and not isinstance(values.get(name), str):
+            raise ParameterError(f"{kind.__name__}.{name} must be a string, got {values[name]!r}")
     return kind(**{name: tuple_of(value) for name, value in values.items()})

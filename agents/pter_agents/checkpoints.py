@@ -1,16 +1,19 @@
-"""Checkpoints of a run: all that a training's future depends on, as arrays without code.
+"""Checkpoints of a run: all that a training's future depends on, as tensors and numbers without code.
 
-They are written whole or not at all, and the newest two are kept.
+A file is a SHA-256 and what ``torch.save`` writes. It is written whole or not at all, and the newest two are kept.
 """
 
 import io
+import pickle
 import re
+from hashlib import sha256
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
+import torch
 
-from pter_agents.algorithms import Model, State
-from pter_gym.internal.archives import read_arrays
+from pter_agents.algorithms import Model
 from pter_gym.internal.computer import available_memory
 from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym.internal.reading import read_bytes, reading
@@ -18,10 +21,7 @@ from pter_gym.internal.reading import read_bytes, reading
 KEPT = 2
 """Newest checkpoints that are kept."""
 
-WEIGHT = "weight_"
-"""Begins the names of what the networks have learnt."""
-
-NAME = re.compile(r"checkpoint-(\d+)\.npz")
+NAME = re.compile(r"checkpoint-(\d+)\.ckpt")
 
 
 def checkpoints(folder: FilePath) -> list[Path]:
@@ -33,7 +33,7 @@ def checkpoints(folder: FilePath) -> list[Path]:
 
 
 def save_checkpoint(model: Model, folder: FilePath) -> Path:
-    """Write the checkpoint of a model between two rollouts, and let all but the newest go.
+    """Write the checkpoint of a model between two rollouts, and delete all but the newest.
 
     Raises
     ------
@@ -41,12 +41,35 @@ def save_checkpoint(model: Model, folder: FilePath) -> Path:
         If it cannot be written; it says where it is, and the earlier ones stay.
     """
     content = io.BytesIO()
-    np.savez(content, allow_pickle=False, **model.get_state())  # type: ignore[arg-type]
-    path = find_path("folder", folder) / f"checkpoint-{model.steps}.npz"
-    write_bytes_atomic(path, content.getvalue())
+    torch.save(_as_tensors(model.get_state()), content)
+    path = find_path("folder", folder) / f"checkpoint-{model.steps}.ckpt"
+    write_bytes_atomic(path, sha256(content.getvalue()).digest() + content.getvalue())
     for old in checkpoints(folder)[:-KEPT]:
         old.unlink(missing_ok=True)
     return path
+
+
+def read_checkpoint(path: FilePath) -> dict[str, Any]:
+    """Return the state of a model in a checkpoint, its arrays as tensors.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read; no code in it was executed.
+    """
+    path = find_path("path", path)
+    with reading(f"checkpoint {path} cannot be read"):
+        data = read_bytes(path, available_memory())
+        digest, content = data[: sha256().digest_size], data[sha256().digest_size :]
+        if sha256(content).digest() != digest:
+            raise ValueError("it is damaged")
+        try:
+            found = torch.load(io.BytesIO(content), weights_only=True)
+        except (RuntimeError, pickle.UnpicklingError) as error:
+            raise ValueError(str(error)) from None
+        if found["steps"] != steps_of(path):
+            raise ValueError(f"it is of {found['steps']} control steps")
+        return found
 
 
 def load_checkpoint(model: Model, path: FilePath, *, weights_only: bool = False) -> None:
@@ -55,32 +78,26 @@ def load_checkpoint(model: Model, path: FilePath, *, weights_only: bool = False)
     Raises
     ------
     DataError
-        If it cannot be read.
+        If it cannot be read, or is of another model.
     """
-    path = find_path("path", path)
+    state = read_checkpoint(path)
     with reading(f"checkpoint {path} cannot be read"):
-        data = read_bytes(path, available_memory())
-        state = read_arrays(data, len(data))  # as numpy.savez stores them, so they are no larger than the file
-        own = model.get_state()
-        _check(state, {name: own[name] for name in own if not weights_only or name.startswith(WEIGHT)}, path)
         try:
             (model.set_weights if weights_only else model.set_state)(state)
         except RuntimeError as error:  # torch's
             raise ValueError(str(error)) from None
-        if not weights_only and (other := state.keys() ^ model.get_state().keys()):
-            raise ValueError(f"it differs from what this model keeps in {', '.join(sorted(other)):.200}")
 
 
-def _check(state: State, own: State, path: Path) -> None:
-    """Raise a ValueError unless a state has all that a new model has, in the same shapes and types, and its own steps.
+def steps_of(path: FilePath) -> int:
+    """Return the control steps before a checkpoint."""
+    return int(find_path("path", path).stem.rpartition("-")[2])
 
-    Of what a new model has no rows of yet, it may have any number; a text may have any length.
-    """
-    for name, mine in own.items():
-        found = state[name]
-        same = found.dtype == mine.dtype or found.dtype.kind == mine.dtype.kind == "U"
-        rows = mine.ndim > 0 and len(mine) == 0
-        if not same or found.ndim != mine.ndim or found.shape[rows:] != mine.shape[rows:]:
-            raise ValueError(f"{name} must be {mine.dtype} {mine.shape}, it is {found.dtype} {found.shape}")
-    if path.name != f"checkpoint-{state['steps']}.npz":
-        raise ValueError(f"it is of {state['steps']} control steps")
+
+def _as_tensors(value: Any) -> Any:
+    """Return a state with its arrays as tensors, on the same memory."""
+    if isinstance(value, dict):
+        return {name: _as_tensors(part) for name, part in cast("dict[Any, Any]", value).items()}
+    if isinstance(value, (list, tuple)):
+        parts = [_as_tensors(part) for part in cast("list[Any]", value)]
+        return parts if isinstance(value, list) else tuple(parts)
+    return torch.from_numpy(value) if isinstance(value, np.ndarray) else value

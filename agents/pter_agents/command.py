@@ -34,19 +34,19 @@ def train(
 ) -> None:
     """Train a policy on a scenario's training draws.
 
-    The folder of the run gets two checkpoints, the newest ones; validation.json with the scores on drawn episodes that
-    are not trained on; progress.csv, and what TensorBoard shows.
+    The folder of the run holds the two newest checkpoints, validation.json with the scores on drawn episodes that are
+    not trained on, progress.csv, and the logs for TensorBoard.
 
     Example: pter train residual --smoke --out residual-run
 
     Args:
-        pace: Commanded pace, or all of them in turn.
+        pace: Commanded pace, or all of them.
         steps: Control steps of all worlds together.
         seed: Seed of weights, worlds, draws and actions, at least 0.
-        out: Folder of the run; made if need be. It may hold no other run.
-        resume: Go on from the newest checkpoint in the folder; other arguments but the steps must be as before.
-        config: TOML file with hyper-parameters in place of the usual ones.
-        smoke: A run of some seconds that shows that training works.
+        out: Folder of the run, created if necessary; it must not hold another run.
+        resume: Go on from the newest checkpoint in the folder; only the steps may differ from before.
+        config: TOML file with hyper-parameters that replace the usual ones.
+        smoke: Make a run of a few seconds that shows that training works.
         machine: Clutch material, or the preset of a machine of your own, in place of those that the scenario draws.
     """
     try:
@@ -85,14 +85,15 @@ def export(
 ) -> None:
     """Turn a run of `pter train` into a policy.
 
-    It is three files: weights without code, a card, and a model card in Markdown. It is checked that both act alike.
+    A policy is three files: weights without code, a card, and a model card in Markdown. The command checks that the
+    run's policy and the exported one act alike.
 
     Example: pter export residual-run --name mine --out policies --hub mine-on-hub
 
     Args:
         run: Folder of the run; with --hub also a trained policy, by its name or its path.
-        name: What the policy is called; its algorithm by default.
-        out: Folder for the files; made if need be.
+        name: Name of the policy; by default that of the algorithm.
+        out: Folder for the files, created if necessary.
         hub: Folder for the policy as the Hugging Face hub lays it out: with scores and a film. Nothing is uploaded.
     """
     from pter_gym.policies.files import RUN
@@ -124,14 +125,14 @@ def retrain(
 ) -> None:
     """Train a policy again from its card, and score both.
 
-    They are scored on fresh episodes, which follow from the content of both policies, so nobody has seen them before.
-    Those that were trained on a machine of one's own are scored on training draws with that machine.
+    The scores are on fresh episodes, whose seed follows from the content of both policies, so neither has seen them.
+    Policies that were trained on a machine of their own are scored on training draws with that machine.
 
     Example: pter retrain residual --out again
 
     Args:
-        policy: Name of a trained policy that the package ships, or the path of the card of another.
-        out: Folder for the run and the new policy; made if need be. A run that was stopped there goes on.
+        policy: Name of a shipped trained policy, or the path of the card of another.
+        out: Folder for the run and the new policy, created if necessary. A run that was stopped there goes on.
     """
     try:
         with terminal(errors=True).status("loading"):

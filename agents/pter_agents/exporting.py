@@ -1,12 +1,11 @@
 """A run becomes a policy: weights without code, a card, and a model card in Markdown."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,27 +13,24 @@ from numpy.typing import NDArray
 from torch import nn
 
 from pter_agents.algorithms import Model, load_settings, smoke_settings
-from pter_agents.checkpoints import load_checkpoint
+from pter_agents.checkpoints import load_checkpoint, steps_of
 from pter_agents.networks import Actor
 from pter_agents.settings import PLAIN
-from pter_agents.training import CODEC, Arguments, RunFolder, make_draws, make_model, make_parts
-from pter_agents.worlds import ALL, Worlds
+from pter_agents.training import Arguments, RunFolder, make_draws, make_model, make_parts
+from pter_agents.worlds import ALL, TrainingWorlds
 from pter_gym import __version__
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.terminal import make_folder
 from pter_gym.params import Machine
-from pter_gym.policies import Card, Interface, read_policy, write_policy
+from pter_gym.policies import Card, read_policy, write_policy
 from pter_gym.policies.cards import fields_of
 from pter_gym.policies.files import check_name
 from pter_gym.scenarios import find_scenario
 
 SAME = 1e-6
 """Largest difference between a run's policy and the exported one, relative to the largest voltage."""
-
-ASKED = ("algorithm", "scenario", "pace", "steps", "seed", "checkpoint_every", "validate_every", "validation_episodes")
-"""Fields of a run's arguments that a card keeps beside the hyper-parameters."""
 
 TRIES = 100
 """Control steps over which both are compared, each in all worlds."""
@@ -52,19 +48,18 @@ def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tupl
     out
         Folder for the policy; made if need be.
     name
-        What it is called; the algorithm's name by default.
+        Name of the policy; by default that of the algorithm.
 
     Raises
     ------
     ParameterError
-        If there is no run with a checkpoint, or the name is not a possible one.
+        If there is no run with a checkpoint, or a policy cannot have this name.
     DataError
         If the run cannot be read, or both policies do not act alike.
     StorageError
-        If the policy cannot be written; it says where its files are.
+        If the policy cannot be written.
     """
-    run, out = find_path("run", run), find_path("out", out)
-    folder = RunFolder(run)
+    folder, out = RunFolder(run), find_path("out", out)
     arguments, interface = folder.read()
     name = arguments.algorithm if name is None else name
     check_name(name)
@@ -73,29 +68,40 @@ def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tupl
     few = replace(arguments, settings=smoke_settings(arguments.algorithm, settings, contexts=settings.contexts))
     parts = make_parts(few, make_draws(few), interface)
     model = make_model(few, parts)
-    steps = load_newest(model, folder)
-    actor, worlds = model.actor(), parts[0]
-    about = about_run(arguments, folder, steps)
-    card = make_card(name, settings.hidden, actor, interface, worlds, about)
-    files = card, tensors_of(actor), model_card(card)
-    with TemporaryDirectory() as folder_of_trial:
-        write_policy(*files, Path(folder_of_trial))
-        difference = compare(actor.exact(), worlds, arguments.nominal, name, Path(folder_of_trial))
-    model.close()
-    for part in parts:
-        part.close()
+    try:
+        steps = load_newest(model, folder)
+        actor, worlds = model.actor(), parts[0]
+        card = Card(
+            name=name,
+            observation=fields_of(worlds.env.observation_layout),
+            voltage_max=worlds.interface.voltage_max,
+            interface=interface,
+            hidden=settings.hidden,
+            weights_sha256="",
+            about=about_run(arguments, folder, steps),
+            squashed=actor.squashed,
+            lstm=actor.units,
+        )
+        files = card, tensors_of(actor), model_card(card)
+        with TemporaryDirectory() as trial:
+            write_policy(*files, Path(trial))
+            difference = compare(actor.exact(), worlds, arguments.nominal, name, Path(trial))
+    finally:
+        model.close()
+        for part in parts:
+            part.close()
     if not difference <= SAME:
         raise DataError(f"the exported policy differs from the run's by {difference:.1e} of the largest voltage")
     return write_policy(*files, out), difference
 
 
 def load_newest(model: Model, folder: RunFolder) -> int:
-    """Bring networks to the newest checkpoint of a run, which may go on meanwhile; return the control steps before it.
+    """Load the networks of the newest checkpoint of a run, which may still be going on, and return its control steps.
 
     Raises
     ------
     DataError
-        If there is none, or it cannot be read.
+        If the run has no checkpoint, or it cannot be read.
     """
     while True:
         newest = folder.newest()
@@ -107,24 +113,7 @@ def load_newest(model: Model, folder: RunFolder) -> int:
             if newest.exists():
                 raise
         else:
-            return int(newest.stem.split("-")[1])
-
-
-def make_card(
-    name: str, hidden: tuple[int, ...], actor: Actor, interface: Interface, worlds: Worlds, about: dict[str, Any]
-) -> Card:
-    """Return the card of a policy whose weights are not written yet."""
-    return Card(
-        name=name,
-        observation=fields_of(worlds.env.observation_layout),
-        voltage_max=worlds.interface.voltage_max,
-        interface=interface,
-        hidden=hidden,
-        weights_sha256="",
-        about=about,
-        squashed=actor.squashed,
-        lstm=actor.units,
-    )
+            return steps_of(newest)
 
 
 def tensors_of(actor: Actor) -> Tensors:
@@ -139,7 +128,7 @@ def tensors_of(actor: Actor) -> Tensors:
     return {name: tensor.detach().numpy().astype(np.float32) for name, tensor in found.items()}
 
 
-def compare(actor: Actor, worlds: Worlds, nominal: Machine, name: str, folder: Path) -> float:
+def compare(actor: Actor, worlds: TrainingWorlds, nominal: Machine, name: str, folder: Path) -> float:
     """Return the largest difference between voltages of a run and of a policy, over the largest voltage."""
     layout = worlds.env.observation_layout
     policy = read_policy(name, folder).bind(nominal, layout)
@@ -157,69 +146,51 @@ def compare(actor: Actor, worlds: Worlds, nominal: Machine, name: str, folder: P
 
 
 def about_run(arguments: Arguments, folder: RunFolder, steps: int) -> dict[str, Any]:
-    """Return what a card tells of the training."""
+    """Return what a card says about the training."""
     settings = arguments.settings
     usual = load_settings(arguments.algorithm)
     changed = {name: value for name, value in vars(settings).items() if value != getattr(usual, name)}
+    options = {name: getattr(arguments, name) for name in ("scenario", "pace", "steps", "seed")}
+    options |= ({"config": "FILE"} if changed else {}) | ({"machine": "FILE"} if arguments.machine else {})
+    told = {name: value for name, value in arguments.as_json().items() if name != "settings" and value is not None}
     return {
         "algorithm": arguments.algorithm,
         "corrects": None if settings.base == PLAIN else settings.base,
         "scenario": ALL if arguments.scenario == ALL else find_scenario(arguments.scenario).id,
         "pace": arguments.pace,
-        "command": f"pter train {arguments.algorithm} --scenario {arguments.scenario} --pace {arguments.pace} "
-        f"--steps {arguments.steps} --seed {arguments.seed}{' --config FILE' if changed else ''}"
-        f"{' --machine FILE' if arguments.machine else ''}",
-        "arguments": {name: getattr(arguments, name) for name in ASKED}
-        | ({"machine": CODEC.to_plain(arguments.machine)} if arguments.machine else {}),
+        "command": " ".join(
+            [f"pter train {arguments.algorithm}", *(f"--{name} {value}" for name, value in options.items())]
+        ),
+        "arguments": told,
         "config": changed,
         "settings": vars(settings),
         "steps": steps,
         "seed": arguments.seed,
-        "versions": {
-            "pter-gym": __version__,
-            **{package: version(package) for package in ("numpy", "torch")},
-        },
-        "validation": folder.scores().get(str(steps), {}),
+        "versions": {"pter-gym": __version__, **{package: version(package) for package in ("numpy", "torch")}},
+        "validation": folder.scores().get(steps, {}),
     }
-
-
-def _toml(value: Any) -> str:
-    return json.dumps(list(cast(tuple[int, ...], value)) if isinstance(value, tuple) else value)
-
-
-def _network(card: Card) -> str:
-    """Return the layers of the network."""
-    lstm = f"an LSTM of {card.lstm}, " if card.lstm else ""
-    outputs = "4 outputs behind tanh" if card.squashed else "4 outputs"
-    return f"{card.interface.size} inputs, {lstm}tanh layers of {', '.join(map(str, card.hidden))}, {outputs}"
-
-
-def _meaning(card: Card) -> str:
-    """Return what an output of the network means."""
-    if card.interface.normalised:
-        return f"a within ±1 is {card.voltage_max:g} V · ((a + 1)/2)²"
-    return f"of ±1 is ±{card.interface.reach:g} V, limited to 0…{card.voltage_max:g} V"
-
-
-def _drawn(about: Mapping[str, Any]) -> str:
-    """Return whose draws a policy was trained on."""
-    return "all scenarios" if about["scenario"] == ALL else f"`{about['scenario']}`"
 
 
 def model_card(card: Card) -> str:
     """Return the model card in Markdown."""
-    about = card.about
+    about, interface = card.about, card.interface
     what = f"corrects the controller `{about['corrects']}`" if about["corrects"] else "sets the clutch voltages"
+    drawn = "all scenarios" if about["scenario"] == ALL else f"`{about['scenario']}`"
+    lstm = f"an LSTM of {card.lstm}, " if card.lstm else ""
+    outputs = "4 outputs behind tanh" if card.squashed else "4 outputs"
+    meaning = f"of ±1 is ±{interface.reach:g} V, limited to 0…{card.voltage_max:g} V"
+    if interface.normalised:
+        meaning = f"a within ±1 is {card.voltage_max:g} V · ((a + 1)/2)²"
     lines = [
         f"# {card.name}",
         "",
-        f"A policy that {what}, trained by `{about['algorithm']}` on the training draws of {_drawn(about)}.",
+        f"A policy that {what}, trained by `{about['algorithm']}` on the training draws of {drawn}.",
         "",
         f"- Command: `{about['command']}` ({about['steps']} control steps)",
-        *(f"- In the file: `{name} = {_toml(value)}`" for name, value in about["config"].items()),
+        *(f"- In the file: `{name} = {json.dumps(value)}`" for name, value in about["config"].items()),
         f"- Versions: {', '.join(f'{name} {number}' for name, number in about['versions'].items())}",
-        f"- Network: {_network(card)}",
-        f"- An output {_meaning(card)}",
+        f"- Network: {interface.size} inputs, {lstm}tanh layers of {', '.join(map(str, card.hidden))}, {outputs}",
+        f"- An output {meaning}",
         f"- Observations: {', '.join(name for name, _, _ in card.observation)}",
         "",
         "It is made for the simulator. On a real machine its clutches, sensors and hand differ from what it has seen.",

@@ -1,11 +1,10 @@
 """Networks of a policy and of the value of a state."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import torch
@@ -13,19 +12,6 @@ from numpy.typing import NDArray
 from torch import nn
 
 Array = NDArray[np.float64]
-Gain = float
-
-MOMENTS = ("step", "exp_avg", "exp_avg_sq")
-"""What Adam keeps of each weight."""
-
-
-def moments_of(state: Mapping[str, NDArray[Any]], prefix: str, weight: torch.Tensor) -> dict[str, torch.Tensor]:
-    """Return what Adam kept of a weight, from arrays with a prefix before their names; ValueError if it is not its."""
-    found = {name: torch.tensor(state[f"{prefix}_{name}"]) for name in MOMENTS}
-    for name, tensor in found.items():
-        if tensor.dtype != torch.float32 or tensor.shape != (() if name == "step" else weight.shape):
-            raise ValueError(f"{prefix}_{name} is not of a weight of the shape {tuple(weight.shape)}")
-    return found
 
 
 @dataclass(frozen=True)
@@ -104,7 +90,7 @@ class ActorCritic(nn.Module):
         return self.value(inputs)[:, 0]
 
 
-def layers(sizes: Sequence[int], last: Gain) -> nn.Sequential:
+def layers(sizes: Sequence[int], last: float) -> nn.Sequential:
     """Return linear layers with tanh between them: orthogonal weights, those of the last one scaled by ``last``."""
     found: list[nn.Module] = []
     for before, after in pairwise(sizes):

@@ -7,7 +7,6 @@ Noise that is new at each control step hardly passes the clutches' lag. So it is
 standard normal ε. Given n' the action a has mean μ + ρ·n' and deviation σ, with which its likelihood is exact.
 """
 
-import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,27 +18,26 @@ import torch
 from torch import nn
 
 from pter_agents.algorithms import Learner, State
-from pter_agents.networks import Actor, ActorCritic, moments_of
-from pter_agents.settings import Settings, require_whole
-from pter_agents.worlds import Mask, Rows, Worlds
-from pter_gym.internal.reading import parse_json
-from pter_gym.params import require, require_number
+from pter_agents.networks import Actor, ActorCritic
+from pter_agents.settings import TrainingSettings
+from pter_agents.worlds import Mask, Rows, TrainingWorlds
+from pter_gym.params import require, require_number, require_whole
 
 PARTS = 2
-"""Parts of the worlds; the results depend on their number, and on that alone."""
+"""Parts of the worlds; the results depend on their number, not on the number of cores."""
 
 P = TypeVar("P")
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PPOSettings(Settings):
-    """Hyper-parameters of proximal policy optimisation, in addition to those of ``Settings``.
+class PPOSettings(TrainingSettings):
+    """Hyper-parameters of proximal policy optimisation, in addition to those of ``TrainingSettings``.
 
     Attributes
     ----------
     minibatch, epochs
-        Samples of a gradient step, and how often each sample is used.
+        Samples of a gradient step, and gradient steps for each sample.
     learning_rate
         At the beginning; it falls linearly to ``learning_rate_end``.
     discount, trace
@@ -48,7 +46,7 @@ class PPOSettings(Settings):
         σ of the exploration at the beginning and at the end. After ``exploring``, a share of the training, it falls
         exponentially.
     persistence
-        ρ of the exploration: what is left of its noise one control step later.
+        ρ of the exploration: the share of its noise that is left one control step later.
     reward_scale
         Factor of the rewards for the value network.
     clip, value_weight, max_gradient
@@ -89,12 +87,12 @@ class PPOSettings(Settings):
         require(whole, self, "minibatch", self.minibatch, f"an even divisor of worlds × steps = {samples}")
 
     def deviation_at(self, done: float) -> float:
-        """Return σ where a share of the training is done."""
+        """Return σ after a share of the training."""
         fallen = max(0.0, done - self.exploring) / (1.0 - self.exploring) if self.exploring < 1.0 else 0.0
         return self.deviation * (self.deviation_end / self.deviation) ** min(fallen, 1.0)
 
     def learning_rate_at(self, done: float) -> float:
-        """Return the learning rate where a share of the training is done."""
+        """Return the learning rate after a share of the training."""
         return self.learning_rate_end + (self.learning_rate - self.learning_rate_end) * max(1.0 - done, 0.0)
 
 
@@ -106,7 +104,7 @@ class Samples(NamedTuple):
     inputs
         What the networks saw.
     targets
-        Actions less what was left of the noise, ρ·n'.
+        Actions minus the rest of the earlier noise, ρ·n'.
     drawn
         ε.
     advantages, returns
@@ -123,7 +121,7 @@ class Samples(NamedTuple):
 class Part:
     """A part of the worlds, its exploration, and its rollouts."""
 
-    def __init__(self, settings: PPOSettings, worlds: Worlds, seed: int, number: int) -> None:
+    def __init__(self, settings: PPOSettings, worlds: TrainingWorlds, seed: int, number: int) -> None:
         self._settings = settings
         self.worlds = worlds
         self.rng = np.random.default_rng((seed, number))
@@ -132,7 +130,7 @@ class Part:
 
     @torch.no_grad()
     def collect(self, networks: ActorCritic, deviation: float) -> Samples:
-        """Follow the policy with noise and return what came of it."""
+        """Follow the policy with noise for a rollout and return the samples."""
         s = self._settings
         shape = (s.steps, self.worlds.count)
         inputs = np.empty((*shape, self.worlds.size), np.float32)
@@ -162,16 +160,16 @@ class Part:
         return Samples(*(torch.from_numpy(each.reshape(-1, *each.shape[2:])) for each in rows))
 
     def get_state(self) -> State:
-        """Return copies of all that changes."""
-        own = {"noise": self._noise.copy(), "inputs": self._inputs.copy()}
-        drawn = {"rng": np.array(json.dumps(self.rng.bit_generator.state))}
-        return {**self.worlds.get_state(), **own, **drawn}
+        """Return all that changes."""
+        own = {"noise": self._noise, "inputs": self._inputs, "rng": self.rng.bit_generator.state}
+        return {**own, "worlds": self.worlds.get_state()}
 
     def set_state(self, state: State) -> None:
         """Go on where ``get_state`` was called."""
-        self.worlds.set_state(state)
-        self._noise, self._inputs = state["noise"], state["inputs"]
-        self.rng.bit_generator.state = parse_json(str(state["rng"]).encode())
+        self.worlds.set_state(state["worlds"])
+        self._noise[:] = state["noise"]
+        self._inputs[:] = state["inputs"]
+        self.rng.bit_generator.state = state["rng"]
 
 
 def estimate(rewards: Rows, values: Rows, ends: Mask, finals: Rows, discount: float, trace: float) -> Rows:
@@ -214,7 +212,7 @@ class PPO:
         Of weights, worlds and noise.
     """
 
-    def __init__(self, settings: PPOSettings, parts: Sequence[Worlds], total: int, seed: int) -> None:
+    def __init__(self, settings: PPOSettings, parts: Sequence[TrainingWorlds], total: int, seed: int) -> None:
         self._settings = settings
         self._total = total
         self.steps = 0
@@ -230,7 +228,7 @@ class PPO:
         self._parts = [Part(settings, worlds, seed, number) for number, worlds in enumerate(parts)]
 
     def advance(self) -> dict[str, float]:
-        """Collect a rollout, learn from it, and return what is worth a log.
+        """Collect a rollout, learn from it, and return values for the logs.
 
         Raises
         ------
@@ -241,7 +239,7 @@ class PPO:
         done = self.steps / self._total
         deviation, rate = s.deviation_at(done), s.learning_rate_at(done)
         self._adam.param_groups[0]["lr"] = rate
-        samples = normalised(self._each(lambda part: part.collect(self.networks, deviation), self._parts))
+        samples = with_even_advantages(self._each(lambda part: part.collect(self.networks, deviation), self._parts))
         losses = [self._learn(samples, deviation) for _ in range(s.epochs)]
         self.steps += self.rollout
         loss = float(np.mean(losses))
@@ -278,7 +276,7 @@ class PPO:
         return float(loss.detach()), torch.autograd.grad(loss, self._weights)
 
     def _each(self, do: Callable[[P], T], over: Iterable[P]) -> list[T]:
-        """Return what a function makes of each, in a thread for each."""
+        """Return the results of a function, called in a thread for each part."""
         return list(self._threads.map(do, over))
 
     def actor(self) -> Actor:
@@ -286,43 +284,32 @@ class PPO:
         return Actor(self.networks.policy)
 
     def get_state(self) -> State:
-        """Return copies of all that a training's future depends on."""
-        adam = self._adam.state_dict()["state"]
-        found: State = {"steps": np.array(self.steps)}
-        for k, weight in enumerate(self._weights):
-            found[f"weight_{k}"] = weight.detach().numpy().copy()
-            for name, tensor in adam.get(k, {}).items():
-                found[f"adam_{k}_{name}"] = tensor.numpy().copy()
-        for number, part in enumerate(self._parts):
-            found |= {f"part_{number}_{name}": value for name, value in part.get_state().items()}
-        return found
+        """Return all that a training's future depends on."""
+        return {
+            "steps": self.steps,
+            "networks": self.networks.state_dict(),
+            "adam": self._adam.state_dict(),
+            "parts": [part.get_state() for part in self._parts],
+        }
 
     def set_state(self, state: State) -> None:
         """Go on where ``get_state`` was called."""
         self.set_weights(state)
-        adam = self._adam.state_dict()
-        if "adam_0_step" in state:
-            adam["state"] = {k: moments_of(state, f"adam_{k}", weight) for k, weight in enumerate(self._weights)}
-        self._adam.load_state_dict(adam)
-        self.steps = int(state["steps"])
-        for number, part in enumerate(self._parts):
-            prefix = f"part_{number}_"
-            part.set_state(
-                {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}
-            )
+        self._adam.load_state_dict(state["adam"])
+        self.steps = state["steps"]
+        for part, kept in zip(self._parts, state["parts"], strict=True):
+            part.set_state(kept)
 
     def set_weights(self, state: State) -> None:
         """Take the networks of a state."""
-        with torch.no_grad():
-            for k, weight in enumerate(self._weights):
-                weight.copy_(torch.from_numpy(state[f"weight_{k}"]))
+        self.networks.load_state_dict(state["networks"])
 
     def close(self) -> None:
         """Stop the threads."""
         self._threads.shutdown()
 
 
-def normalised(samples: Sequence[Samples]) -> list[Samples]:
+def with_even_advantages(samples: Sequence[Samples]) -> list[Samples]:
     """Return samples whose advantages have mean 0 and deviation 1 over all parts."""
     every = torch.cat([part.advantages for part in samples])
     mean, deviation = every.mean(), every.std()

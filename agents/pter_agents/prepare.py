@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pter_agents.settings import PLAIN, Settings
+from pter_agents.settings import PLAIN, TrainingSettings
 from pter_agents.worlds import ALL, Truth, make_worlds
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.tuned import FALLBACK, SUFFIX
@@ -17,7 +17,7 @@ from pter_gym.policies.stored_gains import gains_of
 from pter_gym.scenarios.randomisation import Mixture, Randomisation
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
-"""Scales [m, 1, m/s] that are chosen: what a good policy leaves of these is small beside what a bad one meets."""
+"""Chosen scales [m, 1, m/s]: with a good policy these are far smaller than random actions make them."""
 
 SAMPLE_WORLDS, SAMPLE_STEPS = 256, 200
 
@@ -39,7 +39,7 @@ def find_base(name: str, scenario: str) -> Base | None:
 
 
 def make_interface(
-    settings: Settings, scenario: str, draws: Randomisation | Mixture, seed: int, nominal: Machine = BASELINE
+    settings: TrainingSettings, scenario: str, draws: Randomisation | Mixture, seed: int, nominal: Machine = BASELINE
 ) -> Interface:
     """Return the interface of a policy, its scales taken from a short run without a network.
 
@@ -48,13 +48,13 @@ def make_interface(
     settings
         Hyper-parameters.
     scenario
-        For which the base controller's gains were made.
+        Scenario of the base controller's gains.
     draws
         Machines and tasks.
     seed
         Of the run and its random actions.
     nominal
-        The machine that a base controller is told of.
+        The machine that a base controller is bound to.
     """
     base = find_base(settings.base, scenario)
     plain = Interface(
@@ -69,9 +69,9 @@ def make_interface(
 
 
 def sample_inputs(
-    plain: Interface, settings: Settings, draws: Randomisation | Mixture, seed: int, nominal: Machine
+    plain: Interface, settings: TrainingSettings, draws: Randomisation | Mixture, seed: int, nominal: Machine
 ) -> Sequence[Input]:
-    """Return the inputs, with the mean and the deviation of each where random actions lead."""
+    """Return the inputs, with the mean and the deviation of each under random actions."""
     worlds = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
     layout = worlds.observation_layout
     bound = plain.bind(nominal, layout)
@@ -92,8 +92,8 @@ def sample_inputs(
     return [_input(name, column) for name, column in zip(names, values.T, strict=True) if name in shown]
 
 
-def sample_truth(settings: Settings, draws: Randomisation | Mixture, seed: int) -> Truth:
-    """Return what varies of all that is true of a world, from a short run at random; it follows from the seed.
+def sample_truth(settings: TrainingSettings, draws: Randomisation | Mixture, seed: int) -> Truth:
+    """Return the entries of the truth about a world that vary, from a short run with random actions.
 
     Parameters
     ----------

@@ -5,17 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import torch
 from sb3_contrib import RecurrentPPO
 from sb3_contrib.common.recurrent.type_aliases import RNNStates
 from torch import nn
 
 from pter_agents.algorithms import Learner, State
 from pter_agents.networks import Actor
-from pter_agents.settings import require_whole
 from pter_agents.stable import Stable, StableSettings, StableWorlds
-from pter_agents.worlds import Worlds
-from pter_gym.params import require, require_number
+from pter_agents.worlds import TrainingWorlds
+from pter_gym.params import require, require_number, require_whole
 from pter_gym.policies.cards import MOST_LSTM
 
 
@@ -64,7 +62,7 @@ class RecurrentSettings(StableSettings):
 class Recurrent(Stable):
     """Proximal policy optimisation with an LSTM; parameters as in ``Learner``."""
 
-    def __init__(self, settings: RecurrentSettings, parts: Sequence[Worlds], total: int, seed: int) -> None:  # noqa: ARG002
+    def __init__(self, settings: RecurrentSettings, parts: Sequence[TrainingWorlds], total: int, seed: int) -> None:  # noqa: ARG002
         (worlds,) = parts
         algorithm: Any = RecurrentPPO(
             "MlpLstmPolicy",
@@ -96,16 +94,13 @@ class Recurrent(Stable):
         return Actor(nn.Sequential(*policy.mlp_extractor.policy_net, policy.action_net), lstm=policy.lstm_actor)
 
     def get_state(self) -> State:
-        """Return copies of all that the training's future depends on."""
-        (hidden, cell), (value_hidden, value_cell) = self.algorithm._last_lstm_states
-        memory = torch.stack([hidden, cell, value_hidden, value_cell])
-        return {**super().get_state(), "memory": memory.numpy()}
+        """Return all that the training's future depends on."""
+        return {**super().get_state(), "memory": tuple(self.algorithm._last_lstm_states)}
 
     def set_state(self, state: State) -> None:
         """Go on where ``get_state`` was called."""
         super().set_state(state)
-        hidden, cell, value_hidden, value_cell = torch.from_numpy(state["memory"])
-        self.algorithm._last_lstm_states = RNNStates((hidden, cell), (value_hidden, value_cell))
+        self.algorithm._last_lstm_states = RNNStates(*state["memory"])
 
 
 LEARNER = Learner(settings=RecurrentSettings, smoke={"minibatch": 512, "epochs": 1}, make_model=Recurrent, parts=1)

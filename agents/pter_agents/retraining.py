@@ -1,4 +1,4 @@
-"""A trained policy once more, from what its card says: trained, exported, and both scored on fresh episodes."""
+"""A policy that is trained again, as its card says, and scored beside the first on fresh episodes."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -24,7 +24,7 @@ def arguments_of(about: Mapping[str, Any]) -> Arguments:
     Raises
     ------
     DataError
-        If the card is of a trainer that is no longer there.
+        If it does not tell that.
     """
     with reading("the card does not tell a training that can be repeated"):
         return arguments_from({**about["arguments"], **{name: about[name] for name in ("algorithm", "settings")}})
@@ -36,7 +36,7 @@ def find_trained(name: FilePath) -> Neural:
     Raises
     ------
     ParameterError
-        If there is none, or it was not trained.
+        If there is none of that name, or it is not a trained one.
     """
     found = find_policy(name)
     if not isinstance(found, Neural):
@@ -47,7 +47,7 @@ def find_trained(name: FilePath) -> Neural:
 def retrain(
     shipped: Neural, out: FilePath, on_progress: Callable[[int, int], None] = lambda _done, _of: None
 ) -> Neural:
-    """Train a policy again, and return what comes out; a run that was stopped goes on.
+    """Train a policy again and return the new one; a run that was stopped goes on.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def retrain(
     Raises
     ------
     DataError
-        If its card is of a trainer that is no longer there.
+        If its card does not tell how it was trained.
     """
     arguments, out = arguments_of(shipped.card.about), find_path("out", out)
     run, name = out / "run", shipped.card.name + SUFFIX
@@ -71,14 +71,14 @@ def retrain(
 
 
 def compare(shipped: Neural, again: Neural, episodes: int | None = None) -> Sequence[Leaderboard]:
-    """Return the leaderboards of a policy and of what ``retrain`` returned, on fresh episodes of its scenarios.
+    """Return the leaderboards of both policies on fresh episodes of the scenarios of their training.
 
     Parameters
     ----------
     shipped, again
-        Both.
+        The first policy and the one that ``retrain`` returned.
     episodes
-        How many at each pace; as many as are stored by default.
+        Number at each pace; by default as many as are stored.
     """
     policies = {each.card.name: each for each in (shipped, again)}
     boards: list[Leaderboard] = []
@@ -88,7 +88,7 @@ def compare(shipped: Neural, again: Neural, episodes: int | None = None) -> Sequ
 
 
 def examine_both(shipped: Neural, again: Neural) -> Sequence[str]:
-    """Return in lines how good both are on the machine on which they were trained, which no leaderboard has."""
+    """Return lines with the scores of both on the machine of their training, which no leaderboard has."""
     arguments = arguments_of(shipped.card.about)
     policies = {each.card.name: each for each in (shipped, again)}
     return [

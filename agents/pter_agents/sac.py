@@ -5,17 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-import torch
 from stable_baselines3 import SAC
 from torch import nn
 
 from pter_agents.algorithms import Learner, State
 from pter_agents.networks import Actor
-from pter_agents.settings import require_whole
 from pter_agents.stable import Stable, StableSettings, StableWorlds
-from pter_agents.worlds import Worlds
-from pter_gym.params import require, require_number
+from pter_agents.worlds import TrainingWorlds
+from pter_gym.params import require, require_number, require_whole
 
 KEPT = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 """Arrays of a replay buffer, a row for each control step."""
@@ -72,7 +69,7 @@ class OffPolicy(Stable):
     """
 
     def __init__(
-        self, settings: SACSettings, parts: Sequence[Worlds], seed: int, kind: type[Any], **options: Any
+        self, settings: SACSettings, parts: Sequence[TrainingWorlds], seed: int, kind: type[Any], **options: Any
     ) -> None:
         (worlds,) = parts
         algorithm = kind(
@@ -104,30 +101,23 @@ class OffPolicy(Stable):
         return Actor(nn.Sequential(*actor.latent_pi, actor.mu), squashed=True)
 
     def get_state(self) -> State:
-        """Return copies of all that the training's future depends on."""
+        """Return all that the training's future depends on."""
         buffer = self.algorithm.replay_buffer
-        rows = buffer.size()
-        kept = {f"kept_{name}": getattr(buffer, name)[:rows].copy() for name in KEPT}
-        return {**super().get_state(), **kept, "kept_next": np.array(buffer.pos)}
+        kept = {name: getattr(buffer, name)[: buffer.size()] for name in KEPT}
+        entropy = self.algorithm.log_ent_coef.detach()
+        return {**super().get_state(), "kept": kept, "next": buffer.pos, "entropy": entropy}
 
     def set_state(self, state: State) -> None:
         """Go on where ``get_state`` was called."""
         super().set_state(state)
-        buffer = self.algorithm.replay_buffer
-        rows = len(state["kept_rewards"])
-        following = int(state["kept_next"])
-        fits = 0 <= following < rows if rows == buffer.buffer_size else following == rows
-        if not fits or any(len(state[f"kept_{name}"]) != rows for name in KEPT):
-            raise ValueError(f"all that is kept must have {rows} rows, and kept_next be the next, got {following}")
+        buffer, rows = self.algorithm.replay_buffer, len(state["kept"]["rewards"])
         for name in KEPT:
-            getattr(buffer, name)[:rows] = state[f"kept_{name}"]
-        buffer.pos, buffer.full = following, rows == buffer.buffer_size
-
-    def _weights(self) -> dict[str, torch.Tensor]:
-        return {**super()._weights(), "log_entropy": self.algorithm.log_ent_coef}
+            getattr(buffer, name)[:rows] = state["kept"][name]
+        buffer.pos, buffer.full = state["next"], rows == buffer.buffer_size
+        self.algorithm.log_ent_coef.data.copy_(state["entropy"])
 
 
-def make_sac(settings: SACSettings, parts: Sequence[Worlds], total: int, seed: int) -> OffPolicy:  # noqa: ARG001
+def make_sac(settings: SACSettings, parts: Sequence[TrainingWorlds], total: int, seed: int) -> OffPolicy:  # noqa: ARG001
     """Return an untrained model, see ``Learner``."""
     return OffPolicy(settings, parts, seed, SAC)
 

@@ -3,13 +3,10 @@
 from dataclasses import dataclass, fields
 from typing import Any, get_args
 
-from pter_agents.algorithms import load_settings
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import unknown_name
 from pter_gym.params import require, require_flag, require_number, require_whole
 from pter_gym.tasks.path_following import MAX_DELAY, STARTS, RewardWeights, Sensing, Sensors
-
-__all__ = ["BASES", "PLAIN", "Settings", "load_settings", "require_whole"]
 
 PLAIN = "none"
 """Name of the base of a policy that corrects no controller."""
@@ -19,8 +16,8 @@ BASES = (PLAIN, "impedance", "torque-feedback", *TUNED)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings(RewardWeights):
-    """Hyper-parameters of worlds, and what the networks see and do, besides the weights of the reward.
+class TrainingSettings(RewardWeights):
+    """Hyper-parameters of worlds, and what the networks see and do, in addition to the weights of the reward.
 
     Attributes
     ----------
@@ -29,7 +26,7 @@ class Settings(RewardWeights):
     reach
         Voltage of an action of 1, relative to the base or to the middle of the range [V].
     start
-        Action that the untrained policy takes on average.
+        Mean action of the untrained policy.
     normalised
         Whether its actions are the environments' normalised ones, squares of which are shares of the largest voltage;
         ``reach`` has no meaning then.
@@ -39,16 +36,16 @@ class Settings(RewardWeights):
     delay
         Control steps by which the sensors are late, in training and validation; 0 leaves the scenario's sensors.
     blind
-        What the networks do not see of it, by name or by group: ``"torque"`` is ``torque_1`` to ``torque_4``. The base
-        controller of a residual policy and a privileged value network see it all the same.
+        Observations that the networks do not see, by name or by group: ``"torque"`` is ``torque_1`` to ``torque_4``.
+        The base controller of a residual policy and a privileged value network still see them.
     history, averages
-        The networks see their inputs of now; how many control steps ago they see them too, and over about how many
-        they see them averaged.
+        How many control steps ago the networks see their inputs in addition to the present ones, and over about how
+        many control steps they see them averaged.
     hidden, value_hidden
         Units of the hidden layers of policy and value.
     privileged
-        Whether the value network sees what the policy sees and all that is true of a world: its state, and the numbers
-        of its machine and task.
+        Whether the value network sees the whole truth about a world beside what the policy sees: its state, and the
+        numbers of its machine and task.
     worlds, steps
         Worlds that are simulated at once, and control steps of each between two updates.
     episode
@@ -81,33 +78,25 @@ class Settings(RewardWeights):
     contexts: int
 
     def __post_init__(self) -> None:
-        """Check each number by itself."""
-        if self.base not in BASES:
-            raise unknown_name("base", self.base, BASES)
-        if self.sensors not in get_args(Sensors):
-            raise unknown_name("sensors", self.sensors, get_args(Sensors))
-        names: tuple[Any, ...] = self.blind
-        require(
-            type(names) is tuple and all(type(name) is str for name in names), self, "blind", names, "a list of names"
-        )
-        require_number(self, "reach", above=0.0)
+        """Check each field by itself."""
+        for name, known in (("base", BASES), ("sensors", get_args(Sensors)), ("starts", STARTS)):
+            if getattr(self, name) not in known:
+                raise unknown_name(name, getattr(self, name), known)
+        for name in ("reach", "truncation"):
+            require_number(self, name, above=0.0)
         require_number(self, "start", at_least=-1.0, at_most=1.0)
-        require_number(self, "truncation", above=0.0)
-        require_number(self, "delay", at_least=0, at_most=MAX_DELAY)
-        require(type(self.delay) is int, self, "delay", self.delay, "a whole number")
-        if self.starts not in STARTS:
-            raise unknown_name("starts", self.starts, STARTS)
+        require_whole(self, "delay", at_least=0, below=MAX_DELAY + 1)
         for name in ("worlds", "steps", "episode", "contexts"):
             require_whole(self, name)
         for name in ("privileged", "normalised"):
             require_flag(self, name)
         for name in ("hidden", "value_hidden"):
-            sizes: tuple[Any, ...] = getattr(self, name)
-            whole = type(sizes) is tuple and all(type(size) is int and 1 <= size <= 1024 for size in sizes)
-            require(whole and len(sizes) > 0, self, name, sizes, "whole numbers from 1 to 1024")
+            sizes = _tuple_of(self, name, int, "whole numbers from 1 to 1024")
+            fits = len(sizes) > 0 and all(1 <= size <= 1024 for size in sizes)
+            require(fits, self, name, sizes, "whole numbers from 1 to 1024")
+        _tuple_of(self, "blind", str, "a list of names")
         for name in ("history", "averages"):
-            ages: tuple[Any, ...] = getattr(self, name)
-            require(type(ages) is tuple and all(type(age) is int for age in ages), self, name, ages, "whole numbers")
+            _tuple_of(self, name, int, "whole numbers")
         self.reward()
 
     @property
@@ -124,3 +113,10 @@ class Settings(RewardWeights):
     def reward(self) -> RewardWeights:
         """Return the weights of the reward."""
         return RewardWeights(**{item.name: getattr(self, item.name) for item in fields(RewardWeights)})
+
+
+def _tuple_of(settings: TrainingSettings, name: str, kind: type, accepted: str) -> tuple[Any, ...]:
+    """Return a field, or raise a ParameterError unless it is a tuple of values of one type."""
+    value: Any = getattr(settings, name)
+    require(type(value) is tuple and all(type(each) is kind for each in value), settings, name, value, accepted)
+    return value

@@ -1,9 +1,7 @@
 """Algorithms of Stable-Baselines3 and sb3-contrib on our worlds: what they step, and how they are kept."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -12,17 +10,16 @@ from gymnasium import spaces
 from stable_baselines3.common.logger import Logger
 
 from pter_agents.algorithms import State
-from pter_agents.networks import MOMENTS, moments_of
-from pter_agents.settings import Settings, require_whole
-from pter_agents.worlds import Mask, Rows, Worlds
+from pter_agents.settings import TrainingSettings
+from pter_agents.worlds import Mask, Rows, TrainingWorlds
 from pter_gym.envs.sb3 import PterVecEnv
-from pter_gym.params import require, require_number
+from pter_gym.params import require, require_number, require_whole
 from pter_gym.policies.interface import LIMIT
 
 
 @dataclass(frozen=True, kw_only=True)
-class StableSettings(Settings):
-    """Hyper-parameters that all algorithms of Stable-Baselines3 have here, in addition to those of ``Settings``.
+class StableSettings(TrainingSettings):
+    """Hyper-parameters of all algorithms of Stable-Baselines3, in addition to those of ``TrainingSettings``.
 
     Attributes
     ----------
@@ -64,7 +61,7 @@ class StableWorlds(PterVecEnv):
         Factor of the rewards.
     """
 
-    def __init__(self, worlds: Worlds, seed: int, reward_scale: float) -> None:
+    def __init__(self, worlds: TrainingWorlds, seed: int, reward_scale: float) -> None:
         super().__init__(worlds.env)
         self.observation_space = spaces.Box(-LIMIT, LIMIT, (worlds.size,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
@@ -86,7 +83,7 @@ class StableWorlds(PterVecEnv):
 
 
 class Stable:
-    """A model around an algorithm of Stable-Baselines3: all but the mean action.
+    """A model around an algorithm of Stable-Baselines3; a subclass gives the mean action.
 
     Parameters
     ----------
@@ -98,7 +95,7 @@ class Stable:
         Those control steps, of all worlds together.
     """
 
-    def __init__(self, algorithm: Any, worlds: Worlds, rollout: int) -> None:
+    def __init__(self, algorithm: Any, worlds: TrainingWorlds, rollout: int) -> None:
         self.steps, self.rollout = 0, rollout
         self.algorithm = algorithm
         self._worlds = worlds
@@ -107,7 +104,7 @@ class Stable:
         algorithm._last_episode_starts = np.ones(worlds.count, np.bool_)
 
     def advance(self) -> dict[str, float]:
-        """Collect a rollout, learn from it, and return what is worth a log.
+        """Collect a rollout, learn from it, and return values for the logs.
 
         Raises
         ------
@@ -133,71 +130,35 @@ class Stable:
         return logged
 
     def get_state(self) -> State:
-        """Return copies of all that the training's future depends on."""
-        found = {f"weight_{name}": tensor.detach().numpy().copy() for name, tensor in self._weights().items()}
-        for optimiser, content in self._optimisers().items():
-            for number, moments in content["state"].items():
-                found |= {f"{optimiser}_{number}_{name}": moments[name].numpy().copy() for name in MOMENTS}
+        """Return all that the training's future depends on."""
         return {
-            **found,
-            **self._worlds.get_state(),
-            **random_state(),
-            "steps": np.array(self.steps),
-            "inputs": self.algorithm._last_obs.copy(),
-            "begins": self.algorithm._last_episode_starts.copy(),
+            "steps": self.steps,
+            "networks": self.algorithm.get_parameters(),
+            "worlds": self._worlds.get_state(),
+            "torch": torch.get_rng_state(),
+            "numpy": np.random.get_state(),  # noqa: NPY002  (Stable-Baselines3 draws from it)
+            "inputs": self.algorithm._last_obs,
+            "begins": self.algorithm._last_episode_starts,
         }
 
     def set_state(self, state: State) -> None:
         """Go on where ``get_state`` was called."""
         self.set_weights(state)
-        optimisers = self._optimisers()
-        for name, content in optimisers.items() if int(state["steps"]) else ():
-            weights = attrgetter(name)(self.algorithm).param_groups[0]["params"]
-            content["state"] = {k: moments_of(state, f"{name}_{k}", weight) for k, weight in enumerate(weights)}
-        self.algorithm.set_parameters(optimisers, exact_match=False, device="cpu")
-        self._worlds.set_state(state)
-        self.steps = self.algorithm.num_timesteps = int(state["steps"])
-        self.algorithm._last_obs = state["inputs"]
-        self.algorithm._last_episode_starts = state["begins"]
-        set_random_state(state)
+        self._worlds.set_state(state["worlds"])
+        self.steps = self.algorithm.num_timesteps = state["steps"]
+        self.algorithm._last_obs = np.asarray(state["inputs"])
+        self.algorithm._last_episode_starts = np.asarray(state["begins"])
+        torch.set_rng_state(state["torch"])
+        name, key, *rest = state["numpy"]
+        np.random.set_state((name, np.asarray(key), *rest))  # noqa: NPY002
 
     def set_weights(self, state: State) -> None:
-        """Take the networks of a state."""
-        with torch.no_grad():
-            for name, tensor in self._weights().items():
-                tensor.copy_(torch.from_numpy(state[f"weight_{name}"]))
+        """Take the networks of a state, and what their optimisers keep."""
+        self.algorithm.set_parameters(state["networks"], device="cpu")
 
     def close(self) -> None:
-        """Stop nothing: there are no threads."""
-
-    def _weights(self) -> Mapping[str, torch.Tensor]:
-        """Return the tensors that are learnt, those of the target networks too, by name; not copies."""
-        return self.algorithm.policy.state_dict()
+        """Do nothing: there are no threads."""
 
     def _finite(self) -> bool:
         """Tell whether all weights are finite."""
-        return all(bool(weight.isfinite().all()) for weight in self._weights().values())
-
-    def _optimisers(self) -> dict[str, Any]:
-        """Return what the optimisers keep, by name."""
-        return {name: kept for name, kept in self.algorithm.get_parameters().items() if name != "policy"}
-
-
-def random_state() -> State:
-    """Return the state of torch's and NumPy's own generators, from which Stable-Baselines3 draws."""
-    drawn: Any = np.random.get_state(legacy=False)  # noqa: NPY002
-    rest = (drawn["state"]["pos"], drawn["has_gauss"], drawn["gauss"])
-    return {
-        "torch": torch.get_rng_state().numpy().copy(),
-        "numpy": drawn["state"]["key"].copy(),
-        "numpy_rest": np.array(rest, np.float64),
-    }
-
-
-def set_random_state(state: State) -> None:
-    """Go on where ``random_state`` was called."""
-    position, has_gauss, gauss = state["numpy_rest"]
-    if not 0 <= position <= len(state["numpy"]):  # NumPy would read beyond its key
-        raise ValueError(f"numpy_rest must begin with a place in a key of {len(state['numpy'])}, got {position!r}")
-    np.random.set_state(("MT19937", state["numpy"], int(position), int(has_gauss), float(gauss)))  # noqa: NPY002
-    torch.set_rng_state(torch.from_numpy(state["torch"]))
+        return all(bool(weight.isfinite().all()) for weight in self.algorithm.policy.state_dict().values())

@@ -1,6 +1,5 @@
-"""Truncated quantile critics (Kuznetsov et al., arXiv:2005.04269) of sb3-contrib: soft actor-critic that doubts itself.
-
-Each critic gives quantiles of the return. The largest are dropped, so what is overestimated is not believed.
+"""Truncated quantile critics (Kuznetsov et al., arXiv:2005.04269) of sb3-contrib: soft actor-critic that
+estimates quantiles of the return, and drops the largest ones against overestimation.
 """
 
 from collections.abc import Sequence
@@ -10,7 +9,7 @@ from sb3_contrib import TQC
 
 from pter_agents.algorithms import Learner
 from pter_agents.sac import OffPolicy, SACSettings
-from pter_agents.worlds import Worlds
+from pter_agents.worlds import TrainingWorlds
 from pter_gym.params import require
 
 QUANTILES = 25
@@ -36,7 +35,7 @@ class TQCSettings(SACSettings):
         require(whole, self, "dropped", self.dropped, f"a whole number from 0 to {QUANTILES - 1}")
 
 
-def make_tqc(settings: TQCSettings, parts: Sequence[Worlds], total: int, seed: int) -> OffPolicy:  # noqa: ARG001
+def make_tqc(settings: TQCSettings, parts: Sequence[TrainingWorlds], total: int, seed: int) -> OffPolicy:  # noqa: ARG001
     """Return an untrained model, see ``Learner``."""
     return OffPolicy(settings, parts, seed, TQC, top_quantiles_to_drop_per_net=settings.dropped)
 

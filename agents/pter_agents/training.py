@@ -1,10 +1,9 @@
 """Train a policy on the batch engine, in a folder of its own."""
 
 import json
-import threading
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,9 @@ from pter_agents.algorithms import Learner, Model, find_algorithm, settings_from
 from pter_agents.checkpoints import checkpoints, load_checkpoint, save_checkpoint
 from pter_agents.errors import TrainingDivergedError
 from pter_agents.prepare import make_interface, sample_truth
-from pter_agents.settings import Settings, require_whole
-from pter_agents.validation import Scores, Validation, read_scores
-from pter_agents.worlds import ALL, Worlds, make_worlds, training_draws
+from pter_agents.settings import TrainingSettings
+from pter_agents.validation import SCORES, Scores, Validation
+from pter_agents.worlds import ALL, TrainingWorlds, draws_for, make_worlds
 from pter_gym import params
 from pter_gym.benchmark import PACES
 from pter_gym.errors import ParameterError, StorageError, unknown_name
@@ -26,8 +25,8 @@ from pter_gym.internal.files import FilePath, find_path, remove_leftovers, write
 from pter_gym.internal.locks import locked
 from pter_gym.internal.reading import MOST_JSON, parse_json, read_bytes, reading
 from pter_gym.internal.terminal import make_folder
-from pter_gym.params import BASELINE, Machine, require_kind
-from pter_gym.policies.cards import plain_interface, read_interface
+from pter_gym.params import BASELINE, Machine, require_kind, require_whole
+from pter_gym.policies.cards import read_interface
 from pter_gym.policies.interface import BoundInterface, Interface
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios.own_machine import OwnMachine
@@ -40,10 +39,10 @@ PROGRESS = "validation.json"
 """File in a run's folder with the scores during training."""
 
 CODEC = Codec((*dataclasses_in(params), OwnMachine))
-"""Knows the parts of a machine."""
+"""Stores the machine of a training."""
 
 LOCK = ".lock"
-"""File in a run's folder that whoever trains there has locked."""
+"""File in a run's folder that the training process has locked."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +74,7 @@ class Arguments:
     pace: str
     steps: int
     seed: int
-    settings: Settings
+    settings: TrainingSettings
     checkpoint_every: int = 10
     validate_every: int = 40
     validation_episodes: int = 64
@@ -90,8 +89,7 @@ class Arguments:
         for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
             require_whole(self, name)
         require_whole(self, "seed", at_least=0, below=2**31)
-        if self.machine is not None:
-            require_kind(self, "machine", OwnMachine)
+        require_kind(self, "machine", OwnMachine, type(None))
 
     @property
     def learner(self) -> Learner:
@@ -100,7 +98,7 @@ class Arguments:
 
     @property
     def nominal(self) -> Machine:
-        """The machine that a base controller is told of."""
+        """The machine that a base controller is bound to."""
         return BASELINE if self.machine is None else self.machine.machine
 
     @property
@@ -108,12 +106,16 @@ class Arguments:
         """Names of the commanded paces that are trained."""
         return tuple(PACES) if self.pace == ALL else (self.pace,)
 
+    def as_json(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {**asdict(self), "machine": CODEC.to_plain(self.machine)}
+
 
 def arguments_from(content: Mapping[str, Any]) -> Arguments:
-    """Return what to train from what a file tells of it; it raises whatever is wrong with that."""
-    told = dict(content)
-    settings = settings_from(told["algorithm"], told.pop("settings"))
-    return Arguments(settings=settings, machine=CODEC.from_plain(told.pop("machine", None)), **told)
+    """Return what to train from plain data, as ``Arguments.as_json`` gives them."""
+    values = dict(content)
+    settings = settings_from(values["algorithm"], values.pop("settings"))
+    return Arguments(settings=settings, machine=CODEC.from_plain(values.pop("machine", None)), **values)
 
 
 @dataclass(frozen=True)
@@ -132,18 +134,14 @@ class RunFolder:
         object.__setattr__(self, "path", find_path("path", path))
 
     def reserve(self) -> AbstractContextManager[None]:
-        """Have the folder alone, or raise a ParameterError if another process trains in it."""
+        """Lock the folder, or raise a ParameterError if another process trains in it."""
         return locked(self.path / LOCK, busy=f"out: another process trains in {str(self.path)!r}")
 
     def begin(self, arguments: Arguments, interface: Interface) -> None:
         """Write what is to be trained, or raise a ParameterError if there is a run in the folder already."""
         if (self.path / RUN).exists():
             raise ParameterError(f"out holds a run already, {self.path}: give --resume, or another folder")
-        content = {
-            **asdict(arguments),
-            "machine": CODEC.to_plain(arguments.machine),
-            "interface": plain_interface(interface),
-        }
+        content = {**arguments.as_json(), "interface": asdict(interface)}
         write_text_atomic(self.path / RUN, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
     def read(self) -> tuple[Arguments, Interface]:
@@ -154,7 +152,7 @@ class RunFolder:
         ParameterError
             If there is no run in the folder.
         DataError
-            If its description was changed to something that makes no sense.
+            If its description cannot be read.
         """
         file = self.path / RUN
         if not file.exists():
@@ -169,7 +167,7 @@ class RunFolder:
         found = checkpoints(self.path)
         return found[-1] if found else None
 
-    def scores(self) -> dict[str, Scores]:
+    def scores(self) -> dict[int, Scores]:
         """Return the scores of the validations, by the control steps before each.
 
         Raises
@@ -181,7 +179,10 @@ class RunFolder:
         if not file.exists():
             return {}
         with reading(f"{file} cannot be read"):
-            return read_scores(parse_json(read_bytes(file, MOST_JSON)))
+            return {
+                int(steps): {pace: {name: float(row[name]) for name in SCORES} for pace, row in scores.items()}
+                for steps, scores in parse_json(read_bytes(file, MOST_JSON)).items()
+            }
 
 
 class Watch:
@@ -192,15 +193,18 @@ class Watch:
         self._model = model
         self._interface = interface
         self._folder = folder
-        self._logger = make_logger(folder.path, model.steps)
-        settings = arguments.settings
+        csv = f"progress-{model.steps}.csv" if model.steps else "progress.csv"  # a resumed run has one of its own
+        self._logger = Logger(
+            str(folder.path),
+            [CSVOutputFormat(str(folder.path / csv)), TensorBoardOutputFormat(str(folder.path))],
+        )
         self._validation = Validation(
             arguments.scenario,
             arguments.paces,
             arguments.validation_episodes,
-            settings.sensors,
+            arguments.settings.sensors,
             arguments.machine,
-            **settings.seen,
+            **arguments.settings.seen,
         )
 
     def look(self) -> None:
@@ -227,8 +231,8 @@ class Watch:
         """Write the scores on validation episodes to the logs and to a file."""
         scores = self._validation.scores(self._model.actor(), self._interface)
         self.log({f"validation/{pace}_{name}": value for pace, row in scores.items() for name, value in row.items()})
-        kept = {steps: row for steps, row in self._folder.scores().items() if int(steps) < self._model.steps}
-        kept[str(self._model.steps)] = scores
+        kept = {steps: row for steps, row in self._folder.scores().items() if steps < self._model.steps}
+        kept[self._model.steps] = scores
         write_text_atomic(self._folder.path / PROGRESS, json.dumps(kept, indent=1) + "\n")
 
     def close(self) -> None:
@@ -250,16 +254,16 @@ def train(
     resume
         Whether to go on from the newest checkpoint in the folder.
     on_progress
-        Called with the control steps so far at each rollout's boundary.
+        Called with the control steps so far after each rollout.
 
     Raises
     ------
     ParameterError
         If there is a run already, or none to resume, or another one, or another process trains in the folder.
     DataError
-        If a file of the run to resume is not what was written.
+        If a file of the run to resume cannot be read.
     StorageError
-        If the folder cannot be written to any more; it names the newest checkpoint.
+        If the folder can no longer be written to; it names the newest checkpoint.
     TrainingDivergedError
         If a loss or a weight is no longer finite; it names the last good checkpoint.
     """
@@ -271,7 +275,7 @@ def train(
     else:
         interface = make_interface(arguments.settings, arguments.scenario, draws, arguments.seed, arguments.nominal)
     make_folder(folder.path)
-    with folder.reserve(), told_once():
+    with folder.reserve():
         if not resume:
             folder.begin(arguments, interface)
         remove_leftovers(folder.path)
@@ -283,7 +287,7 @@ def train(
             if newest is not None:
                 load_checkpoint(model, newest)
             on_progress(model.steps)
-            if newest is not None and model.steps >= arguments.steps and str(model.steps) in finished:
+            if newest is not None and model.steps >= arguments.steps and model.steps in finished:
                 return newest
             return _learn(arguments, model, Watch(arguments, model, parts[0].interface, folder), on_progress)
         except FloatingPointError as error:
@@ -301,7 +305,7 @@ def train(
                 worlds.close()
 
 
-def _learn(arguments: Arguments, model: Model, watch: "Watch", on_progress: Callable[[int], None]) -> Path:
+def _learn(arguments: Arguments, model: Model, watch: Watch, on_progress: Callable[[int], None]) -> Path:
     """Let a model learn until it has made all steps, and return its last checkpoint."""
     try:
         while model.steps < arguments.steps:
@@ -310,25 +314,14 @@ def _learn(arguments: Arguments, model: Model, watch: "Watch", on_progress: Call
             on_progress(model.steps)
         return watch.finish()
     finally:
-        with suppress(OSError):  # what is missing in a log is no reason to hide a better one
+        with suppress(OSError):  # a log that cannot be closed must not hide another error
             watch.close()
-
-
-@contextmanager
-def told_once() -> Generator[None]:
-    """Let no thread print an OSError: TensorBoard's, which writes its files, raises the same in the main thread."""
-    before = threading.excepthook
-    threading.excepthook = lambda hook: None if isinstance(hook.exc_value, OSError) else before(hook)
-    try:
-        yield
-    finally:
-        threading.excepthook = before
 
 
 def make_draws(arguments: Arguments, contexts: int | None = None) -> Randomisation | Mixture:
     """Return the machines and tasks to train on, or the first of them."""
     settings = arguments.settings
-    return training_draws(
+    return draws_for(
         arguments.scenario,
         arguments.pace,
         contexts=contexts or settings.contexts,
@@ -338,41 +331,30 @@ def make_draws(arguments: Arguments, contexts: int | None = None) -> Randomisati
     )
 
 
-def make_parts(arguments: Arguments, draws: Randomisation | Mixture, interface: Interface) -> list[Worlds]:
+def make_parts(arguments: Arguments, draws: Randomisation | Mixture, interface: Interface) -> list[TrainingWorlds]:
     """Return worlds as the networks meet them, in as many parts as the algorithm wants."""
     settings, parts = arguments.settings, arguments.learner.parts
     truth = sample_truth(settings, draws, arguments.seed) if settings.privileged else None
     count = settings.worlds // parts
     return [
-        Worlds(make_worlds(draws, count, settings.episode, settings.sensors), interface, truth, arguments.nominal)
+        TrainingWorlds(
+            make_worlds(draws, count, settings.episode, settings.sensors), interface, truth, arguments.nominal
+        )
         for _ in range(parts)
     ]
 
 
-def make_model(arguments: Arguments, parts: Sequence[Worlds]) -> Model:
+def make_model(arguments: Arguments, parts: Sequence[TrainingWorlds]) -> Model:
     """Return an untrained model; seeds torch."""
     torch.set_num_threads(1)  # networks as small as these are slower with more
     return arguments.learner.make_model(arguments.settings, parts, arguments.steps, arguments.seed)
 
 
-def make_logger(out: Path, steps: int) -> Logger:
-    """Return what writes progress.csv and for TensorBoard; after a resume, to files of its own."""
-    name = f"progress-{steps}.csv" if steps else "progress.csv"
-    return Logger(str(out), [CSVOutputFormat(str(out / name)), TensorBoardOutputFormat(str(out))])
-
-
 def check_same(known: Arguments, given: Arguments) -> None:
-    """Raise a ParameterError if a run is resumed with other arguments than it was begun with."""
-    if replace(known, steps=given.steps) == given:
-        return
-    before, after = plain(known), plain(given)
-    other = next(name for name in before if name != "steps" and before[name] != after[name])
-    raise ParameterError(
-        f"{other} is {before[other]!r:.200} in the run that is in the folder, got {after[other]!r:.200}"
-    )
-
-
-def plain(arguments: Arguments) -> Mapping[str, Any]:
-    """Return arguments and hyper-parameters by name."""
-    values = asdict(arguments)
-    return {**values.pop("settings"), **values}
+    """Raise a ParameterError if a run is resumed with other arguments than those it was begun with."""
+    told: list[tuple[Any, Any]] = [(known, given), (known.settings, given.settings)]
+    for before, after in told:
+        for name in before.__dataclass_fields__.keys() - {"settings"}:
+            one, other = getattr(before, name), getattr(after, name)
+            if one != other and (name != "steps" or before is not known):
+                raise ParameterError(f"{name} is {one!r:.200} in the run that is in the folder, got {other!r:.200}")

@@ -1,56 +1,31 @@
-"""How good a policy is on drawn episodes that it was not trained on, by the benchmark's own scores.
+"""Scores of a policy in training, on drawn episodes that it is not trained on.
 
-They come from a seed that no training draws use; the stored evaluation episodes stay unseen.
+Their seed is one that no training draws use; the stored evaluation episodes stay unseen.
 """
 
-import math
-import re
-from collections.abc import ItemsView, Sequence
-from typing import Any, cast
+from collections.abc import Sequence
+from typing import Any
 
-from pter_agents.worlds import training_draws
+from pter_agents.worlds import draws_for
 from pter_gym.benchmark import score_episodes
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.engine.batch import Batch
 from pter_gym.policies import Net, NeuralPolicy
 from pter_gym.policies.interface import BoundInterface
-from pter_gym.scenarios import PACES
 from pter_gym.scenarios.own_machine import OwnMachine
 from pter_gym.tasks.path_following import Sensors
 
 Scores = dict[str, dict[str, float]]
 
 SEED = 2**31 + 1
-"""Seed of the draws, above all that a run may have."""
+"""Seed of the draws, larger than any seed of a run."""
 
 FIRST_RESET = 2**50
 """Seed of the first episode's reset."""
 
-RANKED = ("path_error_m", "completed", "mean_pace_error", "segment_pace_error")
-"""Scores that a rank needs."""
-
-STEPS = re.compile(r"[0-9]{1,18}")
-"""Control steps before a validation, as a file has them."""
-
-
-def read_scores(content: Any) -> dict[str, Scores]:
-    """Return scores by the control steps before each validation, from what a file holds, or raise a ValueError."""
-    for steps, scores in _items(content, "it"):
-        if not STEPS.fullmatch(steps):
-            raise ValueError(f"it must hold scores by numbers of control steps, got {steps!r:.60}")
-        for pace, row in _items(scores, steps):
-            found = dict(_items(row, pace))
-            good = pace in PACES and all(name in found for name in RANKED)
-            if not good or not all(type(value) in (int, float) and math.isfinite(value) for value in found.values()):
-                raise ValueError(f"it must hold {', '.join(RANKED)} as finite numbers for a pace, got {pace!r:.60}")
-    return content
-
-
-def _items(content: Any, what: str) -> ItemsView[str, Any]:
-    if not isinstance(content, dict):
-        raise ValueError(f"{what:.60} must be an object")
-    return cast("dict[str, Any]", content).items()
+SCORES = ("path_error_m", "completed", "mean_pace_error", "segment_pace_error", "peak_acceleration_m_s2")
+"""Those that a rank needs, and the acceleration."""
 
 
 class Validation:
@@ -84,7 +59,7 @@ class Validation:
         self._tasks: dict[str, Any] = {}
         self._batches: dict[str, Batch] = {}
         for pace in paces:
-            draws = training_draws(scenario, pace, contexts=episodes, seed=SEED, machine=machine, **stated)
+            draws = draws_for(scenario, pace, contexts=episodes, seed=SEED, machine=machine, **stated)
             machines, tasks = zip(*draws.pairs(), strict=True)
             self._tasks[pace] = tasks
             self._batches[pace] = Batch(machines, tasks, sensors=sensors)
@@ -107,6 +82,6 @@ class Validation:
             values = score_episodes(telemetry, tasks)
             found[pace] = {
                 "path_error_m": float(interquartile_mean(values["path_error_m"])),
-                **{name: float(values[name].mean()) for name in (*RANKED[1:], "peak_acceleration_m_s2")},
+                **{name: float(values[name].mean()) for name in SCORES[1:]},
             }
         return found

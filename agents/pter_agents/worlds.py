@@ -1,5 +1,7 @@
 """The worlds to train on: a scenario's training draws behind the interface of a policy."""
 
+from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -21,8 +23,7 @@ ALL = "all"
 """Name for all scenarios of ``MIXED``, and for a commanded pace that is drawn among those of the scores."""
 
 MIXED = ("standard", "paths", "hands", "materials", "everything")
-"""The scenarios of ``ALL``: those of the shipped policies, so that they can be trained again. Later ones are not in it,
-and show what a policy does with what it has not seen."""
+"""The scenarios of ``ALL``, on which shipped policies were trained; later ones show how policies do on others."""
 
 WIDEST = "everything"
 """The scenario that has half of the draws of ``ALL``; the others share the rest evenly."""
@@ -31,7 +32,7 @@ Rows = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
-def training_draws(
+def draws_for(
     scenario: str, pace: str, *, contexts: int, seed: int, machine: OwnMachine | None = None, **stated: Any
 ) -> Randomisation | Mixture:
     """Return machines and tasks of a scenario at a pace.
@@ -52,7 +53,7 @@ def training_draws(
     Raises
     ------
     ParameterError
-        If there is no such scenario or pace; it tells the nearest.
+        If there is no such scenario or pace; the message suggests the nearest.
     """
     if pace not in (ALL, *PACES):
         raise unknown_name("pace", pace, (ALL, *PACES))
@@ -76,7 +77,7 @@ def _draws(
 
 
 def all_paces() -> tuple[float, ...]:
-    """Return the commanded paces [m/s], each as often as it is fast, so all take about the same share of time."""
+    """Return the commanded paces [m/s], fast ones more often, so all take about the same share of time."""
     slowest = min(PACES.values())
     return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
 
@@ -109,7 +110,7 @@ def make_worlds(
 
 
 class Truth(NamedTuple):
-    """What varies of all that is true of a world, see ``Batch.truth``: which entries, their centres and scales."""
+    """The entries of ``Batch.truth`` that vary, with their centres and scales."""
 
     entries: NDArray[np.intp]
     center: NDArray[np.float64]
@@ -117,16 +118,16 @@ class Truth(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What a control step of N worlds has led to.
+    """Result of a control step of N worlds.
 
     Attributes
     ----------
     inputs
-        What the networks see now, of worlds that have ended after their reset; (N, size).
+        What the networks see now, (N, size); of worlds that have ended, after their reset.
     rewards, terminated, truncated
         (N,) each.
     ended, last
-        Numbers of the worlds that have ended, and what the networks would have seen of them at the end.
+        Indices of the worlds that have ended, and what the networks would have seen of them at the end.
     """
 
     inputs: Rows
@@ -137,11 +138,11 @@ class Step(NamedTuple):
     last: Rows
 
 
-class Worlds:
+class TrainingWorlds:
     """Worlds as the networks of a policy meet them: its inputs as observations, its outputs as actions.
 
-    The inputs of the value network alone follow those of the policy. Those of an episode's last observation are from
-    one control step earlier: the world has begun again by then.
+    The inputs that only the value network sees follow those of the policy. With an episode's last observation they are
+    from one control step earlier, as the world has begun again by then.
 
     Parameters
     ----------
@@ -150,9 +151,9 @@ class Worlds:
     interface
         What the network sees and does.
     truth
-        How to scale what is true of a world for the value network; None if it sees what the policy sees.
+        Scaling of the truth about a world for the value network; None if it sees what the policy sees.
     nominal
-        The machine that a base controller is told of.
+        The machine that a base controller is bound to.
     """
 
     def __init__(
@@ -172,7 +173,7 @@ class Worlds:
         self._known = np.zeros((self.count, self.size - interface.size))
         self._returns = np.zeros(self.count)
         self.finished: list[float] = []
-        """Returns of the episodes that have ended; whoever reads them may empty the list."""
+        """Returns of the episodes that have ended; a reader may clear the list."""
 
     def reset(self, seed: int) -> Rows:
         """Start new episodes with the seeds from ``seed`` on, and return what the networks see, (N, size)."""
@@ -190,29 +191,24 @@ class Worlds:
         if len(ended):
             final = obs.copy()
             final[ended] = np.stack(list(infos["final_obs"][ended]))
-            seen = self.interface.see(final, self._past, passing=True)[0]
+            seen = self.interface.see(final, deepcopy(self._past))[0]
             last = np.hstack([seen, self._known])[ended].astype(np.float32)
             self._past.forget(done)
             self.finished += self._returns[ended].tolist()
             self._returns[ended] = 0.0
         return Step(self._see(obs), rewards, terminated, truncated, ended, last)
 
-    def get_state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that changes."""
+    def get_state(self) -> dict[str, Any]:
+        """Return all that changes."""
         own = {"base": self._base, "known": self._known, "returns": self._returns}
-        return {
-            **self.env.get_state(),
-            **self._past.get_state(),
-            **{name: part.copy() for name, part in own.items()},
-        }
+        return {**own, "worlds": self.env.get_state(), "past": self._past.get_state()}
 
-    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
-        """Go on where ``get_state`` was called."""
-        self.env.set_state(state)
-        self._past.set_state(state)
-        self._base = state["base"]
-        self._known = state["known"]
-        self._returns = state["returns"]
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on where ``get_state`` was called; arrays may be tensors."""
+        self.env.set_state({name: np.asarray(part) for name, part in state["worlds"].items()})
+        self._past.set_state(state["past"])
+        for name, mine in (("base", self._base), ("known", self._known), ("returns", self._returns)):
+            mine[:] = state[name]
 
     def close(self) -> None:
         """Stop the worlds."""

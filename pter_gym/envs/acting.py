@@ -1,9 +1,4 @@
-"""A policy that acts in one environment: it notices when episodes begin, and speaks the unit of its actions.
-
-A policy may remember: what it saw some steps ago, the integral of a controller, the state of an LSTM. ``ActingPolicy``
-looks at the clock of the environment's worlds at each call, forgets what belongs to an episode that is over, and
-refuses where it would have to act on a past that it has not seen.
-"""
+"""Policies that act in environments: they notice when episodes begin, and give actions in the environment's unit."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -21,12 +16,9 @@ from pter_gym.params import BASELINE, Machine
 Observations = NDArray[np.float32]
 Actions = NDArray[np.float32]
 Clock = NDArray[np.uint64]
-Mask = NDArray[np.bool_]
 
 CHANGING = (gymnasium.ObservationWrapper, gymnasium.ActionWrapper, VectorObservationWrapper, VectorActionWrapper)
-"""Wrappers between which and the worlds a policy would see or say something else than it means."""
-
-SPACES = ("observation_space", "action_space")
+"""Wrappers that change what passes between a policy and the worlds."""
 
 
 class Decision(NamedTuple):
@@ -40,22 +32,23 @@ class Decision(NamedTuple):
 class ActingPolicy:
     """A policy in one environment: ``policy(observation) -> action``; ``pter_gym.load_policy`` makes one.
 
-    It is called once at each control step, with the latest observation. Of a new episode it need not be told, neither
-    after ``env.reset`` nor where worlds of a vector environment begin again at different times.
+    Call it once at each control step, with the latest observation. It reads the clock of the worlds to notice new
+    episodes, whether after ``env.reset`` or where the worlds of a vector environment begin again at different times.
+    What it remembers of an episode that has ended is forgotten, and it refuses to act on a past that it has not seen.
 
     Parameters
     ----------
     policy
         A controller, a trained policy, or any function from observations, float32 (N, entries), to volts, (N, 4).
-        It is bound to the machine of the environment, or to PTER as it is where episodes or worlds have several.
+        It is bound to the machine of the environment, or to the paper's where episodes or worlds have several.
     env
         The environment, with its wrappers: a single one, a vector environment, or a ``VecEnv`` of Stable-Baselines3.
 
     Raises
     ------
     ParameterError
-        If it is no environment of this package with worlds in this process, a wrapper changes observations or actions,
-        or the policy needs something that the observations lack.
+        If the environment is not one of this package with its worlds in this process, a wrapper changes observations
+        or actions, or the policy needs something that the observations lack.
     """
 
     def __init__(self, policy: Controller | Callable[[Observations], Any], env: Any) -> None:
@@ -72,7 +65,7 @@ class ActingPolicy:
         self._last: Decision | None = None
 
     def reset(self) -> None:
-        """Begin with what is seen next, as if episodes began there; only needed for a start within an episode."""
+        """Begin with the next observation, as if episodes began there; only needed to start within an episode."""
         self._last = None
 
     def __call__(self, observation: Any) -> Actions:
@@ -97,10 +90,13 @@ class ActingPolicy:
         ResetNeededError
             If the environment was never reset, or has gone on for some control steps without this policy.
         """
-        rows, clock = self._rows(observation), self._clock()
+        rows = self._rows(observation)
+        clock = np.concatenate([batch.clock() for batch in self._batches])
         last = self._last
         if last is None or not np.array_equal(clock, last.clock):
-            last = self._last = self._decide(rows, clock)
+            self._forget(clock)
+            volts = np.asarray(self._acting.act(rows), np.float32)
+            last = self._last = Decision(clock, rows, self._in_unit(volts))
         elif not np.array_equal(rows, last.rows):
             raise ParameterError(
                 "observation must be the latest of the environment that this policy is bound to: there it has acted on "
@@ -108,38 +104,27 @@ class ActingPolicy:
             )
         return last.actions[0].copy() if self._single else last.actions.copy()
 
-    def _decide(self, rows: Observations, clock: Clock) -> Decision:
-        """Return what the policy does, which forgets before what is over."""
-        begun = self._begun(clock)
+    def _forget(self, clock: Clock) -> None:
+        """Forget episodes that have ended, or raise a ResetNeededError if the policy has missed steps."""
+        begun = np.ones(self._worlds, np.bool_) if self._last is None else clock[:, 2] == 0
+        if self._last is not None:
+            missed = ~begun & (clock != self._last.clock + np.array([0, 0, 1], np.uint64)).any(axis=1)
+            if missed.any():
+                world = missed.argmax()
+                raise ResetNeededError(
+                    f"the policy has missed control steps: it acted last at step {self._last.clock[world, 2]} of world "
+                    f"{world}, which is at step {clock[world, 2]} now; call it once at each control step from the "
+                    "start of an episode, or call its reset() to begin with the present observation"
+                )
         if begun.all() and self._acting.plans is not None:
             self._acting.reset_in(self._batches[0])
         elif begun.all():
             self._acting.reset()
         elif begun.any():
             self._acting.forget(begun)
-        volts = np.asarray(self._acting.act(rows), np.float32)
-        return Decision(clock, rows, self._in_unit(volts))
-
-    def _begun(self, clock: Clock) -> Mask:
-        """Return in which worlds episodes begin, (N,), or raise a ResetNeededError if the policy has missed steps."""
-        if self._last is None:
-            return np.ones(self._worlds, np.bool_)
-        begun: Mask = clock[:, 2] == 0
-        missed = ~begun & (clock != self._last.clock + np.array([0, 0, 1], np.uint64)).any(axis=1)
-        if missed.any():
-            world = missed.argmax()
-            raise ResetNeededError(
-                f"the policy has missed control steps: it acted last at step {self._last.clock[world, 2]} of world "
-                f"{world}, which is at step {clock[world, 2]} now; call it once at each control step from the start of "
-                "an episode, or call its reset() to begin with what it sees now"
-            )
-        return begun
-
-    def _clock(self) -> Clock:
-        return np.concatenate([batch.clock() for batch in self._batches])
 
     def _rows(self, observation: Any) -> Observations:
-        """Return observations as rows of their own, (N, entries), or raise a ParameterError."""
+        """Return a copy of the observations as rows, (N, entries), or raise a ParameterError."""
         try:
             rows = np.array(observation, np.float32, order="C")
         except (ValueError, TypeError, RuntimeError):  # ragged, as what reset returns, or a tensor on another device
@@ -150,7 +135,7 @@ class ActingPolicy:
         return rows.reshape(self._worlds, -1)
 
     def _in_unit(self, volts: Actions) -> Actions:
-        """Return voltages in the unit of the environment; a compiled law's are limited, as the kernel does."""
+        """Return voltages in the unit of the environment; those of a compiled law are clipped, as in the kernel."""
         most = self._voltage_max
         if self._acting.compiled:
             volts = np.clip(volts, 0.0, most)
@@ -178,14 +163,14 @@ def worlds_of(env: Any) -> list[Batch]:
     Raises
     ------
     ParameterError
-        If there are none in this process, or a wrapper changes observations or actions.
+        If the environment has no worlds in this process, or a wrapper changes observations or actions.
     """
     inner = getattr(env, "venv", None) or getattr(env, "env", None)  # a wrapper's, of either library
-    if issubclass(type(env), CHANGING) or (inner is not None and _changes(env, inner)):
-        raise ParameterError(
-            f"env must pass on observations and actions as they are: its wrapper {type(env).__name__} changes them"
-        )
     if inner is not None:
+        if _changes(env, inner):
+            raise ParameterError(
+                f"env must pass on observations and actions as they are: its wrapper {type(env).__name__} changes them"
+            )
         return worlds_of(inner)
     if getattr(env, "device", "cpu") != "cpu":
         raise ParameterError('env must have its worlds on the CPU: policies act there, got device="cuda"')
@@ -201,9 +186,10 @@ def worlds_of(env: Any) -> list[Batch]:
 
 
 def _changes(env: Any, inner: Any) -> bool:
-    """Tell whether a wrapper has other spaces than what it wraps, or normalises observations."""
+    """Tell whether a wrapper changes observations or actions: by its kind, its spaces, or as ``VecNormalize`` does."""
     normalises = hasattr(env, "normalize_obs") and getattr(env, "norm_obs", True)
-    return normalises or any(_space(env, name) != _space(inner, name) for name in SPACES)
+    names = ("observation_space", "action_space")
+    return isinstance(env, CHANGING) or normalises or any(_space(env, name) != _space(inner, name) for name in names)
 
 
 def _space(env: Any, name: str) -> Any:

@@ -1,8 +1,8 @@
 """The vector environment on a CUDA device: the scalar functions of ``pter_gym.engine.world``, a thread for each world.
 
-Observations, rewards and flags stay on the device: PyTorch tensors where PyTorch sees the device, otherwise arrays with
-``__cuda_array_interface__``. ``step`` waits for nothing. So a refused action cannot raise at once: its world stays
-where it is, its reward is NaN, and ``check``, the next ``reset`` or ``close`` raises.
+Observations, rewards and flags stay on the device, as PyTorch tensors if PyTorch sees the device, otherwise as arrays
+with ``__cuda_array_interface__``. ``step`` does not wait for the device, so it cannot raise for a bad action: that
+world stays where it is, its reward is NaN, and ``check``, the next ``reset`` or ``close`` raises.
 
 With ``NUMBA_ENABLE_CUDASIM=1`` and ``NUMBA_DISABLE_JIT=1`` the kernels run in plain Python, without a device.
 """
@@ -23,7 +23,7 @@ from pter_gym.tasks.path_following.telemetry import COLUMNS
 
 cuda: Any = numba_cuda
 
-MISSING = 'device="cuda" needs an NVIDIA GPU and its driver, and found none'
+MISSING = 'device="cuda" needs an NVIDIA GPU and its driver, but there is none'
 
 NONE_REFUSED = np.iinfo(np.int64).max
 
@@ -31,9 +31,9 @@ NONE_REFUSED = np.iinfo(np.int64).max
 class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
     """``PathFollowingVectorEnv`` on a CUDA device.
 
-    It differs where the device does: returns are device arrays, ``final_obs`` is an array (N, entries) whose rows count
-    where ``_final_obs`` says so, and refused actions are reported late, as the module says. Results agree with the
-    CPU's to 1e-9, not to the bit, since the device contracts products and sums.
+    Returns are device arrays, ``final_obs`` is an array (N, entries) whose rows are valid where ``_final_obs`` is true,
+    and bad actions are reported late. Results agree with those of the CPU to 1e-9, not to the bit, since the device
+    fuses products and sums.
     """
 
     device = "cuda"

@@ -1,4 +1,4 @@
-"""The door for rsl-rl: its ``VecEnv`` over a vector environment, with tensors on the memory of its arrays."""
+"""A ``VecEnv`` of rsl-rl over a vector environment; its tensors share the memory of the arrays."""
 
 import importlib
 from typing import Any
@@ -18,11 +18,11 @@ except ImportError as error:
 class RslRlVecEnv(VecEnv):
     """A ``VecEnv`` of rsl-rl, whose observations are one group, ``"policy"``.
 
-    Each step makes new arrays, and the observations are tensors on their memory: nothing is copied, and a tensor that
-    is kept does not change. Rewards are float32, as rsl-rl wants them. With worlds on a CUDA device all stays there.
+    Observations are tensors on the memory of the arrays that each step returns, so nothing is copied and later steps do
+    not change them. Rewards are float32, as rsl-rl wants them. With worlds on a CUDA device everything stays there.
 
-    Actions beyond the bounds are clipped, as rsl-rl draws them from a normal distribution. ``extras["time_outs"]`` are
-    the episodes that were truncated and not terminated.
+    Actions beyond the bounds are clipped, since rsl-rl draws them from a normal distribution. ``extras["time_outs"]``
+    marks the episodes that were truncated and not terminated.
 
     Parameters
     ----------

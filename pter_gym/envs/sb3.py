@@ -1,4 +1,4 @@
-"""The door for Stable-Baselines3: its ``VecEnv`` over many worlds in one compiled call."""
+"""A ``VecEnv`` of Stable-Baselines3 over many worlds in one compiled call."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -84,7 +84,7 @@ class PterVecEnv(VecEnv):
         return [result for _ in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Indices = None) -> list[bool]:  # noqa: ARG002
-        """Return False for each chosen world: none has a wrapper."""
+        """Return False for each chosen world: they have no wrappers."""
         return [False for _ in self._get_indices(indices)]
 
 
@@ -96,7 +96,7 @@ def make_sb3_vec_env(num_envs: int, *, action_unit: Any = "normalised", **keywor
     num_envs
         N.
     action_unit
-        ``"normalised"``, as Stable-Baselines3 likes it, or ``"volt"``.
+        ``"normalised"``, which suits Stable-Baselines3, or ``"volt"``.
     **keywords
         Of ``PathFollowingVectorEnv``: ``machine``, ``task``, ``sensors``, ``max_episode_steps``, ``num_threads``,
         ``render_mode``.

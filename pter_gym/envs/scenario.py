@@ -1,9 +1,9 @@
-"""Entry points of the scenarios' ids: ``PTER/PathFollowing-v0`` on a scenario's training draws."""
+"""Environments of the scenarios: ``PTER/PathFollowing-v0`` on a scenario's training draws."""
 
 from typing import Any
 
-from pter_gym.envs.devices import make_vector_env
 from pter_gym.envs.single import PathFollowingEnv
+from pter_gym.envs.vector import make_vector_env
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.internal.checks import whole_number
 from pter_gym.scenarios import find_scenario
@@ -15,7 +15,7 @@ OWN = ("task", "randomisation")
 """Arguments of ``PTER/PathFollowing-v0`` that a scenario brings itself."""
 
 TRUNCATION_ERROR = 0.1
-"""Distance from the path [m] at which a training episode is truncated: nothing is to be learnt from what is beyond."""
+"""Distance from the path [m] at which a training episode is truncated, as there is nothing to learn beyond."""
 
 
 def training_draws(
@@ -44,12 +44,11 @@ def training_draws(
     error_max
         Half-width of the workspace [m], where an episode is terminated; that of the evaluation episodes by default.
     truncation_error
-        Distance from the path [m] at which an episode is truncated, so that none goes far astray; what a state there is
-        worth is for the algorithm to estimate. Evaluation episodes are not truncated so, nor are those of a workspace
-        that is narrower than this.
+        Distance from the path [m] at which an episode is truncated; the value of a state there is for the algorithm to
+        estimate. Evaluation episodes are not truncated like this, nor are those in a narrower workspace.
     starts
         How episodes begin, or its name in ``pter_gym.tasks.path_following.STARTS``: anywhere along the path, moving,
-        by default; ``"rest"`` begins as evaluation episodes do, and exploring noise then sees little of the path.
+        by default; ``"rest"`` begins like evaluation episodes, from which exploration sees little of the path.
     machine
         One for all episodes, its name, or the path of a preset; by default what the scenario draws.
 
@@ -81,13 +80,13 @@ def make_env(scenario: str, **keywords: Any) -> PathFollowingEnv:
 
 
 def make_vec(num_envs: int = 1, *, scenario: str, **keywords: Any) -> Any:
-    """Return many worlds of a scenario; see ``make_env`` and ``pter_gym.envs.devices.make_vector_env``."""
+    """Return many worlds of a scenario; see ``make_env`` and ``pter_gym.envs.vector.make_vector_env``."""
     drawn, rest = _split(scenario, keywords)
     return make_vector_env(num_envs, randomisation=drawn, **rest)
 
 
 def _split(scenario: str, keywords: dict[str, Any]) -> tuple[Randomisation, dict[str, Any]]:
-    """Return a scenario's draws, and the keywords that are not about them."""
+    """Return a scenario's draws and the remaining keywords."""
     for name in OWN:
         if name in keywords:
             raise ParameterError(

@@ -1,7 +1,7 @@
 """The Gymnasium environment: a batch of one world."""
 
 from collections.abc import Sequence
-from typing import Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import gymnasium
 import numpy as np
@@ -13,10 +13,11 @@ from pter_gym.engine.batch import ActionUnit, Batch
 from pter_gym.errors import ParameterError
 from pter_gym.internal.checks import whole_number
 from pter_gym.params import Machine, find_machine
-from pter_gym.render.size import HEIGHT, WIDTH, check_size
-from pter_gym.scenarios.randomisation import Mixture, Randomisation
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensors
 from pter_gym.tasks.path_following.observation import BOUND
+
+if TYPE_CHECKING:
+    from pter_gym.scenarios.randomisation import Mixture, Randomisation
 
 RenderMode = Literal["human", "rgb_array"]
 
@@ -71,7 +72,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Starting State
     At rest at the start of the path, clutches released. With `task.start_offset` the tip starts off the path by an even
-    draw, with `task.hand.random_phases` the phases of the disturbance are drawn; both from the seed alone. A reset
+    draw, with `task.hand.random_phases` the phases of the disturbance are drawn; both depend only on the seed. A reset
     without a seed goes on to the next episode of the present seed.
 
     With `task.starts`, for training, a share of the episodes begins anywhere along the path, off it and moving, and
@@ -81,8 +82,8 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Episode End
     ### Termination
     The tip reaches the end of the path (`is_success` if it is within `task.arrival`, 0.125 m, of it), or leaves the
-    workspace: too far from the path, backed off from its start, or near a singular pose. An arm that is faster than the
-    simulator can hold, many times faster than usual hands make it, ends an episode too.
+    workspace: too far from the path, behind its start, or near a singular pose. An arm that is too fast for the
+    simulator, many times faster than usual hands move it, ends an episode too.
     `pter_gym.tasks.path_following.reason_of` says why one has ended.
 
     ### Truncation
@@ -94,8 +95,8 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error, arrival,
       starts, sensing, reward weights.
     - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws machine and task in place of these.
-    - `observe_context`: whether the observation ends with what is told of machine and task (time constant, torque and
-      drift of the clutches, what the hand adds). The telemetry tells it always.
+    - `observe_context`: whether the observation ends with the context of machine and task (time constant, torque and
+      drift of the clutches, what the hand adds). The telemetry always has it.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"volt"` (default) or `"normalised"`.
     - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.
@@ -113,15 +114,14 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         task: PathFollowing | None = None,
         sensors: Sensors = "torque",
         action_unit: ActionUnit = "volt",
-        randomisation: Randomisation | Mixture | None = None,
+        randomisation: "Randomisation | Mixture | None" = None,
         observe_context: bool = False,
         render_mode: RenderMode | None = None,
-        width: int = WIDTH,
-        height: int = HEIGHT,
+        width: int = 840,
+        height: int = 600,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ParameterError(f"render_mode must be one of human, rgb_array or None, got {render_mode!r}")
-        self._size = check_size(width, height)
         machines, tasks = find_pairs(machine, task, randomisation)
         self.batch = Batch(
             machines,
@@ -136,9 +136,8 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self.action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
         self.observation_space = spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32)
-        self._viewer: Any = None
-        self._shown: NDArray[np.float64] | None = None
-        self._trail: list[NDArray[np.float64]] = []
+        self._viewer: Any = None if render_mode is None else self._make_viewer(width, height)
+        self._rows: list[NDArray[np.float64]] = []
 
     @property
     def observation_layout(self) -> Layout:
@@ -169,10 +168,11 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         seed = None if seed is None else whole_number("seed", seed, at_least=0)
         obs, telemetry = self.batch.reset([seed])
         super().reset(seed=seed)
-        self._trail = []
-        if len(self.batch.pairs) > 1:
-            self._look_at_episode()
-        self._show(telemetry[0])
+        if self._viewer is not None:
+            self._rows = []
+            if len(self.batch.pairs) > 1:
+                self._viewer.look_at(self.machine, self.task)
+            self._show(telemetry[0])
         return obs[0], {"telemetry": telemetry[0], "is_success": False}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -186,16 +186,16 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             Before the first reset and after the end of an episode.
         """
         obs, row, reward, terminated, truncated, success = self.batch.step_alone(action)
-        if self.render_mode is not None:
+        if self._viewer is not None:
             self._show(row)
         return obs, reward, terminated, truncated, {"telemetry": row, "is_success": success}
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture (height, width, 3) in the mode ``rgb_array``; ``human`` shows each step by itself."""
-        if self.render_mode is None:
+        if self._viewer is None:
             gymnasium.logger.warn("render_mode was not given to gymnasium.make; nothing is rendered")
             return None
-        if self._shown is None:
+        if not self._rows:
             raise gymnasium.error.ResetNeeded("render needs a reset before it")
         return self._draw() if self.render_mode == "rgb_array" else None
 
@@ -203,32 +203,26 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Close the window, if there is one."""
         if self._viewer is not None:
             self._viewer.close()
-            self._viewer = None
+
+    def _make_viewer(self, width: int, height: int) -> Any:
+        """Return the viewer; only this loads drawing code."""
+        from pter_gym.render.viewer import Viewer
+
+        return Viewer(self.machine, self.task, "human" if self.render_mode == "human" else "rgb_array", width, height)
 
     def _show(self, row: NDArray[np.float64]) -> None:
-        self._shown = row
-        self._trail.append(row[[*COLUMN.tip]])
+        self._rows.append(row)
         if self.render_mode == "human":
             self._draw()
 
-    def _look_at_episode(self) -> None:
-        """Draw the machine and the task of the present episode from now on."""
-        if self._viewer is not None:
-            self._viewer.look_at(self.machine, self.task)
-
     def _draw(self) -> NDArray[np.uint8] | None:
-        if self._viewer is None:
-            from pter_gym.render.viewer import Viewer
-
-            mode: RenderMode = "human" if self.render_mode == "human" else "rgb_array"
-            self._viewer = Viewer(self.machine, self.task, mode, *self._size)
-        return self._viewer.draw(self._shown, np.array(self._trail))
+        return self._viewer.draw(self._rows[-1], np.array(self._rows)[:, [*COLUMN.tip]])
 
 
 def find_pairs(
     machine: Machine | str | Sequence[Machine | str] | None,
     task: PathFollowing | Sequence[PathFollowing] | None,
-    randomisation: Randomisation | Mixture | None,
+    randomisation: "Randomisation | Mixture | None",
 ) -> tuple[Machine | list[Machine], PathFollowing | Sequence[PathFollowing]]:
     """Return machines and tasks as a ``Batch`` takes them, from the arguments of an environment.
 
@@ -249,7 +243,7 @@ def find_pairs(
 
 
 def check_tasks(task: PathFollowing | Sequence[PathFollowing]) -> PathFollowing | Sequence[PathFollowing]:
-    """Return a task or tasks as they were given, or raise a ParameterError that names what is none."""
+    """Return a task or tasks as they were given, or raise a ParameterError that names what is not a task."""
     given: object = task
     many = isinstance(given, Sequence) and not isinstance(given, str)
     for each in cast(Sequence[object], given) if many else [given]:

@@ -1,7 +1,7 @@
 """The native vector environment: many worlds in one compiled call, with Gymnasium's semantics."""
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import gymnasium
 import numpy as np
@@ -15,17 +15,19 @@ from pter_gym.engine import world
 from pter_gym.engine.batch import ActionUnit, Array, Batch
 from pter_gym.engine.returns import Observations, Returns
 from pter_gym.envs.single import find_pairs
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.internal.checks import whole_number
 from pter_gym.internal.computer import available_cores, available_memory
 from pter_gym.params import Machine
-from pter_gym.render.size import TILE_HEIGHT, TILE_WIDTH
-from pter_gym.scenarios.randomisation import Mixture, Randomisation
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
 from pter_gym.tasks.path_following.observation import BOUND
 from pter_gym.tasks.path_following.telemetry import COLUMNS
 
+if TYPE_CHECKING:
+    from pter_gym.scenarios.randomisation import Mixture, Randomisation
+
 Mask = NDArray[np.bool_]
+Device = Literal["cpu", "cuda"]
 
 _ENDED = {
     AutoresetMode.NEXT_STEP: world.NEXT_STEP,
@@ -50,7 +52,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
     sensors, action_unit, randomisation, observe_context
         See ``PathFollowingEnv``.
     autoreset_mode
-        What happens to a world whose episode has ended; an ``AutoresetMode`` or its value.
+        When a world whose episode has ended is reset; an ``AutoresetMode`` or its value.
     max_episode_steps
         Control steps after which an episode is truncated; None for no limit.
     telemetry
@@ -68,7 +70,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         If an argument is out of range, or the worlds would not fit into the memory of this machine.
     """
 
-    device: Literal["cpu", "cuda"] = "cpu"
+    device: Device = "cpu"
     """Where the worlds are."""
 
     def __init__(
@@ -78,15 +80,15 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         task: PathFollowing | Sequence[PathFollowing] | None = None,
         sensors: Sensors = "torque",
         action_unit: ActionUnit = "volt",
-        randomisation: Randomisation | Mixture | None = None,
+        randomisation: "Randomisation | Mixture | None" = None,
         observe_context: bool = False,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = 1000,
         telemetry: bool = True,
         num_threads: int | None = None,
         render_mode: Literal["rgb_array"] | None = None,
-        width: int = TILE_WIDTH,
-        height: int = TILE_HEIGHT,
+        width: int = 320,
+        height: int = 240,
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ParameterError(f"render_mode must be rgb_array or None, got {render_mode!r}")
@@ -111,11 +113,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
             "render_fps": round(1.0 / self.batch.task.control_period),
             "autoreset_mode": self.autoreset_mode,
         }
-        self._viewer = None
-        if render_mode:
-            from pter_gym.render.viewer import WorldsViewer
-
-            self._viewer = WorldsViewer(self.batch.pairs, self.num_envs, width, height)
+        self._viewer = self._make_viewer(width, height) if render_mode else None
         self._ended = _ENDED[self.autoreset_mode]
         self._records = telemetry
         self.single_action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
@@ -143,7 +141,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         seed
             None for the next episode of each world's seed, an int s for the seeds s, s + 1, …, or one for each world.
         options
-            ``{"reset_mask": mask}`` with a bool array (N,) resets the chosen worlds alone.
+            ``{"reset_mask": mask}`` with a bool array (N,) resets only the chosen worlds.
 
         Raises
         ------
@@ -193,12 +191,18 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
             self.batch.close()
 
     def get_state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
+        """Return copies of all that changes; ``set_state`` restores them bit for bit."""
         return self.batch.get_state()
 
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
-        """Bring the worlds to a state from ``get_state`` of an environment with as many worlds."""
+        """Restore a state from ``get_state`` of an environment with as many worlds."""
         self.batch.set_state(state)
+
+    def _make_viewer(self, width: int, height: int) -> Any:
+        """Return the viewer; only this loads drawing code."""
+        from pter_gym.render.viewer import WorldsViewer
+
+        return WorldsViewer(self.batch.pairs, self.num_envs, width, height)
 
     def _infos(self, mask: Mask, telemetry: Array, success: Mask) -> dict[str, Any]:
         infos: dict[str, Any] = {"is_success": success, "_is_success": mask}
@@ -207,7 +211,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         return infos
 
     def _add_final(self, infos: dict[str, Any], returns: Returns, ended: Mask) -> None:
-        """Add what Gymnasium asks of SAME_STEP, where the rest of ``infos`` is the reset's."""
+        """Add the final observations and infos of SAME_STEP; the rest of ``infos`` belongs to the reset."""
         if not ended.any():
             return
         success = infos["is_success"]
@@ -252,6 +256,36 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         return np.array(mask, np.bool_)
 
 
+def make_vector_env(num_envs: int = 1, *, device: Device = "cpu", **keywords: Any) -> PathFollowingVectorEnv:
+    """Return the vector environment on a device; the entry point of ``gymnasium.make_vec``.
+
+    Parameters
+    ----------
+    num_envs
+        N.
+    device
+        ``"cpu"`` or ``"cuda"``.
+    **keywords
+        Of ``PathFollowingVectorEnv``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such device.
+    DependencyError
+        If the CUDA device or what it needs is missing.
+    """
+    if device == "cpu":
+        return PathFollowingVectorEnv(num_envs, **keywords)
+    if device != "cuda":
+        raise ParameterError(f"device must be cpu or cuda, got {device!r}")
+    try:
+        from pter_gym.envs.cuda import CudaPathFollowingVectorEnv
+    except ImportError as error:
+        raise needs_extra('device="cuda"', "gpu") from error
+    return CudaPathFollowingVectorEnv(num_envs, **keywords)
+
+
 def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     """Return an autoreset mode given as itself, by its value or by its name.
 
@@ -267,14 +301,14 @@ def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
 
 
 BYTES_PER_WORLD = 1800
-"""What a world takes at most, measured: its state, its part of the spaces and of two steps' returns [B]."""
+"""Most memory of a world, measured: its state, its share of the spaces and of the returns of two steps [B]."""
 
 BYTES_OF_TELEMETRY = 2000
 """What telemetry adds to the memory of a world [B]."""
 
 
 def check_memory(worlds: int, telemetry: bool) -> None:
-    """Raise a ParameterError if so many worlds would not fit into the memory of this machine."""
+    """Raise a ParameterError if this many worlds would not fit into memory."""
     most = available_memory() // (BYTES_PER_WORLD + (BYTES_OF_TELEMETRY if telemetry else 0))
     if worlds > most:
         raise ParameterError(f"num_envs must be ≤ {most}, which fit into this machine's memory, got {worlds}")

@@ -1,4 +1,4 @@
-"""Trained policies as files that hold numbers alone, and what acts from them: numpy and safetensors, no torch."""
+"""Trained policies, stored as files of numbers; they act with numpy and safetensors, without torch."""
 
 from pter_gym.policies.cards import Card
 from pter_gym.policies.files import SHIPPED, exported_policies, read_policy, shipped_policies, write_policy

@@ -39,10 +39,10 @@ CARD, WEIGHTS, TEXT = ENDINGS = (".json", ".safetensors", ".md")
 """How the files of a policy end."""
 
 RUN = "run.json"
-"""What is in the folder of a training run, which is no policy yet."""
+"""File in the folder of a training run, which is not a policy yet."""
 
 MOST_CARD, MOST_WEIGHTS = 1 << 20, 1 << 24
-"""Largest files [B]; a header of weights may be as large as a card."""
+"""Largest files [B]; the header of the weights may be as large as a card."""
 
 SIZE = 8
 """Bytes at the start of a file of weights that say how long its header is."""
@@ -61,12 +61,12 @@ def exported_policies(folder: FilePath = Path()) -> tuple[str, ...]:
 
 
 def is_path(name: str) -> bool:
-    """Tell whether a user means files of an exported policy: they are in a folder, or have one of the endings."""
+    """Tell whether a name means the files of an exported policy: it has a folder or one of the endings."""
     return "/" in name or name != Path(name).name or name.endswith(ENDINGS) or name in ("~", ".", "..")
 
 
 def is_here(name: str) -> bool:
-    """Tell whether a name is that of an exported policy, or of a folder, in the present folder."""
+    """Tell whether the present folder has an exported policy or a folder of this name."""
     return name in exported_policies() or find_path("policies", name).is_dir()
 
 
@@ -79,16 +79,16 @@ def read_policy(name: FilePath, folder: FilePath | None = None) -> Neural:
     ----------
     name
         The name of one that the package ships or that is in the present folder, or the path of an exported one:
-        ``folder/name``, with or without the ending of one of its files, or a folder that holds that policy alone.
+        ``folder/name``, with or without the ending of one of its files, or a folder with only that policy.
     folder
-        Where its files are, if only the name is given.
+        Folder of its files, for a name without a path.
 
     Raises
     ------
     ParameterError
-        If it is no possible name, or there is no such policy; it tells the nearest.
+        If a policy cannot have this name, or there is none of it; the message suggests the nearest.
     DataError
-        If a file is missing, too large, or not what it must be; nothing in it was executed.
+        If a file is missing, too large or malformed; nothing in it was executed.
     """
     if folder is not None:
         where = find_path("folder", folder)
@@ -114,12 +114,12 @@ def find_exported(path: FilePath) -> tuple[str, Path]:
     Parameters
     ----------
     path
-        ``folder/name``, with or without the ending of one of its files, or a folder that holds that policy alone.
+        ``folder/name``, with or without the ending of one of its files, or a folder with only that policy.
 
     Raises
     ------
     ParameterError
-        If there is none, or several; it tells the nearest.
+        If there is none, or several; the message suggests the nearest.
     """
     given = find_path("policies", path)
     named = given.with_suffix("") if given.suffix in ENDINGS else given
@@ -142,7 +142,7 @@ def _load(name: str, folder: Path) -> Neural:
     check_name(name)
     card = read_card(_read(folder / f"{name}{CARD}", MOST_CARD), f"{name}{CARD}")
     if card.name != name:
-        raise DataError(f"policy card {name}{CARD} is refused: it is that of {card.name!r}")
+        raise DataError(f"policy card {name}{CARD} is refused: it belongs to {card.name!r}")
     path = folder / f"{name}{WEIGHTS}"
     data = _read(path, MOST_WEIGHTS)
     found = hashlib.sha256(data).hexdigest()
@@ -166,7 +166,7 @@ def read_network(data: bytes, card: Card, what: str) -> Network:
     Raises
     ------
     DataError
-        If a tensor is missing or too many, or has another shape or type, or a number that is not finite.
+        If a tensor is missing, unknown, of another shape or type, or has numbers that are not finite.
     """
     with reading(f"policy {what} is refused"):
         tensors = _tensors(data)
@@ -194,7 +194,7 @@ def read_network(data: bytes, card: Card, what: str) -> Network:
 
 
 def _tensors(data: bytes) -> dict[str, NDArray[Any]]:
-    """Return the tensors in a file of weights, whose header must be strict JSON: the library takes a name twice."""
+    """Return the tensors in a file of weights; the library would accept a header that has a name twice."""
     size = int.from_bytes(data[:SIZE], "little")
     parse_json(data[SIZE : SIZE + size], MOST_CARD)
     try:
@@ -209,7 +209,7 @@ def write_policy(card: Card, tensors: dict[str, NDArray[np.float32]], text: str,
     Parameters
     ----------
     card
-        All but the checksum, which is set.
+        The card; its checksum is set here.
     tensors
         Weights under the names of ``Card.shapes``.
     text
@@ -220,11 +220,11 @@ def write_policy(card: Card, tensors: dict[str, NDArray[np.float32]], text: str,
     Raises
     ------
     ParameterError
-        If its name is not a possible one.
+        If a policy cannot have this name.
     DataError
         If the weights do not fit the card.
     StorageError
-        If they cannot be written; it says where all three files are.
+        If they cannot be written.
     """
     check_name(card.name)
     folder = find_path("folder", folder)

@@ -1,14 +1,13 @@
-"""What is between an observation and a network, and between the network and the clutches.
+"""What a network sees of an observation, and how its outputs become voltages.
 
-A network sees quantities of the observation and a few derived from it, each shifted and scaled; its four outputs within
-[−1, 1] are voltages relative to the middle of the range, or relative to those of a base controller (a residual policy),
-or the environments' normalised actions.
+The inputs are quantities of the observation and some derived from it, each shifted and scaled. The four outputs within
+[−1, 1] are voltages relative to the middle of the range, or to those of a base controller (a residual policy), or the
+environments' normalised actions.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 
 from pter_gym.compiled.layout import Layout
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.codec import ABSENT
 from pter_gym.params import Machine, require, require_flag, require_kind, require_number
 from pter_gym.policies.stored_gains import gains_of, make_guided
 
@@ -24,7 +22,6 @@ if TYPE_CHECKING:
     from pter_gym.controllers import PaceSchedule
 
 Array = NDArray[np.float64]
-Quantities = dict[str, Array]
 
 LIMIT = 10.0
 """Inputs of a network are limited to ±LIMIT of their scales."""
@@ -32,7 +29,7 @@ LIMIT = 10.0
 CLUTCHES = range(1, 5)
 
 LONGEST = 64
-"""How many control steps a network can look back at most."""
+"""Most control steps that a network can look back."""
 
 SLOWEST = 1000
 """Longest time constant of an average in control steps."""
@@ -41,22 +38,8 @@ BASE_INPUTS = tuple(f"base_{x}" for x in CLUTCHES)
 """Voltages of the base controller [V]."""
 
 
-def _relative(q: Quantities) -> Quantities:
-    """Return cosine and sine of the angle from link A to the path's heading, and likewise of link B."""
-    found: Quantities = {}
-    for link in ("a", "b"):
-        cos, sin = q[f"cos_{link}"], q[f"sin_{link}"]
-        found[f"heading_{link}_cos"] = q["heading_cos"] * cos + q["heading_sin"] * sin
-        found[f"heading_{link}_sin"] = q["heading_sin"] * cos - q["heading_cos"] * sin
-    return found
-
-
-DERIVED: Mapping[tuple[str, ...], Callable[[Quantities], Quantities]] = MappingProxyType(
-    {
-        ("heading_a_cos", "heading_a_sin", "heading_b_cos", "heading_b_sin"): _relative,
-    }
-)
-"""Quantities that are derived from those of the observation, and how."""
+DERIVED = ("heading_a_cos", "heading_a_sin", "heading_b_cos", "heading_b_sin")
+"""Quantities that are derived from the observation: cosine and sine of the angles from links A and B to the path."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +76,7 @@ class Base:
     paces
         Commanded paces [m/s], rising.
     gains
-        For each pace, fields of the controller; those that are not named have their defaults.
+        For each pace, all gains of the controller by name; those that are left out become its defaults.
     """
 
     controller: str
@@ -101,11 +84,12 @@ class Base:
     gains: tuple[Mapping[str, Any], ...]
 
     def __post_init__(self) -> None:
-        """Check names and numbers by making the controllers."""
+        """Check names and numbers by making the controllers, and fill in the gains that are left out."""
         rising = all(low < high for low, high in pairwise((0.0, *self.paces, np.inf)))
         require(rising and len(self.paces) > 0, self, "paces", self.paces, "rising numbers > 0")
         require(len(self.gains) == len(self.paces), self, "gains", self.gains, "one set for each pace")
-        self.schedule()
+        knots = self.schedule().knots
+        object.__setattr__(self, "gains", tuple(gains_of(controller) for _, controller in knots))
 
     def schedule(self) -> "PaceSchedule":
         """Return the controller: gains linear in the commanded pace between those of the paces."""
@@ -113,13 +97,6 @@ class Base:
 
         made = [make_guided(self.controller, gains) for gains in self.gains]
         return PaceSchedule(tuple(zip(self.paces, made, strict=True)))
-
-    def complete(self) -> "Base":
-        """Return it with all gains named, which is what can be stored: defaults change."""
-        made = [controller for _, controller in self.schedule().knots]
-        return replace(
-            self, gains=tuple({**gains_of(each), **given} for each, given in zip(made, self.gains, strict=True))
-        )
 
 
 @dataclass(frozen=True)
@@ -135,10 +112,10 @@ class Interface:
     base
         What the outputs correct; None for the middle of the range.
     history
-        The network sees all inputs of now; how many control steps ago it sees them too, rising. Before the start of an
-        episode they are as they were at the start.
+        How many control steps ago the network sees its inputs too, rising. Before the start of an episode they are as
+        they were at the start.
     averages
-        Time constants in control steps, rising: the network sees all inputs behind a first-order low-pass as well.
+        Time constants in control steps, rising, of first-order low-passes of its inputs, which the network sees too.
     normalised
         Whether the outputs a are the environments' normalised actions, for voltage_max·((a + 1)/2)². They correct no
         base then and have no reach.
@@ -149,7 +126,7 @@ class Interface:
     base: Base | None = None
     history: tuple[int, ...] = ()
     averages: tuple[int, ...] = ()
-    normalised: bool = field(default=False, metadata={ABSENT: False})
+    normalised: bool = False
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -171,18 +148,18 @@ class Interface:
         return len(self.inputs) * (1 + len(self.history) + len(self.averages))
 
     def bind(self, machine: Machine, layout: Layout) -> "BoundInterface":
-        """Return what translates for a nominal machine and a layout of observations.
+        """Return the interface for a nominal machine and a layout of observations.
 
         Raises
         ------
         ParameterError
-            If there is no such quantity in the observations; it tells the nearest.
+            If the observations lack an input; the message suggests the nearest.
         """
         return BoundInterface(self, machine, layout)
 
 
 class BoundInterface:
-    """An interface that is ready to translate."""
+    """An interface that is bound to a machine and a layout of observations."""
 
     def __init__(self, interface: Interface, machine: Machine, layout: Layout) -> None:
         self.layout = layout
@@ -206,7 +183,7 @@ class BoundInterface:
         blank = np.zeros((worlds, 0)) if self.base is None else self.base.empty_memory(worlds)
         return Past(blank, len(self._columns), *self._past)
 
-    def see(self, obs: NDArray[np.float32], past: "Past", *, passing: bool = False) -> tuple[Array, Array]:
+    def see(self, obs: NDArray[np.float32], past: "Past") -> tuple[Array, Array]:
         """Return what the network sees and the voltages that it corrects.
 
         Parameters
@@ -214,9 +191,7 @@ class BoundInterface:
         obs
             Observations, float32 (N, entries).
         past
-            What the network saw before of the same worlds; the present is added to it, unless it is only passing.
-        passing
-            Whether these observations are only looked at.
+            What the network saw before of the same worlds; the present is added to it.
 
         Returns
         -------
@@ -231,23 +206,15 @@ class BoundInterface:
         rows = np.ascontiguousarray(obs, np.float32)
         if rows.ndim != 2 or rows.shape[1] != len(self.layout):
             raise ParameterError(f"observation must have {len(self.layout)} entries, got the shape {rows.shape}")
-        base = self._corrected(rows, past, passing)
+        base = np.full((len(rows), 4), 0.5 * self.voltage_max)
+        if self.base is not None:
+            base = self.base.volts(rows, past.law_memory()).astype(np.float64)
         values = quantities(rows * self._scales, base, self.layout, residual=self.base is not None)
         present = np.clip((values[:, self._columns] - self._center) / self._scale, -LIMIT, LIMIT)
-        return past.look(present) if passing else past.add(present), base
-
-    def _corrected(self, rows: NDArray[np.float32], past: "Past", passing: bool) -> Array:
-        """Return the voltages that the outputs correct [V], (N, 4)."""
-        if self.base is None:
-            return np.full((len(rows), 4), 0.5 * self.voltage_max)
-        memory = past.law_memory()
-        volts = self.base.volts(rows, memory)
-        if not passing:
-            past.keep(memory)
-        return volts.astype(np.float64)
+        return past.add(present), base
 
     def volts(self, base: Array, outputs: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return voltages [V], float32 (N, 4), for the outputs (N, 4) of a network; beyond [−1, 1] they are limited."""
+        """Return voltages [V], float32 (N, 4), for the outputs (N, 4) of a network; they are clipped to [−1, 1]."""
         limited = np.clip(np.asarray(outputs, np.float64), -1.0, 1.0)
         if self.normalised:
             return squared((limited + 1.0) * (self.voltage_max / 2.0), self.voltage_max).astype(np.float32)
@@ -261,8 +228,8 @@ class Past:
     Parameters
     ----------
     blank
-        What the law of the base controller keeps at the start of an episode, a row for each world; without entries if
-        there is no base.
+        Memory of the base controller's law at the start of an episode, a row for each world; without entries if there
+        is no base.
     inputs
         Number of inputs.
     history, averages
@@ -283,64 +250,45 @@ class Past:
         """Forget the past of some worlds, (N,)."""
         self._empty |= worlds
 
-    def add(self, present: Array) -> Array:
-        """Return inputs (N, inputs) with earlier ones behind them, the latest first, then averages: (N, size)."""
-        rows, means = self._with(present)
-        self._rows[:], self._means[:], self._empty[:] = rows, means, False
-        return self._shown(rows, means)
-
-    def look(self, present: Array) -> Array:
-        """Return what ``add`` would, and keep nothing."""
-        return self._shown(*self._with(present))
-
     def law_memory(self) -> Array:
-        """Return a copy of what the law of the base controller keeps, a row for each world."""
-        return np.where(self._empty[:, None], self._blank, self._memory)
+        """Return the memory of the base controller's law, a row for each world, for the law to change."""
+        self._memory[:] = np.where(self._empty[:, None], self._blank, self._memory)
+        return self._memory
 
-    def keep(self, memory: Array) -> None:
-        """Keep what the law keeps from now on."""
-        self._memory[:] = memory
+    def add(self, present: Array) -> Array:
+        """Return inputs (N, inputs) with earlier ones behind them, the latest first, then averages: (N, size).
+
+        A world that begins is as if it had always seen the present.
+        """
+        fresh = self._empty[:, None]
+        self._rows[1:] = self._rows[:-1].copy()
+        self._rows[0] = present
+        self._rows[:] = np.where(fresh, present, self._rows)
+        self._means[:] = np.where(fresh, present, self._means + self._shares * (present - self._means))
+        self._empty[:] = False
+        return np.concatenate([self._rows[self._ages], self._means]).transpose(1, 0, 2).reshape(self.worlds, -1)
 
     def get_state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that changes."""
-        own = {
-            "past_rows": self._rows,
-            "past_means": self._means,
-            "past_memory": self._memory,
-            "past_empty": self._empty,
-        }
-        return {name: part.copy() for name, part in own.items()}
+        """Return all that changes."""
+        return {"rows": self._rows, "means": self._means, "memory": self._memory, "empty": self._empty}
 
-    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on where ``get_state`` was called."""
-        self._rows[:] = state["past_rows"]
-        self._means[:] = state["past_means"]
-        self._memory[:] = state["past_memory"]
-        self._empty[:] = state["past_empty"]
-
-    def _with(self, present: Array) -> tuple[Array, Array]:
-        """Return rows and averages with the present; a world that begins has seen nothing else before."""
-        fresh = self._empty[:, None]
-        rows = np.concatenate([present[None], self._rows[:-1]])
-        means = self._means + self._shares * (present - self._means)
-        return np.where(fresh, present, rows), np.where(fresh, present, means)
-
-    def _shown(self, rows: Array, means: Array) -> Array:
-        return np.concatenate([rows[self._ages], means]).transpose(1, 0, 2).reshape(rows.shape[1], -1)
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on where ``get_state`` was called; arrays may be tensors."""
+        for name, mine in self.get_state().items():
+            mine[:] = state[name]
 
 
 def squared(linear: Array, voltage_max: float) -> Array:
     """Return the voltages [V] of normalised actions, from their share of the bounds times the largest voltage [V].
 
-    They have the bits of the kernel's ``scaled_volts``, which needs numba.
+    Bit for bit as the kernel's ``scaled_volts``, without numba.
     """
     return linear * (linear / voltage_max)
 
 
 def available(layout: Layout, *, residual: bool) -> list[str]:
     """Return the names of all quantities that a network can see, in the order of ``quantities``."""
-    derived = [name for names in DERIVED for name in names]
-    return [*layout.names, *derived, *(BASE_INPUTS if residual else ())]
+    return [*layout.names, *DERIVED, *(BASE_INPUTS if residual else ())]
 
 
 def seen_without(names: Sequence[str], blind: Sequence[str]) -> list[str]:
@@ -351,28 +299,27 @@ def seen_without(names: Sequence[str], blind: Sequence[str]) -> list[str]:
     names
         Of all quantities, as ``available`` gives them.
     blind
-        Which are not to be seen: a name, or a group, which is all names that begin with it and an underscore.
+        Names or groups that are not to be seen; a group is all names that begin with it and an underscore.
 
     Raises
     ------
     ParameterError
-        If there is no such quantity or group, which tells the nearest, or none would remain.
+        If there is no such quantity or group, with the nearest, or none would remain.
     """
     groups = dict.fromkeys(name.rpartition("_")[0] for name in names if "_" in name)
     known = [*names, *(group for group in groups if group not in names)]
     for each in blind:
         if each not in known:
             raise unknown_name("blind", each, known)
-    left_out = {name for each in blind for name in _meant(each, names)}
-    remaining = [name for name in names if name not in left_out]
+    remaining = [name for name in names if not any(_covers(each, name, names) for each in blind)]
     if not remaining:
         raise ParameterError(f"blind must leave something to be seen, got {list(blind)!r}")
     return remaining
 
 
-def _meant(each: str, names: Sequence[str]) -> list[str]:
-    """Return the quantities of a name or a group."""
-    return [each] if each in names else [name for name in names if name.startswith(f"{each}_")]
+def _covers(each: str, name: str, names: Sequence[str]) -> bool:
+    """Tell whether a name or a group is or contains the name of a quantity."""
+    return name == each if each in names else name.startswith(f"{each}_")
 
 
 def quantities(physical: Array, base: Array, layout: Layout, *, residual: bool) -> Array:
@@ -390,6 +337,10 @@ def quantities(physical: Array, base: Array, layout: Layout, *, residual: bool) 
         Whether the base's voltages are among the quantities.
     """
     known = dict(zip(layout.names, physical.T, strict=True))
-    derived = {name: values for derive in DERIVED.values() for name, values in derive(known).items()}
-    columns = [physical, np.stack([derived[name] for names in DERIVED for name in names], axis=1)]
+    cos, sin = known["heading_cos"], known["heading_sin"]
+    derived: list[Array] = []
+    for link in ("a", "b"):
+        cos_link, sin_link = known[f"cos_{link}"], known[f"sin_{link}"]
+        derived += [cos * cos_link + sin * sin_link, sin * cos_link - cos * sin_link]
+    columns = [physical, np.stack(derived, axis=1)]
     return np.concatenate([*columns, base] if residual else columns, axis=1)

@@ -53,7 +53,7 @@ class Network:
     squashed
         Whether the outputs of the last layer go through tanh like those of the others.
     lstm
-        What is between the inputs and the first layer; None for nothing.
+        LSTM between the inputs and the first layer, if there is one.
     """
 
     weights: tuple[Array, ...]
@@ -62,7 +62,7 @@ class Network:
     lstm: LSTM | None = None
 
     def begin(self, worlds: int) -> Array:
-        """Return the empty memory of so many worlds, a row for each; without entries if there is no LSTM."""
+        """Return the empty memory of some worlds, a row for each; it has no entries without an LSTM."""
         return np.zeros((worlds, 0 if self.lstm is None else 2 * self.lstm.units))
 
     def __call__(self, inputs: Array, memory: Array) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ class Net(Protocol):
     """A function from inputs to outputs that may remember, like ``Network``."""
 
     def begin(self, worlds: int) -> Array:
-        """Return the empty memory of so many worlds, a row for each."""
+        """Return the empty memory of some worlds, a row for each."""
         ...
 
     def __call__(self, inputs: Array, memory: Array) -> tuple[Array, Array]:
@@ -60,8 +60,8 @@ class Neural:
 class NeuralPolicy:
     """A trained policy that is ready to act: ``policy(observation) -> volts``.
 
-    One with a history or an LSTM remembers, and does not notice when an episode begins: ``reset`` makes it forget, or
-    ``forget`` where some worlds begin and others go on. ``pter_gym.load_policy`` returns one that notices.
+    With a history or an LSTM it remembers, and does not notice when an episode begins: call ``reset``, or ``forget``
+    where only some worlds begin. ``pter_gym.load_policy`` returns a policy that notices.
 
     Parameters
     ----------

@@ -30,8 +30,7 @@ class EvaluationDraw(NamedTuple):
 def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -> list[EvaluationDraw]:
     """Return evaluation episodes of a scenario, always the same for the same seed.
 
-    The phases of the hand's sines are drawn here, so nothing about an episode is left to a random stream but the
-    noise of its sensors.
+    The phases of the hand's sines are drawn here, so the noise of the sensors is all that is left to the reset's seed.
 
     Parameters
     ----------
@@ -39,8 +38,8 @@ def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -
         Whose episodes to draw.
     fresh
         Seed ≥ 0 of fresh episodes, and the name of their pace: as many as the stored ones, with the same stratum at
-        each place. They differ from pace to pace, so nothing that a policy remembers of one tells it the next. None
-        draws those that are stored.
+        each place. They differ from pace to pace, so a policy cannot use what it remembers of another. None draws
+        the stored ones.
     """
     rng = np.random.default_rng(_seed(scenario))
     draws = Randomisation(machine=scenario.machine, task=scenario.task)
@@ -56,7 +55,7 @@ def fresh_reset_seeds(scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
 
 
 def _fresh(scenario: Scenario, draws: Randomisation, strata: list[str], fresh: tuple[int, str]) -> list[EvaluationDraw]:
-    """Return new draws with these strata at their places; a draw whose stratum is full is let go."""
+    """Return new draws with these strata at their places; draws of a stratum that is full are dropped."""
     free: dict[str, list[int]] = {}
     for place, stratum in reversed(list(enumerate(strata))):
         free.setdefault(stratum, []).append(place)
@@ -75,7 +74,7 @@ def _labelled(scenario: Scenario, machine: Machine, task: PathFollowing) -> Eval
 
 
 def _seed(scenario: Scenario) -> list[int]:
-    """Return the seed of a scenario's stored episodes: from its name, or from its place in an old list."""
+    """Return the seed of a scenario's stored episodes: from its name, or from its ``place``."""
     return [STREAM, *_name(scenario)] if scenario.place is None else [STREAM, scenario.place]
 
 

@@ -1,4 +1,4 @@
-"""One machine in place of those that a scenario draws: a named one, or a user's own by its preset."""
+"""One machine in place of those that a scenario draws: a named one, or a user's own from its preset."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ Task = TypeVar("Task", PathFollowing, "PathFollowing | Vary[PathFollowing]")
 
 @dataclass(frozen=True)
 class OwnMachine:
-    """A machine, and how late a computer sees what it does, if that is known.
+    """A machine, and the delay of its sensors, if that is known.
 
     Attributes
     ----------
@@ -40,18 +40,18 @@ class OwnMachine:
 
 
 AnyMachine = OwnMachine | Machine | str
-"""A machine as users give it: one of these, its name in ``MACHINES``, or the path of a preset, which knows a delay."""
+"""A machine as users give it: itself, its name in ``MACHINES``, or the path of a preset, which has a delay."""
 
 
 def find_own(machine: AnyMachine) -> OwnMachine:
-    """Return a machine with its delay, which a preset alone knows.
+    """Return a machine with its delay, which only a preset has.
 
     Raises
     ------
     ParameterError
         If there is no such machine, or a preset cannot be read.
     DataError
-        If a preset is not what it must be.
+        If a preset is malformed.
     """
     if isinstance(machine, OwnMachine):
         return machine
@@ -62,21 +62,21 @@ def find_own(machine: AnyMachine) -> OwnMachine:
 
 
 def on_machine(scenario: Scenario, machine: AnyMachine) -> Scenario:
-    """Return a scenario whose paths, hands and sensors meet one machine; raises as ``find_own`` and ``as_sensed``."""
+    """Return a scenario with one machine for all episodes; raises as ``find_own`` and ``as_sensed`` do."""
     own = find_own(machine)
     varied = Varied(InPlaceOf(scenario.machine, own.machine), as_sensed(scenario.task, own))
-    return replace(scenario, varies=lambda: varied, own=own.machine)
+    return replace(scenario, own=own.machine, own_varied=varied)
 
 
 class InPlaceOf(Vary[Drawn]):
-    """One value in place of drawn ones, which leaves all that is drawn after it as it is without it.
+    """One value in place of drawn ones; it leaves later draws as they are without it.
 
     Parameters
     ----------
     others
-        A value or what draws them.
+        A value, or what they are drawn from.
     one
-        The one.
+        The value.
     """
 
     def __init__(self, others: Any, one: Drawn) -> None:
@@ -84,17 +84,17 @@ class InPlaceOf(Vary[Drawn]):
         self._others = others
 
     def draw(self, rng: np.random.Generator) -> Drawn:
-        """Return the one value, after a draw of the others."""
+        """Return the value, after a draw of the others."""
         drawn(self._others, rng)
         return self.base
 
     def extremes(self) -> Sequence[Drawn]:
-        """Return the one value."""
+        """Return the value."""
         return [self.base]
 
 
 def as_sensed(task: Task, own: OwnMachine) -> Task:
-    """Return a task, or what draws it, with observations that are as late as a machine's, if that is known.
+    """Return a task, or what it is drawn from, with the delay of a machine's sensors, if that is known.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def as_sensed(task: Task, own: OwnMachine) -> Task:
 
 
 def _with(value: Any, name: str, change: Callable[[Any], Any]) -> Any:
-    """Return a dataclass, or what draws it, with a field changed or with what draws the field changed."""
+    """Return a dataclass, or what it is drawn from, with a field or the distribution of that field changed."""
     if isinstance(value, OneOf):
         return OneOf(tuple(_with(option, name, change) for option in value.options))
     if not isinstance(value, Vary):

@@ -19,10 +19,10 @@ from pter_gym.tasks.path_following import PathFollowing, check_machine
 Drawn = TypeVar("Drawn")
 
 TRIES = 200
-"""Draws of one pair of machine and task before a randomisation is refused, because its paths leave the arm's reach."""
+"""Draws of one pair of machine and task before a randomisation is refused for paths that leave the arm's reach."""
 
 ROOM = 1.5
-"""A drawn path keeps so many times the workspace's margin from singular poses: no episode ends as it begins."""
+"""Distance of drawn paths from singular poses over the workspace's margin, so no episode ends as it begins."""
 
 
 class Distribution(Protocol):
@@ -38,9 +38,7 @@ class Distribution(Protocol):
 
 
 @dataclass(frozen=True)
-class Uniform:
-    """An even draw from [low, high]."""
-
+class _Range:
     low: float
     high: float
 
@@ -49,34 +47,30 @@ class Uniform:
         require_number(self, "low")
         require_number(self, "high", at_least=self.low)
 
+    def extremes(self) -> Sequence[float]:
+        """Return the smallest and the largest number."""
+        return self.low, self.high
+
+
+class Uniform(_Range):
+    """An even draw from [low, high]."""
+
     def draw(self, rng: np.random.Generator) -> float:
         """Return a number drawn evenly."""
         return float(rng.uniform(self.low, self.high))
 
-    def extremes(self) -> Sequence[float]:
-        """Return the smallest and the largest number."""
-        return self.low, self.high
 
-
-@dataclass(frozen=True)
-class LogUniform:
+class LogUniform(_Range):
     """A draw from [low, high] whose logarithm is even."""
-
-    low: float
-    high: float
 
     def __post_init__(self) -> None:
         """Check that both are finite, positive and in order."""
         require_number(self, "low", above=0.0)
-        require_number(self, "high", at_least=self.low)
+        super().__post_init__()
 
     def draw(self, rng: np.random.Generator) -> float:
         """Return a number whose logarithm is drawn evenly."""
         return math.exp(rng.uniform(math.log(self.low), math.log(self.high)))
-
-    def extremes(self) -> Sequence[float]:
-        """Return the smallest and the largest number."""
-        return self.low, self.high
 
 
 @dataclass(frozen=True)
@@ -161,8 +155,8 @@ class Vary(Generic[Drawn]):
     Raises
     ------
     ParameterError
-        If there is no such field, or a value at the end of what can be drawn is refused by the dataclass itself: each
-        field alone, and all at their first and at their last ends together. The message names the field.
+        If there is no such field, or the dataclass refuses a value at an end of what can be drawn, of one field or of
+        all fields together. The message names the field.
     """
 
     def __init__(self, base: Drawn, **fields: Distribution) -> None:
@@ -208,7 +202,7 @@ class Randomisation:
     Attributes
     ----------
     machine, task
-        What is drawn, or what stays.
+        What is drawn, or a fixed value.
     contexts
         Number of pairs in the list that worlds draw from.
     seed
@@ -231,7 +225,7 @@ class Randomisation:
         Raises
         ------
         ParameterError
-            If hardly any draw is a task that its machine can do.
+            If too few draws are tasks that their machines can do.
         """
         rng = np.random.default_rng([self.seed, 0x5452])
         return [self.draw(rng) for _ in range(self.contexts)]
@@ -249,7 +243,7 @@ class Randomisation:
                     raise
             else:
                 return machine, task
-        raise AssertionError("unreachable")
+        raise AssertionError
 
 
 @dataclass(frozen=True, kw_only=True)

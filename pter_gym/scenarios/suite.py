@@ -3,13 +3,11 @@
 ``PTER/<Scenario>-v0`` is ``PTER/PathFollowing-v0`` on a scenario's training draws. The episodes on which policies are
 compared are stored data; see ``pter_gym.benchmark``.
 
-A new scenario is one more function at the end, with what is told of it above: its id, its stored episodes and their
-strata follow from there. This module imports nothing heavy, since ``import pter_gym`` reads it.
+A new scenario is one more entry of ``SCENARIOS``, and of ``VARIED`` in ``variations``: its id, its stored episodes and
+their strata follow from there. This module imports nothing heavy, since ``import pter_gym`` reads it.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -32,9 +30,6 @@ class Varied(NamedTuple):
     task: "PathFollowing | Vary[PathFollowing]"
 
 
-Varies = Callable[[], Varied]
-
-
 @dataclass(frozen=True)
 class Scenario:
     """A named set of episodes.
@@ -47,29 +42,29 @@ class Scenario:
         What it asks of a policy, in a sentence.
     episodes
         Number of its stored evaluation episodes.
-    varies
-        Returns what varies.
     stratum
         The part of the task whose kind is the stratum of an evaluation episode.
     place
-        Place in the list of scenarios from which the seed of its evaluation episodes was made; that of a scenario
-        without one comes from its name and version.
+        Number from which the seed of its evaluation episodes is made; by default the seed follows from name and
+        version.
     own
-        The machine in place of all that it would draw, if there is one; see ``find_scenario``.
+        The machine in place of those that it would draw, if there is one; see ``find_scenario``.
+    own_varied
+        What varies with that machine; by default what ``variations.VARIED`` has under the name.
     """
 
     name: str
     version: int
     asks: str
     episodes: int
-    varies: Varies
     stratum: Literal["path", "hand"] = "path"
     place: int | None = None
     own: "Machine | None" = None
+    own_varied: Varied | None = None
 
     @property
     def nominal(self) -> "Machine":
-        """The machine that controllers are told of: its own one, or the paper's."""
+        """The machine that controllers are bound to: its own one, or the paper's."""
         from pter_gym.params import BASELINE
 
         return self.own or BASELINE
@@ -79,15 +74,22 @@ class Scenario:
         """The id of the environment."""
         return f"PTER/{self.name.capitalize()}-v{self.version}"
 
-    @cached_property
+    @property
+    def varied(self) -> Varied:
+        """What varies."""
+        from pter_gym.scenarios.variations import VARIED
+
+        return self.own_varied or VARIED[self.name]
+
+    @property
     def machine(self) -> "Machine | Vary[Machine]":
         """What varies of the machine."""
-        return self.varies().machine
+        return self.varied.machine
 
-    @cached_property
+    @property
     def task(self) -> "PathFollowing | Vary[PathFollowing]":
         """What varies of the task."""
-        return self.varies().task
+        return self.varied.task
 
     def randomisation(
         self, pace: float | str | None = None, *, contexts: int = 512, seed: int = 0, **stated: Any
@@ -132,7 +134,7 @@ def find_pace(pace: float | str) -> float:
     Raises
     ------
     ParameterError
-        If there is no such name; it tells the nearest.
+        If there is no such name; the message suggests the nearest.
     """
     if not isinstance(pace, str):
         return pace
@@ -150,14 +152,14 @@ def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
         Its name.
     machine
         One for all its episodes, in place of those that it draws: itself, its name in ``pter_gym.params.MACHINES``, or
-        the path of a preset, whose delay makes all observations as late. Paths and hands are drawn as they are without.
+        the path of a preset, whose delay all observations get. Paths and hands are drawn as without it.
 
     Raises
     ------
     ParameterError
-        If there is no such scenario or machine; it tells the nearest. Or a preset is later than a task can be.
+        If there is no such scenario or machine, with the nearest, or the delay of a preset is too long for a task.
     DataError
-        If a preset is not what it must be.
+        If a preset is malformed.
     """
     if name not in SCENARIOS:
         raise unknown_name("scenario", name, SCENARIOS)
@@ -168,116 +170,45 @@ def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
     return on_machine(SCENARIOS[name], machine)
 
 
-_KNOWN: dict[str, Scenario] = {}
+_SUITE = (
+    Scenario(
+        "standard",
+        0,
+        "The paper's line, hand and clutches; the phases of the disturbance differ.",
+        episodes=200,
+        place=0,
+    ),
+    Scenario("paths", 0, "Other paths, most of them curved; the paper's hand and clutches.", episodes=300, place=1),
+    Scenario(
+        "hands",
+        0,
+        "Other hands on the paper's line: forces of any spectrum, and human arms with mass, damper and spring.",
+        episodes=300,
+        stratum="hand",
+        place=2,
+    ),
+    Scenario(
+        "materials",
+        0,
+        "Other clutches on the paper's line: material, time constant, torque errors and drift.",
+        episodes=300,
+        place=3,
+    ),
+    Scenario(
+        "everything",
+        0,
+        "Paths, hands and clutches as in the other scenarios, other inertias, and sensors with noise and delay.",
+        episodes=1000,
+        place=4,
+    ),
+    Scenario(
+        "tremor",
+        0,
+        "Human arms as they were measured, on the paper's line, with physiological, essential or Parkinsonian tremor.",
+        episodes=300,
+        stratum="hand",
+    ),
+)
 
-SCENARIOS = MappingProxyType(_KNOWN)
+SCENARIOS = MappingProxyType({each.name: each for each in _SUITE})
 """The scenarios by name."""
-
-
-def _scenario(name: str, version: int, **told: Any) -> Callable[[Varies], Varies]:
-    """List a scenario, whose other fields but ``varies`` are given; the decorated function is that."""
-
-    def listed(varies: Varies) -> Varies:
-        _KNOWN[name] = Scenario(name=name, version=version, varies=varies, **told)
-        return varies
-
-    return listed
-
-
-@_scenario(
-    "standard",
-    0,
-    asks="The paper's line, hand and clutches; the phases of the disturbance differ.",
-    episodes=200,
-    place=0,
-)
-def _standard() -> Varied:
-    from pter_gym.params import BASELINE
-    from pter_gym.scenarios.variations import STANDARD
-
-    return Varied(BASELINE, STANDARD)
-
-
-@_scenario(
-    "paths",
-    0,
-    asks="Other paths, most of them curved; the paper's hand and clutches.",
-    episodes=300,
-    place=1,
-)
-def _paths() -> Varied:
-    from pter_gym.params import BASELINE
-    from pter_gym.scenarios.randomisation import Vary
-    from pter_gym.scenarios.variations import CURVES, STANDARD, WIDTH
-
-    return Varied(BASELINE, Vary(replace(STANDARD, error_max=WIDTH), path=CURVES))
-
-
-@_scenario(
-    "hands",
-    0,
-    asks="Other hands on the paper's line: forces of any spectrum, and human arms with mass, damper and spring.",
-    episodes=300,
-    stratum="hand",
-    place=2,
-)
-def _hands() -> Varied:
-    from pter_gym.params import BASELINE
-    from pter_gym.scenarios.randomisation import OneOf, Vary
-    from pter_gym.scenarios.variations import FORCES, HUMANS, STANDARD
-
-    return Varied(BASELINE, Vary(STANDARD, hand=OneOf((FORCES, HUMANS))))
-
-
-@_scenario(
-    "materials",
-    0,
-    asks="Other clutches on the paper's line: material, time constant, torque errors and drift.",
-    episodes=300,
-    place=3,
-)
-def _materials() -> Varied:
-    from pter_gym.params import BASELINE
-    from pter_gym.scenarios.randomisation import Vary
-    from pter_gym.scenarios.variations import CLUTCHES, DRIFT, STANDARD, TORQUE_ERRORS
-
-    machine = Vary(BASELINE, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS)
-    return Varied(machine, Vary(STANDARD, friction_drift=DRIFT))
-
-
-@_scenario(
-    "everything",
-    0,
-    asks="Paths, hands and clutches as in the other scenarios, other inertias, and sensors with noise and delay.",
-    episodes=1000,
-    place=4,
-)
-def _everything() -> Varied:
-    from pter_gym.params import BASELINE
-    from pter_gym.scenarios import variations as v
-    from pter_gym.scenarios.randomisation import OneOf, Vary
-
-    machine = Vary(BASELINE, arm=v.ARMS, clutch=v.CLUTCHES, clutch_scale=v.TORQUE_ERRORS)
-    task = Vary(
-        replace(v.STANDARD, error_max=v.WIDTH),
-        path=v.CURVES,
-        hand=OneOf((v.EQ5, v.FORCES, v.HUMANS)),
-        friction_drift=v.DRIFT,
-        sensing=v.SENSORS,
-    )
-    return Varied(machine, task)
-
-
-@_scenario(
-    "tremor",
-    0,
-    asks="Human arms as they were measured, on the paper's line, with physiological, essential or Parkinsonian tremor.",
-    episodes=300,
-    stratum="hand",
-)
-def _tremor() -> Varied:
-    from pter_gym.params import BASELINE
-    from pter_gym.scenarios.randomisation import Vary
-    from pter_gym.scenarios.variations import STANDARD, TREMBLING
-
-    return Varied(BASELINE, Vary(STANDARD, hand=TREMBLING))

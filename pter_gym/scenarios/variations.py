@@ -1,6 +1,8 @@
 """What varies in the scenarios: hands, paths, clutches, arms and sensors, each a distribution."""
 
 import math
+from dataclasses import replace
+from types import MappingProxyType
 
 from pter_gym.hands import (
     EQ5_FREQUENCIES,
@@ -17,6 +19,7 @@ from pter_gym.hands.tremor import KINDS
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL
 from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Repeat, Shared, Tuple, Uniform, Vary
+from pter_gym.scenarios.suite import Varied
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 
 WIDTH = 0.1
@@ -154,3 +157,22 @@ SENSORS = Vary(
 """Encoders of 12 or 14 bit, noise, and up to two control steps of delay."""
 
 STANDARD = PathFollowing(hand=EQ5)
+
+CURVED = replace(STANDARD, error_max=WIDTH)
+
+VARIED = MappingProxyType(
+    {
+        "standard": Varied(BASELINE, STANDARD),
+        "paths": Varied(BASELINE, Vary(CURVED, path=CURVES)),
+        "hands": Varied(BASELINE, Vary(STANDARD, hand=OneOf((FORCES, HUMANS)))),
+        "materials": Varied(
+            Vary(BASELINE, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS), Vary(STANDARD, friction_drift=DRIFT)
+        ),
+        "everything": Varied(
+            Vary(BASELINE, arm=ARMS, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS),
+            Vary(CURVED, path=CURVES, hand=OneOf((EQ5, FORCES, HUMANS)), friction_drift=DRIFT, sensing=SENSORS),
+        ),
+        "tremor": Varied(BASELINE, Vary(STANDARD, hand=TREMBLING)),
+    }
+)
+"""What varies in each scenario."""

@@ -8,13 +8,13 @@ import torch
 
 from pter_agents.algorithms import Learner, State
 from pter_agents.networks import Actor, ActorCritic
-from pter_agents.settings import Settings
-from pter_agents.worlds import Worlds
+from pter_agents.settings import TrainingSettings
+from pter_agents.worlds import TrainingWorlds
 from pter_gym.params import require_number
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdvantageSettings(Settings):
+class AdvantageSettings(TrainingSettings):
     """Hyper-parameters of the policy gradient."""
 
     rate: float
@@ -28,7 +28,7 @@ class AdvantageSettings(Settings):
 class PolicyGradient:
     """The gradient of one control step's reward, less its value, after each."""
 
-    def __init__(self, settings: AdvantageSettings, parts: Sequence[Worlds], total: int, seed: int) -> None:
+    def __init__(self, settings: AdvantageSettings, parts: Sequence[TrainingWorlds], total: int, seed: int) -> None:
         torch.manual_seed(seed)
         (self._worlds,) = parts
         self.steps, self.rollout = 0, settings.worlds * settings.steps
@@ -60,19 +60,17 @@ class PolicyGradient:
         return Actor(self._networks.policy)
 
     def get_state(self) -> State:
-        own = {"steps": np.array(self.steps), "inputs": self._inputs, "torch": torch.get_rng_state().numpy()}
-        weights = {name: tensor.numpy() for name, tensor in self._networks.state_dict().items()}
-        return {**own, **weights, **self._worlds.get_state()}
+        own = {"steps": self.steps, "inputs": self._inputs, "torch": torch.get_rng_state()}
+        return {**own, "networks": self._networks.state_dict(), "worlds": self._worlds.get_state()}
 
     def set_state(self, state: State) -> None:
         self.set_weights(state)
-        self._worlds.set_state(state)
-        self.steps, self._inputs = int(state["steps"]), state["inputs"]
-        torch.set_rng_state(torch.from_numpy(state["torch"]))
+        self._worlds.set_state(state["worlds"])
+        self.steps, self._inputs = state["steps"], np.asarray(state["inputs"])
+        torch.set_rng_state(state["torch"])
 
     def set_weights(self, state: State) -> None:
-        names = self._networks.state_dict()
-        self._networks.load_state_dict({name: torch.from_numpy(state[name]) for name in names})
+        self._networks.load_state_dict(state["networks"])
 
     def close(self) -> None:
         pass

@@ -18,10 +18,10 @@ pytest.importorskip("stable_baselines3")
 
 from pter_agents import algorithms, command, exporting, prepare, training  # noqa: E402
 from pter_agents.ppo import PPOSettings  # noqa: E402
-from pter_agents.settings import Settings  # noqa: E402
+from pter_agents.settings import TrainingSettings  # noqa: E402
 from pter_gym.policies import read_policy  # noqa: E402
 
-OF_PPO = {item.name for item in fields(PPOSettings)} - {item.name for item in fields(Settings)}
+OF_PPO = {item.name for item in fields(PPOSettings)} - {item.name for item in fields(TrainingSettings)}
 
 
 @pytest.fixture

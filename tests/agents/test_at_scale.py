@@ -12,18 +12,12 @@ import pytest
 from numpy.typing import NDArray
 
 import pter_gym
-from pter_gym.benchmark import PACES, score_episodes
-from pter_gym.benchmark.simulation import simulate, time_limit
-from pter_gym.controllers import Free, Locked
-from pter_gym.engine.batch import Batch
-from pter_gym.scenarios import find_scenario
+from pter_gym.tuning import examine
 
 pytestmark = [pytest.mark.agents, pytest.mark.long]
 ray = pytest.importorskip("ray")
 
 SCRIPTS = Path(__file__).parents[2] / "agents" / "at_scale"
-UNUSED = 2**31 + 2
-"""Seed of training draws that no script trains on."""
 
 
 def load(name: str) -> ModuleType:
@@ -74,20 +68,12 @@ def test_workers_have_the_worlds_of_one_batch(cluster: None, policy: str) -> Non
     np.testing.assert_array_equal(found, whole)
 
 
-def scores_of(policy: Any, pace: str) -> dict[str, float]:
-    """Mean scores on 24 training draws, from rest as in evaluation episodes."""
-    machines, tasks = zip(*find_scenario("standard").randomisation(pace, contexts=24, seed=UNUSED).pairs(), strict=True)
-    telemetry = simulate(Batch(machines, tasks), policy, list(range(24)), max(map(time_limit, tasks)))
-    return {name: float(values.mean()) for name, values in score_episodes(telemetry, tasks).items()}
-
-
 def test_a_minute_of_rllib_beats_doing_nothing(cluster: None) -> None:
     """Neither released nor locked clutches bring the arm along the path; what has learnt does, and nearer to it."""
-    policy = load("rllib_ppo").learn(seed=0)
-    for pace in PACES:
-        learnt, free, locked = (scores_of(each, pace) for each in (policy, Free(), Locked()))
-        assert learnt["path_error_m"] < 0.5 * min(free["path_error_m"], locked["path_error_m"])
-        assert learnt["completed"] > 0.9 > max(free["completed"], locked["completed"])
+    verdicts = examine({"learnt": load("rllib_ppo").learn(seed=0)})
+    others = verdicts["free"], verdicts["locked"]
+    assert verdicts["learnt"].path_error_m < 0.5 * min(each.path_error_m for each in others)
+    assert verdicts["learnt"].completed > 0.9 > max(each.completed for each in others)
 
 
 def test_tune_tries_settings_and_finds_the_best(cluster: None, tmp_path: Path) -> None:

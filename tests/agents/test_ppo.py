@@ -17,7 +17,7 @@ from stable_baselines3.common.logger import Logger  # noqa: E402
 
 from pter_agents import prepare, training  # noqa: E402
 from pter_agents.algorithms import load_settings, settings_from  # noqa: E402
-from pter_agents.ppo import PARTS, PPO, Samples, estimate, loss_of, normalised  # noqa: E402
+from pter_agents.ppo import PARTS, PPO, Samples, estimate, loss_of, with_even_advantages  # noqa: E402
 
 SMALL = {"worlds": 16, "steps": 32, "minibatch": 512, "epochs": 1, "contexts": 4, "episode": 25}
 
@@ -86,7 +86,7 @@ def test_a_gradient_step_is_that_of_stable_baselines() -> None:
     settings: Any = model._settings
     other = theirs(model, settings)
     collected = [part.collect(model.networks, settings.deviation) for part in model._parts]
-    samples = normalised(collected)
+    samples = with_even_advantages(collected)
     every = Samples(*(torch.cat(rows) for rows in zip(*samples, strict=True)))
     buffer: Any = other.rollout_buffer
     with torch.no_grad():
@@ -117,7 +117,7 @@ def test_a_gradient_step_is_that_of_stable_baselines() -> None:
 
 def test_gradients_of_halves_add_up_to_that_of_the_whole() -> None:
     model = make()
-    samples = normalised([part.collect(model.networks, 0.3) for part in model._parts])
+    samples = with_even_advantages([part.collect(model.networks, 0.3) for part in model._parts])
     every = Samples(*(torch.cat(rows) for rows in zip(*samples, strict=True)))
     _, whole = model._gradient(every, 0.3)
     halves = [model._gradient(part, 0.3)[1] for part in samples]
@@ -163,7 +163,7 @@ def test_the_likelihood_given_the_noise_before_is_exact(persistence: float) -> N
     model.close()
 
 
-def test_the_noise_lasts_and_begins_anew_with_an_episode(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_noise_lasts_and_starts_again_with_an_episode(monkeypatch: pytest.MonkeyPatch) -> None:
     model = make(persistence=0.85, worlds=512, steps=24, minibatch=12288, episode=12)
     part = model._parts[0]
     given: list[np.ndarray] = []
@@ -197,14 +197,14 @@ def test_the_result_does_not_depend_on_the_threads(monkeypatch: pytest.MonkeyPat
     def one_after_the_other(_: PPO, do: Any, over: Any) -> list[Any]:
         return [do(each) for each in over]
 
-    def trained() -> dict[str, np.ndarray]:
+    def trained() -> list[np.ndarray]:
         model = make()
         for _ in range(3):
             model.advance()
         model.close()
-        return model.get_state()
+        return [weight.detach().numpy().copy() for weight in model._weights]
 
     threaded = trained()
     monkeypatch.setattr(PPO, "_each", one_after_the_other)
-    for name, value in trained().items():
-        assert value.tobytes() == threaded[name].tobytes(), name
+    for one, other in zip(trained(), threaded, strict=True):
+        assert one.tobytes() == other.tobytes()

@@ -39,7 +39,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-import numpy as np
 import tyro
 
 CALLS = "openat,write,pwrite64,fsync,ftruncate,rename,renameat,renameat2,unlink,unlinkat,mkdir,flock"
@@ -151,7 +150,7 @@ def train(folder: Path) -> int:
 
 def trained(folder: Path) -> Kept:
     """Return the checkpoints that were reached; description, scores and checkpoints must be whole."""
-    from pter_agents.checkpoints import checkpoints
+    from pter_agents.checkpoints import checkpoints, read_checkpoint, steps_of
     from pter_agents.training import RUN, RunFolder
 
     run = folder / "run"
@@ -161,9 +160,8 @@ def trained(folder: Path) -> Kept:
     RunFolder(run).scores()
     steps = [0]
     for path in checkpoints(run):
-        with np.load(path, allow_pickle=False) as archive:
-            assert all(archive[name].size for name in archive.files)
-        steps.append(int(path.stem.split("-")[1]))
+        assert read_checkpoint(path)["networks"]
+        steps.append(steps_of(path))
     return {str(step): "reached" for step in range(0, steps[-1] + 1, 16 * 8)}
 
 

@@ -42,7 +42,7 @@ def worst_difference(mode: AutoresetMode, steps: int, worlds: int, limit: int) -
 
     keywords = {
         "num_envs": worlds,
-        "randomisation": SCENARIOS["everything"].randomisation(contexts=20),
+        "randomisation": SCENARIOS["everything"].randomisation(contexts=6),
         "observe_context": True,
         "autoreset_mode": mode,
         "max_episode_steps": limit,
@@ -93,7 +93,7 @@ def refused_action() -> str:
 
 def in_any_mode() -> dict[str, float]:
     """Return the worst difference of a few worlds in each mode, for so long that all end at the limit and go on."""
-    return {mode.name: worst_difference(mode, steps=15, worlds=4, limit=12) for mode in AutoresetMode}
+    return {mode.name: worst_difference(mode, steps=8, worlds=3, limit=6) for mode in AutoresetMode}
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,11 @@ import pytest
 
 import pter_gym  # noqa: F401 - registers the ids
 from pter_gym.controllers import TorqueFeedback, bind
-from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, machine_of
 from pter_gym.params.preset import PRESET, Preset, format_preset
 from pter_gym.scenarios import SCENARIOS, find_scenario
-from pter_gym.scenarios.own_machine import OwnMachine, as_sensed, find_own, on_machine
+from pter_gym.scenarios.own_machine import OwnMachine, as_sensed, find_own
 from pter_gym.scenarios.randomisation import OneOf, Vary
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 from pter_gym.tuning import Examination
@@ -94,11 +93,3 @@ def test_a_law_is_told_of_it(preset: str) -> None:
     assert exam.judge(law) == exam.judge(bind(law, own, layout))
     other = replace(own, clutch=DELRIN_EXPERIMENTAL.clutch)
     assert exam.judge(law) != exam.judge(bind(law, other, layout))
-
-
-def test_a_scenario_of_its_own_has_no_other_name() -> None:
-    scenario = on_machine(SCENARIOS["hands"], DELRIN_EXPERIMENTAL)
-    assert (scenario.name, scenario.id) == ("hands", "PTER/Hands-v0")
-    assert scenario.own == DELRIN_EXPERIMENTAL
-    batch = Batch(*map(list, zip(*scenario.randomisation(contexts=2).pairs(), strict=True)))
-    assert batch.machine == DELRIN_EXPERIMENTAL

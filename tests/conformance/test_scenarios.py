@@ -121,17 +121,13 @@ def test_distributions_stay_within_their_ends() -> None:
         (lambda: OneOf(()), r"OneOf\.options"),
         (lambda: Vary(BASELINE.arm, inertia_a=Uniform(-0.1, 1.0)), r"Arm\.inertia_a must be"),
         (lambda: Vary(BASELINE.arm, inertia=Uniform(0.1, 1.0)), r"Arm has no field 'inertia'"),
-        (lambda: Vary(BASELINE.clutch, time_constant=Uniform(0.0, 1.0)), r"Clutch\.time_constant must be"),
         (lambda: Vary(BASELINE, clutch_scale=Repeat(Uniform(0.0, 1.0), 4)), r"Machine\.clutch_scale must be"),
         (
             lambda: Vary(HumanArm(), impedance=Vary(Hand(mass=1.0, stiffness=1.0), stiffness=Uniform(0.0, 9.0))),
             r"impedance\.stiffness must be",
         ),
-        (lambda: Vary(MultiSineHand(), push=OneOf((1.0, float("nan")))), r"MultiSineHand\.push must be"),
-        (lambda: Vary(PathFollowing(), path=Vary(Arc(), radius=Uniform(-1.0, 1.0))), r"Arc\.radius must be"),
         (lambda: Vary(PathFollowing(), pace=Uniform(0.1, 9.0)), r"PathFollowing\.pace must be"),
         (lambda: Randomisation(task=PathFollowing(), contexts=0), r"Randomisation\.contexts must be"),
-        (lambda: Randomisation(task=PathFollowing(), seed=0.5), r"Randomisation\.seed must be"),
     ],
 )
 def test_what_could_draw_something_impossible_is_refused_when_it_is_built(make: Any, message: str) -> None:
@@ -184,15 +180,7 @@ def test_a_state_of_other_machines_is_refused() -> None:
     batch = Batch([BASELINE, replace(BASELINE, clutch_scale=(0.9,) * 4)], PathFollowing())
     batch.reset([0, 1])
     state = batch.get_state()
-    wrong = (
-        (ROW.context_at, 1e9),
-        (ROW.context_at, -1.0),
-        (ROW.foot.segment, 7.0),
-        (ROW.step, -1.0),
-        (ROW.step, np.nan),
-        (ROW.step, 1e300),
-    )
-    for row, value in wrong:
+    for row, value in ((ROW.context_at, 1e9), (ROW.foot.segment, 7.0), (ROW.step, -1.0), (ROW.step, np.nan)):
         broken = {**state, "worlds": state["worlds"].copy()}
         broken["worlds"][0, row, 0] = value
         with pytest.raises(ParameterError, match=r"state\['worlds'\]"):

@@ -13,7 +13,6 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers import vector as wrappers
 
 import pter_gym  # noqa: F401  (registers the environment)
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
@@ -191,7 +190,7 @@ def test_episodes_of_the_single_worlds_end_in_every_way() -> None:
 
 
 @pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode.name)
-@pytest.mark.parametrize("count", [1, 7, 64])
+@pytest.mark.parametrize("count", [7, 64])
 def test_a_row_of_a_batch_is_a_single_environment(count: int, mode: AutoresetMode) -> None:
     env = make(count, mode)
     for step, record in enumerate(live(env, seeds(count), actions(count))):
@@ -200,7 +199,7 @@ def test_a_row_of_a_batch_is_a_single_environment(count: int, mode: AutoresetMod
 
 @pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode.name)
 def test_any_number_of_threads(mode: AutoresetMode) -> None:
-    envs = [make(THREADED, mode, num_threads=threads) for threads in (1, 2, 3, 5)]
+    envs = [make(THREADED, mode, num_threads=threads) for threads in (1, 3)]
     lives = zip(*(live(env, seeds(THREADED), actions(THREADED)) for env in envs), strict=True)
     for step, (one, *others) in enumerate(lives):
         require_same(rows(one, slice(ALONE)), alone(mode)[step], step)
@@ -224,8 +223,8 @@ def test_ten_thousand_worlds() -> None:
             require_same(one, other, step)
 
 
-@pytest.mark.parametrize("count", [64, THREADED])
-def test_any_order_of_worlds(count: int) -> None:
+def test_any_order_of_worlds() -> None:
+    count = THREADED
     order = np.random.default_rng(1).permutation(count)
     env = make(count, SAME_STEP)
     turned = make(count, SAME_STEP, list(order))
@@ -237,8 +236,9 @@ def test_any_order_of_worlds(count: int) -> None:
         require_same(rows(one, order), two, step)
 
 
-@pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode.name)
-@pytest.mark.parametrize(("count", "half"), [(1, 100), (64, 57), (THREADED, 101)])
+@pytest.mark.parametrize(
+    ("count", "half", "mode"), [*((64, 57, mode) for mode in AutoresetMode), (THREADED, 101, SAME_STEP)]
+)
 def test_after_a_checkpoint(count: int, half: int, mode: AutoresetMode) -> None:
     env = make(count, mode)
     voltages = actions(count)
@@ -252,17 +252,6 @@ def test_after_a_checkpoint(count: int, half: int, mode: AutoresetMode) -> None:
         again.set_state(state)
         for step, (one, two) in enumerate(zip(expected, live(again, None, voltages[half:]), strict=True)):
             require_same(one, two, step)
-
-
-def test_a_checkpoint_stays_as_it_is() -> None:
-    env = make(64, SAME_STEP)
-    env.reset(seed=0)
-    state = env.get_state()
-    kept = {name: part.copy() for name, part in state.items()}
-    env.set_state(state)
-    for row in actions(64)[:60]:
-        env.step(row)
-    require_same(state, kept, 0)
 
 
 @pytest.mark.parametrize("name", ["worlds", "words", "seeded"])
@@ -294,13 +283,6 @@ def test_an_end_at_the_limit_is_both_terminated_and_truncated_as_with_time_limit
         alone_end = first_end(gymnasium.make(ID, max_episode_steps=limit), zero)
         batch_end = first_end(gymnasium.make_vec(ID, num_envs=1, max_episode_steps=limit), zero[None])
         assert batch_end == alone_end == [min(step, limit), *flags]
-
-
-def test_the_registered_limit_applies() -> None:
-    env: Any = gymnasium.make_vec(ID, num_envs=2, autoreset_mode=SAME_STEP)
-    env.reset(seed=0)
-    ends = [env.step(np.full((2, 4), 24.0, np.float32))[3] for _ in range(1000)]
-    assert np.flatnonzero(np.array(ends)[:, 0]).tolist() == [999]
 
 
 def told(infos: dict[str, Any]) -> dict[str, Any]:
@@ -340,52 +322,3 @@ def test_returns_are_those_of_gymnasiums_own_vector_environment(mode: AutoresetM
             one, two = ours.reset(options={"reset_mask": mask}), theirs.reset(options={"reset_mask": mask})
         else:
             one, two = ours.step(row), theirs.step(row)
-
-
-@pytest.mark.parametrize("mode", [NEXT_STEP, SAME_STEP], ids=lambda mode: mode.name)
-def test_record_episode_statistics(mode: AutoresetMode) -> None:
-    env = wrappers.RecordEpisodeStatistics(make(7, mode))
-    env.reset(seed=seeds(7))  # pyright: ignore[reportArgumentType]
-    returns, lengths = np.zeros(7), np.zeros(7, int)
-    before = np.zeros(7, bool)
-    seen = 0
-    for row in actions(7):
-        _, rewards, terminated, truncated, infos = env.step(row)
-        counts = ~before if mode == NEXT_STEP else np.ones(7, bool)
-        returns, lengths = returns + rewards, lengths + counts
-        ended = terminated | truncated
-        for world in np.flatnonzero(ended):
-            assert infos["episode"]["r"][world] == pytest.approx(returns[world], rel=1e-12)
-            assert infos["episode"]["l"][world] == lengths[world]
-            returns[world], lengths[world] = 0.0, 0
-            seen += 1
-        before = ended
-    assert seen == env.episode_count > 20
-
-
-def test_normalize_observation_and_reward() -> None:
-    env: Any = wrappers.NormalizeReward(wrappers.NormalizeObservation(make(7, NEXT_STEP)))
-    env.reset(seed=seeds(7))
-    for row in actions(7):
-        obs, rewards, *_ = env.step(row)
-        assert np.isfinite(obs).all()
-        assert np.isfinite(rewards).all()
-    assert np.abs(obs.mean()) < 3.0
-
-
-@pytest.mark.agents
-def test_numpy_to_torch() -> None:
-    torch = pytest.importorskip("torch")
-    pytest.importorskip("array_api_compat")
-    from gymnasium.wrappers.vector.numpy_to_torch import NumpyToTorch
-
-    env: Any = NumpyToTorch(make(7, NEXT_STEP))
-    plain = make(7, NEXT_STEP)
-    plain.reset(seed=seeds(7))
-    obs, infos = env.reset(seed=seeds(7))
-    assert isinstance(infos["telemetry"], torch.Tensor)
-    for row in actions(7)[:60]:
-        obs, rewards, terminated, _, _ = env.step(torch.from_numpy(row))
-        assert obs.numpy().tobytes() == plain.step(row)[0].tobytes()
-    assert rewards.dtype == torch.float64
-    assert terminated.dtype == torch.bool

@@ -38,9 +38,9 @@ def test_an_unknown_module_of_a_moved_package_is_missing():
 PROMISED = """
 import pter_gym
 from pter_agents.exporting import export_run
-from pter_agents.settings import load_settings
+from pter_agents.algorithms import load_settings
 from pter_agents.training import PROGRESS, Arguments, train
-from pter_agents.worlds import training_draws
+from pter_agents.worlds import draws_for
 from pter_gym import BASELINE, simulate
 from pter_gym.benchmark import PACES, ResultsFolder, find_policy, leaderboards, run_scenario
 from pter_gym.benchmark import run_standard_test, score_episodes

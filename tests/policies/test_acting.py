@@ -22,7 +22,7 @@ from pter_gym.envs.acting import ActingPolicy, nominal_machine, normalised
 from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Machine
-from pter_gym.policies import SHIPPED, Card, Input, Interface, read_policy, write_policy
+from pter_gym.policies import Card, Input, Interface, write_policy
 from pter_gym.policies.cards import fields_of
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import STARTS, PathFollowing, observation_layout
@@ -73,14 +73,6 @@ def test_an_episode_is_what_it_is_with_a_policy_that_has_seen_nothing(name: str,
     np.testing.assert_array_equal(again[0], again[2])
     held_wrongly: Any = find_policy(written(name, folder)).bind(BASELINE, LAYOUT)
     assert not np.array_equal([play(env, held_wrongly, seed) for seed in (0, 1, 0)], fresh)
-
-
-def test_an_unseeded_reset_begins_an_episode_too() -> None:
-    env = make()
-    policy = pter_gym.load_policy("residual", env)
-    play(env, policy, 0)
-    observation, _ = env.reset()
-    np.testing.assert_array_equal(policy(observation), pter_gym.load_policy("residual", env)(observation))
 
 
 def make_worlds(mode: AutoresetMode | None, n: int = 4) -> Any:
@@ -226,21 +218,6 @@ def test_worlds_elsewhere_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         ActingPolicy(find_policy("free"), env)
 
 
-@pytest.mark.parametrize("policy", [5, None, ["residual"], b"residual"])
-def test_what_is_no_policy_is_refused(policy: Any) -> None:
-    with pytest.raises(ParameterError, match=r"policy must be a name, the path of an exported policy, .* got"):
-        pter_gym.load_policy(policy, make())
-
-
-def test_a_policy_needs_what_it_was_trained_on() -> None:
-    with pytest.raises(
-        ParameterError, match=r"'residual' needs observations with torque_1 \[20 N·m\], .*; these have cos"
-    ):
-        pter_gym.load_policy("residual", make(sensors="encoders"))
-    more = make(sensors="force", observe_context=True)
-    assert pter_gym.load_policy("residual", more)(more.reset(seed=0)[0]).shape == (4,)
-
-
 def test_tuned_gains_are_those_of_the_scenario() -> None:
     """The observation is the same, and the gains for hands are not those for the standard."""
     found = [ask("torque-feedback-tuned", scenario) for scenario in ("Standard", "Hands")]
@@ -361,11 +338,3 @@ def test_a_planner_is_told_the_worlds_and_begins_in_those_that_begin() -> None:
         pter_gym.load_policy(Told(find_policy("free")), several)  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match='sensors="force"'):
         pter_gym.load_policy("predictive", make())
-
-
-def test_what_ships_acts_by_name_and_by_path() -> None:
-    env = make()
-    observation, _ = env.reset(seed=0)
-    by_path = pter_gym.load_policy(SHIPPED / "residual", env)(observation)
-    np.testing.assert_array_equal(pter_gym.load_policy("residual", env)(observation), by_path)
-    np.testing.assert_array_equal(pter_gym.load_policy(read_policy("residual"), env)(observation), by_path)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save as save_tensors
 
-from pter_gym.benchmark import PACES, ResultsFolder, find_policy, run_scenario
+from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark.identity import identity_of
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import find_tuned
@@ -32,14 +32,13 @@ from pter_gym.policies import (
     Card,
     Input,
     Interface,
-    Network,
     Neural,
     read_policy,
     shipped_policies,
     write_policy,
 )
-from pter_gym.policies.cards import fields_of, read_card
-from pter_gym.policies.files import MOST_CARD, MOST_WEIGHTS, check_name, read_network
+from pter_gym.policies.cards import fields_of
+from pter_gym.policies.files import MOST_CARD, MOST_WEIGHTS
 from pter_gym.policies.interface import LIMIT, available, seen_without
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import observation_layout
@@ -153,10 +152,9 @@ def test_a_history_is_what_was_seen_some_steps_ago_and_the_start_before(tmp_path
     plain = [alone.see(row, alone.begin(5))[0] for row in rows]
     past = bound.begin(5)
     for k, row in enumerate(rows):
-        shown, _ = bound.see(row, past, passing=True)
         seen, _ = bound.see(row, past)
         expected = np.concatenate([plain[max(k - age, 0)] for age in (0, 1, 3)], axis=1)
-        assert shown.tobytes() == seen.tobytes() == expected.tobytes()
+        assert seen.tobytes() == expected.tobytes()
     past.forget(np.arange(5) == 2)
     seen, _ = bound.see(rows[0], past)
     assert seen[2].tobytes() == np.tile(plain[0][2], 3).tobytes()
@@ -182,18 +180,6 @@ def test_averages_follow_slowly(folder: Path) -> None:
             np.testing.assert_allclose(seen[:, column : column + 2], expected, rtol=1e-9, atol=1e-12)
     with pytest.raises(ParameterError, match="averages must be rising"):
         replace(interface, averages=(50, 4))
-
-
-def test_a_policy_with_a_history_begins_anew_in_each_benchmark(tmp_path: Path) -> None:
-    card = make_card(interface=Interface(inputs=INPUTS, reach=12.0, history=(2,), averages=(9,)))
-    write_policy(card, make_tensors(card), "", tmp_path)
-    policy = read_policy("tested", tmp_path).bind(BASELINE, LAYOUT)
-    machines, tasks = zip(*find_scenario("standard").randomisation("brisk", contexts=3, seed=1).pairs(), strict=True)
-    batch = Batch(machines, tasks)
-    first, second = (simulate(batch, policy, [4, 5, 6], 40) for _ in range(2))
-    assert first.tobytes() == second.tobytes()
-    policy(np.zeros((7, len(LAYOUT)), np.float32))
-    assert simulate(batch, policy, [4, 5, 6], 40).tobytes() == first.tobytes()
 
 
 def test_inputs_are_limited_and_ended_worlds_give_numbers(folder: Path) -> None:
@@ -261,22 +247,6 @@ def test_what_was_written_is_read(folder: Path) -> None:
         assert weight.astype(np.float32).tobytes() == make_tensors(policy.card)[f"layer_{k}.weight"].tobytes()
 
 
-def test_a_run_of_a_policy_is_not_repeated_unless_the_policy_changes(folder: Path, tmp_path: Path) -> None:
-    policy = read_policy("tested", folder)
-    results = ResultsFolder(tmp_path / "results")
-
-    def run(chosen: Neural) -> bool:
-        before = [file.stat().st_ino for file in results.path.glob("runs/*.json")]
-        (found,) = run_scenario("standard", {"tested": chosen}, ["brisk"], episodes=2, results=results)
-        assert found.conditions.identity == content_of(chosen)
-        return before != [file.stat().st_ino for file in results.path.glob("runs/*.json")]
-
-    assert run(policy)
-    assert not run(read_policy("tested", folder))
-    other = Neural(replace(policy.card, interface=replace(policy.card.interface, reach=11.0)), policy.network)
-    assert run(other)
-
-
 def test_the_identity_follows_what_acts_and_nothing_else(folder: Path) -> None:
     policy = read_policy("tested", folder)
     told = Neural(replace(policy.card, about={"score": 1.0}), policy.network)
@@ -303,20 +273,13 @@ def test_other_observations_are_refused_with_both_named(folder: Path) -> None:
         policy.bind(BASELINE, LAYOUT)(np.zeros((2, 5), np.float32))
 
 
-@pytest.mark.parametrize(
-    "name", ["../tested", "tested/", "..", "", "a b", "Tested", "tested.json", "/etc/passwd", "a--b", "n" * 181]
-)
+@pytest.mark.parametrize("name", ["../tested", "", "Tested", "tested.json", "/etc/passwd", "a--b", "n" * 181])
 def test_a_name_is_never_a_path(name: str, folder: Path) -> None:
     with pytest.raises(ParameterError, match="names of small letters"):
         read_policy(name, folder)
     card = make_card(name=name)
     with pytest.raises(ParameterError, match="names of small letters"):
         write_policy(card, make_tensors(card), "", folder)
-
-
-def test_an_unknown_name_tells_the_nearest(folder: Path) -> None:
-    with pytest.raises(ParameterError, match="did you mean 'tested'"):
-        read_policy("testd", folder)
 
 
 Break = Callable[[dict[str, Any]], Any]
@@ -330,57 +293,51 @@ def _in_interface(**values: Any) -> Break:
     return lambda card: card["interface"].update(values)
 
 
+def _base(**values: Any) -> dict[str, Any]:
+    return {"controller": "impedance", "paces": [1], "gains": [{}], **values}
+
+
 BROKEN: dict[str, tuple[Break, str]] = {
     "another format": (_set(format=2), "format must be 1"),
-    "another environment": (_set(environment="PTER/PathFollowing-v9"), "PathFollowing-v9.*PathFollowing-v0"),
-    "a key too many": (_set(code="import os"), "must be an object with"),
-    "a key too few": (lambda card: card.pop("hidden"), "must be an object with"),
-    "another name": (_set(name="other"), "that of 'other'"),
-    "a name that is no string": (_set(name=3), "name must be a string"),
+    "another environment": (_set(environment="PTER/PathFollowing-v9"), "PathFollowing-v0.*PathFollowing-v9"),
+    "a key too many": (_set(code="import os"), "fields of Card must be among .* got 'code'"),
+    "a key too few": (lambda card: card.pop("squashed"), "squashed is missing"),
+    "another name": (_set(name="other"), "belongs to 'other'"),
+    "a name of a number": (_set(name=3), "name must be of type str"),
     "a layer of no units": (_set(hidden=[5, 0]), "hidden"),
-    "a giant layer": (_set(hidden=[10**9]), "hidden"),
+    "a giant layer": (_set(hidden=[1025]), "hidden"),
     "a fraction of a unit": (_set(hidden=[2.5]), "hidden"),
     "too many layers": (_set(hidden=[1] * 9), "hidden"),
-    "layers that are no list": (_set(hidden="5"), "hidden"),
-    "no voltage": (_set(voltage_max=0.0), "voltage_max"),
+    "layers in a text": (_set(hidden="5"), "hidden"),
     "a true voltage": (_set(voltage_max=True), "voltage_max"),
     "an endless voltage": (_set(voltage_max=10**400), "refused"),
-    "an unknown input": (_in_interface(inputs=[{"name": "x", "center": "0", "scale": 1}]), "refused"),
+    "an input in a text": (_in_interface(inputs=[{"name": "x", "center": "0", "scale": 1}]), "center"),
     "an input of no scale": (_in_interface(inputs=[{"name": "pace", "center": 0, "scale": 0}]), "scale"),
-    "a nameless input": (_in_interface(inputs=[{"name": None, "center": 0, "scale": 1}]), "name"),
     "no inputs": (_in_interface(inputs=[]), "inputs"),
     "no reach": (_in_interface(reach=-1), "reach"),
     "a history of fractions": (_in_interface(history=[1.5]), "history"),
-    "a long history": (_in_interface(history=[10**6]), "history"),
-    "a history that is no list": (_in_interface(history=3), "history"),
-    "an unknown base": (_in_interface(base={"controller": "os", "paces": [1], "gains": [{}]}), "controller"),
-    "an unknown gain": (
-        _in_interface(base={"controller": "impedance", "paces": [1], "gains": [{"stifness": 1}]}),
-        "did you mean 'stiffness'",
-    ),
-    "a gain out of range": (
-        _in_interface(base={"controller": "impedance", "paces": [1], "gains": [{"stiffness": -1}]}),
-        "stiffness",
-    ),
-    "gains for another number of paces": (
-        _in_interface(base={"controller": "impedance", "paces": [1, 2], "gains": [{}]}),
-        "gains",
-    ),
-    "paces that fall": (_in_interface(base={"controller": "impedance", "paces": [2, 1], "gains": [{}, {}]}), "rising"),
-    "a squashing that is no flag": (_set(squashed=1), "squashed must be true or false, got 1"),
-    "an LSTM of fewer than no units": (_set(lstm=-1), "lstm must be a whole number from 0 to 512, got -1"),
+    "a history of a number": (_in_interface(history=3), "history"),
+    "an unknown base": (_in_interface(base=_base(controller="os")), "controller"),
+    "an unknown gain": (_in_interface(base=_base(gains=[{"stifness": 1}])), "did you mean 'stiffness'"),
+    "a gain out of range": (_in_interface(base=_base(gains=[{"stiffness": -1}])), "stiffness"),
+    "gains in a list": (_in_interface(base=_base(gains=[3])), "gains must be an object"),
+    "gains for another number of paces": (_in_interface(base=_base(paces=[1, 2])), "gains"),
+    "paces that fall": (_in_interface(base=_base(paces=[2, 1], gains=[{}, {}])), "rising"),
+    "a squashing of 1": (_set(squashed=1), "squashed must be True or False, got 1"),
     "an LSTM of too many units": (_set(lstm=513), "lstm must be a whole number from 0 to 512, got 513"),
-    "an LSTM of half a unit": (_set(lstm=0.5), "lstm"),
     "an LSTM of true units": (_set(lstm=True), "lstm"),
     "an LSTM without tensors": (_set(lstm=3), "lstm.weight_inputs"),
-    "a lying checksum": (_set(weights_sha256="0" * 64), "SHA-256"),
-    "observations that are no list": (_set(observation={}), "observation"),
-    "about that is no object": (_set(about=[]), "about"),
+    "a wrong checksum": (_set(weights_sha256="0" * 64), "SHA-256"),
+    "an entry with more": (
+        lambda card: card["observation"][1].update(more=1),
+        "observation must hold objects with name, unit and scale",
+    ),
+    "about in a list": (_set(about=[]), "about"),
 }
 
 
 @pytest.mark.parametrize("kind", BROKEN)
-def test_a_card_that_lies_is_refused(kind: str, folder: Path) -> None:
+def test_a_wrong_card_is_refused(kind: str, folder: Path) -> None:
     file = folder / "tested.json"
     card = json.loads(file.read_text(encoding="utf-8"))
     change, message = BROKEN[kind]
@@ -388,54 +345,6 @@ def test_a_card_that_lies_is_refused(kind: str, folder: Path) -> None:
     file.write_text(json.dumps(card), encoding="utf-8")
     with pytest.raises(DataError, match=message):
         read_policy("tested", folder)
-
-
-LARGEST = {"hidden": (1024,) * 8, "lstm": 512, "name": "a" * 180}
-"""Sizes that a card may have."""
-
-
-@pytest.mark.parametrize("name", LARGEST)
-def test_a_card_may_be_as_large_as_it_says(name: str) -> None:
-    card = make_card(**{name: LARGEST[name]})
-    assert getattr(read_card(json.dumps(card.as_json()).encode(), "it"), name) == LARGEST[name]
-    check_name(card.name)
-
-
-@pytest.mark.parametrize(
-    ("part", "value"), [("hidden", [1025]), ("hidden", [0]), ("hidden", [1.0]), ("hidden", [1] * 9), ("lstm", 513)]
-)
-def test_and_no_larger(part: str, value: object) -> None:
-    content = {**make_card().as_json(), part: value}
-    with pytest.raises(DataError, match=part):
-        read_card(json.dumps(content).encode(), "it")
-
-
-def test_a_name_is_at_most_as_long_as_it_says() -> None:
-    with pytest.raises(ParameterError, match="at most 180"):
-        check_name("a" * 181)
-
-
-@pytest.mark.parametrize("gains", [[3], [{"damping_tangential": 1.0}, 3]])
-def test_gains_on_a_card_are_objects(gains: list[object]) -> None:
-    content: Any = make_card(interface=Interface(inputs=INPUTS, reach=2.0, base=BASE)).as_json()
-    content["interface"]["base"]["gains"] = gains
-    with pytest.raises(DataError, match="gains must be objects"):
-        read_card(json.dumps(content).encode(), "it")
-
-
-def test_an_entry_of_the_observation_has_name_unit_and_scale() -> None:
-    content: Any = make_card().as_json()
-    content["observation"][1]["more"] = 1
-    with pytest.raises(DataError, match="observation must hold objects with name, unit, scale"):
-        read_card(json.dumps(content).encode(), "it")
-
-
-def test_one_weight_that_is_not_finite_is_refused() -> None:
-    card = make_card()
-    tensors = make_tensors(card)
-    tensors["layer_0.weight"][0, 1] = np.nan
-    with pytest.raises(DataError, match="not finite"):
-        read_network(save_tensors(tensors), card, "it")
 
 
 def test_what_is_not_to_be_seen_goes_by_name_or_group() -> None:
@@ -472,16 +381,11 @@ class Payload:
 
 
 HOSTILE: dict[str, bytes] = {
-    "empty": b"",
     "a pickle": pickle.dumps(Payload()),
-    "no JSON": b"{",
-    "not UTF-8": b"\xff\xfe",
-    "NaN": b'{"format": NaN}',
-    "deep": b"[" * 100_000,
-    "deep and whole": b"[" * (DEEPEST + 1) + b"]" * (DEEPEST + 1),
+    "not whole": b"{",
+    "deep": b"[" * (DEEPEST + 1) + b"]" * (DEEPEST + 1),
     "a name twice": b'{"format": 1, "format": 1}',
     "a list": b"[]",
-    "a long number": b'{"format": ' + b"9" * 10_000 + b"}",
     "large": b" " * (MOST_CARD + 1),
 }
 
@@ -516,25 +420,15 @@ def twice(data: bytes, name: bytes) -> bytes:
 
 
 WEIGHTS: dict[str, bytes] = {
-    "empty": b"",
     "a pickle": pickle.dumps(Payload()),
     "truncated": save_tensors(GOOD)[:-4],
-    "with more behind it": save_tensors(GOOD) + b"more",
     "a header beyond the file": struct.pack("<Q", 2**40) + b"{}",
     "a name twice": twice(save_tensors(GOOD), b"layer_0.bias"),
-    "a header of nothing": struct.pack("<Q", 0),
-    "a header that is no JSON": struct.pack("<Q", 4) + b"abcd",
-    "overlapping": struct.pack("<Q", 118)
-    + b'{"layer_0.weight":{"dtype":"F32","shape":[1],"data_offsets":[0,4]},'
-    + b'"b":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}}'.ljust(118 - 67)
-    + bytes(4),
-    "another shape": save_tensors(whole(**{"layer_0.bias": np.zeros(4, np.float32)})),
     "transposed": save_tensors(whole(**{"layer_1.weight": np.ascontiguousarray(GOOD["layer_1.weight"].T)})),
     "another type": save_tensors(whole(**{"layer_0.bias": np.zeros(5)})),
     "a tensor too few": save_tensors(whole(**{"layer_2.bias": None})),
     "a tensor too many": save_tensors(whole(extra=np.zeros(1, np.float32))),
     "NaN": save_tensors(whole(**{"layer_1.bias": NAN})),
-    "infinite": save_tensors(whole(**{"layer_1.bias": np.array([0, 1, np.inf], np.float32)})),
     "large": b"\0" * (MOST_WEIGHTS + 1),
 }
 
@@ -564,25 +458,6 @@ def test_missing_weights_and_weights_that_do_not_fit_are_refused(folder: Path) -
     assert not (folder / "other.json").exists()
 
 
-@pytest.mark.parametrize("name", ["lstm.weight_inputs", "lstm.weight_hidden", "lstm.bias"])
-def test_a_memory_of_another_shape_is_refused(name: str, tmp_path: Path) -> None:
-    card = make_card(lstm=6)
-    tensors = make_tensors(card)
-    tensors[name] = np.repeat(tensors[name], 2, axis=0)
-    with pytest.raises(DataError, match=rf"{name} must be float32 \(24,.*it is float32 \(48,"):
-        write_policy(card, tensors, "", tmp_path)
-
-
-def test_an_older_card_has_neither_memory_nor_squashing(folder: Path) -> None:
-    file = folder / "tested.json"
-    card = json.loads(file.read_text(encoding="utf-8"))
-    del card["squashed"], card["lstm"]
-    file.write_text(json.dumps(card), encoding="utf-8")
-    policy = read_policy("tested", folder)
-    assert (policy.card.squashed, policy.card.lstm) == (False, 0)
-    assert (policy.network.squashed, policy.network.lstm) == (False, None)
-
-
 @pytest.mark.parametrize("name", shipped_policies())
 def test_a_shipped_policy_acts_and_says_what_it_is(name: str) -> None:
     policy = read_policy(name)
@@ -603,17 +478,3 @@ def test_a_policy_that_sets_the_voltages_needs_numpy_and_safetensors_alone(folde
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert not set(result.stdout.split()) & {"torch", "stable_baselines3", "numba", "scipy", "matplotlib", "pickle5"}
-
-
-def test_a_network_is_a_function_of_its_rows() -> None:
-    rng = np.random.default_rng(1)
-    network = Network((rng.normal(size=(3, 2)), rng.normal(size=(4, 3))), (rng.normal(size=3), rng.normal(size=4)))
-    rows = rng.normal(size=(7, 2))
-    outputs, memory = network(rows, network.begin(7))
-    assert memory.shape == (7, 0)
-    np.testing.assert_allclose(outputs[2:3], network(rows[2:3], network.begin(1))[0], rtol=1e-12)
-
-
-def test_the_card_of_a_file_is_named_in_its_error() -> None:
-    with pytest.raises(DataError, match=r"policy card some\.json is refused"):
-        read_card(b"{}", "some.json")
