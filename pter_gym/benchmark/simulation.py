@@ -93,7 +93,7 @@ class Rollout:
         """Go on by so many control steps with a compiled law, which runs inside the kernel with a memory of its own."""
         self._keep(*self.batch.rollout(self.obs, law, gains, steps, self._memory))
 
-    def _keep(self, obs: Observations, rows: Array) -> None:
+    def _keep(self, obs: Observations, rows: Any) -> None:
         """Keep the telemetry of further control steps, (T, N, len(TELEMETRY)), and the last observations."""
         self.obs = obs
         self.steps += len(rows)
@@ -207,7 +207,7 @@ def record_episode(
     while episode.steps < max_steps and not episode.ended.all():
         episode.step(acting)
         on_step()
-    telemetry = episode.telemetry[:, 0]
+    telemetry: Any = episode.telemetry[:, 0]
     volts = telemetry[1:, [*COLUMN.volts]].astype(np.float32)
     return Episode(telemetry, np.concatenate(episode.seen), volts)
 

@@ -121,6 +121,6 @@ def run_standard_test(
     return Result(task=task, machine=machine, seed=seed, runs=runs)
 
 
-def _run(time_constant: float, telemetry: Array, task: PathFollowing) -> Run:
+def _run(time_constant: float, telemetry: Any, task: PathFollowing) -> Run:
     finished = telemetry[np.isfinite(telemetry[:, COLUMN.time])]
     return Run(time_constant=time_constant, score=score(finished, task), telemetry=finished)

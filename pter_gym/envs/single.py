@@ -206,7 +206,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._viewer.close()
             self._viewer = None
 
-    def _show(self, row: NDArray[np.float64]) -> None:
+    def _show(self, row: Any) -> None:
         self._shown = row
         self._trail.append(row[[*COLUMN.tip]])
         if self.render_mode == "human":

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +60,7 @@ class Film:
         self._sheet = Sheet(*self.size, [shot.subject for shot in shots])
         self._shots = shots
         self._step = speed / rate
-        self._moving = 1 + math.ceil(max(shot.telemetry[-1, COLUMN.time] for shot in shots) / self._step - 1e-9)
+        self._moving = 1 + math.ceil(max(shot.telemetry[-1, int(COLUMN.time)] for shot in shots) / self._step - 1e-9)
         self._frames = self._moving + round(PAUSE * rate)
 
     def __len__(self) -> int:
@@ -87,7 +87,7 @@ def default_size(count: int) -> tuple[int, int]:
     return round(scale * width), round(scale * height)
 
 
-def _state(telemetry: Array, time: float) -> tuple[Snapshot, Array]:
+def _state(telemetry: Any, time: float) -> tuple[Snapshot, Array]:
     """Return the state at a time [s] or at the end, and the trail until then."""
     row = int(np.searchsorted(telemetry[:, COLUMN.time], time + 1e-9, side="right")) - 1
     return Snapshot.of(telemetry[row]), telemetry[: row + 1, [*COLUMN.tip]]

@@ -2,7 +2,7 @@
 
 import math
 from enum import StrEnum
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,7 @@ class Snapshot(NamedTuple):
     end: str = ""
 
     @classmethod
-    def of(cls, row: Array) -> Self:
+    def of(cls, row: Any) -> Self:
         """Read a telemetry row, shape (len(TELEMETRY),)."""
         return cls(
             time=float(row[COLUMN.time]),
@@ -90,7 +90,7 @@ class Snapshot(NamedTuple):
         return ClutchState.STUCK if held else ClutchState.SLIPPING
 
 
-def _end(row: Array) -> str:
+def _end(row: Any) -> str:
     """Return how the episode has ended, in words; empty while it goes on."""
     if row[COLUMN.terminated] == 0.0:
         return ""
