@@ -6,7 +6,7 @@ torch until an algorithm's module is asked for.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from numpy.typing import NDArray
 
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.codec import ABSENT, tuple_of
+from pter_gym.internal.codec import tuple_of
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text
 
@@ -171,7 +171,7 @@ def settings_from(algorithm: str, values: Mapping[str, Any]) -> "Settings":
     for name in values:
         if name not in known:
             raise unknown_name("config", name, known)
-    values = {**{item.name: item.metadata[ABSENT] for item in fields(kind) if ABSENT in item.metadata}, **values}
+    values = {**{item.name: item.default for item in fields(kind) if item.default is not MISSING}, **values}
     for name, expected in known.items():
         if name not in values:
             raise ParameterError(f"config must hold {name}")

@@ -13,7 +13,7 @@ from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
 from pter_gym.errors import DataError, ParameterError, unknown_name
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text, reading
-from pter_gym.policies.stored_gains import restore_guided
+from pter_gym.policies.stored_gains import make_guided
 from pter_gym.scenarios import PACES
 
 TABLE = PACKAGE / "presets" / "tuned.toml"
@@ -93,10 +93,10 @@ def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
     Raises
     ------
     DataError
-        If a gain is unknown or refused, or is in none of both and does not declare what its absence meant.
+        If a gain is unknown or refused.
     """
     with reading(f"tuned gains {path}"):
-        return restore_guided(name, entry["gains"], entry.get("defaults"))
+        return make_guided(name, {**entry.get("defaults", {}), **entry["gains"]})
 
 
 def _check_entry(entry: Mapping[str, Any], where: str, path: Path) -> None:

@@ -1,13 +1,12 @@
 """How parameters are declared and checked: a unit and a provenance for each field, one message for each bad value."""
 
 import math
-from dataclasses import MISSING, field, fields
+from dataclasses import field, fields
 from numbers import Integral
 from typing import Any, cast
 
 from pter_gym.errors import ParameterError
 from pter_gym.internal.checks import is_finite
-from pter_gym.internal.codec import declared
 from pter_gym.params.preset import PRESET
 
 LARGEST = 1e12
@@ -17,13 +16,9 @@ SMALLEST = 1e-12
 """Smallest size of a number that has to be positive. The products of such numbers are within what a computer holds."""
 
 
-def quantity(unit: str, provenance: str, *, absent: Any = MISSING, **options: Any) -> Any:
-    """Declare a field with its unit and where its value comes from.
-
-    A field that is added to a stored dataclass needs ``absent``: the value with which data from before the field mean
-    what they meant.
-    """
-    return field(metadata={"unit": unit, "provenance": provenance, **declared(absent)}, **options)
+def quantity(unit: str, provenance: str, **options: Any) -> Any:
+    """Declare a field with its unit and where its value comes from; ``options`` are those of ``dataclasses.field``."""
+    return field(metadata={"unit": unit, "provenance": provenance}, **options)
 
 
 def preset(section: str, name: str) -> Any:

@@ -8,10 +8,10 @@ from typing import Any, cast
 from pter_gym.compiled.layout import Layout
 from pter_gym.errors import ParameterError
 from pter_gym.internal.checks import is_finite
-from pter_gym.internal.codec import ABSENT, completed
+from pter_gym.internal.codec import completed
 from pter_gym.internal.reading import parse_json, reading
 from pter_gym.policies.interface import Base, Input, Interface
-from pter_gym.policies.stored_gains import gains_of, restore_guided
+from pter_gym.policies.stored_gains import gains_of, make_guided
 
 FORMAT = 1
 """Version of the format."""
@@ -66,8 +66,8 @@ class Card:
     weights_sha256: str
     about: Mapping[str, Any] = field(default_factory=dict[str, Any])
     environment: str = ENVIRONMENT
-    squashed: bool = field(default=False, metadata={ABSENT: False})
-    lstm: int = field(default=0, metadata={ABSENT: 0})
+    squashed: bool = False
+    lstm: int = 0
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
@@ -209,13 +209,13 @@ def _base(content: Any) -> Base:
     values.update(
         controller=controller,
         paces=tuple(_number(pace, "paces") for pace in _list(values["paces"], "paces", MOST_INPUTS)),
-        gains=tuple({**gains_of(restore_guided(controller, each)), **each} for each in gains),
+        gains=tuple({**gains_of(make_guided(controller, each)), **each} for each in gains),
     )
     return Base(**values)
 
 
 def _fields(kind: type[Any], content: Any, what: str) -> dict[str, Any]:
-    """Return a value for each field of a dataclass, from an object that may be older than some of them."""
+    """Return a value for each field of a dataclass from an object."""
     try:
         return completed(kind, _object(content))
     except ValueError as error:

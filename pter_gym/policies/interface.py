@@ -6,7 +6,7 @@ or the environments' normalised actions.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from pter_gym.compiled.layout import Layout
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.codec import ABSENT
 from pter_gym.params import Machine, require, require_flag, require_kind, require_number
 from pter_gym.policies.stored_gains import gains_of, make_guided
 
@@ -149,7 +148,7 @@ class Interface:
     base: Base | None = None
     history: tuple[int, ...] = ()
     averages: tuple[int, ...] = ()
-    normalised: bool = field(default=False, metadata={ABSENT: False})
+    normalised: bool = False
 
     def __post_init__(self) -> None:
         """Check the numbers."""

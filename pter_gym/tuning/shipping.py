@@ -16,7 +16,7 @@ HEADING = (
     "Gains of controllers in SI, found by `pter tune` on training draws. Each entry holds the command that made it,",
     "how many gains were tried from how many starts, the training draws of each trial, and the scores on as many draws",
     "that the search had not seen: interquartile mean of the path error [m], means of the others. Gains that were not",
-    "searched have the defaults of the entry; without any there, those of gain_defaults.toml.",
+    "searched have the defaults of the entry.",
 )
 
 
