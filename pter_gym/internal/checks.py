@@ -4,11 +4,9 @@ import operator
 import os
 import sys
 from collections.abc import Iterable
-from typing import Any, cast
+from typing import Any, TypeGuard, cast
 
 from pter_gym.errors import ParameterError
-
-LARGEST = sys.float_info.max
 
 
 def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
@@ -22,13 +20,13 @@ def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
     return number
 
 
-def is_finite(value: object) -> bool:
-    """Tell whether a value is a number that a float64 holds; True and False are none."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and -LARGEST <= value <= LARGEST
+def is_finite(value: object) -> TypeGuard[float]:
+    """Tell whether a value is a number that a float64 holds; True and False are not."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def names_in(field: str, names: Iterable[Any]) -> list[Any]:
-    """Return the names of a list that is not empty, or raise a ParameterError; a text is no list of its letters."""
+    """Return a list of names, or raise a ParameterError if it is empty, or a single name."""
     given = cast("object", names)
     listed = list(cast("Iterable[Any]", given)) if isinstance(given, Iterable) else []
     if not listed or isinstance(given, (str, bytes, os.PathLike)):

@@ -81,10 +81,10 @@ class Codec:
 def dataclasses_in(*modules: ModuleType) -> Iterator[type[Any]]:
     """Yield the dataclasses that are named in modules or packages and defined there."""
     for module in modules:
+        within = f"{module.__name__}."
         for kind in vars(module).values():
-            if isinstance(kind, type) and is_dataclass(kind):
-                if f"{kind.__module__}.".startswith(f"{module.__name__}."):
-                    yield kind
+            if isinstance(kind, type) and is_dataclass(kind) and f"{kind.__module__}.".startswith(within):
+                yield kind
 
 
 def stored_fields(kind: type[Any]) -> dict[str, Field[Any]]:
@@ -115,4 +115,4 @@ def completed(kind: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
 
 def tuple_of(value: Any) -> Any:
     """Return a value as dataclasses have it: files have lists in place of tuples."""
-    return tuple(cast("list[Any]", value)) if isinstance(value, list) else value
+    return tuple(map(tuple_of, cast("list[Any]", value))) if isinstance(value, list) else value

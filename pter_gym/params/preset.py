@@ -4,7 +4,6 @@ Every number in the file carries its unit and where it comes from. ``PRESET`` is
 fit`` writes such files.
 """
 
-import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
@@ -12,9 +11,9 @@ from types import MappingProxyType
 from typing import Any, cast
 
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.checks import is_finite
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text, reading
+from pter_gym.params.fields import check_number, quantity
 
 KINDS = ("published", "derived", "fitted", "identified", "chosen")
 """First words of a provenance."""
@@ -22,16 +21,9 @@ KINDS = ("published", "derived", "fitted", "identified", "chosen")
 Value = float | tuple[float, ...]
 
 
-def number(
-    unit: str,
-    *,
-    above: float = -math.inf,
-    at_least: float = -math.inf,
-    at_most: float = math.inf,
-    below: float = math.inf,
-) -> Any:
-    """Declare a number of a preset file with its unit and its range."""
-    return field(metadata={"unit": unit, "range": (above, at_least, at_most, below)})
+def number(unit: str, **bounds: float) -> Any:
+    """Declare a number of a preset file with its unit and its bounds; see ``check_number``."""
+    return field(metadata={"unit": unit, "bounds": bounds})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +47,7 @@ class ClutchValues:
     breakaway_ratio: float = number("1", above=0.0)
     time_constant: float = number("s", above=0.0)
     voltage_max: float = number("V", above=0.0)
-    scale: tuple[float, ...] = number("1", above=0.0)
+    scale: tuple[float, ...] = number("1", at_least=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,20 +240,16 @@ def _value(item: "Field[Any]", value: object, where: str) -> Value:
 
 
 def _number(item: "Field[Any]", value: object, where: str) -> float:
-    above, at_least, at_most, below = item.metadata["range"]
-    bounds = [
-        f"{sign} {bound:g}"
-        for sign, bound in ((">", above), ("≥", at_least), ("≤", at_most), ("<", below))
-        if math.isfinite(bound)
-    ]
-    wrong = ParameterError(f"{where} must be {' and '.join(['a finite number', *bounds])}, got {value!r}")
-    if not is_finite(value):
-        raise wrong
-    given = float(cast("float", value))
-    if not (above < given < below and at_least <= given <= at_most):
-        raise wrong
-    return given
+    check_number(where, value, **item.metadata["bounds"])
+    return float(cast("float", value))
 
 
 PRESET = load_preset(Path(__file__).parents[1] / "presets" / "pter.toml")
 """The set of numbers that the package ships."""
+
+
+def preset(section: str, name: str) -> Any:
+    """Declare a field with unit, provenance and value from the preset that the package ships."""
+    values = getattr(PRESET, section)
+    unit = next(item.metadata["unit"] for item in fields(values) if item.name == name)
+    return quantity(unit, PRESET.provenance[f"{section}.{name}"], default=getattr(values, name))
