@@ -61,7 +61,7 @@ def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tupl
     DataError
         If the run cannot be read, or both policies do not act alike.
     StorageError
-        If the policy cannot be written; it says where its files are.
+        If the policy cannot be written.
     """
     run, out = find_path("run", run), find_path("out", out)
     folder = RunFolder(run)

@@ -73,7 +73,7 @@ def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -
     DependencyError
         If the extra ``render`` is missing.
     StorageError
-        If the folder cannot be written; it says where its files are.
+        If the folder cannot be written.
     """
     episodes, where = whole_number("episodes", episodes), find_path("out", out)
     _check_film()

@@ -1,4 +1,4 @@
-"""Hands as they were measured: arms at the hand, and tremors. ``presets/hands.toml`` has the numbers and their sources."""
+"""Hands as they were measured: arms and tremors, from ``presets/hands.toml`` with its sources."""
 
 import math
 import tomllib

@@ -14,6 +14,9 @@ from pter_gym.errors import ParameterError, StorageError
 FilePath = str | os.PathLike[str]
 """What is accepted as a path: a string or a ``pathlib.Path``, absolute, relative, or from ``~`` on."""
 
+LONGEST = 255
+"""Most bytes of a name in a path; common file systems allow no more."""
+
 ROOM = 1 << 16
 """Bytes for which there must be room before any work begins."""
 
@@ -26,8 +29,8 @@ def find_path(field: str, path: FilePath) -> Path:
     found = None
     with suppress(TypeError, ValueError, RuntimeError):  # not a path, a name that files cannot have, no such user
         expanded = Path(path).expanduser()
-        os.fsencode(expanded)
-        found = expanded
+        if all(len(os.fsencode(part)) <= LONGEST for part in expanded.parts):
+            found = expanded
     if found is None or os.fspath(path) == "" or "\0" in str(found):
         raise ParameterError(f"{field} must be a path, as a string or a pathlib.Path, got {path!r:.200}")
     return found

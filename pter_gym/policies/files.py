@@ -224,7 +224,7 @@ def write_policy(card: Card, tensors: dict[str, NDArray[np.float32]], text: str,
     DataError
         If the weights do not fit the card.
     StorageError
-        If they cannot be written; it says where all three files are.
+        If they cannot be written.
     """
     check_name(card.name)
     folder = find_path("folder", folder)

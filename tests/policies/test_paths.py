@@ -181,7 +181,7 @@ def test_what_is_no_path_is_refused_with_its_argument(taker: str, given: Any) ->
 
 
 def test_what_is_no_file_of_its_kind_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="it is no regular file"):
+    with pytest.raises(DataError, match="it is not a regular file"):
         read_run(str(tmp_path))
 
 

@@ -20,10 +20,10 @@ from pter_gym.benchmark import PACES, ResultsFolder, find_policy, run_scenario
 from pter_gym.benchmark.identity import identity_of
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import find_tuned
+from pter_gym.compiled.layout import Field, Layout
 from pter_gym.controllers import bind
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.internal.reading import DEEPEST
 from pter_gym.params import BASELINE
 from pter_gym.policies import (
     LSTM,
@@ -478,7 +478,7 @@ HOSTILE: dict[str, bytes] = {
     "not UTF-8": b"\xff\xfe",
     "NaN": b'{"format": NaN}',
     "deep": b"[" * 100_000,
-    "deep and whole": b"[" * (DEEPEST + 1) + b"]" * (DEEPEST + 1),
+    "deep and whole": b"[" * 100 + b"]" * 100,
     "a name twice": b'{"format": 1, "format": 1}',
     "a list": b"[]",
     "a long number": b'{"format": ' + b"9" * 10_000 + b"}",
@@ -617,3 +617,13 @@ def test_a_network_is_a_function_of_its_rows() -> None:
 def test_the_card_of_a_file_is_named_in_its_error() -> None:
     with pytest.raises(DataError, match=r"policy card some\.json is refused"):
         read_card(b"{}", "some.json")
+
+
+@pytest.mark.parametrize("name", ["residual", "ppo-standard"])
+def test_shipped_policies_ignore_entries_that_are_added_to_observations(name: str) -> None:
+    layout = observation_layout(BASELINE, "torque")
+    newer = Layout((*layout.fields, Field("new", "m", "added later")))
+    observations = np.random.default_rng(0).uniform(-1.0, 1.0, (5, len(layout))).astype(np.float32)
+    more = np.hstack([observations, np.full((5, 1), 0.5, np.float32)])
+    policy = load_policy(name)
+    assert np.array_equal(policy.bind(BASELINE, newer)(more), policy.bind(BASELINE, layout)(observations))
