@@ -62,7 +62,7 @@ def commands() -> dict[str, EntryPoint]:
 
 
 def load_command(name: str) -> Command:
-    """Return a command, or raise a ParameterError that tells the nearest."""
+    """Return a command, or raise a ParameterError with the nearest names."""
     found = commands()
     if name not in found:
         raise unknown_name("COMMAND", name, found)

@@ -12,7 +12,7 @@ LARGEST = 1e12
 """Largest size of a number that has no bound of its own."""
 
 SMALLEST = 1e-12
-"""Smallest size of a number that has to be positive. The products of such numbers are within what a computer holds."""
+"""Smallest size of a number that has to be positive. Products of such numbers do not underflow."""
 
 
 def quantity(unit: str, provenance: str, **options: Any) -> Any:

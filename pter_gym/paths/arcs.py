@@ -117,12 +117,12 @@ class Path(ABC):
         Raises
         ------
         ParameterError
-            If there is none, as the path doubles back on itself or has a kink.
+            If no arcs follow the path, because it doubles back on itself or has a kink.
         """
         try:
             return self.make_arcs()
         except (ArithmeticError, RecursionError):
-            raise ParameterError(f"path must be a smooth curve, which no arcs follow: {self!r:.400}") from None
+            raise ParameterError(f"path must be a smooth curve that arcs can follow, got {self!r:.400}") from None
 
     @property
     def length(self) -> float:

@@ -177,7 +177,7 @@ TURNING_BACK = [
 
 @pytest.mark.parametrize("points", TURNING_BACK)
 def test_a_spline_that_turns_back_on_itself_is_refused(points: Any, tmp_path: File) -> None:
-    with pytest.raises(ParameterError, match="Spline must be a curve with one heading at each point"):
+    with pytest.raises(ParameterError, match="Spline must be a smooth curve that never turns back"):
         Batch(BASELINE, PathFollowing(path=Spline(points=points)))
     file = tmp_path / "path.csv"
     file.write_text("x,y\n" + "".join(f"{x},{y}\n" for x, y in points))
