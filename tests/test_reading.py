@@ -226,7 +226,7 @@ def test_damaged_archives_are_refused(kind: str) -> None:
 
 
 TABLES: dict[str, tuple[str, str]] = {
-    "a column twice": ("x,y,x\n1,2,3\n", "one column x"),
+    "a column twice": ("x,y,x\n1,2,3\n", "more than one column x"),
     "commas in numbers": ("x,y\n0,5,0,6\n", "line 2 has 4 entries, the first has 2"),
     "underscores": ("x,y\n1_0,2\n", "line 2: x must be a finite number, got '1_0'"),
     "other digits": ("x,y\n\uff11,2\n", "line 2: x must be a finite number"),

@@ -128,7 +128,7 @@ def _has_fields(kind: Any) -> bool:
 
 def _array(array: Any) -> str:
     """Return the text of an array or of a scalar of NumPy, if it holds no addresses."""
-    kind: Any = type(array)
+    kind = cast(Any, type(array))
     if not (kind is np.ndarray or issubclass(kind, np.generic)) or array.dtype.hasobject:
         raise _UnknownError
     return f"{kind.__name__} {array.dtype!r}{array.shape}{hashlib.sha256(array.tobytes()).hexdigest()}"

@@ -6,7 +6,7 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Collection
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ def read_arrays(data: bytes, most: int, names: Collection[str] | None = None) ->
         raise ValueError(f"the archive is damaged: {error}") from None
 
 
-def _array(found: object, name: str) -> NDArray[Any]:
+def _array(found: Any, name: str) -> NDArray[Any]:
     if not isinstance(found, np.ndarray):
         raise ValueError(f"{name} must be an array, as numpy.savez writes it")
-    return found
+    return cast("NDArray[Any]", found)

@@ -4,7 +4,7 @@ import operator
 import os
 import sys
 from collections.abc import Iterable
-from typing import Any, TypeGuard, cast
+from typing import Any, cast
 
 from pter_gym.errors import ParameterError
 
@@ -20,7 +20,7 @@ def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
     return number
 
 
-def is_finite(value: object) -> TypeGuard[float]:
+def is_finite(value: object) -> bool:
     """Tell whether a value is a number that a float64 holds; True and False are not."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 

@@ -106,10 +106,14 @@ def completed(kind: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
             raise unknown_name(f"stored fields of {kind.__name__}", name, known)
     found = dict(given)
     for name, item in known.items():
-        if name not in found and item.default is MISSING and item.default_factory is MISSING:
+        if name in found:
+            continue
+        if item.default is not MISSING:
+            found[name] = item.default
+        elif item.default_factory is not MISSING:
+            found[name] = item.default_factory()
+        else:
             raise ParameterError(f"stored {kind.__name__} has no field {name!r}; it needs {', '.join(known)}")
-        if name not in found:
-            found[name] = item.default_factory() if item.default is MISSING else item.default
     return found
 
 

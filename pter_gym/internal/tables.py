@@ -39,7 +39,8 @@ def read_columns(file: FilePath, names: Sequence[str]) -> dict[str, NDArray[np.f
 
 def _place(name: str, header: Sequence[str]) -> int:
     if header.count(name) != 1:
-        raise ValueError(f"there must be one column {name}; the columns are {', '.join(header):.200}")
+        found = "more than one" if name in header else "no"
+        raise ValueError(f"{found} column {name}; the columns are {', '.join(header):.200}")
     return header.index(name)
 
 

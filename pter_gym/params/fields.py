@@ -33,7 +33,7 @@ def require_number(owner: object, name: str, **bounds: float) -> None:
 
 def check_number(
     field: str,
-    value: object,
+    value: Any,
     *,
     above: float = -math.inf,
     at_least: float = -math.inf,
