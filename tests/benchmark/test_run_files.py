@@ -304,7 +304,7 @@ def test_what_is_no_file_is_left_out(folder: ResultsFolder) -> None:
         os.mkfifo(of(folder, "pipe"))
     found = left_out(folder)
     assert {"folder.json", "loop.json", "nowhere.json"} <= set(found)
-    assert set(found.values()) == {"it is no regular file"}
+    assert set(found.values()) == {"it is not a regular file"}
 
 
 @pytest.mark.skipif(os.name != "posix", reason="other systems allow no such names")
