@@ -15,8 +15,10 @@ from numba.core import config
 from numba.core.registry import CPUDispatcher
 
 from pter_gym.compiled import pipeline
-from pter_gym.compiled.digests import digest_of
+from pter_gym.compiled.digests import digest_of, files_of
 from pter_gym.compiled.stored import StoredKernels
+
+__all__ = ["WITHOUT_ARRAYS", "Device", "compile_kernel", "device", "digest_of", "files_of", "inlined", "outlined"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -15,8 +15,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.compiled.compiler import compile_kernel
-from pter_gym.compiled.digests import digest_of
+from pter_gym.compiled.compiler import compile_kernel, digest_of
 from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.laws import built_in
 from pter_gym.engine.law import empty_memory
