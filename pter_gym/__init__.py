@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from pter_gym._moved import find_old_names
 from pter_gym._version import __version__
 from pter_gym.scenarios.suite import SCENARIOS
 
@@ -55,7 +54,6 @@ _HOMES = {
     "PathFollowing": "pter_gym.tasks.path_following",
 }
 
-find_old_names()
 
 gymnasium.register(
     id="PTER/PathFollowing-v0",

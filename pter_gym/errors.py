@@ -19,7 +19,7 @@ class ActionError(PterError, gymnasium.error.InvalidAction, ValueError):
 
 
 class DivergenceError(PterError, ArithmeticError):
-    """A motion has left the numbers that a computer can hold; a smaller substep keeps it within them."""
+    """A motion has grown beyond what floating point can hold; a smaller substep avoids that."""
 
 
 class ResetNeededError(PterError, gymnasium.error.ResetNeeded):
@@ -31,15 +31,15 @@ class DependencyError(PterError, gymnasium.error.DependencyNotInstalled):
 
 
 class DataError(PterError, RuntimeError):
-    """A stored file is missing, or is not what was stored."""
+    """A stored file is missing or damaged."""
 
 
 class StorageError(PterError, OSError):
-    """A file cannot be written, as on a full disk; the message says where its content is, if it could be kept."""
+    """A file cannot be written, as on a full disk."""
 
 
 class PolicyError(PterError, RuntimeError):
-    """A policy in a process of its own has failed, has ended, or does not answer in time."""
+    """A policy in another process has failed, has ended, or does not answer in time."""
 
 
 def needs_extra(what: str, extra: str) -> DependencyError:
@@ -48,12 +48,12 @@ def needs_extra(what: str, extra: str) -> DependencyError:
 
 
 def unknown_name(field: str, name: object, known: Iterable[str]) -> ParameterError:
-    """Return the error for an unknown name, which lists the known ones and points to the nearest."""
+    """Return the error for an unknown name, with the known ones and the nearest."""
     known = list(known)
     return ParameterError(f"{field} must be among {', '.join(known)}, got {name!r:.200}{nearest(name, known)}")
 
 
 def nearest(name: object, known: Iterable[str]) -> str:
-    """Return the end of a message: which of the known names are nearest to one, or nothing if none is near."""
+    """Return the end of a message: the known names nearest to one, or nothing if none is near."""
     near = difflib.get_close_matches(str(name), list(known), n=3, cutoff=0.5)
     return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""

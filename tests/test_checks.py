@@ -63,8 +63,8 @@ def test_a_header_alone_gives_empty_columns(tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("x,z\n1,2\n", "no column y; it has x, z"),
-        ("", "no column x, y; it has none"),
+        ("x,z\n1,2\n", "no column y; the columns are x, z"),
+        ("", "no column x"),
         ("x,y\n1,2\n1,nan\n", "line 3: y must be a finite number, got 'nan'"),
         ("x,y\n-inf,2\n", "line 2: x must be a finite number, got '-inf'"),
         ("x,y\n1\n", "line 2: y must be a finite number, got ''"),

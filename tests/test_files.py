@@ -1,4 +1,4 @@
-"""Files are written whole or not at all, and what cannot be written is not lost."""
+"""Files are written whole or not at all."""
 
 import os
 import shutil
@@ -14,7 +14,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pter_gym.errors import ParameterError, StorageError
-from pter_gym.internal import files
 from pter_gym.internal.files import (
     ROOM,
     check_folder,
@@ -30,39 +29,26 @@ from pter_gym.internal.locks import locked
 POSIX = pytest.mark.skipif(os.name != "posix", reason="POSIX permissions, links and limits")
 
 
-@pytest.fixture(autouse=True)
-def refuge(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The one place where content is kept that cannot be written."""
-    place = tmp_path_factory.mktemp("refuge")
-    monkeypatch.setattr(files, "REFUGES", (str(place),))
-    return place
-
-
 def names(directory: Path) -> list[str]:
     return [path.name for path in directory.iterdir()]
-
-
-def kept(refuge: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in refuge.glob("*/*")}
 
 
 # --- writing ---
 
 
-def test_writes_and_replaces(tmp_path: Path, refuge: Path):
+def test_writes_and_replaces(tmp_path: Path):
     path = tmp_path / "result.json"
     write_text_atomic(path, "θ\n")
     assert path.read_bytes() == "θ\n".encode()
     write_bytes_atomic(str(path), b"\x00\r\n")
     assert path.read_bytes() == b"\x00\r\n"
     assert names(tmp_path) == ["result.json"]
-    assert names(refuge) == []
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt(), SystemExit()])
 @pytest.mark.parametrize("where", ["os.fsync", "pathlib.Path.replace"])
 def test_failure_leaves_the_earlier_file_and_nothing_else(
-    tmp_path: Path, refuge: Path, monkeypatch: pytest.MonkeyPatch, where: str, error: BaseException
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, error: BaseException
 ):
     def fail(*_args: object) -> None:
         raise error
@@ -76,10 +62,7 @@ def test_failure_leaves_the_earlier_file_and_nothing_else(
     assert names(tmp_path) == ["result.json"]
     if isinstance(error, OSError):
         assert isinstance(raised.value, StorageError)
-        assert f"cannot be written: No space left on device; what was to be written is in '{refuge}" in str(
-            raised.value
-        )
-        assert kept(refuge) == {"result.json": b"later"}
+        assert str(raised.value) == f"{str(path)!r} cannot be written: No space left on device"
 
 
 def test_all_is_on_the_disk_before_a_file_gets_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -87,14 +70,6 @@ def test_all_is_on_the_disk_before_a_file_gets_its_name(tmp_path: Path, monkeypa
     monkeypatch.setattr(os, "fsync", lambda file: sizes.append(os.fstat(file).st_size))
     write_text_atomic(tmp_path / "result.json", "x" * 100)
     assert sizes == [100]
-
-
-def test_what_is_kept_stays_in_its_folders(tmp_path: Path, refuge: Path):
-    content = {"a/b/c": b"1", "a/b/d": b"2"}
-    with pytest.raises(StorageError, match="cannot be written"):
-        write_files_atomic(tmp_path, content)
-    (found,) = refuge.iterdir()
-    assert {str(path.relative_to(found)): path.read_bytes() for path in found.rglob("*") if path.is_file()} == content
 
 
 def test_a_target_needs_room_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -107,32 +82,17 @@ def test_a_target_needs_room_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         check_target("out", tmp_path / "result.json")
 
 
-def test_one_file_that_fails_keeps_all(tmp_path: Path, refuge: Path):
+def test_files_before_one_that_fails_are_written(tmp_path: Path):
     (tmp_path / "b").mkdir()
-    content = {"a": b"1", "b": b"2", "c": b"3"}
     with pytest.raises(StorageError, match=r"'.*b' cannot be written"):
-        write_files_atomic(tmp_path, content)
-    assert kept(refuge) == content
+        write_files_atomic(tmp_path, {"a": b"1", "b": b"2", "c": b"3"})
     assert sorted(names(tmp_path)) == ["a", "b"]
 
 
-def test_where_there_is_no_room_anywhere_it_says_so(
-    tmp_path: Path, refuge: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(*_args: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(StorageError, match="no room elsewhere either, so it is lost"):
-        write_bytes_atomic(tmp_path / "nowhere" / "result.json", b"")
-    assert names(refuge) == names(tmp_path) == []
-
-
-def test_missing_directory_is_refused(tmp_path: Path, refuge: Path):
+def test_missing_directory_is_refused(tmp_path: Path):
     with pytest.raises(StorageError, match="No such file"):
         write_bytes_atomic(tmp_path / "nowhere" / "result.json", b"")
     assert names(tmp_path) == []
-    assert kept(refuge) == {"result.json": b""}
 
 
 @POSIX
@@ -173,22 +133,13 @@ def test_only_leftovers_are_removed(tmp_path: Path):
 
 # --- before the work ---
 
-BAD_NAMES = {
-    "nothing": ("", "must be a path"),
-    "bytes": (b"file", "must be a path"),
-    "a number": (5, "must be a path"),
-    "a zero": ("a\0b", "must be a path"),
-    "300 letters": ("n" * 300, "must be a path of names of at most 255 B"),
-    "300 letters of a folder": (f"{'n' * 300}/file", "must be a path of names of at most 255 B"),
-    "128 letters of two bytes": ("ü" * 128, "must be a path of names of at most 255 B"),
-    "half a character": ("a\ud800", "must be a path that files can have"),
-}
+BAD_NAMES = ["", b"file", 5, "a\0b", "n" * 300, f"{'n' * 300}/file", "ü" * 128, "a\ud800"]
 
 
 @POSIX
-@pytest.mark.parametrize(("name", "message"), BAD_NAMES.values(), ids=BAD_NAMES)
-def test_names_that_no_file_can_have_are_refused(name: object, message: str) -> None:
-    with pytest.raises(ParameterError, match=f"^out {message}"):
+@pytest.mark.parametrize("name", BAD_NAMES)
+def test_names_that_no_file_can_have_are_refused(name: object) -> None:
+    with pytest.raises(ParameterError, match=r"^out must be a path"):
         find_path("out", name)  # type: ignore[arg-type]
 
 
@@ -227,31 +178,6 @@ def test_a_target_is_a_file_in_a_folder(tmp_path: Path) -> None:
     assert sorted(names(tmp_path)) == ["file", "folder"]
 
 
-LIMITED = """
-import resource, sys
-from pathlib import Path
-from pter_gym.errors import ParameterError
-from pter_gym.internal.files import ROOM, check_folder
-
-for size in (ROOM, ROOM - 1):
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
-    try:
-        check_folder("out", Path(sys.argv[1]))
-        print("fits")
-    except ParameterError as error:
-        print(error)
-"""
-
-
-@POSIX
-def test_a_folder_has_to_have_some_room(tmp_path: Path) -> None:
-    found = subprocess.run([sys.executable, "-c", LIMITED, str(tmp_path)], capture_output=True, text=True, check=True)
-    first, second = found.stdout.splitlines()
-    assert first == "fits"
-    assert second.startswith(f"out must be in a folder that can be written to, with room for {ROOM // 1024} kB")
-    assert names(tmp_path) == []
-
-
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A disk of 40 kB, which needs the right to mount one."""
@@ -271,7 +197,7 @@ def remount_read_only(disk: Path) -> None:
 
 @pytest.mark.parametrize("spoil", [None, remount_read_only])
 def test_a_full_or_read_only_disk_is_told_and_costs_nothing(
-    small_disk: Path, refuge: Path, spoil: Callable[[Path], None] | None
+    small_disk: Path, spoil: Callable[[Path], None] | None
 ) -> None:
     write_bytes_atomic(small_disk / "result", b"earlier")
     if spoil:
@@ -283,7 +209,6 @@ def test_a_full_or_read_only_disk_is_told_and_costs_nothing(
         write_bytes_atomic(small_disk / "result", bytes(ROOM))
     assert (small_disk / "result").read_bytes() == b"earlier"
     assert names(small_disk) == ["result"]
-    assert kept(refuge) == {"result": bytes(ROOM)}
 
 
 # --- locks ---
@@ -311,7 +236,7 @@ def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
         holder.communicate()
     with locked(path, busy="out: another process"), pytest.raises(ZeroDivisionError), locked(tmp_path / "other"):
         raise ZeroDivisionError
-    with locked(path, busy="it was not let go"):
+    with locked(path, busy="it was not released"):
         pass
 
 

@@ -1,11 +1,15 @@
-"""Preset files: older ones, and the border of each range."""
+"""Preset files: what must be there, and the border of each range."""
 
 import re
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from pter_gym.errors import ParameterError
-from pter_gym.params.preset import ABSENT_ORIGIN, PRESET, SECTIONS, format_preset, parse_preset
+from pter_gym.params import machine_of
+from pter_gym.params.preset import PRESET, SECTIONS, format_preset, parse_preset
+from pter_gym.physics.open_loop import initial_state, simulate
 
 TEXT = format_preset(PRESET, "for tests")
 
@@ -25,27 +29,20 @@ def with_value(section: str, name: str, value: str) -> str:
     )
 
 
-def test_a_file_from_before_a_number_means_what_it_meant():
-    older = parse_preset(without("clutch", "scale"))
-    assert older.clutch.scale == (1.0, 1.0, 1.0, 1.0)
-    assert older.provenance["clutch.scale"] == ABSENT_ORIGIN
-    assert parse_preset(without("sensing")).sensing.delay == 0.0
-
-
-@pytest.mark.parametrize("section", [name for name in SECTIONS if name != "sensing"])
-def test_every_other_section_has_to_be_there(section: str):
+@pytest.mark.parametrize("section", SECTIONS)
+def test_every_section_has_to_be_there(section: str):
     with pytest.raises(ParameterError, match=f"section '{section}' is missing"):
         parse_preset(without(section))
 
 
-def test_a_number_without_a_meaning_of_its_absence_has_to_be_there():
+def test_every_number_has_to_be_there():
     with pytest.raises(ParameterError, match="field of clutch 'knee' is missing"):
         parse_preset(without("clutch", "knee"))
 
 
 ZERO = {
     "arm": ("coupling",),
-    "clutch": ("knee", "curvature"),
+    "clutch": ("knee", "curvature", "scale"),
     "path": ("x", "y", "direction"),
     "hand": ("push", "force_max"),
     "controller": ("stiffness", "damping_normal", "damping_tangential", "slip_threshold", "feedback"),
@@ -73,3 +70,15 @@ def test_nothing_of_these_is_below_zero(name: str):
     section = next(section for section, kind in SECTIONS.items() if name in kind.__dataclass_fields__)
     with pytest.raises(ParameterError, match=rf"{section}\.{name} must be a finite number and ≥ 0"):
         parse_preset(with_value(section, name, "-0.001"))
+
+
+def test_a_missing_clutch_generates_no_torque():
+    machine = machine_of(parse_preset(with_value("clutch", "scale", "[1.0, 1.0, 1.0, 0.0]")))
+    volts, push = np.array([0.0, 0.0, 0.0, 24.0]), np.array([5.0, 3.0])
+    found = simulate(machine, initial_state(machine, (0.5, 2.0)), volts, push, duration=0.3)
+    expected = simulate(machine, initial_state(machine, (0.5, 2.0)), np.zeros(4), push, duration=0.3)
+    assert not found.torque.any()
+    assert np.abs(found.omega[-1]).max() > 0.1
+    np.testing.assert_array_equal(found.theta, expected.theta)
+    with pytest.raises(ParameterError, match=r"Machine\.clutch_scale must be a tuple of 4 finite numbers ≥ 0"):
+        replace(machine, clutch_scale=(1.0, 1.0, 1.0, -0.1))

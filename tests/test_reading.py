@@ -1,4 +1,4 @@
-"""Files of others: read within bounds, each name once, no number that is none, and nothing executed."""
+"""Files of others: read within bounds, each name once, finite numbers, and nothing executed."""
 
 import gzip
 import io
@@ -22,10 +22,7 @@ from pter_gym.errors import DataError, ParameterError
 from pter_gym.internal.archives import read_arrays
 from pter_gym.internal.checks import is_finite
 from pter_gym.internal.reading import (
-    DEEPEST,
-    MOST_DOTS,
     MOST_JSON,
-    MOST_PARTS,
     MOST_TOML,
     inflate,
     parse_json,
@@ -33,7 +30,7 @@ from pter_gym.internal.reading import (
     read_bytes,
     reading,
 )
-from pter_gym.internal.tables import MOST_ROWS, read_columns
+from pter_gym.internal.tables import read_columns
 
 
 @pytest.fixture
@@ -80,22 +77,15 @@ def test_json_is_read_as_it_was_written(content: Any) -> None:
 
 
 JSON: dict[str, tuple[bytes, str]] = {
-    "a name twice": (b'{"a": 1, "a": 1}', "occurs twice"),
-    "a name twice within": (b'[{"b": {"a": 1, "a": 2}}]', "occurs twice"),
-    "NaN": (b"[NaN]", "numbers are finite"),
-    "infinite": (b"[-Infinity]", "numbers are finite"),
-    "too large a number": (b"[1e999]", "numbers are finite, and not 1e999"),
-    "too many digits": (b"9" * 41, "at most 40 digits"),
+    "a name twice": (b'[{"b": {"a": 1, "a": 2}}]', "occurs twice"),
+    "NaN": (b"[NaN]", "numbers must be finite, got NaN"),
+    "too large a number": (b"[1e999]", "numbers must be finite, got 1e999"),
+    "too many digits": (b"9" * 5000, "digits"),
     "half a character": (b'["\\ud800"]', "surrogates"),
     "half a character in a name": (b'{"\\udfff": 1}', "surrogates"),
     "half a character, raw": (b'["\xed\xa0\x80"]', "utf-8"),
-    "deep": (b"[" * (DEEPEST + 1) + b"]" * (DEEPEST + 1), f"nested deeper than {DEEPEST}"),
-    "very deep": (b"[" * MOST_PARTS, f"nested deeper than {DEEPEST}"),
-    "very deep objects": (b'{"a":' * MOST_PARTS, f"nested deeper than {DEEPEST}"),
-    "many lists": (b"[" + b"[]," * MOST_PARTS + b"0]", f"more than {MOST_PARTS} lists and objects"),
-    "many objects": (b"[" + b"{}," * MOST_PARTS + b"0]", f"more than {MOST_PARTS} lists and objects"),
+    "deep": (b"[" * 100_000, "nested too deeply"),
     "large": (b" " * (MOST_JSON + 1), f"larger than {MOST_JSON}"),
-    "a mark of its order": (b"\xef\xbb\xbf[]", "BOM"),
     "more behind it": (b"[] []", "Extra data"),
     "another encoding": ("[]".encode("utf-16"), "utf-8"),
 }
@@ -106,21 +96,14 @@ def test_json_that_is_not_strict_is_refused(kind: str) -> None:
     data, told = JSON[kind]
     with pytest.raises(ValueError, match=told):
         parse_json(data)
-    assert parse_json(b"[" * DEEPEST + b"]" * DEEPEST)
-
-
-def test_json_of_the_most_parts_is_read() -> None:
-    assert len(parse_json(b"[" + b"[]," * (MOST_PARTS - 2) + b"{}]")) == MOST_PARTS - 1
 
 
 TOML: dict[str, tuple[str, str]] = {
     "a name twice": ("a = 1\na = 1\n", "overwrite"),
-    "not a number": ("a = nan", "a must be a finite number, got nan"),
-    "infinite": ("a = [1.0, -inf]", "a must be a finite number, got -inf"),
-    "too large a number": ("a = 1e999", "a must be a finite number, got inf"),
-    "deep": ("a = " + "[" * 100_000, "nested deeper"),
-    "deep tables": ("a = " + "{a = " * 50_000, "nested deeper"),
-    "a long name": (".".join(["a"] * (MOST_DOTS + 2)) + " = 1", f"at most {MOST_DOTS} dots"),
+    "not a number": ("a = nan", "numbers must be finite, got nan"),
+    "infinite": ("a = [1.0, -inf]", "numbers must be finite, got -inf"),
+    "too large a number": ("a = 1e999", "numbers must be finite, got 1e999"),
+    "deep": ("a = " + "[" * 100_000, "nested too deeply"),
     "large": ("#" * (MOST_TOML + 1), f"larger than {MOST_TOML}"),
     "half a character": ('a = "\\ud800"', "scalar"),
 }
@@ -142,9 +125,9 @@ def test_what_is_packed_is_unpacked_within_its_bound(content: bytes, most: int) 
     else:
         with pytest.raises(ValueError, match=f"larger than {most} bytes"):
             inflate(packed, most)
-    with pytest.raises(ValueError, match="no whole file of gzip"):
+    with pytest.raises(ValueError, match="not one complete gzip file"):
         inflate(packed[:-1], 120)
-    with pytest.raises(ValueError, match="no whole file of gzip"):
+    with pytest.raises(ValueError, match="not one complete gzip file"):
         inflate(packed + packed, 120)
 
 
@@ -162,11 +145,11 @@ def test_files_are_regular_and_within_their_bound(tmp_path: Path) -> None:
         read_bytes(file, 4)
     with pytest.raises(ValueError, match="there is no such file"):
         read_bytes(tmp_path / "none", 5)
-    with pytest.raises(ValueError, match="no regular file"):
+    with pytest.raises(ValueError, match="not a regular file"):
         read_bytes(tmp_path, 5)
     if hasattr(os, "mkfifo"):
         os.mkfifo(tmp_path / "pipe")
-        with pytest.raises(ValueError, match="no regular file"):
+        with pytest.raises(ValueError, match="not a regular file"):
             read_bytes(tmp_path / "pipe", 5)
 
 
@@ -215,46 +198,31 @@ def saved(array: np.ndarray) -> bytes:
     return stream.getvalue()
 
 
-def header(description: bytes, content: bytes = b"") -> bytes:
-    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(description)) + description + content
-
-
-def array(kind: str, shape: str, content: bytes = b"") -> bytes:
-    return header(f"{{'descr': {kind}, 'fortran_order': False, 'shape': {shape}, }}\n".encode(), content)
+def with_header(text: bytes) -> bytes:
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text
 
 
 ARCHIVES: dict[str, tuple[bytes, str]] = {
-    "nothing": (b"", "no whole archive"),
-    "text": (b"no archive", "no whole archive"),
-    "cut": (packed({"a": np.arange(9)})[:-30], "no whole archive"),
-    "no array": (part(b"text"), "must hold plain numbers or texts"),
-    "another ending": (part(saved(np.arange(3)), "a"), "each name once"),
-    "other methods": (part(saved(np.arange(3)), method=zipfile.ZIP_BZIP2), "stored or deflated"),
-    "objects": (part(array("'|O'", "()", b"\x80\x04N.")), "plain numbers or texts"),
-    "code in a header": (part(array("__import__('os')", "()")), "plain numbers or texts"),
-    "a deep header": (part(header(b"(" * 9000 + b"\n")), "plain numbers or texts"),
-    "larger than it is": (part(array("'<f8'", "(10000000000,)", bytes(8))), "not as many bytes"),
-    "many of nothing": (part(array("'<U0'", "(10000000000,)")), "not as many bytes"),
-    "another length of the header": (part(saved(np.arange(3)).replace(b"v\0{", b"w\0{")), "plain numbers or texts"),
+    "nothing": (b"", "damaged"),
+    "cut": (packed({"a": np.arange(9)})[:-30], "damaged"),
+    "no array": (part(b"text"), "a must be an array"),
+    "objects": (packed({"a": np.array([{}], object)}), "allow_pickle"),
+    "code in a header": (part(with_header(b"__import__('os')\n")), "malformed"),
+    "a deep header": (part(with_header(b"(" * 9000 + b"\n")), "damaged"),
+    "larger than it is": (
+        part(with_header(b"{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000,), }\n")),
+        "Unable to allocate",
+    ),
     "too much": (packed({"a": np.zeros(1 << 20)}), "at most 1000000 B"),
+    "another name": (packed({"b": np.zeros(1)}), "must hold a; it differs in a, b"),
 }
 
 
 @pytest.mark.parametrize("kind", ARCHIVES)
-def test_archives_that_lie_are_refused_before_memory_is_taken(kind: str, peak: Any) -> None:
+def test_damaged_archives_are_refused(kind: str) -> None:
     data, told = ARCHIVES[kind]
-    with peak(below=1 << 20), pytest.raises(ValueError, match=told):
-        read_arrays(data, 1_000_000)
-
-
-def test_a_part_that_is_there_twice_is_refused() -> None:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        archive.writestr("a.npy", saved(np.arange(3)))
-        with pytest.warns(UserWarning, match="Duplicate"):
-            archive.writestr("a.npy", saved(np.arange(4)))
-    with pytest.raises(ValueError, match="each name once"):
-        read_arrays(stream.getvalue(), 1000)
+    with pytest.raises(ValueError, match=told):
+        read_arrays(data, 1_000_000, ["a"] if kind == "another name" else None)
 
 
 TABLES: dict[str, tuple[str, str]] = {
@@ -263,7 +231,6 @@ TABLES: dict[str, tuple[str, str]] = {
     "underscores": ("x,y\n1_0,2\n", "line 2: x must be a finite number, got '1_0'"),
     "other digits": ("x,y\n\uff11,2\n", "line 2: x must be a finite number"),
     "an open quote": ('x,y\n"' + "1\n" * 100_000, "field larger than field limit"),
-    "many rows": ("x,y\n" + "1,2\n" * (MOST_ROWS + 1), f"at most {MOST_ROWS} rows"),
 }
 
 

@@ -38,7 +38,7 @@ def save_checkpoint(model: Model, folder: FilePath) -> Path:
     Raises
     ------
     StorageError
-        If it cannot be written; it says where it is, and the earlier ones stay.
+        If it cannot be written; the earlier ones stay.
     """
     content = io.BytesIO()
     torch.save(_as_tensors(model.get_state()), content)

@@ -86,7 +86,7 @@ def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -
     DependencyError
         If the extra ``render`` is missing.
     StorageError
-        If the folder cannot be written; it says where its files are.
+        If the folder cannot be written.
     """
     from pter_gym.render.film import check_ending
 

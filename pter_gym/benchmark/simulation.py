@@ -86,7 +86,7 @@ class Rollout:
         self.seen.append(returns.obs)
         self._keep(returns.obs, returns.telemetry)
 
-    def _keep(self, obs: Observations, rows: Array) -> None:
+    def _keep(self, obs: Observations, rows: Any) -> None:
         """Keep the last observations and the telemetry of further control steps, (T, N, len(TELEMETRY))."""
         self.obs = obs
         self.steps += len(rows)
@@ -195,7 +195,7 @@ def record_episode(
     while episode.steps < max_steps and not episode.ended.all():
         episode.step(acting)
         on_step()
-    telemetry = episode.telemetry[:, 0]
+    telemetry: Any = episode.telemetry[:, 0]
     return Episode(telemetry, np.concatenate(episode.seen), telemetry[1:, [*COLUMN.volts]].astype(np.float32))
 
 

@@ -14,7 +14,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.internal.files import check_target, find_path
 
 PATHS = ConstructorRegistry()
-"""How arguments become paths: ``~`` is the home of the user, also where no shell has put it in."""
+"""How arguments become paths: ``~`` is expanded even where the shell has not done so."""
 
 
 @PATHS.primitive_rule

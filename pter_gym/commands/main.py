@@ -15,7 +15,7 @@ from pter_gym._version import __version__
 from pter_gym.commands.arguments import PATHS, as_typed
 from pter_gym.commands.names import names_table
 from pter_gym.errors import PterError, unknown_name
-from pter_gym.internal.terminal import Interrupts, accept_all_characters, close_output, say, terminal
+from pter_gym.internal.terminal import accept_all_characters, close_output, end_on_interrupt, say, terminal
 
 Command = Callable[..., int | None]
 
@@ -62,7 +62,7 @@ def commands() -> dict[str, EntryPoint]:
 
 
 def load_command(name: str) -> Command:
-    """Return a command, or raise a ParameterError that tells the nearest."""
+    """Return a command, or raise a ParameterError with the nearest names."""
     found = commands()
     if name not in found:
         raise unknown_name("COMMAND", name, found)
@@ -82,19 +82,16 @@ def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
 def main(arguments: list[str] | None = None) -> int:
     """Run ``pter`` and return its exit status: the command's, else 0; 2 after an error, 130 after Ctrl-C."""
     accept_all_characters()
-    interrupts = Interrupts(INTERRUPTED)
     if arguments is None:
-        interrupts.watch()
+        end_on_interrupt(INTERRUPTED)
     try:
         status = _run(sys.argv[1:] if arguments is None else arguments)
         sys.stdout.flush()
         return status
     except KeyboardInterrupt:
-        interrupts.tell()
-        if arguments is None:
-            interrupts.end()
+        terminal(errors=True).print("interrupted; files that were written are complete")
         return INTERRUPTED
-    except OSError as error:  # of a file that nobody thought of, or of what is in the place of the terminal
+    except OSError as error:  # of a file, or of where the output goes
         if arguments is None:
             close_output()
         with suppress(OSError):

@@ -3,7 +3,7 @@
 import math
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -151,7 +151,8 @@ def summary(episode: "Episode") -> str:
     """Return in words how an episode went."""
     from pter_gym.tasks.path_following import COLUMN
 
-    last = episode.telemetry[-1]
+    telemetry: Any = episode.telemetry
+    last = telemetry[-1]
     end = "arrived" if last[COLUMN.is_success] else "left the workspace" if last[COLUMN.terminated] else "time is up"
-    error = 1e3 * abs(episode.telemetry[:, COLUMN.normal_error])
+    error = 1e3 * abs(telemetry[:, COLUMN.normal_error])
     return f"{end} after {last[COLUMN.time]:.2f} s; error {error.mean():.1f} mm on average, {error.max():.1f} at most"

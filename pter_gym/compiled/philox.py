@@ -33,7 +33,7 @@ def _multiply(a: np.uint64, b: np.uint64) -> tuple[np.uint64, np.uint64]:
 
 @device
 def _add(a: np.uint64, b: np.uint64) -> np.uint64:
-    """Return a sum modulo 2⁶⁴, by halves, since NumPy's scalars warn of an overflow."""
+    """Return a sum modulo 2⁶⁴, by halves, since NumPy's scalars warn of overflows."""
     low = (a & _LOW) + (b & _LOW)
     return (((a >> _32) + (b >> _32) + (low >> _32)) << _32) | (low & _LOW)
 

@@ -1,7 +1,7 @@
 """How numba compiles kernels and their parts: in half of its usual time, in a thread that Ctrl-C stops.
 
 Numba optimises each function and makes machine code of it, also where the function is copied into every kernel that
-calls it. Here only kernels get that far. It makes a constant record anew wherever an entry of it is read; here the
+calls it. Here only kernels get that far. It builds a constant record again wherever an entry of it is read; here the
 entry alone is read. The collector of unused memory, which finds nothing meanwhile, waits.
 """
 
@@ -22,7 +22,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.untyped_passes import TranslateByteCode
 
 PATIENCE = 1.0
-"""Seconds of compiling after which the user is told."""
+"""Seconds of compiling after which the user gets a message."""
 
 STORED = "compiling, once: about 20 s"
 NOT_STORED = "compiling for this process alone, as it cannot be stored: about 20 s"
@@ -33,7 +33,7 @@ _log = logging.getLogger(__name__.partition(".")[0])
 
 
 class _Job(NamedTuple):
-    """What the thread that compiles and the one that waits tell each other."""
+    """What the compiling thread and the waiting one share."""
 
     began: Event
     stop: Event
@@ -84,7 +84,7 @@ def _without_collector() -> Generator[None]:
 
 
 def tell(text: str) -> None:
-    """Tell the user once, and not in each worker process."""
+    """Log a warning once, and not in each worker process."""
     if multiprocessing.parent_process() is None and text not in _told:
         _told.add(text)
         _log.warning("%s: %s", _log.name, text)
@@ -157,7 +157,7 @@ class Kernel(CompilerBase):
     """Numba's steps for a kernel."""
 
     def __init__(self, *args: Any) -> None:
-        """Begin to compile a function, unless nobody waits for it any more."""
+        """Begin to compile a function, unless the caller was interrupted."""
         job: _Job | None = getattr(_thread, "job", None)
         if job is not None:
             if job.stop.is_set():

@@ -13,14 +13,18 @@ and writes by name::
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from numba import types
 from numba.extending import overload
 
 from pter_gym.compiled.compiler import WITHOUT_ARRAYS
+from pter_gym.compiled.generated import compile_source
 from pter_gym.compiled.layout import Field, Layout
 from pter_gym.compiled.pipeline import Part
+
+R = TypeVar("R")
+"""A record, or a number."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +96,7 @@ def width(kind: type[Any]) -> int:
     return sum(width(inner) if is_record(inner) else 1 for _, _, inner in parts(kind))
 
 
-def rows(kind: type[Any], first: int = 0) -> Any:
+def rows(kind: type[R], first: int = 0) -> R:
     """Return a record whose entries are their row numbers, counted from ``first`` on."""
     found: list[Any] = []
     for _, _, inner in parts(kind):
@@ -126,42 +130,44 @@ def layout_of(kind: type[Any], machine: Any = None) -> Layout:
 
 def flat(record: tuple[Any, ...]) -> tuple[float, ...]:
     """Return the numbers of a record in their order."""
-    return tuple(number for part in record for number in (flat(part) if _holds_many(part) else (part,)))
+    return tuple(number for part in record for number in _numbers(part))
 
 
-def load(w: Any, at: Any, i: Any) -> Any:
+def load(w: Any, at: R, i: Any) -> R:
     """Read a record from column ``i`` of an array (rows, worlds); ``at`` holds its row numbers."""
-    return type(at)(*(load(w, row, i) for row in at)) if _holds_many(at) else w[at, i]
+    places: Any = at
+    return type(places)(*(load(w, row, i) for row in places)) if _holds_many(at) else w[at, i]
 
 
-def store(w: Any, at: Any, i: Any, value: Any) -> None:
+def store(w: Any, at: R, i: Any, value: R) -> None:
     """Write a record to column ``i`` of an array (rows, worlds); ``at`` holds its row numbers."""
-    if _holds_many(at):
-        for row, part in zip(at, value, strict=True):
-            store(w, row, i, part)
-    else:
-        w[at, i] = value
+    for row, part in zip(_numbers(at), _numbers(value), strict=True):
+        w[row, i] = part
 
 
-def read(array: Any, at: Any, first: Any) -> Any:
+def read(array: Any, at: R, first: Any) -> R:
     """Read a record from an array (numbers,) in which it begins at ``first``; ``at`` holds its places from there."""
-    return type(at)(*(read(array, place, first) for place in at)) if _holds_many(at) else array[first + at]
+    places: Any = at
+    return type(places)(*(read(array, place, first) for place in places)) if _holds_many(at) else array[first + at]
 
 
-def write(array: Any, at: Any, value: Any) -> None:
+def write(array: Any, at: R, value: R) -> None:
     """Write a record to an array (numbers,); ``at`` holds its places."""
-    if _holds_many(at):
-        for place, part in zip(at, value, strict=True):
-            write(array, place, part)
-    else:
-        array[at] = value
+    for place, part in zip(_numbers(at), _numbers(value), strict=True):
+        array[place] = part
 
 
-def blend(low: Any, high: Any, part: Any) -> Any:
+def blend(low: R, high: R, part: Any) -> R:
     """Return the record that lies a part of the way from one record to another of its kind."""
+    a: Any = low
+    b: Any = high
     if _holds_many(low):
-        return type(low)(*(blend(a, b, part) for a, b in zip(low, high, strict=True)))
-    return low + part * (high - low)
+        return type(a)(*(blend(x, y, part) for x, y in zip(a, b, strict=True)))
+    return a + part * (b - a)
+
+
+def _numbers(value: Any) -> tuple[Any, ...]:
+    return flat(value) if _holds_many(value) else (value,)
 
 
 def _paths(kind: Any, before: str = "") -> Iterator[str]:
@@ -187,8 +193,7 @@ def _made(kind: Any, number: str, names: dict[str, Any], before: str = "") -> st
 
 def written(arguments: str, lines: Iterable[str], names: dict[str, Any]) -> Any:
     """Return a function with a body that knows some names: what is made for a record's class is written out."""
-    exec(f"def written({arguments}):\n    " + "\n    ".join(lines), names)
-    return names["written"]
+    return compile_source(f"def written({arguments}):\n    " + "\n    ".join(lines), "written", names)
 
 
 def _returning(kind: Any, arguments: str, number: str) -> Any:

@@ -40,7 +40,7 @@ _RANDOM_STREAM = np.uint64(0x52414E444F4D)
 
 
 @device
-def physical(obs: Any, scales: Any, at: int) -> float:
+def physical(obs: Any, scales: Any, at: float) -> float:
     """Return an entry of an observation in its unit."""
     return obs[at] * scales[at]
 
@@ -186,7 +186,7 @@ def allocate_in(g: Gains, tip: Tip, want_a: float, want_b: float, low: PerClutch
 
 
 @device
-def looped_voltage(obs: Any, scales: Any, gains: Any, g: Gains, wanted: float, slip: float, sensor: int) -> float:
+def looped_voltage(obs: Any, scales: Any, gains: Any, g: Gains, wanted: float, slip: float, sensor: float) -> float:
     """Return the voltage [V] of a clutch, behind the torque loop where it has a gain; only then is its sensor read."""
     generated = physical(obs, scales, sensor) if g.feedback != 0.0 else 0.0
     return clutch_voltage(gains, g, wanted, slip, generated)

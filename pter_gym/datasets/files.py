@@ -76,7 +76,7 @@ def write_dataset(
     DependencyError
         If Minari is missing.
     StorageError
-        If it cannot be written; it says where its files are.
+        If it cannot be written.
     """
     where = find_path("out", folder) / dataset_id(scenario, level)
     make_folder(where / "data")

@@ -303,7 +303,7 @@ class Batch(Worlds):
         """Run a law and write the telemetry, if there is room for it; return the last observations and the flags."""
         obs = obs.copy()
         memory = self.empty_memory() if memory is None else memory
-        config = np.concatenate([self._config, gains])
+        config: Any = np.concatenate([self._config, gains])
         config[CONFIG.has_law] = 1.0
         rewards = np.empty(self.num_worlds)
         flags = np.zeros((FLAGS, self.num_worlds), np.bool_)
@@ -368,7 +368,7 @@ class Batch(Worlds):
             raise ActionError(f"action must hold real numbers, got dtype {array.dtype}")
         self._actions[...] = array
 
-    def _row(self, world: int) -> Array:
+    def _row(self, world: int) -> Any:
         """Return what is stored of a world, (rows,)."""
         width = self._worlds.shape[2]
         return self._worlds[world // width, :, world % width]

@@ -1,7 +1,7 @@
 """The worlds of a batch before the first step: who shares which constants, and the blocks that hold them."""
 
 from collections.abc import Sequence
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +96,7 @@ def empty_blocks(contexts: Array, draws: int, rows: int) -> Array:
     n = len(contexts)
     width = min(LANES, -(-n // 8) * 8)
     blocks = -(-n // width)
-    worlds = np.zeros((blocks, rows, width))
+    worlds: Any = np.zeros((blocks, rows, width))
     worlds[:, ROW.context_at] = np.concatenate([contexts, np.repeat(contexts[-1:], blocks * width - n)]).reshape(
         -1, width
     )

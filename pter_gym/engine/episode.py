@@ -79,7 +79,7 @@ def locate(w: Any, i: int, constants: Any) -> None:
 @outlined
 def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: Any, constants: Any) -> None:
     """Start an episode: the arm at rest at the start of the path, clutches released, draws from seed and episode."""
-    for row in range(ROW.context_at):
+    for row in range(int(ROW.context_at)):
         w[row, i] = 0.0
     for row in range(BASIC_ROWS, STORED_ROWS):
         w[row, i] = 0.0

@@ -130,7 +130,7 @@ def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
 
 
 @device
-def _count(w: Any, row: int, lanes: int) -> int:
+def _count(w: Any, row: float, lanes: int) -> int:
     """Return how many lanes are not zero in a row."""
     count = 0
     for i in range(lanes):

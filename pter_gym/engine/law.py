@@ -29,7 +29,7 @@ MEMORY = rows(Memory)
 
 def empty_memory(worlds: int) -> NDArray[np.float64]:
     """Return what a law keeps at the start of an episode, a row for each world: (N, width of ``Memory``)."""
-    memory = np.zeros((worlds, width(Memory)))
+    memory: Any = np.zeros((worlds, width(Memory)))
     memory[:, MEMORY.world] = np.arange(worlds)
     return memory
 

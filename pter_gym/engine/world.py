@@ -105,13 +105,13 @@ ROW = rows(World)
 ROWS = width(World)
 """Rows of the kernel's array."""
 
-BASIC_ROWS = ROW.drive.force.along
+BASIC_ROWS = int(ROW.drive.force.along)
 """Rows that every world stores: those before ``drive``."""
 
-STORED_ROWS = ROW.machine.arm.length_a
+STORED_ROWS = int(ROW.machine.arm.length_a)
 """Rows of a world that change: those before its constants. Not all worlds need those behind ``BASIC_ROWS``."""
 
-CONSTANT_ROWS = ROW.steady.breakaway.x1 - STORED_ROWS
+CONSTANT_ROWS = int(ROW.steady.breakaway.x1) - STORED_ROWS
 """Rows of a world's constants."""
 
 FLAG = rows(Flags)

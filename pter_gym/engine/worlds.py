@@ -48,8 +48,8 @@ class Worlds:
         self.draws = drawing is not None
         self.pairs, numbers = distinct(machines, tasks)
         check_shared(self.pairs)
-        self._constants = constants_of(self.pairs)
-        self._worlds = empty_blocks(
+        self._constants: Any = constants_of(self.pairs)
+        self._worlds: Any = empty_blocks(
             float(CONTEXT_WIDTH) * numbers if drawing is None else np.zeros(drawing),
             1 if drawing is None else len(self.pairs),
             BASIC_ROWS if all(is_plain(task) for _, task in self.pairs) else STORED_ROWS,
@@ -131,7 +131,7 @@ class Worlds:
         for name, mine in self._changing.items():
             mine[:] = state[name]
 
-    def _fits(self, worlds: Array) -> bool:
+    def _fits(self, worlds: Any) -> bool:
         """Tell whether worlds from elsewhere point at constants, arcs and instants that there are."""
         if not ((worlds[:, ROW.step] >= 0.0) & (worlds[:, ROW.step] < 2.0**31)).all():
             return False
@@ -180,7 +180,7 @@ class Worlds:
         which may know more than the policies that they judge.
         """
         worlds = self._worlds.transpose(0, 2, 1).reshape(-1, self._worlds.shape[1])[: self.num_worlds]
-        entries = np.delete(np.arange(CONTEXT_WIDTH), CONTEXT.task.energy_max)
+        entries = np.delete(np.arange(CONTEXT_WIDTH), int(CONTEXT.task.energy_max))
         context = worlds[:, ROW.context_at, None].astype(np.intp) + entries
         return np.concatenate([worlds, self._constants[context]], axis=1)
 

@@ -210,7 +210,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         return Viewer(self.machine, self.task, "human" if self.render_mode == "human" else "rgb_array", width, height)
 
-    def _show(self, row: NDArray[np.float64]) -> None:
+    def _show(self, row: Any) -> None:
         self._rows.append(row)
         if self.render_mode == "human":
             self._draw()

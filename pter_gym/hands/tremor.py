@@ -153,7 +153,7 @@ def find_hand(name: str) -> HumanArm:
     Raises
     ------
     ParameterError
-        If there is no such hand; it tells the nearest.
+        If there is no such hand; the message has the nearest names.
     """
     if name in KINDS:
         return KINDS[name]()

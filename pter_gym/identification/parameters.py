@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.params import Machine, TorqueCurve
+from pter_gym.params import SMALLEST, Machine, TorqueCurve
 
 Array = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ class Shape:
                 math.log(arm.inertia_a),
                 math.log(arm.inertia_b),
                 arm.coupling / math.sqrt(arm.inertia_a * arm.inertia_b),
-                *(math.log(curve.slope * scale) for scale in machine.clutch_scale),
+                *(math.log(max(curve.slope * scale, SMALLEST)) for scale in machine.clutch_scale),
                 extra,
                 knee,
                 machine.clutch.breakaway.slope / curve.slope,

@@ -8,8 +8,6 @@ from typing import Any, cast
 
 from pter_gym.errors import ParameterError
 
-LARGEST = sys.float_info.max
-
 
 def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
     """Return a whole number, or raise a ParameterError that names the field."""
@@ -23,12 +21,12 @@ def whole_number(field: str, value: Any, *, at_least: int = 1) -> int:
 
 
 def is_finite(value: object) -> bool:
-    """Tell whether a value is a number that a float64 holds; True and False are none."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and -LARGEST <= value <= LARGEST
+    """Tell whether a value is a number that a float64 holds; True and False are not."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def names_in(field: str, names: Iterable[Any]) -> list[Any]:
-    """Return the names of a list that is not empty, or raise a ParameterError; a text is no list of its letters."""
+    """Return a list of names, or raise a ParameterError if it is empty, or a single name."""
     given = cast("object", names)
     listed = list(cast("Iterable[Any]", given)) if isinstance(given, Iterable) else []
     if not listed or isinstance(given, (str, bytes, os.PathLike)):

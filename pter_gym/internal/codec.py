@@ -1,10 +1,7 @@
 """Frozen dataclasses as plain data, and back: what can be stored as JSON and read without running it.
 
 A dataclass becomes a dictionary with its name under ``"type"`` and its fields, a tuple a list. Floats keep every bit,
-since JSON writes them by ``repr``.
-
-Data outlive the dataclass. A field that they lack did not exist when they were written: it takes what its absence meant
-then, which the field declares under ``ABSENT`` in its metadata. A field without that declaration has to be there.
+since JSON writes them by ``repr``. All fields are written; one that data lack takes its default.
 """
 
 import math
@@ -14,9 +11,6 @@ from types import MappingProxyType, ModuleType
 from typing import Any, cast
 
 from pter_gym.errors import ParameterError, unknown_name
-
-ABSENT = "absent"
-"""Key of a field's metadata: its value in data that were written before the field existed."""
 
 TYPE = "type"
 
@@ -29,7 +23,7 @@ class Codec:
     Parameters
     ----------
     kinds
-        The dataclasses; data know them by their names.
+        The dataclasses, which data refer to by name.
     """
 
     def __init__(self, kinds: Iterable[type[Any]]) -> None:
@@ -68,14 +62,14 @@ class Codec:
         Raises
         ------
         ParameterError
-            If a type or field is unknown, a field is missing, or a value is refused by its dataclass.
+            If a type or field is unknown, a field without a default is missing, or a dataclass refuses a value.
         """
         if data is None or isinstance(data, (bool, int, float, str)):
             return data
         if isinstance(data, list):
             return tuple(self.from_plain(item) for item in cast("list[object]", data))
         if not isinstance(data, Mapping):
-            raise ParameterError(f"stored data must be what JSON holds, got {type(data).__name__}")
+            raise ParameterError(f"stored data must be of the types that JSON has, got {type(data).__name__}")
         given = dict(cast("Mapping[str, object]", data))
         name = given.pop(TYPE, None)
         if not isinstance(name, str) or name not in self.kinds:
@@ -87,8 +81,9 @@ class Codec:
 def dataclasses_in(*modules: ModuleType) -> Iterator[type[Any]]:
     """Yield the dataclasses that are named in modules or packages and defined there."""
     for module in modules:
+        within = f"{module.__name__}."
         for kind in vars(module).values():
-            if isinstance(kind, type) and is_dataclass(kind) and _belongs(kind, module):
+            if isinstance(kind, type) and is_dataclass(kind) and f"{kind.__module__}.".startswith(within):
                 yield kind
 
 
@@ -98,34 +93,30 @@ def stored_fields(kind: type[Any]) -> dict[str, Field[Any]]:
 
 
 def completed(kind: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a value for each field of a dataclass, from data that may be older than some of them.
+    """Return the values of a dataclass's fields from stored ones; those that are missing are the defaults.
 
     Raises
     ------
     ParameterError
-        If a field is unknown, which tells the nearest, or is missing and does not declare what its absence meant.
+        If a field is unknown, or one without a default is missing.
     """
     known = stored_fields(kind)
     for name in given:
         if name not in known:
             raise unknown_name(f"stored fields of {kind.__name__}", name, known)
-    missing = {name: item.metadata for name, item in known.items() if name not in given}
-    for name, metadata in missing.items():
-        if ABSENT not in metadata:
+    found = dict(given)
+    for name, item in known.items():
+        if name in found:
+            continue
+        if item.default is not MISSING:
+            found[name] = item.default
+        elif item.default_factory is not MISSING:
+            found[name] = item.default_factory()
+        else:
             raise ParameterError(f"stored {kind.__name__} has no field {name!r}; it needs {', '.join(known)}")
-    return {name: missing[name][ABSENT] if name in missing else given[name] for name in known}
+    return found
 
 
 def tuple_of(value: Any) -> Any:
-    """Return a value as dataclasses have it: files know no tuples."""
-    return tuple(cast("list[Any]", value)) if isinstance(value, list) else value
-
-
-def declared(absent: object) -> dict[str, object]:
-    """Return metadata that say what a field's absence means; none for ``dataclasses.MISSING``."""
-    return {} if absent is MISSING else {ABSENT: absent}
-
-
-def _belongs(kind: type[Any], module: ModuleType) -> bool:
-    """Tell whether a class is defined in a module, or in one of a package's."""
-    return f"{kind.__module__}.".startswith(f"{module.__name__}.")
+    """Return a value as dataclasses have it: files have lists in place of tuples."""
+    return tuple(map(tuple_of, cast("list[Any]", value))) if isinstance(value, list) else value

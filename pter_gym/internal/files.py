@@ -3,13 +3,11 @@
 import os
 import re
 import secrets
-import shutil
 import stat
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryFile, mkdtemp
-from typing import cast
+from tempfile import TemporaryFile
 
 from pter_gym.errors import ParameterError, StorageError
 
@@ -17,7 +15,7 @@ FilePath = str | os.PathLike[str]
 """What is accepted as a path: a string or a ``pathlib.Path``, absolute, relative, or from ``~`` on."""
 
 LONGEST = 255
-"""Most bytes of a name in a path; the usual file systems hold no longer ones."""
+"""Most bytes of a name in a path; common file systems allow no more."""
 
 ROOM = 1 << 16
 """Bytes for which there must be room before any work begins."""
@@ -25,27 +23,17 @@ ROOM = 1 << 16
 TEMPORARY = re.compile(r"\.[0-9a-f]{16}\.tmp")
 """Names of files that are not yet what they will be."""
 
-REFUGES = (None, "/dev/shm")
-"""Where new folders are made for content that could not be written: that for temporary files, then memory."""
-
 
 def find_path(field: str, path: FilePath) -> Path:
-    """Return a path that a user gave, in which ``~`` is their home, or raise a ParameterError that names the field."""
-    given = cast("object", path)
-    if isinstance(given, (str, os.PathLike)) and os.fspath(given) != "":
-        try:
-            found = Path(cast("FilePath", given)).expanduser()
-            longest = max((len(os.fsencode(part)) for part in found.parts), default=0)
-        except (TypeError, RuntimeError):  # bytes, and the home of a user that there is none of
-            pass
-        except UnicodeEncodeError:
-            raise ParameterError(f"{field} must be a path that files can have, got {given!r:.200}") from None
-        else:
-            if longest > LONGEST:
-                raise ParameterError(f"{field} must be a path of names of at most {LONGEST} B, got {given!r:.200}")
-            if "\0" not in str(found):
-                return found
-    raise ParameterError(f"{field} must be a path, as a string or a pathlib.Path, got {given!r:.200}")
+    """Return a path that a user gave, with ``~`` expanded, or raise a ParameterError that names the field."""
+    found = None
+    with suppress(TypeError, ValueError, RuntimeError):  # not a path, a name that files cannot have, no such user
+        expanded = Path(path).expanduser()
+        if all(len(os.fsencode(part)) <= LONGEST for part in expanded.parts):
+            found = expanded
+    if found is None or os.fspath(path) == "" or "\0" in str(found):
+        raise ParameterError(f"{field} must be a path, as a string or a pathlib.Path, got {path!r:.200}")
+    return found
 
 
 def check_target(field: str, path: Path) -> None:
@@ -65,7 +53,7 @@ def check_target(field: str, path: Path) -> None:
 
 
 def check_folder(field: str, folder: Path) -> None:
-    """Raise a ParameterError unless a folder takes files and has some room; it is tried with a file without a name."""
+    """Raise a ParameterError unless a folder can be written to and has some room; this writes a temporary file."""
     try:
         with TemporaryFile(dir=folder) as file:
             file.write(bytes(ROOM))
@@ -78,9 +66,9 @@ def check_folder(field: str, folder: Path) -> None:
 
 
 def write_bytes_atomic(path: FilePath, data: bytes) -> None:
-    """Write a file whole or not at all: nobody ever sees a part of it.
+    """Write a file whole or not at all: no other process ever sees a part of it.
 
-    The data go to a temporary file in the same directory, to the disk, and only then to their name. When anything fails
+    The data go to a temporary file in the same directory, to the disk, and only then to their name. If anything fails
     or interrupts, an earlier file of that name stays as it was and the temporary file is removed.
 
     Parameters
@@ -93,10 +81,13 @@ def write_bytes_atomic(path: FilePath, data: bytes) -> None:
     Raises
     ------
     StorageError
-        If it cannot be written. The content is kept in a folder for temporary files, if there is room.
+        If it cannot be written.
     """
     target = find_path("path", path)
-    write_files_atomic(target.parent, {target.name: data})
+    try:
+        _replace(target, data)
+    except OSError as error:
+        raise StorageError(f"{str(target)!r} cannot be written: {error.strerror}") from error
 
 
 def write_text_atomic(path: FilePath, text: str) -> None:
@@ -105,13 +96,9 @@ def write_text_atomic(path: FilePath, text: str) -> None:
 
 
 def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
-    """Write files to a folder in their order, each as ``write_bytes_atomic`` does; if one fails, all are kept."""
+    """Write files to a folder in their order, each as ``write_bytes_atomic`` does."""
     for name, data in files.items():
-        path = find_path("folder", folder) / name
-        try:
-            _replace(path, data)
-        except OSError as error:
-            raise StorageError(f"{str(path)!r} cannot be written: {error.strerror}; {_keep(files)}") from error
+        write_bytes_atomic(find_path("folder", folder) / name, data)
 
 
 def _replace(path: Path, data: bytes) -> None:
@@ -126,29 +113,12 @@ def _replace(path: Path, data: bytes) -> None:
             os.fsync(file.fileno())
         temporary.replace(target)
     finally:
-        with suppress(OSError):  # where nothing can be written there is nothing to remove
+        with suppress(OSError):  # there is nothing to remove where nothing can be written
             temporary.unlink(missing_ok=True)
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove from a folder what processes left that were killed as they wrote; nobody else may write there now."""
+    """Remove the temporary files of killed processes from a folder, which no other process may write to now."""
     for path in folder.glob(".*.tmp"):
         if TEMPORARY.fullmatch(path.name):
             path.unlink(missing_ok=True)
-
-
-def _keep(files: Mapping[str, bytes]) -> str:
-    """Write files to a new folder wherever there is room, and return in words where they are."""
-    for place in REFUGES:
-        folder = None
-        try:
-            folder = Path(mkdtemp(prefix="pter-", dir=place))
-            for name, data in files.items():
-                (folder / name).parent.mkdir(parents=True, exist_ok=True)
-                (folder / name).write_bytes(data)
-        except OSError:
-            if folder is not None:
-                shutil.rmtree(folder, ignore_errors=True)
-        else:
-            return f"what was to be written is in {str(folder)!r}"
-    return "there is no room elsewhere either, so it is lost"

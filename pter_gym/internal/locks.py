@@ -1,4 +1,4 @@
-"""Locks between processes, which end with the process that holds them."""
+"""Locks between processes, released at the latest when the process that holds them ends."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -11,19 +11,19 @@ from pter_gym.errors import ParameterError, StorageError
 
 @contextmanager
 def locked(path: Path, *, busy: str | None = None) -> Generator[None]:
-    """Hold a lock, which ends with its process at the latest.
+    """Hold a lock.
 
     Parameters
     ----------
     path
-        File of the lock, in a folder that exists; it stays.
+        File of the lock, in a folder that exists; it is not removed.
     busy
-        Message of the ParameterError that is raised where another process holds the lock; by default it is waited for.
+        Message of the ParameterError raised if another process holds the lock; by default this waits for it.
 
     Raises
     ------
     StorageError
-        If the file cannot be made.
+        If the file cannot be created.
     """
     lock = FileLock(path)
     try:

@@ -3,7 +3,6 @@
 import csv
 import io
 import math
-from array import array
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,9 +15,6 @@ from pter_gym.internal.reading import read_bytes
 MOST_CSV = 1 << 24
 """Largest file [B]."""
 
-MOST_ROWS = 1 << 19
-"""Most rows of a file."""
-
 
 def read_columns(file: FilePath, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
     """Return the named columns of a CSV file whose first line names its columns; others are left out.
@@ -26,35 +22,33 @@ def read_columns(file: FilePath, names: Sequence[str]) -> dict[str, NDArray[np.f
     Raises
     ------
     ParameterError
-        If the file cannot be read, is larger than ``MOST_CSV`` or has more than ``MOST_ROWS`` rows, a column is missing
-        or there twice, a line has more entries than the first, or an entry is not a finite number; it names the line.
+        If the file cannot be read or is larger than ``MOST_CSV``, a column is missing or occurs twice, a line has more
+        entries than the first, or an entry is not a finite number; it names the line.
     """
     file = find_path("file", file)
     try:
-        values = _values(read_bytes(file, MOST_CSV), names)
+        text = read_bytes(file, MOST_CSV).decode("utf-8-sig")
+        rows = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
+        header = [name.strip() for name in next(rows, ())]
+        places = [_place(name, header) for name in names]
+        values = [_numbers(row, places, header, rows.line_num) for row in rows if row]
     except (OSError, ValueError, csv.Error) as error:
         raise ParameterError(f"{file} cannot be read as CSV: {error}") from None
-    return dict(zip(names, np.array(values).reshape(-1, len(names)).T, strict=True))
+    return dict(zip(names, np.array(values, np.float64).reshape(-1, len(names)).T, strict=True))
 
 
-def _values(data: bytes, names: Sequence[str]) -> "array[float]":
-    """Return the numbers in the named columns, row by row."""
-    rows = csv.reader(io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig", newline=""), skipinitialspace=True)
-    header = [name.strip() for name in next(rows, ())]
-    if missing := [name for name in names if name not in header]:
-        raise ValueError(f"no column {', '.join(missing)}; it has {', '.join(header) or 'none':.200}")
-    if twice := [name for name in names if header.count(name) > 1]:
-        raise ValueError(f"more than one column {', '.join(twice)}")
-    places = [header.index(name) for name in names]
-    values = array("d")
-    for row in filter(None, rows):
-        if len(values) == MOST_ROWS * len(names):
-            raise ValueError(f"it must have at most {MOST_ROWS} rows")
-        if len(row) > len(header):
-            raise ValueError(f"line {rows.line_num} has {len(row)} entries, the first has {len(header)}")
-        padded = (*row, *[""] * (len(header) - len(row)))
-        values.extend(_number(padded[at], name, rows.line_num) for at, name in zip(places, names, strict=True))
-    return values
+def _place(name: str, header: Sequence[str]) -> int:
+    if header.count(name) != 1:
+        found = "more than one" if name in header else "no"
+        raise ValueError(f"{found} column {name}; the columns are {', '.join(header):.200}")
+    return header.index(name)
+
+
+def _numbers(row: Sequence[str], places: Sequence[int], header: Sequence[str], line: int) -> list[float]:
+    """Return the numbers of a row in some columns."""
+    if len(row) > len(header):
+        raise ValueError(f"line {line} has {len(row)} entries, the first has {len(header)}")
+    return [_number(row[at] if at < len(row) else "", header[at], line) for at in places]
 
 
 def _number(text: str, name: str, line: int) -> float:

@@ -3,7 +3,6 @@
 from pter_gym.params.fields import (
     LARGEST,
     SMALLEST,
-    preset,
     quantity,
     require,
     require_flag,
@@ -38,6 +37,7 @@ from pter_gym.params.machine import (
     tip_mass,
     with_friction,
 )
+from pter_gym.params.preset import preset
 
 __all__ = [
     "BASELINE",

@@ -1,36 +1,23 @@
 """How parameters are declared and checked: a unit and a provenance for each field, one message for each bad value."""
 
 import math
-from dataclasses import MISSING, field, fields
+from dataclasses import field
 from numbers import Integral
 from typing import Any, cast
 
 from pter_gym.errors import ParameterError
 from pter_gym.internal.checks import is_finite
-from pter_gym.internal.codec import declared
-from pter_gym.params.preset import PRESET
 
 LARGEST = 1e12
 """Largest size of a number that has no bound of its own."""
 
 SMALLEST = 1e-12
-"""Smallest size of a number that has to be positive. The products of such numbers are within what a computer holds."""
+"""Smallest size of a number that has to be positive. Products of such numbers do not underflow."""
 
 
-def quantity(unit: str, provenance: str, *, absent: Any = MISSING, **options: Any) -> Any:
-    """Declare a field with its unit and where its value comes from.
-
-    A field that is added to a stored dataclass needs ``absent``: the value with which data from before the field mean
-    what they meant.
-    """
-    return field(metadata={"unit": unit, "provenance": provenance, **declared(absent)}, **options)
-
-
-def preset(section: str, name: str) -> Any:
-    """Declare a field with unit, provenance and value from the preset that the package ships."""
-    values = getattr(PRESET, section)
-    unit = next(item.metadata["unit"] for item in fields(values) if item.name == name)
-    return quantity(unit, PRESET.provenance[f"{section}.{name}"], default=getattr(values, name))
+def quantity(unit: str, provenance: str, **options: Any) -> Any:
+    """Declare a field with its unit and where its value comes from; ``options`` are those of ``dataclasses.field``."""
+    return field(metadata={"unit": unit, "provenance": provenance}, **options)
 
 
 def require(condition: bool, owner: object, name: str, value: object, accepted: str) -> None:
@@ -39,31 +26,36 @@ def require(condition: bool, owner: object, name: str, value: object, accepted: 
         raise ParameterError(f"{type(owner).__name__}.{name} must be {accepted}, got {value!r:.400}")
 
 
-def require_number(
-    owner: object,
-    name: str,
+def require_number(owner: object, name: str, **bounds: float) -> None:
+    """Raise a ParameterError unless the field is a finite real number within bounds; see ``check_number``."""
+    check_number(f"{type(owner).__name__}.{name}", getattr(owner, name), **bounds)
+
+
+def check_number(
+    field: str,
+    value: Any,
     *,
     above: float = -math.inf,
     at_least: float = -math.inf,
     at_most: float = math.inf,
     below: float = math.inf,
 ) -> None:
-    """Raise a ParameterError unless the field is a finite real number within the range.
+    """Raise a ParameterError unless a value is a finite real number within the range.
 
     A range without an upper bound ends at ``LARGEST``, and one above 0 begins at ``SMALLEST``.
     """
-    value = getattr(owner, name)
+    fits = is_finite(value) and above < value < below and at_least <= value <= at_most
     bounds = [
         f"{sign} {bound:g}"
         for sign, bound in ((">", above), ("≥", at_least), ("≤", at_most), ("<", below))
         if math.isfinite(bound)
     ]
-    accepted = " and ".join(["a finite number", *bounds])
-    fits = is_finite(value) and above < value < below and at_least <= value <= at_most
-    require(fits, owner, name, value, accepted)
-    bounded = min(at_most, below) < math.inf
-    require(bounded or abs(value) <= LARGEST, owner, name, value, f"at most {LARGEST:g} in size")
-    require(above != 0.0 or value >= SMALLEST, owner, name, value, f"≥ {SMALLEST:g}")
+    if fits and min(at_most, below) == math.inf and abs(value) > LARGEST:
+        fits, bounds = False, [f"at most {LARGEST:g} in size"]
+    if fits and above == 0.0 and value < SMALLEST:
+        fits, bounds = False, [f"≥ {SMALLEST:g}"]
+    if not fits:
+        raise ParameterError(f"{field} must be {' and '.join(['a finite number', *bounds])}, got {value!r:.400}")
 
 
 def require_whole(owner: object, name: str, *, at_least: int = 1, below: float = math.inf) -> None:

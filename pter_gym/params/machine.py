@@ -10,8 +10,8 @@ from dataclasses import dataclass, fields
 from typing import Literal, cast, get_args
 
 from pter_gym.errors import ParameterError, nearest
-from pter_gym.params.fields import SMALLEST, preset, quantity, require, require_kind, require_number, require_numbers
-from pter_gym.params.preset import PRESET, Preset, load_preset
+from pter_gym.params.fields import quantity, require, require_kind, require_number, require_numbers
+from pter_gym.params.preset import PRESET, Preset, load_preset, preset
 from pter_gym.units import from_inch_pounds
 
 Lag = Literal["normal_force", "voltage"]
@@ -47,10 +47,8 @@ class Arm:
 
     def __post_init__(self) -> None:
         """Check that the mass matrix is positive definite in every pose."""
-        require_number(self, "length_a", above=0.0)
-        require_number(self, "length_b", above=0.0)
-        require_number(self, "inertia_a", above=0.0)
-        require_number(self, "inertia_b", above=0.0)
+        for name in ("length_a", "length_b", "inertia_a", "inertia_b"):
+            require_number(self, name, above=0.0)
         limit = math.sqrt(self.inertia_a * self.inertia_b)
         require_number(self, "coupling", above=-limit, below=limit)
 
@@ -140,7 +138,9 @@ class Machine:
     clutch: Clutch = quantity("1", "see Clutch")
     hand: Hand = quantity("1", "see Hand", default=Hand())
     clutch_scale: tuple[float, ...] = quantity(
-        "1", "chosen: each clutch's torques over those of its curves, which are never known exactly", default=(1.0,) * 4
+        "1",
+        "chosen: each clutch's torques over those of its curves; 0 for a clutch that is not there",
+        default=(1.0,) * 4,
     )
     slip_threshold: float = quantity("rad/s", "chosen: δω of Karnopp's model (Eq. 2)", default=1e-3)
     substep: float = quantity("s", "chosen: integrator step", default=1e-3)
@@ -149,9 +149,9 @@ class Machine:
         """Check the numbers of the friction model and that the hand's explicit spring is stable."""
         for name, kind in (("arm", Arm), ("clutch", Clutch), ("hand", Hand)):
             require_kind(self, name, kind)
-        accepted = f"a tuple of 4 finite numbers ≥ {SMALLEST:g}"
+        accepted = "a tuple of 4 finite numbers ≥ 0"
         require_numbers(self, "clutch_scale", accepted, count=4)
-        require(min(self.clutch_scale) >= SMALLEST, self, "clutch_scale", self.clutch_scale, accepted)
+        require(min(self.clutch_scale) >= 0.0, self, "clutch_scale", self.clutch_scale, accepted)
         require_number(self, "slip_threshold", above=0.0)
         require_number(self, "substep", above=0.0, at_most=0.01)
         mass = self.hand.mass + tip_mass(self.arm)
@@ -244,14 +244,14 @@ def is_preset(machine: object) -> bool:
 def find_machine(machine: Machine | str | None) -> Machine:
     """Return a machine given as itself, by its name in ``MACHINES``, or by the path of a preset; ``BASELINE`` for None.
 
-    The path ends in ``.toml``, as that of what ``pter identify`` writes.
+    The path ends in ``.toml``, as do the presets that ``pter identify`` writes.
 
     Raises
     ------
     ParameterError
-        If it is no machine, or there is none of that name; it tells the nearest. Or a preset cannot be read.
+        If it is not a machine or its name, with the nearest names, or a preset cannot be read.
     DataError
-        If a preset is not what it must be.
+        If a preset is damaged, incomplete or out of range.
     """
     given = cast("object", machine)
     if given is None:

@@ -4,42 +4,26 @@ Every number in the file carries its unit and where it comes from. ``PRESET`` is
 fit`` writes such files.
 """
 
-import math
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
 
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.checks import is_finite
-from pter_gym.internal.codec import ABSENT, declared
 from pter_gym.internal.files import FilePath, find_path
 from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text, reading
+from pter_gym.params.fields import check_number, quantity
 
 KINDS = ("published", "derived", "fitted", "identified", "chosen")
 """First words of a provenance."""
 
-ABSENT_ORIGIN = "chosen: the file is older than this number"
-"""Provenance of a number that a file lacks."""
-
 Value = float | tuple[float, ...]
 
 
-def number(
-    unit: str,
-    *,
-    above: float = -math.inf,
-    at_least: float = -math.inf,
-    at_most: float = math.inf,
-    below: float = math.inf,
-    absent: Any = MISSING,
-) -> Any:
-    """Declare a number of a preset file with its unit and its range.
-
-    A number that is added needs ``absent``: the value with which files from before it mean what they meant.
-    """
-    return field(metadata={"unit": unit, "range": (above, at_least, at_most, below), **declared(absent)})
+def number(unit: str, **bounds: float) -> Any:
+    """Declare a number of a preset file with its unit and its bounds; see ``check_number``."""
+    return field(metadata={"unit": unit, "bounds": bounds})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +47,7 @@ class ClutchValues:
     breakaway_ratio: float = number("1", above=0.0)
     time_constant: float = number("s", above=0.0)
     voltage_max: float = number("V", above=0.0)
-    scale: tuple[float, ...] = number("1", above=0.0, absent=(1.0,) * 4)
+    scale: tuple[float, ...] = number("1", at_least=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +92,7 @@ class ControllerValues:
 class SensingValues:
     """The time from a voltage to the motion that it makes, as a computer sees both."""
 
-    delay: float = number("s", at_least=0.0, absent=0.0)
+    delay: float = number("s", at_least=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,8 +139,8 @@ def load_preset(path: FilePath) -> Preset:
     ParameterError
         If the file cannot be read.
     DataError
-        If it is no TOML, or a section or field is unknown, missing without saying what its absence meant, not a finite
-        number, out of its range, in another unit, or without a provenance.
+        If it is not TOML, or a section or field is unknown, missing, not a finite number, out of its range, in another
+        unit, or without a provenance.
     """
     file = find_path("path", path)
     try:
@@ -172,11 +156,10 @@ def parse_preset(text: str) -> Preset:
     try:
         tables = parse_toml(text)
     except ValueError as error:
-        raise ParameterError(f"it is no TOML: {error}") from None
-    new = [name for name, kind in SECTIONS.items() if all(ABSENT in item.metadata for item in fields(kind))]
-    _check_names(tables, SECTIONS, "section", new)
+        raise ParameterError(f"it is not TOML: {error}") from None
+    _check_names(tables, SECTIONS, "section")
     provenance: dict[str, str] = {}
-    sections = {name: _section(kind, name, tables.get(name, {}), provenance) for name, kind in SECTIONS.items()}
+    sections = {name: _section(kind, name, tables[name], provenance) for name, kind in SECTIONS.items()}
     return Preset(**sections, provenance=MappingProxyType(provenance))
 
 
@@ -206,13 +189,13 @@ def _lines(preset: Preset, title: str) -> Iterator[str]:
             yield f'{item.name} = {{ value = {written}, unit = "{item.metadata["unit"]}", from = "{origin}" }}'
 
 
-def _check_names(found: Mapping[str, object], known: Collection[str], what: str, missing: Collection[str] = ()) -> None:
-    """Raise a ParameterError unless all found names are known, and all known ones found but those that may miss."""
+def _check_names(found: Mapping[str, object], known: Collection[str], what: str) -> None:
+    """Raise a ParameterError unless the names that are found are the known ones."""
     for name in found:
         if name not in known:
             raise ParameterError(f"unknown {what} {name!r}: {unknown_name(what, name, known)}")
     for name in known:
-        if name not in found and name not in missing:
+        if name not in found:
             raise ParameterError(f"{what} {name!r} is missing")
 
 
@@ -220,15 +203,12 @@ def _section(kind: type[Any], section: str, table: object, provenance: dict[str,
     if not isinstance(table, dict):
         raise ParameterError(f"{section} must be a table")
     items: dict[str, Field[Any]] = {item.name: item for item in fields(kind)}
-    absent = {name: item.metadata[ABSENT] for name, item in items.items() if ABSENT in item.metadata}
     entries = cast(dict[str, object], table)
-    _check_names(entries, items, f"field of {section}", absent)
+    _check_names(entries, items, f"field of {section}")
     values: dict[str, Value] = {}
     for name, item in items.items():
         where = f"{section}.{name}"
-        values[name], provenance[where] = (
-            _entry(item, entries[name], where) if name in entries else (absent[name], ABSENT_ORIGIN)
-        )
+        values[name], provenance[where] = _entry(item, entries[name], where)
     return kind(**values)
 
 
@@ -260,20 +240,16 @@ def _value(item: "Field[Any]", value: object, where: str) -> Value:
 
 
 def _number(item: "Field[Any]", value: object, where: str) -> float:
-    above, at_least, at_most, below = item.metadata["range"]
-    bounds = [
-        f"{sign} {bound:g}"
-        for sign, bound in ((">", above), ("≥", at_least), ("≤", at_most), ("<", below))
-        if math.isfinite(bound)
-    ]
-    wrong = ParameterError(f"{where} must be {' and '.join(['a finite number', *bounds])}, got {value!r}")
-    if not is_finite(value):
-        raise wrong
-    given = float(cast("float", value))
-    if not (above < given < below and at_least <= given <= at_most):
-        raise wrong
-    return given
+    check_number(where, value, **item.metadata["bounds"])
+    return float(cast("float", value))
 
 
 PRESET = load_preset(Path(__file__).parents[1] / "presets" / "pter.toml")
 """The set of numbers that the package ships."""
+
+
+def preset(section: str, name: str) -> Any:
+    """Declare a field with unit, provenance and value from the preset that the package ships."""
+    values = getattr(PRESET, section)
+    unit = next(item.metadata["unit"] for item in fields(values) if item.name == name)
+    return quantity(unit, PRESET.provenance[f"{section}.{name}"], default=getattr(values, name))

@@ -63,11 +63,11 @@ class Arcs:
     @property
     def length(self) -> float:
         """Total arc length [m]."""
-        return float(self.table[-1, SEGMENT.start] + self.table[-1, SEGMENT.length])
+        return float(self.table[-1, int(SEGMENT.start)] + self.table[-1, int(SEGMENT.length)])
 
     def numbers_at(self, s: ArrayLike) -> NDArray[np.intp]:
         """Return the numbers of the arcs at arc lengths [m] of any shape."""
-        return np.searchsorted(self.table[1:, SEGMENT.start], np.asarray(s, np.float64), side="right")
+        return np.searchsorted(self.table[1:, int(SEGMENT.start)], np.asarray(s, np.float64), side="right")
 
     def at(self, s: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Return x, y [m], heading [rad] and curvature [1/m] at arc lengths [m] of any shape, also beyond the ends."""
@@ -117,12 +117,12 @@ class Path(ABC):
         Raises
         ------
         ParameterError
-            If there is none, as the path doubles back on itself or has a kink.
+            If no arcs follow the path, because it doubles back on itself or has a kink.
         """
         try:
             return self.make_arcs()
         except (ArithmeticError, RecursionError):
-            raise ParameterError(f"path must be a smooth curve, which no arcs follow: {self!r:.400}") from None
+            raise ParameterError(f"path must be a smooth curve that arcs can follow, got {self!r:.400}") from None
 
     @property
     def length(self) -> float:
@@ -132,7 +132,7 @@ class Path(ABC):
     @property
     def max_curvature(self) -> float:
         """Largest curvature [1/m] without its sign."""
-        return float(np.abs(self.arcs.table[:, SEGMENT.curvature]).max())
+        return float(np.abs(self.arcs.table[:, int(SEGMENT.curvature)]).max())
 
     def point(self, s: float) -> tuple[float, float]:
         """Return the point (x, y) [m] at an arc length [m]."""

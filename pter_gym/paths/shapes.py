@@ -26,7 +26,7 @@ FURTHEST = 1e3
 """Largest coordinate and size of a path [m]; arcs through points further away would be rounded to nothing."""
 
 MOST_LOOKS = 1 << 18
-"""How often a curve is looked at until arcs fit it; one through 1,000 points that zigzag takes 50,000 looks."""
+"""Most evaluations of a curve until arcs fit it; one through 1,000 points that zigzag takes 50,000."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,15 +211,15 @@ def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
 
     def counted(t: float) -> tuple[complex, complex]:
         if next(looks) > MOST_LOOKS:
-            raise ArithmeticError(f"it needs more than {MOST_LOOKS} looks at the curve")
+            raise ArithmeticError(f"it takes more than {MOST_LOOKS} evaluations of the curve")
         return curve(t)
 
     try:
         return fit_arcs(counted, knots)
     except (ArithmeticError, ValueError) as error:
         raise ParameterError(
-            f"{type(path).__name__} must be a curve with one heading at each point, which never turns back on itself, "
-            f"of numbers neither too large nor too small ({error}), got {path!r:.400}"
+            f"{type(path).__name__} must be a smooth curve that never turns back on itself, of numbers neither too "
+            f"large nor too small ({error}), got {path!r:.400}"
         ) from None
 
 

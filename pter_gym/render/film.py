@@ -72,7 +72,7 @@ class Film:
         self._sheet = Sheet(*self.size, [shot.subject for shot in shots])
         self._shots = shots
         self._step = speed / rate
-        self._moving = 1 + math.ceil(max(shot.telemetry[-1, COLUMN.time] for shot in shots) / self._step - 1e-9)
+        self._moving = 1 + math.ceil(max(shot.telemetry[-1, int(COLUMN.time)] for shot in shots) / self._step - 1e-9)
         self._frames = self._moving + round(PAUSE * rate)
 
     def __len__(self) -> int:

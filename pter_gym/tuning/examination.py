@@ -107,7 +107,7 @@ class Examination:
     def scores(self, policy: AnyPolicy) -> Scores:
         """Return the ranked scores of a policy on all draws, as the benchmark has them."""
         acting = bind(policy, self.nominal, self.batch.layout)
-        episodes = run(self.batch, acting, self.seeds, self.limits, columns=list(COLUMNS), stride=SEGMENT)
+        episodes = run(self.batch, acting, self.seeds, self.limits, columns=list(map(int, COLUMNS)), stride=SEGMENT)
         telemetry = episodes.telemetry
         telemetry[np.arange(len(telemetry))[:, None] > np.array(self.limits)] = np.nan
         time, arc_length, errors, success = np.moveaxis(telemetry, -1, 0)

@@ -77,13 +77,21 @@ def test_unknown_names_are_refused_with_the_nearest() -> None:
         CODEC.from_plain({**plain, "type": "Machin"})
     with pytest.raises(ParameterError, match=r"stored fields of Machine .* did you mean 'substep'"):
         CODEC.from_plain({**plain, "substeps": 1})
-    with pytest.raises(ParameterError, match="no field 'arm'"):
-        CODEC.from_plain({name: part for name, part in plain.items() if name != "arm"})
+    with pytest.raises(ParameterError, match="no field 'clutch'"):
+        CODEC.from_plain({name: part for name, part in plain.items() if name != "clutch"})
     for bad in ({}, {"type": 3}, {"type": "os.system"}):
         with pytest.raises(ParameterError, match="stored type"):
             CODEC.from_plain(bad)
-    with pytest.raises(ParameterError, match="what JSON holds"):
+    with pytest.raises(ParameterError, match="types that JSON has"):
         CODEC.from_plain(object())
+
+
+def test_a_missing_field_takes_its_default() -> None:
+    plain = CODEC.to_plain(PathFollowing(arrival=0.1, pace=0.3))
+    assert isinstance(plain, dict)
+    assert CODEC.from_plain({name: part for name, part in plain.items() if name != "arrival"}) == PathFollowing(
+        pace=0.3
+    )
 
 
 def test_dataclasses_check_what_was_stored() -> None:

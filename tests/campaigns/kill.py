@@ -59,8 +59,6 @@ SETTLING = 0.2
 MOST_KILLS = 3
 """Kills in one folder before the job may go on to its end."""
 
-ELSEWHERE = re.compile(r"what was to be written is in '([^']+)'")
-
 JOURNAL, GAINS, TRIALS, DRAWS = "a #?%b.db", "gains.toml", 5, 4
 """Of the search for gains: its files, its trials and the draws of each."""
 
@@ -448,9 +446,6 @@ class Campaign:
                 size = self.rng.randrange(self.rng.choice(self.sizes) + 1)
                 end = fill_after(self.job, folder, self.rng.uniform(0.0, self.seconds), size)
             before = self.look(folder, end, "full", (0, 2))
-            for found in ELSEWHERE.findall(end.text):
-                self.counts["kept elsewhere"] += any(Path(found).iterdir())
-                shutil.rmtree(found)
             self.finish(folder, "full", before)
 
     def crowd(self, crowds: int) -> None:
@@ -527,7 +522,6 @@ def table(found: Mapping[str, Campaign]) -> str:
         "killed": ("killed: killed",),
         "disk full, told in a line": ("full: told",),
         "disk full, not needed": ("full: done",),
-        "kept elsewhere": ("kept elsewhere",),
         "in a crowd": ("crowded: done", "crowded: told", "crowded: killed"),
         "folders brought to their end": ("same results",),
     }

@@ -218,7 +218,7 @@ def test_ctrl_c_ends_a_command_that_compiles(tmp_path: Path) -> None:
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=30)
     assert process.returncode == INTERRUPTED
-    assert errors.splitlines()[-1] == "interrupted; results that were written are whole"
+    assert errors.splitlines()[-1] == "interrupted; files that were written are complete"
 
 
 def test_an_unknown_command_is_refused() -> None:

@@ -1,5 +1,6 @@
 """Records: their rows and names, and that compiled code reads and writes them as plain Python does."""
 
+import traceback
 from typing import Annotated, Any, NamedTuple
 
 import numba
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pter_gym.compiled.generated import compile_source
 from pter_gym.compiled.layout import Field
 from pter_gym.compiled.records import (
     Entry,
@@ -209,3 +211,11 @@ def test_records_of_one_kind_may_be_chosen_by_an_index(numbers: list[float], k: 
         assert same(function(w, 1, k), value.volts[k])
         assert same(load(w, AT.volts[k + 1], 1), value.volts[k])
         assert same(load(w, AT.volts[k], 1), value.volts[k])
+
+
+def test_a_traceback_shows_generated_lines() -> None:
+    inverse = compile_source("def inverse(x):\n    return 1.0 / x\n", "inverse", {})
+    assert inverse(2.0) == 0.5
+    with pytest.raises(ZeroDivisionError) as raised:
+        inverse(0.0)
+    assert "return 1.0 / x" in "".join(traceback.format_exception(raised.value))

@@ -14,7 +14,7 @@ PACKAGE = Path(pter_gym.__file__).parent
 
 # from the foundation up: a room imports from itself and from the rows before its own, never from its neighbours
 ORDER = (
-    ("_version", "_moved", "errors", "units"),
+    ("_version", "errors", "units"),
     ("internal", "compiled"),
     ("params",),
     ("physics",),

@@ -1,4 +1,4 @@
-"""Where a path is accepted, each kind of path is; what is none, and what is no machine, is named with its argument."""
+"""Each kind of path is accepted where a path is; bad paths and machines are refused with the name of the argument."""
 
 import json
 from collections.abc import Callable
@@ -152,8 +152,6 @@ def test_files_are_written_and_read_by_each_kind_of_path(kind: Callable[[str], A
     assert (home / "new" / "folder").is_dir()
 
 
-NO_PATHS = [5, None, b"file", ["file"], "", "a\0b", "~nobody-of-this-name/file"]
-
 TAKERS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "find_path": ("field", lambda path: find_path("field", path)),
     "read_path": ("file", read_path),
@@ -171,16 +169,16 @@ TAKERS: dict[str, tuple[str, Callable[[Any], Any]]] = {
 }
 
 
-@pytest.mark.parametrize("given", NO_PATHS, ids=repr)
 @pytest.mark.parametrize("taker", TAKERS)
-def test_what_is_no_path_is_refused_with_its_argument(taker: str, given: Any) -> None:
+def test_a_path_that_cannot_be_is_refused_with_its_argument(taker: str) -> None:
     field, take = TAKERS[taker]
-    with pytest.raises(ParameterError, match=rf"^{field} must be a path, as a string or a pathlib.Path, got "):
-        take(given)
+    for given in (5, "a\0b", "~nobody-of-this-name/file"):
+        with pytest.raises(ParameterError, match=rf"^{field} must be a path, as a string or a pathlib.Path, got "):
+            take(given)
 
 
 def test_what_is_no_file_of_its_kind_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="it is no regular file"):
+    with pytest.raises(DataError, match="it is not a regular file"):
         read_run(str(tmp_path))
 
 

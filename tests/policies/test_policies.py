@@ -20,10 +20,10 @@ from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark.identity import identity_of
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.benchmark.tuned import find_tuned
+from pter_gym.compiled.layout import Field, Layout
 from pter_gym.controllers import bind
 from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
-from pter_gym.internal.reading import DEEPEST
 from pter_gym.params import BASELINE
 from pter_gym.policies import (
     LSTM,
@@ -382,8 +382,7 @@ class Payload:
 
 HOSTILE: dict[str, bytes] = {
     "a pickle": pickle.dumps(Payload()),
-    "not whole": b"{",
-    "deep": b"[" * (DEEPEST + 1) + b"]" * (DEEPEST + 1),
+    "deep": b"[" * 100_000,
     "a name twice": b'{"format": 1, "format": 1}',
     "a list": b"[]",
     "large": b" " * (MOST_CARD + 1),
@@ -478,3 +477,13 @@ def test_a_policy_that_sets_the_voltages_needs_numpy_and_safetensors_alone(folde
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert not set(result.stdout.split()) & {"torch", "stable_baselines3", "numba", "scipy", "matplotlib", "pickle5"}
+
+
+@pytest.mark.parametrize("name", ["residual", "ppo-standard"])
+def test_shipped_policies_ignore_entries_that_are_added_to_observations(name: str) -> None:
+    layout = observation_layout(BASELINE, "torque")
+    newer = Layout((*layout.fields, Field("new", "m", "added later")))
+    observations = np.random.default_rng(0).uniform(-1.0, 1.0, (5, len(layout))).astype(np.float32)
+    more = np.hstack([observations, np.full((5, 1), 0.5, np.float32)])
+    policy = read_policy(name)
+    assert np.array_equal(policy.bind(BASELINE, newer)(more), policy.bind(BASELINE, layout)(observations))

@@ -299,7 +299,6 @@ def test_gains_are_printed_where_they_cannot_be_written(
         return STUDY
 
     monkeypatch.setattr("pter_gym.tuning.tune", search)
-    monkeypatch.setattr("pter_gym.internal.files.REFUGES", (str(tmp_path),))
     assert main(["tune", "impedance", "--storage", str(tmp_path / "journal"), "--out", str(out)]) == 2
     printed = capsys.readouterr()
     assert "stiffness = 123.4\ntip_space = True\npath error 12.3 mm" in printed.out

@@ -177,17 +177,17 @@ TURNING_BACK = [
 
 @pytest.mark.parametrize("points", TURNING_BACK)
 def test_a_spline_that_turns_back_on_itself_is_refused(points: Any, tmp_path: File) -> None:
-    with pytest.raises(ParameterError, match="Spline must be a curve with one heading at each point"):
+    with pytest.raises(ParameterError, match="Spline must be a smooth curve that never turns back"):
         Batch(BASELINE, PathFollowing(path=Spline(points=points)))
     file = tmp_path / "path.csv"
     file.write_text("x,y\n" + "".join(f"{x},{y}\n" for x, y in points))
-    with pytest.raises(ParameterError, match=r"path\.csv: Spline must be a curve"):
+    with pytest.raises(ParameterError, match=r"path\.csv: Spline must be a smooth curve"):
         read_path(file)
 
 
 def test_a_curve_is_looked_at_so_often_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pter_gym.paths.shapes.MOST_LOOKS", 20)
-    with pytest.raises(ParameterError, match="more than 20 looks"):
+    with pytest.raises(ParameterError, match="more than 20 evaluations"):
         _ = Spline(points=WAYPOINTS).arcs
 
 
@@ -200,7 +200,7 @@ def test_a_waypoint_is_of_numbers_that_a_path_can_have(point: Any) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "no column x, y"),
+        ("", "no column x"),
         ("x\n1\n2\n", "no column y"),
         ("x,y\n0.1,0.5\n", "2 to 4096 points"),
         ("x,y\n0.1,0.5\n0.1,0.5\n", "none twice in a row"),

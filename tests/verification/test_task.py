@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ import pytest
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.hands.model import NO_FORCE, PerSine, Sines, advance_sines, intent_speed, renew_sines, sum_of_sines
-from pter_gym.internal.codec import ABSENT
 from pter_gym.params import BASELINE, PRESENT_CLUTCH, Clutch, Hand, TorqueCurve
 from pter_gym.paths import Arc, Line
 from pter_gym.physics.arm import Linkage, Motion, UnitVector, Vector, tip_position
@@ -290,12 +289,6 @@ def test_what_a_task_is_without_a_word():
     assert (task.friction_drift, task.start_offset, task.sensing.delay) == (0.0, 0.0, 0)
     assert (task.error_max, task.truncation_error, task.arrival) == (0.25, 0.5, 0.125)
     assert task.starts == Starts(moving=0.0, gripped=0.0, offset=0.05)
-
-
-def test_data_from_before_a_field_mean_the_task_that_there_was():
-    fields_since = [item for item in fields(PathFollowing) if ABSENT in item.metadata]
-    assert [item.name for item in fields_since] == ["truncation_error", "arrival", "starts"]
-    assert all(item.metadata[ABSENT] == item.default for item in fields_since)
 
 
 def test_the_elbows_sine_by_the_arm_at_a_tip():

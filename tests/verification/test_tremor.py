@@ -21,7 +21,6 @@ from pter_gym.hands import (
     TremorArm,
     find_hand,
 )
-from pter_gym.hands.library import LIMB, MIDWAY, endpoint
 from pter_gym.hands.tremor import KINDS
 from pter_gym.params import BASELINE, Arm
 from pter_gym.scenarios import find_scenario
@@ -76,9 +75,9 @@ def test_the_bands_are_those_that_are_cited() -> None:
     assert bands == {"physiological": (8.0, 12.0), "essential": (4.0, 12.0), "parkinsonian": (3.0, 8.0)}
 
 
-def test_a_matrix_of_the_joints_has_the_same_energy_at_the_hand() -> None:
-    """Found with angles by bisection and a Jacobian by differences."""
-    upper, lower = LIMB
+def test_matrices_of_the_joints_were_turned_into_those_at_the_hand() -> None:
+    """The limb of Selen et al., hand straight ahead: the Jacobian by differences of angles found by bisection."""
+    upper, lower, ahead = 0.31, 0.34, 0.435
 
     def tip(q: np.ndarray) -> np.ndarray:
         angles = np.array([q[0], q[0] + q[1]])
@@ -87,16 +86,28 @@ def test_a_matrix_of_the_joints_has_the_same_energy_at_the_hand() -> None:
     elbow, low, high = 0.0, 0.0, math.pi
     for _ in range(60):
         elbow = 0.5 * (low + high)
-        low, high = (elbow, high) if np.linalg.norm(tip(np.array([0.0, elbow]))) > MIDWAY[1] else (low, elbow)
+        low, high = (elbow, high) if np.linalg.norm(tip(np.array([0.0, elbow]))) > ahead else (low, elbow)
     x, y = tip(np.array([0.0, elbow]))
     q = np.array([0.5 * math.pi - math.atan2(y, x), elbow])
-    np.testing.assert_allclose(tip(q), MIDWAY, atol=1e-12)
-    jacobian = np.stack([(tip(q + d) - tip(q - d)) / 2e-6 for d in 1e-6 * np.eye(2)], axis=1)
-    joint = ((3.0, 0.7), (0.7, 2.0))
-    at_hand = np.array(endpoint(joint, MIDWAY, LIMB))
-    for speed in np.random.default_rng(0).normal(size=(5, 2)):
-        moved = jacobian @ speed
-        assert moved @ at_hand @ moved == pytest.approx(speed @ np.array(joint) @ speed, rel=1e-7)
+    np.testing.assert_allclose(tip(q), [0.0, ahead], atol=1e-12)
+    inverse = np.linalg.inv(np.stack([(tip(q + d) - tip(q - d)) / 2e-6 for d in 1e-6 * np.eye(2)], axis=1))
+
+    def at_hand(joint: list[list[float]]) -> np.ndarray:
+        found = inverse.T @ np.array(joint) @ inverse
+        return 0.5 * (found + found.T)
+
+    coupling = 0.5 * 1.52 * upper * lower * math.cos(elbow)
+    own = 0.06 + 0.25 * 1.52 * lower**2
+    both = own + coupling
+    inertia = [[0.04 + 0.25 * 1.93 * upper**2 + 1.52 * upper**2 + both + coupling, both], [both, own]]
+    stiffness = at_hand([[10.8, 2.83], [2.51, 8.67]])
+    arms = MEASURED_ARMS
+    np.testing.assert_allclose(arms["gomi-osu-1998"].mass, at_hand(inertia), rtol=5e-3)  # stored with three digits
+    np.testing.assert_allclose(arms["gomi-osu-1998"].stiffness, stiffness, rtol=5e-3)
+    np.testing.assert_allclose(arms["gomi-osu-1998"].damping, 0.05 * stiffness, rtol=5e-3)
+    np.testing.assert_allclose(arms["gomi-kawato-1997"].stiffness, 2.0 * stiffness, rtol=5e-3)
+    np.testing.assert_allclose(arms["gomi-kawato-1997"].damping, 0.1 * stiffness, rtol=5e-3)
+    assert arms["burdet-2001"].mass == arms["gomi-kawato-1997"].mass == arms["gomi-osu-1998"].mass
 
 
 @pytest.mark.parametrize("hand", [find_hand(name) for name in MEASURED_TREMORS], ids=MEASURED_TREMORS)
@@ -165,7 +176,7 @@ def test_the_scenario_draws_all_kinds_and_arms_within_what_was_measured() -> Non
             assert 0.8 * high < max(drawn) <= high
 
 
-def test_unknown_names_are_told_the_nearest() -> None:
+def test_unknown_hands_are_refused_with_the_nearest() -> None:
     with pytest.raises(ParameterError, match=r"hand must be among .* did you mean 'dolan-1993'"):
         find_hand("dolan-1994")
     assert find_hand("dolan-1993").impedance == MEASURED_ARMS["dolan-1993"].hand
@@ -195,7 +206,7 @@ def test_a_tremor_that_is_too_fast_for_the_control_period_is_refused() -> None:
 
 
 @pytest.mark.parametrize("matrix", [((1.0, 2.0), (2.0, 1.0)), ((1.0, 0.1), (0.0, 1.0)), ((-1.0, 0.0), (0.0, -1.0))])
-def test_an_arm_that_is_none_is_refused(matrix: Any) -> None:
+def test_impossible_arms_and_tremors_are_refused(matrix: Any) -> None:
     with pytest.raises(ParameterError, match=r"MeasuredArm\.damping must be a symmetric positive definite"):
         replace(MEASURED_ARMS["dolan-1993"], damping=matrix)
     with pytest.raises(ParameterError, match=r"MeasuredTremor\.band must be two positive numbers"):

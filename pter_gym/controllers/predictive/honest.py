@@ -6,6 +6,7 @@ do from the forces that it has measured so far.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -98,7 +99,7 @@ class Belief:
         self.dynamic[slips] = np.abs(torques[slips])
         arc_length = see["progress"] * self.task.path.length
         self.reached = max(self.reached, arc_length)
-        rows = self.rows
+        rows: Any = self.rows
         write(rows, ROW.motion, motion_seen(see))
         write(rows, ROW.torques, Torques(PerClutch(*(self.ratio * self.dynamic)), PerClutch(*self.dynamic)))
         write(rows, ROW.command, PerClutch(*volts))

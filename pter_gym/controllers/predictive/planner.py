@@ -217,12 +217,12 @@ class Planner:
         """Return the cost of each plan [m], the mean over its control steps; one that fails costs the workspace."""
         s = self.settings
         bring_to(self.batch, state)
-        memory = self.batch.empty_memory()
+        memory: Any = self.batch.empty_memory()
         gains = np.concatenate([[s.knot_steps, s.knots, s.pace_weight], plans.ravel()])
         many = np.broadcast_to(obs, (s.samples, len(obs)))
         last, flags = self.batch.outcome(many, play, gains, s.horizon, memory)
         total = memory[:, COST] + self._cost(last)
-        failed = flags[FLAG.terminated] & ~flags[FLAG.success]
+        failed = flags[int(FLAG.terminated)] & ~flags[int(FLAG.success)]
         return total / memory[:, STEP] + np.where(failed, self.task.error_max, 0.0)
 
     def _cost(self, obs: Observations) -> Array:

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,7 +101,7 @@ class PlanningPolicy(BoundPolicy):
         """
         if self._batch is None or len(self._deciders) != len(observations):
             raise ParameterError("batch must be told in reset_in, with as many worlds as there are observations")
-        states = states_of(self._batch)
+        states: Any = states_of(self._batch)
         volts = np.zeros((len(observations), 4), np.float32)
         for world in np.flatnonzero(states[:, ROW.alive]):
             volts[world] = self._deciders[world](states[world], observations[world])
@@ -111,7 +111,7 @@ class PlanningPolicy(BoundPolicy):
 def states_of(batch: Batch) -> Array:
     """Return the state of each world as if it were alone in its batch, (N, rows)."""
     worlds = batch.get_state()["worlds"]
-    states = worlds.transpose(0, 2, 1).reshape(-1, worlds.shape[1])[: batch.num_worlds]
+    states: Any = worlds.transpose(0, 2, 1).reshape(-1, worlds.shape[1])[: batch.num_worlds]
     states[:, ROW.context_at] = states[:, ROW.draws_from] = 0.0
     states[:, ROW.draws] = 1.0
     return states

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,7 +146,8 @@ def line_following(
 
 def saturated_fraction(run: Run, voltage_max: float) -> float:
     """Return the fraction of the clutch commands of a run that are at the largest voltage [V]."""
-    volts = run.telemetry[1:, [*COLUMN.volts]]
+    telemetry: Any = run.telemetry
+    volts = telemetry[1:, [*COLUMN.volts]]
     return float((volts >= (1.0 - 1e-6) * voltage_max).mean())
 
 

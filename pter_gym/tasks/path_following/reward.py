@@ -5,7 +5,7 @@ The terms of the telemetry, their sum and the hyper-parameters of a training fol
 
 import math
 from collections.abc import Callable
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields
 from typing import Annotated, Any, NamedTuple
 
 from pter_gym.compiled.compiler import device
@@ -73,18 +73,17 @@ class Outcome(NamedTuple):
 Find = Callable[[float, Outcome, float], float]
 
 
-def term(unit: str, provenance: str, find: Find, *, default: float, absent: Any = MISSING) -> Any:
+def term(unit: str, provenance: str, find: Find, *, default: float) -> Any:
     """Declare a term of the reward.
 
     Parameters
     ----------
-    unit, provenance, default, absent
-        Of its weight; see ``quantity``. A term that is new has ``absent=0.0``.
+    unit, provenance, default
+        Of its weight; see ``quantity``. Stored tasks that lack a term take its default.
     find
         From the weight, what a control step has led to and its period [s] to the term; it is compiled.
     """
-    declared = quantity(unit, provenance, absent=absent).metadata
-    return field(default=default, metadata={**declared, "find": device(find)})
+    return field(default=default, metadata={**quantity(unit, provenance).metadata, "find": device(find)})
 
 
 @device
@@ -131,7 +130,6 @@ class RewardWeights:
         "chosen: for the whole path at the commanded pace without error; next to nothing 30 mm beside it",
         lambda weight, seen, period: paid(weight, seen, PRECISION_WIDTH),  # noqa: ARG005
         default=0.0,
-        absent=0.0,
     )
     pace: float = term(
         "1",

@@ -108,19 +108,17 @@ class PathFollowing:
         "m",
         "chosen: if not above error_max, an episode is truncated this far from the path; by default none is",
         default=2.0 * WIDEST,
-        absent=2.0 * WIDEST,
     )
     arrival: float = quantity(
         "m",
         "chosen: half of error_max's default; within this of the path its end is a success",
         default=0.125,
-        absent=0.125,
     )
     singularity_margin: float = quantity("1", "chosen: smallest |sin(θA − θB)| of the workspace", default=0.2)
     start_offset: float = quantity("m", "chosen: half-range of the start's normal offset, drawn at reset", default=0.0)
     friction_drift: float = quantity("1/s", "chosen: relative change of all clutch torques in a second", default=0.0)
     sensing: Sensing = quantity("1", "see Sensing", default=IDEAL_SENSING)
-    starts: Starts = quantity("1", "see Starts", default=AT_REST, absent=AT_REST)
+    starts: Starts = quantity("1", "see Starts", default=AT_REST)
     reward: RewardWeights = quantity("1", "see RewardWeights", default=RewardWeights())
 
     def __post_init__(self) -> None:

@@ -79,7 +79,7 @@ def fit(arguments: FitArguments | None = None, start: Array | None = None) -> Fi
     ParameterError
         If an argument is out of its range, or the file cannot be written. Nothing has been written.
     StorageError
-        If the file cannot be written any more when the search is done; it says where the preset is.
+        If the file cannot be written when the search is done.
     """
     arguments = FitArguments() if arguments is None else arguments
     if arguments.seed < 0 or arguments.budget < 3 * POPULATION:

@@ -56,6 +56,7 @@ def run_cases(cases: Sequence[Case]) -> Outcome:
     )
     obs, first = batch.reset([0] * len(cases))
     flat = np.concatenate([[IMPEDANCE, gains.shape[1]], gains.ravel()])
+    rows: Any
     _, rows = batch.rollout(obs, own_impedance, flat, STEPS)
     alive = np.isfinite(rows[..., COLUMN.time])
     steps = np.maximum(alive.sum(axis=0), 1)
