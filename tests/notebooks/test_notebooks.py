@@ -1,27 +1,10 @@
 """The notebooks run from top to bottom, and git holds them without what they printed."""
 
-from pathlib import Path
-
 import nbformat
 import pytest
 from nbclient import NotebookClient
 
-FOLDER = Path(__file__).parents[2] / "notebooks"
-NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
-
-
-def names(paths: list[Path]) -> list[str]:
-    return [path.stem for path in paths]
-
-
-def test_all_are_there():
-    assert names(NOTEBOOKS) == [
-        "01_the_paper",
-        "02_your_own_clutch",
-        "03_your_own_controller",
-        "04_train_an_agent",
-        "05_read_the_benchmark",
-    ]
+from documents import NOTEBOOKS
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
