@@ -50,9 +50,9 @@ def readme_command(session: nox.Session, name: str) -> Path:
     return place
 
 
-def reported(session: nox.Session, part: str = "") -> dict[str, str]:
+def reported(session: nox.Session, part: str = "tests") -> dict[str, str]:
     """Return variables with which pytest writes a report, for `.ci/count.py`."""
-    report = f"--junitxml={session.cache_dir / 'reports' / session.name}{part}.xml"
+    report = f"--junitxml={session.cache_dir / 'reports' / session.name / part}.xml"
     return {"PYTEST_ADDOPTS": f"{report} -p no:cacheprovider", "MPLBACKEND": "Agg", "SDL_VIDEODRIVER": "dummy"}
 
 
@@ -211,7 +211,7 @@ def ray(session: nox.Session) -> None:
     asked = ("-c", str(versions), "-r", str(ROOT / "agents" / "at_scale" / "requirements.txt"))
     pytest_in_copy(session, "-m", CORE, *OLD_GYMNASIUM, "tests/conformance", pins=asked)
     scale = ("-n", "0", "-m", "long", "-W", "default", "tests/agents/test_at_scale.py")
-    session.run("pytest", *scale, env=reported(session, "-scale"))
+    session.run("pytest", *scale, env=reported(session, "scale"))
 
 
 @nox.session(tags=["long"])

@@ -12,7 +12,7 @@ totals: Counter[str] = Counter(failed=not sessions)
 print("\n| Session | Outcome | Tests | Seconds |\n|---|---|---|---:|")
 for session in sessions:
     tests: Counter[str] = Counter()
-    for file in folder.glob(f"{session['name']}*.xml"):
+    for file in (folder / session["name"]).glob("*.xml"):
         for case in ET.parse(file).iter("testcase"):
             kinds = {"failure": "failed", "error": "failed", "skipped": "skipped"}
             tests[next((kinds[each.tag] for each in case if each.tag in kinds), "passed")] += 1
