@@ -8,7 +8,7 @@ from pathlib import Path
 
 report, folder = map(Path, sys.argv[1:])
 sessions = json.loads(report.read_text("utf-8"))["sessions"] if report.exists() else []
-totals: Counter[str] = Counter(failed=not sessions)
+totals: Counter[str] = Counter(failed=int(not sessions))
 print("\n| Session | Outcome | Tests | Seconds |\n|---|---|---|---:|")
 for session in sessions:
     tests: Counter[str] = Counter()
@@ -19,7 +19,7 @@ for session in sessions:
     # a session that reports no tests counts as one check, and so does a failed one whose tests all passed
     told = ", ".join(f"{tests[kind]} {kind}" for kind in ("passed", "failed", "skipped")) if tests else ""
     print(f"| {session['name']} | {session['result']} | {told} | {session.get('duration', 0):.0f} |")
-    totals["passed"] += tests["passed"] or session["result"] == "success"
-    totals["failed"] += tests["failed"] or session["result"] in ("failed", "aborted")
+    totals["passed"] += tests["passed"] or int(session["result"] == "success")
+    totals["failed"] += tests["failed"] or int(session["result"] in ("failed", "aborted"))
 print(f"\n{totals['passed']} passed, {totals['failed']} failed")
 sys.exit(totals["failed"] > 0)

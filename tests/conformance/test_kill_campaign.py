@@ -74,7 +74,7 @@ def test_a_good_job_has_no_faults(tmp_path: Path) -> None:
     assert good.faults == []
     assert good.counts["killed: killed"] == 4
     assert good.counts["full: told"] >= 1
-    assert good.counts["same results"] >= 8
+    assert good.counts["same results"] >= 5
 
 
 @pytest.mark.long

@@ -42,10 +42,10 @@ def documented_imports() -> list[str]:
 def test_documented_imports_work(statement: str):
     try:
         exec(statement, {})
-    except ModuleNotFoundError as error:
+    except ImportError as error:
         if (error.name or "").startswith("pter_"):
             raise
-        pytest.skip(f"needs {error.name}")
+        pytest.skip(str(error))
 
 
 @pytest.mark.slow
@@ -115,7 +115,7 @@ def test_the_page_on_trained_policies_runs(
     card = dataclasses.replace(load_policy("residual").card, name="mine")
     (tmp_path / "policies").mkdir()
     write_policy(card, load_file(SHIPPED / "residual.safetensors"), "", tmp_path / "policies")
-    monkeypatch.chdir(tmp_path / "policies")
+    monkeypatch.chdir(tmp_path)
     run_program(blocks_of(DOCS / "policies.md"), "policies.md")
     arrived, many = capsys.readouterr().out.splitlines()
     assert arrived == "arrived: True"
@@ -128,7 +128,11 @@ def test_the_tables_of_the_page_on_watching_are_read(
 ):
     monkeypatch.chdir(tmp_path)
     assert main(given) == 0
-    run_program([block for block in blocks_of(WATCHING) if given[given.index("--csv") + 1] in block], "watching.md")
+    (block,) = (block for block in blocks_of(WATCHING) if given[-1] in block)
+    if "pandas" in block:
+        pytest.importorskip("pandas")
+    capsys.readouterr()
+    run_program([block], "watching.md")
     assert re.search(r"\d", capsys.readouterr().out)
 
 
