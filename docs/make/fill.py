@@ -108,14 +108,9 @@ def score(results: Path) -> None:
     from pter_gym.policies import shipped_policies
 
     policies = ",".join((*boards.LEFT_OUT, "impedance", "torque-feedback", *TUNED, *shipped_policies()))
-    common = ["benchmark", "--policies", policies, "--out", str(results)]
-    for scenario in SCENARIOS:
-        kinds: tuple[list[str], ...] = (
-            ([], ["--fresh", "derived"]) if scenario == "standard" else (["--fresh", "derived"],)
-        )
-        for kind in kinds:
-            if status := pter([*common, "--scenario", scenario, *kind]):
-                raise SystemExit(status)
+    for scenario, *fresh in (["standard"], *([each, "--fresh", "derived"] for each in SCENARIOS)):
+        if status := pter(["benchmark", "--scenario", scenario, *fresh, "--policies", policies, "--out", str(results)]):
+            raise SystemExit(status)
 
 
 def main(
