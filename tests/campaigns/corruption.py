@@ -1,10 +1,7 @@
 """Damage to files of any format: to their bytes, to what they write as text, and to what is packed in them."""
 
 import gzip
-import io
 import re
-import warnings
-import zipfile
 import zlib
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -23,8 +20,6 @@ HUGE_FILE, BOMB = 1 << 25, 1 << 29
 
 DENSE = 3 << 20
 """Bytes of a text that is full of small values, not too large to be parsed."""
-
-METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
 
 NUMBER = re.compile(rb"-?\d+(\.\d+)?([eE][+-]?\d+)?")
 TEXT = re.compile(rb'"[^"\n]*"')
@@ -192,39 +187,6 @@ def in_gzip(data: bytes, rng: Random, change: Change) -> bytes:
     if rng.random() < 0.02:
         return bomb(31)
     return gzip.compress(change(gzip.decompress(data)), 1)
-
-
-def in_archive(data: bytes, rng: Random, change: Change) -> bytes:
-    """Change a part of an archive, write one twice, under another name, or with a bomb in it."""
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        parts = [(part.filename, archive.read(part), part.compress_type) for part in archive.infolist()]
-    k = rng.randrange(len(parts))
-    name, content, method = parts[k]
-    way = rng.random()
-    if way < 0.8:
-        parts[k] = name, change(content), method
-    elif way < 0.9:
-        parts.insert(k, (rng.choice((name, "../" + name, "x.npy", name[:-4])), content, method))
-    elif way < 0.97:
-        parts[k] = name, content, rng.choice(METHODS)
-    else:
-        parts.append(("bomb.npy", content[:128], zipfile.ZIP_DEFLATED))
-    return _archive(parts)
-
-
-def _archive(parts: Sequence[tuple[str, bytes, int]]) -> bytes:
-    """Return an archive; what is called a bomb has much behind it."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", compresslevel=1) as archive, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # names that are there twice
-        for name, content, method in parts:
-            info = zipfile.ZipInfo(name)
-            info.compress_type = method
-            with archive.open(info, "w") as part:
-                part.write(content)
-                for _ in range(BOMB >> 20 if name == "bomb.npy" else 0):
-                    part.write(bytes(1 << 20))
-    return stream.getvalue()
 
 
 def in_header(data: bytes, rng: Random, change: Change) -> bytes:

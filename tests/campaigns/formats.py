@@ -22,7 +22,7 @@ from pter_gym.params.preset import load_preset
 from pter_gym.paths import read_path
 from pter_gym.policies import SHIPPED, load_policy
 
-from .corruption import Inside, in_archive, in_gzip, in_header
+from .corruption import Inside, in_gzip, in_header
 
 ROOT = Path(__file__).parents[2]
 
@@ -188,5 +188,5 @@ def _runs(folder: Path) -> list[Format]:
         Format("run", place / RUN, run.read),
         Format("progress", place / PROGRESS, run.scores),
         Format("training settings", config, lambda: load_settings("ppo", config)),
-        Format("checkpoint", checkpoint, lambda: load_checkpoint(models[0], checkpoint), (in_archive,), prepare=fresh),
+        Format("checkpoint", checkpoint, lambda: load_checkpoint(models[0], checkpoint), prepare=fresh),
     ]

@@ -57,8 +57,6 @@ SETTLING = 0.2
 MOST_KILLS = 3
 """Kills in one folder before the job may go on to its end."""
 
-ELSEWHERE = re.compile(r"what was to be written is in '([^']+)'")
-
 # --- processes in trouble ---
 
 
@@ -226,9 +224,6 @@ class Campaign:
             fault = f"error=ENOSPC:when={number % self.files + 1}+"
             end = inject(partial(self.job.work, folder), FULL, fault)
             before = self.look(folder, end, "full", (0, 2))
-            for found in ELSEWHERE.findall(end.text):
-                self.counts["kept elsewhere"] += any(Path(found).iterdir())
-                shutil.rmtree(found)
             self.finish(folder, "full", before)
 
     def crowd(self, crowds: int) -> None:
@@ -305,7 +300,6 @@ def figures(found: Mapping[str, Campaign]) -> str:
         "killed": ("killed: killed",),
         "disk full, told in a line": ("full: told",),
         "disk full, not needed": ("full: done",),
-        "kept elsewhere": ("kept elsewhere",),
         "in a crowd": ("crowded: done", "crowded: told", "crowded: killed"),
         "folders brought to their end": ("same results",),
     }
