@@ -42,10 +42,10 @@ from _pytest.runner import runtestprotocol
 
 from .choosing import Case, choose, file_of, function_of
 from .mutants import Mutant, mutants_of
-from .reports import ROOT, put, table
 
 hypothesis.settings.register_profile("campaign", deadline=None, derandomize=True, database=None)
 
+ROOT = Path(__file__).parents[2]
 EQUAL = Path(__file__).with_name("equal_mutants.toml")
 
 ROOMS = {
@@ -322,8 +322,8 @@ def share(killed: int, counted: int) -> str:
     return f"{100 * p:.1f} ({100 * (centre - half):.1f} … {100 * (centre + half):.1f})"
 
 
-def report(drawn: dict[str, list[Mutant]], outcomes: list[Outcome]) -> str:
-    """A table of the rooms."""
+def counted(drawn: dict[str, list[Mutant]], outcomes: list[Outcome]) -> list[list[str]]:
+    """A row for each room, and for all."""
     became = {outcome.mutant.name: outcome.outcome for outcome in outcomes}
     counts = {room: Counter(became[mutant.name] for mutant in mutants) for room, mutants in drawn.items()}
     counts["all"] = sum(counts.values(), Counter())
@@ -331,14 +331,14 @@ def report(drawn: dict[str, list[Mutant]], outcomes: list[Outcome]) -> str:
     for room, count in counts.items():
         cells = [count.total(), *(count[kind] for kind in ("killed", "equal", "survived", "unreached"))]
         rows.append([room, *map(str, cells), share(count["killed"], count.total() - count["equal"])])
-    header = ["Room", "Faults", "Killed", "Equal", "Survived", "Reached by no test", "Killed of those that matter, %"]
-    return table(header, rows)
+    return rows
 
 
 def main(
     size: int = 1000,
     seed: int = 0,
     rooms: tuple[str, ...] = tuple(ROOMS),
+    tests: tuple[str, ...] = tuple(TESTS),
     processes: int = 1,
     limit: float = 4.0,
     budget: float = 40.0,
@@ -352,6 +352,7 @@ def main(
         size: How many faults.
         seed: Of the draw.
         rooms: Where they are.
+        tests: Patterns of the files that may notice them.
         processes: How many run at once.
         limit: Of one test, in seconds of processor time.
         budget: Of the tests of one fault, likewise.
@@ -362,14 +363,15 @@ def main(
     os.environ.update(NUMBA_DISABLE_JIT="1", OMP_NUM_THREADS="1", MPLBACKEND="Agg")
     for library in LIBRARIES.split():
         importlib.import_module(library)
+    assert "pter_gym" not in sys.modules, "processes that are forked would not load the package with its fault"
     campaign = Campaign(ROOT, work.resolve(), processes)
     drawn = sample(campaign, list(rooms), size, seed)
-    tests = campaign.files(TESTS)
-    cases = campaign.measure(tests, campaign.files([pattern for room in ROOMS.values() for pattern in room]), limit)
+    files = campaign.files(list(tests))
+    cases = campaign.measure(files, campaign.files([pattern for room in ROOMS.values() for pattern in room]), limit)
 
     equal = known_equal()
     mutants = [mutant for mutants in drawn.values() for mutant in mutants]
-    texts = {test: (ROOT / test).read_text("utf-8") for test in tests}
+    texts = {test: (ROOT / test).read_text("utf-8") for test in files}
     chosen = [(mutant, choose(mutant, cases, budget, texts)) for mutant in mutants if mutant.name not in equal]
     unchanged = [(replace(each, source=(ROOT / each.file).read_text("utf-8")), found) for each, found in chosen[:3]]
     if any(outcome.outcome == "killed" for outcome in campaign.try_all(unchanged)):
@@ -381,7 +383,10 @@ def main(
     plain = [{"mutant": found.mutant.name, "outcome": found.outcome, "by": found.by} for found in outcomes]
     (campaign.work / "outcomes.json").write_text(json.dumps(plain, indent=1, ensure_ascii=False), "utf-8")
     print(*(f"{outcome.outcome}: {outcome.mutant.name}" for outcome in lost), sep="\n")
-    put("mutation", report(drawn, outcomes), write=write)
+    from .reports import put, table
+
+    header = ["Room", "Faults", "Killed", "Equal", "Survived", "Reached by no test", "Killed of those that matter, %"]
+    put("mutation", table(header, counted(drawn, outcomes)), write=write)
     return int(killed < least * (killed + len(lost)))
 
 
