@@ -25,10 +25,7 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
-    "website.docstrings",
-    "website.made",
-    "website.mathematics",
-    "website.notebooks",
+    "extension",
 ]
 exclude_patterns = ["_build", "_templates", "make"]
 templates_path = ["_templates"]

@@ -7,35 +7,42 @@ from pathlib import Path
 import nbformat
 
 ROOT = Path(__file__).parents[1]
-EXTENDING = ROOT / "docs" / "extending.md"
-POLICIES = ROOT / "docs" / "policies.md"
-DATA = ROOT / "docs" / "data.md"
-OWN_CONTROLLER = ROOT / "notebooks" / "03_your_own_controller.ipynb"
+README = ROOT / "README.md"
+DOCS = ROOT / "docs"
+DATA = DOCS / "data.md"
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 
 
 def blocks_of(page: Path) -> list[str]:
-    """Return the blocks of code of a page."""
+    """Return the blocks of Python of a page."""
     return re.findall(r"^```python\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def cells_of(notebook: Path) -> list[str]:
+    """Return the cells of Python of a notebook."""
+    cells = nbformat.read(notebook, as_version=4).cells
+    return [cell.source.replace("%matplotlib inline\n", "") for cell in cells if cell.cell_type == "code"]
+
+
+def readme(name: str) -> str:
+    """Return the block of code below a comment of the README."""
+    (block,) = re.findall(rf"^<!-- {name} -->\n```\w+\n(.*?)^```$", README.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    return block
 
 
 def run_extending() -> None:
     """Run the page on extending."""
-    run_program(blocks_of(EXTENDING), str(EXTENDING))
-
-
-def run_policies() -> None:
-    """Run the page on trained policies, in a folder with a policy ``policies/mine``."""
-    run_program(blocks_of(POLICIES), str(POLICIES))
+    run_program(blocks_of(DOCS / "extending.md"), "extending.md")
 
 
 def run_own_controller() -> None:
     """Run the notebook on one's own controller, without its pictures in the page."""
-    cells = [cell.source for cell in nbformat.read(OWN_CONTROLLER, as_version=4).cells if cell.cell_type == "code"]
-    run_program((cell.replace("%matplotlib inline\n", "") for cell in cells), "<notebook>")
+    run_program(cells_of(ROOT / "notebooks" / "03_your_own_controller.ipynb"), "<notebook>")
 
 
-def run_program(blocks: Iterable[str], name: str) -> None:
+def run_program(blocks: Iterable[str], name: str) -> dict[str, object]:
     """Run blocks one after another, as one main program: then numba caches what their laws compile to."""
     names: dict[str, object] = {"__name__": "__main__"}
     for block in blocks:
         exec(compile(block, name, "exec"), names)
+    return names

@@ -1,7 +1,7 @@
 """The evaluation episodes: stored ones, which everybody can look at, and fresh ones, which a seed draws.
 
 ``pter_gym/episodes`` holds one file of stored ones for each scenario and one with their checksums.
-``docs/make/store_episodes.py`` makes them; nothing that runs does.
+``docs/make/store.py episodes`` makes them; nothing that runs does.
 """
 
 import gzip

@@ -1,7 +1,7 @@
 """The commanded paces, and the paper's gains at them: all stay but the damper along the path, which sets the pace.
 
 The gains were made for about 0.5 m/s. ``damping_for_pace`` solves the damper for a commanded pace on a scenario's
-training draws, none of which is an evaluation episode; ``docs/make/solve_paces.py`` writes the table.
+training draws, none of which is an evaluation episode; ``docs/make/store.py paces`` writes the table.
 """
 
 import math

@@ -1,16 +1,15 @@
 """Read damaged files of each format: only typed errors, in bounded time and memory, and nothing is executed.
 
-    python -m tests.campaigns.files --variants 2000 --page docs/robustness.md
+    python -m tests.campaigns.files --variants 2000 --write
 
 Each variant follows from the seed, the format and its number alone. It is read in this process, under an audit hook
 that knows what the reading of good files does; whatever else a variant does is a finding. So are an error of another
 kind, a warning, and a variant that takes more than ``MOST_SECONDS`` of processor time or ``MOST_MEMORY``.
 """
 
-import argparse
+import faulthandler
 import os
 import resource
-import signal
 import sys
 import tempfile
 import time
@@ -23,27 +22,26 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import tyro
+
 from pter_gym.errors import PterError
 
 from .corruption import corrupted
 from .formats import Format, LeftOut, formats
+from .reports import put, table
 
 MOST_SECONDS = 1.0
 MOST_MEMORY = 256 << 20
 """Processor time and memory [B] of a reading, beyond what the process has before."""
 
 HANG = 120
-"""Seconds after which a reading is interrupted, on a computer that may be busy."""
+"""Seconds after which a reading ends the campaign with its stack, on a computer that may be busy."""
 
 ADDRESSES = 4 << 30
 """Address space that the process may take beyond what it has [B], so that a header cannot take all memory."""
 
 WARM = 3
 """Good readings that tell what reading does, and damaged ones beforehand that load what messages need."""
-
-
-class HangError(BaseException):
-    """A reading does not end; no ordinary ``except`` takes it for a complaint."""
 
 
 @dataclass
@@ -152,7 +150,8 @@ def _read(kind: Format, auditor: Auditor, known: set[tuple[str, ...]], found: Fi
     findings: list[str] = []
     before = _forget_peak()
     begun = time.process_time()
-    with auditor.listening() as heard, _alarm():
+    faulthandler.dump_traceback_later(HANG, exit=True)
+    with auditor.listening() as heard:
         try:
             kind.read()
             found.accepted += 1
@@ -163,7 +162,8 @@ def _read(kind: Format, auditor: Auditor, known: set[tuple[str, ...]], found: Fi
                 raise
             found.refused[type(error).__name__] += 1
             findings.append(f"{type(error).__name__}: {error!s:.200}")
-    seconds, memory = time.process_time() - begun, _peak() - before
+    faulthandler.cancel_dump_traceback_later()
+    seconds, memory = time.process_time() - begun, _status("VmHWM") - before
     found.seconds, found.memory = max(found.seconds, seconds), max(found.memory, memory)
     findings += [f"it does {' '.join(each):.200}" for each in sorted(heard - known)]
     if seconds > MOST_SECONDS:
@@ -173,30 +173,10 @@ def _read(kind: Format, auditor: Auditor, known: set[tuple[str, ...]], found: Fi
     return findings
 
 
-@contextmanager
-def _alarm() -> Iterator[None]:
-    """Interrupt what does not end."""
-
-    def ring(_number: int, _frame: object) -> None:
-        raise HangError(f"it does not end within {HANG} s")
-
-    signal.signal(signal.SIGALRM, ring)
-    signal.alarm(HANG)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-
-
 def _forget_peak() -> int:
     """Let Linux forget how much memory the process had at most, and return what it has now [B]."""
     Path("/proc/self/clear_refs").write_text("5")
     return _status("VmRSS")
-
-
-def _peak() -> int:
-    """Return how much memory the process had at most since then [B]."""
-    return _status("VmHWM")
 
 
 def _status(name: str) -> int:
@@ -204,43 +184,41 @@ def _status(name: str) -> int:
     return 1024 * int(next(line for line in lines if line.startswith(name)).split()[1])
 
 
-def table_of(figures: Sequence[Figures]) -> str:
-    """Return the figures as a table in Markdown."""
-    lines = [
-        "| Format | Variants | Refused | Still good | Longest [ms] | Most memory [MB] | Findings |",
-        "|---|---:|---:|---:|---:|---:|---:|",
-    ]
-    for each in figures:
-        refused = sum(each.refused.values())
-        lines.append(
-            f"| {each.name} | {each.variants:,} | {refused:,} | {each.accepted:,} | {1000 * each.seconds:.0f} | "
-            f"{each.memory / 2**20:.0f} | {len(each.findings)} |"
-        )
-    return "\n".join(lines) + "\n"
+def figures(found: Sequence[Figures]) -> str:
+    """Return what came of the formats as a table in Markdown."""
+    header = ["Format", "Variants", "Refused", "Still good", "Longest [ms]", "Most memory [MB]", "Findings"]
+    rows: list[list[str]] = []
+    for each in found:
+        counts = (f"{count:,}" for count in (each.variants, sum(each.refused.values()), each.accepted))
+        most = f"{1000 * each.seconds:.0f}", f"{each.memory / 2**20:.0f}", f"{len(each.findings)}"
+        rows.append([each.name, *counts, *most])
+    return table(header, rows)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the campaign and return 1 if there are findings."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--variants", type=int, default=100, help="of each format")
-    parser.add_argument("--first", type=int, default=0, help="number of the first one")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", action="append", default=[], help="a format; may be given several times")
-    parser.add_argument("--page", type=Path, help="page to write the table into, between <!-- files --> markers")
-    given = parser.parse_args(arguments)
+def main(
+    variants: int = 100,
+    first: int = 0,
+    seed: int = 0,
+    only: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    write: bool = False,
+) -> int:
+    """Run the campaign and return 1 if there are findings.
+
+    Args:
+        variants: Of each format.
+        first: Number of the first one.
+        seed: Of all damage.
+        only: A format; all by default.
+        write: Put the table into docs/robustness.md.
+    """
     warnings.simplefilter("error")
-    figures: list[Figures] = []
+    found: list[Figures] = []
     with tempfile.TemporaryDirectory() as folder:
-        for each in campaign(Path(folder), given.variants, first=given.first, seed=given.seed, only=given.only):
-            figures.append(each)
-            print(f"{each.name}: {each.variants}, refused {dict(each.refused)}, still good {each.accepted}", flush=True)
+        for each in campaign(Path(folder), variants, first=first, seed=seed, only=only):
+            found.append(each)
             print(*each.findings, sep="\n", end="\n" if each.findings else "", flush=True)
-    print(table_of(figures))
-    if given.page:
-        from docs.make.pages import write_block
-
-        write_block(given.page, "files", table_of(figures))
-    return int(any(each.findings for each in figures))
+    put("files", figures(found), write=write)
+    return int(any(each.findings for each in found))
 
 
 def _limit_addresses() -> None:
@@ -251,4 +229,4 @@ def _limit_addresses() -> None:
 
 if __name__ == "__main__":
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    sys.exit(main())
+    sys.exit(tyro.cli(main))

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from pter_gym.benchmark import run_scenario
 from pter_gym.benchmark.episodes import CHECKSUMS, load_episodes, store_episodes
-from pter_gym.benchmark.metrics import METRICS
 from pter_gym.benchmark.results import Contents, ResultsFolder
 from pter_gym.benchmark.run_files import HASH, file_hash, run_path, write_run
-from pter_gym.benchmark.runs import Conditions, Sample, ScenarioRun, code_digest, sample_numbers
 from pter_gym.benchmark.tuned import TABLE, find_tuned
 from pter_gym.benchmark.verification import compare_summary
+from pter_gym.controllers import Free
 from pter_gym.hands import read_forces
 from pter_gym.params.preset import load_preset
 from pter_gym.paths import read_path
@@ -50,7 +50,7 @@ class Format:
     seal
         Changes what vouches for it so that it fits; nothing does by default.
     prepare
-        What has to be made anew before each reading.
+        What has to be made again before each reading.
     """
 
     name: str
@@ -128,7 +128,7 @@ def _columns(folder: Path) -> list[Format]:
 def _results(folder: Path) -> list[Format]:
     results = ResultsFolder(folder / "results")
     results.make()
-    run = _run()
+    (run,) = run_scenario("standard", {"free": Free()}, ["brisk"], episodes=EPISODES)
     write_run(results.path, run)
     file = run_path(results.path, run.conditions)
     results.summarise()
@@ -157,25 +157,8 @@ def _told(finding: str) -> None:
         raise LeftOut(finding)
 
 
-def _run() -> ScenarioRun:
-    """Return a run that nobody has made, of the stored episodes."""
-    episodes = load_episodes("standard", "brisk").first(EPISODES)
-    ends = {
-        name: [end for end in (metric.low, metric.high, 0.5) if end is not None] for name, metric in METRICS.items()
-    }
-    scores = {name: np.full(EPISODES, ends[name][0]) for name in METRICS}
-    line = np.linspace(0.0, 1.0, 20).reshape(10, 2)
-    conditions = Conditions("standard", "brisk", "free", 0, EPISODES, episodes.checksum, "0" * 64, "1", code_digest())
-    return ScenarioRun(
-        conditions,
-        episodes.strata,
-        {**scores, "completed": np.full(EPISODES, fill_value=True)},
-        tuple(Sample(number, line, line) for number in sample_numbers(episodes.strata)),
-    )
-
-
 def _runs(folder: Path) -> list[Format]:
-    """Return the files of a training run; its model is made anew for each reading, as a resume does."""
+    """Return the files of a training run; its model is made again for each reading, as a resume does."""
     from pter_agents.algorithms import load_settings, smoke_settings
     from pter_agents.checkpoints import load_checkpoint, save_checkpoint
     from pter_agents.training import PROGRESS, RUN, Arguments, RunFolder, make_draws, make_model, make_parts

@@ -1,26 +1,23 @@
 """Kill the commands that write, let the disk run full under them, and let several work in one folder.
 
-    python -m tests.campaigns.kill --kills 200 --page docs/robustness.md
+    python -m tests.campaigns.kill --kills 200 --write
 
 Each job runs once undisturbed. Then processes that do the same, forked from this one, get into trouble, each time in a
 new folder:
 
-- killed: SIGKILL at a random system call that concerns files, up to three times before the job is done at last; at
-  random times where there is no strace;
-- full: from the first, the second, … file on, nothing more can be written; or files grow no longer, from a random
-  moment on;
+- killed: SIGKILL at a random system call that concerns files, up to three times before the job is done at last;
+- full: from the first, the second, … file on, nothing more can be written;
 - crowded: two or four at once, the first of which is killed in every other crowd.
 
-After each, the files that are there are whole, what was finished is as it was, and whoever was not killed was right or
-said in one line what is wrong. In the end, the results are the bytes of the undisturbed job. Linux only.
+After each, the files that are there are whole, what was finished is as it was, and a process that was not killed was
+right or said in one line what is wrong. In the end, the results are the bytes of the undisturbed job. Needs Linux and
+strace.
 """
 
-import hashlib
 import io
 import os
 import random
 import re
-import resource
 import select
 import shutil
 import signal
@@ -31,15 +28,16 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import tyro
+
+from .jobs import NOTHING, Job, Kept, jobs, train
+from .reports import put, table
 
 CALLS = "openat,write,pwrite64,fsync,ftruncate,rename,renameat,renameat2,unlink,unlinkat,mkdir,flock"
 """System calls at which a process is killed."""
@@ -58,185 +56,6 @@ SETTLING = 0.2
 
 MOST_KILLS = 3
 """Kills in one folder before the job may go on to its end."""
-
-JOURNAL, GAINS, TRIALS, DRAWS = "a #?%b.db", "gains.toml", 5, 4
-"""Of the search for gains: its files, its trials and the draws of each."""
-
-Digests = dict[str, str]
-Kept = Mapping[str, object]
-NOTHING: Kept = MappingProxyType({})
-
-
-class Job(NamedTuple):
-    """Something that writes.
-
-    Attributes
-    ----------
-    work
-        Does it in a folder, or goes on with it there, and returns the exit status.
-    finished
-        What is finished in a folder, by name; raises unless all that is there is whole.
-    results
-        What must be the same at the end, by name. What is finished under such a name is so at once.
-    """
-
-    work: Callable[[Path], int]
-    finished: Callable[[Path], Kept]
-    results: Callable[[Path], Kept]
-
-
-def digests(folder: Path, pattern: str = "**/*") -> Digests:
-    """SHA-256 of the files in a folder by name, without hidden ones and logs."""
-    found = sorted(path for path in folder.glob(pattern) if path.is_file())
-    return {
-        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in found
-        if not path.name.startswith((".", "progress", "events"))
-    }
-
-
-def command(*words: str) -> Callable[[Path], int]:
-    """A command of `pter`; FOLDER in its words is the folder."""
-
-    def work(folder: Path) -> int:
-        from pter_gym.commands.main import main
-
-        return main([word.replace("FOLDER", str(folder)) for word in words])
-
-    return work
-
-
-# --- the jobs ---
-
-
-class OneThread(ThreadPoolExecutor):
-    """One thread in place of more: where two of a forked process are the first to use torch, it may crash."""
-
-    def __init__(self, _: int, **rest: Any) -> None:
-        """Take what several threads would."""
-        super().__init__(1, **rest)
-
-
-def train(folder: Path) -> int:
-    """Train for six rollouts, with a checkpoint after each."""
-    from pter_agents import ppo, prepare, training
-    from pter_agents.algorithms import load_settings, settings_from
-    from pter_gym.errors import PterError
-
-    ppo.ThreadPoolExecutor = OneThread
-    prepare.SAMPLE_WORLDS, prepare.SAMPLE_STEPS = 16, 20
-    small = {"worlds": 16, "steps": 8, "contexts": 4, "hidden": [8], "value_hidden": [8], "episode": 20}
-    arguments = training.Arguments(
-        algorithm="residual",
-        scenario="standard",
-        pace="brisk",
-        steps=6 * 16 * 8,
-        seed=3,
-        settings=settings_from("residual", {**vars(load_settings("residual")), **small, "minibatch": 64, "epochs": 2}),
-        checkpoint_every=1,
-        validate_every=2,
-        validation_episodes=2,
-    )
-    run = folder / "run"
-    try:
-        training.train(arguments, run, resume=(run / training.RUN).exists())
-    except PterError as error:
-        sys.stderr.write(f"error: {error}\n")
-        return 2
-    return 0
-
-
-def trained(folder: Path) -> Kept:
-    """Return the checkpoints that were reached; description, scores and checkpoints must be whole."""
-    from pter_agents.checkpoints import checkpoints, read_checkpoint, steps_of
-    from pter_agents.training import RUN, RunFolder
-
-    run = folder / "run"
-    if not (run / RUN).exists():
-        return {}
-    RunFolder(run).read()
-    RunFolder(run).scores()
-    steps = [0]
-    for path in checkpoints(run):
-        assert read_checkpoint(path)["networks"]
-        steps.append(steps_of(path))
-    return {str(step): "reached" for step in range(0, steps[-1] + 1, 16 * 8)}
-
-
-def tuned(folder: Path) -> Kept:
-    """Return the finished trials; the journal and the file of gains must be whole."""
-    from pter_gym.benchmark.tuned import read_table
-    from pter_gym.tuning.journal import open_journal
-
-    if (folder / GAINS).exists():
-        read_table(folder / GAINS)
-    if not (folder / JOURNAL).exists():
-        return {}
-    storage = open_journal(folder / JOURNAL)
-    trials = [trial for study in storage.get_all_studies() for trial in storage.get_all_trials(study._study_id)]
-    return {str(trial.number): (trial.params, trial.value) for trial in trials if trial.value is not None}
-
-
-def tuned_rightly(folder: Path) -> Kept:
-    """Return what was asked for; each trial must have a value of its gains, judged once more."""
-    from pter_gym.benchmark.tuned import read_table
-    from pter_gym.scenarios import find_pace
-    from pter_gym.tuning import Examination
-    from pter_gym.tuning.search import REDUCTION, RUNGS, gains_at, make
-
-    rungs = [Examination("standard", "brisk", -(-DRAWS // REDUCTION**k), 0) for k in range(RUNGS)]
-    found: Any = tuned(folder)
-    assert len(found) >= TRIALS, f"{len(found)} trials"
-    for params, value in found.values():
-        tried = make("impedance", gains_at(params, find_pace("brisk")))
-        assert value in [rung.judge(tried).value for rung in rungs], "a trial has a value that is not that of its gains"
-    return {"command": read_table(folder / GAINS)["standard"]["impedance"]["brisk"]["command"]}
-
-
-def benchmarked(folder: Path) -> Kept:
-    """Return the runs that are finished, and the pictures; none may be left out."""
-    from pter_gym.benchmark.results import SUMMARY, ResultsFolder
-
-    left_out = ResultsFolder(folder).read().left_out
-    assert not left_out, left_out
-    return {name: digest for name, digest in digests(folder).items() if name != SUMMARY}
-
-
-def exported(folder: Path) -> Kept:
-    """Return what is written of a policy; if its card is there, which is the last, it must be a whole one."""
-    from pter_gym.policies import read_policy
-
-    if (folder / "policies" / "mine.json").exists():
-        read_policy("mine", folder / "policies")
-    return digests(folder)
-
-
-def jobs(work: Path) -> dict[str, Job]:
-    """Return all jobs by name; what they need is made in a folder."""
-
-    def writer(*words: str) -> Job:
-        """Job whose files are there as they are in the end, or not at all."""
-        return Job(command(*words), digests, digests)
-
-    trial = ("--trials", str(TRIALS), "--starts", "1", "--episodes", str(DRAWS), "--pace", "brisk")
-    few = ("--policies", "locked,impedance", "--paces", "brisk", "--episodes", "4")
-    few_steps = ("--scenario", "standard", "--level", "random", "--steps", "300")
-    return {
-        "train": Job(train, trained, digests),
-        "export": Job(
-            command("export", str(work / "run"), "--name", "mine", "--out", "FOLDER/policies"), exported, digests
-        ),
-        "tune": Job(
-            command("tune", "impedance", *trial, "--storage", f"FOLDER/{JOURNAL}", "--out", f"FOLDER/{GAINS}"),
-            tuned,
-            tuned_rightly,
-        ),
-        "benchmark": Job(command("benchmark", "--scenario", "standard", *few, "--out", "FOLDER"), benchmarked, digests),
-        "record": writer("record", *few_steps, "--out", "FOLDER"),
-        "fit": writer("fit", "--budget", "300", "--held-out", "--out", "FOLDER/preset.toml"),
-        "reproduce": writer("reproduce", "fig3", "--out", "FOLDER"),
-    }
-
 
 # --- processes in trouble ---
 
@@ -296,23 +115,19 @@ def await_end(process: Process) -> End:
     return End(os.waitstatus_to_exitcode(os.waitpid(process.pid, 0)[1]), text.decode())
 
 
-def traced(work: Callable[[], int]) -> int:
-    """Do some work as soon as this process is traced."""
-    while "TracerPid:\t0\n" in Path("/proc/self/status").read_text("ascii"):
-        time.sleep(0.005)
-    return work()
+def trace(work: Callable[[], int], *options: str) -> End:
+    """Do some work in a process of its own under strace; without that it fails."""
 
+    def traced() -> int:
+        until = time.monotonic() + 10.0
+        while "TracerPid:\t0\n" in Path("/proc/self/status").read_text("ascii"):
+            time.sleep(0.005)
+            assert time.monotonic() < until, "strace may not trace"
+        return work()
 
-def strace(process: Process, *options: str) -> subprocess.Popen[bytes]:
-    """Begin to trace a process."""
+    process = fork(traced)
     words = ["strace", "-f", "-qqq", "-p", str(process.pid), *options]
-    return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-
-
-def trace(job: Job, folder: Path, *options: str) -> End:
-    """Do a job under strace."""
-    process = fork(partial(traced, partial(job.work, folder)))
-    tracer = strace(process, *options)
+    tracer = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     end = await_end(process)
     tracer.wait()
     return end
@@ -321,52 +136,20 @@ def trace(job: Job, folder: Path, *options: str) -> End:
 @cache
 def can_trace() -> bool:
     """Return whether there is an strace, and it may trace."""
-    if shutil.which("strace") is None:
-        return False
-    process = fork(partial(traced, lambda: 0))
-    refused = strace(process, "-o", os.devnull).wait()
-    if refused:
-        os.kill(process.pid, signal.SIGKILL)
-    await_end(process)
-    return not refused
+    return shutil.which("strace") is not None and trace(lambda: 0, "-o", os.devnull).status == 0
 
 
-def count_calls(job: Job, folder: Path) -> Counter[str]:
-    """Return how many of ``CALLS`` the main thread of an undisturbed job makes, by name."""
+def count_calls(work: Callable[[], int]) -> Counter[str]:
+    """Return how many of ``CALLS`` the main thread of some undisturbed work makes, by name."""
     with tempfile.NamedTemporaryFile("r") as log:
-        trace(job, folder, "-o", log.name, "-e", f"trace={CALLS}", "-e", "signal=none")
+        trace(work, "-o", log.name, "-e", f"trace={CALLS}", "-e", "signal=none")
         found = [each.groups() for line in log if (each := re.match(r"(\d+) +(\w+)\(", line))]
     return Counter(name for thread, name in found if thread == found[0][0])
 
 
-def kill_at_call(job: Job, folder: Path, name: str, number: int) -> End:
-    """Do a job that is killed at the first, the second, … system call of a name, if it makes so many."""
-    return trace(
-        job, folder, "-o", os.devnull, "-e", f"trace={name}", "-e", f"inject={name}:signal=SIGKILL:when={number}"
-    )
-
-
-def fill_at_call(job: Job, folder: Path, number: int) -> End:
-    """Do a job on a disk that is full from a file on."""
-    return trace(
-        job, folder, "-o", os.devnull, "-e", f"trace={FULL}", "-e", f"inject={FULL}:error=ENOSPC:when={number}+"
-    )
-
-
-def kill_after(job: Job, folder: Path, seconds: float) -> End:
-    """Do a job that is killed after a time."""
-    process = fork(partial(job.work, folder))
-    time.sleep(seconds)
-    os.kill(process.pid, signal.SIGKILL)
-    return await_end(process)
-
-
-def fill_after(job: Job, folder: Path, seconds: float, size: int) -> End:
-    """Do a job whose files, after a time, grow no longer than to a size [B]."""
-    process = fork(partial(job.work, folder))
-    time.sleep(seconds)
-    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
-    return await_end(process)
+def inject(work: Callable[[], int], calls: str, fault: str) -> End:
+    """Do some work with a fault at some of its system calls, in the words of strace."""
+    return trace(work, "-o", os.devnull, "-e", f"trace={calls}", "-e", f"inject={calls}:{fault}")
 
 
 # --- the campaign ---
@@ -409,9 +192,8 @@ class Campaign:
         assert end.status == 0, f"undisturbed, in {second}: status {end.status}\n{end.text[-3000:]}"
         self.seconds = time.monotonic() - begun
         assert self.job.results(second) == self.wanted, "even undisturbed the results are others"
-        self.sizes = sorted(path.stat().st_size for path in second.rglob("*") if path.is_file())
-        self.calls = count_calls(self.job, self.folder()) if can_trace() else Counter[str]()
-        self.files = max(self.calls[name] for name in FULL.split(",")) if can_trace() else len(self.sizes)
+        self.calls = count_calls(partial(self.job.work, self.folder()))
+        self.files = max(self.calls[name] for name in FULL.split(","))
 
     def folder(self) -> Path:
         """Return a new folder."""
@@ -430,21 +212,17 @@ class Campaign:
             self.finish(folder, "killed", before)
 
     def kill_once(self, folder: Path) -> End:
-        """Do the job in a folder, and kill it at a random system call, or time."""
-        if not self.calls:
-            return kill_after(self.job, folder, self.rng.uniform(0.0, self.seconds))
+        """Do the job in a folder, and kill it at a random system call, if it makes so many."""
         (name,) = self.rng.choices(list(self.calls), list(self.calls.values()))
-        return kill_at_call(self.job, folder, name, self.rng.randint(1, self.calls[name]))
+        fault = f"signal=SIGKILL:when={self.rng.randint(1, self.calls[name])}"
+        return inject(partial(self.job.work, folder), name, fault)
 
     def fill(self, fills: int | None = None) -> None:
-        """Let the disk run full, by default at each call that writes a file, and the job end where there is room."""
-        for number in range(2 * self.files if fills is None else fills):
+        """Let the disk run full, by default from each file on, and the job end where there is room."""
+        for number in range(self.files if fills is None else fills):
             folder = self.folder()
-            if can_trace() and number % 2 == 0:
-                end = fill_at_call(self.job, folder, number // 2 % self.files + 1)
-            else:
-                size = self.rng.randrange(self.rng.choice(self.sizes) + 1)
-                end = fill_after(self.job, folder, self.rng.uniform(0.0, self.seconds), size)
+            fault = f"error=ENOSPC:when={number % self.files + 1}+"
+            end = inject(partial(self.job.work, folder), FULL, fault)
             before = self.look(folder, end, "full", (0, 2))
             self.finish(folder, "full", before)
 
@@ -516,7 +294,7 @@ def run(kills: int, fills: int | None, crowds: int, names: Iterable[str], seed: 
     return found
 
 
-def table(found: Mapping[str, Campaign]) -> str:
+def figures(found: Mapping[str, Campaign]) -> str:
     """Return what happened as a table in Markdown."""
     columns = {
         "killed": ("killed: killed",),
@@ -525,11 +303,11 @@ def table(found: Mapping[str, Campaign]) -> str:
         "in a crowd": ("crowded: done", "crowded: told", "crowded: killed"),
         "folders brought to their end": ("same results",),
     }
-    lines = [f"| job | {' | '.join(columns)} | faults |", f"|---|{'---:|' * (len(columns) + 1)}"]
-    for name, campaign in found.items():
-        numbers = [sum(campaign.counts[each] for each in parts) for parts in columns.values()]
-        lines.append(f"| {name} | {' | '.join(map(str, numbers))} | {len(campaign.faults)} |")
-    return "".join(f"{line}\n" for line in lines)
+    rows = [
+        [name, *(str(sum(each.counts[part] for part in parts)) for parts in columns.values()), str(len(each.faults))]
+        for name, each in found.items()
+    ]
+    return table(["job", *columns, "faults"], rows)
 
 
 def main(
@@ -538,27 +316,24 @@ def main(
     crowds: int = 28,
     names: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     seed: int = 0,
-    page: Path | None = None,
+    write: bool = False,
 ) -> int:
     """Run the campaign, print a table, and return 1 if anything was wrong.
 
     Args:
         kills: Processes that are killed, of all jobs together.
-        fills: Disks that run full; by default one at each call that writes a file, and as many at random.
+        fills: Disks that run full; by default from each file on.
         crowds: Folders in which several work at once.
         names: Jobs; all by default.
         seed: Of where and when there is trouble.
-        page: Page to write the table into, between its markers.
+        write: Put the table into docs/robustness.md.
     """
     os.environ["OMP_NUM_THREADS"] = "1"  # before torch is loaded: threads of OpenMP do not survive a fork
     work = Path(tempfile.mkdtemp(prefix="kill-"))
     found = run(kills, fills, crowds, names, seed, work)
     faults = [fault for campaign in found.values() for fault in campaign.faults]
-    print(table(found), *faults, sep="\n")
-    if page:
-        from docs.make.pages import write_block
-
-        write_block(page, "kill", table(found))
+    print(*faults, sep="\n")
+    put("kill", figures(found), write=write)
     if not faults:
         shutil.rmtree(work)
     return 1 if faults else 0

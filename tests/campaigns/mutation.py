@@ -1,6 +1,6 @@
 """Mutation: small faults in physics, task, scores, file readers and records, and whether a test notices each of them.
 
-    python tests/campaigns/mutation.py --size 1000 --processes 2
+    python -m tests.campaigns.mutation --size 1000 --processes 2 --write
 
 Draws faults by a seed (``mutants.py`` has the operators), puts one at a time into a copy of the checkout, and runs the
 tests that reach its line, the quickest first, until one fails. Nothing is compiled, so a fault in a kernel costs no
@@ -8,12 +8,11 @@ compilation, and each run is forked from a process that has loaded the libraries
 
 First, each test file runs once unchanged: which test reaches which line, and how long it takes. Tests that take longer
 than ``--limit`` seconds of processor time as plain Python, or need the compiler, play no part. What was found is kept
-in the work folder until a source or that test file changes, and so is which test noticed a fault.
+in the work folder until a source or that test file changes.
 
 A fault that no test notices is equal if ``equal_mutants.toml`` has it, with the reason, and survives otherwise.
 """
 
-import argparse
 import fnmatch
 import hashlib
 import importlib
@@ -21,7 +20,6 @@ import json
 import math
 import os
 import random
-import re
 import resource
 import shutil
 import signal
@@ -30,7 +28,7 @@ import sys
 import tomllib
 import traceback
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -39,10 +37,11 @@ from typing import Any
 import coverage
 import hypothesis
 import pytest
+import tyro
 from _pytest.runner import runtestprotocol
 
-sys.path.insert(0, str(Path(__file__).parent))
-from mutants import Mutant, mutants_of
+from .choosing import Case, choose, file_of, function_of
+from .mutants import Mutant, mutants_of
 
 hypothesis.settings.register_profile("campaign", deadline=None, derandomize=True, database=None)
 
@@ -78,28 +77,12 @@ TESTS = [
 ]
 """Test files that may notice one."""
 
-BROAD = "tests/conformance/test_traces.py"
-"""A test file that looks at all numbers of the simulator: as near to each fault as one that imports its module."""
-
 ALIKE = [
-    "-n0",
-    "-q",
-    "--tb=line",
-    "-p",
-    "no:cacheprovider",
-    "-W",
-    "ignore::RuntimeWarning",
-    "-W",
-    "ignore::pytest.PytestAssertRewriteWarning",
-    "-m",
-    "not gpu and not agents and not long",
-    "--hypothesis-profile=campaign",
+    *("-n0", "-q", "--tb=line", "-p", "no:cacheprovider", "--hypothesis-profile=campaign"),
+    *("-W", "ignore::RuntimeWarning", "-W", "ignore::pytest.PytestAssertRewriteWarning"),
+    *("-m", "not gpu and not agents and not long"),
 ]
 """Options of all runs of pytest."""
-
-AHEAD = 8
-"""How many further cases of a test function come before one that is a second longer, or before those of the next
-nearest files."""
 
 LIBRARIES = "numpy scipy.optimize scipy.stats numba gymnasium matplotlib.figure rich safetensors.numpy"
 MEASURING = 900.0
@@ -113,22 +96,12 @@ LIMITS = {resource.RLIMIT_AS: 8 << 30, resource.RLIMIT_FSIZE: 512 << 20}
 
 
 @dataclass(frozen=True)
-class Case:
-    """A test that passes without the compiler, how long it takes [s], and the lines that it reaches, by file."""
-
-    name: str
-    seconds: float
-    lines: dict[str, frozenset[int]]
-
-
-@dataclass(frozen=True)
 class Outcome:
     """What became of a fault: killed, equal, survived, or unreached by all tests."""
 
     mutant: Mutant
     outcome: str
-    by: str
-    seconds: float
+    by: str = ""
 
 
 class Measuring:
@@ -204,8 +177,6 @@ class Campaign:
                 (copy / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(root / name, copy / name)
         self.writes = 0
-        self.sources = ""
-        self.noticed = work / "noticed.txt"
 
     def files(self, patterns: list[str]) -> list[str]:
         """The files of some patterns, without repetition."""
@@ -217,8 +188,8 @@ class Campaign:
             name for name in self.names if name.endswith(".py") and not name.startswith(("docs/", "tests/campaigns/"))
         ]
         others = [name for name in others if not Path(name).name.startswith("test_")]
-        self.sources = self._digest(others, str((files, limit)))
-        stored = {test: self.work / f"{self._digest([test], self.sources)}.json" for test in tests}
+        sources = self._digest(others, str((files, limit)))
+        stored = {test: self.work / f"{self._digest([test], sources)}.json" for test in tests}
 
         def run(test: str, copy: Path) -> int:
             def body() -> int:
@@ -232,10 +203,8 @@ class Campaign:
         def keep(test: str, copy: Path, status: int, seconds: float) -> None:
             if status == 0:
                 (copy / "measured.json").replace(stored[test])
-            print(
-                f"{test}: {seconds:.0f} s{'' if status == 0 else f', ended with {status}: none of its tests count'}",
-                flush=True,
-            )
+            ended = f", ended with {status}: none of its tests count" if status else ""
+            print(f"{test}: {seconds:.0f} s{ended}", flush=True)
 
         self._run_all([test for test in tests if not stored[test].exists()], run, keep)
         return [
@@ -245,12 +214,9 @@ class Campaign:
             for name, (seconds, reached) in json.loads(stored[test].read_text("utf-8")).items()
         ]
 
-    def try_all(self, chosen: list[tuple[Mutant, list[Case]]], *, keep: bool = True) -> list[Outcome]:
-        """Run the tests that are chosen for each fault; with ``keep`` tell and remember what notices it."""
-        noticed = self._read_noticed() if keep else {}
-        outcomes = [Outcome(mutant, "unreached", "", 0.0) for mutant, cases in chosen if not cases]
-        known = [mutant for mutant, cases in chosen if cases and mutant.name in noticed]
-        outcomes += [Outcome(mutant, "killed", noticed[mutant.name], 0.0) for mutant in known]
+    def try_all(self, chosen: list[tuple[Mutant, list[Case]]]) -> list[Outcome]:
+        """Run the tests that are chosen for each fault, and tell which one notices it."""
+        outcomes = [Outcome(mutant, "unreached") for mutant, cases in chosen if not cases]
 
         def run(job: tuple[Mutant, list[Case]], copy: Path) -> int:
             mutant, cases = job
@@ -265,33 +231,14 @@ class Campaign:
             return self._fork(copy, body, 10.0 + 2.0 * sum(case.seconds for case in cases))
 
         def judge(job: tuple[Mutant, list[Case]], copy: Path, status: int, seconds: float) -> None:
-            mutant = job[0]
+            mutant, failed = job[0], copy / "failed.txt"
             self._write(copy / mutant.file, (self.root / mutant.file).read_text("utf-8"))
-            failed = copy / "failed.txt"
             by = failed.read_text("utf-8") if failed.exists() else f"status {status}"
-            outcomes.append(Outcome(mutant, "killed" if status else "survived", by if status else "", seconds))
-            if keep:
-                print(f"{len(outcomes)}: {outcomes[-1].outcome} {seconds:.1f} s: {mutant.name}", flush=True)
-            if keep and failed.exists():
-                self._write_noticed(mutant.name, by)
+            outcomes.append(Outcome(mutant, "killed", by) if status else Outcome(mutant, "survived"))
+            print(f"{len(outcomes)}: {outcomes[-1].outcome} {seconds:.1f} s: {mutant.name}", flush=True)
 
-        self._run_all([job for job in chosen if job[1] and job[0].name not in noticed], run, judge)
+        self._run_all([job for job in chosen if job[1]], run, judge)
         return outcomes
-
-    def _read_noticed(self) -> dict[str, str]:
-        """The test that notices a fault, of those that stand for the present sources."""
-        lines = self.noticed.read_text("utf-8").splitlines() if self.noticed.exists() else []
-        entries = [line.split("\t") for line in lines]
-        return {name: by for key, name, by in entries if key == self._key(by)}
-
-    def _write_noticed(self, name: str, by: str) -> None:
-        with self.noticed.open("a", encoding="utf-8") as file:
-            file.write(f"{self._key(by)}\t{name}\t{by}\n")
-
-    def _key(self, by: str) -> str:
-        """A hash of all sources and of a test's file."""
-        file = file_of(by)
-        return self._digest([file], self.sources) if (self.root / file).is_file() else ""
 
     def _digest(self, names: list[str], more: str) -> str:
         found = hashlib.sha256(more.encode())
@@ -347,57 +294,6 @@ class Campaign:
             free.append(copy)
 
 
-def file_of(test: str) -> str:
-    """The file of a test."""
-    return test.partition("::")[0]
-
-
-def function_of(test: str) -> str:
-    """The name of a test without its parameters."""
-    return test.partition("[")[0]
-
-
-def choose(mutant: Mutant, cases: list[Case], budget: float, texts: Mapping[str, str]) -> list[Case]:
-    """Tests that reach a fault's statement within a budget [s]; what runs on import is reached by all of its module's.
-
-    Tests in the nearest files come first, and quick ones, and of each function the quickest; further ones wait.
-    """
-    told = {file: min(nearness(mutant, text), 1 if file == BROAD else 3) for file, text in texts.items()}
-    found = [case for case in cases if mutant.file in case.lines]
-    if not mutant.at_import:
-        found = [case for case in found if not case.lines[mutant.file].isdisjoint(mutant.lines)]
-    else:
-        near = {file for file, place in told.items() if place < 3}
-        found = [case for case in cases if mutant.file in case.lines or file_of(case.name) in near] or cases
-    rank: Counter[str] = Counter()
-    ordered = []
-    for case in sorted(found, key=lambda case: case.seconds):
-        place = AHEAD * (told.get(file_of(case.name), 3) + case.seconds) + rank[function_of(case.name)]
-        ordered.append((place, case.name, case))
-        rank[function_of(case.name)] += 1
-    chosen, spent = [], 0.0
-    for *_, case in sorted(ordered):
-        if chosen and spent + case.seconds > budget:
-            break
-        chosen.append(case)
-        spent += case.seconds
-    return chosen
-
-
-def nearness(mutant: Mutant, text: str) -> int:
-    """How near a test file is to a fault, by its text: what it imports, and whether it names what has the fault.
-
-    0 with its module and its name, 1 with its module, 2 with its name, 3 else.
-    """
-    names = mutant.scope.split(".") if mutant.scope else re.findall(r"^\w+(?=: | = )", mutant.line)
-    named = any(re.search(rf"\b{name}\b", text) for name in names if not name.startswith("__"))
-    module = Path(mutant.file).with_suffix("").parts
-    last, package = module[-1], "[.]".join(module[:-1])
-    if re.search(rf"\b{package}[.]{last}\b|\bfrom {package} import [^\n]*\b{last}\b", text):
-        return 0 if named else 1
-    return 2 if named else 3
-
-
 def known_equal() -> dict[str, str]:
     """Faults that change no result, and why."""
     entries = tomllib.loads(EQUAL.read_text("utf-8"))["equal"]
@@ -406,14 +302,11 @@ def known_equal() -> dict[str, str]:
 
 def sample(campaign: Campaign, rooms: list[str], size: int, seed: int) -> dict[str, list[Mutant]]:
     """Faults of each room, drawn from all of them together."""
-    found = {
-        room: [
-            mutant
-            for file in campaign.files(ROOMS[room])
-            for mutant in mutants_of(file, (campaign.root / file).read_text("utf-8"))
-        ]
-        for room in rooms
-    }
+
+    def of(file: str) -> list[Mutant]:
+        return mutants_of(file, (campaign.root / file).read_text("utf-8"))
+
+    found = {room: [each for file in campaign.files(ROOMS[room]) for each in of(file)] for room in rooms}
     every = [mutant for mutants in found.values() for mutant in mutants]
     drawn = set(random.Random(seed).sample([mutant.name for mutant in every], min(size, len(every))))
     return {room: [mutant for mutant in mutants if mutant.name in drawn] for room, mutants in found.items()}
@@ -429,68 +322,73 @@ def share(killed: int, counted: int) -> str:
     return f"{100 * p:.1f} ({100 * (centre - half):.1f} … {100 * (centre + half):.1f})"
 
 
-def report(drawn: dict[str, list[Mutant]], outcomes: list[Outcome]) -> str:
-    """A table of the rooms."""
+def counted(drawn: dict[str, list[Mutant]], outcomes: list[Outcome]) -> list[list[str]]:
+    """A row for each room, and for all."""
     became = {outcome.mutant.name: outcome.outcome for outcome in outcomes}
-    rows = {room: Counter(became[mutant.name] for mutant in mutants) for room, mutants in drawn.items()}
-    rows["all"] = sum(rows.values(), Counter())
-    lines = ["| Room | Faults | Killed | Equal | Survived | Reached by no test | Killed of those that matter, % |"]
-    lines.append("|---|---:|---:|---:|---:|---:|---:|")
-    for room, count in rows.items():
-        cells = [count[kind] for kind in ("killed", "equal", "survived", "unreached")]
-        shown = share(count["killed"], count.total() - count["equal"])
-        lines.append(f"| {room} | {count.total()} | {' | '.join(map(str, cells))} | {shown} |")
-    return "\n".join(lines) + "\n"
+    counts = {room: Counter(became[mutant.name] for mutant in mutants) for room, mutants in drawn.items()}
+    counts["all"] = sum(counts.values(), Counter())
+    rows: list[list[str]] = []
+    for room, count in counts.items():
+        cells = [count.total(), *(count[kind] for kind in ("killed", "equal", "survived", "unreached"))]
+        rows.append([room, *map(str, cells), share(count["killed"], count.total() - count["equal"])])
+    return rows
 
 
-def main() -> None:
-    """Run a campaign, print its table and what survived."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", type=int, default=1000, help="how many faults")
-    parser.add_argument("--seed", type=int, default=0, help="of the draw")
-    parser.add_argument("--rooms", nargs="+", default=list(ROOMS), choices=list(ROOMS))
-    parser.add_argument("--tests", nargs="+", default=TESTS, help="patterns of test files")
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--limit", type=float, default=4.0, help="of one test, in seconds of processor time")
-    parser.add_argument("--budget", type=float, default=40.0, help="of the tests of one fault, likewise")
-    parser.add_argument("--work", type=Path, default=Path("pter-mutation"), help="folder for copies and outcomes")
-    parser.add_argument("--least", type=float, default=0.95, help="share that must be killed")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/robustness.md")
-    given = parser.parse_args()
+def main(
+    size: int = 1000,
+    seed: int = 0,
+    rooms: tuple[str, ...] = tuple(ROOMS),
+    tests: tuple[str, ...] = tuple(TESTS),
+    processes: int = 1,
+    limit: float = 4.0,
+    budget: float = 40.0,
+    work: Path = Path("pter-mutation"),
+    least: float = 0.95,
+    write: bool = False,
+) -> int:
+    """Run a campaign, print its table and what survived, and return 1 if too many did.
 
+    Args:
+        size: How many faults.
+        seed: Of the draw.
+        rooms: Where they are.
+        tests: Patterns of the files that may notice them.
+        processes: How many run at once.
+        limit: Of one test, in seconds of processor time.
+        budget: Of the tests of one fault, likewise.
+        work: Folder for copies and what was found.
+        least: Share that must be killed.
+        write: Put the table into docs/robustness.md.
+    """
     os.environ.update(NUMBA_DISABLE_JIT="1", OMP_NUM_THREADS="1", MPLBACKEND="Agg")
     for library in LIBRARIES.split():
         importlib.import_module(library)
-    campaign = Campaign(ROOT, given.work.resolve(), given.processes)
-    drawn = sample(campaign, given.rooms, given.size, given.seed)
-    files = campaign.files([pattern for room in ROOMS.values() for pattern in room])
-    cases = campaign.measure(campaign.files(given.tests), files, given.limit)
+    assert "pter_gym" not in sys.modules, "processes that are forked would not load the package with its fault"
+    campaign = Campaign(ROOT, work.resolve(), processes)
+    drawn = sample(campaign, list(rooms), size, seed)
+    files = campaign.files(list(tests))
+    cases = campaign.measure(files, campaign.files([pattern for room in ROOMS.values() for pattern in room]), limit)
 
     equal = known_equal()
     mutants = [mutant for mutants in drawn.values() for mutant in mutants]
-    texts = {test: (ROOT / test).read_text("utf-8") for test in campaign.files(given.tests)}
-    chosen = [(mutant, choose(mutant, cases, given.budget, texts)) for mutant in mutants if mutant.name not in equal]
-    unchanged = [
-        (replace(mutant, source=(ROOT / mutant.file).read_text("utf-8")), tests) for mutant, tests in chosen[:3]
-    ]
-    if any(outcome.outcome == "killed" for outcome in campaign.try_all(unchanged, keep=False)):
+    texts = {test: (ROOT / test).read_text("utf-8") for test in files}
+    chosen = [(mutant, choose(mutant, cases, budget, texts)) for mutant in mutants if mutant.name not in equal]
+    unchanged = [(replace(each, source=(ROOT / each.file).read_text("utf-8")), found) for each, found in chosen[:3]]
+    if any(outcome.outcome == "killed" for outcome in campaign.try_all(unchanged)):
         sys.exit("tests fail without a fault")
-    outcomes = [Outcome(mutant, "equal", "", 0.0) for mutant in mutants if mutant.name in equal]
-    outcomes += campaign.try_all(chosen)
+    outcomes = [Outcome(mutant, "equal") for mutant in mutants if mutant.name in equal] + campaign.try_all(chosen)
 
     lost = [outcome for outcome in outcomes if outcome.outcome in ("survived", "unreached")]
     killed = sum(outcome.outcome == "killed" for outcome in outcomes)
-    text = report(drawn, outcomes)
-    print("\n".join(f"{outcome.outcome}: {outcome.mutant.name}" for outcome in lost), text, sep="\n\n")
     plain = [{"mutant": found.mutant.name, "outcome": found.outcome, "by": found.by} for found in outcomes]
     (campaign.work / "outcomes.json").write_text(json.dumps(plain, indent=1, ensure_ascii=False), "utf-8")
-    if given.write:
-        sys.path.insert(0, str(ROOT / "docs" / "make"))
-        from pages import write_block
+    print(*(f"{outcome.outcome}: {outcome.mutant.name}" for outcome in lost), sep="\n")
+    from .reports import put, table
 
-        write_block(ROOT / "docs" / "robustness.md", "mutation", text)
-    sys.exit(killed < given.least * (killed + len(lost)))
+    header = ["Room", "Faults", "Killed", "Equal", "Survived", "Reached by no test", "Killed of those that matter, %"]
+    put("mutation", table(header, counted(drawn, outcomes)), write=write)
+    return int(killed < least * (killed + len(lost)))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(tyro.cli(main))

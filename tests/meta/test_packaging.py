@@ -1,43 +1,40 @@
-"""The package says the same about itself everywhere."""
+"""The package says the same about itself everywhere: metadata, constraints, recipe for conda, environment of Ray."""
 
 import importlib.metadata
 import importlib.resources
 import re
-import shutil
-import subprocess
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 
 import pter_gym
 
 ROOT = Path(__file__).parents[2]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+PROJECT = PYPROJECT["project"]
+OF_CONDA = {"matplotlib": "matplotlib-base"}
+"""Packages that have another name there."""
 
 
-FOLDERS = {"agents", "docs", "notebooks", "pter_gym", "tests"}
-FILES = {"CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "README.md", "constraints.txt", "pyproject.toml"}
+def pins(path: Path) -> dict[str, str]:
+    """Versions by name."""
+    found = [Requirement(line) for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
+    return {each.name: str(each.specifier).removeprefix("==") for each in found}
 
 
-def names_of(requirements: list[str]) -> set[str]:
-    found = (re.match(r"[\w-]+", requirement) for requirement in requirements)
-    return {match.group().lower() for match in found if match} - {"pter-gym"}
+def ranges(requirements: list[str]) -> dict[str, SpecifierSet]:
+    """Accepted versions by conda's name."""
+    found = [Requirement(requirement) for requirement in requirements]
+    return {OF_CONDA.get(each.name, each.name): each.specifier for each in found}
 
 
-@pytest.mark.skipif(not shutil.which("git") or not (ROOT / ".git").exists(), reason="no clone of the repository")
-def test_the_top_level_has_nothing_else():
-    told = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    top = {line.partition("/")[0] for line in told.splitlines() if not line.startswith(".")}
-    assert top == FOLDERS | FILES
-
-
-def test_version_stands_in_one_place():
-    assert importlib.metadata.version("pter-gym") == pter_gym.__version__
-
-
-def test_citation_has_the_version():
+def test_the_version_is_the_same_everywhere():
     citation = (ROOT / "CITATION.cff").read_text("utf-8")
+    assert importlib.metadata.version("pter-gym") == pter_gym.__version__
     assert re.search(r"^version: (.+)$", citation, re.MULTILINE).group(1) == pter_gym.__version__
 
 
@@ -46,24 +43,35 @@ def test_packages_are_typed(package: str):
     assert importlib.resources.files(package).joinpath("py.typed").is_file()
 
 
-def test_command_is_installed():
-    (command,) = importlib.metadata.entry_points(group="console_scripts", name="pter")
-    assert command.value == "pter_gym.commands.main:main"
-
-
-def test_every_dependency_has_a_tested_version():
-    pinned = {line.split("==")[0] for line in (ROOT / "constraints.txt").read_text("utf-8").splitlines()}
-    extras = (names_of(requirements) for requirements in PROJECT["optional-dependencies"].values())
-    assert names_of(PROJECT["dependencies"]).union(*extras) <= pinned
-
-
-def test_constraints_are_exact_and_carry_no_local_label():
+def test_every_dependency_has_one_tested_version():
     lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
-    for line in (line for line in lines if not line.startswith("#")):
-        assert re.fullmatch(r"[a-z0-9-]+==[0-9][0-9a-z.]*", line)
+    assert all(re.fullmatch(r"[a-z0-9-]+==[0-9][0-9a-z.]*", line) for line in lines if not line.startswith("#"))
+    asked = [each for extra in PROJECT["optional-dependencies"].values() for each in extra] + PROJECT["dependencies"]
+    names = {Requirement(each).name.lower() for each in asked} - {"pter-gym"}
+    assert names <= pins(ROOT / "constraints.txt").keys()
 
 
 def test_all_names_every_extra():
     (everything,) = PROJECT["optional-dependencies"]["all"]
-    named = set(re.fullmatch(r"pter-gym\[(.+)\]", everything).group(1).split(","))
-    assert named == PROJECT["optional-dependencies"].keys() - {"all"}
+    assert Requirement(everything).extras == PROJECT["optional-dependencies"].keys() - {"all"}
+
+
+def test_the_recipe_for_conda_says_the_same():
+    yaml = pytest.importorskip("yaml")
+    recipe: dict[str, Any] = yaml.safe_load((ROOT / "docs" / "conda" / "recipe.yaml").read_text("utf-8"))
+    assert recipe["context"]["version"] == pter_gym.__version__
+    commands = [f"{name} = {place}" for name, place in PROJECT["scripts"].items()]
+    assert recipe["build"]["python"]["entry_points"] == commands
+    least = recipe["context"]["python_min"]
+    needed = [each.replace("${{ python_min }}", least) for each in recipe["requirements"]["run"]]
+    assert ranges(needed) == ranges([*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"])
+    about = recipe["about"]
+    assert (about["license"], about["summary"]) == (PROJECT["license"], PROJECT["description"])
+    urls = PROJECT["urls"]
+    assert (about["repository"], about["documentation"]) == (urls["Source"], urls["Documentation"])
+
+
+def test_the_environment_of_ray_has_the_tested_versions_but_for_gymnasium():
+    mine, rays = pins(ROOT / "constraints.txt"), pins(ROOT / "agents" / "at_scale" / "requirements.txt")
+    assert {name for name in mine.keys() & rays.keys() if mine[name] != rays[name]} == {"gymnasium"}
+    assert rays["gymnasium"] in ranges(PROJECT["dependencies"])["gymnasium"]

@@ -1,6 +1,7 @@
-"""Docstrings as the API reference shows them: with the fields of parameters, and of names that a package re-exports."""
+"""Our part of Sphinx: the directive `{made}`, formulas as MathML, notebooks, and docstrings with tables of fields."""
 
 import inspect
+import shutil
 from collections.abc import Iterable
 from dataclasses import MISSING, fields, is_dataclass
 from importlib import import_module
@@ -8,12 +9,53 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
+from sphinx.util.docutils import SphinxDirective
 
 PAGES = {"pter_gym.envs.single.PathFollowingEnv": "/path-following"}
 """Classes whose docstring is a page in Markdown."""
+
+
+class Made(SphinxDirective):
+    """Put the Markdown that a function of `made` returns into the page: its name, then its arguments."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list:
+        """Parse the Markdown here."""
+        import made
+
+        name, *given = self.arguments[0].split()
+        self.env.note_reread()
+        return self.parse_text_to_nodes(made.MADE[name](*given), allow_section_headings=True)
+
+
+def inline_formula(translator: Any, node: nodes.math) -> None:
+    """Write a formula within a line as MathML, which browsers draw by themselves."""
+    translator.body.append(tex2mathml(node.astext()))
+    raise nodes.SkipNode
+
+
+def formula(translator: Any, node: nodes.math_block) -> None:
+    """Write a formula on lines of its own."""
+    translator.body.append(f'<div class="equation">{tex2mathml(node.astext(), as_block=True)}</div>')
+    raise nodes.SkipNode
+
+
+def bring_notebooks(app: Sphinx) -> None:
+    """Copy the notebooks, which git has once, into the source of the site, if they have changed."""
+    here, notebooks = Path(app.srcdir) / "notebooks", Path(app.srcdir).parent / "notebooks"
+    here.mkdir(exist_ok=True)
+    for path in here.glob("*.ipynb"):
+        if not (notebooks / path.name).exists():
+            path.unlink()
+    for path in notebooks.glob("*.ipynb"):
+        if not (here / path.name).exists() or (here / path.name).read_bytes() != path.read_bytes():
+            shutil.copyfile(path, here / path.name)
 
 
 class Sample(NamedTuple):
@@ -35,41 +77,29 @@ def process(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: li
 
 
 def data_docstring(name: str) -> list[str]:
-    """Lines below the definition of a name, in the module that is named or in one of its package."""
+    """Return the lines below the definition of a name, in the module that is named or in one of its package."""
     module, _, variable = name.rpartition(".")
-    for each in [module, *submodules(module)]:
-        found = ModuleAnalyzer.for_module(each).find_attr_docs().get(("", variable))
-        if found:
+    path = Path(ModuleAnalyzer.get_module_source(module)[0] or "")
+    inside = sorted(f"{module}.{each.stem}" for each in path.parent.glob("*.py")) if path.stem == "__init__" else []
+    for each in [module, *(inner for inner in inside if not inner.endswith("__init__"))]:
+        if found := ModuleAnalyzer.for_module(each).find_attr_docs().get(("", variable)):
             return found
     return []
 
 
-def submodules(module: str) -> Iterable[str]:
-    """Names of the modules in a package."""
-    path = Path(ModuleAnalyzer.get_module_source(module)[0] or "")
-    if path.name == "__init__.py":
-        yield from sorted(f"{module}.{each.stem}" for each in path.parent.glob("[!_]*.py"))
-
-
 def fields_table(owner: Any) -> Iterable[str]:
-    """Rows of a table of the fields that say their unit and where their value comes from."""
+    """Yield a table of the fields that say their unit and where their value comes from."""
     told = [item for item in fields(owner) if "provenance" in item.metadata]
-    if not told:
-        return
-    yield from ("", ".. list-table::", "   :header-rows: 1", "")
-    for row in [("Field", "Unit", "Default", "Provenance"), *map(field_row, told)]:
+    rows = [(f"``{item.name}``", item.metadata["unit"], default(item), item.metadata["provenance"]) for item in told]
+    yield from ("", ".. list-table::", "   :header-rows: 1", "") if rows else ()
+    for row in [("Field", "Unit", "Default", "Provenance"), *rows] if rows else ():
         cells = (cell.replace("|", r"\|") for cell in row)
         yield from (f"   {'* -' if place == 0 else '  -'} {cell}" for place, cell in enumerate(cells))
     yield ""
 
 
-def field_row(item: Any) -> tuple[str, ...]:
-    """Name, unit, default and provenance of a field."""
-    return f"``{item.name}``", item.metadata["unit"], default(item), item.metadata["provenance"]
-
-
 def default(item: Any) -> str:
-    """The default of a field: a number or a word, or the class of a default record."""
+    """Return the default of a field: a number or a word, or the class of a default record."""
     if item.default is MISSING:
         return "none"
     if isinstance(item.default, (int, float)):
@@ -86,7 +116,7 @@ def choose(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any
 
 
 def follow(app: Sphinx, module: str, attribute: str) -> str | None:
-    """Where the source of a name is: data of built-in types are where they are documented."""
+    """Return where the source of a name is: data of built-in types are where they are documented."""
     value = getattr(import_module(module), attribute.partition(".")[0], None)
     return module if getattr(value, "__module__", "builtins") == "builtins" else None
 
@@ -100,8 +130,11 @@ def unlink(app: Sphinx, doctree: nodes.document) -> None:
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect to Sphinx."""
+    app.add_directive("made", Made)
+    app.add_html_math_renderer("mathml", (inline_formula, None), (formula, None))
+    app.connect("builder-inited", bring_notebooks)
     app.connect("autodoc-process-docstring", process)
+    app.connect("autodoc-skip-member", choose)
     app.connect("viewcode-follow-imported", follow)
     app.connect("doctree-read", unlink)
-    app.connect("autodoc-skip-member", choose)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
