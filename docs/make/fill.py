@@ -11,7 +11,6 @@ FOLDER is what `--out` named; its `benchmark.json` is read. A table that is miss
 CONTRIBUTING.md lists.
 """
 
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
