@@ -19,6 +19,7 @@ from numba import types
 from numba.extending import overload
 
 from pter_gym.compiled.compiler import WITHOUT_ARRAYS
+from pter_gym.compiled.generated import compile_source
 from pter_gym.compiled.layout import Field, Layout
 from pter_gym.compiled.pipeline import Part
 
@@ -187,8 +188,7 @@ def _made(kind: Any, number: str, names: dict[str, Any], before: str = "") -> st
 
 def written(arguments: str, lines: Iterable[str], names: dict[str, Any]) -> Any:
     """Return a function with a body that knows some names: what is made for a record's class is written out."""
-    exec(f"def written({arguments}):\n    " + "\n    ".join(lines), names)
-    return names["written"]
+    return compile_source(f"def written({arguments}):\n    " + "\n    ".join(lines), "written", names)
 
 
 def _returning(kind: Any, arguments: str, number: str) -> Any:
