@@ -82,6 +82,8 @@ class World(NamedTuple):
     hand: HandModel
     task: TaskModel
     # what a control step works with
+    last_command: Annotated[PerClutch, Entry("V", "command before the last")]
+    drift: Annotated[float, Entry("1", "torque of all clutches, relative to that at the start of the episode")]
     steady: Torques
     impact: Impact
     omega: Annotated[PerLink, Entry("rad/s", "angular velocity after friction")]
@@ -111,7 +113,7 @@ BASIC_ROWS = ROW.drive.force.along
 STORED_ROWS = ROW.machine.arm.length_a
 """Rows of a world that change: those before its constants. Not all worlds need those behind ``BASIC_ROWS``."""
 
-CONSTANT_ROWS = ROW.steady.breakaway.x1 - STORED_ROWS
+CONSTANT_ROWS = ROW.last_command.x1 - STORED_ROWS
 """Rows of a world's constants."""
 
 FLAG = rows(Flags)

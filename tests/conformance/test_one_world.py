@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pter_gym.engine.batch import Batch
 from pter_gym.engine.episode import conclude_step, fetch_world, take_context
-from pter_gym.engine.step import given_volts, move_world
+from pter_gym.engine.step import given_volts, move_worlds, take_command
 from pter_gym.engine.world import BASIC_ROWS, CONFIG, ROW, ROWS
 from pter_gym.hands import HumanArm, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL
@@ -39,9 +39,10 @@ def moved_alone(batch: Batch, volts: NDArray[np.float64]) -> NDArray[np.float64]
     w = np.zeros((ROWS, 1))
     fetch_world(w, 0, worlds, 0)
     take_context(w, 0, constants)
-    given = given_volts(volts, 0, config[CONFIG.low], config[CONFIG.high], w[ROW.machine.voltage_max, 0])
-    move_world(w, 0, given, config, worlds.shape[1] > BASIC_ROWS)
-    conclude_step(w, 0, words[0, 0], words[0, 1], config, constants)
+    take_command(w, 0, given_volts(volts, 0, config[CONFIG.low], config[CONFIG.high], w[ROW.machine.voltage_max, 0]))
+    with_extras = worlds.shape[1] > BASIC_ROWS
+    move_worlds(w, 1, config, with_extras)
+    conclude_step(w, 1, 1, words, 0, config, constants, with_extras)
     return np.append(w[: worlds.shape[1], 0], w[ROW.reward, 0])
 
 

@@ -50,8 +50,8 @@ class Outcome(NamedTuple):
         Change of the arc length over time, over the commanded pace; a mean over about ``PACE_WINDOW``.
     acceleration
         Of the tip, mean over the control step [m/s²].
-    volts, voltage_max
-        Voltages and their limit [V].
+    volts, last_volts, voltage_max
+        Voltages of this control step and of the one before, and their limit [V].
     energy
         What the hand and the clutches did in the control step [J].
     failed
@@ -65,6 +65,7 @@ class Outcome(NamedTuple):
     pace_ratio: float
     acceleration: float
     volts: PerClutch
+    last_volts: PerClutch
     voltage_max: float
     energy: Energy
     failed: bool
