@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pter_gym.compiled.compiler import compile_kernel, digest_of
 from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.laws import built_in
-from pter_gym.engine.law import empty_memory
+from pter_gym.engine.law import Memory, empty_memory
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 
@@ -208,11 +208,15 @@ class Policy(BoundPolicy):
         Layout of the observations.
     law
         The scalar law; see ``pter_gym.controllers.laws``. The batch kernel inlines it.
+    memory
+        Record of what the law keeps of each world, a ``NamedTuple`` of floats; all are zero where an episode begins,
+        but an entry ``world`` is the number of the world.
     """
 
     gains: NDArray[np.float64]
     layout: Layout
     law: Callable[..., Any] = built_in
+    memory: type[Any] = Memory
 
     compiled = True
 
@@ -256,10 +260,9 @@ class Policy(BoundPolicy):
         _act_kernel(self.law)(rows, self._scales, self.gains, memory, volts)
         return volts
 
-    @staticmethod
-    def empty_memory(worlds: int) -> NDArray[np.float64]:
-        """Return what a law keeps at the start of an episode, a row for each world: (N, width of ``Memory``)."""
-        return empty_memory(worlds)
+    def empty_memory(self, worlds: int) -> NDArray[np.float64]:
+        """Return what the law keeps at the start of an episode, a row for each world: (N, numbers of the record)."""
+        return empty_memory(worlds, self.memory)
 
 
 def _build_act(digest: str) -> Any:

@@ -117,7 +117,7 @@ def load_on(w: Any, i: int) -> Load:
     return Load(force.x, force.y, 0.0, 0.0, to.x, to.y)
 
 
-_substep = substep_on(ROW, load_on)
+_aim, _substep = substep_on(ROW, load_on)
 
 
 @device
@@ -140,11 +140,13 @@ def move_worlds(w: Any, lanes: int, config: Any, guides: bool) -> None:
     for i in range(lanes):
         drift_torques(w, i, h * count)
     for k in range(count):
+        if lags_voltage | (k == 0):
+            _aim(w, lanes)
         for i in range(lanes):
             push_tip(w, i)
         if guides:
             for i in range(lanes):
                 guide_tip(w, i, h)
-        _substep(w, lanes, h, lags_voltage | (k == 0))
+        _substep(w, lanes, h)
     for i in range(lanes):
         sense_torques(w, i, h)

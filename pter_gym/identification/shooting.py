@@ -18,7 +18,7 @@ from pter_gym.identification.log import interpolated
 from pter_gym.params import Machine
 from pter_gym.physics.arm import Load, Motion
 from pter_gym.physics.clutch import PerClutch
-from pter_gym.physics.open_loop import BODY, advance, body_of, initial_state
+from pter_gym.physics.open_loop import BODY, advance, body_of, initial_state, scratch
 
 Array = NDArray[np.float64]
 
@@ -99,8 +99,9 @@ def predict(machine: Machine, inputs: Inputs, delay: float, starts: Array, lengt
 
 
 def _build(digest: str) -> Any:
-    def kernel(body: Any, volts: Any, force: Any, starts: Any, h: float, substeps: int, record: Any) -> None:
+    def kernel(given: Any, volts: Any, force: Any, starts: Any, h: float, substeps: int, record: Any) -> None:
         _ = digest
+        body = scratch(given)
         k = 0
         for window in range(record.shape[0]):
             a, b = starts[window, 0], starts[window, 1]

@@ -149,9 +149,10 @@ class Machine:
         """Check the numbers of the friction model and that the hand's explicit spring is stable."""
         for name, kind in (("arm", Arm), ("clutch", Clutch), ("hand", Hand)):
             require_kind(self, name, kind)
-        accepted = f"a tuple of 4 finite numbers ≥ {SMALLEST:g}"
+        accepted = f"a tuple of 4 finite numbers, each ≥ {SMALLEST:g}, or 0 for a clutch that is not there"
         require_numbers(self, "clutch_scale", accepted, count=4)
-        require(min(self.clutch_scale) >= SMALLEST, self, "clutch_scale", self.clutch_scale, accepted)
+        fits = all(scale == 0.0 or scale >= SMALLEST for scale in self.clutch_scale)
+        require(fits, self, "clutch_scale", self.clutch_scale, accepted)
         require_number(self, "slip_threshold", above=0.0)
         require_number(self, "substep", above=0.0, at_most=0.01)
         mass = self.hand.mass + tip_mass(self.arm)

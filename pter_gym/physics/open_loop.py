@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.compiled.compiler import compile_kernel, device
+from pter_gym.compiled.compiler import compile_kernel, device, inlined
 from pter_gym.compiled.records import load, rows, store, width, write
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine, find_machine
@@ -55,6 +55,7 @@ class Row(NamedTuple):
 
 
 BODY = rows(Body)
+BODY_WIDTH = width(Body)
 COLUMN = rows(Row)
 
 
@@ -232,7 +233,7 @@ def body_of(machine: Machine, state: State) -> Array:
     ParameterError
         If a number of the state is not finite, or a torque or voltage is negative.
     """
-    body = np.zeros((width(Body), 1))
+    body = np.zeros((BODY_WIDTH, 1))
     store(body, BODY.machine, 0, model_of(machine))
     (theta_a, theta_b), omega = _vector("state.theta", state.theta, 2), _vector("state.omega", state.omega, 2)
     units = (np.cos(theta_a), np.sin(theta_a), np.cos(theta_b), np.sin(theta_b))
@@ -247,12 +248,20 @@ def body_of(machine: Machine, state: State) -> Array:
     return body
 
 
+@inlined
+def scratch(body: Any) -> Any:
+    """Return a copy of a machine, from ``body_of``, whose shape the compiler knows: its entries stay in registers."""
+    copy = np.empty((BODY_WIDTH, 1))
+    copy[:] = body
+    return copy
+
+
 @device
 def _load_on(body: Any, i: int) -> Load:
     return load(body, BODY.load, i)
 
 
-_substep = substep_on(BODY, _load_on)
+_aim, _substep = substep_on(BODY, _load_on)
 
 
 @device
@@ -261,7 +270,8 @@ def advance(body: Any, command: PerClutch, on: Load, h: float) -> None:
     store(body, BODY.command, 0, command)
     store(body, BODY.load, 0, on)
     store(body, BODY.energy, 0, Energy(-0.0, -0.0, -0.0, -0.0))  # the sum with −0 keeps the sign of a zero
-    _substep(body, 1, h, True)
+    _aim(body, 1)
+    _substep(body, 1, h)
 
 
 @device
@@ -290,9 +300,10 @@ def row_of(body: Any, h: float) -> Row:
 
 def _build(digest: str) -> Any:
     def kernel(
-        body: Any, volts: Any, hand_force: Any, joint_torque: Any, hand_target: Any, h: float, record: Any
+        given: Any, volts: Any, hand_force: Any, joint_torque: Any, hand_target: Any, h: float, record: Any
     ) -> None:
         _ = digest
+        body = scratch(given)
         for k in range(record.shape[0]):
             on = Load(
                 hand_force[k, 0],
@@ -304,6 +315,7 @@ def _build(digest: str) -> Any:
             )
             advance(body, PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3]), on, h)
             write(record[k], COLUMN, row_of(body, h))
+        given[:] = body
 
     return kernel
 

@@ -213,12 +213,12 @@ def _stages_on(at: Any, load_on: Any) -> tuple[Any, ...]:
     return aim_torques, find_velocity, catch_crossing, move_arm
 
 
-def substep_on(at: Any, load_on: Any) -> Any:
-    """Return ``substep(w, lanes, h, aims)``, which advances the machines in the first ``lanes`` columns of an array.
+def substep_on(at: Any, load_on: Any) -> tuple[Any, Any]:
+    """Return ``aim(w, lanes)`` and ``substep(w, lanes, h)`` for machines in the first ``lanes`` columns of an array.
 
-    There are two kinds of such arrays: the worlds of the engine, many or one, and the machine of an open-loop
-    simulation. Each stage is a loop over all machines, so LLVM vectorises it. ``h`` is the substep [s]; ``aims`` says
-    that the steady torques may have changed.
+    ``aim`` finds the steady torques, where commands or lagged voltages may have changed; ``substep`` advances the
+    machines by h [s]. There are two kinds of such arrays: the worlds of the engine, many or one, and the machine of an
+    open-loop simulation. Each stage is a loop over all machines, so LLVM vectorises it.
 
     Parameters
     ----------
@@ -230,11 +230,14 @@ def substep_on(at: Any, load_on: Any) -> Any:
     aim_torques, find_velocity, catch_crossing, move_arm = _stages_on(at, load_on)
 
     @device
-    def substep(w: Any, lanes: int, h: float, aims: bool) -> None:
+    def aim(w: Any, lanes: int) -> None:
+        """Find the torques that the clutches of all machines tend to."""
+        for i in range(lanes):
+            aim_torques(w, i)
+
+    @device
+    def substep(w: Any, lanes: int, h: float) -> None:
         """Advance all machines by a substep."""
-        if aims:
-            for i in range(lanes):
-                aim_torques(w, i)
         for i in range(lanes):
             find_velocity(w, i, h)
         if count_nonzero(w, at.crossing, lanes) > 0:  # rare: in a few blocks out of a hundred
@@ -244,4 +247,4 @@ def substep_on(at: Any, load_on: Any) -> Any:
         for i in range(lanes):
             move_arm(w, i, h)
 
-    return substep
+    return aim, substep

@@ -28,8 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.returns import Returns
+from pter_gym.engine.batch import Batch, Returns
 from pter_gym.engine.world import FLAG, SAME_STEP
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, Operator, RecordedForces, TremorArm

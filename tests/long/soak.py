@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.returns import Returns
+from pter_gym.engine.batch import Batch, Returns
 from pter_gym.engine.world import FLAG, ROW, SAME_STEP
 from pter_gym.hands import SINES, MultiSineHand
 from pter_gym.internal.computer import available_cores

@@ -47,7 +47,8 @@ def substep(q: Motion, torques: Torques, on: Load, threshold: float = 1e-3) -> A
         store(body, row, 0, value)
     store(body, BODY.load, 0, on)
     body[BODY.machine.slip_threshold] = threshold
-    step.substep_on(BODY, lambda body, i: records_load(body, BODY.load, i))(body, 1, H, False)
+    _, advance = step.substep_on(BODY, lambda body, i: records_load(body, BODY.load, i))
+    advance(body, 1, H)
     numbers: Any = body[:, 0].tolist()
     return tuple(read(numbers, row, 0) for row in (BODY.motion, BODY.impact, BODY.limit, BODY.energy))
 

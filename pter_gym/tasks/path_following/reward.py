@@ -9,7 +9,8 @@ from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Annotated, Any, NamedTuple
 
 from pter_gym.compiled.compiler import device
-from pter_gym.compiled.records import Entry, written
+from pter_gym.compiled.generated import compile_source
+from pter_gym.compiled.records import Entry
 from pter_gym.params import quantity, require_number
 from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.step import Energy
@@ -183,8 +184,9 @@ Terms = NamedTuple("Terms", _TERMS)
 def _in_turn() -> Any:
     """Return ``reward_terms(weight, seen, period)``: the terms of a control step of ``period`` [s], each weighed."""
     names = {f"find_{item.name}": item.metadata["find"] for item in WEIGHTS}
-    found = (f"find_{item.name}(weight.{item.name}, seen, period)" for item in WEIGHTS)
-    return device(written("weight, seen, period", [f"return Terms({', '.join(found)})"], {**names, "Terms": Terms}))
+    found = ", ".join(f"find_{item.name}(weight.{item.name}, seen, period)" for item in WEIGHTS)
+    source = f"def reward_terms(weight, seen, period):\n    return Terms({found})\n"
+    return device(compile_source(source, "reward_terms", {**names, "Terms": Terms}))
 
 
 reward_terms = _in_turn()
