@@ -30,7 +30,7 @@ law: Any = built_in
 
 
 class Plans(NamedTuple):
-    """How a policy that plans comes to its decisions; one that says so is told the worlds, and counts as privileged.
+    """How a policy that plans comes to its decisions; such a policy is given the worlds, and counts as privileged.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class BoundPolicy(ABC):
     compiled
         Whether its law runs inside the kernel, where several threads can follow it at once.
     fingerprint
-        SHA-256 of all that it does, if that can be told.
+        SHA-256 of all that determines what it does, where that is known.
     plans
         How it plans, if it does.
     """
@@ -65,7 +65,7 @@ class BoundPolicy(ABC):
 
     @property
     def fingerprint(self) -> str | None:
-        """None: what a plain callable does cannot be told."""
+        """None: there is no way to tell what a plain callable does."""
         return None
 
     def reset(self) -> None:  # noqa: B027
@@ -74,7 +74,7 @@ class BoundPolicy(ABC):
     def reset_in(self, batch: Any) -> None:  # noqa: ARG002
         """Forget the past: new episodes begin in these worlds, a ``pter_gym.engine.batch.Batch``.
 
-        Only a policy with ``plans`` is told them.
+        Only a policy with ``plans`` is given them.
         """
         self.reset()
 
@@ -227,7 +227,7 @@ class Policy(BoundPolicy):
 
     @property
     def fingerprint(self) -> str | None:
-        """SHA-256 of gains and law; None if the law reads what cannot be told."""
+        """SHA-256 of gains and law; None if the law reads something that has no digest."""
         digest = digest_of(self.law)
         return digest and sha256(self.gains.tobytes() + digest.encode()).hexdigest()
 

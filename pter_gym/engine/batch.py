@@ -1,4 +1,4 @@
-"""Many worlds in one call. The single environment and the vector environments are doors to this."""
+"""Many worlds in one call. The single environment and the vector environments are built on this."""
 
 from collections.abc import Sequence
 from functools import partial

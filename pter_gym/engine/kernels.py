@@ -2,7 +2,7 @@
 
 Worlds are stored in blocks of up to 64 lanes, (blocks, rows, lanes). A block is copied into one scratch array, whose
 innermost loops over lanes are vectorised, and back. Worlds that share constants read them from one place. Lanes without
-a world hold zeros and the constants of another.
+a world start at zero, with the constants of another one, and run along; nothing reads them.
 """
 
 from functools import cache
@@ -77,7 +77,7 @@ def _gather(w: Any, worlds: Any, b: int) -> None:
 
 @device
 def _clear(w: Any, worlds: Any) -> None:
-    """Set the rows that are not stored to zero."""
+    """Set the rows that are not stored to zero, so that lanes without a world hold finite numbers too."""
     for row in range(worlds.shape[1], ROWS):
         for i in range(worlds.shape[2]):
             w[row, i] = 0.0

@@ -68,11 +68,11 @@ class World(NamedTuple):
     alive: Annotated[float, Entry("1", "1 while the episode goes on")]
     foot: Foot
     reached: Annotated[float, Entry("m", "largest arc length so far")]
-    pace_ratio: Annotated[float, Entry("1", "mean of late of the pace along the path over the commanded one")]
+    pace_ratio: Annotated[float, Entry("1", "recent mean of the pace along the path, over the commanded pace")]
     context_at: Annotated[float, Entry("1", "where its context begins in the constants")]
     draws_from: Annotated[float, Entry("1", "where the contexts that it draws from begin")]
     draws: Annotated[float, Entry("1", "number of contexts that it draws from")]
-    # what worlds store whose hand plans or whose sensors are not ideal
+    # what is stored too where hands plan or sensors are not ideal
     drive: Drive
     target: Target
     intent: Annotated[float, Entry("m", "arc length of the intended point")]
@@ -111,7 +111,7 @@ BASIC_ROWS = ROW.drive.force.along
 """Rows that every world stores: those before ``drive``."""
 
 STORED_ROWS = ROW.machine.arm.length_a
-"""Rows of a world that change: those before its constants. Not all worlds need those behind ``BASIC_ROWS``."""
+"""Rows of a world that change: those before its constants. Not all worlds need those from ``BASIC_ROWS`` on."""
 
 CONSTANT_ROWS = ROW.last_command.x1 - STORED_ROWS
 """Rows of a world's constants."""

@@ -221,7 +221,7 @@ class WorldArrays:
             mine[:] = state[name]
 
     def _fits(self, worlds: Array) -> bool:
-        """Tell whether worlds from elsewhere point at constants, arcs and instants that there are."""
+        """Tell whether worlds from elsewhere point at constants, arcs and instants that exist."""
         if not ((worlds[:, ROW.step] >= 0.0) & (worlds[:, ROW.step] < 2.0**31)).all():
             return False
         same = np.array_equal(

@@ -244,7 +244,7 @@ def test_what_does_not_plan_is_told_observations_alone() -> None:
 
 def test_a_planner_inside_a_policy_that_does_not_plan_has_no_worlds_to_plan_in() -> None:
     hidden = Binds(lambda layout: Wrapping(BOUND, layout, None))
-    with pytest.raises(ParameterError, match="batch must be told in reset_in"):
+    with pytest.raises(ParameterError, match="batch must be given to reset_in"):
         run_scenario("standard", {"hidden": hidden}, ["brisk"], episodes=1)
 
 

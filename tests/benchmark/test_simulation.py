@@ -77,7 +77,7 @@ def test_planners_say_what_they_need() -> None:
     batch = Batch(BASELINE, task, 2, sensors="force")
     bound = bind(policy, BASELINE, batch.layout)
     obs, _ = batch.reset([0, 1])
-    with pytest.raises(ParameterError, match="batch must be told in reset_in"):
+    with pytest.raises(ParameterError, match="batch must be given to reset_in"):
         bound.act(obs)
 
 

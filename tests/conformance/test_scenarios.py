@@ -122,7 +122,7 @@ def test_distributions_stay_within_their_ends() -> None:
         (lambda: Vary(BASELINE.arm, inertia_a=Uniform(-0.1, 1.0)), r"Arm\.inertia_a must be"),
         (lambda: Vary(BASELINE.arm, inertia=Uniform(0.1, 1.0)), r"Arm has no field 'inertia'"),
         (lambda: Vary(BASELINE.clutch, time_constant=Uniform(0.0, 1.0)), r"Clutch\.time_constant must be"),
-        (lambda: Vary(BASELINE, clutch_scale=Repeat(Uniform(0.0, 1.0), 4)), r"Machine\.clutch_scale must be"),
+        (lambda: Vary(BASELINE, clutch_scale=Repeat(Uniform(-0.1, 1.0), 4)), r"Machine\.clutch_scale must be"),
         (
             lambda: Vary(HumanArm(), impedance=Vary(Hand(mass=1.0, stiffness=1.0), stiffness=Uniform(0.0, 9.0))),
             r"impedance\.stiffness must be",

@@ -20,7 +20,7 @@ ERROR_WIDTH = 0.06
 """Distance from the path [m] at which tracking pays 1/e of what it pays on the path."""
 
 PRECISION_WIDTH = 0.006
-"""The same for precision: some times what is left on average by a policy that ranks."""
+"""The same for precision: a few times the mean error of a ranked policy."""
 
 PACE_WINDOW = 0.1
 """Time constant [s] of the mean of the pace that is judged: about the lag of the clutches."""
@@ -81,9 +81,9 @@ def term(unit: str, provenance: str, find: Find, *, default: float, absent: Any 
     Parameters
     ----------
     unit, provenance, default, absent
-        Of its weight; see ``quantity``. A term that is new has ``absent=0.0``.
+        Of its weight; see ``quantity``. A new term has ``absent=0.0``.
     find
-        From the weight, what a control step has led to and its period [s] to the term; it is compiled.
+        Function from the weight, what a control step has led to and its period [s] to the term; it is compiled.
     """
     declared = quantity(unit, provenance, absent=absent).metadata
     return field(default=default, metadata={**declared, "find": device(find)})
@@ -112,7 +112,7 @@ def paid(weight: float, seen: Outcome, width: float) -> float:
 
 @device
 def pace_cost(ratio: float) -> float:
-    """Return what a pace costs, from its ratio to the commanded one: the difference, so a rush costs by the way."""
+    """Return what a pace costs, from its ratio to the commanded one: its distance from 1."""
     slower = ratio if ratio > 0.0 else 0.0
     faster = ratio if ratio < FASTEST else FASTEST
     return 1.0 - slower if ratio < 1.0 else faster - 1.0
