@@ -121,7 +121,7 @@ def task_model(task: PathFollowing, arcs: tuple[int, int], energy_max: float) ->
         Kinetic energy that the arm may have [J].
     """
     weights: Any = vars(task.reward)
-    made = {
+    made: dict[str, Any] = {
         "path": PathModel(*arcs, task.path.length),
         "pace_decay": -math.expm1(-task.control_period / PACE_WINDOW),
         "energy_max": energy_max,
