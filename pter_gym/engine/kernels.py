@@ -27,6 +27,7 @@ from pter_gym.engine.sensing import see, write_observation
 from pter_gym.engine.step import are_finite, given_volts, is_refused, move_worlds, take_command
 from pter_gym.engine.world import (
     BASIC_ROWS,
+    COMMAND_ROWS,
     CONFIG,
     CONFIG_WIDTH,
     CONSTANT_ROWS,
@@ -77,8 +78,11 @@ def _gather(w: Any, worlds: Any, b: int) -> None:
 
 @device
 def _clear(w: Any, worlds: Any) -> None:
-    """Set the rows that are not stored to zero, so that lanes without a world hold finite numbers too."""
-    for row in range(worlds.shape[1], ROWS):
+    """Set to zero what is not stored, and what commands set: lanes without a world have none."""
+    for row in range(worlds.shape[1], STORED_ROWS):
+        for i in range(worlds.shape[2]):
+            w[row, i] = 0.0
+    for row in range(STORED_ROWS + CONSTANT_ROWS, STORED_ROWS + CONSTANT_ROWS + COMMAND_ROWS):
         for i in range(worlds.shape[2]):
             w[row, i] = 0.0
 

@@ -83,15 +83,15 @@ class World(NamedTuple):
     task: TaskModel
     # what a control step works with
     last_command: Annotated[PerClutch, Entry("V", "command before the last")]
+    start_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity at the start of the step")]
+    energy: Energy
     drift: Annotated[float, Entry("1", "torque of all clutches, relative to that at the start of the episode")]
     steady: Torques
     impact: Impact
     omega: Annotated[PerLink, Entry("rad/s", "angular velocity after friction")]
     limit: Annotated[PerClutch, Entry("N·m", "torque limit in this substep")]
     crossing: Annotated[float, Entry("1", "1 if a slip velocity has jumped over the stick band")]
-    energy: Energy
     force: Annotated[Vector, Entry("N", "the hand's force on the tip")]
-    start_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity at the start of the step")]
     travel: Annotated[float, Entry("m", "change of the arc length")]
     advance: Annotated[float, Entry("m", "how far beyond the largest arc length before the step")]
     began: Annotated[float, Entry("1", "1 if the world was alive before the step")]
@@ -115,6 +115,9 @@ STORED_ROWS = ROW.machine.arm.length_a
 
 CONSTANT_ROWS = ROW.last_command.x1 - STORED_ROWS
 """Rows of a world's constants."""
+
+COMMAND_ROWS = ROW.drift - ROW.last_command.x1
+"""Rows behind the constants that a world's command sets."""
 
 FLAG = rows(Flags)
 FLAGS = width(Flags)

@@ -235,9 +235,10 @@ def body_of(machine: Machine, state: State) -> Array:
     """
     body = np.zeros((BODY_WIDTH, 1))
     store(body, BODY.machine, 0, model_of(machine))
-    theta = _vector("state.theta", state.theta, 2)
-    units = (np.cos(theta[0]), np.sin(theta[0]), np.cos(theta[1]), np.sin(theta[1]))
-    store(body, BODY.motion, 0, Motion(*theta, *_vector("state.omega", state.omega, 2), *units))
+    theta_a, theta_b = _vector("state.theta", state.theta, 2)
+    omega_a, omega_b = _vector("state.omega", state.omega, 2)
+    units = np.cos(theta_a), np.sin(theta_a), np.cos(theta_b), np.sin(theta_b)
+    store(body, BODY.motion, 0, Motion(theta_a, theta_b, omega_a, omega_b, *units))
     names = ("torque_breakaway", "torque_dynamic", "lagged_volts")
     breakaway, dynamic, lagged = (PerClutch(*_vector(f"state.{name}", getattr(state, name), 4)) for name in names)
     if min(*breakaway, *dynamic, *lagged) < 0.0:
