@@ -14,28 +14,10 @@ from pter_gym.params import Machine, find_machine
 from pter_gym.physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
 from pter_gym.physics.clutch import PerClutch, Torques
 from pter_gym.physics.friction import generated_torques, mode_of, slip_velocities
-from pter_gym.physics.model import Model, model_of
-from pter_gym.physics.step import Energy, Impact, clutch_load, substep_on
+from pter_gym.physics.model import model_of
+from pter_gym.physics.step import Body, Energy, clutch_load, substep_on
 
 Array = NDArray[np.float64]
-
-
-class Body(NamedTuple):
-    """One machine: its constants, its state, what acts on it, and what a substep works with."""
-
-    machine: Model
-    motion: Motion
-    torques: Torques
-    lagged_volts: PerClutch
-    command: PerClutch
-    load: Load
-    drift: float
-    steady: Torques
-    impact: Impact
-    omega: PerLink
-    limit: PerClutch
-    crossing: float
-    energy: Energy
 
 
 class Row(NamedTuple):

@@ -27,6 +27,7 @@ from pter_gym.physics.clutch import (
     steady_torques,
 )
 from pter_gym.physics.friction import resolve, slip_velocities
+from pter_gym.physics.model import Model
 
 
 class Impact(NamedTuple):
@@ -50,6 +51,24 @@ class Energy(NamedTuple):
     dissipated: Annotated[float, Entry("J", "energy taken by the clutches")]
     numerical_loss: Annotated[float, Entry("J", "the integrator's loss")]
     residual: Annotated[float, Entry("J", "the integrator's gain from the turning mass matrix")]
+
+
+class Body(NamedTuple):
+    """One machine: its constants, its state, what acts on it, and what a substep works with."""
+
+    machine: Model
+    motion: Motion
+    torques: Torques
+    lagged_volts: PerClutch
+    command: PerClutch
+    load: Load
+    drift: float
+    steady: Torques
+    impact: Impact
+    omega: PerLink
+    limit: PerClutch
+    crossing: float
+    energy: Energy
 
 
 @device
@@ -223,7 +242,7 @@ def substep_on(at: Any, load_on: Any) -> tuple[Any, Any]:
     Parameters
     ----------
     at
-        Rows of a record with the entries of ``pter_gym.physics.open_loop.Body``, alone or among others.
+        Rows of a record with the entries of ``Body``, alone or among others.
     load_on
         ``load_on(w, i)`` returns the ``Load`` on the arm of machine ``i``.
     """

@@ -42,7 +42,7 @@ def load(seed: int) -> Load:
 
 def substep(q: Motion, torques: Torques, on: Load, threshold: float = 1e-3) -> Any:
     """Advance ``ARM`` by ``H``; return its motion, the velocity problem, the torque limits and the energy terms."""
-    body = np.zeros((width(open_loop.Body), 1))
+    body = np.zeros((width(step.Body), 1))
     for row, value in ((BODY.motion, q), (BODY.torques, torques), (BODY.steady, torques), (BODY.machine.arm, ARM)):
         store(body, row, 0, value)
     store(body, BODY.load, 0, on)
