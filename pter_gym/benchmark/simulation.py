@@ -64,6 +64,8 @@ class Rollout:
     def begin(self, policy: BoundPolicy) -> None:
         """Tell a policy that new episodes begin; only one that plans is told the worlds."""
         self.plans = policy.plans
+        if isinstance(policy, Policy):
+            self._memory = policy.empty_memory(self.batch.num_worlds)
         if self.plans is None:
             policy.reset()
         else:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pter_gym.compiled.compiler import compile_kernel, digest_of
 from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.laws import built_in
-from pter_gym.engine.law import empty_memory
+from pter_gym.engine.law import Memory, empty_memory
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 
@@ -30,7 +30,7 @@ law: Any = built_in
 
 
 class Plans(NamedTuple):
-    """How a policy that plans comes to its decisions; one that says so is told the worlds, and counts as privileged.
+    """How a policy that plans comes to its decisions; such a policy is given the worlds, and counts as privileged.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class BoundPolicy(ABC):
     compiled
         Whether its law runs inside the kernel, where several threads can follow it at once.
     fingerprint
-        SHA-256 of all that it does, if that can be told.
+        SHA-256 of all that determines what it does, where that is known.
     plans
         How it plans, if it does.
     """
@@ -65,7 +65,7 @@ class BoundPolicy(ABC):
 
     @property
     def fingerprint(self) -> str | None:
-        """None: what a plain callable does cannot be told."""
+        """None: there is no way to tell what a plain callable does."""
         return None
 
     def reset(self) -> None:  # noqa: B027
@@ -74,7 +74,7 @@ class BoundPolicy(ABC):
     def reset_in(self, batch: Any) -> None:  # noqa: ARG002
         """Forget the past: new episodes begin in these worlds, a ``pter_gym.engine.batch.Batch``.
 
-        Only a policy with ``plans`` is told them.
+        Only a policy with ``plans`` is given them.
         """
         self.reset()
 
@@ -208,11 +208,15 @@ class Policy(BoundPolicy):
         Layout of the observations.
     law
         The scalar law; see ``pter_gym.controllers.laws``. The batch kernel inlines it.
+    memory
+        Record of what the law keeps of each world, a ``NamedTuple`` of floats; all are zero where an episode begins,
+        but an entry ``world`` is the number of the world.
     """
 
     gains: NDArray[np.float64]
     layout: Layout
     law: Callable[..., Any] = built_in
+    memory: type[Any] = Memory
 
     compiled = True
 
@@ -223,7 +227,7 @@ class Policy(BoundPolicy):
 
     @property
     def fingerprint(self) -> str | None:
-        """SHA-256 of gains and law; None if the law reads what cannot be told."""
+        """SHA-256 of gains and law; None if the law reads something that has no digest."""
         digest = digest_of(self.law)
         return digest and sha256(self.gains.tobytes() + digest.encode()).hexdigest()
 
@@ -256,10 +260,9 @@ class Policy(BoundPolicy):
         _act_kernel(self.law)(rows, self._scales, self.gains, memory, volts)
         return volts
 
-    @staticmethod
-    def empty_memory(worlds: int) -> NDArray[np.float64]:
-        """Return what a law keeps at the start of an episode, a row for each world: (N, width of ``Memory``)."""
-        return empty_memory(worlds)
+    def empty_memory(self, worlds: int) -> NDArray[np.float64]:
+        """Return what the law keeps at the start of an episode, a row for each world: (N, numbers of the record)."""
+        return empty_memory(worlds, self.memory)
 
 
 def _build_act(digest: str) -> Any:

@@ -5,17 +5,15 @@ Interfaces 2003, and Swanson's dissertation, Georgia Institute of Technology 200
 here, and the gains chosen here; none of those works' results is reproduced.
 """
 
-from abc import ABC
 from dataclasses import dataclass
 
-from pter_gym.controllers.gains import Gains
 from pter_gym.controllers.guided import Guided
 from pter_gym.controllers.laws import SINGLE_DOF, VELOCITY_RATIO
-from pter_gym.params import quantity, require_flag, require_number
+from pter_gym.params import quantity
 
 
 @dataclass(frozen=True, kw_only=True)
-class Steering(Guided, ABC):
+class Steering(Guided):
     """A damper along the path for the pace, and a law that turns the tip's velocity u·t towards a wanted direction.
 
     With the distance e from the path, its tangent t, normal n and curvature κ, and the speed v along it, the wanted
@@ -29,29 +27,7 @@ class Steering(Guided, ABC):
     feedback: float = quantity("V/(N·m)", "chosen: gain of the torque loop", default=0.0)
     hold_when_stuck: bool = quantity("1", "chosen: leave the torque loop out where it has no effect", default=False)
 
-    def __post_init__(self) -> None:
-        """Check the gains."""
-        super().__post_init__()
-        for name in ("approach", "strength", "lead", "feedback"):
-            require_number(self, name, at_least=0.0)
-        require_number(self, "slow", above=0.0)
-        require_flag(self, "hold_when_stuck")
-
-    def gains(self) -> Gains:
-        """Return the gains as the law reads them."""
-        return Gains(
-            damping_tangential=self.damping_tangential,
-            pace_fraction=self.pace_fraction,
-            pace_integral=self.pace_integral,
-            grip=self.grip,
-            feedback=self.feedback,
-            hold_when_stuck=float(self.hold_when_stuck),
-            slip_threshold=self.slip_threshold,
-            approach=self.approach,
-            lead=self.lead,
-            strength=self.strength,
-            slow=self.slow,
-        )
+    ranges = Guided.ranges | {"slow": {"above": 0.0}, "reluctance": {"at_least": 0.0, "below": 1.0}}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,26 +41,14 @@ class SingleDof(Steering):
     path asks of it. ``reluctance`` is added to the cos² of the clutch engaged last, against chatter.
     """
 
+    kind = SINGLE_DOF
+
     approach: float = quantity("1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0)
     strength: float = quantity(
         "N·m", "chosen: torque against a velocity at right angles to the wanted direction", default=40.0
     )
     slow: float = quantity("m/s", "chosen: a slower tip is turned less, in proportion to its speed", default=0.05)
     reluctance: float = quantity("1", "chosen: advantage of the clutch engaged last", default=0.05)
-
-    def __post_init__(self) -> None:
-        """Check the gains."""
-        super().__post_init__()
-        require_number(self, "reluctance", at_least=0.0, below=1.0)
-
-    @property
-    def kind(self) -> float:
-        """Number of the law."""
-        return SINGLE_DOF
-
-    def gains(self) -> Gains:
-        """Return the gains as the law reads them."""
-        return super().gains()._replace(reluctance=self.reluctance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,23 +60,11 @@ class VelocityRatio(Steering):
     path it goes through the allocation of the paper's controller.
     """
 
+    kind = VELOCITY_RATIO
+
     approach: float = quantity("1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0)
     strength: float = quantity(
         "N·m", "chosen: torque against a velocity at right angles to the wanted ratio", default=40.0
     )
     slow: float = quantity("rad/s", "chosen: a slower arm is turned less, in proportion to its speed", default=0.1)
     tip_space: bool = quantity("1", "chosen: allocate for tip force, not joint torque", default=False)
-
-    def __post_init__(self) -> None:
-        """Check the gains."""
-        super().__post_init__()
-        require_flag(self, "tip_space")
-
-    @property
-    def kind(self) -> float:
-        """Number of the law."""
-        return VELOCITY_RATIO
-
-    def gains(self) -> Gains:
-        """Return the gains as the law reads them."""
-        return super().gains()._replace(tip_space=float(self.tip_space))

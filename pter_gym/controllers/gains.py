@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.compiled.compiler import device
-from pter_gym.compiled.records import Entry, blend, read, rows, width
+from pter_gym.compiled.records import Entry, blend, flat, read, rows, width
 from pter_gym.params import Machine
+from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.friction import between
 
 
@@ -28,6 +29,7 @@ class Nominal(NamedTuple):
     coupling: Annotated[float, Entry("kg·m²", "inertial coupling of the axes")]
     torque_limit: Annotated[float, Entry("N·m", "torque at the largest voltage")]
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
+    scale: Annotated[PerClutch, Entry("1", "torque over that of the table, 0 for a clutch that is not there")]
 
 
 class Gains(NamedTuple):
@@ -94,10 +96,11 @@ def gains_array(
         coupling=arm.coupling,
         torque_limit=torques[-1],
         voltage_max=clutch.voltage_max,
+        scale=PerClutch(*machine.clutch_scale),
     )
     paces = [pace for pace, _ in rows_by_pace]
     table = (*table_volts, *torques)
-    return np.array([*nominal, *table, *paces, *(gain for _, row in rows_by_pace for gain in row)])
+    return np.array([*flat(nominal), *table, *paces, *(gain for _, row in rows_by_pace for gain in row)])
 
 
 @device
@@ -131,13 +134,14 @@ def table_voltage(gains: Any, torque: float) -> float:
 
 
 @device
-def clutch_voltage(gains: Any, g: Gains, wanted: float, slip: float, generated: float) -> float:
+def clutch_voltage(gains: Any, g: Gains, scale: float, wanted: float, slip: float, generated: float) -> float:
     """Return the voltage [V] for a wanted clutch torque: the table, and the loop of Fig. 6 where it has a gain.
 
-    Magnitudes, since a voltage cannot choose a sign. ``hold_when_stuck`` leaves the loop out while the clutch is stuck
-    and carries less than is wanted, where a higher voltage has no effect.
+    Magnitudes, since a voltage cannot choose a sign. A clutch of the scale 0 is not there and gets none.
+    ``hold_when_stuck`` leaves the loop out while the clutch is stuck and carries less than is wanted, where a higher
+    voltage has no effect.
     """
     error = abs(wanted) - abs(generated)
     idle = (g.hold_when_stuck >= 0.5) & (abs(slip) <= g.slip_threshold) & (error > 0.0)
-    volts = table_voltage(gains, abs(wanted)) + (0.0 if idle else g.feedback * error)
-    return between(volts, 0.0, gains[NOMINAL.voltage_max])
+    volts = table_voltage(gains, abs(wanted) / scale) + (0.0 if idle else g.feedback * error)
+    return between(volts, 0.0, gains[NOMINAL.voltage_max]) if scale > 0.0 else 0.0

@@ -1,20 +1,28 @@
 """What all guiding controllers share: a damper along the path, a torque table, and gains that may follow the pace."""
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 from pter_gym.compiled.layout import Layout
 from pter_gym.controllers.base import Policy
 from pter_gym.controllers.gains import Gains, gains_array
 from pter_gym.errors import ParameterError
-from pter_gym.params import Machine, find_machine, preset, quantity, require, require_number, require_numbers
+from pter_gym.params import (
+    Machine,
+    find_machine,
+    preset,
+    quantity,
+    require,
+    require_flag,
+    require_number,
+    require_numbers,
+)
 from pter_gym.tasks.path_following.observation import SEEN
 
 
 @dataclass(frozen=True, kw_only=True)
-class Guided(ABC):
+class Guided:
     """A controller that wants a tip force, finds clutch torques for it, and their voltages in a table.
 
     The controller knows the nominal machine that it is bound to: its link lengths and inertias, and the dynamic torque
@@ -36,24 +44,28 @@ class Guided(ABC):
     table_volts: tuple[float, ...] = preset("controller", "table_volts")
     slip_threshold: float = preset("controller", "slip_threshold")
 
+    kind: ClassVar[float]
+    """Number of the law, from ``pter_gym.controllers.laws``."""
+
+    ranges: ClassVar[dict[str, dict[str, float]]] = {"pace_fraction": {"at_least": 0.0, "at_most": 1.0}}
+    """What the gains accept that are not merely ≥ 0."""
+
     def __post_init__(self) -> None:
         """Check gains and table."""
-        for name in ("damping_tangential", "pace_integral", "grip", "slip_threshold"):
-            require_number(self, name, at_least=0.0)
-        require_number(self, "pace_fraction", at_least=0.0, at_most=1.0)
+        for item in fields(self):
+            if item.type is bool:
+                require_flag(self, item.name)
+            elif item.type is float:
+                require_number(self, item.name, **self.ranges.get(item.name, {"at_least": 0.0}))
         accepted = "a tuple of rising voltages from 0"
         require_numbers(self, "table_volts", accepted)
         rising = all(a < b for a, b in pairwise(self.table_volts))
         require(rising and self.table_volts[:1] == (0.0,), self, "table_volts", self.table_volts, accepted)
 
-    @property
-    @abstractmethod
-    def kind(self) -> float:
-        """Number of the law."""
-
-    @abstractmethod
     def gains(self) -> Gains:
-        """Return the gains as the law reads them."""
+        """Return the gains as the law reads them: the fields of the same names, 0 for those of other laws."""
+        own = vars(self)
+        return Gains(**{name: float(own[name]) for name in Gains._fields if name in own})
 
     def at(self, pace: float) -> "Guided":  # noqa: ARG002
         """Return itself, whose gains are the same at every commanded pace [m/s]; see ``PaceSchedule.at``."""

@@ -138,33 +138,34 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
         want_a += turn_a
         want_b += turn_b
     slip = slip_velocities(tip.q.omega_a, tip.q.omega_b)
-    wanted = passive_torques(g, tip, slip, nominal.torque_limit, want_a, want_b)
+    wanted = passive_torques(g, tip, slip, nominal, want_a, want_b)
     if nominal.kind == SINGLE_DOF:
-        wanted, memory[MEMORY.kept] = steered(g, tip, wanted, memory[MEMORY.kept])
+        wanted, memory[MEMORY.kept] = steered(g, tip, nominal.scale, wanted, memory[MEMORY.kept])
     least = nominal.voltage_max if gripping else 0.0
+    scale = nominal.scale
     return PerClutch(
-        max(least, looped_voltage(obs, scales, gains, g, wanted.x1, slip.x1, SEEN.torque.x1)),
-        max(least, looped_voltage(obs, scales, gains, g, wanted.x2, slip.x2, SEEN.torque.x2)),
-        max(least, looped_voltage(obs, scales, gains, g, wanted.x3, slip.x3, SEEN.torque.x3)),
-        max(least, looped_voltage(obs, scales, gains, g, wanted.x4, slip.x4, SEEN.torque.x4)),
+        looped_voltage(obs, scales, gains, g, least, scale.x1, wanted.x1, slip.x1, SEEN.torque.x1),
+        looped_voltage(obs, scales, gains, g, least, scale.x2, wanted.x2, slip.x2, SEEN.torque.x2),
+        looped_voltage(obs, scales, gains, g, least, scale.x3, wanted.x3, slip.x3, SEEN.torque.x3),
+        looped_voltage(obs, scales, gains, g, least, scale.x4, wanted.x4, slip.x4, SEEN.torque.x4),
     )
 
 
 @device
-def passive_torques(g: Gains, tip: Tip, slip: PerClutch, limit: float, want_a: float, want_b: float) -> PerClutch:
+def passive_torques(g: Gains, tip: Tip, slip: PerClutch, nominal: Nominal, want_a: float, want_b: float) -> PerClutch:
     """Return the clutch torques [N·m] that come closest to the wanted joint torques and only brake."""
-    threshold = g.slip_threshold
+    threshold, limit, scale = g.slip_threshold, nominal.torque_limit, nominal.scale
     low = PerClutch(
-        passive_low(slip.x1, threshold, limit),
-        passive_low(slip.x2, threshold, limit),
-        passive_low(slip.x3, threshold, limit),
-        passive_low(slip.x4, threshold, limit),
+        passive_low(slip.x1, threshold, limit * scale.x1),
+        passive_low(slip.x2, threshold, limit * scale.x2),
+        passive_low(slip.x3, threshold, limit * scale.x3),
+        passive_low(slip.x4, threshold, limit * scale.x4),
     )
     high = PerClutch(
-        passive_high(slip.x1, threshold, limit),
-        passive_high(slip.x2, threshold, limit),
-        passive_high(slip.x3, threshold, limit),
-        passive_high(slip.x4, threshold, limit),
+        passive_high(slip.x1, threshold, limit * scale.x1),
+        passive_high(slip.x2, threshold, limit * scale.x2),
+        passive_high(slip.x3, threshold, limit * scale.x3),
+        passive_high(slip.x4, threshold, limit * scale.x4),
     )
     return allocate_in(g, tip, want_a, want_b, low, high)
 
@@ -186,19 +187,24 @@ def allocate_in(g: Gains, tip: Tip, want_a: float, want_b: float, low: PerClutch
 
 
 @device
-def looped_voltage(obs: Any, scales: Any, gains: Any, g: Gains, wanted: float, slip: float, sensor: float) -> float:
-    """Return the voltage [V] of a clutch, behind the torque loop where it has a gain; only then is its sensor read."""
+def looped_voltage(
+    obs: Any, scales: Any, gains: Any, g: Gains, least: float, scale: float, wanted: float, slip: float, sensor: int
+) -> float:
+    """Return the voltage [V] of a clutch, behind the torque loop where it has a gain; only then is its sensor read.
+
+    It is at least ``least``, but for a clutch that is not there.
+    """
     generated = physical(obs, scales, sensor) if g.feedback != 0.0 else 0.0
-    return clutch_voltage(gains, g, wanted, slip, generated)
+    return max(least if scale > 0.0 else 0.0, clutch_voltage(gains, g, scale, wanted, slip, generated))
 
 
 @device
 def random_volts(gains: Any, memory: Any) -> PerClutch:
-    """Return voltages drawn evenly from [0, voltage_max]; gains hold the seed and voltage_max."""
+    """Return voltages drawn evenly from 0 to a largest one; gains hold the seed and the largest of each clutch."""
     draw = np.uint64(memory[MEMORY.kept])
     memory[MEMORY.kept] += 1.0
     u1, u2, u3, u4 = uniform4(np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[MEMORY.world]))
-    return PerClutch(gains[2] * u1, gains[2] * u2, gains[2] * u3, gains[2] * u4)
+    return PerClutch(gains[2] * u1, gains[3] * u2, gains[4] * u3, gains[5] * u4)
 
 
 @device

@@ -10,6 +10,12 @@ from pter_gym.controllers.laws import CONSTANT, RANDOM
 from pter_gym.params import Machine, find_machine, quantity, require_whole
 
 
+def largest_voltages(machine: Machine) -> list[float]:
+    """Return the largest voltage of each clutch [V], 0 for one that is not there."""
+    machine = find_machine(machine)
+    return [machine.clutch.voltage_max if scale > 0.0 else 0.0 for scale in machine.clutch_scale]
+
+
 @dataclass(frozen=True)
 class Free:
     """All clutches released: 0 V."""
@@ -25,7 +31,7 @@ class Locked:
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy that gives the largest voltage of a machine's clutches."""
-        return Policy(np.array([CONSTANT, *4 * [find_machine(machine).clutch.voltage_max]]), layout)
+        return Policy(np.array([CONSTANT, *largest_voltages(machine)]), layout)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,4 +46,4 @@ class Random:
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
         """Return the policy that draws up to the largest voltage of a machine's clutches."""
-        return Policy(np.array([RANDOM, self.seed, find_machine(machine).clutch.voltage_max]), layout)
+        return Policy(np.array([RANDOM, self.seed, *largest_voltages(machine)]), layout)

@@ -100,13 +100,13 @@ def matching(tip: Tip, u_x: float, u_y: float, turn: float, line: tuple[float, f
 
 
 @device
-def steered(g: Gains, tip: Tip, wanted: PerClutch, last: float) -> tuple[PerClutch, float]:
+def steered(g: Gains, tip: Tip, scale: PerClutch, wanted: PerClutch, last: float) -> tuple[PerClutch, float]:
     """Return the clutch torques [N·m] with that of the best line's clutch added, and its number, 0 for none.
 
     Some clutches turn the tip's velocity towards the wanted direction. Of these the clutch is engaged whose single-DOF
     line matches that direction best, with strength·|sin of the angle between velocity and wanted direction|. Below the
     speed ``slow`` the torque is less, in proportion to the speed. The clutch engaged last has ``reluctance`` added to
-    its cos².
+    its cos². A clutch of the ``scale`` 0 is not there.
     """
     u_x, u_y = wanted_direction(g, tip)
     speed = math.sqrt(tip.velocity.x * tip.velocity.x + tip.velocity.y * tip.velocity.y)
@@ -115,7 +115,7 @@ def steered(g: Gains, tip: Tip, wanted: PerClutch, last: float) -> tuple[PerClut
     best = 0.0
     for k in range(4):
         match = matching(tip, u_x, u_y, turn, LINES[k], COUPLING[k]) + (g.reluctance if last == k + 1.0 else 0.0)
-        better = match >= 0.0 if chosen == 0.0 else match > best
+        better = (scale[k] > 0.0) & (match >= 0.0 if chosen == 0.0 else match > best)
         chosen = k + 1.0 if better else chosen
         best = match if better else best
     torque = g.strength * abs(turn)

@@ -1,20 +1,18 @@
-"""Many worlds in one call. The single environment and the vector environments are doors to this."""
+"""Many worlds in one call. The single environment and the vector environments are built on this."""
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym.compiled.records import flat, read
-from pter_gym.engine.contexts import number_drawing, number_of_pairs
 from pter_gym.engine.kernels import advance_kernel, reset_kernel
 from pter_gym.engine.law import empty_memory
-from pter_gym.engine.returns import Observations, Returns
 from pter_gym.engine.threads import Threads
 from pter_gym.engine.world import CONFIG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
-from pter_gym.engine.worlds import Worlds
+from pter_gym.engine.worlds import WorldArrays, number_drawing, number_of_pairs
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following.context import TOLD
@@ -23,12 +21,39 @@ from pter_gym.tasks.path_following.specification import PathFollowing, substeps
 from pter_gym.tasks.path_following.telemetry import COLUMNS
 
 Array = NDArray[np.float64]
+Observations = NDArray[np.float32]
 ActionUnit = Literal["volt", "normalised"]
 
 NO_LIMIT = float("inf")
 
 
-class Batch(Worlds):
+class Returns(NamedTuple):
+    """What a step returns: fresh arrays, except ``final_obs``.
+
+    Attributes
+    ----------
+    obs
+        Observations, float32 (N, len(layout)).
+    final_obs
+        With ``SAME_STEP``, the last observations of the worlds that ended and were reset in this step, float32
+        (N, len(layout)); other rows hold anything, and the next step changes all.
+    rewards
+        float64 (N,).
+    flags
+        bool (FLAGS, N): terminated, truncated, success.
+    telemetry
+        float64 (1, N, len(TELEMETRY)), or (0, …) without telemetry; with ``SAME_STEP`` a second layer holds the last
+        ones of the worlds that ended.
+    """
+
+    obs: Observations
+    final_obs: Observations
+    rewards: NDArray[np.float64]
+    flags: NDArray[np.bool_]
+    telemetry: NDArray[np.float64]
+
+
+class Batch(WorldArrays):
     """N worlds, each with its own machine, task, seed and episode count.
 
     Parameters
@@ -280,20 +305,7 @@ class Batch(Worlds):
     ) -> tuple[Observations, NDArray[np.bool_]]:
         """Run a compiled control law as ``rollout`` does, without telemetry, which takes a good part of the time.
 
-        Parameters
-        ----------
-        obs, law, gains, steps, memory
-            As in ``rollout``.
-
-        Returns
-        -------
-        observations, flags
-            The last observations, and bool (FLAGS, N): whether the episode ended in these steps, and how.
-
-        Raises
-        ------
-        ActionError
-            As ``rollout`` does.
+        Returns the last observations, and bool (FLAGS, N): whether the episode ended in these steps, and how.
         """
         return self._follow(obs, law, gains, memory, np.empty((0, self.num_worlds, COLUMNS)), steps)
 

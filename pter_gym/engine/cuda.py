@@ -7,7 +7,7 @@ from numba import cuda as numba_cuda
 
 from pter_gym.engine.episode import conclude_step, end_step, fetch_world, put_back, start_episode, take_context
 from pter_gym.engine.sensing import see, write_observation
-from pter_gym.engine.step import given_volts, is_refused, move_world
+from pter_gym.engine.step import given_volts, is_refused, move_worlds, take_command
 from pter_gym.engine.world import BASIC_ROWS, CONFIG, ROW, ROWS, Arrays
 
 cuda: Any = numba_cuda
@@ -49,10 +49,11 @@ def advance(
         rewards[world] = np.nan
         return
     take_context(w, 0, constants)
+    with_extras = worlds.shape[1] > BASIC_ROWS
     if w[ROW.alive, 0] != 0.0:
-        volts = given_volts(actions, world, low, high, w[ROW.machine.voltage_max, 0])
-        move_world(w, 0, volts, config, worlds.shape[1] > BASIC_ROWS)
-    conclude_step(w, 0, words[world, 0], words[world, 1], config, constants)
+        take_command(w, 0, given_volts(actions, world, low, high, w[ROW.machine.voltage_max, 0]))
+        move_worlds(w, 1, config, with_extras)
+    conclude_step(w, 1, 1, words, world, config, constants, with_extras)
     end_step(w, 0, world, a, 0, ended)
     put_back(w, 0, worlds, world)
 

@@ -10,7 +10,14 @@ from pter_gym.compiled.philox import uniform4
 from pter_gym.compiled.records import load, store
 from pter_gym.engine.hand import plan_hand, plans
 from pter_gym.engine.recording import record_reset, record_step, tip_acceleration
-from pter_gym.engine.sensing import see, situated, take_reading, write_observation
+from pter_gym.engine.sensing import (
+    observe_reading,
+    observe_world,
+    see,
+    situated,
+    take_reading,
+    write_observation,
+)
 from pter_gym.engine.starts import explore, place, spread
 from pter_gym.engine.world import (
     BASIC_ROWS,
@@ -141,6 +148,7 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
         pace_ratio=w[ROW.pace_ratio, i],
         acceleration=math.sqrt(acceleration.x * acceleration.x + acceleration.y * acceleration.y),
         volts=load(w, ROW.command, i),
+        last_volts=load(w, ROW.last_command, i),
         voltage_max=w[ROW.machine.voltage_max, i],
         energy=load(w, ROW.energy, i),
         failed=failure,
@@ -163,16 +171,36 @@ def has_begun(w: Any, i: int) -> bool:
 
 
 @device
-def conclude_step(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: Any, constants: Any) -> None:
-    """Find what a control step of one world has led to: place, reward, end, the hand's next plan, observation."""
+def conclude_step(
+    w: Any, width: int, lanes: int, words: Any, first: int, config: Any, constants: Any, with_extras: bool
+) -> None:
+    """Find what a control step has led to: place, reward, end, the hand's next plan, observation.
+
+    Parameters
+    ----------
+    w, width, lanes
+        The first ``width`` columns are looked at; the first ``lanes`` of them are worlds.
+    words, first
+        Seed and episode count of all worlds (N, 2), and the number of the world in the first column.
+    with_extras
+        Whether there may be hands that plan or sensors that are not ideal.
+    """
     period = config[CONFIG.substep] * config[CONFIG.substeps]
-    locate(w, i, constants)
-    judge_step(w, i, period, config[CONFIG.limit])
-    if plans(w, i):
-        plan_hand(w, i, constants, period, config[CONFIG.substeps])
-    if w[ROW.task.sensing.is_ideal, i] == 0.0:
-        take_reading(w, i, seed, episode)
-    see(w, i, config, constants)
+    for i in range(width):
+        locate(w, i, constants)
+    for i in range(width):
+        judge_step(w, i, period, config[CONFIG.limit])
+    if with_extras:
+        for i in range(lanes):
+            if plans(w, i):
+                plan_hand(w, i, constants, period, config[CONFIG.substeps])
+    for i in range(width):
+        observe_world(w, i, config)
+    if with_extras:
+        for i in range(lanes):
+            if w[ROW.task.sensing.is_ideal, i] == 0.0:
+                take_reading(w, i, words[first + i, 0], words[first + i, 1])
+                observe_reading(w, i, config, constants)
 
 
 @device

@@ -2,7 +2,7 @@
 
 Worlds are stored in blocks of up to 64 lanes, (blocks, rows, lanes). A block is copied into one scratch array, whose
 innermost loops over lanes are vectorised, and back. Worlds that share constants read them from one place. Lanes without
-a world hold zeros and the constants of another.
+a world start at zero, with the constants of another one, and run along; nothing reads them.
 """
 
 from functools import cache
@@ -13,34 +13,21 @@ import numpy as np
 from pter_gym.compiled.compiler import compile_kernel, device, inlined
 from pter_gym.compiled.records import store
 from pter_gym.engine.episode import (
+    conclude_step,
     end_step,
     fetch_world,
     has_begun,
-    judge_step,
-    locate,
     put_back,
     start_episode,
     take_context,
 )
-from pter_gym.engine.hand import plan_hand, plans
 from pter_gym.engine.law import no_law
 from pter_gym.engine.recording import record_reset
-from pter_gym.engine.sensing import observe_reading, observe_world, see, take_reading, write_observation
-from pter_gym.engine.step import (
-    aim_torques,
-    are_finite,
-    catch_crossing,
-    find_velocity,
-    given_volts,
-    guide_tip,
-    is_refused,
-    move_arm,
-    push_tip,
-    sense_torques,
-    take_command,
-)
+from pter_gym.engine.sensing import see, write_observation
+from pter_gym.engine.step import are_finite, given_volts, is_refused, move_worlds, take_command
 from pter_gym.engine.world import (
     BASIC_ROWS,
+    COMMAND_ROWS,
     CONFIG,
     CONFIG_WIDTH,
     CONSTANT_ROWS,
@@ -51,6 +38,7 @@ from pter_gym.engine.world import (
     STORED_ROWS,
     Arrays,
 )
+from pter_gym.physics.step import count_nonzero
 
 law: Any = no_law
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
@@ -90,8 +78,11 @@ def _gather(w: Any, worlds: Any, b: int) -> None:
 
 @device
 def _clear(w: Any, worlds: Any) -> None:
-    """Set the rows that are not stored to zero."""
+    """Set to zero what is not stored, and what commands set: lanes without a world have none."""
     for row in range(worlds.shape[1], STORED_ROWS):
+        for i in range(worlds.shape[2]):
+            w[row, i] = 0.0
+    for row in range(STORED_ROWS + CONSTANT_ROWS, STORED_ROWS + CONSTANT_ROWS + COMMAND_ROWS):
         for i in range(worlds.shape[2]):
             w[row, i] = 0.0
 
@@ -119,7 +110,7 @@ def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
 @device
 def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
     """Write the lanes that are alive back to their block."""
-    if _count(w, ROW.alive, lanes) == lanes:
+    if count_nonzero(w, ROW.alive, lanes) == lanes:
         for row in range(worlds.shape[1]):
             for i in range(lanes):
                 worlds[b, row, i] = w[row, i]
@@ -127,22 +118,6 @@ def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
         for i in range(lanes):
             if w[ROW.alive, i] != 0.0:
                 put_back(w, i, worlds, b * worlds.shape[2] + i)
-
-
-@device
-def _count(w: Any, row: float, lanes: int) -> int:
-    """Return how many lanes are not zero in a row."""
-    count = 0
-    for i in range(lanes):
-        count += 1 if w[row, i] != 0.0 else 0
-    return count
-
-
-@device
-def _sense(w: Any, lanes: int, h: float) -> None:
-    """Find the generated torques of all lanes."""
-    for i in range(lanes):
-        sense_torques(w, i, h)
 
 
 @device
@@ -155,39 +130,9 @@ def _after_resets(w: Any, lanes: int, present: float) -> float:
 
 
 @device
-def _catch(w: Any, lanes: int, h: float) -> None:
-    """Apply the crossing rule to the lanes that need it."""
-    for i in range(lanes):
-        if w[ROW.crossing, i] != 0.0:
-            catch_crossing(w, i, h)
-
-
-@device
-def _substep(w: Any, lanes: int, h: float, period: float, aims: bool, guides: bool) -> None:
-    """Advance all lanes by one substep.
-
-    ``aims`` says that the steady torques may have changed, ``guides`` that hands have more than a push and sines.
-    """
-    if aims:
-        for i in range(lanes):
-            aim_torques(w, i, period)
-    for i in range(lanes):
-        push_tip(w, i)
-    if guides:
-        for i in range(lanes):
-            guide_tip(w, i, h)
-    for i in range(lanes):
-        find_velocity(w, i, h)
-    if _count(w, ROW.crossing, lanes) > 0:  # rare: in a few blocks out of a hundred
-        _catch(w, lanes, h)
-    for i in range(lanes):
-        move_arm(w, i, h)
-
-
-@device
 def _goes_on(w: Any, lanes: int, ended: int) -> bool:
     """Tell whether there is anything to do for a block."""
-    return ended == NEXT_STEP or _count(w, ROW.alive, lanes) > 0
+    return ended == NEXT_STEP or count_nonzero(w, ROW.alive, lanes) > 0
 
 
 @device
@@ -198,55 +143,15 @@ def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high:
 
 
 @device
-def _plan(w: Any, lanes: int, constants: Any, config: Any) -> None:
-    """Say what the hands of all lanes do by themselves in the next control step."""
-    for i in range(lanes):
-        if plans(w, i):
-            plan_hand(w, i, constants, config[CONFIG.substep] * config[CONFIG.substeps], config[CONFIG.substeps])
-
-
-@device
-def _read(w: Any, lanes: int, begin: int, a: Arrays) -> None:
-    """Find the observations of all lanes whose sensors are not ideal."""
-    for i in range(lanes):
-        if w[ROW.task.sensing.is_ideal, i] == 0.0:
-            take_reading(w, i, a.words[begin + i, 0], a.words[begin + i, 1])
-            observe_reading(w, i, a.config, a.constants)
-
-
-@device
 def _close(w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: int) -> None:
-    """End a control step of a block, as ``conclude_step`` does of one world, and write back the worlds that ended."""
+    """End a control step of a block, and write back the worlds that ended."""
     width = worlds.shape[2]
     begin = b * width
-    period = a.config[CONFIG.substep] * a.config[CONFIG.substeps]
-    for i in range(width):
-        locate(w, i, a.constants)
-    for i in range(width):
-        judge_step(w, i, period, a.config[CONFIG.limit])
-    with_extras = worlds.shape[1] > BASIC_ROWS
-    if with_extras:
-        _plan(w, lanes, a.constants, a.config)
-    for i in range(width):
-        observe_world(w, i, a.config)
-    if with_extras:
-        _read(w, lanes, begin, a)
+    conclude_step(w, width, lanes, a.words, begin, a.config, a.constants, worlds.shape[1] > BASIC_ROWS)
     for i in range(lanes):
         end_step(w, i, begin + i, a, t, ended)
         if has_begun(w, i) and w[ROW.alive, i] == 0.0:
             put_back(w, i, worlds, begin + i)
-
-
-@device
-def _move(w: Any, worlds: Any, lanes: int, config: Any) -> None:
-    """Move a block through the substeps of a control step, as ``move_world`` moves one world."""
-    width = worlds.shape[2]
-    h = config[CONFIG.substep]
-    count = int(config[CONFIG.substeps])
-    lags_voltage = _count(w, ROW.machine.voltage_decay, lanes) > 0
-    for k in range(count):
-        _substep(w, width, h, h * count, lags_voltage | (k == 0), worlds.shape[1] > BASIC_ROWS)
-    _sense(w, width, h)
 
 
 def _build_advance(digest: str) -> Any:
@@ -299,7 +204,7 @@ def _build_advance(digest: str) -> Any:
                             take_command(w, i, volts)
                 else:
                     _begin_given(w, lanes, given, begin, low, high)
-                _move(w, worlds, lanes, config)
+                move_worlds(w, width, config, worlds.shape[1] > BASIC_ROWS)
                 _close(w, worlds, b, lanes, a, t, ended)
             _scatter_alive(w, lanes, worlds, b)
             present = _after_resets(w, lanes, present)

@@ -1,7 +1,8 @@
 """What a compiled control law is to the engine: a function that it inlines, and what that keeps of each world.
 
 A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation, ``obs·scales`` is in
-physical units, ``gains`` belongs to the law and ``memory`` to one world.
+physical units, ``gains`` belongs to the law and ``memory`` to one world. What the memory holds is a record: ``Memory``
+for the built-in laws, any other for a law that needs one (``pter_gym.controllers.Policy`` takes it).
 """
 
 from typing import Annotated, Any, NamedTuple
@@ -15,7 +16,7 @@ from pter_gym.physics.clutch import PerClutch
 
 
 class Memory(NamedTuple):
-    """What a law keeps of one world, all zero but ``world`` at the start of an episode."""
+    """What the built-in laws keep of one world."""
 
     kept: Annotated[float, Entry("1", "the clutch engaged last, or a counter")]
     brake: Annotated[float, Entry("N", "force along the path that the pace's integral has come to")]
@@ -27,10 +28,19 @@ class Memory(NamedTuple):
 MEMORY = rows(Memory)
 
 
-def empty_memory(worlds: int) -> NDArray[np.float64]:
-    """Return what a law keeps at the start of an episode, a row for each world: (N, width of ``Memory``)."""
-    memory: Any = np.zeros((worlds, width(Memory)))
-    memory[:, MEMORY.world] = np.arange(worlds)
+def empty_memory(worlds: int, kind: type[Any] = Memory) -> NDArray[np.float64]:
+    """Return what a law keeps at the start of an episode, a row for each world: (N, numbers of the record).
+
+    Parameters
+    ----------
+    worlds
+        N.
+    kind
+        Record of what is kept. All of it is zero; an entry ``world`` is the number of the world.
+    """
+    memory: Any = np.zeros((worlds, width(kind)))
+    if "world" in kind._fields:
+        memory[:, rows(kind).world] = np.arange(worlds)
     return memory
 
 

@@ -1,18 +1,18 @@
-"""How a world moves in a control step, as scalar functions on column ``i`` of an array ``w`` with the rows ``ROW``."""
+"""How worlds move in a control step: functions on a column, or the first columns, of an array with the rows ``ROW``."""
 
 import math
 from typing import Any
 
 import numpy as np
 
-from pter_gym.compiled.compiler import device, outlined
+from pter_gym.compiled.compiler import device
 from pter_gym.compiled.records import load, store
 from pter_gym.engine.world import CONFIG, REFUSE, ROW, SAME_STEP
 from pter_gym.hands.model import advance_sines, renew_sines, sum_of_sines
-from pter_gym.physics.arm import Load, PerLink, Vector, advance_position, tip_velocity
-from pter_gym.physics.clutch import PerClutch, relax, relax_torques, scaled, steady_torques
+from pter_gym.physics.arm import Load, Vector, tip_velocity
+from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.friction import between, generated_torques
-from pter_gym.physics.step import Energy, clutch_load, energy_terms, first_velocity, free_motion, second_velocity
+from pter_gym.physics.step import Energy, clutch_load, count_nonzero, substep_on
 from pter_gym.tasks.path_following.situation import PathVector, to_world
 
 
@@ -61,8 +61,9 @@ def are_finite(volts: PerClutch) -> bool:
 
 @device
 def take_command(w: Any, i: int, volts: PerClutch) -> None:
-    """Take the command of a control step, note the tip's velocity and clear the step's energies."""
+    """Take the command of a control step, keep the last one and the tip's velocity, and clear the step's energies."""
     most = w[ROW.machine.voltage_max, i]
+    store(w, ROW.last_command, i, load(w, ROW.command, i))
     store(
         w,
         ROW.command,
@@ -75,14 +76,9 @@ def take_command(w: Any, i: int, volts: PerClutch) -> None:
 
 
 @device
-def aim_torques(w: Any, i: int, period: float) -> None:
-    """Find the torques that the clutches tend to, behind a lag of the voltage if there is one."""
-    machine = load(w, ROW.machine, i)
-    lagged = relax(load(w, ROW.lagged_volts, i), load(w, ROW.command, i), machine.voltage_decay)
-    store(w, ROW.lagged_volts, i, lagged)
-    steady = steady_torques(machine.breakaway, machine.dynamic, lagged)
-    drifted = between(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
-    store(w, ROW.steady, i, scaled(steady, machine.scale, drifted))
+def drift_torques(w: Any, i: int, period: float) -> None:
+    """Find what the friction's drift has made of the clutch torques by the present control step."""
+    w[ROW.drift, i] = between(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
 
 
 @device
@@ -114,56 +110,14 @@ def guide_tip(w: Any, i: int, h: float) -> None:
 
 
 @device
-def find_velocity(w: Any, i: int, h: float) -> None:
-    """Advance the torques' lag and find the velocities after friction."""
-    torques = relax_torques(load(w, ROW.torques, i), load(w, ROW.steady, i), w[ROW.machine.torque_decay, i])
-    store(w, ROW.torques, i, torques)
-    q = load(w, ROW.motion, i)
+def load_on(w: Any, i: int) -> Load:
+    """Return what the hand of a world does to the arm."""
     force = load(w, ROW.force, i)
     to = load(w, ROW.target.position, i)
-    impact = free_motion(q, load(w, ROW.machine.arm, i), Load(force.x, force.y, 0.0, 0.0, to.x, to.y), h)
-    omega_a, omega_b, limit, crossing = first_velocity(q, impact, torques, w[ROW.machine.slip_threshold, i], h)
-    store(w, ROW.impact, i, impact)
-    store(w, ROW.omega, i, PerLink(omega_a, omega_b))
-    store(w, ROW.limit, i, limit)
-    w[ROW.crossing, i] = 1.0 if crossing else 0.0
+    return Load(force.x, force.y, 0.0, 0.0, to.x, to.y)
 
 
-@outlined
-def catch_crossing(w: Any, i: int, h: float) -> None:
-    """Apply the crossing rule, if a slip velocity has jumped over the stick band."""
-    if w[ROW.crossing, i] != 0.0:
-        omega_a, omega_b, limit = second_velocity(
-            load(w, ROW.motion, i),
-            load(w, ROW.impact, i),
-            load(w, ROW.torques, i),
-            w[ROW.machine.slip_threshold, i],
-            h,
-            w[ROW.omega.a, i],
-            w[ROW.omega.b, i],
-            load(w, ROW.limit, i),
-        )
-        store(w, ROW.omega, i, PerLink(omega_a, omega_b))
-        store(w, ROW.limit, i, limit)
-
-
-@device
-def move_arm(w: Any, i: int, h: float) -> None:
-    """Advance the position and add up the energies."""
-    before = load(w, ROW.motion, i)
-    after = advance_position(before, w[ROW.omega.a, i], w[ROW.omega.b, i], h)
-    arm = load(w, ROW.machine.arm, i)
-    store(w, ROW.motion, i, after)
-    add_energy(w, i, energy_terms(before, after, arm, load(w, ROW.impact, i), load(w, ROW.limit, i), h))
-
-
-@device
-def add_energy(w: Any, i: int, energy: Energy) -> None:
-    """Add the energy terms [J] of a substep to those of the control step."""
-    w[ROW.energy.hand_work, i] += energy.hand_work
-    w[ROW.energy.dissipated, i] += energy.dissipated
-    w[ROW.energy.numerical_loss, i] += energy.numerical_loss
-    w[ROW.energy.residual, i] += energy.residual
+_aim, _substep = substep_on(ROW, load_on)
 
 
 @device
@@ -176,21 +130,23 @@ def sense_torques(w: Any, i: int, h: float) -> None:
 
 
 @device
-def move_world(w: Any, i: int, volts: PerClutch, config: Any, guides: bool) -> None:
-    """Move one world through a control step: what the block kernel does for many in the same order.
+def move_worlds(w: Any, lanes: int, config: Any, guides: bool) -> None:
+    """Move the worlds in the first ``lanes`` columns, which have taken their commands, through a control step.
 
-    ``guides`` says that its hand may have more than a push and sines.
+    ``guides`` says that hands may have more than a push and sines.
     """
     h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
-    take_command(w, i, volts)
-    lags_voltage = w[ROW.machine.voltage_decay, i] != 0.0
+    lags_voltage = count_nonzero(w, ROW.machine.voltage_decay, lanes) > 0
+    for i in range(lanes):
+        drift_torques(w, i, h * count)
     for k in range(count):
         if lags_voltage | (k == 0):
-            aim_torques(w, i, h * count)
-        push_tip(w, i)
+            _aim(w, lanes)
+        for i in range(lanes):
+            push_tip(w, i)
         if guides:
-            guide_tip(w, i, h)
-        find_velocity(w, i, h)
-        catch_crossing(w, i, h)
-        move_arm(w, i, h)
-    sense_torques(w, i, h)
+            for i in range(lanes):
+                guide_tip(w, i, h)
+        _substep(w, lanes, h)
+    for i in range(lanes):
+        sense_torques(w, i, h)

@@ -68,11 +68,11 @@ class World(NamedTuple):
     alive: Annotated[float, Entry("1", "1 while the episode goes on")]
     foot: Foot
     reached: Annotated[float, Entry("m", "largest arc length so far")]
-    pace_ratio: Annotated[float, Entry("1", "mean of late of the pace along the path over the commanded one")]
+    pace_ratio: Annotated[float, Entry("1", "recent mean of the pace along the path, over the commanded pace")]
     context_at: Annotated[float, Entry("1", "where its context begins in the constants")]
     draws_from: Annotated[float, Entry("1", "where the contexts that it draws from begin")]
     draws: Annotated[float, Entry("1", "number of contexts that it draws from")]
-    # what worlds store whose hand plans or whose sensors are not ideal
+    # what is stored too where hands plan or sensors are not ideal
     drive: Drive
     target: Target
     intent: Annotated[float, Entry("m", "arc length of the intended point")]
@@ -82,14 +82,16 @@ class World(NamedTuple):
     hand: HandModel
     task: TaskModel
     # what a control step works with
+    last_command: Annotated[PerClutch, Entry("V", "command before the last")]
+    start_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity at the start of the step")]
+    energy: Energy
+    drift: Annotated[float, Entry("1", "torque of all clutches, relative to that at the start of the episode")]
     steady: Torques
     impact: Impact
     omega: Annotated[PerLink, Entry("rad/s", "angular velocity after friction")]
     limit: Annotated[PerClutch, Entry("N·m", "torque limit in this substep")]
     crossing: Annotated[float, Entry("1", "1 if a slip velocity has jumped over the stick band")]
-    energy: Energy
     force: Annotated[Vector, Entry("N", "the hand's force on the tip")]
-    start_velocity: Annotated[Vector, Entry("m/s", "the tip's velocity at the start of the step")]
     travel: Annotated[float, Entry("m", "change of the arc length")]
     advance: Annotated[float, Entry("m", "how far beyond the largest arc length before the step")]
     began: Annotated[float, Entry("1", "1 if the world was alive before the step")]
@@ -109,10 +111,13 @@ BASIC_ROWS = int(ROW.drive.force.along)
 """Rows that every world stores: those before ``drive``."""
 
 STORED_ROWS = int(ROW.machine.arm.length_a)
-"""Rows of a world that change: those before its constants. Not all worlds need those behind ``BASIC_ROWS``."""
+"""Rows of a world that change: those before its constants. Not all worlds need those from ``BASIC_ROWS`` on."""
 
-CONSTANT_ROWS = int(ROW.steady.breakaway.x1) - STORED_ROWS
+CONSTANT_ROWS = int(ROW.last_command.x1) - STORED_ROWS
 """Rows of a world's constants."""
+
+COMMAND_ROWS = int(ROW.drift - ROW.last_command.x1)
+"""Rows behind the constants that a world's command sets."""
 
 FLAG = rows(Flags)
 FLAGS = width(Flags)

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from pter_gym.compiled.layout import Layout
 from pter_gym.engine import world
-from pter_gym.engine.batch import ActionUnit, Array, Batch
-from pter_gym.engine.returns import Observations, Returns
+from pter_gym.engine.batch import ActionUnit, Array, Batch, Observations, Returns
 from pter_gym.envs.single import find_pairs
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.internal.checks import whole_number

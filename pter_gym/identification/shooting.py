@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.compiled.compiler import compile_kernel
-from pter_gym.compiled.records import flat, read
+from pter_gym.compiled.records import store
 from pter_gym.identification.log import interpolated
 from pter_gym.params import Machine
 from pter_gym.physics.arm import Load, Motion
 from pter_gym.physics.clutch import PerClutch
-from pter_gym.physics.model import model_of
-from pter_gym.physics.open_loop import MODEL, MOVING, Moving, advance, initial_state
+from pter_gym.physics.open_loop import BODY, advance, body_of, initial_state, scratch
 
 Array = NDArray[np.float64]
 
@@ -93,34 +92,28 @@ def predict(machine: Machine, inputs: Inputs, delay: float, starts: Array, lengt
     """
     volts = inputs.volts(delay)
     settled = initial_state(machine, (0.0, 0.0), volts=np.minimum(volts[0], machine.clutch.voltage_max))
-    motion = Motion(*np.zeros(8))
-    limits = (settled.torque_breakaway, settled.torque_dynamic, settled.lagged_volts)
-    begun = np.array([*flat(motion), *np.concatenate(limits)])
+    body = body_of(replace(machine, substep=inputs.step), settled)
     record = np.empty((len(starts), length, 2))
-    model = np.array(flat(model_of(replace(machine, substep=inputs.step))))
-    _kernel()(model, begun, volts, inputs.force, starts, inputs.step, inputs.substeps, record)
+    _kernel()(body, volts, inputs.force, starts, inputs.step, inputs.substeps, record)
     return record
 
 
 def _build(digest: str) -> Any:
-    def kernel(p: Any, begun: Any, volts: Any, force: Any, starts: Any, h: float, substeps: int, record: Any) -> None:
+    def kernel(given: Any, volts: Any, force: Any, starts: Any, h: float, substeps: int, record: Any) -> None:
         _ = digest
-        model = read(p, MODEL, 0)
-        state = read(begun, MOVING, 0)
+        body = scratch(given)
         k = 0
         for window in range(record.shape[0]):
             a, b = starts[window, 0], starts[window, 1]
             motion = Motion(a, b, starts[window, 2], starts[window, 3], np.cos(a), np.sin(a), np.cos(b), np.sin(b))
-            state = Moving(motion, state.torques, state.lagged_volts)
+            store(body, BODY.motion, 0, motion)
             for row in range(record.shape[1]):
                 for _substep in range(substeps):
                     command = PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3])
-                    state, _ignored = advance(
-                        model, state, command, Load(force[k, 0], force[k, 1], 0.0, 0.0, 0.0, 0.0), h
-                    )
+                    advance(body, command, Load(force[k, 0], force[k, 1], 0.0, 0.0, 0.0, 0.0), h)
                     k += 1
-                record[window, row, 0] = state.motion.theta_a
-                record[window, row, 1] = state.motion.theta_b
+                record[window, row, 0] = body[BODY.motion.theta_a, 0]
+                record[window, row, 1] = body[BODY.motion.theta_b, 0]
 
     return kernel
 

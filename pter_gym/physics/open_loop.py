@@ -7,25 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.compiled.compiler import compile_kernel, device
-from pter_gym.compiled.records import flat, read, rows, width, write
+from pter_gym.compiled.compiler import compile_kernel, device, inlined
+from pter_gym.compiled.records import load, rows, store, width, write
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
-from pter_gym.physics.clutch import PerClutch, Torques, relax, relax_torques, scaled, steady_torques
+from pter_gym.physics.clutch import PerClutch, Torques
 from pter_gym.physics.friction import generated_torques, mode_of, slip_velocities
-from pter_gym.physics.model import Model, model_of
-from pter_gym.physics.step import Energy, clutch_load, substep
+from pter_gym.physics.model import model_of
+from pter_gym.physics.step import Body, Energy, clutch_load, substep_on
 
 Array = NDArray[np.float64]
-
-
-class Moving(NamedTuple):
-    """What changes from substep to substep."""
-
-    motion: Motion
-    torques: Torques
-    lagged_volts: PerClutch
 
 
 class Row(NamedTuple):
@@ -44,8 +36,8 @@ class Row(NamedTuple):
     energy: Energy
 
 
-MODEL = rows(Model)
-MOVING = rows(Moving)
+BODY = rows(Body)
+BODY_WIDTH = width(Body)
 COLUMN = rows(Row)
 
 
@@ -200,11 +192,10 @@ def simulate(
         raise ParameterError("hand_target is needed: the hand has a stiffness")
     target = (0.0, 0.0) if hand_target is None else hand_target
     steps = _steps(machine, duration, volts, hand_force, joint_torque, target)
-    packed = _pack(state)
+    body = body_of(machine, state)
     record = np.empty((steps, width(Row)))
     _kernel()(
-        np.array(flat(model_of(machine))),
-        packed,
+        body,
         _volts(machine, volts, steps),
         _rows("hand_force", hand_force, steps, 2),
         _rows("joint_torque", joint_torque, steps, 2),
@@ -213,45 +204,91 @@ def simulate(
         record,
     )
     _check_finite(record)
-    return _trajectory(record, machine.substep, state, _unpack(packed))
+    return _trajectory(record, machine.substep, state, _state_of(body))
+
+
+def body_of(machine: Machine, state: State) -> Array:
+    """Return a machine in a state as ``advance`` takes it, a column (entries, 1).
+
+    Raises
+    ------
+    ParameterError
+        If a number of the state is not finite, or a torque or voltage is negative.
+    """
+    body = np.zeros((BODY_WIDTH, 1))
+    store(body, BODY.machine, 0, model_of(machine))
+    theta_a, theta_b = _vector("state.theta", state.theta, 2)
+    omega_a, omega_b = _vector("state.omega", state.omega, 2)
+    units = np.cos(theta_a), np.sin(theta_a), np.cos(theta_b), np.sin(theta_b)
+    store(body, BODY.motion, 0, Motion(theta_a, theta_b, omega_a, omega_b, *units))
+    names = ("torque_breakaway", "torque_dynamic", "lagged_volts")
+    breakaway, dynamic, lagged = (PerClutch(*_vector(f"state.{name}", getattr(state, name), 4)) for name in names)
+    if min(*breakaway, *dynamic, *lagged) < 0.0:
+        raise ParameterError("state: torques and lagged voltages must be ≥ 0")
+    store(body, BODY.torques, 0, Torques(breakaway, dynamic))
+    store(body, BODY.lagged_volts, 0, lagged)
+    body[BODY.drift] = 1.0
+    return body
+
+
+@inlined
+def scratch(body: Any) -> Any:
+    """Return a copy of a machine, from ``body_of``, whose shape the compiler knows: its entries stay in registers."""
+    copy = np.empty((BODY_WIDTH, 1))
+    copy[:] = body
+    return copy
 
 
 @device
-def advance(model: Model, state: Moving, command: PerClutch, load: Load, h: float) -> tuple[Moving, Row]:
-    """Advance one machine by a substep of h [s] at a command [V] under a load; return its state and what to record."""
-    lagged = relax(state.lagged_volts, command, model.voltage_decay)
-    target = scaled(steady_torques(model.breakaway, model.dynamic, lagged), model.scale, 1.0)
-    torques = relax_torques(state.torques, target, model.torque_decay)
-    q, impact, limit, energy = substep(state.motion, torques, model.arm, load, model.slip_threshold, h)
-    load_a, load_b = clutch_load(impact, q.omega_a, q.omega_b, h)
-    x, y = tip_position(model.arm, q)
-    v_x, v_y = tip_velocity(model.arm, q)
-    row = Row(
+def _load_on(body: Any, i: int) -> Load:
+    return load(body, BODY.load, i)
+
+
+_aim, _substep = substep_on(BODY, _load_on)
+
+
+@device
+def advance(body: Any, command: PerClutch, on: Load, h: float) -> None:
+    """Advance one machine, from ``body_of``, by a substep of h [s] at a command [V] under a load."""
+    store(body, BODY.command, 0, command)
+    store(body, BODY.load, 0, on)
+    store(body, BODY.energy, 0, Energy(-0.0, -0.0, -0.0, -0.0))  # the sum with −0 keeps the sign of a zero
+    _aim(body, 1)
+    _substep(body, 1, h)
+
+
+@device
+def row_of(body: Any, h: float) -> Row:
+    """Return what to record of a machine after a substep of h [s]."""
+    arm = load(body, BODY.machine.arm, 0)
+    q = load(body, BODY.motion, 0)
+    torques = load(body, BODY.torques, 0)
+    load_a, load_b = clutch_load(load(body, BODY.impact, 0), q.omega_a, q.omega_b, h)
+    x, y = tip_position(arm, q)
+    v_x, v_y = tip_velocity(arm, q)
+    return Row(
         theta=PerLink(q.theta_a, q.theta_b),
         omega=PerLink(q.omega_a, q.omega_b),
         tip_position=Vector(x, y),
         tip_velocity=Vector(v_x, v_y),
-        torque=generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit),
+        torque=generated_torques(q.omega_a, q.omega_b, load_a, load_b, load(body, BODY.limit, 0)),
         slip_velocity=slip_velocities(q.omega_a, q.omega_b),
         torque_breakaway=torques.breakaway,
         torque_dynamic=torques.dynamic,
         mode=mode_of(q.omega_a, q.omega_b),
-        kinetic_energy=kinetic_energy(model.arm, q),
-        energy=energy,
+        kinetic_energy=kinetic_energy(arm, q),
+        energy=load(body, BODY.energy, 0),
     )
-    return Moving(q, torques, lagged), row
 
 
 def _build(digest: str) -> Any:
     def kernel(
-        p: Any, s: Any, volts: Any, hand_force: Any, joint_torque: Any, hand_target: Any, h: float, record: Any
+        given: Any, volts: Any, hand_force: Any, joint_torque: Any, hand_target: Any, h: float, record: Any
     ) -> None:
         _ = digest
-        model = read(p, MODEL, 0)
-        state = read(s, MOVING, 0)
+        body = scratch(given)
         for k in range(record.shape[0]):
-            command = PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3])
-            load = Load(
+            on = Load(
                 hand_force[k, 0],
                 hand_force[k, 1],
                 joint_torque[k, 0],
@@ -259,9 +296,9 @@ def _build(digest: str) -> Any:
                 hand_target[k, 0],
                 hand_target[k, 1],
             )
-            state, row = advance(model, state, command, load, h)
-            write(record[k], COLUMN, row)
-        write(s, MOVING, state)
+            advance(body, PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3]), on, h)
+            write(record[k], COLUMN, row_of(body, h))
+        given[:] = body
 
     return kernel
 
@@ -293,29 +330,15 @@ def _trajectory(record: Array, h: float, initial: State, final: State) -> Trajec
     )
 
 
-def _pack(state: State) -> Array:
-    theta = _vector("state.theta", state.theta, 2)
-    omega = _vector("state.omega", state.omega, 2)
-    limits = [
-        _vector(f"state.{name}", getattr(state, name), 4)
-        for name in ("torque_breakaway", "torque_dynamic", "lagged_volts")
-    ]
-    if min(map(min, limits)) < 0.0:
-        raise ParameterError("state: torques and lagged voltages must be ≥ 0")
-    breakaway, dynamic, lagged = (PerClutch(*limit) for limit in limits)
-    units = [np.cos(theta[0]), np.sin(theta[0]), np.cos(theta[1]), np.sin(theta[1])]
-    motion = Motion(*np.concatenate([theta, omega, units]))
-    return np.array(flat(Moving(motion, Torques(breakaway, dynamic), lagged)))
-
-
-def _unpack(packed: Array) -> State:
-    now: Moving = read(packed, MOVING, 0)
+def _state_of(body: Array) -> State:
+    motion = load(body, BODY.motion, 0)
+    torques = load(body, BODY.torques, 0)
     return State(
-        theta=np.array([now.motion.theta_a, now.motion.theta_b]),
-        omega=np.array([now.motion.omega_a, now.motion.omega_b]),
-        torque_breakaway=np.array(now.torques.breakaway),
-        torque_dynamic=np.array(now.torques.dynamic),
-        lagged_volts=np.array(now.lagged_volts),
+        theta=np.array([motion.theta_a, motion.theta_b]),
+        omega=np.array([motion.omega_a, motion.omega_b]),
+        torque_breakaway=np.array(torques.breakaway),
+        torque_dynamic=np.array(torques.dynamic),
+        lagged_volts=np.array(load(body, BODY.lagged_volts, 0)),
     )
 
 

@@ -1,13 +1,14 @@
 """The only place where clutches, arm and friction meet: one substep of semi-implicit Euler."""
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from pter_gym.compiled.compiler import device
-from pter_gym.compiled.records import Entry
+from pter_gym.compiled.compiler import device, outlined
+from pter_gym.compiled.records import Entry, load, store
 from pter_gym.physics.arm import (
     Linkage,
     Load,
     Motion,
+    PerLink,
     advance_position,
     cos_difference,
     joint_torque,
@@ -20,8 +21,13 @@ from pter_gym.physics.clutch import (
     any_crossed,
     capacities,
     caught_capacities,
+    relax,
+    relax_torques,
+    scaled,
+    steady_torques,
 )
 from pter_gym.physics.friction import resolve, slip_velocities
+from pter_gym.physics.model import Model
 
 
 class Impact(NamedTuple):
@@ -47,18 +53,36 @@ class Energy(NamedTuple):
     residual: Annotated[float, Entry("J", "the integrator's gain from the turning mass matrix")]
 
 
+class Body(NamedTuple):
+    """One machine: its constants, its state, what acts on it, and what a substep works with."""
+
+    machine: Model
+    motion: Motion
+    torques: Torques
+    lagged_volts: PerClutch
+    command: PerClutch
+    load: Load
+    drift: float
+    steady: Torques
+    impact: Impact
+    omega: PerLink
+    limit: PerClutch
+    crossing: float
+    energy: Energy
+
+
 @device
-def free_motion(q: Motion, arm: Linkage, load: Load, h: float) -> Impact:
+def free_motion(q: Motion, arm: Linkage, on: Load, h: float) -> Impact:
     """Return the velocity problem of the next substep, without clutches.
 
     The hand's damping is implicit: it adds h·b·JᵀJ to the mass matrix. Its spring is explicit.
     """
     x, y = tip_position(arm, q)
     hand_a, hand_b = joint_torque(
-        arm, q, load.force_x + arm.stiffness * (load.target_x - x), load.force_y + arm.stiffness * (load.target_y - y)
+        arm, q, on.force_x + arm.stiffness * (on.target_x - x), on.force_y + arm.stiffness * (on.target_y - y)
     )
-    hand_a = hand_a + load.torque_a
-    hand_b = hand_b + load.torque_b
+    hand_a = hand_a + on.torque_a
+    hand_b = hand_b + on.torque_b
     v_a, v_b = velocity_torque(arm, q)
     cos = cos_difference(q)
     m12 = arm.coupling * cos
@@ -74,6 +98,15 @@ def free_motion(q: Motion, arm: Linkage, load: Load, h: float) -> Impact:
         v_a,
         v_b,
     )
+
+
+@device
+def count_nonzero(w: Any, row: int, lanes: int) -> int:
+    """Return how many of the first columns of an array are not zero in a row."""
+    count = 0
+    for i in range(lanes):
+        count += 1 if w[row, i] != 0.0 else 0
+    return count
 
 
 @device
@@ -143,24 +176,94 @@ def energy_terms(before: Motion, after: Motion, arm: Linkage, impact: Impact, li
     )
 
 
-@device
-def substep(
-    q: Motion, torques: Torques, arm: Linkage, load: Load, threshold: float, h: float
-) -> tuple[Motion, Impact, PerClutch, Energy]:
-    """Advance one world by h [s] and return its motion, the velocity problem, the torque limits and the energy terms.
+def _stages_on(at: Any, load_on: Any) -> tuple[Any, ...]:
+    """Return the stages of a substep, each for the machine in column ``i`` of an array; see ``substep_on``."""
+
+    @device
+    def aim_torques(w: Any, i: int) -> None:
+        """Find the torques that the clutches tend to, behind a lag of the voltage if there is one."""
+        machine = load(w, at.machine, i)
+        lagged = relax(load(w, at.lagged_volts, i), load(w, at.command, i), machine.voltage_decay)
+        store(w, at.lagged_volts, i, lagged)
+        steady = steady_torques(machine.breakaway, machine.dynamic, lagged)
+        store(w, at.steady, i, scaled(steady, machine.scale, w[at.drift, i]))
+
+    @device
+    def find_velocity(w: Any, i: int, h: float) -> None:
+        """Advance the torques' lag and find the velocities after friction."""
+        torques = relax_torques(load(w, at.torques, i), load(w, at.steady, i), w[at.machine.torque_decay, i])
+        store(w, at.torques, i, torques)
+        q = load(w, at.motion, i)
+        impact = free_motion(q, load(w, at.machine.arm, i), load_on(w, i), h)
+        omega_a, omega_b, limit, crossing = first_velocity(q, impact, torques, w[at.machine.slip_threshold, i], h)
+        store(w, at.impact, i, impact)
+        store(w, at.omega, i, PerLink(omega_a, omega_b))
+        store(w, at.limit, i, limit)
+        w[at.crossing, i] = 1.0 if crossing else 0.0
+
+    @outlined
+    def catch_crossing(w: Any, i: int, h: float) -> None:
+        """Apply the crossing rule."""
+        omega_a, omega_b, limit = second_velocity(
+            load(w, at.motion, i),
+            load(w, at.impact, i),
+            load(w, at.torques, i),
+            w[at.machine.slip_threshold, i],
+            h,
+            w[at.omega.a, i],
+            w[at.omega.b, i],
+            load(w, at.limit, i),
+        )
+        store(w, at.omega, i, PerLink(omega_a, omega_b))
+        store(w, at.limit, i, limit)
+
+    @device
+    def move_arm(w: Any, i: int, h: float) -> None:
+        """Advance the position and add up the energies."""
+        before = load(w, at.motion, i)
+        after = advance_position(before, w[at.omega.a, i], w[at.omega.b, i], h)
+        store(w, at.motion, i, after)
+        energy = energy_terms(before, after, load(w, at.machine.arm, i), load(w, at.impact, i), load(w, at.limit, i), h)
+        w[at.energy.hand_work, i] += energy.hand_work
+        w[at.energy.dissipated, i] += energy.dissipated
+        w[at.energy.numerical_loss, i] += energy.numerical_loss
+        w[at.energy.residual, i] += energy.residual
+
+    return aim_torques, find_velocity, catch_crossing, move_arm
+
+
+def substep_on(at: Any, load_on: Any) -> tuple[Any, Any]:
+    """Return ``aim(w, lanes)`` and ``substep(w, lanes, h)`` for machines in the first ``lanes`` columns of an array.
+
+    ``aim`` finds the steady torques, where commands or lagged voltages may have changed; ``substep`` advances the
+    machines by h [s]. There are two kinds of such arrays: the worlds of the engine, many or one, and the machine of an
+    open-loop simulation. Each stage is a loop over all machines, so LLVM vectorises it.
 
     Parameters
     ----------
-    q, torques
-        Motion at the start, and torque limits of the clutches during the substep (their lag already advanced).
-    arm, load
-        Constants of the arm; what acts on it.
-    threshold
-        The stick band δω of Karnopp's model [rad/s] (paper Eq. 2).
+    at
+        Rows of a record with the entries of ``Body``, alone or among others.
+    load_on
+        ``load_on(w, i)`` returns the ``Load`` on the arm of machine ``i``.
     """
-    impact = free_motion(q, arm, load, h)
-    omega_a, omega_b, limit, crossing = first_velocity(q, impact, torques, threshold, h)
-    if crossing:
-        omega_a, omega_b, limit = second_velocity(q, impact, torques, threshold, h, omega_a, omega_b, limit)
-    after = advance_position(q, omega_a, omega_b, h)
-    return after, impact, limit, energy_terms(q, after, arm, impact, limit, h)
+    aim_torques, find_velocity, catch_crossing, move_arm = _stages_on(at, load_on)
+
+    @device
+    def aim(w: Any, lanes: int) -> None:
+        """Find the torques that the clutches of all machines tend to."""
+        for i in range(lanes):
+            aim_torques(w, i)
+
+    @device
+    def substep(w: Any, lanes: int, h: float) -> None:
+        """Advance all machines by a substep."""
+        for i in range(lanes):
+            find_velocity(w, i, h)
+        if count_nonzero(w, at.crossing, lanes) > 0:  # rare: in a few blocks out of a hundred
+            for i in range(lanes):
+                if w[at.crossing, i] != 0.0:
+                    catch_crossing(w, i, h)
+        for i in range(lanes):
+            move_arm(w, i, h)
+
+    return aim, substep

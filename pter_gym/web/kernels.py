@@ -17,7 +17,7 @@ from pter_gym.engine.hand import recorded
 from pter_gym.engine.law import Memory
 from pter_gym.engine.recording import record_reset, record_step
 from pter_gym.engine.sensing import see, write_observation
-from pter_gym.engine.step import given_volts, is_refused, move_world
+from pter_gym.engine.step import given_volts, is_refused, move_worlds, take_command
 from pter_gym.engine.world import CONFIG, REFUSE, ROW, ROWS
 from pter_gym.paths.arcs import SEGMENT, ArcSegment, biarc, end_of, heading_through, mirrored, parts_of
 from pter_gym.paths.projection import SEGMENT_WIDTH, point_at
@@ -65,7 +65,7 @@ def step(
     A page may have written to the hand's recording since the last control step. ``guides`` says that the hand may have
     more than a push and sines.
     """
-    w, word = carray(world, (ROWS, 1)), carray(words, 2)
+    w, word = carray(world, (ROWS, 1)), carray(words, (1, 2))
     config, numbers = carray(shared, 1), carray(constants, 1)
     actions = carray(action, (1, 4))
     low, high, slack = config[CONFIG.low], config[CONFIG.high], config[CONFIG.slack]
@@ -73,8 +73,9 @@ def step(
         return 1
     if w[ROW.hand.record_count, 0] > 0.0:
         store(w, ROW.drive, 0, recorded(w, 0, numbers, config[CONFIG.substeps]))
-    move_world(w, 0, given_volts(actions, 0, low, high, w[ROW.machine.voltage_max, 0]), config, guides != 0)
-    conclude_step(w, 0, word[0], word[1], config, numbers)
+    take_command(w, 0, given_volts(actions, 0, low, high, w[ROW.machine.voltage_max, 0]))
+    move_worlds(w, 1, config, guides != 0)
+    conclude_step(w, 1, 1, word, 0, config, numbers, True)
     write_observation(w, 0, carray(seen, (1, entries)), 0, config, numbers)
     record_step(w, 0, carray(told, (1, 1, COLUMNS)), 0, 0, config[CONFIG.substep] * config[CONFIG.substeps], numbers)
     return 0

@@ -152,7 +152,7 @@ def test_what_does_not_plan_is_told_observations_alone() -> None:
     assert run.planning is None
     assert [each.told for each in watching] == [[]] * len(watching)
     hidden = Binds(lambda layout: Wrapping(BOUND, layout, None))
-    with pytest.raises(ParameterError, match="batch must be told in reset_in"):
+    with pytest.raises(ParameterError, match="batch must be given to reset_in"):
         run_scenario("standard", {"hidden": hidden}, ["brisk"], episodes=1)
 
 

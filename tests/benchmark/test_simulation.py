@@ -69,7 +69,7 @@ def test_planners_say_what_they_need_and_do_the_standard_test_too() -> None:
         bind(policy, BASELINE, Batch(BASELINE, task, 1).layout)
     batch = Batch(BASELINE, task, 2, sensors="force")
     obs, _ = batch.reset([0, 1])
-    with pytest.raises(ParameterError, match="batch must be told in reset_in"):
+    with pytest.raises(ParameterError, match="batch must be given to reset_in"):
         bind(policy, BASELINE, batch.layout).act(obs)
     result = run_standard_test({"honest": policy}, time_constants=(0.1,))
     assert len(result.runs["honest"][0].telemetry) > 10

@@ -27,8 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import tyro
 
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.returns import Returns
+from pter_gym.engine.batch import Batch, Returns
 from pter_gym.engine.world import FLAG, ROW, SAME_STEP
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, Operator, RecordedForces

@@ -1,14 +1,15 @@
 """A compiled law that returns what is no voltage is refused, and nothing has moved."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from pter_gym.controllers import PerClutch, device
+from pter_gym.compiled.records import rows
+from pter_gym.controllers import PerClutch, Policy, device
 from pter_gym.engine.batch import Batch
-from pter_gym.engine.law import MEMORY
+from pter_gym.engine.law import empty_memory
 from pter_gym.errors import ActionError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
@@ -17,11 +18,22 @@ TASK = PathFollowing(start_offset=0.01)
 STEP, WORLD, VALUE = range(3)
 
 
+class Kept(NamedTuple):
+    """What the law below keeps of a world: a record of its own."""
+
+    world: float
+    steps: float
+    unused: float
+
+
+KEPT = rows(Kept)
+
+
 @device
 def fails_later(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Hold clutch 4, and from a step on return a value as the voltage of clutch 2, in the worlds from one on."""
-    memory[MEMORY.kept] += 1.0
-    fails = memory[MEMORY.kept] > gains[STEP] and memory[MEMORY.world] >= gains[WORLD]
+    memory[KEPT.steps] += 1.0
+    fails = memory[KEPT.steps] > gains[STEP] and memory[KEPT.world] >= gains[WORLD]
     return PerClutch(0.0, gains[VALUE] if fails else 1.0, 0.0, 24.0)
 
 
@@ -34,7 +46,7 @@ def states(batch: Batch, memory: np.ndarray) -> bytes:
 def test_a_number_that_is_not_finite_is_refused_and_nothing_has_moved(count: int, threads: int, value: float) -> None:
     batch = Batch(BASELINE, TASK, count, num_threads=threads)
     obs, _ = batch.reset(range(count))
-    memory = batch.empty_memory()
+    memory = empty_memory(count, Kept)
     obs, _ = batch.rollout(obs, fails_later, np.array([9.0, 0.0, 0.0]), 5, memory)
     before, seen = states(batch, memory), obs.tobytes()
     gains = np.array([7.0, count // 2, value])
@@ -54,7 +66,18 @@ def test_a_voltage_beyond_the_range_is_clipped() -> None:
     for value in (1e300, -5.0, BASELINE.clutch.voltage_max, 0.0):
         batch = Batch(BASELINE, TASK, 2)
         obs, _ = batch.reset([0, 1])
-        rows.append(batch.rollout(obs, fails_later, np.array([3.0, 0.0, value]), 8)[1])
+        rows.append(batch.rollout(obs, fails_later, np.array([3.0, 0.0, value]), 8, empty_memory(2, Kept))[1])
     np.testing.assert_array_equal(rows[0], rows[2])
     np.testing.assert_array_equal(rows[1], rows[3])
     assert not np.array_equal(rows[0], rows[1])
+
+
+def test_a_policy_keeps_the_record_that_its_law_declares() -> None:
+    batch = Batch(BASELINE, TASK, 3)
+    obs, _ = batch.reset([0, 1, 2])
+    policy = Policy(np.array([1.0, 1.0, 5.0]), batch.layout, law=fails_later, memory=Kept)
+    assert policy.empty_memory(3).tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]
+    for volts in ([1.0, 1.0, 1.0], [1.0, 5.0, 5.0]):  # the law counts steps, and knows its world
+        assert policy(obs)[:, 1].tolist() == volts
+    policy.reset()
+    assert policy(obs)[:, 1].tolist() == [1.0, 1.0, 1.0]

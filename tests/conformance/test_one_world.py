@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pter_gym.compiled.records import load
+from pter_gym.engine import kernels
 from pter_gym.engine.batch import Batch
 from pter_gym.engine.episode import conclude_step, fetch_world, take_context
-from pter_gym.engine.step import given_volts, move_world
-from pter_gym.engine.world import BASIC_ROWS, CONFIG, ROW, ROWS
+from pter_gym.engine.step import given_volts, move_worlds, take_command
+from pter_gym.engine.world import BASIC_ROWS, CONFIG, LANES, REFUSE, ROW, ROWS
 from pter_gym.hands import HumanArm, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL
 from pter_gym.paths import Circle
+from pter_gym.physics.clutch import PerClutch
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 
 MACHINE = replace(BASELINE, substep=2e-3)
@@ -39,9 +42,10 @@ def moved_alone(batch: Batch, volts: NDArray[np.float64]) -> NDArray[np.float64]
     w = np.zeros((ROWS, 1))
     fetch_world(w, 0, worlds, 0)
     take_context(w, 0, constants)
-    given = given_volts(volts, 0, config[CONFIG.low], config[CONFIG.high], w[ROW.machine.voltage_max, 0])
-    move_world(w, 0, given, config, worlds.shape[1] > BASIC_ROWS)
-    conclude_step(w, 0, words[0, 0], words[0, 1], config, constants)
+    take_command(w, 0, given_volts(volts, 0, config[CONFIG.low], config[CONFIG.high], w[ROW.machine.voltage_max, 0]))
+    with_extras = worlds.shape[1] > BASIC_ROWS
+    move_worlds(w, 1, config, with_extras)
+    conclude_step(w, 1, 1, words, 0, config, constants, with_extras)
     return np.append(w[: worlds.shape[1], 0], w[ROW.reward, 0])
 
 
@@ -57,3 +61,33 @@ def test_a_world_alone_does_what_it_does_in_a_block(kind: str) -> None:
         rewards = batch.step(volts).rewards
         stored = batch.get_state()["worlds"][0, :, 0]
         np.testing.assert_allclose(alone, [*stored, *rewards], rtol=1e-9, atol=1e-12)
+
+
+def test_a_control_step_keeps_the_voltages_of_the_one_before() -> None:
+    w = np.zeros((ROWS, 1))
+    w[ROW.machine.voltage_max] = 24.0
+    take_command(w, 0, PerClutch(1.0, 2.0, 3.0, 4.0))
+    assert load(w, ROW.last_command, 0) == (0.0, 0.0, 0.0, 0.0)
+    take_command(w, 0, PerClutch(5.0, 6.0, 7.0, 8.0))
+    assert load(w, ROW.last_command, 0) == (1.0, 2.0, 3.0, 4.0)
+    assert load(w, ROW.command, 0) == (5.0, 6.0, 7.0, 8.0)
+
+
+@pytest.mark.parametrize("kind", ["a push alone", "noisy sensors"])
+def test_lanes_without_a_world_hold_finite_numbers(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the memory held before that a kernel works in."""
+    machine, task = WORLDS[kind]
+    batch = Batch(machine, task, 3)
+    obs, _ = batch.reset([5, 6, 7])
+    room = np.full((ROWS, LANES), np.nan)
+    monkeypatch.setattr(kernels, "_scratch", lambda: room)
+    arrays = batch.device_arrays()
+    worlds, words, config, constants = (arrays[name].copy() for name in ("worlds", "words", "config", "constants"))
+    rewards, flags, telemetry = np.zeros(3), np.zeros((3, 3), np.bool_), np.empty((0, 3, 0))
+    advance = kernels._build_advance("")
+    given = np.full((3, 4), 2.0)
+    assert advance(worlds, words, given, obs, obs, rewards, flags, telemetry, config, constants, REFUSE, 2, 0, 1) == -1
+    lanes = worlds.shape[2]
+    assert lanes > 3
+    assert np.isfinite(room[:, :lanes]).all(), np.flatnonzero(~np.isfinite(room[:, :lanes]).all(axis=1))
+    assert np.isfinite(worlds).all()

@@ -1,6 +1,7 @@
 """The controllers against their definitions by an independent formulation (paper section III-A, Fig. 6)."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from typing import Any, get_args
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from pter_gym.compiled.records import flat, leaves
 from pter_gym.controllers import (
+    CONTROLLERS,
     Free,
     Guided,
     Impedance,
@@ -457,3 +459,51 @@ def test_what_does_not_fit_is_refused() -> None:
     policy: Policy = Impedance().bind(BASELINE, LAYOUT)
     with pytest.raises(ParameterError, match=f"{len(LAYOUT)} entries"):
         policy(np.zeros(18, np.float32))
+
+
+@pytest.mark.parametrize("kind", [*CONTROLLERS.values(), partial(Impedance, grip=5.0)])
+@pytest.mark.parametrize("gone", range(4))
+def test_a_clutch_that_is_not_there_gets_no_voltage(kind: Any, gone: int) -> None:
+    scale = tuple(0.0 if x == gone else 1.0 for x in range(4))
+    machine = replace(BASELINE, clutch_scale=scale)
+    layout = observation_layout(machine, "torque")
+    seen = observations(200)
+    volts, whole = (kind().bind(each, layout)(seen) for each in (machine, BASELINE))
+    assert (volts[:, gone] == 0.0).all()
+    assert np.isfinite(volts).all()
+    assert volts.any() == whole.any()
+
+
+@pytest.mark.parametrize("gone", range(4))
+def test_the_clutches_that_are_there_take_over(gone: int) -> None:
+    """The allocation is that of the clutches that are there: the torques come as close as theirs can."""
+    scale = tuple(0.0 if x == gone else 1.0 for x in range(4))
+    machine = replace(BASELINE, clutch_scale=scale)
+    gains = Impedance()
+    layout = observation_layout(machine, "torque")
+    seen = observations(100)
+    volts = gains.bind(machine, layout)(seen)
+    whole = gains.bind(BASELINE, layout)(seen)
+    needed = whole[:, gone] > 0.5
+    assert needed.any()
+    others = [x for x in range(4) if x != gone]
+    assert (np.abs(volts[needed][:, others] - whole[needed][:, others]).max(axis=1) > 0.01).any()
+    np.testing.assert_allclose(
+        volts[whole[:, gone] == 0.0][:, others], whole[whole[:, gone] == 0.0][:, others], atol=1e-4
+    )
+
+
+def test_a_weaker_clutch_is_one_with_a_lower_curve() -> None:
+    clutch = BASELINE.clutch
+    lower = replace(
+        clutch,
+        breakaway=replace(
+            clutch.breakaway, slope=0.5 * clutch.breakaway.slope, curvature=0.5 * clutch.breakaway.curvature
+        ),
+        dynamic=replace(clutch.dynamic, slope=0.5 * clutch.dynamic.slope, curvature=0.5 * clutch.dynamic.curvature),
+    )
+    layout = observation_layout(BASELINE, "torque")
+    seen = observations(100)
+    for controller in (TorqueFeedback(), SingleDof(), VelocityRatio()):
+        scaled = controller.bind(replace(BASELINE, clutch_scale=(0.5,) * 4), layout)(seen)
+        np.testing.assert_allclose(scaled, controller.bind(replace(BASELINE, clutch=lower), layout)(seen), rtol=1e-6)

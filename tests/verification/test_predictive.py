@@ -10,8 +10,7 @@ from pter_gym.benchmark.recorded import Recorded
 from pter_gym.benchmark.simulation import record_episode
 from pter_gym.controllers import Free, SingleDof
 from pter_gym.controllers.predictive import Honest, Planner, Privileged, Settings
-from pter_gym.controllers.predictive.hand import HandModel
-from pter_gym.controllers.predictive.honest import Belief, known_part
+from pter_gym.controllers.predictive.honest import Belief, ForceForecast, known_part
 from pter_gym.controllers.predictive.planner import PLANS, play
 from pter_gym.engine.batch import Batch
 from pter_gym.engine.world import FLAG, ROW
@@ -174,7 +173,7 @@ def test_the_rebuilt_state_is_the_true_one_on_the_nominal_machine(nominal: Machi
 
 
 def test_the_hand_model_keeps_the_push_and_forgets_the_disturbance() -> None:
-    hand = HandModel(0.01, 31)
+    hand = ForceForecast(0.01, 31)
     forces = hand.forecast(60.0, 10.0)
     assert forces.shape == (31, 2)
     np.testing.assert_allclose(forces[:, 0], 60.0)

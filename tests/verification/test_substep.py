@@ -2,10 +2,13 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from pter_gym.compiled.records import load as records_load
+from pter_gym.compiled.records import read, store, width
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Hand
 from pter_gym.physics import arm as arms
@@ -14,6 +17,7 @@ from pter_gym.physics.arm import Linkage, Load, Motion
 from pter_gym.physics.clutch import Curve, PerClutch, Torques
 from pter_gym.physics.friction import COUPLING, LINES, lower_bound, resolve, share, slip_velocities, upper_bound
 from pter_gym.physics.model import model_of
+from pter_gym.physics.open_loop import BODY
 from pter_gym.tasks.path_following.situation import Vector
 
 ARM = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=7.0, stiffness=30.0)
@@ -34,6 +38,19 @@ def at(theta_a: float, theta_b: float, omega_a: float, omega_b: float) -> Motion
 
 def load(seed: int) -> Load:
     return Load(*np.random.default_rng([1, seed]).normal(size=6).tolist())
+
+
+def substep(q: Motion, torques: Torques, on: Load, threshold: float = 1e-3) -> Any:
+    """Advance ``ARM`` by ``H``; return its motion, the velocity problem, the torque limits and the energy terms."""
+    body = np.zeros((width(step.Body), 1))
+    for row, value in ((BODY.motion, q), (BODY.torques, torques), (BODY.steady, torques), (BODY.machine.arm, ARM)):
+        store(body, row, 0, value)
+    store(body, BODY.load, 0, on)
+    body[BODY.machine.slip_threshold] = threshold
+    _, advance = step.substep_on(BODY, lambda body, i: records_load(body, BODY.load, i))
+    advance(body, 1, H)
+    numbers: Any = body[:, 0].tolist()
+    return tuple(read(numbers, row, 0) for row in (BODY.motion, BODY.impact, BODY.limit, BODY.energy))
 
 
 def jacobian(q: Motion) -> np.ndarray:
@@ -175,7 +192,7 @@ def test_velocity_problem_by_matrices(seed: int):
 def test_energy_terms_are_those_of_the_change(seed: int, limit: float):
     q, on = motion(seed), load(seed)
     torques = Torques(*(PerClutch(*(limit * np.random.default_rng([3, seed]).random(4)).tolist()),) * 2)
-    after, impact, limits, energy = step.substep(q, torques, ARM, on, 1e-3, H)
+    after, impact, limits, energy = substep(q, torques, on)
     change = arms.kinetic_energy(ARM, after) - arms.kinetic_energy(ARM, q)
     told = energy.hand_work - energy.dissipated - energy.numerical_loss + energy.residual
     assert told == pytest.approx(change, abs=1e-13)
@@ -191,7 +208,7 @@ def test_energy_terms_are_those_of_the_change(seed: int, limit: float):
 
 def test_without_clutches_the_velocity_is_that_of_the_free_arm():
     q, on = motion(0), load(0)
-    after, impact, _, energy = step.substep(q, FREE, ARM, on, 1e-3, H)
+    after, impact, _, energy = substep(q, FREE, on)
     effective = np.array([[impact.m11, impact.m12], [impact.m12, impact.m22]])
     assert speeds(after) == pytest.approx(np.linalg.solve(effective, [impact.p_a, impact.p_b]))
     assert energy.dissipated == 0.0
@@ -203,7 +220,7 @@ def test_who_jumps_over_the_band_is_caught_if_its_clutch_holds(breakaway: float,
     q = at(0.2, 1.1, 0.02, 0.5)
     torques = Torques(PerClutch(breakaway, 0.0, 0.0, 0.0), PerClutch(0.5, 0.0, 0.0, 0.0))
     push = Load(0.0, 0.0, -20.0, 0.0, *arms.tip_position(ARM, q))
-    after, _, limits, _ = step.substep(q, torques, ARM, push, 0.01, H)
+    after, _, limits, _ = substep(q, torques, push, 0.01)
     assert (after.omega_a == 0.0) is sticks
     assert (after.omega_a < 0.0) is not sticks
     assert limits.x1 == (50.0 if sticks else 0.5)

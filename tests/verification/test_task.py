@@ -148,6 +148,7 @@ def test_each_term_is_what_its_weight_says(failed: bool):
         pace_ratio=0.5,
         acceleration=4.0,
         volts=volts,
+        last_volts=volts,
         voltage_max=20.0,
         energy=Energy(*(0.0,) * len(Energy._fields)),
         failed=failed,

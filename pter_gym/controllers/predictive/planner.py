@@ -7,16 +7,18 @@ present plan.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.compiled.compiler import device
+from pter_gym.compiled.records import Entry, rows
 from pter_gym.controllers import Controller, PerClutch
 from pter_gym.controllers.laws import physical
+from pter_gym.controllers.simple import largest_voltages
 from pter_gym.engine.batch import Batch
-from pter_gym.engine.law import MEMORY
+from pter_gym.engine.law import empty_memory
 from pter_gym.engine.world import FLAG
 from pter_gym.params import BASELINE, Machine, quantity, require, require_number, require_whole
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
@@ -28,11 +30,16 @@ Observations = NDArray[np.float32]
 SIZES = (0.1, 0.3, 1.0, 2.0)
 """Sizes of the perturbations in the first round, relative to their spread."""
 
-STEP = MEMORY.kept
-"""Where ``play`` keeps the number of the control step."""
 
-COST = MEMORY.brake
-"""Where ``play`` keeps the sum of the costs: a place in a law's memory that it has no other use for."""
+class Played(NamedTuple):
+    """What ``play`` keeps of a world."""
+
+    step: Annotated[float, Entry("1", "control steps so far")]
+    cost: Annotated[float, Entry("m", "sum of the costs so far")]
+    world: Annotated[float, Entry("1", "number of the world")]
+
+
+PLAYED = rows(Played)
 
 PLANS = 3
 """Where the plans begin in the gains of ``play``."""
@@ -91,15 +98,15 @@ def play(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
     Gains hold the control steps between knots, the number of knots and the weight of the pace, then the plans.
     """
-    step = memory[STEP]
+    step = memory[PLAYED.step]
     if step > 0.0:
-        memory[COST] += cost(obs, scales, gains[2])
-    memory[STEP] = step + 1.0
+        memory[PLAYED.cost] += cost(obs, scales, gains[2])
+    memory[PLAYED.step] = step + 1.0
     count = int(gains[1])
     place = step / gains[0]
     knot = min(int(place), count - 2)
     part = min(place - knot, 1.0)
-    at = PLANS + (int(memory[MEMORY.world]) * count + knot) * 4
+    at = PLANS + (int(memory[PLAYED.world]) * count + knot) * 4
     return PerClutch(
         gains[at] + part * (gains[at + 4] - gains[at]),
         gains[at + 1] + part * (gains[at + 5] - gains[at + 1]),
@@ -140,7 +147,7 @@ class Planner:
     ) -> None:
         self.settings = settings
         self.task = task
-        self.top = machine.clutch.voltage_max
+        self.top = largest_voltages(machine)
         self.batch = Batch(machine, task, settings.samples)
         self.one = Batch(machine, task, 1)
         self.guide: Any = guide.bind(nominal, self.one.layout)
@@ -217,13 +224,13 @@ class Planner:
         """Return the cost of each plan [m], the mean over its control steps; one that fails costs the workspace."""
         s = self.settings
         bring_to(self.batch, state)
-        memory: Any = self.batch.empty_memory()
+        memory: Any = empty_memory(s.samples, Played)
         gains = np.concatenate([[s.knot_steps, s.knots, s.pace_weight], plans.ravel()])
         many = np.broadcast_to(obs, (s.samples, len(obs)))
         last, flags = self.batch.outcome(many, play, gains, s.horizon, memory)
-        total = memory[:, COST] + self._cost(last)
+        total = memory[:, PLAYED.cost] + self._cost(last)
         failed = flags[int(FLAG.terminated)] & ~flags[int(FLAG.success)]
-        return total / memory[:, STEP] + np.where(failed, self.task.error_max, 0.0)
+        return total / memory[:, PLAYED.step] + np.where(failed, self.task.error_max, 0.0)
 
     def _cost(self, obs: Observations) -> Array:
         """Return what ``cost`` does, of many observations (N, entries)."""

@@ -97,10 +97,10 @@ class PlanningPolicy(BoundPolicy):
         Raises
         ------
         ParameterError
-            If ``reset_in`` has not told these worlds.
+            If ``reset_in`` was not given these worlds.
         """
         if self._batch is None or len(self._deciders) != len(observations):
-            raise ParameterError("batch must be told in reset_in, with as many worlds as there are observations")
+            raise ParameterError("batch must be given to reset_in first, with as many worlds as there are observations")
         states: Any = states_of(self._batch)
         volts = np.zeros((len(observations), 4), np.float32)
         for world in np.flatnonzero(states[:, ROW.alive]):
@@ -137,4 +137,4 @@ class Honest(Predictive):
 
 
 UNPRIVILEGED: tuple[type, ...] = (Honest,)
-"""Policies that plan and get along with what a controller can know; of others, subclasses too, nobody can tell."""
+"""Planning policies that need only what a controller can know; all others, subclasses too, count as privileged."""

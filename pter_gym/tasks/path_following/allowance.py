@@ -14,10 +14,10 @@ from pter_gym.tasks.path_following.situation import motion_at
 from pter_gym.tasks.path_following.specification import PathFollowing
 
 TIME_CONSTANTS = 2.0
-"""After so many a clutch has 86 % of a torque that is asked for at the start."""
+"""After this many time constants a clutch has 86 % of a torque that is requested at the start."""
 
 START = 0.01
-"""Part of the path for which the allowance is: what is lost there does not count, from there on all time does."""
+"""The allowance covers this part of the path: time lost within it does not count, time lost later does."""
 
 
 def start_up_allowance() -> float:

@@ -111,7 +111,7 @@ def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], rec
 
 
 def task_model(task: PathFollowing, arcs: tuple[int, int], energy_max: float) -> TaskModel:
-    """Return the constants of a task.
+    """Return the constants of a task: what its fields say, and what follows from them.
 
     Parameters
     ----------
@@ -120,30 +120,16 @@ def task_model(task: PathFollowing, arcs: tuple[int, int], energy_max: float) ->
     energy_max
         Kinetic energy that the arm may have [J].
     """
-    weights: Any = task.reward
-    sensing = task.sensing
-    return TaskModel(
-        path=PathModel(*arcs, task.path.length),
-        pace=task.pace,
-        pace_decay=-math.expm1(-task.control_period / PACE_WINDOW),
-        error_max=task.error_max,
-        truncation_error=task.truncation_error,
-        arrival=task.arrival,
-        singularity_margin=task.singularity_margin,
-        energy_max=energy_max,
-        start_offset=task.start_offset,
-        starts=StartModel(task.starts.moving, task.starts.gripped, task.starts.offset),
-        friction_drift=task.friction_drift,
-        weight=Terms(*(getattr(weights, term) for term in Terms._fields)),
-        sensing=SensingModel(
-            angle_resolution=sensing.angle_resolution,
-            velocity_noise=sensing.velocity_noise,
-            torque_noise=sensing.torque_noise,
-            force_noise=sensing.force_noise,
-            delay=sensing.delay,
-            is_ideal=float(sensing == IDEAL_SENSING),
-        ),
-    )
+    weights: Any = vars(task.reward)
+    made: dict[str, Any] = {
+        "path": PathModel(*arcs, task.path.length),
+        "pace_decay": -math.expm1(-task.control_period / PACE_WINDOW),
+        "energy_max": energy_max,
+        "starts": StartModel(**vars(task.starts)),
+        "weight": Terms(**weights),
+        "sensing": SensingModel(**vars(task.sensing), is_ideal=float(task.sensing == IDEAL_SENSING)),
+    }
+    return TaskModel(**{name: made[name] if name in made else getattr(task, name) for name in TaskModel._fields})
 
 
 def told_of(task: PathFollowing, machine: Machine, push: float) -> Told:

@@ -9,7 +9,8 @@ from dataclasses import Field, dataclass, field, fields
 from typing import Annotated, Any, NamedTuple
 
 from pter_gym.compiled.compiler import device
-from pter_gym.compiled.records import Entry, written
+from pter_gym.compiled.generated import compile_source
+from pter_gym.compiled.records import Entry
 from pter_gym.params import quantity, require_number
 from pter_gym.physics.clutch import PerClutch
 from pter_gym.physics.step import Energy
@@ -19,7 +20,7 @@ ERROR_WIDTH = 0.06
 """Distance from the path [m] at which tracking pays 1/e of what it pays on the path."""
 
 PRECISION_WIDTH = 0.006
-"""The same for precision: some times what is left on average by a policy that ranks."""
+"""The same for precision: a few times the mean error of a ranked policy."""
 
 PACE_WINDOW = 0.1
 """Time constant [s] of the mean of the pace that is judged: about the lag of the clutches."""
@@ -50,8 +51,8 @@ class Outcome(NamedTuple):
         Change of the arc length over time, over the commanded pace; a mean over about ``PACE_WINDOW``.
     acceleration
         Of the tip, mean over the control step [m/s²].
-    volts, voltage_max
-        Voltages and their limit [V].
+    volts, last_volts, voltage_max
+        Voltages of this control step and of the one before, and their limit [V].
     energy
         What the hand and the clutches did in the control step [J].
     failed
@@ -65,6 +66,7 @@ class Outcome(NamedTuple):
     pace_ratio: float
     acceleration: float
     volts: PerClutch
+    last_volts: PerClutch
     voltage_max: float
     energy: Energy
     failed: bool
@@ -81,7 +83,7 @@ def term(unit: str, provenance: str, find: Find, *, default: float) -> Any:
     unit, provenance, default
         Of its weight; see ``quantity``. Stored tasks that lack a term take its default.
     find
-        From the weight, what a control step has led to and its period [s] to the term; it is compiled.
+        Function from the weight, what a control step has led to and its period [s] to the term; it is compiled.
     """
     return field(default=default, metadata={**quantity(unit, provenance).metadata, "find": device(find)})
 
@@ -109,7 +111,7 @@ def paid(weight: float, seen: Outcome, width: float) -> float:
 
 @device
 def pace_cost(ratio: float) -> float:
-    """Return what a pace costs, from its ratio to the commanded one: the difference, so a rush costs by the way."""
+    """Return what a pace costs, from its ratio to the commanded one: its distance from 1."""
     slower = ratio if ratio > 0.0 else 0.0
     faster = ratio if ratio < FASTEST else FASTEST
     return 1.0 - slower if ratio < 1.0 else faster - 1.0
@@ -180,8 +182,9 @@ Terms = NamedTuple("Terms", _TERMS)
 def _in_turn() -> Any:
     """Return ``reward_terms(weight, seen, period)``: the terms of a control step of ``period`` [s], each weighed."""
     names = {f"find_{item.name}": item.metadata["find"] for item in WEIGHTS}
-    found = (f"find_{item.name}(weight.{item.name}, seen, period)" for item in WEIGHTS)
-    return device(written("weight, seen, period", [f"return Terms({', '.join(found)})"], {**names, "Terms": Terms}))
+    found = ", ".join(f"find_{item.name}(weight.{item.name}, seen, period)" for item in WEIGHTS)
+    source = f"def reward_terms(weight, seen, period):\n    return Terms({found})\n"
+    return device(compile_source(source, "reward_terms", {**names, "Terms": Terms}))
 
 
 reward_terms = _in_turn()

@@ -28,7 +28,7 @@ MAX_DELAY = 2
 """Largest delay of the sensors in control steps."""
 
 SHARPEST = 0.9
-"""Largest ratio of the workspace's half-width to a path's radius of curvature: further in, a foot is not unique."""
+"""Largest ratio of the workspace's half-width to a path's radius of curvature, so that the nearest point is unique."""
 
 WIDEST = BOUND * ERROR_SCALE
 """Largest half-width of a workspace [m]: what an observation can tell."""
@@ -70,9 +70,10 @@ IDEAL_SENSING = Sensing()
 class Starts:
     """How episodes begin: at rest at the start of the path with the clutches released, by default all of them.
 
-    Others are for training, which explores more states so. An episode that begins ``moving`` has its tip anywhere
-    along the path, off it by an even draw, at up to twice the commanded pace; one that begins ``gripped`` is at rest at
-    the start of the path. Both have clutches that have settled at voltages of their own, each released once in five.
+    Other starts are for training, so that it explores more states. An episode that begins ``moving`` has its tip
+    anywhere along the path, off it by an even draw, at up to twice the commanded pace; one that begins ``gripped`` is
+    at rest at the start of the path. Both have clutches that have settled at voltages of their own, each released once
+    in five.
     """
 
     moving: float = quantity("1", "chosen: share of the episodes", default=0.0)
