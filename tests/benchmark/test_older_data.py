@@ -27,8 +27,8 @@ from pter_gym.policies.cards import fields_of
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import RewardWeights, observation_layout
 from pter_gym.tuning import shipping
-from pter_gym.tuning.examination import Verdict
-from pter_gym.tuning.search import Study
+from pter_gym.tuning.examination import Assessment
+from pter_gym.tuning.search import TunedGains
 
 PRESET_FILE = Path(pter_gym.__file__).parent / "presets" / "pter.toml"
 LAYOUT: Layout = observation_layout(BASELINE, "torque")
@@ -234,9 +234,10 @@ def test_gains_say_which_one_is_missing_or_unknown(monkeypatch: pytest.MonkeyPat
 
 def test_new_gains_carry_the_defaults_that_they_rely_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     install_controller(monkeypatch, "impedance", with_field(Impedance, "grip", quantity("1", "chosen", default=3.0)))
-    study = Study("impedance", "standard", "slow", {"stiffness": 123.0}, Verdict(0.0, 1.0, 0.0, 0.0), 1, 1, 1, 0)
+    scores = Assessment(0.0, 1.0, 0.0, 0.0)
+    study = TunedGains("impedance", "standard", "slow", {"stiffness": 123.0}, scores, 1, 1, 1, 0)
     path = tmp_path / "tuned.toml"
-    shipping.add_study(study, path)
+    shipping.add_gains(study, path)
     install_controller(monkeypatch, "impedance", with_field(Impedance, "grip", quantity("1", "chosen", default=7.0)))
     (_, found), *_ = find_tuned("impedance-tuned", "standard", path=path).knots
     assert vars(found) == {**vars(Impedance(stiffness=123.0)), "grip": 3.0}
