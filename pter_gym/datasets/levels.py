@@ -101,8 +101,7 @@ def actors_of(scenario: str, level: str) -> tuple[Actor, ...]:
     if level == "random":
         return (Actor("random", _uniform),)
     if level == "expert":
-        name = EXPERTS.get(scenario, EXPERT)
-        return (Actor(name, lambda envs, _: load_policy(name, envs)),)
+        return (_trained(EXPERTS.get(scenario, EXPERT)),)
     table = stages()
     if level == "medium":
         return (_stage(table["medium"].get(scenario, table["medium"]["others"]), 0.0, 0.0),)
@@ -112,6 +111,13 @@ def actors_of(scenario: str, level: str) -> tuple[Actor, ...]:
 def stages() -> dict[str, Any]:
     """Return the description of the training whose stages act."""
     return tomllib.loads((STAGES / STAGES_TABLE).read_text("utf-8"))
+
+
+def _trained(name: str) -> Actor:
+    def bind(envs: PathFollowingVectorEnv, _: int) -> Act:
+        return load_policy(name, envs)
+
+    return Actor(name, bind)
 
 
 def _uniform(envs: PathFollowingVectorEnv, seed: int) -> Act:

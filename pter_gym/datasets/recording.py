@@ -127,10 +127,17 @@ def _episodes(envs: Any, act: Act, first: int) -> Iterator[Episode]:
             continue
         begun: list[int | None] = [None] * count
         for world in np.flatnonzero(over).tolist():
-            before, *columns, distances = (np.array(column) for column in zip(*rows[world], strict=True))
-            observations = np.concatenate([before, after[world : world + 1]])
-            arrived = bool(infos["is_success"][world])
-            ended[seeds[world]] = Episode(seeds[world], observations, *columns, arrived, float(distances.mean()))
+            columns = [np.array(column) for column in zip(*rows[world], strict=True)]
+            ended[seeds[world]] = Episode(
+                seed=seeds[world],
+                observations=np.concatenate([columns[0], after[world : world + 1]]),
+                actions=columns[1],
+                rewards=columns[2],
+                terminations=columns[3],
+                truncations=columns[4],
+                arrived=bool(infos["is_success"][world]),
+                distance=float(columns[5].mean()),
+            )
             begun[world] = seeds[world] = coming
             rows[world] = []
             coming += 1

@@ -1,6 +1,7 @@
 """Recorded episodes as a data set that Minari reads."""
 
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,11 +23,10 @@ VERSION = 0
 def load_minari() -> Any:
     """Return Minari, or raise a DependencyError that says how to install it."""
     try:
-        import h5py  # noqa: F401  (what Minari stores with)
-        import minari
+        import_module("h5py")  # what Minari stores with
+        return import_module("minari")
     except ImportError as error:
         raise needs_extra("recording", "data") from error
-    return minari
 
 
 def default_folder() -> Path:

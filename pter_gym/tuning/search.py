@@ -138,11 +138,14 @@ def tune(
     studies = _open(storage, name, [starts * seed + start for start in range(starts)])
     share = -(-trials // (starts + 1))
 
+    def judge(trial: Any) -> float:
+        return _judge(trial, controller, speed, rungs)
+
     def run(start: int, budget: int, before: int) -> None:
         """Let a start go on until it has so many finished trials, at least one of them judged on all draws."""
         study = studies[start]
         while len(finished := finished_trials(study)) < budget or not best_trials(study):
-            study.optimize(lambda trial: _judge(trial, controller, speed, rungs), n_trials=1)
+            study.optimize(judge, n_trials=1)
             best = best_trials(study)
             on_trial(before + len(finished) + 1, best[0].value if best else math.inf)
 
