@@ -1,12 +1,11 @@
 """Section IV-C.3, torque feedback: Figs. 10 and 11."""
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pter_gym.paper.experiments.feedback import BEST_GAIN, FollowedLine, GainSweep, LineFollowing
+from pter_gym.benchmark.measures import column
+from pter_gym.paper.experiments.feedback import BEST_GAIN, GainSweep, LineFollowing
 from pter_gym.paper.experiments.measures import PLATEAU_FROM
-from pter_gym.paper.plots.marks import FAINT, mark_line
-from pter_gym.plots.benchmark import MILLIMETRE
+from pter_gym.paper.plots.marks import FAINT, MILLIMETRE, mark_line
 from pter_gym.plots.legends import legend_of
 from pter_gym.plots.style import (
     COLOURS,
@@ -60,16 +59,16 @@ def followed_lines(result: LineFollowing) -> Figure:
     figure = Figure(figsize=(WIDTH, 2.8))
     axes = figure.add_subplot()
     axes.axhline(0.0, color=REFERENCE, linestyle="-", linewidth=4.0, alpha=0.3, label="desired line")
-    _draw_followed(axes, result.without, "without torque feedback")
-    _draw_followed(axes, result.with_feedback, f"with torque feedback, $K_p$ = {result.gain:g} V/(in·lbf)")
-    axes.set_xlim(0.0, result.task.path.length)
+    for run, name in (
+        (result.without, "without torque feedback"),
+        (result.with_feedback, f"with torque feedback, $K_p$ = {result.gain:g} V/(in·lbf)"),
+    ):
+        average = f"{result.setup.position_error(run.score) / MILLIMETRE:.1f} mm on average"
+        arc_length, error = column(run.telemetry, "arc_length"), column(run.telemetry, "normal_error")
+        axes.plot(arc_length, error / MILLIMETRE, label=f"{name}: {average}")
+    axes.set_xlim(0.0, result.setup.task.path.length)
     label(axes, "distance along the line [m]", "distance from the line [mm]")
     inches_above(axes, "distance along the line")
     inches_right(axes, "distance from the line", MILLIMETRE)
-    legend_of(figure, axes, f"line-following test, τ = {result.time_constant:g} s")
+    legend_of(figure, axes, f"line-following test, τ = {result.without.time_constant:g} s")
     return figure
-
-
-def _draw_followed(axes: Axes, run: FollowedLine, name: str) -> None:
-    average = f"{run.position_error / MILLIMETRE:.1f} mm on average"
-    axes.plot(run.arc_length, run.normal_error / MILLIMETRE, label=f"{name}: {average}")

@@ -4,7 +4,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pter_gym.internal.looks import numbered
 from pter_gym.paper.experiments.reversal import Reversal, Reversals
 from pter_gym.paper.experiments.torque_curves import MEASURED_FROM, TorqueCurves
 from pter_gym.paper.plots.marks import FAINT, name_of
@@ -12,6 +11,7 @@ from pter_gym.plots.legends import legend_of
 from pter_gym.plots.style import (
     COLOURS,
     DASHES,
+    LOOKS,
     MUTED,
     REFERENCE,
     SMALL,
@@ -80,7 +80,7 @@ def reversal_torques(result: Reversals) -> Figure:
     grid = figure.add_gridspec(count, 2, width_ratios=(1.7, 1.0), wspace=0.06)
     whole = figure.add_subplot(grid[:, 0])
     for k, (name, reversal) in enumerate(result.machines.items()):
-        colour, _, dashes = numbered(k)
+        colour, _, dashes = LOOKS[k]
         time = reversal.trajectory.time
         whole.plot(time, reversal.torque, color=colour, linestyle=dashes, label=name_of(name))
         close = figure.add_subplot(grid[k, 1])

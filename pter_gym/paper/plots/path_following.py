@@ -7,16 +7,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from pter_gym.internal.looks import numbered
 from pter_gym.paper.experiments.claims import COLUMNS, TABLE_TOLERANCE
 from pter_gym.paper.experiments.measures import paper_units
 from pter_gym.paper.experiments.time_constants import PAPER_TABLE, Sweep, TableRow
-from pter_gym.paper.plots.marks import FAINT, mark, mark_line, name_of
+from pter_gym.paper.plots.marks import FAINT, MILLIMETRE, mark, mark_line, name_of
 from pter_gym.params import TIME_CONSTANT
-from pter_gym.plots.benchmark import MILLIMETRE
 from pter_gym.plots.legends import legend_of
 from pter_gym.plots.style import (
     COLOURS,
+    LOOKS,
     REFERENCE,
     WIDTH,
     inches_right,
@@ -61,7 +60,7 @@ def _over_time_constant(
 def _draw_sweeps(axes: Axes, sweeps: Mapping[str, Sweep], value: Callable[[Sweep], Array]) -> None:
     axes.axvline(TIME_CONSTANT, color=FAINT, linestyle=":", linewidth=1.0)
     for k, (machine, sweep) in enumerate(sweeps.items()):
-        colour, marker, dashes = numbered(k)
+        colour, marker, dashes = LOOKS[k]
         axes.plot(
             sweep.time_constant,
             value(sweep),
