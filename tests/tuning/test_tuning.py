@@ -4,7 +4,6 @@ import os
 import shlex
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -133,35 +132,6 @@ def test_only_trials_that_keep_up_are_judged_on_all_draws(tmp_path: Path, monkey
     for draws, value in ((2, trials[-1].intermediate_values[1]), (32, trials[-1].value)):
         exam = Examination("standard", "brisk", draws, seed=0)
         assert judge(exam, make("impedance", gains_at(trials[-1].params, 0.5))).value == value
-
-
-@pytest.mark.long
-def test_a_killed_tuner_loses_the_running_trial_at_most(tmp_path: Path) -> None:
-    storage = tmp_path / "trials.journal"
-    tuner = subprocess.Popen(command(storage, "--trials", "100000"), stdout=subprocess.DEVNULL)
-    try:
-        deadline = time.monotonic() + 120.0
-        while not (storage.exists() and begun(storage) >= 12):
-            assert time.monotonic() < deadline
-            assert tuner.poll() is None
-            time.sleep(0.2)
-    finally:
-        tuner.kill()
-        tuner.wait()
-    kept = finished(storage)
-    assert len(kept) >= begun(storage) - 1
-    study = tune("impedance", "standard", "brisk", trials=len(kept) + 2, starts=1, episodes=4, storage=storage)
-    assert study.trials == len(kept) + 2
-    assert set(kept) < set(finished(storage))
-
-
-def begun(storage: Path) -> int:
-    """Number of the trials that were begun, and do not only wait, as soon as there is a study."""
-    try:
-        trials = study_in(storage).get_trials(deepcopy=False)
-    except IndexError:
-        return 0
-    return sum(trial.state != optuna.trial.TrialState.WAITING for trial in trials)
 
 
 def held(path: Path) -> Any:

@@ -92,10 +92,10 @@ def test_rules_hold_at_every_point():
         assert sin_elbow(preset.arm.length_a, preset.arm.length_b, line.sampled(3)).min() >= 0.39
 
 
-@pytest.mark.slow
-def test_fit_is_repeatable_bit_for_bit(tmp_path: Path):
-    first = calibration.fit(seed=3, budget=300, out=tmp_path / "a.toml")
-    second = calibration.fit(seed=3, budget=300, out=tmp_path / "b.toml")
+def test_fit_is_repeatable_bit_for_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("pter_gym.paper.experiments.calibration.search.POPULATION", 10)
+    first = calibration.fit(seed=3, budget=30, out=tmp_path / "a.toml")
+    second = calibration.fit(seed=3, budget=30, out=tmp_path / "b.toml")
     assert (tmp_path / "a.toml").read_bytes() == (tmp_path / "b.toml").read_bytes()
     assert first.misfit == second.misfit
     np.testing.assert_array_equal(first.table, second.table)
