@@ -7,7 +7,7 @@ of Figs. 7, 8 and 10 are fitted too, so their holding is no evidence, unless a s
 from pter_gym.paper.experiments.calibration.objective import TARGET, misfit, tables_of
 from pter_gym.paper.experiments.calibration.readings import READINGS, Reading, setup_of, table_of
 from pter_gym.paper.experiments.calibration.search import BUDGET, POPULATION, Calibration, fit
-from pter_gym.paper.experiments.calibration.simulation import Case, TestRuns, at, run_cases
+from pter_gym.paper.experiments.calibration.simulation import Case, RunScores, at, run_cases
 from pter_gym.paper.experiments.calibration.space import HAND_MAX, SPACE, Free, decode
 
 __all__ = [
@@ -21,7 +21,7 @@ __all__ = [
     "Case",
     "Free",
     "Reading",
-    "TestRuns",
+    "RunScores",
     "at",
     "decode",
     "fit",

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pter_gym.benchmark.standard import TIME_CONSTANTS
 from pter_gym.paper.experiments.calibration.readings import setup_of
-from pter_gym.paper.experiments.calibration.simulation import Case, TestRuns, at, run_cases
+from pter_gym.paper.experiments.calibration.simulation import Case, RunScores, at, run_cases
 from pter_gym.paper.experiments.feedback import BEST_GAIN
 from pter_gym.paper.experiments.measures import PLATEAU_FROM, SATURATED, rank_correlation
 from pter_gym.paper.experiments.setup import Setup
@@ -58,7 +58,7 @@ def misfit(presets: Sequence[Preset], *, held_out: bool = False) -> Array:
     return total
 
 
-def tables_of(setups: Sequence[Setup], substep: float) -> tuple[Array, TestRuns]:
+def tables_of(setups: Sequence[Setup], substep: float) -> tuple[Array, RunScores]:
     """Return Table I in the paper's units, (K, 3, 3), of setups with a substep [s], and the runs behind it."""
     cases = [
         Case(at(machine, tau, substep), setup)

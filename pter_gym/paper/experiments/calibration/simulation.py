@@ -35,7 +35,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class TestRuns:
+class RunScores:
     """Scores of N runs, arrays of shape (N,), in the paper's units."""
 
     error: Array
@@ -48,7 +48,7 @@ class TestRuns:
     integrator: Array
 
 
-def run_cases(cases: Sequence[Case]) -> TestRuns:
+def run_cases(cases: Sequence[Case]) -> RunScores:
     """Run the standard test in many worlds at once."""
     batch = Batch([case.machine for case in cases], [case.setup.task for case in cases])
     gains = np.array(
@@ -67,7 +67,7 @@ def run_cases(cases: Sequence[Case]) -> TestRuns:
     ways = np.linalg.norm(np.diff(tips, axis=0), axis=-1) * alive
     top = cases[0].machine.clutch.voltage_max * (1.0 - 1e-6)
     work = np.maximum(column(rows, "hand_work").sum(axis=0), 1e-9)
-    return TestRuns(
+    return RunScores(
         error=np.abs(column(rows, "normal_error")).sum(axis=0) / steps / INCH,
         speed=np.linalg.norm(vector(rows, "tip_velocity"), axis=-1).sum(axis=0) / steps / INCH,
         acceleration=filtered[skipped:].sum(axis=0) / np.maximum(steps - skipped, 1) / INCH,
