@@ -149,7 +149,8 @@ def optional_columns(file: Path) -> list[str]:
 
 def interpolated(when: Array, times: Array, columns: Array) -> Array:
     """Return columns of values at ``times``, shape (T, k), between these times, shape (N, k)."""
-    return np.column_stack([np.interp(when, times, column) for column in columns.T])
+    parts: list[Array] = [np.interp(when, times, columns[:, k]) for k in range(columns.shape[1])]
+    return np.column_stack(parts)
 
 
 def write_log(log: Log, path: FilePath) -> None:
