@@ -66,7 +66,6 @@ def write_dataset(
         If the data set cannot be written; an earlier one is left as it was.
     """
     minari = load_minari()
-    from minari.data_collector import EpisodeBuffer
     from minari.dataset.minari_storage import MinariStorage
 
     ident = dataset_id(scenario, level)
@@ -87,11 +86,11 @@ def write_dataset(
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(prefix=".recording-", dir=target.parent) as work:
-            new = Path(work) / "new"
+            new = Path(work).absolute() / "new"  # Minari loses its files where a path is relative
             new.mkdir()
             storage = MinariStorage.new(new / "data", env.observation_space, env.action_space, env.spec)
             storage.update_metadata(metadata)
-            storage.update_episodes(EpisodeBuffer(None, e.seed, None, *e[1:6]) for e in episodes)  # type: ignore[arg-type]
+            storage.update_episodes(map(_buffer, episodes))
             if target.exists():
                 target.rename(Path(work) / "old")
             new.rename(target)
@@ -101,6 +100,13 @@ def write_dataset(
         env.close()
         judged.close()
     return target
+
+
+def _buffer(episode: Episode) -> Any:
+    """Return what Minari stores of an episode."""
+    stored = episode._asdict()
+    del stored["arrived"], stored["distance"]
+    return load_minari().data_collector.EpisodeBuffer(**stored)
 
 
 def summary_of(episodes: Sequence[Episode]) -> dict[str, Any]:
