@@ -9,9 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pter_gym.benchmark.naming import find_policy
 from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, read_table
 from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
@@ -35,17 +32,8 @@ EPISODES = 200
 FINALISTS = 40
 """The best trials of each start, which are judged once more on other draws; the best of them there is the result."""
 
-STARTUP = 64
-"""Trials at random; of those that follow, every other one comes from Optuna's estimator, the rest from the best."""
-
-PARENTS = 20
-"""Best trials from which others come."""
-
-FLIP = 0.1
-"""Chance that a switch is not that of the parent."""
-
-JITTER = 0.01
-"""Standard deviation of the noise on each coordinate, relative to its range."""
+STARTUP = 24
+"""Trials at random before those of Optuna's evolution strategy."""
 
 REDUCTION = 4
 """Of the trials that are judged on a part of the draws, one in so many goes on to so many times more of them."""
@@ -147,8 +135,7 @@ def tune(
     counts = [-(-episodes // REDUCTION**k) for k in reversed(range(RUNGS))]
     rungs = [Examination(scenario, pace, count, 2 * seed, own) for count in counts]
     name = f"{_label(find_scenario(scenario, own))} {controller} {pace} {episodes} {seed}"
-    studies = _open(storage, name, starts)
-    generators = [_sampled(study, starts * seed + start) for start, study in enumerate(studies)]
+    studies = _open(storage, name, [starts * seed + start for start in range(starts)])
     share = -(-trials // (starts + 1))
 
     def judge(trial: Any) -> float:
@@ -158,9 +145,6 @@ def tune(
         """Let a start go on until it has so many finished trials, at least one of them judged on all draws."""
         study = studies[start]
         while len(finished := finished_trials(study)) < budget or not best_trials(study):
-            if len(finished) >= STARTUP and len(finished) % 2:
-                parents = [trial.params for trial in best_trials(study)[:PARENTS]]
-                study.enqueue_trial(offspring(controller, parents, generators[start]))
             study.optimize(judge, n_trials=1)
             best = best_trials(study)
             on_trial(before + len(finished) + 1, best[0].value if best else math.inf)
@@ -216,41 +200,44 @@ def _label(scenario: Scenario) -> str:
     return f"{label} {hashlib.sha256(repr((scenario.own, scenario.task)).encode()).hexdigest()[:16]}"
 
 
-def _open(storage: Path, name: str, starts: int) -> list[Any]:
+def _open(storage: Path, name: str, seeds: Sequence[int]) -> list[Any]:
     """Return the studies of a search, one for each start, new or as they were left."""
     try:
+        import cmaes  # noqa: F401  # pyright: ignore[reportUnusedImport]
         import optuna
     except ImportError:
         raise needs_extra("pter tune", "tune") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     try:
         journal = open_journal(storage)
-        return [
+        studies = [
             optuna.create_study(
                 storage=journal,
                 study_name=f"{name} {start}",
                 load_if_exists=True,
                 pruner=optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=REDUCTION),
             )
-            for start in range(starts)
+            for start in range(len(seeds))
         ]
     except (OSError, ValueError, LookupError, AssertionError) as error:  # what Optuna raises for other files
         raise ParameterError(f"storage must be a journal file of Optuna's, got {str(storage)!r}: {error}") from None
+    for study, seed in zip(studies, seeds, strict=True):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+            study.sampler = optuna.samplers.CmaEsSampler(
+                seed=_stream(study, seed),
+                n_startup_trials=STARTUP,
+                consider_pruned_trials=True,
+                warn_independent_sampling=False,  # switches are drawn at random
+            )
+    return studies
 
 
-def _sampled(study: Any, seed: int) -> np.random.Generator:
-    """Give a study its sampler, and return random numbers for the rest of it, others for each process."""
-    import optuna
-
+def _stream(study: Any, seed: int) -> int:
+    """Return a seed of random numbers for the rest of a study, another one for each process that works on it."""
     begun = study.get_trials(deepcopy=False)
     shared = any(trial.state.name == "RUNNING" for trial in begun)
-    stream = (seed + 1000003 * len(begun) + (os.getpid() if shared else 0)) % 2**32
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-        study.sampler = optuna.samplers.TPESampler(
-            n_startup_trials=STARTUP, multivariate=True, constant_liar=True, seed=stream
-        )
-    return np.random.default_rng(stream)
+    return (seed + 1000003 * len(begun) + (os.getpid() if shared else 0)) % 2**32
 
 
 def open_journal(path: Path) -> Any:
@@ -274,26 +261,6 @@ def open_journal(path: Path) -> Any:
     finally:
         lock.release()
     return JournalStorage(backend)
-
-
-def offspring(controller: str, best: Sequence[Gains], rng: np.random.Generator) -> Gains:
-    """Return a point that comes from good ones, the best of them first.
-
-    A parent moves a part of the way towards the best point, and by a part of the difference of two others (Storn and
-    Price, "Differential evolution", Journal of Global Optimization 11, 1997; the variant current-to-best), plus noise.
-    """
-    space = SPACES[controller]
-    ranges = {name: each for name, each in space.items() if isinstance(each, Range)}
-    parent, one, two = (int(k) for k in rng.integers(len(best), size=3))
-    x, a, b, top = (
-        np.array([each.part(best[k][name]) for name, each in ranges.items()]) for k in (parent, one, two, 0)
-    )
-    towards, along = rng.uniform(size=2)
-    moved: NDArray[np.float64] = x + towards * (top - x) + along * (a - b) + rng.normal(0.0, JITTER, len(x))
-    inside = 1.0 - np.abs(1.0 - np.abs(moved))  # reflected at both ends
-    found: Gains = {name: each.value(part) for (name, each), part in zip(ranges.items(), inside.tolist(), strict=True)}
-    switches = {name: bool(best[parent][name]) != (rng.uniform() < FLIP) for name in space if name not in ranges}
-    return found | switches
 
 
 def known_points(controller: str, scenario: str, pace: str) -> list[Gains]:

@@ -1,6 +1,5 @@
 """Where gains are searched."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -17,17 +16,6 @@ class Range:
     low: float
     high: float
     log: bool = True
-
-    def part(self, value: float) -> float:
-        """Return where a number is within the range, from 0 to 1."""
-        if self.log:
-            return math.log(value / self.low) / math.log(self.high / self.low)
-        return (value - self.low) / (self.high - self.low)
-
-    def value(self, part: float) -> float:
-        """Return the number at a part of the range, from 0 to 1."""
-        value = self.low * (self.high / self.low) ** part if self.log else self.low + part * (self.high - self.low)
-        return min(max(value, self.low), self.high)
 
 
 SWITCH = (False, True)
