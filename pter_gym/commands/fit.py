@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from pter_gym.commands.arguments import check_file
-from pter_gym.internal.checks import whole_number
 from pter_gym.internal.terminal import say
 
 
@@ -20,13 +19,9 @@ def fit(seed: int = 0, budget: int = 60_000, held_out: bool = False, out: Path =
         held_out: Fit Table I alone and keep the trends held out.
         out: File for the preset, in TOML; its folder must exist.
     """
-    from pter_gym.paper.experiments.calibration import FitArguments
     from pter_gym.paper.experiments.calibration import fit as search
-    from pter_gym.paper.experiments.calibration.search import POPULATION
 
     check_file(out, ".toml")
-    whole_number("seed", seed, at_least=0)
-    whole_number("budget", budget, at_least=3 * POPULATION)
-    result = search(FitArguments(seed=seed, budget=budget, held_out=held_out, out=out))
+    result = search(seed=seed, budget=budget, held_out=held_out, out=out)
     say(f"misfit {result.misfit:.4f}; Table I in the paper's units: {result.table.round(3).tolist()}")
     say(f"wrote {out}")

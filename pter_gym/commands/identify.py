@@ -90,6 +90,5 @@ def findings_table(found: "Identification") -> Table:
     for finding in found.findings:
         q = finding.quantity
         half = "" if finding.status == "kept" else f"{0.5 * (finding.high - finding.low):.2g}"
-        state = finding.status + (", relative" if finding.relative else "")
-        table.add_row(q.name, f"{q.value:.4g}", half, q.unit, state)
+        table.add_row(q.name, f"{q.value:.4g}", half, q.unit, finding.state)
     return table

@@ -35,7 +35,7 @@ def record(
         out: Folder for the data sets; by default the one in which Minari looks for them.
     """
     from pter_gym.datasets import LEVELS, record_episodes, write_dataset
-    from pter_gym.datasets.files import default_folder, load_minari
+    from pter_gym.datasets.writing import default_folder, load_minari
     from pter_gym.internal.terminal import make_folder
     from pter_gym.scenarios import find_scenario
 

@@ -9,7 +9,7 @@ from pter_gym.commands.arguments import MachineName, check_file
 from pter_gym.internal.terminal import progress_bar, say
 
 if TYPE_CHECKING:
-    from pter_gym.tuning import Study
+    from pter_gym.tuning import TunedGains
 
 
 def tune(
@@ -44,7 +44,7 @@ def tune(
         out: File for the best gains, in TOML, whose other entries stay; they are only printed by default.
         machine: Clutch material, or the preset of a machine of your own, in place of those that the scenario draws.
     """
-    from pter_gym.tuning import add_study
+    from pter_gym.tuning import add_gains
     from pter_gym.tuning import tune as search
 
     if out is not None:
@@ -71,19 +71,19 @@ def tune(
         )
     try:
         if out is not None:
-            add_study(study, out)
+            add_gains(study, out)
     finally:
         say(summary(study))
     if out is not None:
         say(f"wrote {out}")
 
 
-def summary(study: "Study") -> str:
-    """Return the gains of a study as TOML has them, and what they are worth."""
-    found = study.verdict
-    lines = [f"{name} = {gain!r}" for name, gain in study.gains.items()]
+def summary(found: "TunedGains") -> str:
+    """Return the gains of a search as TOML has them, and what they are worth."""
+    scores = found.assessment
+    lines = [f"{name} = {gain!r}" for name, gain in found.gains.items()]
     lines.append(
-        f"path error {1000 * found.path_error_m:.1f} mm, at the end {100 * found.completed:.3g} %, mean pace "
-        f"±{100 * found.mean_pace_error:.3g} %, segment pace ±{100 * found.segment_pace_error:.3g} % on other draws"
+        f"path error {1000 * scores.path_error_m:.1f} mm, at the end {100 * scores.completed:.3g} %, mean pace "
+        f"±{100 * scores.mean_pace_error:.3g} %, segment pace ±{100 * scores.segment_pace_error:.3g} % on other draws"
     )
     return "\n".join(lines)

@@ -3,8 +3,8 @@
 ``pter record`` writes them. Only training draws are used, never the episodes on which policies are compared.
 """
 
-from pter_gym.datasets.files import dataset_id, write_dataset
 from pter_gym.datasets.levels import LEVELS, Actor, actors_of
 from pter_gym.datasets.recording import Episode, record_episodes
+from pter_gym.datasets.writing import dataset_id, write_dataset
 
 __all__ = ["LEVELS", "Actor", "Episode", "actors_of", "dataset_id", "record_episodes", "write_dataset"]

@@ -1,11 +1,11 @@
-"""Who acts in a data set: a trained policy, the stages of a training, or nobody in particular."""
+"""Who acts in a data set: a trained policy, the stages of a training, or chance."""
 
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ Actions = NDArray[np.float32]
 Act = Callable[[NDArray[np.float32]], Actions]
 
 STAGES = Path(__file__).parent / "stages"
-"""The training whose stages act: a policy for each, and ``stages.toml`` with what is told of them."""
+"""The training whose stages act: a policy for each, and ``stages.toml``, which describes them."""
 
 STAGES_TABLE = "stages.toml"
 
@@ -40,14 +40,13 @@ EXPERT = "residual"
 """The same for all other scenarios."""
 
 
-@dataclass(frozen=True)
-class Actor:
-    """Somebody who acts in vector environments.
+class Actor(NamedTuple):
+    """A policy that acts in vector environments.
 
     Attributes
     ----------
     name
-        What it is called.
+        Its name.
     bind
         Returns what acts in an environment, from observations (N, entries) to actions (N, 4), by a seed.
     """
@@ -89,29 +88,35 @@ class Exploring:
 
 
 def actors_of(scenario: str, level: str) -> tuple[Actor, ...]:
-    """Return who acts in a data set; each has the same share of its control steps.
+    """Return who acts in a data set, each for the same share of its control steps.
 
     Raises
     ------
     ParameterError
-        If there is no such level; it tells the nearest.
+        If there is no such level.
     """
     if level not in LEVELS:
         raise unknown_name("level", level, LEVELS)
     if level == "random":
         return (Actor("random", _uniform),)
     if level == "expert":
-        name = EXPERTS.get(scenario, EXPERT)
-        return (Actor(name, lambda envs, _: load_policy(name, envs)),)
-    told = stages()
+        return (_trained(EXPERTS.get(scenario, EXPERT)),)
+    table = stages()
     if level == "medium":
-        return (_stage(told["medium"].get(scenario, told["medium"]["others"]), 0.0, 0.0),)
-    return tuple(_stage(each["name"], each["deviation"], told["persistence"]) for each in told["stages"])
+        return (_stage(table["medium"].get(scenario, table["medium"]["others"]), 0.0, 0.0),)
+    return tuple(_stage(stage["name"], stage["deviation"], table["persistence"]) for stage in table["stages"])
 
 
 def stages() -> dict[str, Any]:
-    """Return what is told of the training whose stages act."""
+    """Return the description of the training whose stages act."""
     return tomllib.loads((STAGES / STAGES_TABLE).read_text("utf-8"))
+
+
+def _trained(name: str) -> Actor:
+    def bind(envs: PathFollowingVectorEnv, _: int) -> Act:
+        return load_policy(name, envs)
+
+    return Actor(name, bind)
 
 
 def _uniform(envs: PathFollowingVectorEnv, seed: int) -> Act:

@@ -1,8 +1,7 @@
 """Episodes of a policy as the registered environment gives them, many worlds at once."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -10,7 +9,6 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pter_gym.datasets.levels import Act, actors_of
-from pter_gym.envs.vector import PathFollowingVectorEnv
 from pter_gym.errors import ParameterError
 from pter_gym.internal.checks import whole_number
 from pter_gym.scenarios import find_scenario
@@ -25,8 +23,7 @@ EPISODES_OF_A_SEED = 2**32
 """Episode k of seed K is that of a reset with the seed K times this, plus k; so all levels have the same episodes."""
 
 
-@dataclass(frozen=True)
-class Episode:
+class Episode(NamedTuple):
     """An episode of T control steps.
 
     Attributes
@@ -56,10 +53,6 @@ class Episode:
     arrived: bool
     distance: float
 
-    def __len__(self) -> int:
-        """Return the number of control steps."""
-        return len(self.rewards)
-
 
 def environment_of(scenario: str, seed: int = 0) -> tuple[str, dict[str, Any]]:
     """Return the id of a data set's environment and its arguments."""
@@ -76,11 +69,11 @@ def record_episodes(
     scenario, level
         Names, of ``SCENARIOS`` and ``LEVELS``.
     steps
-        Control steps, at least 1. Each of those who act has an even share, and ends its last episode.
+        Control steps, at least 1. Each actor of the level has an even share, and completes its last episode.
     seed
         Of draws, resets and noise, from 0 to 2³¹ − 1.
     on_steps
-        Called with the control steps of episodes that have ended.
+        Called with the number of control steps of each completed episode.
 
     Raises
     ------
@@ -97,94 +90,58 @@ def record_episodes(
     envs: Any = gymnasium.make_vec(name, num_envs=WORLDS, autoreset_mode=AutoresetMode.DISABLED, **arguments)
     try:
         for place, actor in enumerate(actors):
-            act = actor.bind(envs, seed * len(actors) + place)
+            episodes = _episodes(
+                envs, actor.bind(envs, seed * len(actors) + place), seed * EPISODES_OF_A_SEED + len(found)
+            )
             share = steps * (place + 1) // len(actors) - steps * place // len(actors)
-            first = seed * EPISODES_OF_A_SEED + len(found)
-            for episode in _until(_episodes(envs, act, first), share):
+            while share > 0:
+                episode = next(episodes)
                 found.append(episode)
-                on_steps(len(episode))
+                share -= len(episode.rewards)
+                on_steps(len(episode.rewards))
     finally:
         envs.close()
     return found
 
 
-def _until(episodes: Iterator[Episode], steps: int) -> Iterator[Episode]:
-    """Give episodes until they have so many control steps together."""
-    while steps > 0:
-        episode = next(episodes)
-        steps -= len(episode)
-        yield episode
+def _episodes(envs: Any, act: Act, first: int) -> Iterator[Episode]:
+    """Give the episodes of the seeds from the first on, in order and without end.
 
-
-def _episodes(envs: PathFollowingVectorEnv, act: Act, first: int) -> Iterator[Episode]:
-    """Give the episodes of the seeds from the first on, in their order, without an end."""
-    worlds = _Worlds(envs, first)
+    A world begins the episode of the next seed as soon as its own has ended.
+    """
+    count: int = envs.num_envs
+    seeds = list(range(first, first + count))
+    rows: list[list[tuple[Any, ...]]] = [[] for _ in range(count)]
     ended: dict[int, Episode] = {}
+    coming = first + count
+    obs = envs.reset(seed=seeds)[0]
     while True:
-        for episode in worlds.step(act):
-            ended[episode.seed] = episode
+        actions = act(obs)
+        after, rewards, terminated, truncated, infos = envs.step(actions)
+        errors = np.abs(infos["telemetry"][:, COLUMN.normal_error])
+        for row, *step in zip(rows, obs, actions, rewards, terminated, truncated, errors, strict=True):
+            row.append(tuple(step))
+        obs = after
+        over = terminated | truncated
+        if not over.any():
+            continue
+        begun: list[int | None] = [None] * count
+        for world in np.flatnonzero(over).tolist():
+            columns = [np.array(column) for column in zip(*rows[world], strict=True)]
+            ended[seeds[world]] = Episode(
+                seed=seeds[world],
+                observations=np.concatenate([columns[0], after[world : world + 1]]),
+                actions=columns[1],
+                rewards=columns[2],
+                terminations=columns[3],
+                truncations=columns[4],
+                arrived=bool(infos["is_success"][world]),
+                distance=float(columns[5].mean()),
+            )
+            begun[world] = seeds[world] = coming
+            rows[world] = []
+            coming += 1
+        obs = envs.reset(seed=begun, options={"reset_mask": over})[0]
         while first in ended:
             yield ended.pop(first)
             first += 1
-
-
-class _Worlds:
-    """Worlds that begin the episode of the next seed as soon as one has ended, and what has happened in each so far."""
-
-    def __init__(self, envs: PathFollowingVectorEnv, first: int) -> None:
-        self._envs = envs
-        count = envs.num_envs
-        most: int = envs.spec.max_episode_steps  # type: ignore[union-attr, assignment]
-        self._rows = np.arange(count)
-        self._seeds = [first + k for k in range(count)]
-        self._next = first + count
-        self._lengths = np.zeros(count, np.intp)
-        self._obs: NDArray[np.float32] = envs.reset(seed=self._seeds)[0]
-        self._observations = np.empty((count, most + 1, self._obs.shape[1]), np.float32)
-        self._actions = np.empty((count, most, 4), np.float32)
-        self._rewards = np.empty((count, most))
-        self._distances = np.empty((count, most))
-
-    def step(self, act: Act) -> list[Episode]:
-        """Go on by one control step, and return the episodes that have ended with it."""
-        at = self._rows, self._lengths
-        self._observations[at] = self._obs
-        self._actions[at] = actions = act(self._obs)
-        self._obs, rewards, terminated, truncated, infos = self._envs.step(actions)
-        self._rewards[at] = rewards
-        self._distances[at] = np.abs(infos["telemetry"][:, COLUMN.normal_error])
-        self._lengths += 1
-        self._observations[self._rows, self._lengths] = self._obs
-        over = terminated | truncated
-        found = [
-            self._episode(world, bool(terminated[world]), bool(truncated[world]), bool(infos["is_success"][world]))
-            for world in np.flatnonzero(over).tolist()
-        ]
-        if found:
-            self._begin(over)
-        return found
-
-    def _episode(self, world: int, terminated: bool, truncated: bool, arrived: bool) -> Episode:
-        """Return the episode of a world, which has ended."""
-        steps = int(self._lengths[world])
-        ends = np.zeros((2, steps), np.bool_)
-        ends[:, -1] = terminated, truncated
-        return Episode(
-            self._seeds[world],
-            self._observations[world, : steps + 1].copy(),
-            self._actions[world, :steps].copy(),
-            self._rewards[world, :steps].copy(),
-            ends[0],
-            ends[1],
-            arrived,
-            float(self._distances[world, :steps].mean()),
-        )
-
-    def _begin(self, over: NDArray[np.bool_]) -> None:
-        """Begin the next episodes in some worlds."""
-        for world in np.flatnonzero(over).tolist():
-            self._seeds[world] = self._next
-            self._next += 1
-        seeds = [seed if begins else None for seed, begins in zip(self._seeds, over, strict=True)]
-        self._lengths[over] = 0
-        self._obs = self._envs.reset(seed=seeds, options={"reset_mask": over})[0]

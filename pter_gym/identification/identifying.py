@@ -69,6 +69,11 @@ class Finding:
         """Half of the interval over the scale."""
         return 0.5 * (self.high - self.low) / max(self.quantity.scale, 1e-300)
 
+    @property
+    def state(self) -> str:
+        """The status in words."""
+        return self.status + (", relative" if self.relative else "")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Identification:

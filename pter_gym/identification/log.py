@@ -33,17 +33,14 @@ SHORTEST = 5.0
 LONGEST = 600.0
 """Longest log [s]."""
 
-LARGEST = {
-    TIME: 1e9,
-    **dict.fromkeys(VOLTS, 1000.0),
-    **dict.fromkeys(ANGLES, 1e3),
-    **dict.fromkeys(FORCES, 1e4),
-    FREE: 1.0,
+RANGES = {
+    TIME: (-1e9, 1e9),
+    **dict.fromkeys(VOLTS, (0.0, 1000.0)),
+    **dict.fromkeys(ANGLES, (-1e3, 1e3)),
+    **dict.fromkeys(FORCES, (-1e4, 1e4)),
+    FREE: (0.0, 1.0),
 }
-"""Largest size of an entry of each column."""
-
-SMALLEST = {**dict.fromkeys(VOLTS, 0.0), FREE: 0.0}
-"""Smallest entries, where they are not the largest with a minus sign."""
+"""Smallest and largest entry of each column."""
 
 FASTEST = 50.0
 """Fastest turn of a link between two rows [rad/s]: faster is a sign of degrees, or of an angle that wraps."""
@@ -100,34 +97,38 @@ def read_log(path: FilePath) -> Log:
     Raises
     ------
     ParameterError
-        If the file cannot be read, a column is missing, an entry is no number or out of its range, times do not
+        If the file cannot be read, a column is missing, an entry is not a number or out of its range, times do not
         increase or are uneven by more than ``JITTER`` of the interval, or the log is too short, too long or too coarse.
-        The message names column and line.
+        The message names column and row.
     """
     file = find_path("log", path)
     names = [TIME, *VOLTS, *ANGLES, *optional_columns(file)]
     columns = read_columns(file, names)
     for name, values in columns.items():
-        _check_range(file, name, values)
+        low, high = RANGES[name]
+        wrong = np.flatnonzero((values < low) | (values > high))
+        if len(wrong):
+            raise ParameterError(
+                f"{file}, row {wrong[0] + 1}: {name} must be within [{low:g}, {high:g}], got {values[wrong[0]]:g}"
+            )
     times, interval = _raster(file, columns[TIME])
     raster = times[0] + interval * np.arange(len(times), dtype=np.float64)
 
-    def even(names: tuple[str, ...]) -> Array:
-        return interpolated(raster, times, np.column_stack([columns[name] for name in names]))
+    def stacked(names: tuple[str, ...]) -> Array:
+        return np.column_stack([columns[name] for name in names])
 
     for name in ANGLES:
         jumps = np.abs(np.diff(columns[name]))
-        if len(jumps) and jumps.max() > FASTEST * interval:
-            line = _line(int(jumps.argmax()) + 1)
+        if jumps.max() > FASTEST * interval:
             raise ParameterError(
-                f"{file}, {line}: {name} must turn by at most {FASTEST:g} rad/s: are these radians, without wrapping?"
+                f"{file}, row {jumps.argmax() + 2}: {name} must turn by at most {FASTEST:g} rad/s: "
+                "are these radians, without wrapping?"
             )
-    held = np.column_stack([columns[name] for name in VOLTS])
     return Log(
         interval=interval,
-        volts=held,
-        theta=even(ANGLES),
-        force=even(FORCES) if FORCES[0] in columns else None,
+        volts=stacked(VOLTS),
+        theta=interpolated(raster, times, stacked(ANGLES)),
+        force=interpolated(raster, times, stacked(FORCES)) if FORCES[0] in columns else None,
         free=columns[FREE] > 0.5 if FREE in columns else None,
         name=file.name,
     )
@@ -148,10 +149,8 @@ def optional_columns(file: Path) -> list[str]:
 
 def interpolated(when: Array, times: Array, columns: Array) -> Array:
     """Return columns of values at ``times``, shape (T, k), between these times, shape (N, k)."""
-    values = np.empty((len(when), columns.shape[1]))
-    for k in range(columns.shape[1]):
-        values[:, k] = np.interp(when, times, columns[:, k])
-    return values
+    parts: list[Array] = [np.interp(when, times, columns[:, k]) for k in range(columns.shape[1])]
+    return np.column_stack(parts)
 
 
 def write_log(log: Log, path: FilePath) -> None:
@@ -169,21 +168,13 @@ def write_log(log: Log, path: FilePath) -> None:
     write_text_atomic(path, text.getvalue())
 
 
-def _check_range(file: Path, name: str, values: Array) -> None:
-    low, high = SMALLEST.get(name, -LARGEST[name]), LARGEST[name]
-    wrong = (values < low) | (values > high)
-    if wrong.any():
-        row = int(wrong.argmax())
-        raise ParameterError(f"{file}, {_line(row)}: {name} must be within [{low:g}, {high:g}], got {values[row]:g}")
-
-
 def _raster(file: Path, times: Array) -> tuple[Array, float]:
     """Return times and their interval [s], or raise a ParameterError."""
     if len(times) < 3:
         raise ParameterError(f"{file} must have at least 3 rows, got {len(times)}")
     steps = np.diff(times)
     if steps.min() <= 0.0:
-        raise ParameterError(f"{file}, {_line(int((steps <= 0.0).argmax()) + 1)}: {TIME} must increase from row to row")
+        raise ParameterError(f"{file}, row {(steps <= 0.0).argmax() + 2}: {TIME} must increase from row to row")
     interval = float((times[-1] - times[0]) / (len(times) - 1))
     duration = float(times[-1] - times[0])
     if not SHORTEST <= duration <= LONGEST:
@@ -194,11 +185,7 @@ def _raster(file: Path, times: Array) -> tuple[Array, float]:
     if off.max() > JITTER * interval:
         row = int((off > JITTER * interval).argmax())
         raise ParameterError(
-            f"{file}, {_line(row)}: {TIME} must be even: within {JITTER:g} of the interval of {interval:.6g} s, "
+            f"{file}, row {row + 1}: {TIME} must be even: within {JITTER:g} of the interval of {interval:.6g} s, "
             f"got {times[row]:.9g}, off by {off[row] / interval:.2g} intervals; resample the log, or look for lost rows"
         )
     return times, interval
-
-
-def _line(row: int) -> str:
-    return f"row {row + 1}"

@@ -1,5 +1,7 @@
 """The figures of the report."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -73,30 +75,24 @@ def recording(found: Identification) -> Figure:
     figure = Figure(figsize=(WIDTH, 1.35 * count + 0.4))
     axes = figure.subplots(count, sharex=True)
     for x in range(4):
-        axes[0].step(
-            times,
-            log.volts[::every, x],
-            where="post",
-            color=CLUTCH_COLOURS[x],
-            linestyle="-",
-            linewidth=1.0,
-            label=f"{x + 1}",
-        )
+        axes[0].step(times, log.volts[::every, x], where="post", label=f"{x + 1}", **_thin(x))
     axes[0].legend(title="clutch", ncols=4, loc="upper left")
     for k, name in enumerate(("θA", "θB")):
-        axes[1].plot(times, log.theta[::every, k], color=CLUTCH_COLOURS[k], linestyle="-", linewidth=1.0, label=name)
+        axes[1].plot(times, log.theta[::every, k], label=name, **_thin(k))
     axes[1].legend(ncols=2)
     label(axes[0], "", "voltage [V]")
     label(axes[1], "", "angle [rad]")
     if log.force is not None:
         for k, name in enumerate(("x", "y")):
-            axes[2].plot(
-                times, log.force[::every, k], color=CLUTCH_COLOURS[k], linestyle="-", linewidth=0.8, label=name
-            )
+            axes[2].plot(times, log.force[::every, k], label=name, **_thin(k))
         axes[2].legend(ncols=2)
         label(axes[2], "", "force [N]")
     axes[-1].set_xlabel("time [s]")
     return figure
+
+
+def _thin(k: int) -> dict[str, Any]:
+    return {"color": CLUTCH_COLOURS[k], "linestyle": "-", "linewidth": 1.0}
 
 
 @styled
@@ -111,16 +107,11 @@ def residuals(found: Identification) -> Figure:
     largest = max(float(np.nanpercentile(np.abs(off), 99.7)), 4e3 * windows.noise)
     for k, name in enumerate(("θA", "θB")):
         colour = CLUTCH_COLOURS[k]
+        values = off[:, :, k]
         left.plot(
-            times.ravel()[::every],
-            off[:, :, k].ravel()[::every],
-            ".",
-            color=colour,
-            markersize=1.2,
-            label=name,
-            alpha=0.6,
+            times.ravel()[::every], values.ravel()[::every], ".", color=colour, markersize=1.2, label=name, alpha=0.6
         )
-        values = off[:, :, k][np.isfinite(off[:, :, k])]
+        values = values[np.isfinite(values)]
         bins = np.linspace(-largest, largest, 61)
         right.hist(values, bins, orientation="horizontal", density=True, histtype="step", color=colour, linestyle="-")
     left.set_ylim(-largest, largest)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import PurePath
 from types import MappingProxyType
-from typing import Any, cast
+from typing import cast
 
 from pter_gym.identification.identifying import Finding, Identification
 from pter_gym.params.preset import Preset
@@ -26,7 +26,7 @@ def preset_of(found: Identification, base: Preset) -> Preset:
         origins[place] = "chosen: stated to pter identify, or that of its start"
     return replace(
         base,
-        arm=_same(base.arm, machine.arm),
+        arm=replace(base.arm, **{item.name: getattr(machine.arm, item.name) for item in fields(base.arm)}),
         clutch=replace(
             base.clutch,
             slope=curve.slope,
@@ -60,7 +60,3 @@ def _origin_of(finding: Finding) -> str:
 def plain(text: str) -> str:
     """Return text as one line without what a preset does not admit."""
     return "".join(c if c.isprintable() and c not in '"\\' else "_" for c in text)
-
-
-def _same(values: Any, machine: Any) -> Any:
-    return replace(values, **{item.name: getattr(machine, item.name) for item in fields(values)})

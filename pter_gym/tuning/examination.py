@@ -33,15 +33,14 @@ SEGMENT = 128
 COLUMNS = (COLUMN.time, COLUMN.arc_length, COLUMN.normal_error, COLUMN.is_success)
 """What ranked scores need of the telemetry."""
 
-
 LEAST = ("free", "locked", "random")
-"""Policies that know nothing; whatever has learned something is better than each of them."""
+"""Policies that know nothing; any that has learned something is better than each of them."""
 
 UNSEEN = 10_000
 """Seed of draws that no training has by default."""
 
 
-class Verdict(NamedTuple):
+class Assessment(NamedTuple):
     """What counts of a policy's scores.
 
     Attributes
@@ -96,12 +95,12 @@ class Examination:
         self.batch = Batch([machine for machine, _ in pairs], self.tasks)
         self.nominal = drawn.nominal
 
-    def judge(self, policy: AnyPolicy) -> Verdict:
+    def judge(self, policy: AnyPolicy) -> Assessment:
         """Return what counts of a policy's scores."""
         scores = self.scores(policy)
-        return Verdict(
+        return Assessment(
             float(interquartile_mean(scores["path_error_m"])),
-            *(float(scores[name].mean()) for name in Verdict._fields[1:]),
+            *(float(scores[name].mean()) for name in Assessment._fields[1:]),
         )
 
     def scores(self, policy: AnyPolicy) -> Scores:
@@ -122,7 +121,7 @@ def examine(
     episodes: int = 64,
     seed: int = UNSEEN,
     machine: AnyMachine | None = None,
-) -> dict[str, Verdict]:
+) -> dict[str, Assessment]:
     """Return how good policies are on training draws, beside ``free``, ``locked`` and ``random``, the best first.
 
     It reads no evaluation episodes, so what comes of it may decide how to train on.
@@ -140,5 +139,5 @@ def examine(
     """
     examination = Examination(scenario, pace, episodes, seed, machine)
     known = {name: find_policy(name) for name in LEAST}
-    verdicts = {name: examination.judge(policy) for name, policy in {**known, **policies}.items()}
-    return dict(sorted(verdicts.items(), key=lambda item: item[1].value))
+    found = {name: examination.judge(policy) for name, policy in {**known, **policies}.items()}
+    return dict(sorted(found.items(), key=lambda item: item[1].value))

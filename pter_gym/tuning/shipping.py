@@ -10,7 +10,7 @@ from pter_gym.internal.files import FilePath, find_path, write_text_atomic
 from pter_gym.internal.locks import locked
 from pter_gym.policies.stored_gains import gains_of, make_guided
 from pter_gym.scenarios import PACES, SCENARIOS
-from pter_gym.tuning.search import Study
+from pter_gym.tuning.search import TunedGains
 
 HEADING = (
     "Gains of controllers in SI, found by `pter tune` on training draws. Each entry holds the command that made it,",
@@ -20,33 +20,33 @@ HEADING = (
 )
 
 
-def command_of(study: Study) -> str:
-    """Return the command that repeats a study."""
+def command_of(found: TunedGains) -> str:
+    """Return the command that repeats a search."""
     command = (
-        f"pter tune {study.controller} --scenario {study.scenario} --pace {study.pace} --trials {study.trials} "
-        f"--starts {study.starts} --episodes {study.episodes} --seed {study.seed}"
+        f"pter tune {found.controller} --scenario {found.scenario} --pace {found.pace} --trials {found.trials} "
+        f"--starts {found.starts} --episodes {found.episodes} --seed {found.seed}"
     )
-    if study.machine is None:
+    if found.machine is None:
         return command
-    return f"{command} --machine {quote(study.machine) if isinstance(study.machine, str) else 'PRESET.toml'}"
+    return f"{command} --machine {quote(found.machine) if isinstance(found.machine, str) else 'PRESET.toml'}"
 
 
-def entry_of(study: Study) -> dict[str, Any]:
-    """Return what a file holds of a study."""
-    usual = gains_of(make_guided(study.controller, {}))
+def entry_of(found: TunedGains) -> dict[str, Any]:
+    """Return what a file holds of a search."""
+    usual = gains_of(make_guided(found.controller, {}))
     return {
-        "command": command_of(study),
-        "trials": study.trials,
-        "starts": study.starts,
-        "episodes": study.episodes,
-        **study.verdict._asdict(),
-        "gains": study.gains,
-        "defaults": {name: value for name, value in usual.items() if name not in study.gains},
+        "command": command_of(found),
+        "trials": found.trials,
+        "starts": found.starts,
+        "episodes": found.episodes,
+        **found.assessment._asdict(),
+        "gains": found.gains,
+        "defaults": {name: value for name, value in usual.items() if name not in found.gains},
     }
 
 
-def add_study(study: Study, path: FilePath) -> None:
-    """Write the gains of a study to a file, in the place of earlier ones for the same; its other entries stay.
+def add_gains(found: TunedGains, path: FilePath) -> None:
+    """Write the gains of a search to a file, in place of earlier ones for the same; its other entries stay.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def add_study(study: Study, path: FilePath) -> None:
     path = find_path("path", path)
     with locked(path.with_name(f".{path.name}.lock")):
         table: dict[str, Any] = dict(read_table(path))
-        table.setdefault(study.scenario, {}).setdefault(study.controller, {})[study.pace] = entry_of(study)
+        table.setdefault(found.scenario, {}).setdefault(found.controller, {})[found.pace] = entry_of(found)
         write_text_atomic(path, format_table(table))
 
 

@@ -5,17 +5,14 @@
 
 Machine number k is drawn from the seed and k: inertias, coupling, torque curve, T_s/T_k, the clutches' own factors,
 time constant, delay, encoders and the noise of the force. Its log is that of the experiment, simulated with a
-substep finer than the model's; ``identify`` starts from PTER with the machine's link lengths. Interrupted by Ctrl-C, it
-tells of the machines up to then.
+substep finer than the model's; ``identify`` starts from PTER with the machine's link lengths.
 """
 
 import argparse
 import math
 import multiprocessing
-import signal
 import sys
 import time
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -149,16 +146,6 @@ def share(flags: list[bool]) -> str:
     return f"{100 * sum(flags) / len(flags):.0f} %" if flags else "–"
 
 
-def remarkable(found: list[Outcome]) -> str:
-    """Return what is not as wished."""
-    told = [
-        f"{o.name} {100 * o.error:+.1f} % {o.status}{'' if o.inside else ' OUTSIDE'}"
-        for o in found
-        if not o.inside or o.status != "identified" or abs(o.error) > ALLOWED
-    ]
-    return "; ".join(told) or "all identified and inside"
-
-
 def main() -> None:
     """Run the campaign."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -170,15 +157,12 @@ def main() -> None:
     numbers = range(arguments.first, arguments.first + arguments.machines)
     results: list[list[Outcome]] = []
     seconds: list[float] = []
-    own = multiprocessing.get_context("spawn")
-    with (
-        own.Pool(arguments.processes, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool,
-        suppress(KeyboardInterrupt),
-    ):
+    with multiprocessing.get_context("spawn").Pool(arguments.processes) as pool:
         for number, (found, taken) in zip(numbers, pool.imap(identified, numbers), strict=True):
             results.append(found)
             seconds.append(taken)
-            print(f"machine {number}, {taken:.0f} s: {remarkable(found)}", flush=True)
+            wrong = [f"{o.name} {100 * o.error:+.1f} % {o.status}" for o in found if not o.inside]
+            print(f"machine {number}, {taken:.0f} s: {'; '.join(wrong) or 'inside all intervals'}", flush=True)
     text = table(results, seconds)
     print(text)
     if arguments.write:

@@ -115,7 +115,7 @@ def trained(folder: Path) -> Kept:
 def tuned(folder: Path) -> Kept:
     """Return the finished trials; the journal and the file of gains must be whole."""
     from pter_gym.benchmark.tuned import read_table
-    from pter_gym.tuning.journal import open_journal
+    from pter_gym.tuning.search import open_journal
 
     if (folder / GAINS).exists():
         read_table(folder / GAINS)

@@ -1,7 +1,6 @@
-"""Data sets as Minari reads them: complete, the same bytes each time, with a card, and never half."""
+"""Data sets as Minari reads them: complete, the same bytes each time, and never half."""
 
 import hashlib
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import pytest
 
 from documents import DATA, blocks_of, run_program
 from pter_gym.commands.main import main
-from pter_gym.datasets import Episode, record_episodes, write_dataset
+from pter_gym.datasets import record_episodes, write_dataset
 from pter_gym.errors import StorageError
 
 minari = pytest.importorskip("minari")
@@ -40,8 +39,14 @@ def dataset(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def test_minari_reads_what_was_recorded(dataset: Any) -> None:
     episodes = record_episodes("everything", "random", 400, seed=2)
+    assert list(minari.list_local_datasets()) == [NAME]
     assert dataset.total_episodes == len(episodes)
-    assert dataset.total_steps == sum(map(len, episodes))
+    assert dataset.total_steps == sum(len(each.rewards) for each in episodes)
+    summary = dataset.storage.metadata["summary"]
+    assert summary["arrived"][0] == pytest.approx(np.mean([each.arrived for each in episodes]))
+    assert dataset.storage.metadata["description"].endswith(
+        "pter record --scenario everything --level random --steps 400 --seed 2"
+    )
     for read, made in zip(dataset.iterate_episodes(), episodes, strict=True):
         for name in ("observations", "actions", "rewards", "terminations", "truncations"):
             found, expected = getattr(read, name), getattr(made, name)
@@ -69,27 +74,6 @@ def test_the_same_command_writes_the_same_bytes(folder: Path, tmp_path: Path) ->
     assert digests(tmp_path) == digests(folder)
 
 
-def test_the_card_says_what_it_is(folder: Path) -> None:
-    text = (folder / NAME / "README.md").read_text("utf-8")
-    data = (folder / NAME / "data" / "main_data.hdf5").read_bytes()
-    front = dict(line.split(": ", 1) for line in text.split("---\n")[1].splitlines())
-    assert json.loads(front["license"]) == "mit"
-    told = json.loads(front["pter"])
-    assert told["sha256"] == hashlib.sha256(data).hexdigest()
-    assert told["sha256"] in text.split("---\n")[2]
-    assert told["summary"]["steps"] == minari.MinariDataset(folder / NAME / "data").total_steps
-    value, low, high = told["summary"]["mean_return"]
-    assert low < value < high
-    assert "`pter record --scenario everything --level random --steps 400 --seed 2`" in text
-
-
-def test_minari_lists_and_joins_them(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))
-    assert list(minari.list_local_datasets()) == [NAME]
-    sampled = minari.load_dataset(NAME).sample_episodes(2)
-    assert all(len(each) > 0 for each in sampled)
-
-
 def test_without_a_folder_they_go_where_minari_looks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
     assert main(["record", "--scenario", "standard", "--level", "random", "--steps", "1"]) == 0
@@ -102,19 +86,16 @@ def test_the_page_loads_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     run_program(blocks_of(DATA), str(DATA))
 
 
-def test_other_data_never_have_the_old_description(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_leaves_the_data_of_before(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert main([*COMMAND, str(tmp_path)]) == 0
 
     def fail(*_: object) -> None:
-        raise StorageError("full")
+        raise OSError(28, "No space left on device")
 
-    episodes: list[Episode] = record_episodes("everything", "random", 100, seed=2)
-    monkeypatch.setattr("pter_gym.datasets.files.write_files_atomic", fail)
-    with pytest.raises(StorageError):
-        write_dataset("everything", "random", episodes, tmp_path, seed=2, command="another")
-    assert not (tmp_path / NAME / "data" / "metadata.json").exists()
+    monkeypatch.setattr("minari.dataset.minari_storage.MinariStorage.update_metadata", fail)
+    with pytest.raises(StorageError, match="No space left"):
+        write_dataset("everything", "random", record_episodes("everything", "random", 1), tmp_path, seed=2, command="")
+    assert digests(tmp_path) == digests(folder)
 
 
 def test_what_is_wrong_is_told_before_any_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,13 +23,13 @@ def test_episodes_are_whole_and_enough(found: tuple[str, list[Episode]]) -> None
     level, episodes = found
     first = 3 * EPISODES_OF_A_SEED
     assert [each.seed for each in episodes] == list(range(first, first + len(episodes)))
-    assert STEPS <= sum(map(len, episodes)) < STEPS + 1000 * len(actors_of("everything", level))
+    assert STEPS <= sum(len(each.rewards) for each in episodes) < STEPS + 1000 * len(actors_of("everything", level))
     for each in episodes:
-        assert each.observations.shape == (len(each) + 1, 24)
-        assert each.actions.shape == (len(each), 4)
+        assert each.observations.shape == (len(each.rewards) + 1, 24)
+        assert each.actions.shape == (len(each.rewards), 4)
         assert (each.observations.dtype, each.actions.dtype, each.rewards.dtype) == (np.float32, np.float32, np.float64)
         over = each.terminations | each.truncations
-        assert over.nonzero()[0].tolist() == [len(each) - 1]
+        assert over.nonzero()[0].tolist() == [len(each.rewards) - 1]
         assert np.abs(each.actions).max() <= 1.0
 
 
@@ -55,17 +55,6 @@ def test_levels_have_the_same_episodes_and_seeds_have_others() -> None:
     assert expert.observations[0].tobytes() == chance.observations[0].tobytes()
     other = record_episodes("everything", "random", 1, seed=1)[0]
     assert other.observations[0].tobytes() != chance.observations[0].tobytes()
-
-
-@pytest.mark.slow
-def test_levels_are_in_their_order() -> None:
-    for scenario in ("standard", "everything"):
-        returns = {
-            level: np.mean([each.rewards.sum() for each in record_episodes(scenario, level, 10_000)])
-            for level in LEVELS
-        }
-        assert returns["random"] < returns["replay"] < returns["medium"] < returns["expert"]
-        assert returns["random"] + 150.0 < returns["medium"] < returns["expert"] - 150.0
 
 
 def test_the_same_command_gives_the_same_bits() -> None:

@@ -7,31 +7,10 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from pter_gym.paper.experiments.claims import STATEMENTS, Claim, Statement, check
+from pter_gym.paper.experiments.claims import STATEMENTS, TABLE_TOLERANCE, Claim, Statement, check
 from pter_gym.paper.experiments.measures import paper_units, rank_correlation
 from pter_gym.paper.experiments.time_constants import PAPER_TABLE
 from pter_gym.paper.reproduce.figures import PRODUCTS
-
-STRUCTURE = (
-    "passive",
-    "disturbance",
-    "stuck-cancels",
-    "first-order",
-    "six-modes",
-    "lumped-holds",
-    "absorbed",
-    "reverts-to-dynamic",
-    "follows-line",
-    "zero-without-voltage",
-    "stiction-baseline",
-    "stiction-experimental",
-    "delrin-dynamic",
-    "jump-baseline",
-    "jump-experimental",
-    "jump-theoretical",
-    "lower-jerk",
-)
-"""Claims that hold for any plausible parameters: they are about the model."""
 
 NOT_MET = {"weakest-slips", "trend-peak-acceleration"}
 """Claims that do not hold with the present parameters. A change in either direction has to be looked at."""
@@ -47,23 +26,10 @@ def test_claim(claims, name):
     assert claims[name].holds == (name not in NOT_MET), claims[name].as_json()
 
 
-@pytest.mark.parametrize("name", STRUCTURE)
-def test_claims_about_the_model_hold(claims, name):
-    assert claims[name].holds
-
-
-def test_expected_failures_are_claims():
-    assert {statement.id for statement in STATEMENTS} >= NOT_MET
-    assert not NOT_MET & set(STRUCTURE)
-
-
 def test_each_statement_is_complete():
     assert len({statement.id for statement in STATEMENTS}) == len(STATEMENTS)
     for statement in STATEMENTS:
         assert statement.figure in PRODUCTS
-        assert statement.section
-        assert statement.claim.endswith(".")
-        assert statement.measured
         assert math.isfinite(statement.at_least) or math.isfinite(statement.at_most)
         assert statement.at_least <= statement.at_most
     assert {statement.figure for statement in STATEMENTS} == PRODUCTS.keys()
@@ -73,24 +39,20 @@ def test_the_verdict_follows_from_the_number(claims):
     for claim in claims.values():
         entry = claim.as_json()
         assert entry["holds"] == (claim.statement.at_least <= claim.value <= claim.statement.at_most)
-        assert entry["kind"] in ("reproduced", "calibrated", "not met")
         assert (entry["kind"] == "not met") == (not entry["holds"])
         assert (entry["kind"] == "calibrated") == (entry["holds"] and claim.statement.given)
         json.dumps(entry, allow_nan=False)
 
 
-def test_all_of_table_1_counts_as_calibrated(claims):
-    entries = [claim for name, claim in claims.items() if name.startswith("table1-")]
-    assert len(entries) == 9
-    assert all(claim.statement.given for claim in entries)
-
-
 def test_table_1_is_compared_with_the_papers_numbers(study, claims):
+    assert sum(name.startswith("table1-") for name in claims) == 9
     for name, row in study.table1.items():
         for column, entry in enumerate(("position-error", "tip-speed", "tip-acceleration")):
             statement = claims[f"table1-{name}-{entry}".replace("_", "-")].statement
             assert 0.5 * (statement.at_least + statement.at_most) == pytest.approx(PAPER_TABLE[name][column])
             assert claims[statement.id].value == paper_units(row)[column]
+            assert statement.given
+            assert statement.at_most == pytest.approx((1.0 + TABLE_TOLERANCE) * PAPER_TABLE[name][column])
 
 
 @pytest.mark.parametrize("quantity", ["position_error", "peak_acceleration", "path_length", "tip_speed"])
@@ -121,9 +83,8 @@ def test_jumps_are_measured_around_zero_slip(study, claims):
         assert claims[f"jump-{name.removeprefix('delrin_')}"].value == pytest.approx(jump, abs=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_rank_correlation_is_spearmans(seed):
-    random = np.random.default_rng(seed)
+def test_rank_correlation_is_spearmans():
+    random = np.random.default_rng(0)
     x, y = random.integers(0, 6, 20), random.normal(size=20)
     assert rank_correlation(x, y) == pytest.approx(spearmanr(x, y).statistic)
     assert rank_correlation(y, np.exp(y)) == pytest.approx(1.0)
@@ -142,8 +103,8 @@ def test_rank_correlation_is_spearmans(seed):
 )
 def test_conditions_in_words(bounds, words):
     statement = Statement(
-        id="x", section="I", figure="fig3", claim="X.", measured="x", unit="m", measure=lambda _: math.nan, **bounds
+        id="x", section="I", figure="fig3", claim="X.", measured="x", unit="m", measure="jump", **bounds
     )
     assert statement.condition == words
-    assert not check(None, [statement])[0].holds
-    assert check(None, [statement])[0].as_json()["measured"] is None
+    assert not Claim(statement, math.nan).holds
+    assert Claim(statement, math.nan).as_json()["measured"] is None

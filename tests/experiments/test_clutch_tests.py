@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from oracle.friction import LINE, W
-from pter_gym.paper.experiments import holding, reversals, single_dof, step_response, torque_curves
+from pter_gym.paper.experiments import reversals, single_dof, step_response
 from pter_gym.paper.experiments.holding import largest_load
 from pter_gym.paper.experiments.pose import POSE, slip_rows, tip, tip_force
 from pter_gym.paper.experiments.reversal import last_before_reversal
@@ -124,12 +124,6 @@ def test_the_bench_test_finds_the_curves_again(study):
         assert (np.diff(material.dynamic) > 0.0).all()
 
 
-def test_curves_of_other_machines():
-    curves = torque_curves({"mine": BASELINE})
-    assert list(curves.materials) == ["mine"]
-    assert curves.bench_volts[0] == 4.0
-
-
 # --- Fig. 9 ---
 
 
@@ -179,8 +173,3 @@ def test_the_largest_load_is_that_of_a_linear_program():
         equal = np.column_stack([np.array(W).T, -direction])
         best = linprog([0, 0, 0, 0, -1], A_eq=equal, b_eq=[0, 0], bounds=[*((-c, c) for c in capacity), (0, None)])
         assert largest_load(capacity, direction) == pytest.approx(best.x[-1], rel=1e-6, abs=1e-9)
-
-
-def test_loads_are_drawn_from_the_seed():
-    assert (holding(loads=5, seed=3).limit == holding(loads=5, seed=3).limit).all()
-    assert not (holding(loads=5, seed=3).limit == holding(loads=5, seed=4).limit).any()

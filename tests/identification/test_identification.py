@@ -178,12 +178,6 @@ def test_the_report_stands_alone_and_escapes_names(small: Identification):
 # --- presets as machines ---
 
 
-def test_a_preset_is_a_machine(tmp_path: Path):
-    path = tmp_path / "own.toml"
-    path.write_text(format_preset(PRESET, "own"), "utf-8")
-    assert find_machine(str(path)) == BASELINE
-
-
 def test_a_late_preset_makes_late_observations(tmp_path: Path):
     from pter_gym.scenarios.own_machine import as_sensed, find_own
     from pter_gym.tasks.path_following import PathFollowing
@@ -220,16 +214,13 @@ def test_a_log_is_read_and_written(tmp_path: Path):
     log = read_log(written(tmp_path))
     assert log.interval == pytest.approx(0.005)
     assert log.theta[1] == pytest.approx([0.501, 2.0])
+    uneven = read_log(written(tmp_path, rows=changed(600, 0, "3.000500")))
+    assert uneven.theta[600, 0] == pytest.approx(1.1 - 1e-3 / 11.0)
     write_log(replace(log, free=np.arange(1200) > 5), tmp_path / "again.csv")
     again = read_log(tmp_path / "again.csv")
     assert np.allclose(again.theta, log.theta)
     assert again.free is not None
     assert again.free.sum() == 1194
-
-
-def test_a_little_unevenness_is_interpolated(tmp_path: Path):
-    log = read_log(written(tmp_path, rows=changed(600, 0, "3.000500")))
-    assert log.theta[600, 0] == pytest.approx(1.1 - 1e-3 / 11.0)
 
 
 @pytest.mark.parametrize(
@@ -243,7 +234,6 @@ def test_a_little_unevenness_is_interpolated(tmp_path: Path):
         (HEAD, changed(600, 0, "3.002"), "row 601: t_s must be even"),
         (HEAD, changed(700, 6, "9.0"), "theta_B must turn by at most 50 rad/s"),
         (HEAD, ROWS[:100], "t_s must span 5 to 600 s"),
-        (HEAD, ROWS[:2], "at least 3 rows"),
         (HEAD, ROWS[::3], "a row at least each 0.01 s"),
         (HEAD, [], "at least 3 rows"),
         ("", [], "no column t_s"),
@@ -254,9 +244,8 @@ def test_a_log_that_makes_no_sense_is_refused(head: str, rows: list[str], said: 
         read_log(written(tmp_path, head, rows))
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"\x00" * 100, b"t_s\n" + b'"' * 1000])
-def test_what_is_no_table_is_refused(content: bytes, tmp_path: Path):
-    (tmp_path / "log.csv").write_bytes(content)
+def test_what_is_not_a_table_is_refused(tmp_path: Path):
+    (tmp_path / "log.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ParameterError):
         read_log(tmp_path / "log.csv")
 

@@ -29,7 +29,7 @@ from pter_gym.paths import read_path
 from pter_gym.policies import SHIPPED, exported_policies, read_policy, shipped_policies
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
-from pter_gym.tuning import add_study
+from pter_gym.tuning import add_gains
 
 LAYOUT = observation_layout(BASELINE, "torque")
 
@@ -162,7 +162,7 @@ TAKERS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "read_run": ("path", read_run),
     "load_episodes": ("folder", lambda path: load_episodes("standard", "slow", folder=path)),
     "find_tuned": ("path", lambda path: find_tuned("impedance-tuned", path=path)),
-    "add_study": ("path", lambda path: add_study(None, path)),  # type: ignore[arg-type]
+    "add_gains": ("path", lambda path: add_gains(None, path)),  # type: ignore[arg-type]
     "shipped_policies": ("folder", shipped_policies),
     "read_policy": ("name", read_policy),
     "make_folder": ("out", make_folder),

@@ -77,7 +77,7 @@ def check(tab: "browser.Tab", site: Path, names: list[str]) -> None:  # noqa: F8
     assert not {name: each for name, each in found.items() if each}
 
 
-INNER = {"pter_gym.paper.experiments.calibration", "pter_gym.paper.experiments.claims"}
+INNER = {"pter_gym.paper.experiments.calibration"}
 """Packages whose names are public for `pter fit` and `pter reproduce` alone."""
 
 

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark.measures import column, vector
 from pter_gym.benchmark.standard import Run
 from pter_gym.paper.experiments.setup import Setup
 from pter_gym.paper.experiments.time_constants import standard_runs
 from pter_gym.params import TIME_CONSTANT
-from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from pter_gym.tasks.path_following import COLUMN
 from pter_gym.units import INCH_POUND
 
 Array = NDArray[np.float64]
@@ -50,54 +49,23 @@ class GainSweep:
 
 
 @dataclass(frozen=True)
-class FollowedLine:
-    """One run along the path.
-
-    Attributes
-    ----------
-    time
-        Since the start [s], shape (T,).
-    tip
-        Tip position [m], shape (T, 2).
-    arc_length
-        Projection of the tip on the path [m], shape (T,).
-    normal_error
-        Distance from the path, positive to its left [m], shape (T,).
-    position_error
-        Average distance from the path [m].
-    completed
-        Whether the end of the path was reached.
-    """
-
-    time: Array
-    tip: Array
-    arc_length: Array
-    normal_error: Array
-    position_error: float
-    completed: bool
-
-
-@dataclass(frozen=True)
 class LineFollowing:
     """The line-following test without and with torque feedback.
 
     Attributes
     ----------
-    task
-        The task, with the path.
-    time_constant
-        Of the clutches [s].
+    setup
+        The task, with the path, and how its error is averaged.
     gain
         Kp with feedback [V/(in·lbf)].
     without, with_feedback
         The two runs.
     """
 
-    task: PathFollowing
-    time_constant: float
+    setup: Setup
     gain: float
-    without: FollowedLine
-    with_feedback: FollowedLine
+    without: Run
+    with_feedback: Run
 
 
 def gain_sweep(
@@ -140,8 +108,8 @@ def line_following(
         Of the clutches [s].
     """
     setup = Setup() if setup is None else setup
-    without, with_feedback = (_followed(setup, _run(setup, kp, time_constant)) for kp in (0.0, gain))
-    return LineFollowing(setup.task, time_constant, gain, without, with_feedback)
+    without, with_feedback = (_run(setup, kp, time_constant) for kp in (0.0, gain))
+    return LineFollowing(setup, gain, without, with_feedback)
 
 
 def saturated_fraction(run: Run, voltage_max: float) -> float:
@@ -153,14 +121,3 @@ def saturated_fraction(run: Run, voltage_max: float) -> float:
 
 def _run(setup: Setup, gain: float, time_constant: float) -> Run:
     return standard_runs(setup, setup.baseline, gain / INCH_POUND, [time_constant])[0]
-
-
-def _followed(setup: Setup, run: Run) -> FollowedLine:
-    return FollowedLine(
-        time=column(run.telemetry, "time"),
-        tip=vector(run.telemetry, "tip"),
-        arc_length=column(run.telemetry, "arc_length"),
-        normal_error=column(run.telemetry, "normal_error"),
-        position_error=setup.position_error(run.score),
-        completed=run.score.completed,
-    )

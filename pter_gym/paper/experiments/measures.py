@@ -16,9 +16,7 @@ from pter_gym.units import to_inch_pounds, to_inches
 
 Array = NDArray[np.float64]
 
-BASELINE = "baseline"
-EXPERIMENTAL = "delrin_experimental"
-THEORETICAL = "delrin_theoretical"
+BASELINE, EXPERIMENTAL, THEORETICAL = "baseline", "delrin_experimental", "delrin_theoretical"
 
 PLATEAU_FROM = 0.1
 """Gain above which the error stays about constant [V/(in·lbf)] (section IV-C.3)."""
@@ -255,4 +253,4 @@ def best_gain_optimality(study: Study) -> float:
 def line_following_ratio(study: Study) -> float:
     """Error of the line-following test with feedback relative to that without."""
     test = study.line_following
-    return test.with_feedback.position_error / test.without.position_error
+    return test.setup.position_error(test.with_feedback.score) / test.setup.position_error(test.without.score)

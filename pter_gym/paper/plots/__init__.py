@@ -1,10 +1,16 @@
 """The paper's figures from the results of ``pter_gym.paper.experiments``: one function per figure."""
 
-from pter_gym.paper.plots.clutch import clutch_step, single_dof_paths, single_dof_torques
-from pter_gym.paper.plots.feedback import error_over_gain, followed_lines
-from pter_gym.paper.plots.materials import reversal_torques, torque_over_voltage
-from pter_gym.paper.plots.path_following import (
+from pter_gym.paper.plots.clutches import (
+    clutch_step,
+    reversal_torques,
+    single_dof_paths,
+    single_dof_torques,
+    torque_over_voltage,
+)
+from pter_gym.paper.plots.standard_test import (
+    error_over_gain,
     error_over_time_constant,
+    followed_lines,
     peak_acceleration_over_time_constant,
     table_comparison,
     way_and_speed_over_time_constant,

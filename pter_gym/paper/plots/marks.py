@@ -10,6 +10,8 @@ from pter_gym.plots.style import MUTED, SMALL
 FAINT = "#8b929c"
 """Colour of marks beside the data."""
 
+MILLIMETRE = 1e-3
+
 
 def mark(
     axes: Axes,

@@ -3,12 +3,13 @@
 import csv
 import io
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pter_gym.benchmark.measures import column
 from pter_gym.paper.experiments.measures import paper_units
 from pter_gym.paper.experiments.study import Study
 from pter_gym.paper.experiments.time_constants import PAPER_TABLE
@@ -186,11 +187,11 @@ def lines(study: Study) -> Columns:
     return stacked(
         {
             "gain_v_per_in_lbf": gain,
-            "time_s": run.time,
-            **length("tip_x", run.tip[:, 0]),
-            **length("tip_y", run.tip[:, 1]),
-            **length("arc_length", run.arc_length),
-            **length("normal_error", run.normal_error),
+            "time_s": column(run.telemetry, "time"),
+            **length("tip_x", column(run.telemetry, "tip_x")),
+            **length("tip_y", column(run.telemetry, "tip_y")),
+            **length("arc_length", column(run.telemetry, "arc_length")),
+            **length("normal_error", column(run.telemetry, "normal_error")),
         }
         for gain, run in ((0.0, test.without), (test.gain, test.with_feedback))
     )
@@ -213,3 +214,18 @@ def table1_columns(study: Study) -> Columns:
         columns[key] = np.array([row[key] for row in ours.values()])
         columns[f"paper_{key}"] = np.array([PAPER_TABLE[name][k] for name in ours])
     return columns
+
+
+COLUMNS: dict[str, Callable[[Study], Columns]] = {
+    "fig3": single_dof_paths,
+    "fig4": single_dof_torques,
+    "step": clutch_step,
+    "fig5": torque_curves,
+    "fig7": errors,
+    "fig8": accelerations,
+    "table1": table1_columns,
+    "fig9": reversals,
+    "fig10": gains,
+    "fig11": lines,
+}
+"""The data of each figure or table."""

@@ -1,14 +1,13 @@
 """The objective of the search: how far many candidates at once are from Table I and from the trends."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.benchmark.standard import TIME_CONSTANTS
 from pter_gym.paper.experiments.calibration.readings import setup_of
-from pter_gym.paper.experiments.calibration.simulation import Case, Outcome, at, run_cases
+from pter_gym.paper.experiments.calibration.simulation import Case, RunScores, at, run_cases
 from pter_gym.paper.experiments.feedback import BEST_GAIN
 from pter_gym.paper.experiments.measures import PLATEAU_FROM, SATURATED, rank_correlation
 from pter_gym.paper.experiments.setup import Setup
@@ -27,49 +26,40 @@ GAINS = (0.0, 0.015, 0.03, 0.045, 0.06, 0.1, 0.125, 0.15, 0.175, 0.2, 0.225, 0.2
 """Gains at which the search looks at Fig. 10 [V/(in·lbf)]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Weights:
-    """Weights of the penalties beside Table I; 0 keeps what it weighs out of the search."""
-
-    worst: float = 0.3
-    refinement: float = 0.3
-    trends: float = 0.3
-    feedback: float = 0.15
+WORST, REFINEMENT, TRENDS, FEEDBACK = 0.3, 0.3, 0.3, 0.15
+"""Weights of the penalties beside Table I."""
 
 
-TABLE_ONLY = Weights(trends=0.0, feedback=0.0)
-"""Table I alone: the trends stay held out."""
-
-
-def misfit(presets: Sequence[Preset], weights: Weights | None = None) -> Array:
+def misfit(presets: Sequence[Preset], *, held_out: bool = False) -> Array:
     """Return the objective of presets, shape (K,): smaller is better, 0 is perfect.
 
     The root mean square of the logarithmic deviations from Table I, plus the part of the worst one beyond 4.5%, plus
-    the fraction of runs that do not complete, plus the penalties. These are only looked at below 0.5.
+    the fraction of runs that do not complete, plus the penalties, which are only looked at below 0.5. With ``held_out``
+    the trends of Figs. 7, 8 and 10 stay out of it.
     """
-    weights = Weights() if weights is None else weights
     setups = [setup_of(preset) for preset in presets]
-    tables, outcome = tables_of(setups, 1e-3)
+    tables, runs = tables_of(setups, 1e-3)
     deviation = np.abs(np.log(tables / TARGET))
     total = np.sqrt((deviation**2).mean(axis=(1, 2)))
-    total += weights.worst * np.maximum(0.0, deviation.max(axis=(1, 2)) - 0.045)
-    total += (~outcome.completed).reshape(len(setups), -1).mean(axis=1)
-    integrator = outcome.integrator.reshape(len(setups), len(PAPER_TABLE), -1)[..., TIME_CONSTANTS.index(TIME_CONSTANT)]
+    total += WORST * np.maximum(0.0, deviation.max(axis=(1, 2)) - 0.045)
+    total += (~runs.completed).reshape(len(setups), -1).mean(axis=1)
+    integrator = runs.integrator.reshape(len(setups), len(PAPER_TABLE), -1)[..., TIME_CONSTANTS.index(TIME_CONSTANT)]
     total += np.maximum(0.0, integrator.max(axis=1) / 0.002 - 0.95)
     good = np.flatnonzero(total < 0.5)
     far = np.ones(len(setups), np.bool_)
     far[good] = False
-    total[far] += weights.refinement + 2.0 * weights.trends + 3.0 * weights.feedback
+    total[far] += REFINEMENT if held_out else REFINEMENT + 2.0 * TRENDS + 3.0 * FEEDBACK
     if len(good):
         chosen = [setups[k] for k in good]
-        total[good] += (
-            _refinement(chosen, tables[good], weights) + _trends(chosen, weights) + _feedback(chosen, weights)
-        )
+        penalties = REFINEMENT * _refinement(chosen, tables[good])
+        if not held_out:
+            penalties = penalties + TRENDS * _trends(chosen) + FEEDBACK * _feedback(chosen)
+        total[good] += penalties
     return total
 
 
-def tables_of(setups: Sequence[Setup], substep: float) -> tuple[Array, Outcome]:
-    """Return Table I in the paper's units, (K, 3, 3), of setups with a substep [s], and what came out of its runs."""
+def tables_of(setups: Sequence[Setup], substep: float) -> tuple[Array, RunScores]:
+    """Return Table I in the paper's units, (K, 3, 3), of setups with a substep [s], and the runs behind it."""
     cases = [
         Case(at(machine, tau, substep), setup)
         for setup in setups
@@ -82,18 +72,14 @@ def tables_of(setups: Sequence[Setup], substep: float) -> tuple[Array, Outcome]:
     return np.maximum(tables, 1e-3), out
 
 
-def _refinement(setups: Sequence[Setup], tables: Array, weights: Weights) -> Array:
+def _refinement(setups: Sequence[Setup], tables: Array) -> Array:
     """Return the penalty for a Table I that half a substep changes: chaotic sets do."""
-    if weights.refinement == 0.0:
-        return np.zeros(len(setups))
     change = np.abs(np.log(tables_of(setups, 5e-4)[0] / tables))
-    return weights.refinement * (np.sqrt((change**2).mean(axis=(1, 2))) + 0.3 * change.max(axis=(1, 2)))
+    return np.sqrt((change**2).mean(axis=(1, 2))) + 0.3 * change.max(axis=(1, 2))
 
 
-def _trends(setups: Sequence[Setup], weights: Weights) -> Array:
+def _trends(setups: Sequence[Setup]) -> Array:
     """Return the penalty for rank correlations below 0.97: error, path length, speed, and falling peak acceleration."""
-    if weights.trends == 0.0:
-        return np.zeros(len(setups))
     out = run_cases([Case(at(setup.baseline, tau), setup) for setup in setups for tau in SWEPT])
     found: list[float] = []
     for k in range(len(setups)):
@@ -101,13 +87,11 @@ def _trends(setups: Sequence[Setup], weights: Weights) -> Array:
         series = (out.error[part], out.path_length[part], out.speed[part], -out.peak[part])
         short = [max(0.0, 0.97 - rank_correlation(SWEPT, values)) for values in series]
         found.append(float(np.mean(short)) + float((~out.completed[part]).mean()))
-    return weights.trends * np.array(found)
+    return np.array(found)
 
 
-def _feedback(setups: Sequence[Setup], weights: Weights) -> Array:
+def _feedback(setups: Sequence[Setup]) -> Array:
     """Return the penalty for what Fig. 10 shows: fall up to 0.06, plateau and growing saturation above 0.1."""
-    if weights.feedback == 0.0:
-        return np.zeros(len(setups))
     cases = [Case(at(s.baseline, TIME_CONSTANT), s, gain / INCH_POUND) for s in setups for gain in GAINS]
     out = run_cases(cases)
     gains = np.array(GAINS)
@@ -124,4 +108,4 @@ def _feedback(setups: Sequence[Setup], weights: Weights) -> Array:
             + 3.0 * max(0.0, float(saturated[best]) - SATURATED)
             + float((~completed.astype(np.bool_)).mean())
         )
-    return weights.feedback * np.array(found)
+    return np.array(found)

@@ -6,10 +6,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.errors import ParameterError
+from pter_gym.internal.checks import whole_number
 from pter_gym.internal.files import FilePath, check_target, find_path, write_text_atomic
 from pter_gym.internal.terminal import progress_bar
-from pter_gym.paper.experiments.calibration.objective import TABLE_ONLY, Weights, misfit
+from pter_gym.paper.experiments.calibration.objective import misfit
 from pter_gym.paper.experiments.calibration.readings import table_of
 from pter_gym.paper.experiments.calibration.space import SPACE, decode
 from pter_gym.params.preset import Preset, format_preset
@@ -17,16 +17,27 @@ from pter_gym.params.preset import Preset, format_preset
 Array = NDArray[np.float64]
 
 POPULATION = 100
+BUDGET = 60_000
 
 CHUNK = 10
 """Candidates that are evaluated in one batch."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FitArguments:
-    """Arguments of ``pter fit``.
+@dataclass(frozen=True)
+class Calibration:
+    """Result of a search: the best preset, its objective, and its Table I in the paper's units, (3, 3)."""
 
-    Attributes
+    preset: Preset
+    misfit: float
+    table: Array
+
+
+def fit(
+    *, seed: int = 0, budget: int = BUDGET, held_out: bool = False, out: FilePath = "pter-preset.toml"
+) -> Calibration:
+    """Search the space by scipy's differential evolution and write the best preset.
+
+    Parameters
     ----------
     seed
         Seed of the search, at least 0; the same seed and budget give the same result.
@@ -36,43 +47,6 @@ class FitArguments:
         Fit Table I alone and keep the trends held out.
     out
         File for the preset; its folder must exist.
-    """
-
-    seed: int = 0
-    budget: int = 60_000
-    held_out: bool = False
-    out: FilePath = "pter-preset.toml"
-
-
-@dataclass(frozen=True)
-class Fit:
-    """Result of a search.
-
-    Attributes
-    ----------
-    preset, misfit
-        The best preset and its objective.
-    table
-        Its Table I in the paper's units, (3, 3).
-    ensemble
-        Points of the last population within 1.2 times the best objective, (K, len(SPACE)), the best first.
-    """
-
-    preset: Preset
-    misfit: float
-    table: Array
-    ensemble: Array
-
-
-def fit(arguments: FitArguments | None = None, start: Array | None = None) -> Fit:
-    """Search the space by scipy's differential evolution and write the best preset.
-
-    Parameters
-    ----------
-    arguments
-        Seed, budget and output.
-    start
-        Points that join the first population, (K, len(SPACE)).
 
     Raises
     ------
@@ -81,52 +55,42 @@ def fit(arguments: FitArguments | None = None, start: Array | None = None) -> Fi
     StorageError
         If the file cannot be written when the search is done.
     """
-    arguments = FitArguments() if arguments is None else arguments
-    if arguments.seed < 0 or arguments.budget < 3 * POPULATION:
-        raise ParameterError(
-            f"fit needs seed ≥ 0 and budget ≥ {3 * POPULATION}, got seed {arguments.seed} and budget {arguments.budget}"
-        )
-    out = find_path("out", arguments.out)
+    seed = whole_number("seed", seed, at_least=0)
+    budget = whole_number("budget", budget, at_least=3 * POPULATION)
+    out = find_path("out", out)
     check_target("out", out)
     from scipy import optimize
 
-    weights = TABLE_ONLY if arguments.held_out else Weights()
-    generations = arguments.budget // POPULATION - 2
     with progress_bar() as progress:
-        bar = progress.add_task("fit", total=arguments.budget)
+        bar = progress.add_task("fit", total=budget)
 
         def evaluate(points: Array) -> Array:
-            values = _misfits(points.T, weights)
+            values = _misfits(points.T, held_out)
             progress.advance(bar, points.shape[1])
             return values
 
-        population = np.random.default_rng(arguments.seed).random((2 * POPULATION, len(SPACE)))
-        first = population[np.argsort(evaluate(population.T), kind="stable")[:POPULATION]]
-        if start is not None:
-            first[-len(start) :] = start
+        population = np.random.default_rng(seed).random((2 * POPULATION, len(SPACE)))
         search = cast(Any, optimize)
         found = search.differential_evolution(
             evaluate,
             [(0.0, 1.0)] * len(SPACE),
             strategy="currenttobest1bin",
-            maxiter=max(generations - 1, 0),
-            init=first,
+            maxiter=max(budget // POPULATION - 3, 0),
+            init=population[np.argsort(evaluate(population.T), kind="stable")[:POPULATION]],
             mutation=(0.4, 0.9),
             recombination=0.8,
             tol=0.0,
             atol=0.0,
-            rng=arguments.seed,
+            rng=seed,
             polish=False,
             updating="deferred",
             vectorized=True,
         )
-    order = np.argsort(found.population_energies, kind="stable")
-    near = order[found.population_energies[order] <= 1.2 * found.fun]
     preset = decode(found.x)
-    write_text_atomic(out, format_preset(preset, f"Found by pter fit, seed {arguments.seed}."))
-    return Fit(preset, float(found.fun), table_of(preset), found.population[near])
+    write_text_atomic(out, format_preset(preset, f"Found by pter fit, seed {seed}."))
+    return Calibration(preset, float(found.fun), table_of(preset))
 
 
-def _misfits(points: Array, weights: Weights) -> Array:
+def _misfits(points: Array, held_out: bool) -> Array:
     parts = [points[k : k + CHUNK] for k in range(0, len(points), CHUNK)]
-    return np.concatenate([misfit([decode(point) for point in part], weights) for part in parts])
+    return np.concatenate([misfit([decode(point) for point in part], held_out=held_out) for part in parts])

@@ -35,8 +35,8 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What came out of runs, arrays of shape (N,), in the paper's units."""
+class RunScores:
+    """Scores of N runs, arrays of shape (N,), in the paper's units."""
 
     error: Array
     speed: Array
@@ -48,7 +48,7 @@ class Outcome:
     integrator: Array
 
 
-def run_cases(cases: Sequence[Case]) -> Outcome:
+def run_cases(cases: Sequence[Case]) -> RunScores:
     """Run the standard test in many worlds at once."""
     batch = Batch([case.machine for case in cases], [case.setup.task for case in cases])
     gains = np.array(
@@ -68,7 +68,7 @@ def run_cases(cases: Sequence[Case]) -> Outcome:
     ways = np.linalg.norm(np.diff(tips, axis=0), axis=-1) * alive
     top = cases[0].machine.clutch.voltage_max * (1.0 - 1e-6)
     work = np.maximum(column(rows, "hand_work").sum(axis=0), 1e-9)
-    return Outcome(
+    return RunScores(
         error=np.abs(column(rows, "normal_error")).sum(axis=0) / steps / INCH,
         speed=np.linalg.norm(vector(rows, "tip_velocity"), axis=-1).sum(axis=0) / steps / INCH,
         acceleration=filtered[skipped:].sum(axis=0) / np.maximum(steps - skipped, 1) / INCH,

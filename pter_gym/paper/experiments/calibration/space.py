@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pter_gym.paper.experiments.feedback import BEST_GAIN
 from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE, TIME_CONSTANT, Arm, TorqueCurve
 from pter_gym.params.preset import (
+    PRESET,
     ArmValues,
     ClutchValues,
     ControllerValues,
@@ -73,40 +74,6 @@ TABLE_VOLTS = (0.0, 4.0, 10.0, 17.0, 24.0)
 DIGITS = 4
 """Significant digits of a candidate: what is written is what was evaluated."""
 
-_LINKS = "fitted: PTER's links were of the order of half a metre"
-_INERTIA = "fitted: a link with clutch rotors and gears"
-_CURVE = "fitted: breakaway is 63.5 in·lbf (published) between 4 and 8 V"
-
-PROVENANCE: dict[str, str] = {
-    "arm.length_a": _LINKS,
-    "arm.length_b": _LINKS,
-    "arm.inertia_a": _INERTIA,
-    "arm.inertia_b": _INERTIA,
-    "arm.coupling": "fitted: between the axes",
-    "clutch.slope": _CURVE,
-    "clutch.knee": "fitted: where the quadratic segment begins",
-    "clutch.curvature": "fitted: quadratic segment",
-    "clutch.breakaway_ratio": "fitted: T_s/T_k, at least 1.12 for the jump of Fig. 9",
-    "clutch.time_constant": "published: section IV-C.3",
-    "clutch.voltage_max": "chosen: a common supply for such clutches",
-    "delrin.dynamic_scale": "fitted: T_k relative to the present clutches",
-    "delrin.breakaway_ratio": "fitted: T_s/T_k, at least 1.12 for the jump of Fig. 9",
-    "path.x": "fitted: across the workspace",
-    "path.y": "fitted: across the workspace",
-    "path.direction": "chosen: along the x axis",
-    "path.length": "fitted: across the workspace",
-    "hand.push": "fitted: the constant tangential force of section IV-A",
-    "hand.force_max": "fitted: Fmax of Eq. 5",
-    "controller.stiffness": "fitted: spring normal to the path",
-    "controller.damping_normal": "fitted: damper normal to the path",
-    "controller.damping_tangential": "fitted: damper along the path",
-    "controller.slip_threshold": "fitted: a slower clutch counts as stuck",
-    "controller.table_volts": "chosen: five knots; 4 V published",
-    "clutch.scale": "chosen: four clutches of one kind",
-    "sensing.delay": "chosen: none",
-    "controller.feedback": "published: Kp = 0.06 (section IV-C.3), read as V per in·lbf",
-}
-
 
 def decode(point: Array) -> Preset:
     """Return the preset at a point of the unit cube, shape (len(SPACE),). Every point gives an admissible one."""
@@ -151,7 +118,7 @@ def decode(point: Array) -> Preset:
             feedback=BEST_GAIN / INCH_POUND,
         ),
         sensing=SensingValues(delay=0.0),
-        provenance=PROVENANCE,
+        provenance=PRESET.provenance,
     )
 
 

@@ -1,38 +1,34 @@
-"""What a claim of the paper is, when it holds, and what is measured against it."""
+"""Every sentence of the paper that can be checked, with what we measure and what would make it hold.
+
+``claims.toml`` is the one place for texts and thresholds. Three words are used with care: a claim that holds is
+*calibrated* where a number was fitted to it or put into the model, and *reproduced* only where it was not; otherwise it
+is *not met*.
+"""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
+import tomllib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
 
-from pter_gym.paper.experiments.measures import BASELINE, EXPERIMENTAL, THEORETICAL
+from pter_gym.paper.experiments import measures
 from pter_gym.paper.experiments.study import Study
 
 Kind = Literal["reproduced", "calibrated", "not met"]
 
-TREND = 0.95
-"""Smallest rank correlation that counts as a trend."""
-
-STICTION = 1.12 - 1e-9
-"""Smallest ratio of breakaway to dynamic torque that gives a clear jump in Fig. 9."""
-
 TABLE_TOLERANCE = 0.10
 """Relative tolerance of the entries of Table I."""
 
-CLEAR = 0.05
-"""Relative difference that counts as higher or lower."""
-
-NAMES = {BASELINE: "the present clutches", EXPERIMENTAL: "experimental Delrin", THEORETICAL: "theoretical Delrin"}
+NAMES = {
+    "baseline": "the present clutches",
+    "delrin_experimental": "experimental Delrin",
+    "delrin_theoretical": "theoretical Delrin",
+}
 """The three machines of Table I in words."""
 
 COLUMNS = (("position error", "in"), ("tip speed", "in/s"), ("tip acceleration", "in/s²"))
 """The columns of Table I with the paper's units."""
-
-FITTED_TREND = "Part of the calibration's objective, so that its holding is no evidence."
-
-TRADE_OFF = (
-    "No set of values was found that meets all of Table I and the trends; docs/calibration.md shows the trade-off."
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,10 +47,12 @@ class Statement:
         The claim in our own words.
     measured
         What is measured, in words.
-    unit
-        Its unit; 1 for a ratio.
     measure
-        From the experiments to the number.
+        Name of the function in ``measures``, from the experiments to the number.
+    of
+        Its arguments.
+    unit
+        Unit of the number; 1 for a ratio.
     at_least, at_most
         Between these the claim holds.
     given
@@ -70,7 +68,8 @@ class Statement:
     figure: str
     claim: str
     measured: str
-    measure: Callable[[Study], float]
+    measure: str
+    of: dict[str, Any] = field(default_factory=dict[str, Any])
     unit: str = "1"
     at_least: float = -math.inf
     at_most: float = math.inf
@@ -102,13 +101,15 @@ class Claim:
         The claim.
     value
         The measured number, in the statement's unit.
-    holds
-        Whether it lies within the statement's bounds.
     """
 
     statement: Statement
     value: float
-    holds: bool
+
+    @property
+    def holds(self) -> bool:
+        """Whether the number lies within the statement's bounds."""
+        return self.statement.at_least <= self.value <= self.statement.at_most
 
     @property
     def kind(self) -> Kind:
@@ -134,3 +135,26 @@ class Claim:
             "note": s.note,
             "reason": "" if self.holds else s.reason,
         }
+
+
+def _read() -> tuple[Statement, ...]:
+    """Return the statements of ``claims.toml``."""
+    table = tomllib.loads(Path(__file__).with_name("claims.toml").read_text("utf-8"))
+    for entry in table["claims"]:
+        for key in {"note", "reason"} & entry.keys():
+            entry[key] = table["texts"].get(entry[key], entry[key])
+    return tuple(Statement(**entry) for entry in table["claims"])
+
+
+STATEMENTS = _read()
+"""Every sentence that can be checked, in the order of the paper."""
+
+
+def check(study: Study, statements: Iterable[Statement] = STATEMENTS) -> tuple[Claim, ...]:
+    """Check statements, by default all of them, against the experiments of a study of Table I's three machines."""
+    return tuple(_check(study, statement) for statement in statements)
+
+
+def _check(study: Study, statement: Statement) -> Claim:
+    measure: Callable[..., float] = getattr(measures, statement.measure)
+    return Claim(statement, float(measure(study, **statement.of)))
