@@ -247,18 +247,16 @@ def by_seed(results: Path) -> str:
 def data_sets(data: Path) -> str:
     """One line for each data set in a folder of `pter record`."""
     from pter_gym.datasets import LEVELS, dataset_id
-    from pter_gym.datasets.files import CARD, DATA
 
     rows: list[list[str]] = []
     for scenario, level in product(("standard", "everything"), LEVELS):
         name = dataset_id(scenario, level)
-        lines = (data / name / CARD).read_text("utf-8").splitlines()
-        card = json.loads(next(line.removeprefix("pter: ") for line in lines if line.startswith("pter: ")))["summary"]
+        card = json.loads((data / name / "data" / "metadata.json").read_text("utf-8"))["summary"]
         cells = [
             signed("{:.1f} ({:.1f} … {:.1f})".format(*(factor * each for each in card[score])))
             for score, factor in (("mean_return", 1.0), ("arrived", 100.0), ("distance_m", 1000.0))
         ]
-        size = (data / name / "data" / DATA).stat().st_size / 1e6
+        size = (data / name / "data" / "main_data.hdf5").stat().st_size / 1e6
         rows.append([f"`{name}`", f"{card['steps']:,}", f"{card['episodes']:,}", *cells, f"{size:.0f}"])
     head = ["Data set", "Control steps", "Episodes", "Mean return", "Arrive [%]", "Distance [mm]", "MB"]
     return table(head, rows)

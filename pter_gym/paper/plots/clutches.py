@@ -10,8 +10,7 @@ from pter_gym.paper.experiments.step_response import StepResponse
 from pter_gym.paper.experiments.torque_curves import MEASURED_FROM, TorqueCurves
 from pter_gym.paper.plots.marks import FAINT, mark, name_of
 from pter_gym.plots import style
-from pter_gym.plots.style import legend_of
-from pter_gym.plots.style import label, styled
+from pter_gym.plots.style import label, legend_of, styled
 from pter_gym.units import to_inch_pounds
 
 ZOOM = 0.008

@@ -15,8 +15,7 @@ from pter_gym.paper.experiments.time_constants import PAPER_TABLE, Sweep, TableR
 from pter_gym.paper.plots.marks import FAINT, MILLIMETRE, mark, mark_line, name_of
 from pter_gym.params import TIME_CONSTANT
 from pter_gym.plots import style
-from pter_gym.plots.style import legend_of
-from pter_gym.plots.style import label, styled
+from pter_gym.plots.style import label, legend_of, styled
 from pter_gym.units import INCH, to_inch_pounds
 
 Array = NDArray[np.float64]
