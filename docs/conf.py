@@ -59,7 +59,7 @@ linkcheck_timeout = 20
 
 def add_page(app: Any, error: Exception | None) -> None:
     """Put the page of `pter play` beside the built pages, where `push-it-yourself.md` shows it."""
-    from pter_gym.web.site import write_site
+    from pter_gym.tools.web.site import write_site
 
     if error is None and app.builder.format == "html":
         write_site(Path(app.outdir) / "push")

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 
 from pter_gym._version import __version__
-from pter_gym.scenarios.suite import SCENARIOS
+from pter_gym.scenarios._suite import SCENARIOS
 
 if TYPE_CHECKING:
-    from pter_gym.benchmark.naming import load_policy
+    from pter_gym._physics.open_loop import State, Trajectory, initial_state, simulate
+    from pter_gym.benchmark._naming import load_policy
     from pter_gym.params import (
         BASELINE,
         DELRIN_EXPERIMENTAL,
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
         Machine,
         TorqueCurve,
     )
-    from pter_gym.physics.open_loop import State, Trajectory, initial_state, simulate
     from pter_gym.tasks.path_following import PathFollowing
 
 __all__ = [
@@ -45,20 +45,20 @@ __all__ = [
 ]
 
 _HOMES = {
-    **dict.fromkeys(("State", "Trajectory", "initial_state", "simulate"), "pter_gym.physics.open_loop"),
+    **dict.fromkeys(("State", "Trajectory", "initial_state", "simulate"), "pter_gym._physics.open_loop"),
     **dict.fromkeys(
         ("BASELINE", "DELRIN_EXPERIMENTAL", "DELRIN_THEORETICAL", "Arm", "Clutch", "Hand", "Machine", "TorqueCurve"),
         "pter_gym.params",
     ),
-    "load_policy": "pter_gym.benchmark.naming",
+    "load_policy": "pter_gym.benchmark._naming",
     "PathFollowing": "pter_gym.tasks.path_following",
 }
 
 
 gymnasium.register(
     id="PTER/PathFollowing-v0",
-    entry_point="pter_gym.envs.single:PathFollowingEnv",
-    vector_entry_point="pter_gym.envs.vector:make_vector_env",
+    entry_point="pter_gym.envs._single:PathFollowingEnv",
+    vector_entry_point="pter_gym.envs._vector:make_vector_env",
     max_episode_steps=1000,
 )
 

@@ -3,9 +3,9 @@
 from functools import cache
 from typing import Any
 
-from pter_gym.compiled.compiler import compile_kernel
-from pter_gym.physics.clutch import PerClutch
-from pter_gym.physics.friction import ClutchMode, mode_of, resolve, share
+from pter_gym._compiled.compiler import compile_kernel
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.friction import ClutchMode, mode_of, resolve, share
 
 
 def _build_resolve(digest: str) -> Any:

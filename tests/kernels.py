@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from documents import run_extending, run_own_controller
-from pter_gym.benchmark.simulation import record_episode, simulate
+from pter_gym._engine.batch import Batch
+from pter_gym._physics import open_loop
+from pter_gym.benchmark._simulation import record_episode, simulate
 from pter_gym.controllers import Free, Impedance
-from pter_gym.controllers.predictive import Privileged, Settings
-from pter_gym.engine.batch import Batch
-from pter_gym.paper.experiments.calibration import Case, at, run_cases, setup_of
+from pter_gym.controllers._predictive import Privileged, Settings
 from pter_gym.params import BASELINE, TIME_CONSTANT
-from pter_gym.params.preset import PRESET
-from pter_gym.physics import open_loop
+from pter_gym.params._preset import PRESET
 from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tools.paper.experiments.calibration import Case, at, run_cases, setup_of
 
 ROOT = Path(__file__).parents[1]
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from browser import Tab
 
-PLAY = "import sys; from pter_gym.commands.main import main; sys.exit(main())"
+PLAY = "import sys; from pter_gym._commands.main import main; sys.exit(main())"
 
 READY = """(async () => {
   while (!("ready" in document.documentElement.dataset)) await new Promise((done) => setTimeout(done, 20));

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pter_gym._internal.checks import names_in, whole_number
+from pter_gym._internal.tables import read_columns
 from pter_gym.errors import ParameterError
-from pter_gym.internal.checks import names_in, whole_number
-from pter_gym.internal.tables import read_columns
 
 
 @pytest.mark.parametrize("value", [3, np.int64(3), np.uint8(3)])

@@ -13,8 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pter_gym.errors import ParameterError, StorageError
-from pter_gym.internal.files import (
+from pter_gym._internal.files import (
     ROOM,
     check_folder,
     check_target,
@@ -24,7 +23,8 @@ from pter_gym.internal.files import (
     write_files_atomic,
     write_text_atomic,
 )
-from pter_gym.internal.locks import locked
+from pter_gym._internal.locks import locked
+from pter_gym.errors import ParameterError, StorageError
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="POSIX permissions, links and limits")
 
@@ -77,7 +77,7 @@ def test_a_target_needs_room_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         raise OSError(28, "No space left on device")
 
     check_target("out", tmp_path / "result.json")
-    monkeypatch.setattr("pter_gym.internal.files.TemporaryFile", full)
+    monkeypatch.setattr("pter_gym._internal.files.TemporaryFile", full)
     with pytest.raises(ParameterError, match="with room for 64 kB"):
         check_target("out", tmp_path / "result.json")
 
@@ -216,7 +216,7 @@ def test_a_full_or_read_only_disk_is_told_and_costs_nothing(
 HOLDER = """
 import sys, time
 from pathlib import Path
-from pter_gym.internal.locks import locked
+from pter_gym._internal.locks import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60.0)

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.errors import ParameterError
 from pter_gym.params import machine_of
-from pter_gym.params.preset import PRESET, SECTIONS, format_preset, parse_preset
-from pter_gym.physics.open_loop import initial_state, simulate
+from pter_gym.params._preset import PRESET, SECTIONS, format_preset, parse_preset
 
 TEXT = format_preset(PRESET, "for tests")
 

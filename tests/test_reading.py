@@ -18,10 +18,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from pter_gym.errors import DataError, ParameterError
-from pter_gym.internal.archives import read_arrays
-from pter_gym.internal.checks import is_finite
-from pter_gym.internal.reading import (
+from pter_gym._internal.archives import read_arrays
+from pter_gym._internal.checks import is_finite
+from pter_gym._internal.reading import (
     MOST_JSON,
     MOST_TOML,
     inflate,
@@ -30,7 +29,8 @@ from pter_gym.internal.reading import (
     read_bytes,
     reading,
 )
-from pter_gym.internal.tables import read_columns
+from pter_gym._internal.tables import read_columns
+from pter_gym.errors import DataError, ParameterError
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
 from pter_gym.benchmark import from_actions
-from pter_gym.tuning import examine
+from pter_gym.tools.tuning import examine
 
 
 def network(inputs: int, *outputs: nn.Module) -> nn.Sequential:

@@ -12,10 +12,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from pter_gym._internal.codec import tuple_of
+from pter_gym._internal.files import FilePath, find_path
+from pter_gym._internal.reading import MOST_TOML, parse_toml, read_text
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.codec import tuple_of
-from pter_gym.internal.files import FilePath, find_path
-from pter_gym.internal.reading import MOST_TOML, parse_toml, read_text
 
 if TYPE_CHECKING:
     from pter_agents.networks import Actor

@@ -14,9 +14,9 @@ import numpy as np
 import torch
 
 from pter_agents.algorithms import Model
-from pter_gym.internal.computer import available_memory
-from pter_gym.internal.files import FilePath, find_path, write_bytes_atomic
-from pter_gym.internal.reading import read_bytes, reading
+from pter_gym._internal.computer import available_memory
+from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
+from pter_gym._internal.reading import read_bytes, reading
 
 KEPT = 2
 """Newest checkpoints that are kept."""

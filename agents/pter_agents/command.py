@@ -6,11 +6,11 @@ from typing import Annotated
 import tyro
 
 from pter_agents.algorithms import ALGORITHMS, load_settings, smoke_settings
-from pter_gym.commands.arguments import MachineName
+from pter_gym._commands.arguments import MachineName
+from pter_gym._internal.terminal import progress_bar, say, terminal
 from pter_gym.errors import needs_extra
-from pter_gym.internal.terminal import progress_bar, say, terminal
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.scenarios.own_machine import find_own
+from pter_gym.scenarios._own_machine import find_own
 
 TRAINED = "What to train: " + ", ".join(f"{name} ({each.action})" for name, each in ALGORITHMS.items()) + "."
 
@@ -96,11 +96,11 @@ def export(
         out: Folder for the files, created if necessary.
         hub: Folder for the policy as the Hugging Face hub lays it out: with scores and a film. Nothing is uploaded.
     """
-    from pter_gym.policies.files import RUN
+    from pter_gym.policies._files import RUN
 
     policy = _export_run(run, name, out) if hub is None or (run / RUN).is_file() else run
     if hub is not None:
-        from pter_gym.benchmark.sharing import share_policy
+        from pter_gym.benchmark._sharing import share_policy
 
         with terminal(errors=True).status("scoring and filming"):
             say(f"wrote {share_policy(str(policy), hub)}")
@@ -139,7 +139,7 @@ def retrain(
             from pter_agents import retraining
     except ImportError as error:
         raise needs_extra("training", "agents") from error
-    from pter_gym.benchmark.leaderboard import table
+    from pter_gym.benchmark._leaderboard import table
 
     shipped = retraining.find_trained(policy)
     with progress_bar() as progress:

@@ -19,14 +19,14 @@ from pter_agents.settings import PLAIN
 from pter_agents.training import Arguments, RunFolder, make_draws, make_model, make_parts
 from pter_agents.worlds import ALL, TrainingWorlds
 from pter_gym import __version__
+from pter_gym._internal.files import FilePath, find_path
+from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark import PACES
 from pter_gym.errors import DataError
-from pter_gym.internal.files import FilePath, find_path
-from pter_gym.internal.terminal import make_folder
 from pter_gym.params import Machine
 from pter_gym.policies import Card, read_policy, write_policy
-from pter_gym.policies.cards import fields_of
-from pter_gym.policies.files import check_name
+from pter_gym.policies._cards import fields_of
+from pter_gym.policies._files import check_name
 from pter_gym.scenarios import find_scenario
 
 SAME = 1e-6

@@ -9,11 +9,11 @@ import numpy as np
 from pter_agents.settings import PLAIN, TrainingSettings
 from pter_agents.worlds import ALL, Truth, make_worlds
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark.tuned import FALLBACK, SUFFIX
+from pter_gym.benchmark._tuned import FALLBACK, SUFFIX
 from pter_gym.controllers import PaceSchedule
 from pter_gym.params import BASELINE, Machine
-from pter_gym.policies.interface import Base, Input, Interface, available, quantities, seen_without
-from pter_gym.policies.stored_gains import gains_of
+from pter_gym.policies._interface import Base, Input, Interface, available, quantities, seen_without
+from pter_gym.policies._stored_gains import gains_of
 from pter_gym.scenarios.randomisation import Mixture, Randomisation
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}

@@ -14,7 +14,7 @@ from pter_agents.networks import Actor
 from pter_agents.stable import Stable, StableSettings, StableWorlds
 from pter_agents.worlds import TrainingWorlds
 from pter_gym.params import require, require_number, require_whole
-from pter_gym.policies.cards import MOST_LSTM
+from pter_gym.policies._cards import MOST_LSTM
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from pter_agents.settings import TrainingSettings
 from pter_agents.worlds import Mask, Rows, TrainingWorlds
 from pter_gym.envs.sb3 import PterVecEnv
 from pter_gym.params import require, require_number, require_whole
-from pter_gym.policies.interface import LIMIT
+from pter_gym.policies._interface import LIMIT
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,18 +18,18 @@ from pter_agents.settings import TrainingSettings
 from pter_agents.validation import SCORES, Scores, Validation
 from pter_agents.worlds import ALL, TrainingWorlds, draws_for, make_worlds
 from pter_gym import params
+from pter_gym._internal.codec import Codec, dataclasses_in
+from pter_gym._internal.files import FilePath, find_path, remove_leftovers, write_text_atomic
+from pter_gym._internal.locks import locked
+from pter_gym._internal.reading import MOST_JSON, parse_json, read_bytes, reading
+from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark import PACES
 from pter_gym.errors import ParameterError, StorageError, unknown_name
-from pter_gym.internal.codec import Codec, dataclasses_in
-from pter_gym.internal.files import FilePath, find_path, remove_leftovers, write_text_atomic
-from pter_gym.internal.locks import locked
-from pter_gym.internal.reading import MOST_JSON, parse_json, read_bytes, reading
-from pter_gym.internal.terminal import make_folder
 from pter_gym.params import BASELINE, Machine, require_kind, require_whole
-from pter_gym.policies.cards import read_interface
-from pter_gym.policies.interface import BoundInterface, Interface
+from pter_gym.policies._cards import read_interface
+from pter_gym.policies._interface import BoundInterface, Interface
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.scenarios.own_machine import OwnMachine
+from pter_gym.scenarios._own_machine import OwnMachine
 from pter_gym.scenarios.randomisation import Mixture, Randomisation
 
 RUN = "run.json"

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from typing import Any
 
 from pter_agents.worlds import draws_for
+from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import score_episodes
-from pter_gym.benchmark.simulation import simulate, time_limit
+from pter_gym.benchmark._simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
-from pter_gym.engine.batch import Batch
 from pter_gym.policies import Net, NeuralPolicy
-from pter_gym.policies.interface import BoundInterface
-from pter_gym.scenarios.own_machine import OwnMachine
+from pter_gym.policies._interface import BoundInterface
+from pter_gym.scenarios._own_machine import OwnMachine
 from pter_gym.tasks.path_following import Sensors
 
 Scores = dict[str, dict[str, float]]

@@ -10,12 +10,12 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pter_gym.benchmark import PACES
-from pter_gym.envs.vector import PathFollowingVectorEnv
+from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE, Machine
-from pter_gym.policies.interface import LIMIT, Interface
+from pter_gym.policies._interface import LIMIT, Interface
 from pter_gym.scenarios import find_scenario
-from pter_gym.scenarios.own_machine import OwnMachine
+from pter_gym.scenarios._own_machine import OwnMachine
 from pter_gym.scenarios.randomisation import Mixture, OneOf, Randomisation, Vary
 from pter_gym.tasks.path_following import Sensors
 

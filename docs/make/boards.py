@@ -12,9 +12,9 @@ from typing import Any
 from pages import BELOW, joined, signed, table
 
 from pter_gym.benchmark import ResultsFolder
-from pter_gym.benchmark.leaderboard import rank
-from pter_gym.benchmark.ranking import PRIVILEGED
-from pter_gym.benchmark.runs import ScenarioRun
+from pter_gym.benchmark._leaderboard import rank
+from pter_gym.benchmark._ranking import PRIVILEGED
+from pter_gym.benchmark._runs import ScenarioRun
 from pter_gym.benchmark.statistics import difference_interval
 from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS
@@ -246,7 +246,7 @@ def by_seed(results: Path) -> str:
 
 def data_sets(data: Path) -> str:
     """One line for each data set in a folder of `pter record`."""
-    from pter_gym.datasets import LEVELS, dataset_id
+    from pter_gym.tools.datasets import LEVELS, dataset_id
 
     rows: list[list[str]] = []
     for scenario, level in product(("standard", "everything"), LEVELS):

@@ -8,15 +8,15 @@ from typing import Any, get_args
 
 from pages import table, text_table
 
-from pter_gym.compiled.layout import Layout
-from pter_gym.compiled.records import layout_of, leaves, parts, width
+from pter_gym._compiled.layout import Layout
+from pter_gym._compiled.records import layout_of, leaves, parts, width
+from pter_gym._engine.world import World
 from pter_gym.controllers import Impedance, SingleDof, TorqueFeedback, VelocityRatio
-from pter_gym.controllers.gains import Gains
-from pter_gym.engine.world import World
+from pter_gym.controllers._gains import Gains
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import Sensors
-from pter_gym.tasks.path_following.context import TOLD
-from pter_gym.tasks.path_following.observation import Observation
+from pter_gym.tasks.path_following._context import TOLD
+from pter_gym.tasks.path_following._observation import Observation
 
 LAWS = (Impedance, TorqueFeedback, SingleDof, VelocityRatio)
 TESTED = ("impedance", "torque-feedback", "free", "locked", "random")
@@ -99,7 +99,7 @@ def gains() -> str:
 
 def scores() -> str:
     """Every score of an episode with its unit and meaning, and what counts of many episodes."""
-    from pter_gym.benchmark.metrics import METRICS
+    from pter_gym.benchmark._metrics import METRICS
 
     rows = (
         [code(name), each.unit, each.meaning, "mean" if each.mean else "interquartile mean"]

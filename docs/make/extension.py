@@ -15,7 +15,7 @@ from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.docutils import SphinxDirective
 
-PAGES = {"pter_gym.envs.single.PathFollowingEnv": "/path-following"}
+PAGES = {"pter_gym.envs._single.PathFollowingEnv": "/path-following"}
 """Classes whose docstring is a page in Markdown."""
 
 

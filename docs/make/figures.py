@@ -12,16 +12,16 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from pter_gym.benchmark.measures import column, four, vector
+from pter_gym.benchmark._measures import column, four, vector
 from pter_gym.hands import MeasuredTremor, TremorArm
 from pter_gym.params import Arm
 from pter_gym.paths import Path
-from pter_gym.plots.legends import legend_below, scale_bar, shown
-from pter_gym.plots.style import CLUTCH_COLOURS, INK, MUTED, REFERENCE, WIDTH, label, styled
-from pter_gym.plots.ticks import plain_ticks
-from pter_gym.render import style as picture
-from pter_gym.render.geometry import five_bar, path_points
 from pter_gym.scenarios import PACES
+from pter_gym.tools.figures import CLUTCH_COLOURS, INK, MUTED, REFERENCE, WIDTH, label, styled
+from pter_gym.tools.pictures.plots.legends import legend_below, scale_bar, shown
+from pter_gym.tools.pictures.plots.ticks import plain_ticks
+from pter_gym.tools.pictures.render import style as picture
+from pter_gym.tools.pictures.render.geometry import five_bar, path_points
 
 Array = NDArray[np.float64]
 

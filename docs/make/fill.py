@@ -21,10 +21,10 @@ import declared
 import tyro
 from pages import ROOT, write_block
 
-from pter_gym.compiled.records import layout_of
-from pter_gym.controllers.gains import Nominal
-from pter_gym.engine.law import Memory
-from pter_gym.engine.world import BASIC_ROWS, CONSTANT_ROWS, STORED_ROWS
+from pter_gym._compiled.records import layout_of
+from pter_gym._engine.law import Memory
+from pter_gym._engine.world import BASIC_ROWS, CONSTANT_ROWS, STORED_ROWS
+from pter_gym.controllers._gains import Nominal
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensing, Starts
 
@@ -101,8 +101,8 @@ OF_FOLDER = {
 
 def score(results: Path) -> None:
     """Run the benchmark of the pages: all policies on the fresh episodes of all scenarios, and the stored of one."""
-    from pter_gym.benchmark.tuned import TUNED
-    from pter_gym.commands.main import main as pter
+    from pter_gym._commands.main import main as pter
+    from pter_gym.benchmark._tuned import TUNED
     from pter_gym.policies import shipped_policies
 
     policies = ",".join((*boards.LEFT_OUT, "impedance", "torque-feedback", *TUNED, *shipped_policies()))

@@ -15,17 +15,17 @@ import pictures
 from declared import code, fields_table
 from pages import IMAGES, ROOT, signed, text_table
 
-from pter_gym.commands.main import commands as find_commands
-from pter_gym.commands.main import main as run_command
+from pter_gym._commands.main import commands as find_commands
+from pter_gym._commands.main import main as run_command
 from pter_gym.controllers import CONTROLLERS
-from pter_gym.envs.single import PathFollowingEnv
+from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.hands import MEASURED_ARMS, MEASURED_TREMORS
-from pter_gym.paper.reproduce.figures import PRODUCTS
 from pter_gym.params import Hand
-from pter_gym.params.preset import PRESET, SECTIONS
+from pter_gym.params._preset import PRESET, SECTIONS
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Repeat, Shared, Tuple, Uniform, Vary
+from pter_gym.tools.paper.reproduce.figures import PRODUCTS
 
 SIGNS = {"reproduced": "✓", "calibrated": "≈", "not met": "✗"}
 MADE: dict[str, Callable[..., str]] = {}

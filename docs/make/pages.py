@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from pter_gym.internal.files import write_text_atomic
+from pter_gym._internal.files import write_text_atomic
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

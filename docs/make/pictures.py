@@ -17,13 +17,13 @@ import numpy as np
 import tyro
 from pages import IMAGES
 
+from pter_gym._internal.files import write_bytes_atomic, write_files_atomic
+from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark.measures import column, four
-from pter_gym.benchmark.simulation import record_episode, simulate, time_limit
+from pter_gym.benchmark._measures import column, four
+from pter_gym.benchmark._simulation import record_episode, simulate, time_limit
 from pter_gym.controllers import CONTROLLERS, TorqueFeedback
-from pter_gym.internal.files import write_bytes_atomic, write_files_atomic
 from pter_gym.params import BASELINE, Machine
-from pter_gym.physics.friction import ClutchMode
 from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import PathFollowing
@@ -57,7 +57,7 @@ def error_against_pace(results: Path) -> None:
     import boards
     import figures
 
-    from pter_gym.plots import save
+    from pter_gym.tools.pictures.plots import save
 
     found = boards.boards(results, "standard")
     names = [name for name in policy_names() if name not in FALLING and name in found["slow"]["policies"]]
@@ -84,8 +84,8 @@ def clutches() -> None:
     """Draw the first of some episodes under the paper's torque feedback and under a trained policy."""
     import figures
 
-    from pter_gym.engine.batch import Batch
-    from pter_gym.plots import save
+    from pter_gym._engine.batch import Batch
+    from pter_gym.tools.pictures.plots import save
 
     machines, tasks = zip(
         *find_scenario("standard").randomisation(PACE, contexts=DRAWS, seed=SEED).pairs(), strict=True
@@ -127,7 +127,7 @@ def classical_trajectories() -> None:
     import figures
     from classical import drawn_task
 
-    from pter_gym.plots import save
+    from pter_gym.tools.pictures.plots import save
 
     shown = figures.arm_and_deviation(classical_episodes(), BASELINE.arm, drawn_task(PACE).path)
     save(shown, IMAGES / "classical-trajectories.png")
@@ -137,7 +137,7 @@ def classical_clutches() -> None:
     """Draw what four laws do with the clutches in that episode."""
     import figures
 
-    from pter_gym.plots import save
+    from pter_gym.tools.pictures.plots import save
 
     save(figures.clutches(classical_episodes(), BASELINE.clutch.voltage_max), IMAGES / "classical-clutches.png")
 
@@ -147,7 +147,7 @@ def tremors() -> None:
     import figures
 
     from pter_gym.hands import MEASURED_TREMORS, find_hand
-    from pter_gym.plots import save
+    from pter_gym.tools.pictures.plots import save
 
     hands = {name: find_hand(name) for name in MEASURED_TREMORS}
     save(figures.force_and_spectrum(hands, MEASURED_TREMORS), IMAGES / "tremors.png")
@@ -155,9 +155,9 @@ def tremors() -> None:
 
 def identified() -> None:
     """Draw torque curves that are identified from the log of the machine in docs/identify.md."""
-    from pter_gym.identification import Recorder, identify, record_log
-    from pter_gym.identification.pictures import curves
-    from pter_gym.plots import save
+    from pter_gym.tools.identification import Recorder, identify, record_log
+    from pter_gym.tools.identification.pictures import curves
+    from pter_gym.tools.pictures.plots import save
 
     arm = replace(BASELINE.arm, inertia_a=0.7, inertia_b=0.6, coupling=0.1)
     machine = replace(BASELINE, arm=arm, clutch_scale=(0.9, 1.1, 1.05, 0.95))
@@ -166,9 +166,9 @@ def identified() -> None:
 
 def paper() -> None:
     """Draw the paper's figures and check its claims, as `pter reproduce` does."""
-    from pter_gym.paper.experiments import Study
-    from pter_gym.paper.reproduce.figures import PRODUCTS
-    from pter_gym.paper.reproduce.results import results
+    from pter_gym.tools.paper.experiments import Study
+    from pter_gym.tools.paper.reproduce.figures import PRODUCTS
+    from pter_gym.tools.paper.reproduce.results import results
 
     files, _ = results(Study(), PRODUCTS, print)
     kept = {name: content for name, content in files.items() if name.endswith((".png", "claims.json"))}
@@ -180,8 +180,8 @@ def paper() -> None:
 
 def frames(names: tuple[str, ...], scenario: str, size: tuple[int, int], *, last: bool = False) -> list[np.ndarray]:
     """Return the pictures of the same episode under some policies, side by side: all of them, or the last."""
-    from pter_gym.render.film import Film, Shot
-    from pter_gym.render.picture import Subject
+    from pter_gym.tools.pictures.render.film import Film, Shot
+    from pter_gym.tools.pictures.render.picture import Subject
 
     draws = find_scenario(scenario).randomisation(PACE, contexts=DRAWS, seed=FILM_SEED)
     machine, task = list(draws.pairs())[EPISODE[scenario]]

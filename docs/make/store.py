@@ -6,11 +6,12 @@ from typing import Any
 
 import tyro
 
-from pter_gym.benchmark import episodes as stored
-from pter_gym.benchmark import pacing, tuned
-from pter_gym.internal.files import write_text_atomic
+from pter_gym._internal.files import write_text_atomic
+from pter_gym.benchmark import _episodes as stored
+from pter_gym.benchmark import _pacing as pacing
+from pter_gym.benchmark import _tuned as tuned
 from pter_gym.scenarios import SCENARIOS, find_scenario
-from pter_gym.scenarios.evaluation_draws import evaluation_draws
+from pter_gym.scenarios._evaluation_draws import evaluation_draws
 
 PACES_HEAD = """\
 # Dampers along the path [N·s/m] with which the paper's controllers keep the commanded paces on the training
@@ -50,7 +51,7 @@ def paces() -> None:
 
 def gains() -> None:
     """Score the gains in pter_gym/presets/tuned.toml again, after the score or the simulator has changed."""
-    from pter_gym.tuning.examination import Examination
+    from pter_gym.tools.tuning.examination import Examination
 
     def scores(scenario: str, name: str, pace: str, entry: dict[str, Any]) -> dict[str, float]:
         words = entry["command"].split()
@@ -71,7 +72,7 @@ def gains() -> None:
 
 
 def stages(runs: tyro.conf.Positional[Path]) -> None:
-    """Train the policy whose stages act in the data sets, and export them to pter_gym/datasets/stages.
+    """Train the policy whose stages act in the data sets, and export them to pter_gym/tools/datasets/stages.
 
     It takes five minutes of a core. The run is in RUNS/everything, which must not exist.
     """
@@ -79,7 +80,7 @@ def stages(runs: tyro.conf.Positional[Path]) -> None:
     from pter_agents.checkpoints import checkpoints
     from pter_agents.exporting import export_run
     from pter_agents.training import PROGRESS, RUN, Arguments, train
-    from pter_gym.datasets.levels import STAGES, STAGES_TABLE
+    from pter_gym.tools.datasets.levels import STAGES, STAGES_TABLE
 
     run, kept = runs / "everything", runs / "kept"
     kept.mkdir(parents=True, exist_ok=True)

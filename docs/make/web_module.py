@@ -1,4 +1,4 @@
-"""Compile the simulator's kernels to WebAssembly: pter_gym/web/static/pter.wasm, and the tables that belong to it.
+"""Compile the simulator's kernels to WebAssembly: pter_gym/tools/web/static/pter.wasm, and the tables that belong to it.
 
 Numba makes LLVM code of the kernels for this computer, unoptimised; LLVM makes an object for WebAssembly of it, and Zig
 (the package ``ziglang``) links it with the mathematical functions in ``functions.zig``.
@@ -21,10 +21,10 @@ from typing import Any
 import llvmlite.binding as llvm
 import numba
 
-from pter_gym.compiled.compiler import files_of
-from pter_gym.internal.files import write_bytes_atomic, write_text_atomic
-from pter_gym.web.kernels import KERNELS, Kernel
-from pter_gym.web.tables import MODULE, STATIC, TABLES, tables
+from pter_gym._compiled.compiler import files_of
+from pter_gym._internal.files import write_bytes_atomic, write_text_atomic
+from pter_gym.tools.web.kernels import KERNELS, Kernel
+from pter_gym.tools.web.tables import MODULE, STATIC, TABLES, tables
 
 FUNCTIONS = Path(__file__).with_name("functions.zig")
 

@@ -12,18 +12,18 @@ The names are imported when they are first used: a policy acts without what scor
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from pter_gym.benchmark.from_sb3 import from_actions, from_sb3
+from pter_gym.benchmark._from_sb3 import from_actions, from_sb3
 from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
-    from pter_gym.benchmark.evaluation import PerSeed, fresh_seed, run_scenario
-    from pter_gym.benchmark.isolation import Isolated
-    from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards, print_boards
-    from pter_gym.benchmark.metrics import Score, score, score_episodes
-    from pter_gym.benchmark.naming import find_policy
-    from pter_gym.benchmark.results import ResultsFolder
-    from pter_gym.benchmark.standard import Result, Run, run_standard_test
-    from pter_gym.benchmark.verification import Verdict, verify
+    from pter_gym.benchmark._evaluation import PerSeed, fresh_seed, run_scenario
+    from pter_gym.benchmark._isolation import Isolated
+    from pter_gym.benchmark._leaderboard import Leaderboard, leaderboards, print_boards
+    from pter_gym.benchmark._metrics import Score, score, score_episodes
+    from pter_gym.benchmark._naming import find_policy
+    from pter_gym.benchmark._results import ResultsFolder
+    from pter_gym.benchmark._standard import Result, Run, run_standard_test
+    from pter_gym.benchmark._verification import Verdict, verify
 
 __all__ = [
     "PACES",

@@ -1,12 +1,12 @@
 """Control laws: an observation in, four clutch voltages out."""
 
-from pter_gym.compiled.compiler import inlined as device
-from pter_gym.controllers.base import BoundPolicy, Controller, Policy, bind
-from pter_gym.controllers.direction import SingleDof, VelocityRatio
-from pter_gym.controllers.guided import Guided, PaceSchedule
-from pter_gym.controllers.impedance import Impedance, TorqueFeedback
-from pter_gym.controllers.simple import Free, Locked, Random
-from pter_gym.physics.clutch import PerClutch
+from pter_gym._compiled.compiler import inlined as device
+from pter_gym._physics.clutch import PerClutch
+from pter_gym.controllers._base import BoundPolicy, Controller, Policy, bind
+from pter_gym.controllers._direction import SingleDof, VelocityRatio
+from pter_gym.controllers._guided import Guided, PaceSchedule
+from pter_gym.controllers._impedance import Impedance, TorqueFeedback
+from pter_gym.controllers._simple import Free, Locked, Random
 
 CONTROLLERS: dict[str, type[Controller]] = {
     "impedance": Impedance,

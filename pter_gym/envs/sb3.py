@@ -14,7 +14,7 @@ try:
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.envs.sb3", "agents"))) from error
 
-from pter_gym.envs.vector import PathFollowingVectorEnv
+from pter_gym.envs._vector import PathFollowingVectorEnv
 
 Indices = int | Iterable[int] | None
 

@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from pter_gym.envs.single import PathFollowingEnv
-from pter_gym.envs.vector import make_vector_env
+from pter_gym._internal.checks import whole_number
+from pter_gym.envs._single import PathFollowingEnv
+from pter_gym.envs._vector import make_vector_env
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.internal.checks import whole_number
 from pter_gym.scenarios import find_scenario
-from pter_gym.scenarios.own_machine import AnyMachine
+from pter_gym.scenarios._own_machine import AnyMachine
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import STARTS, RewardWeights, Starts
 
@@ -80,7 +80,7 @@ def make_env(scenario: str, **keywords: Any) -> PathFollowingEnv:
 
 
 def make_vec(num_envs: int = 1, *, scenario: str, **keywords: Any) -> Any:
-    """Return many worlds of a scenario; see ``make_env`` and ``pter_gym.envs.vector.make_vector_env``."""
+    """Return many worlds of a scenario; see ``make_env`` and ``pter_gym.envs._vector.make_vector_env``."""
     drawn, rest = _split(scenario, keywords)
     return make_vector_env(num_envs, randomisation=drawn, **rest)
 

@@ -1,6 +1,6 @@
 """The hand that holds the tip: kinds of hands, measured ones, and what the kernels know of them."""
 
-from pter_gym.hands.kinds import (
+from pter_gym.hands._kinds import (
     EQ5_FREQUENCIES,
     HUMAN_ARMS,
     NO_HAND,
@@ -14,9 +14,9 @@ from pter_gym.hands.kinds import (
     eq5,
     read_forces,
 )
-from pter_gym.hands.library import MEASURED_ARMS, MEASURED_TREMORS, MeasuredArm, MeasuredTremor
-from pter_gym.hands.model import SINES, HandModel
-from pter_gym.hands.tremor import EssentialTremor, ParkinsonianTremor, PhysiologicalTremor, TremorArm, find_hand
+from pter_gym.hands._library import MEASURED_ARMS, MEASURED_TREMORS, MeasuredArm, MeasuredTremor
+from pter_gym.hands._model import SINES, HandModel
+from pter_gym.hands._tremor import EssentialTremor, ParkinsonianTremor, PhysiologicalTremor, TremorArm, find_hand
 
 __all__ = [
     "EQ5_FREQUENCIES",

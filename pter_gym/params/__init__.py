@@ -1,6 +1,6 @@
 """Parameters of the machine: frozen dataclasses in SI, each field with its unit and provenance."""
 
-from pter_gym.params.fields import (
+from pter_gym.params._fields import (
     LARGEST,
     SMALLEST,
     quantity,
@@ -11,7 +11,7 @@ from pter_gym.params.fields import (
     require_numbers,
     require_whole,
 )
-from pter_gym.params.machine import (
+from pter_gym.params._machine import (
     BASELINE,
     BREAKAWAY_SMALL_VOLTAGE,
     DELRIN_EXPERIMENTAL,
@@ -37,7 +37,7 @@ from pter_gym.params.machine import (
     tip_mass,
     with_friction,
 )
-from pter_gym.params.preset import preset
+from pter_gym.params._preset import preset
 
 __all__ = [
     "BASELINE",

@@ -1,6 +1,6 @@
 """What to follow: curves in the plane by arc length, stored as chains of circular arcs."""
 
-from pter_gym.paths.arcs import Arcs, Path, chain, fit_arcs
-from pter_gym.paths.shapes import Arc, Circle, Line, Polyline, Sine, Spline, read_path
+from pter_gym.paths._arcs import Arcs, Path, chain, fit_arcs
+from pter_gym.paths._shapes import Arc, Circle, Line, Polyline, Sine, Spline, read_path
 
 __all__ = ["Arc", "Arcs", "Circle", "Line", "Path", "Polyline", "Sine", "Spline", "chain", "fit_arcs", "read_path"]

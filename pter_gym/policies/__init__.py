@@ -1,10 +1,10 @@
 """Trained policies, stored as files of numbers; they act with numpy and safetensors, without torch."""
 
-from pter_gym.policies.cards import Card
-from pter_gym.policies.files import SHIPPED, exported_policies, read_policy, shipped_policies, write_policy
-from pter_gym.policies.interface import Base, Input, Interface
-from pter_gym.policies.network import LSTM, Network
-from pter_gym.policies.neural import Net, Neural, NeuralPolicy
+from pter_gym.policies._cards import Card
+from pter_gym.policies._files import SHIPPED, exported_policies, read_policy, shipped_policies, write_policy
+from pter_gym.policies._interface import Base, Input, Interface
+from pter_gym.policies._network import LSTM, Network
+from pter_gym.policies._neural import Net, Neural, NeuralPolicy
 
 __all__ = [
     "LSTM",

@@ -14,7 +14,7 @@ import pytest
 
 from pter_gym.benchmark import from_actions
 from pter_gym.errors import ParameterError
-from pter_gym.tuning import examine
+from pter_gym.tools.tuning import examine
 
 pytestmark = [
     pytest.mark.agents,

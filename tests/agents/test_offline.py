@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from pter_gym._commands.main import main
 from pter_gym.benchmark import PACES, ResultsFolder
-from pter_gym.commands.main import main
 
 pytestmark = pytest.mark.agents
 torch = pytest.importorskip("torch")
@@ -45,4 +45,4 @@ def test_a_script_is_short_and_reads_with_minari_alone(script: Path) -> None:
     text = script.read_text("utf-8")
     assert len(text.splitlines()) <= 70
     assert "pter_agents" not in text
-    assert "pter_gym.datasets" not in text + (OFFLINE / "common.py").read_text("utf-8")
+    assert "pter_gym.tools.datasets" not in text + (OFFLINE / "common.py").read_text("utf-8")

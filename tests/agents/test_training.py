@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pter_gym.benchmark import episodes, run_scenario
+from pter_gym.benchmark import _episodes as episodes
+from pter_gym.benchmark import run_scenario
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import BASELINE
 
@@ -28,9 +29,9 @@ from pter_agents import checkpoints as stored  # noqa: E402
 from pter_agents import command, exporting, prepare, retraining, training, worlds  # noqa: E402
 from pter_agents.algorithms import ALGORITHMS, FOLDER, load_settings, settings_from  # noqa: E402
 from pter_agents.errors import TrainingDivergedError  # noqa: E402
-from pter_gym.params.preset import PRESET, format_preset  # noqa: E402
+from pter_gym.params._preset import PRESET, format_preset  # noqa: E402
 from pter_gym.policies import Neural, read_policy  # noqa: E402
-from pter_gym.scenarios.own_machine import find_own  # noqa: E402
+from pter_gym.scenarios._own_machine import find_own  # noqa: E402
 
 SMALL = {"worlds": 16, "steps": 8, "contexts": 4, "hidden": [8], "value_hidden": [8]}
 ROLLOUT = 16 * 8

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import ROW
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import ROW
 from pter_gym.tasks.path_following import COLUMN
 
 KEPT: list[Any] = []
@@ -69,7 +69,7 @@ def slows_worlds(obs: Any) -> Any:
 
 
 def patches_errors(obs: Any) -> Any:
-    from pter_gym.benchmark.recorded import Travel
+    from pter_gym.benchmark._recorded import Travel
 
     Travel.segment_errors = lambda self: 0.0 * self.relative_times
     return honest(obs)

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmark.attacking_policies import TAMPERING, honest
 from pter_gym.controllers import Free, Impedance, PerClutch, Policy, device
-from pter_gym.controllers.predictive import Honest
+from pter_gym.controllers._predictive import Honest
 from pter_gym.errors import ParameterError
 
 STIFF = Impedance(stiffness=1500.0)

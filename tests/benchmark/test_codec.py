@@ -10,13 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pter_gym import hands, params
-from pter_gym.benchmark.episodes import CODEC
+from pter_gym._internal.codec import dataclasses_in
+from pter_gym.benchmark._episodes import CODEC
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
-from pter_gym.internal.codec import dataclasses_in
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, LARGEST, MACHINES, Arm, Clutch, Hand, Machine, TorqueCurve
-from pter_gym.tasks.path_following import PathFollowing, specification
+from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tasks.path_following import _specification as specification
 
 
 def through_json(value: object) -> object:

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pter_gym.benchmark.episodes import CHECKSUMS, FOLDER, find_episodes, load_episodes, scenarios, store_episodes
+from pter_gym._engine.batch import Batch
+from pter_gym.benchmark._episodes import CHECKSUMS, FOLDER, find_episodes, load_episodes, scenarios, store_episodes
 from pter_gym.controllers import Free
-from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL
 from pter_gym.paths import Line
 from pter_gym.scenarios import PACES, SCENARIOS, Scenario
-from pter_gym.scenarios.evaluation_draws import FRESH, evaluation_draws
+from pter_gym.scenarios._evaluation_draws import FRESH, evaluation_draws
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 PINNED_SEEDS, PINNED_PHASE = (4215971544462223395, 7145062265811555858), 2.012818905321554

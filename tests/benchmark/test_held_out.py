@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pter_gym.benchmark.episodes import FOLDER
+from pter_gym.benchmark._episodes import FOLDER
 
 GUARD = f"""
 import json, sys, traceback
@@ -39,11 +39,11 @@ gymnasium.make("PTER/Everything-v0", contexts=3).reset(seed=0)
 gymnasium.make_vec("PTER/Everything-v0", num_envs=3, contexts=3).reset(seed=0)
 """,
     "recorded episodes": """
-from pter_gym.datasets import record_episodes
+from pter_gym.tools.datasets import record_episodes
 record_episodes("everything", "expert", 1)
 """,
     "the damper of a pace": """
-from pter_gym.benchmark.pacing import damping_for_pace
+from pter_gym.benchmark._pacing import damping_for_pace
 from pter_gym.controllers import Impedance
 damping_for_pace(Impedance(), 0.5, "everything", draws=2)
 """,
@@ -51,7 +51,7 @@ damping_for_pace(Impedance(), 0.5, "everything", draws=2)
 
 
 EPISODES = """
-from pter_gym.benchmark.episodes import load_episodes
+from pter_gym.benchmark._episodes import load_episodes
 load_episodes("standard", "slow")
 """
 

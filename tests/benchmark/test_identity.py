@@ -12,13 +12,13 @@ import pytest
 from numpy.typing import NDArray
 
 from documents import ROOT
+from pter_gym._compiled.layout import Layout
 from pter_gym.benchmark import PerSeed, find_policy, fresh_seed, run_scenario
-from pter_gym.benchmark import runs as runs_module
-from pter_gym.benchmark.identity import derived_seed, identity_of
-from pter_gym.compiled.layout import Layout
+from pter_gym.benchmark import _runs as runs_module
+from pter_gym.benchmark._identity import derived_seed, identity_of
 from pter_gym.controllers import Free, Impedance, Locked, PerClutch, Random, bind, device
-from pter_gym.controllers.base import Policy
-from pter_gym.controllers.predictive import Honest, Privileged, Settings
+from pter_gym.controllers._base import Policy
+from pter_gym.controllers._predictive import Honest, Privileged, Settings
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine
 from pter_gym.policies import Neural, read_policy

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pter_gym._commands import main as cli
 from pter_gym.benchmark import Isolated, ResultsFolder, find_policy, run_scenario
-from pter_gym.commands import main as cli
 from pter_gym.errors import ActionError, ParameterError, PolicyError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import observation_layout
@@ -124,7 +124,7 @@ def test_an_error_crosses_with_escapes_for_what_no_terminal_should_get(name: str
     ],
 )
 def test_wrong_arguments_start_no_process(name: Any, timeout: Any, match: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pter_gym.benchmark.isolation._start", None)
+    monkeypatch.setattr("pter_gym.benchmark._isolation._start", None)
     with pytest.raises(ParameterError, match=match):
         Isolated(name, timeout=timeout)
 

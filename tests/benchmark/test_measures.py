@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pter_gym.benchmark.measures import (
+from pter_gym.benchmark._measures import (
     CUTOFF,
     find_marks,
     low_pass,

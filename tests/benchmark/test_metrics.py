@@ -9,17 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmark.handmade import LENGTH, METRE, PERIOD, TASK, Array, episode, padded, travel
-from pter_gym.benchmark.measures import low_pass
-from pter_gym.benchmark.metrics import METRICS, Score, score, score_episodes
-from pter_gym.benchmark.recorded import START_UP, Recorded, pace_factor
-from pter_gym.benchmark.simulation import simulate
+from pter_gym._engine.batch import Batch
+from pter_gym._physics.friction import ClutchMode
+from pter_gym.benchmark._measures import low_pass
+from pter_gym.benchmark._metrics import METRICS, Score, score, score_episodes
+from pter_gym.benchmark._recorded import START_UP, Recorded, pace_factor
+from pter_gym.benchmark._simulation import simulate
 from pter_gym.controllers import Free
-from pter_gym.engine.batch import Batch
 from pter_gym.params import BASELINE
 from pter_gym.paths import Line
-from pter_gym.physics.friction import ClutchMode
 from pter_gym.tasks.path_following import TELEMETRY
-from pter_gym.tasks.path_following.allowance import ALLOWANCE
+from pter_gym.tasks.path_following._allowance import ALLOWANCE
 
 
 def path_average(arc_length: Array, error: Array, length: float, error_max: float) -> float:

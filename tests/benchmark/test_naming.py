@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark.pacing import damping_table
+from pter_gym.benchmark._pacing import damping_table
 from pter_gym.controllers import Impedance, PaceSchedule, Random
 from pter_gym.errors import ParameterError
 
@@ -60,4 +60,4 @@ print(*sorted(set(sys.modules) - before))
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
     ours = {name.removeprefix("pter_gym.benchmark.") for name in found if name.startswith("pter_gym.benchmark.")}
     assert ours == {"from_sb3", "naming", "simulation", "tuned"}
-    assert not {"scipy", "rich", "pter_gym.controllers.predictive"} & set(found)
+    assert not {"scipy", "rich", "pter_gym.controllers._predictive"} & set(found)

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numba
 import pytest
 
-from pter_gym.benchmark import PACES, find_policy, pacing, run_scenario
-from pter_gym.benchmark.pacing import damping_for_pace, damping_table
+from pter_gym._engine.batch import Batch
+from pter_gym.benchmark import PACES, find_policy, run_scenario
+from pter_gym.benchmark import _pacing as pacing
+from pter_gym.benchmark._pacing import damping_for_pace, damping_table
 from pter_gym.controllers import CONTROLLERS, Impedance, PaceSchedule, TorqueFeedback
-from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.scenarios import SCENARIOS
 

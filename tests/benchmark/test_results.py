@@ -14,17 +14,17 @@ import pytest
 from filelock import FileLock
 from numpy.typing import NDArray
 
+from pter_gym._commands import main as cli
 from pter_gym.benchmark import PerSeed, ResultsFolder, run_scenario
 from pter_gym.benchmark import evaluation as evaluation_module
-from pter_gym.benchmark.metrics import SCORES
-from pter_gym.benchmark.results import LOCK
-from pter_gym.benchmark.run_files import read_run, run_path
-from pter_gym.benchmark.runs import sample_numbers
-from pter_gym.commands import main as cli
+from pter_gym.benchmark._metrics import SCORES
+from pter_gym.benchmark._results import LOCK
+from pter_gym.benchmark._run_files import read_run, run_path
+from pter_gym.benchmark._runs import sample_numbers
 from pter_gym.controllers import Free, Impedance, Random
 
 COUNT = 5
-MAIN = "import sys; from pter_gym.commands.main import main; sys.exit(main())"
+MAIN = "import sys; from pter_gym._commands.main import main; sys.exit(main())"
 
 
 @pytest.fixture

@@ -9,18 +9,18 @@ import pytest
 
 from benchmark.test_attacks import Attack, Course, beside, every, locks, rides, within
 from benchmark.test_attacks_on_reward import DISCOUNTS, returns
+from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
-from pter_gym.benchmark.metrics import score_episodes
-from pter_gym.benchmark.simulation import run
+from pter_gym.benchmark._metrics import score_episodes
+from pter_gym.benchmark._simulation import run
 from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.controllers import bind
-from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import COLUMN
-from pter_gym.tasks.path_following.reward import PERFECT
+from pter_gym.tasks.path_following._reward import PERFECT
 
 DRAWS = 50
 SEED = 991

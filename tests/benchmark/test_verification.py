@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pter_gym._commands import main as cli
 from pter_gym.benchmark import PerSeed, ResultsFolder, Verdict, fresh_seed, run_scenario, verify
 from pter_gym.benchmark import verification as verification_module
-from pter_gym.benchmark.run_files import HASH, file_hash
-from pter_gym.benchmark.verification import SAME
-from pter_gym.commands import main as cli
+from pter_gym.benchmark._run_files import HASH, file_hash
+from pter_gym.benchmark._verification import SAME
 from pter_gym.controllers import Free, Locked, Random
-from pter_gym.controllers.predictive import Honest, Settings
+from pter_gym.controllers._predictive import Honest, Settings
 
 PLANNER = Honest(Free(), Settings(samples=4, rounds=1, elite=1, horizon=5))
 

@@ -25,8 +25,8 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import ROW, SAME_STEP
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import ROW, SAME_STEP
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Hand, Machine
 from pter_gym.paths import Arc, Circle, Line, Sine

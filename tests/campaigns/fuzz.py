@@ -5,7 +5,7 @@
 The first part changes fields of usual machines and tasks, whatever they are, to near numbers, numbers of another size,
 and what is no number at all: the constructors accept them or raise a ParameterError, and say nothing else. The second
 part draws parameters that are as extreme as they may be: forces and speeds up to the limits of
-``pter_gym.physics.limits``, near-singular arms, long substeps and control periods. Worlds of them run with voltages of
+``pter_gym._physics.limits``, near-singular arms, long substeps and control periods. Worlds of them run with voltages of
 several kinds. Every number that comes out has to be finite, the energy of each control step to balance, and unit
 vectors to have unit length. A batch in which something is wrong is named at once; one that takes longer than
 ``PATIENCE`` ends the campaign with its stack.
@@ -27,16 +27,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import tyro
 
-from pter_gym.engine.batch import Batch, Returns
-from pter_gym.engine.world import FLAG, ROW, SAME_STEP
+from pter_gym._engine.batch import Batch, Returns
+from pter_gym._engine.world import FLAG, ROW, SAME_STEP
+from pter_gym._physics.limits import largest_energy, largest_force
+from pter_gym._physics.model import model_of
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, Operator, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Arm, Clutch, Hand, Machine, TorqueCurve
-from pter_gym.physics.limits import largest_energy, largest_force
-from pter_gym.physics.model import model_of
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, STARTS, PathFollowing, Sensing, Starts, check_machine
-from pter_gym.tasks.path_following.specification import held_machine, strongest
+from pter_gym.tasks.path_following._specification import held_machine, strongest
 
 from .reports import put, table
 

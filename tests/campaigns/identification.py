@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.identification import Identification, Recorder, identify, quantities, record_log
 from pter_gym.params import BASELINE, Arm, Clutch, Machine, TorqueCurve
+from pter_gym.tools.identification import Identification, Recorder, identify, quantities, record_log
 
 PAGE = Path(__file__).parents[2] / "docs" / "identify.md"
 

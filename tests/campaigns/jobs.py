@@ -50,7 +50,7 @@ def command(*words: str) -> Callable[[Path], int]:
     """A command of `pter`; FOLDER in its words is the folder."""
 
     def work(folder: Path) -> int:
-        from pter_gym.commands.main import main
+        from pter_gym._commands.main import main
 
         return main([word.replace("FOLDER", str(folder)) for word in words])
 
@@ -114,8 +114,8 @@ def trained(folder: Path) -> Kept:
 
 def tuned(folder: Path) -> Kept:
     """Return the finished trials; the journal and the file of gains must be whole."""
-    from pter_gym.benchmark.tuned import read_table
-    from pter_gym.tuning.search import open_journal
+    from pter_gym.benchmark._tuned import read_table
+    from pter_gym.tools.tuning.search import open_journal
 
     if (folder / GAINS).exists():
         read_table(folder / GAINS)
@@ -128,7 +128,7 @@ def tuned(folder: Path) -> Kept:
 
 def commanded(folder: Path) -> Kept:
     """Return what was asked for; which gains come out depends on when a search was stopped."""
-    from pter_gym.benchmark.tuned import read_table
+    from pter_gym.benchmark._tuned import read_table
 
     assert len(tuned(folder)) >= TRIALS
     return {"command": read_table(folder / GAINS)["standard"]["impedance"]["brisk"]["command"]}
@@ -136,7 +136,7 @@ def commanded(folder: Path) -> Kept:
 
 def benchmarked(folder: Path) -> Kept:
     """Return the runs that are finished, and the pictures; none may be left out."""
-    from pter_gym.benchmark.results import SUMMARY, ResultsFolder
+    from pter_gym.benchmark._results import SUMMARY, ResultsFolder
 
     left_out = ResultsFolder(folder).read().left_out
     assert not left_out, left_out

@@ -49,23 +49,23 @@ ROOT = Path(__file__).parents[2]
 EQUAL = Path(__file__).with_name("equal_mutants.toml")
 
 ROOMS = {
-    "physics": ["pter_gym/physics/*.py", "pter_gym/hands/model.py"],
+    "physics": ["pter_gym/_physics/*.py", "pter_gym/hands/_model.py"],
     "task": [
         "pter_gym/tasks/path_following/*.py",
         "pter_gym/paths/*.py",
-        *(f"pter_gym/engine/{name}.py" for name in ("episode", "hand", "recording", "sensing", "starts", "step")),
+        *(f"pter_gym/_engine/{name}.py" for name in ("episode", "hand", "recording", "sensing", "starts", "step")),
     ],
     "scores": [
         f"pter_gym/benchmark/{name}.py"
         for name in ("measures", "metrics", "pacing", "ranking", "recorded", "statistics", "trajectories")
     ],
     "readers": [
-        *(f"pter_gym/internal/{name}.py" for name in ("checks", "codec", "files", "tables")),
+        *(f"pter_gym/_internal/{name}.py" for name in ("checks", "codec", "files", "tables")),
         *(f"pter_gym/benchmark/{name}.py" for name in ("episodes", "results", "run_files")),
         *(f"pter_gym/policies/{name}.py" for name in ("cards", "files", "network", "stored_gains")),
-        "pter_gym/params/preset.py",
+        "pter_gym/params/_preset.py",
     ],
-    "records": ["pter_gym/compiled/layout.py", "pter_gym/compiled/records.py"],
+    "records": ["pter_gym/_compiled/layout.py", "pter_gym/_compiled/records.py"],
 }
 """What may get a fault: every file of these patterns."""
 

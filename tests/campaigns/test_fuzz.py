@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from campaigns import fuzz
-from pter_gym.tasks.path_following import specification
+from pter_gym.tasks.path_following import _specification as specification
 
 
 def test_constructors_accept_or_refuse_and_say_nothing_else() -> None:

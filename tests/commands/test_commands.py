@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pter_gym.commands.arguments import as_typed
-from pter_gym.commands.main import INTERRUPTED, USERS, WORKSHOP, commands, load_command, main, parse
-from pter_gym.commands.names import names_of, names_table
+from pter_gym._commands.arguments import as_typed
+from pter_gym._commands.main import INTERRUPTED, USERS, WORKSHOP, commands, load_command, main, parse
+from pter_gym._commands.names import names_of, names_table
 from pter_gym.errors import ParameterError
 
 EXAMPLE = re.compile(r"Example: `?pter ([^\n`]+)")
@@ -89,7 +89,7 @@ def test_help_of_a_command_without_names_has_no_such_heading(capsys: pytest.Capt
 
 
 def test_names_are_those_that_are_declared() -> None:
-    from pter_gym.benchmark.naming import is_built_in
+    from pter_gym.benchmark._naming import is_built_in
     from pter_gym.policies import shipped_policies
     from pter_gym.scenarios import PACES, SCENARIOS
 
@@ -179,9 +179,9 @@ SLOW = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background ignores interrupts
 import numpy as np
-from pter_gym.commands import main as module
-from pter_gym.compiled import pipeline
-from pter_gym.compiled.compiler import compile_kernel
+from pter_gym._commands import main as module
+from pter_gym._compiled import pipeline
+from pter_gym._compiled.compiler import compile_kernel
 
 def factory(digest):
     def kernel(x):

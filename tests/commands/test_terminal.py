@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.table import Table
 
-from pter_gym.commands.main import commands, main
-from pter_gym.internal.terminal import progress_bar, say, terminal
+from pter_gym._commands.main import commands, main
+from pter_gym._internal.terminal import progress_bar, say, terminal
 
-PTER = [sys.executable, "-m", "pter_gym.commands.main"]
+PTER = [sys.executable, "-m", "pter_gym._commands.main"]
 
 
 class Ascii(io.TextIOWrapper):
@@ -138,7 +138,7 @@ def test_targets_are_tried_before_any_work(
     def refuse(**_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("pter_gym.internal.files.TemporaryFile", refuse)
+    monkeypatch.setattr("pter_gym._internal.files.TemporaryFile", refuse)
     monkeypatch.chdir(tmp_path)
     assert main([*command.split(), str(tmp_path / "result.toml")]) == 2
     printed = capsys.readouterr()
@@ -157,7 +157,7 @@ def test_folders_are_tried_before_any_work(
     def refuse(**_: object) -> None:
         raise OSError(30, "Read-only file system")
 
-    monkeypatch.setattr("pter_gym.internal.files.TemporaryFile", refuse)
+    monkeypatch.setattr("pter_gym._internal.files.TemporaryFile", refuse)
     assert main([*command.split(), "--out", str(tmp_path / "out")]) == 2
     printed = capsys.readouterr()
     assert printed.err.startswith("error: --out must be in a folder that can be written to")

@@ -10,11 +10,11 @@ import numba
 import numpy as np
 import pytest
 
-from pter_gym.compiled import digests
-from pter_gym.compiled.compiler import compile_kernel, device
-from pter_gym.compiled.digests import SOURCES, digest_of, files_of
-from pter_gym.controllers.base import _build_act
-from pter_gym.engine.kernels import _build_advance, _build_reset
+from pter_gym._compiled import digests
+from pter_gym._compiled.compiler import compile_kernel, device
+from pter_gym._compiled.digests import SOURCES, digest_of, files_of
+from pter_gym._engine.kernels import _build_advance, _build_reset
+from pter_gym.controllers._base import _build_act
 
 
 class Point(NamedTuple):

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from pter_gym.compiled import pipeline
-from pter_gym.compiled.compiler import compile_kernel, device, outlined
-from pter_gym.compiled.records import load, rows, store
+from pter_gym._compiled import pipeline
+from pter_gym._compiled.compiler import compile_kernel, device, outlined
+from pter_gym._compiled.records import load, rows, store
 
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 

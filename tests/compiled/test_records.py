@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pter_gym.compiled.generated import compile_source
-from pter_gym.compiled.layout import Field
-from pter_gym.compiled.records import (
+from pter_gym._compiled.generated import compile_source
+from pter_gym._compiled.layout import Field
+from pter_gym._compiled.records import (
     Entry,
     blend,
     flat,

@@ -11,8 +11,8 @@ from typing import Any
 import numba
 import pytest
 
-from pter_gym.compiled import pipeline
-from pter_gym.compiled.compiler import compile_kernel
+from pter_gym._compiled import pipeline
+from pter_gym._compiled.compiler import compile_kernel
 
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -94,7 +94,7 @@ import resource, signal, sys
 import numba
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.RLIM_INFINITY))
-from pter_gym.compiled.compiler import compile_kernel
+from pter_gym._compiled.compiler import compile_kernel
 
 def build(digest):
     def kernel(x):

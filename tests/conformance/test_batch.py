@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import pter_gym  # noqa: F401  (registers the environment)
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import FLAG, SKIP, Readings
 from pter_gym.controllers import Random, TorqueFeedback
-from pter_gym.controllers.base import Policy
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import FLAG, SKIP, Readings
+from pter_gym.controllers._base import Policy
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.paths import Line

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 CALLEE = """
-from pter_gym.compiled.compiler import device
+from pter_gym._compiled.compiler import device
 {constant}
 @device
 def value():
@@ -14,7 +14,7 @@ def value():
 """
 
 CALLER = """
-from pter_gym.compiled.compiler import compile_kernel
+from pter_gym._compiled.compiler import compile_kernel
 from callee import value
 
 def build(digest):
@@ -71,7 +71,7 @@ def test_no_folder_to_write_to_compiles_without_a_cache(tmp_path: Path) -> None:
 def test_a_function_without_a_module_is_compiled_without_a_cache(tmp_path: Path) -> None:
     """What was made by `exec` could be stored, but not loaded by another process."""
     (tmp_path / "caller.py").write_text(
-        "from pter_gym.compiled.compiler import compile_kernel, device\n"
+        "from pter_gym._compiled.compiler import compile_kernel, device\n"
         "names = {'device': device}\n"
         "exec('@device\\ndef value():\\n    return 6.0\\n', names)\n"
         "value = None\n"

@@ -4,10 +4,10 @@ import numba
 import numpy as np
 import pytest
 
+from pter_gym._physics import open_loop
+from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.controllers import Policy
 from pter_gym.params import BASELINE
-from pter_gym.physics import open_loop
-from pter_gym.physics.open_loop import initial_state, simulate
 from pter_gym.tasks.path_following import observation_layout
 
 LAW = """

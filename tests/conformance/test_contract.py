@@ -10,7 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import pter_gym  # noqa: F401  (registers the environment)
-from pter_gym.compiled.layout import Layout
+from pter_gym._compiled.layout import Layout
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import BASELINE, Arm, Clutch, Hand, Machine, TorqueCurve
 from pter_gym.paths import Line
@@ -143,7 +143,7 @@ def test_a_bad_action_is_refused_and_nothing_moves(action: Any) -> None:
 
 
 def test_one_bad_row_moves_no_world_and_is_named() -> None:
-    from pter_gym.engine.batch import Batch
+    from pter_gym._engine.batch import Batch
 
     batch = Batch(BASELINE, PathFollowing(), 100)
     batch.reset(list(range(100)))
@@ -187,7 +187,7 @@ BAD_KEYWORDS: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize(("field", "keywords"), BAD_KEYWORDS.items(), ids=BAD_KEYWORDS)
 def test_a_bad_keyword_is_named(field: str, keywords: dict[str, Any]) -> None:
-    from pter_gym.envs.single import PathFollowingEnv
+    from pter_gym.envs._single import PathFollowingEnv
 
     with pytest.raises(ParameterError, match=field):
         PathFollowingEnv(**keywords)
@@ -263,7 +263,7 @@ def test_a_bad_parameter_is_named(field: str, build: Any) -> None:
 
 
 def test_what_only_machine_and_task_together_show() -> None:
-    from pter_gym.engine.batch import Batch
+    from pter_gym._engine.batch import Batch
 
     reach = BASELINE.arm.length_a + BASELINE.arm.length_b
     with pytest.raises(ParameterError, match="control_period"):

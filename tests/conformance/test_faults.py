@@ -17,7 +17,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import pter_gym  # noqa: F401  (registers the environment)
-from pter_gym.envs.vector import BYTES_OF_TELEMETRY, BYTES_PER_WORLD, PathFollowingVectorEnv
+from pter_gym.envs._vector import BYTES_OF_TELEMETRY, BYTES_PER_WORLD, PathFollowingVectorEnv
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.hands import MultiSineHand
 from pter_gym.tasks.path_following import PathFollowing
@@ -357,7 +357,7 @@ def test_stable_baselines_processes_after_the_parent_has_used_threads(method: st
 COMPILED = """
 import os, signal, threading, time
 import numpy as np
-from pter_gym.compiled.compiler import compile_kernel
+from pter_gym._compiled.compiler import compile_kernel
 
 def factory(constant):
     def build(digest):
@@ -399,7 +399,7 @@ def test_a_kernel_works_after_an_interrupt_of_its_compilation(tmp_path: Path) ->
 INTERRUPTED = """
 import os, signal, sys, threading, time
 import numpy as np
-from pter_gym.envs.vector import PathFollowingVectorEnv
+from pter_gym.envs._vector import PathFollowingVectorEnv
 
 def make():
     env = PathFollowingVectorEnv(count, max_episode_steps=50, num_threads=3)

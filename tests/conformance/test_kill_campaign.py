@@ -12,9 +12,9 @@ import pytest
 from campaigns import kill
 from campaigns.jobs import Job, digests
 from campaigns.kill import Campaign
+from pter_gym._internal.files import write_bytes_atomic
+from pter_gym._internal.locks import locked
 from pter_gym.errors import StorageError
-from pter_gym.internal.files import write_bytes_atomic
-from pter_gym.internal.locks import locked
 
 if not kill.can_trace():
     pytest.skip("needs strace, and the right to trace", allow_module_level=True)

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from pter_gym.compiled.records import rows
+from pter_gym._compiled.records import rows
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.law import empty_memory
 from pter_gym.controllers import PerClutch, Policy, device
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.law import empty_memory
 from pter_gym.errors import ActionError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing

@@ -12,13 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import FLAG, ROW, SAME_STEP
-from pter_gym.errors import ParameterError
-from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
-from pter_gym.params import BASELINE, MACHINES, Arm, Hand, Machine
-from pter_gym.physics.arm import Linkage
-from pter_gym.physics.limits import (
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import FLAG, ROW, SAME_STEP
+from pter_gym._physics.arm import Linkage
+from pter_gym._physics.limits import (
     LARGEST_CONDITION,
     LONGEST_TURN,
     condition,
@@ -27,10 +24,13 @@ from pter_gym.physics.limits import (
     largest_motion,
     smallest_inertia,
 )
-from pter_gym.physics.model import model_of
+from pter_gym._physics.model import model_of
+from pter_gym.errors import ParameterError
+from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
+from pter_gym.params import BASELINE, MACHINES, Arm, Hand, Machine
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import PathFollowing, Reason, Starts, check_machine, reason_of
-from pter_gym.tasks.path_following.specification import check_motion, held_machine, strongest
+from pter_gym.tasks.path_following._specification import check_motion, held_machine, strongest
 
 TINY = replace(BASELINE.arm, inertia_a=4.4e-6, inertia_b=1e-5, coupling=-5.8e-7)
 NEAR = math.sqrt(BASELINE.arm.inertia_a * BASELINE.arm.inertia_b) * (1.0 - 1e-9)

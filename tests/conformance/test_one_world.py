@@ -1,6 +1,6 @@
 """The functions of one world, which a GPU and a web page call, do what the block kernel does to many.
 
-Here they run as plain Python; ``test_cuda.py`` and ``tests/web`` run what is made of them.
+Here they run as plain Python; ``test_cuda.py`` and ``tests/tools/web`` run what is made of them.
 """
 
 from dataclasses import replace
@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pter_gym.compiled.records import load
-from pter_gym.engine import kernels
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.episode import conclude_step, fetch_world, take_context
-from pter_gym.engine.step import given_volts, move_worlds, take_command
-from pter_gym.engine.world import BASIC_ROWS, CONFIG, LANES, REFUSE, ROW, ROWS
+from pter_gym._compiled.records import load
+from pter_gym._engine import kernels
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.episode import conclude_step, fetch_world, take_context
+from pter_gym._engine.step import given_volts, move_worlds, take_command
+from pter_gym._engine.world import BASIC_ROWS, CONFIG, LANES, REFUSE, ROW, ROWS
+from pter_gym._physics.clutch import PerClutch
 from pter_gym.hands import HumanArm, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL
 from pter_gym.paths import Circle
-from pter_gym.physics.clutch import PerClutch
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 
 MACHINE = replace(BASELINE, substep=2e-3)

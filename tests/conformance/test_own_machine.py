@@ -12,12 +12,12 @@ import pter_gym  # noqa: F401 - registers the ids
 from pter_gym.controllers import TorqueFeedback, bind
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, machine_of
-from pter_gym.params.preset import PRESET, Preset, format_preset
+from pter_gym.params._preset import PRESET, Preset, format_preset
 from pter_gym.scenarios import SCENARIOS, find_scenario
-from pter_gym.scenarios.own_machine import OwnMachine, as_sensed, find_own
+from pter_gym.scenarios._own_machine import OwnMachine, as_sensed, find_own
 from pter_gym.scenarios.randomisation import OneOf, Vary
 from pter_gym.tasks.path_following import PathFollowing, Sensing
-from pter_gym.tuning import Examination
+from pter_gym.tools.tuning import Examination
 
 OWN = replace(
     PRESET, arm=replace(PRESET.arm, inertia_a=0.7), clutch=replace(PRESET.clutch, scale=(0.9, 1.1, 1.05, 0.95))

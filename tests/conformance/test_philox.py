@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pter_gym.compiled.philox import philox, uniform4
+from pter_gym._compiled.philox import philox, uniform4
 
 WORDS = [0, 1, 2**32 - 1, 2**32, 0x9E3779B97F4A7C15, 2**63, 2**64 - 1]
 

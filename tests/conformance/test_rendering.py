@@ -14,7 +14,7 @@ from gymnasium.wrappers import vector as wrappers
 
 import pter_gym  # noqa: F401  (registers the environments)
 from pter_gym.errors import ParameterError
-from pter_gym.render.viewer import MOST_WORLDS
+from pter_gym.tools.pictures.render.viewer import MOST_WORLDS
 
 ID = "PTER/PathFollowing-v0"
 SMALL: dict[str, Any] = {"render_mode": "rgb_array", "width": 240, "height": 180}
@@ -128,7 +128,7 @@ def test_without_a_render_mode_no_drawing_code_is_loaded():
         "import sys, gymnasium, pter_gym\n"
         "env = gymnasium.make('PTER/PathFollowing-v0'); env.reset(seed=0); env.step(env.action_space.sample())\n"
         "gymnasium.make_vec('PTER/PathFollowing-v0', 2)\n"
-        "print([name for name in sys.modules if name.startswith('pter_gym.render')])"
+        "print([name for name in sys.modules if name.startswith('pter_gym.tools.pictures.render')])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 

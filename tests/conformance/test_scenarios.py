@@ -10,8 +10,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import pter_gym
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import ROW, SAME_STEP
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import ROW, SAME_STEP
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand
 from pter_gym.params import BASELINE, Hand
@@ -19,8 +19,8 @@ from pter_gym.paths import Arc
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Repeat, Shared, Tuple, Uniform, Vary
 from pter_gym.tasks.path_following import PathFollowing
-from pter_gym.tasks.path_following.context import CONTEXT_WIDTH, TOLD
-from pter_gym.tasks.path_following.observation import BOUND
+from pter_gym.tasks.path_following._context import CONTEXT_WIDTH, TOLD
+from pter_gym.tasks.path_following._observation import BOUND
 
 
 def test_each_scenario_is_registered_under_its_id() -> None:

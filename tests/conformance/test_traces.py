@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import NEXT_STEP, SAME_STEP, SKIP
 from pter_gym.controllers import Impedance
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import NEXT_STEP, SAME_STEP, SKIP
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces, TremorArm
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Hand, Machine
 from pter_gym.paths import Arc, Circle, Line, Sine

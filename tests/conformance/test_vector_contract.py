@@ -9,7 +9,7 @@ import pytest
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.vector import AutoresetMode
 
-from pter_gym.envs.vector import PathFollowingVectorEnv
+from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.hands import MultiSineHand
 from pter_gym.paths import Line

@@ -32,8 +32,8 @@ ORDER = (
 )
 LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
 LAWS_MAY_IMPORT = {
-    "pter_gym.engine.law": "what a law is to the engine",
-    "pter_gym.tasks.path_following.observation": "the record that a law reads",
+    "pter_gym._engine.law": "what a law is to the engine",
+    "pter_gym.tasks.path_following._observation": "the record that a law reads",
 }
 """All that control laws know of the worlds in which they act."""
 
@@ -45,7 +45,7 @@ def modules() -> list[Path]:
 
 
 def room_of(module: str) -> str:
-    """The room of a dotted module name inside the package: `pter_gym.physics.arm` is in `physics`."""
+    """The room of a dotted module name inside the package: `pter_gym._physics.arm` is in `physics`."""
     return module.split(".")[1] if "." in module else "__init__"
 
 
@@ -107,9 +107,9 @@ def test_the_check_sees_a_wrong_import(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(sys.modules[__name__], "PACKAGE", package)
     assert set(imported_modules(wrong)) == {
         "pter_gym.envs",
-        "pter_gym.physics",
+        "pter_gym._physics",
         "pter_gym.tasks",
-        "pter_gym.commands",
+        "pter_gym._commands",
     }
 
 

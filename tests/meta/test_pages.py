@@ -9,8 +9,8 @@ import fill
 import pages
 import pytest
 
-from pter_gym.benchmark.ranking import PRIVILEGED
-from pter_gym.envs.single import PathFollowingEnv
+from pter_gym.benchmark._ranking import PRIVILEGED
+from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import observation_layout

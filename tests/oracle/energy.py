@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pter_gym._physics.open_loop import Trajectory
 from pter_gym.params import Machine
-from pter_gym.physics.open_loop import Trajectory
 
 
 @dataclass(frozen=True)

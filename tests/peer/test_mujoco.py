@@ -16,13 +16,13 @@ import pytest
 from mujoco import rollout
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import SKIP
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import SKIP
+from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Clutch, Hand
-from pter_gym.physics.open_loop import initial_state, simulate
-from pter_gym.speed.mujoco_arm import RATIOS, ArmNumbers, build
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.tools.speed.mujoco_arm import RATIOS, ArmNumbers, build
 
 STEPS = 2000
 SEEDS = range(20)

@@ -14,16 +14,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pter_gym
+from pter_gym._compiled.layout import Layout
+from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import find_policy, from_sb3
-from pter_gym.compiled.layout import Layout
-from pter_gym.controllers.predictive.policies import Decide, Predictive
-from pter_gym.engine.batch import Batch
-from pter_gym.envs.acting import ActingPolicy, nominal_machine, normalised
-from pter_gym.envs.vector import PathFollowingVectorEnv
+from pter_gym.controllers._predictive.policies import Decide, Predictive
+from pter_gym.envs._acting import ActingPolicy, nominal_machine, normalised
+from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Machine
 from pter_gym.policies import Card, Input, Interface, write_policy
-from pter_gym.policies.cards import fields_of
+from pter_gym.policies._cards import fields_of
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import STARTS, PathFollowing, observation_layout
 

@@ -9,27 +9,27 @@ import numpy as np
 import pytest
 
 import pter_gym
+from pter_gym._commands.main import main
+from pter_gym._engine.batch import Batch
+from pter_gym._internal.files import find_path
+from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario, run_standard_test, verify
-from pter_gym.benchmark.episodes import load_episodes, scenarios, store_episodes
-from pter_gym.benchmark.identity import identity_of
-from pter_gym.benchmark.run_files import read_run
-from pter_gym.benchmark.tuned import find_tuned, read_table
-from pter_gym.commands.main import main
+from pter_gym.benchmark._episodes import load_episodes, scenarios, store_episodes
+from pter_gym.benchmark._identity import identity_of
+from pter_gym.benchmark._run_files import read_run
+from pter_gym.benchmark._tuned import find_tuned, read_table
 from pter_gym.controllers import Free, Impedance, bind
-from pter_gym.engine.batch import Batch
-from pter_gym.envs.single import PathFollowingEnv
-from pter_gym.envs.vector import PathFollowingVectorEnv
+from pter_gym.envs._single import PathFollowingEnv
+from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.hands import read_forces
-from pter_gym.internal.files import find_path
-from pter_gym.internal.terminal import make_folder
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL
-from pter_gym.params.preset import load_preset
+from pter_gym.params._preset import load_preset
 from pter_gym.paths import read_path
 from pter_gym.policies import SHIPPED, exported_policies, read_policy, shipped_policies
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
-from pter_gym.tuning import add_gains
+from pter_gym.tools.tuning import add_gains
 
 LAYOUT = observation_layout(BASELINE, "torque")
 

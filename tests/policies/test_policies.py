@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 from safetensors.numpy import save as save_tensors
 
+from pter_gym._compiled.layout import Field, Layout
+from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
-from pter_gym.benchmark.identity import identity_of
-from pter_gym.benchmark.simulation import simulate
-from pter_gym.benchmark.tuned import find_tuned
-from pter_gym.compiled.layout import Field, Layout
+from pter_gym.benchmark._identity import identity_of
+from pter_gym.benchmark._simulation import simulate
+from pter_gym.benchmark._tuned import find_tuned
 from pter_gym.controllers import bind
-from pter_gym.engine.batch import Batch
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import (
@@ -37,9 +37,9 @@ from pter_gym.policies import (
     shipped_policies,
     write_policy,
 )
-from pter_gym.policies.cards import fields_of
-from pter_gym.policies.files import MOST_CARD, MOST_WEIGHTS
-from pter_gym.policies.interface import LIMIT, available, seen_without
+from pter_gym.policies._cards import fields_of
+from pter_gym.policies._files import MOST_CARD, MOST_WEIGHTS
+from pter_gym.policies._interface import LIMIT, available, seen_without
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import observation_layout
 

@@ -14,9 +14,9 @@ from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
 from oracle.energy import budget, inertia
+from pter_gym._physics.friction import ClutchMode
+from pter_gym._physics.open_loop import State, Trajectory, initial_state, simulate
 from pter_gym.params import BASELINE, MACHINES, Arm, Hand, Machine
-from pter_gym.physics.friction import ClutchMode
-from pter_gym.physics.open_loop import State, Trajectory, initial_state, simulate
 
 DETERMINISTIC = settings(
     derandomize=True, deadline=None, database=None, max_examples=150, suppress_health_check=[HealthCheck.too_slow]

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pter_gym._physics.arm import UnitVector
 from pter_gym.errors import ParameterError
 from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
-from pter_gym.paths.arcs import (
+from pter_gym.paths._arcs import (
     LARGEST_TURN,
     SEGMENT,
     ArcSegment,
@@ -21,8 +22,7 @@ from pter_gym.paths.arcs import (
     mirrored,
     parts_of,
 )
-from pter_gym.paths.projection import foot_on, point_at, project, segment_of
-from pter_gym.physics.arm import UnitVector
+from pter_gym.paths._projection import foot_on, point_at, project, segment_of
 
 DRAWS = range(12)
 

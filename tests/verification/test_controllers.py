@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pter_gym.compiled.records import flat, leaves
+from pter_gym._compiled.records import flat, leaves
+from pter_gym._engine.batch import Batch
 from pter_gym.controllers import (
     CONTROLLERS,
     Free,
@@ -23,12 +24,11 @@ from pter_gym.controllers import (
     TorqueFeedback,
     VelocityRatio,
 )
-from pter_gym.controllers.gains import table_voltage
-from pter_gym.engine.batch import Batch
+from pter_gym.controllers._gains import table_voltage
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing, Sensors, observation_layout
-from pter_gym.tasks.path_following.observation import SEEN, Observation
+from pter_gym.tasks.path_following._observation import SEEN, Observation
 from pter_gym.units import INCH_POUND
 
 W = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0]])

@@ -27,8 +27,8 @@ from oracle import friction as oracle
 from oracle import paper_rule
 from oracle.problems import Problems, families
 from oracle.sharing import share
-from pter_gym.physics.clutch import PerClutch
-from pter_gym.physics.friction import (
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.friction import (
     COUPLING,
     LINES,
     ClutchMode,

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pter_gym._engine.batch import Batch
 from pter_gym.controllers import Free
-from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.hands import EQ5_FREQUENCIES, MultiSineHand, eq5
 from pter_gym.params import BASELINE, Arm

@@ -20,8 +20,8 @@ import pytest
 
 from oracle import event_driven
 from oracle.plants import Scenario, draw, plant
+from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.params import BASELINE, Clutch, Hand, Machine
-from pter_gym.physics.open_loop import initial_state, simulate
 
 STEPS = 2e-3 / 2.0 ** np.arange(6)
 DURATION = 1.0

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pter_gym.engine.batch import Batch
+from pter_gym._engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Arc, Circle, Line, Path, Polyline, Sine, Spline, read_path
-from pter_gym.paths.arcs import TOLERANCE
-from pter_gym.paths.projection import point_at, project
+from pter_gym.paths._arcs import TOLERANCE
+from pter_gym.paths._projection import point_at, project
 from pter_gym.tasks.path_following import PathFollowing
 
 WAYPOINTS = ((-0.5, 0.7), (-0.2, 0.6), (0.1, 0.8), (0.3, 0.6))
@@ -186,7 +186,7 @@ def test_a_spline_that_turns_back_on_itself_is_refused(points: Any, tmp_path: Fi
 
 
 def test_a_curve_is_looked_at_so_often_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pter_gym.paths.shapes.MOST_LOOKS", 20)
+    monkeypatch.setattr("pter_gym.paths._shapes.MOST_LOOKS", 20)
     with pytest.raises(ParameterError, match="more than 20 evaluations"):
         _ = Spline(points=WAYPOINTS).arcs
 

@@ -5,21 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pter_gym.benchmark.metrics import score
-from pter_gym.benchmark.recorded import Recorded
-from pter_gym.benchmark.simulation import record_episode
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import FLAG, ROW
+from pter_gym.benchmark._metrics import score
+from pter_gym.benchmark._recorded import Recorded
+from pter_gym.benchmark._simulation import record_episode
 from pter_gym.controllers import Free, SingleDof
-from pter_gym.controllers.predictive import Honest, Planner, Privileged, Settings
-from pter_gym.controllers.predictive.honest import Belief, ForceForecast, known_part
-from pter_gym.controllers.predictive.planner import PLANS, play
-from pter_gym.engine.batch import Batch
-from pter_gym.engine.world import FLAG, ROW
+from pter_gym.controllers._predictive import Honest, Planner, Privileged, Settings
+from pter_gym.controllers._predictive.honest import Belief, ForceForecast, known_part
+from pter_gym.controllers._predictive.planner import PLANS, play
 from pter_gym.errors import ParameterError
 from pter_gym.hands import RecordedForces
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, Machine
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensing, observation_layout
-from pter_gym.tasks.path_following.observation import SEEN
+from pter_gym.tasks.path_following._observation import SEEN
 
 GUIDE = SingleDof(damping_tangential=250.0, pace_fraction=0.75, approach=20.0, strength=150.0, slow=0.5, feedback=2.0)
 FEW = Settings(samples=64, rounds=3, elite=8)

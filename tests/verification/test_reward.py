@@ -6,12 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pter_gym.engine.batch import Batch
+from pter_gym._engine.batch import Batch
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
-from pter_gym.tasks.path_following.allowance import ALLOWANCE
-from pter_gym.tasks.path_following.reward import (
+from pter_gym.tasks.path_following._allowance import ALLOWANCE
+from pter_gym.tasks.path_following._reward import (
     ERROR_WIDTH,
     FASTEST,
     PACE_WINDOW,

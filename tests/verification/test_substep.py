@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pter_gym.compiled.records import load as records_load
-from pter_gym.compiled.records import read, store, width
+from pter_gym._compiled.records import load as records_load
+from pter_gym._compiled.records import read, store, width
+from pter_gym._physics import arm as arms
+from pter_gym._physics import clutch, open_loop, step
+from pter_gym._physics.arm import Linkage, Load, Motion
+from pter_gym._physics.clutch import Curve, PerClutch, Torques
+from pter_gym._physics.friction import COUPLING, LINES, lower_bound, resolve, share, slip_velocities, upper_bound
+from pter_gym._physics.model import model_of
+from pter_gym._physics.open_loop import BODY
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Hand
-from pter_gym.physics import arm as arms
-from pter_gym.physics import clutch, open_loop, step
-from pter_gym.physics.arm import Linkage, Load, Motion
-from pter_gym.physics.clutch import Curve, PerClutch, Torques
-from pter_gym.physics.friction import COUPLING, LINES, lower_bound, resolve, share, slip_velocities, upper_bound
-from pter_gym.physics.model import model_of
-from pter_gym.physics.open_loop import BODY
-from pter_gym.tasks.path_following.situation import Vector
+from pter_gym.tasks.path_following._situation import Vector
 
 ARM = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=7.0, stiffness=30.0)
 FREE = Torques(PerClutch(0.0, 0.0, 0.0, 0.0), PerClutch(0.0, 0.0, 0.0, 0.0))

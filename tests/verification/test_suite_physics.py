@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from pter_gym import initial_state, simulate
-from pter_gym.engine.batch import Batch
+from pter_gym._engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HUMAN_ARMS, HumanArm, MultiSineHand, RecordedForces, read_forces
-from pter_gym.hands.kinds import MOST_INSTANTS
+from pter_gym.hands._kinds import MOST_INSTANTS
 from pter_gym.params import BASELINE, Hand
 from pter_gym.paths import Arc, Line
 from pter_gym.tasks.path_following import (

@@ -8,22 +8,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, tip_position
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.limits import MOST_SUBSTEPS, largest_energy
+from pter_gym._physics.model import model_of
+from pter_gym._physics.step import Energy
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
-from pter_gym.hands.model import NO_FORCE, PerSine, Sines, advance_sines, intent_speed, renew_sines, sum_of_sines
+from pter_gym.hands._model import NO_FORCE, PerSine, Sines, advance_sines, intent_speed, renew_sines, sum_of_sines
 from pter_gym.params import BASELINE, PRESENT_CLUTCH, Clutch, Hand, TorqueCurve
 from pter_gym.paths import Arc, Line
-from pter_gym.physics.arm import Linkage, Motion, UnitVector, Vector, tip_position
-from pter_gym.physics.clutch import PerClutch
-from pter_gym.physics.limits import MOST_SUBSTEPS, largest_energy
-from pter_gym.physics.model import model_of
-from pter_gym.physics.step import Energy
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensing, Starts, check_machine
-from pter_gym.tasks.path_following.allowance import ALLOWANCE, in_start_up, start_up_allowance
-from pter_gym.tasks.path_following.context import context_of, told_of
-from pter_gym.tasks.path_following.observation import Observation, observation
-from pter_gym.tasks.path_following.reward import Outcome, Terms, pace_cost, pace_share, reward_terms, total
-from pter_gym.tasks.path_following.situation import (
+from pter_gym.tasks.path_following._allowance import ALLOWANCE, in_start_up, start_up_allowance
+from pter_gym.tasks.path_following._context import context_of, told_of
+from pter_gym.tasks.path_following._observation import Observation, observation
+from pter_gym.tasks.path_following._reward import Outcome, Terms, pace_cost, pace_share, reward_terms, total
+from pter_gym.tasks.path_following._situation import (
     PathVector,
     Situation,
     motion_at,
@@ -34,7 +34,7 @@ from pter_gym.tasks.path_following.situation import (
     to_world,
     too_fast,
 )
-from pter_gym.tasks.path_following.specification import sin_elbow, strongest, substeps
+from pter_gym.tasks.path_following._specification import sin_elbow, strongest, substeps
 
 DRAWS = range(10)
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from pter_gym._engine.batch import Batch
 from pter_gym.controllers import Free
-from pter_gym.engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.hands import (
     MEASURED_ARMS,
@@ -21,7 +21,7 @@ from pter_gym.hands import (
     TremorArm,
     find_hand,
 )
-from pter_gym.hands.tremor import KINDS
+from pter_gym.hands._tremor import KINDS
 from pter_gym.params import BASELINE, Arm
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, PathFollowing

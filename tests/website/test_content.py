@@ -7,7 +7,7 @@ import made
 import pytest
 from pages import IMAGES
 
-from pter_gym.params.preset import PRESET
+from pter_gym.params._preset import PRESET
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Repeat, Uniform
 

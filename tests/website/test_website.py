@@ -21,7 +21,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SHOWN = ((1280, 900), (390, 844))
-FEW = ("index", "path-following", "scenarios/everything", "model", "gallery", "reference/pter_gym.envs.vector")
+FEW = ("index", "path-following", "scenarios/everything", "model", "gallery", "reference/pter_gym.envs._vector")
 """Pages that are opened in the gate: one of each kind."""
 
 LOADED = "Promise.all([...document.images].map((i) => { i.loading = 'eager'; return i.decode().catch(() => {}); }))"
@@ -77,7 +77,7 @@ def check(tab: "browser.Tab", site: Path, names: list[str]) -> None:  # noqa: F8
     assert not {name: each for name, each in found.items() if each}
 
 
-INNER = {"pter_gym.paper.experiments.calibration"}
+INNER = {"pter_gym.tools.paper.experiments.calibration"}
 """Packages whose names are public for `pter fit` and `pter reproduce` alone."""
 
 

@@ -5,10 +5,10 @@ One file each: what the user states (``specification``), what an agent sees (``o
 respect to its path (``situation``).
 """
 
-from pter_gym.tasks.path_following.ending import Reason, reason_of
-from pter_gym.tasks.path_following.observation import Sensors, observation_layout
-from pter_gym.tasks.path_following.reward import RewardWeights
-from pter_gym.tasks.path_following.specification import (
+from pter_gym.tasks.path_following._ending import Reason, reason_of
+from pter_gym.tasks.path_following._observation import Sensors, observation_layout
+from pter_gym.tasks.path_following._reward import RewardWeights
+from pter_gym.tasks.path_following._specification import (
     AT_REST,
     IDEAL_SENSING,
     MAX_DELAY,
@@ -19,7 +19,7 @@ from pter_gym.tasks.path_following.specification import (
     check_machine,
     substeps,
 )
-from pter_gym.tasks.path_following.telemetry import COLUMN, TELEMETRY
+from pter_gym.tasks.path_following._telemetry import COLUMN, TELEMETRY
 
 __all__ = [
     "AT_REST",

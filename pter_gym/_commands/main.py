@@ -1,0 +1,155 @@
+"""``pter``: the commands. Other packages add theirs by the entry-point group ``pter.commands``."""
+
+import functools
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+import tyro
+from rich.table import Table
+
+from pter_gym._commands.arguments import PATHS, as_typed
+from pter_gym._commands.names import names_table
+from pter_gym._internal.terminal import accept_all_characters, close_output, end_on_interrupt, say, terminal
+from pter_gym._version import __version__
+from pter_gym.errors import PterError, unknown_name
+
+Command = Callable[..., int | None]
+
+GROUP = "pter.commands"
+
+USERS = (
+    "benchmark",
+    "play",
+    "watch",
+    "train",
+    "export",
+    "tune",
+    "identify",
+    "record",
+    "reproduce",
+    "retrain",
+    "verify",
+)
+"""The order of the help. Command NAME of this package is the function NAME in NAME.py, beside this file."""
+
+WORKSHOP = ("fit", "speed")
+"""Commands for those who work on the package itself, which come last."""
+
+DESCRIPTION = "PTER, a passive haptic arm with four friction clutches."
+
+HELP = ("-h", "--help")
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells have it."""
+
+
+def commands() -> dict[str, EntryPoint]:
+    """Return where each command is, by name in the order of the help: of this package and of installed packages."""
+    here = Path(__file__)
+    own = {
+        name: EntryPoint(name, f"{__package__}.{name}:{name}", GROUP)
+        for name in (*USERS, *WORKSHOP)
+        if here.with_name(f"{name}.py").exists()
+    }
+    found = own | {entry.name: entry for entry in entry_points(group=GROUP)}
+    first = [name for name in USERS if name in found]
+    others = [name for name in found if name not in (*USERS, *WORKSHOP)]
+    return {name: found[name] for name in (*first, *others, *WORKSHOP)}
+
+
+def load_command(name: str) -> Command:
+    """Return a command, or raise a ParameterError with the nearest names."""
+    found = commands()
+    if name not in found:
+        raise unknown_name("COMMAND", name, found)
+    return found[name].load()
+
+
+def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
+    """Return the arguments of a command by name, or print its help or what is wrong and leave as tyro does."""
+
+    @functools.wraps(command)
+    def keep(**given: Any) -> dict[str, Any]:
+        return given
+
+    return tyro.cli(keep, prog=f"pter {name}", args=arguments, registry=PATHS)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run ``pter`` and return its exit status: the command's, else 0; 2 after an error, 130 after Ctrl-C."""
+    accept_all_characters()
+    if arguments is None:
+        end_on_interrupt(INTERRUPTED)
+    try:
+        status = _run(sys.argv[1:] if arguments is None else arguments)
+        sys.stdout.flush()
+        return status
+    except KeyboardInterrupt:
+        terminal(errors=True).print("interrupted; files that were written are complete")
+        return INTERRUPTED
+    except OSError as error:  # of a file, or of where the output goes
+        if arguments is None:
+            close_output()
+        with suppress(OSError):
+            complain(str(error) if error.filename else f"not everything could be printed: {error.strerror}")
+        return 2
+
+
+def _run(arguments: list[str]) -> int:
+    name, *rest = arguments or ["--help"]
+    if name == "--version":
+        say(f"pter {__version__}")
+        return 0
+    if name in HELP:
+        _print_overview()
+        return 0
+    command: Command | None = None
+    try:
+        command = load_command(name)
+        if not set(HELP).isdisjoint(rest):
+            return _print_help(name, command)
+        return command(**parse(name, command, rest)) or 0
+    except PterError as error:
+        text = as_typed(str(error), command)
+        complain(text)
+        return 2
+
+
+def complain(text: str) -> None:
+    """Print what is wrong."""
+    terminal(errors=True).print(f"error: {text}", style="red", soft_wrap=True, markup=False)
+
+
+def _print_overview() -> None:
+    """Print all commands, on one screen."""
+    console = terminal()
+    console.print(f"usage: pter COMMAND …\n\n{DESCRIPTION}\n")
+    found = commands()
+    for part in ([name for name in found if name not in WORKSHOP], WORKSHOP):
+        if part is WORKSHOP:
+            console.print("\nfor work on the package itself:")
+        table = Table.grid(padding=(0, 2))
+        for name in part:
+            table.add_row(f"  {name}", (found[name].load().__doc__ or "").partition("\n")[0])
+        console.print(table)
+    console.print("\n`pter COMMAND --help` explains a command; `pter --version` tells the version.")
+
+
+def _print_help(name: str, command: Command) -> int:
+    """Print what tyro knows of a command, and the names that it accepts."""
+    try:
+        parse(name, command, ["--help"])
+    except SystemExit as end:
+        table = names_table(command)
+        if table.row_count:
+            terminal().print("names\n", table, sep="")
+        return int(end.code or 0)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,90 @@
+"""The names that arguments accept, from where they are declared."""
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+from rich.table import Table
+
+Names = dict[str, list[str]]
+
+
+def scenarios() -> Names:
+    """Return the scenarios."""
+    from pter_gym.scenarios import SCENARIOS
+
+    return {"scenarios": list(SCENARIOS)}
+
+
+def paces() -> Names:
+    """Return the commanded paces."""
+    from pter_gym.scenarios import PACES
+
+    return {"paces": list(PACES)}
+
+
+def tunable() -> Names:
+    """Return the controllers whose gains can be searched."""
+    from pter_gym.benchmark._tuned import TUNABLE
+
+    return {"controllers": list(TUNABLE)}
+
+
+def machines() -> Names:
+    """Return the named machines."""
+    from pter_gym.params import MACHINES
+
+    return {"machines": list(MACHINES)}
+
+
+def policies() -> Names:
+    """Return all that acts: controllers, those with tuned gains, planners, and trained policies."""
+    from pter_gym.benchmark._naming import PLANNERS
+    from pter_gym.benchmark._tuned import TUNED
+    from pter_gym.controllers import CONTROLLERS
+
+    return {"controllers": list(CONTROLLERS), "tuned": list(TUNED), "planners": list(PLANNERS), **trained()}
+
+
+def trained() -> Names:
+    """Return the trained policies that the package ships."""
+    from pter_gym.policies import shipped_policies
+
+    return {"trained": list(shipped_policies())}
+
+
+def figures() -> Names:
+    """Return the figures and tables of the paper."""
+    from pter_gym.tools.paper.reproduce.figures import PRODUCTS
+
+    return {"figures": list(PRODUCTS)}
+
+
+NAMES: dict[str, Callable[[], Names]] = {
+    "controller": tunable,
+    "policies": policies,
+    "policy": trained,
+    "figures": figures,
+    "scenario": scenarios,
+    "scenarios": scenarios,
+    "pace": paces,
+    "paces": paces,
+    "machine": machines,
+}
+"""What an argument of a name accepts, whatever the command."""
+
+
+def names_of(command: Callable[..., Any]) -> Names:
+    """Return the names that the arguments of a command accept, by kind."""
+    found: Names = {}
+    for name in inspect.signature(command).parameters:
+        found |= NAMES[name]() if name in NAMES else {}
+    return found
+
+
+def names_table(command: Callable[..., Any]) -> Table:
+    """Return the names that the arguments of a command accept, to print below its help."""
+    table = Table.grid(padding=(0, 2))
+    for kind, names in names_of(command).items():
+        table.add_row(kind, ", ".join(names))
+    return table

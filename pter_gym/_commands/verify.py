@@ -1,0 +1,47 @@
+"""``pter verify``: whether scores are those of the policies that they are said to be of."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from pter_gym._commands.arguments import import_from_here, split
+from pter_gym._internal.terminal import progress_bar, say
+
+
+def verify(
+    results: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RESULTS")],
+    policies: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "",
+    seed: int = 0,
+) -> int:
+    """Run what is in a results folder again and compare scores, bit for bit.
+
+    Prints for each file what differs, or why it cannot be run again; the exit status is 1 unless all are the same. The
+    measured time of a decision is not compared.
+
+    Built-in and exported policies are found by name, as `pter benchmark` does. What results name as code is
+    imported only if it is given here; `pter_gym.benchmark.verify` takes other callables.
+
+    Example: pter verify pter-benchmark
+
+    Args:
+        results: Folder of `pter benchmark --out`.
+        policies: Policies as package.module:attribute that may be imported, separated by commas.
+        seed: Seed of random and predictive policies, at least 0.
+    """
+    from pter_gym.benchmark import ResultsFolder, find_policy
+    from pter_gym.benchmark import verify as run_again
+    from pter_gym.benchmark._naming import is_code
+
+    import_from_here()
+    known = {name: find_policy(name, seed) for name in split(policies) if is_code(name)}
+    with progress_bar() as progress:
+        task = progress.add_task("verify", total=None)
+        verdicts = run_again(
+            ResultsFolder(results), known, seed=seed, on_progress=lambda file: progress.update(task, description=file)
+        )
+    for verdict in verdicts:
+        say(f"{verdict.file}: {verdict.finding}")
+    same = sum(verdict.same for verdict in verdicts)
+    say(f"{same} of {len(verdicts)} files are the same")
+    return 0 if same == len(verdicts) else 1

@@ -1,0 +1,125 @@
+"""The one wrapper around numba.
+
+``device`` marks a scalar function on one world. ``compile_kernel`` turns a function that loops over worlds into machine
+code. Arithmetic is strict (no fast-math, no contraction), so a world in a vectorised loop has the bits of a world
+alone.
+"""
+
+import inspect
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any, TypeVar, cast
+
+import numba
+from numba.core import config
+from numba.core.registry import CPUDispatcher
+
+from pter_gym._compiled import pipeline
+from pter_gym._compiled.digests import digest_of, files_of
+from pter_gym._compiled.stored import StoredKernels
+
+__all__ = ["WITHOUT_ARRAYS", "Device", "compile_kernel", "device", "digest_of", "files_of", "inlined", "outlined"]
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_INLINED: Any = {"forceinline": True, "error_model": "numpy"}
+_WITHOUT_WRAPPERS: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+WITHOUT_ARRAYS: Any = {**_INLINED, **_WITHOUT_WRAPPERS, "_nrt": False}
+"""Options of code that is inlined into kernels, makes no arrays and is called by no Python code when compiled."""
+
+_KERNEL: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": pipeline.Kernel}
+
+_NUMBA: Any = config
+
+
+class Device(CPUDispatcher):
+    """A function that is compiled for compiled callers alone; for others it is the Python function that it was.
+
+    Without the wrappers by which Python calls compiled code, kernels compile in three quarters of the time.
+    """
+
+    def add_overload(self, cres: Any) -> None:
+        """Keep what was compiled for compiled callers."""
+        self.overloads[tuple(cres.signature.args)] = cres
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Call the Python function."""
+        return self.py_func(*args, **kwargs)
+
+
+def _for_compiled_callers(function: Function, **options: Any) -> Function:
+    if _NUMBA.DISABLE_JIT:
+        return function
+    return cast(Function, Device(function, {}, {"nopython": True, "boundscheck": None, **options}, pipeline.Part))
+
+
+def device(function: Function) -> Function:
+    """Compile a scalar function so that it is always inlined into the kernel that calls it.
+
+    It may read and write the arrays that it gets and makes none of its own: numba then counts no references to arrays,
+    which would cost more than the arithmetic and keep loops from being vectorised.
+    """
+    return _for_compiled_callers(function, **WITHOUT_ARRAYS)
+
+
+def outlined(function: Function) -> Function:
+    """Compile a scalar function of the kind of ``device`` once, however often it is called: what is rare but long."""
+    return _for_compiled_callers(function, **{**WITHOUT_ARRAYS, "forceinline": False})
+
+
+def inlined(function: Function) -> Function:
+    """Compile a user's scalar function as ``device`` does, but let it make arrays."""
+    return cast(Function, numba.njit(**_INLINED)(function))
+
+
+def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Function:
+    """Compile a kernel with a cache that notices a change in any function that it inlines.
+
+    Numba's cache sees only the file of the kernel itself (numba issue 1833). So ``build`` gets a digest of everything
+    that the kernel reaches and returns the kernel with that digest in its closure, which is part of numba's cache key.
+    A kernel that has no digest is compiled in memory, by each process.
+
+    Parameters
+    ----------
+    build
+        A factory: ``build(digest)`` returns a function whose body names ``digest``.
+    **inlined
+        Global names of the kernel to bind to other values: a control law, for example. A closure over a compiled
+        function would give a new cache key in each process; a global name does not.
+    """
+    digest = digest_of(_bind(cast(FunctionType, build("")), inlined))
+    function = _bind(cast(FunctionType, build(digest or "")), inlined)
+    stored = digest is not None and all(map(_has_module, inlined.values()))
+    kernel: Any = numba.njit(**_KERNEL)(function)
+    if hasattr(kernel, "compile"):  # not with NUMBA_DISABLE_JIT=1
+        pipeline.compile_apart(kernel, stored=stored and _is_stored(kernel))
+    return cast(Function, kernel)
+
+
+def _is_stored(kernel: Any) -> bool:
+    """Let a kernel be stored on the disk; tell whether there is a folder for it."""
+    try:
+        kernel._cache = StoredKernels(kernel.py_func)
+    except RuntimeError:
+        return False
+    return True
+
+
+def _has_module(value: object) -> bool:
+    """Tell whether a function is in a module: others, as after ``exec``, could not be loaded from a cache."""
+    function = getattr(value, "py_func", value)
+    return not isinstance(function, FunctionType) or inspect.getmodule(function) is not None
+
+
+def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:
+    bound = FunctionType(
+        function.__code__,
+        {**function.__globals__, **names},
+        function.__name__,
+        function.__defaults__,
+        function.__closure__,
+    )
+    bound.__qualname__ = function.__qualname__
+    bound.__module__ = function.__module__
+    return bound

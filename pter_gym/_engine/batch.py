@@ -1,0 +1,394 @@
+"""Many worlds in one call. The single environment and the vector environments are built on this."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pter_gym._compiled.records import flat, read
+from pter_gym._engine.kernels import advance_kernel, reset_kernel
+from pter_gym._engine.law import empty_memory
+from pter_gym._engine.threads import Threads
+from pter_gym._engine.world import CONFIG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
+from pter_gym._engine.worlds import WorldArrays, number_drawing, number_of_pairs
+from pter_gym.errors import ActionError, ParameterError, ResetNeededError
+from pter_gym.params import Machine
+from pter_gym.tasks.path_following._context import TOLD
+from pter_gym.tasks.path_following._observation import ENTRIES, SEEN, Sensors, observation_layout
+from pter_gym.tasks.path_following._specification import PathFollowing, substeps
+from pter_gym.tasks.path_following._telemetry import COLUMNS
+
+Array = NDArray[np.float64]
+Observations = NDArray[np.float32]
+ActionUnit = Literal["volt", "normalised"]
+
+NO_LIMIT = float("inf")
+
+
+class Returns(NamedTuple):
+    """What a step returns: fresh arrays, except ``final_obs``.
+
+    Attributes
+    ----------
+    obs
+        Observations, float32 (N, len(layout)).
+    final_obs
+        With ``SAME_STEP``, the last observations of the worlds that ended and were reset in this step, float32
+        (N, len(layout)); other rows hold anything, and the next step changes all.
+    rewards
+        float64 (N,).
+    flags
+        bool (FLAGS, N): terminated, truncated, success.
+    telemetry
+        float64 (1, N, len(TELEMETRY)), or (0, …) without telemetry; with ``SAME_STEP`` a second layer holds the last
+        ones of the worlds that ended.
+    """
+
+    obs: Observations
+    final_obs: Observations
+    rewards: NDArray[np.float64]
+    flags: NDArray[np.bool_]
+    telemetry: NDArray[np.float64]
+
+
+class Batch(WorldArrays):
+    """N worlds, each with its own machine, task, seed and episode count.
+
+    Parameters
+    ----------
+    machines, tasks
+        One for all worlds, or a sequence with one for each. The machines share the substep and the largest voltage, the
+        tasks the control period.
+    num_worlds
+        N; may be left out where ``machines`` or ``tasks`` is a sequence.
+    draws
+        Whether each world draws one of the given pairs of machine and task at each reset, by its seed and episode
+        alone. Otherwise each world keeps its own.
+    sensors
+        What the observation holds; see ``observation_layout``.
+    observe_context
+        Whether the observation ends with what is told of machine and task.
+    action_unit
+        ``"volt"``: actions within [0, voltage_max]; ``"normalised"``: a within [−1, 1] for voltage_max·((a + 1)/2)².
+    max_steps
+        Control steps after which an episode is truncated; none by default.
+    telemetry
+        Whether steps return telemetry.
+    num_threads
+        Threads that share the work of large batches; the result does not depend on it.
+
+    Attributes
+    ----------
+    machine, task
+        The first ones given.
+    pairs
+        The distinct pairs of machine and task; ``context`` holds their numbers.
+    layout
+        Layout of the observations.
+    action_low, action_high
+        Bounds of an action in its unit.
+
+    Raises
+    ------
+    ParameterError
+        If the worlds disagree on what they must share, or a machine cannot do its task.
+    """
+
+    def __init__(
+        self,
+        machines: Machine | Sequence[Machine],
+        tasks: PathFollowing | Sequence[PathFollowing],
+        num_worlds: int | None = None,
+        *,
+        draws: bool = False,
+        sensors: Sensors = "torque",
+        observe_context: bool = False,
+        action_unit: ActionUnit = "volt",
+        max_steps: int | None = None,
+        telemetry: bool = True,
+        num_threads: int = 1,
+    ) -> None:
+        if action_unit not in get_args(ActionUnit):
+            raise ParameterError(f"action_unit must be one of {', '.join(get_args(ActionUnit))}, got {action_unit!r}")
+        if num_threads < 1:
+            raise ParameterError(f"num_threads must be ≥ 1, got {num_threads!r}")
+        if max_steps is not None and max_steps < 1:
+            raise ParameterError(f"max_steps must be ≥ 1 or None, got {max_steps!r}")
+        given = number_of_pairs(machines, tasks, None if draws else num_worlds)
+        drawing = number_drawing(num_worlds) if draws else None
+        listed_machines = [machines] * given if isinstance(machines, Machine) else list(machines)
+        listed_tasks = [tasks] * given if isinstance(tasks, PathFollowing) else list(tasks)
+        self.machine = listed_machines[0]
+        self.task = listed_tasks[0]
+        self.layout = observation_layout(self.machine, sensors, TOLD if observe_context else None)
+        voltage_max = self.machine.clutch.voltage_max
+        self.action_low, self.action_high = (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
+        self._config = np.array([*flat(self._shared(observe_context, max_steps)), *self.layout.scales])
+        super().__init__(listed_machines, listed_tasks, drawing)
+        self._actions = np.empty((self.num_worlds, 4))
+        self._records = int(telemetry)
+        self._final_obs = np.empty((0, len(self.layout)), np.float32)
+        self._shape = (self.num_worlds, len(self.layout))
+        self._alone = np.empty(1), np.empty((FLAGS, 1), np.bool_)
+        self._advance = advance_kernel()
+        self._threads = Threads(num_threads)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but the kernel, which another process has or compiles by itself."""
+        return {name: value for name, value in vars(self).items() if name != "_advance"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Become a copy."""
+        vars(self).update(state)
+        self._advance = advance_kernel()
+
+    def _shared(self, observe_context: bool, max_steps: int | None) -> Config:
+        """Return what all worlds share."""
+        entries = len(self.layout) - (len(TOLD) if observe_context else 0)
+        inverse = np.zeros(ENTRIES)
+        inverse[:entries] = 1.0 / self.layout.scales[:entries]
+        return Config(
+            low=self.action_low,
+            high=self.action_high,
+            slack=4.0 * float(np.spacing(np.float32(self.action_high))),
+            substep=self.machine.substep,
+            substeps=substeps(self.task, self.machine),
+            limit=NO_LIMIT if max_steps is None else max_steps,
+            has_law=0.0,
+            entries=entries,
+            inverse_scale=read(inverse, SEEN, 0),
+        )
+
+    def reset(
+        self, seeds: Sequence[int | None] | None = None, chosen: NDArray[np.bool_] | None = None
+    ) -> tuple[Observations, Array]:
+        """Start new episodes.
+
+        Parameters
+        ----------
+        seeds
+            One seed ≥ 0 for each world, or None for an unseeded reset, which goes on to the next episode of the world's
+            present seed (drawn from the operating system at first).
+        chosen
+            Which worlds to reset, shape (N,); all by default. The others stay as they are.
+
+        Returns
+        -------
+        observations, telemetry
+            Of all worlds: float32 (N, len(layout)) and float64 (N or 0, len(TELEMETRY)), fresh arrays. The telemetry
+            holds the pose, and zero for what only a step tells.
+        """
+        chosen = np.ones(self.num_worlds, np.bool_) if chosen is None else chosen
+        words = self.next_words(seeds, chosen)
+        obs = np.empty((self.num_worlds, len(self.layout)), np.float32)
+        telemetry = np.empty((self._records, self.num_worlds, COLUMNS))
+        kernel = reset_kernel()
+        self._words, self._seeded = words, self._seeded | chosen
+        kernel(self._worlds, words, chosen, obs, telemetry, self._config, self._constants)
+        return obs, telemetry.reshape(-1, COLUMNS)
+
+    def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
+        """Advance all worlds by one control period.
+
+        Parameters
+        ----------
+        actions
+            Clutch voltages in the action unit, shape (N, 4). Up to four float32 ulp beyond a bound are clipped.
+        ended
+            What to do with a world whose episode has ended, from ``pter_gym._engine.world``: ``REFUSE`` to step,
+            ``SKIP`` it (its rows are zero, and NaN in the telemetry), reset it in the ``NEXT_STEP``, ignoring that
+            step's action, or in the ``SAME_STEP``.
+
+        Raises
+        ------
+        ActionError
+            If an action has a wrong shape or type, is not finite, or is out of bounds; no world has moved.
+        ResetNeededError
+            If a world was never reset, or its episode has ended with ``REFUSE`` or ``SAME_STEP``; no world has moved.
+        """
+        self._take(actions, self._actions.shape)
+        n = self.num_worlds
+        obs = np.empty((n, len(self.layout)), np.float32)
+        rewards = np.empty(n)
+        flags = np.empty((FLAGS, n), np.bool_)
+        telemetry = np.empty((self._records * (2 if ended == SAME_STEP else 1), n, COLUMNS))
+        if ended == NEXT_STEP and not self._seeded.all():
+            raise ResetNeededError(f"world {self._seeded.argmin()} needs a reset: it was never reset")
+        if ended == SAME_STEP and not len(self._final_obs):
+            self._final_obs = np.empty_like(obs)
+        if ended == SKIP:
+            obs.fill(0.0)
+            rewards.fill(0.0)
+            flags.fill(False)
+            telemetry.fill(np.nan)
+        refused = self._run(self._advance, self._actions, obs, rewards, flags, telemetry, self._config, ended, 1)
+        if refused >= 0:
+            self._refuse(refused)
+        return Returns(obs, self._final_obs, rewards, flags, telemetry)
+
+    def step_alone(self, action: ArrayLike) -> tuple[Observations, Array, float, bool, bool, bool]:
+        """Advance a batch of one world, as ``step`` with ``REFUSE`` does, with less around it.
+
+        Parameters
+        ----------
+        action
+            Shape (4,).
+
+        Returns
+        -------
+        observation, telemetry
+            Fresh arrays (len(layout),) and (len(TELEMETRY),).
+        reward, terminated, truncated, success
+            As Python has them.
+        """
+        self._take(action, (4,))
+        obs = np.empty(self._shape, np.float32)
+        telemetry = np.empty((1, 1, COLUMNS))
+        rewards, flags = self._alone
+        refused = self._advance(
+            self._worlds,
+            self._words,
+            self._actions,
+            obs,
+            self._final_obs,
+            rewards,
+            flags,
+            telemetry,
+            self._config,
+            self._constants,
+            REFUSE,
+            1,
+            0,
+            1,
+        )
+        if refused >= 0:
+            self._refuse(refused)
+        (terminated,), (truncated,), (success,) = flags.tolist()
+        return obs[0], telemetry[0, 0], rewards.item(), terminated, truncated, success
+
+    def rollout(
+        self, obs: Observations, law: Any, gains: Array, steps: int, memory: Array | None = None
+    ) -> tuple[Observations, Array]:
+        """Run a compiled control law in all worlds, from their present state, for at most ``steps`` control periods.
+
+        Parameters
+        ----------
+        obs
+            The latest observations, shape (N, len(layout)).
+        law, gains
+            A law as in ``pter_gym.controllers._laws`` and its gains, shape (G,).
+        steps
+            Number of control periods.
+        memory
+            What the law keeps, from ``empty_memory``; it is changed, so a further rollout may go on with it. Empty
+            by default.
+
+        Returns
+        -------
+        observations, telemetry
+            The last observations, and float64 (steps, N, len(TELEMETRY)); NaN after the end of an episode.
+
+        Raises
+        ------
+        ActionError
+            If the law returns a voltage that is not finite; worlds and memory are as before. One beyond the range is
+            clipped.
+        """
+        telemetry = np.full((steps, self.num_worlds, COLUMNS), np.nan)
+        obs, _ = self._follow(obs, law, gains, memory, telemetry, steps)
+        return obs, telemetry
+
+    def outcome(
+        self, obs: Observations, law: Any, gains: Array, steps: int, memory: Array
+    ) -> tuple[Observations, NDArray[np.bool_]]:
+        """Run a compiled control law as ``rollout`` does, without telemetry, which takes a good part of the time.
+
+        Returns the last observations, and bool (FLAGS, N): whether the episode ended in these steps, and how.
+        """
+        return self._follow(obs, law, gains, memory, np.empty((0, self.num_worlds, COLUMNS)), steps)
+
+    def _follow(
+        self, obs: Observations, law: Any, gains: Array, memory: Array | None, telemetry: Array, steps: int
+    ) -> tuple[Observations, NDArray[np.bool_]]:
+        """Run a law and write the telemetry, if there is room for it; return the last observations and the flags."""
+        obs = obs.copy()
+        memory = self.empty_memory() if memory is None else memory
+        config: Any = np.concatenate([self._config, gains])
+        config[CONFIG.has_law] = 1.0
+        rewards = np.empty(self.num_worlds)
+        flags = np.zeros((FLAGS, self.num_worlds), np.bool_)
+        worlds, kept = self._worlds.copy(), memory.copy()
+        refused = self._run(advance_kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
+        if refused >= 0:
+            volts = self._row(refused)[[*ROW.command]]
+            self._worlds[:], memory[:] = worlds, kept
+            raise ActionError(f"the law's voltages of world {refused} must be finite, got {volts.tolist()}")
+        return obs, flags
+
+    def empty_memory(self) -> Array:
+        """Return the memory of a law at the start of an episode; see ``pter_gym._engine.law``."""
+        return empty_memory(self.num_worlds)
+
+    def device_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays that a kernel on another device needs: worlds, words, config, constants, who has begun."""
+        return {**self._changing, "config": self._config, "constants": self._constants}
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that the worlds take between steps."""
+        return super().nbytes + self._actions.nbytes + self._final_obs.nbytes
+
+    def _run(
+        self,
+        kernel: Any,
+        given: Array,
+        obs: Observations,
+        rewards: Array,
+        flags: NDArray[np.bool_],
+        telemetry: Array,
+        config: Array,
+        ended: int,
+        steps: int,
+    ) -> int:
+        """Run the kernel over all blocks, in this thread or in several; return the first refused world or −1."""
+        outputs = (obs, self._final_obs, rewards, flags, telemetry)
+        arguments = (self._worlds, self._words, given, *outputs, config, self._constants, ended)
+        shares = self._threads.shares(len(self._worlds))
+        if len(shares) == 1:
+            return kernel(*arguments, steps, *shares[0])
+        refused = kernel(*arguments, 0, 0, 0)
+        if refused >= 0:
+            return refused
+        found = self._threads.share_out(partial(kernel, *arguments, steps), shares)
+        return min((world for world in found if world >= 0), default=-1)
+
+    def close(self) -> None:
+        """Stop the threads, if there are any."""
+        self._threads.close()
+
+    def _take(self, actions: ArrayLike, shape: tuple[int, ...]) -> None:
+        """Copy actions of a shape to where the kernel reads them."""
+        try:
+            array = np.asarray(actions)
+        except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that is not plain CPU memory
+            raise ActionError(f"action must be an array of numbers: {error}") from None
+        if array.shape != shape:
+            raise ActionError(f"action must have the shape {shape}, got {array.shape}")
+        if array.dtype.kind not in "fiu":
+            raise ActionError(f"action must hold real numbers, got dtype {array.dtype}")
+        self._actions[...] = array
+
+    def _row(self, world: int) -> Any:
+        """Return what is stored of a world, (rows,)."""
+        width = self._worlds.shape[2]
+        return self._worlds[world // width, :, world % width]
+
+    def _refuse(self, world: int) -> None:
+        if self._row(world)[ROW.alive] == 0.0:
+            raise ResetNeededError(f"world {world} needs a reset: it was never reset or its episode has ended")
+        raise ActionError(
+            f"action of world {world} must be finite and within [{self.action_low:g}, {self.action_high:g}], "
+            f"got {self._actions[world].tolist()}"
+        )

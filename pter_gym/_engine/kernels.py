@@ -1,0 +1,262 @@
+"""The block kernel: whole control steps of many worlds on a CPU.
+
+Worlds are stored in blocks of up to 64 lanes, (blocks, rows, lanes). A block is copied into one scratch array, whose
+innermost loops over lanes are vectorised, and back. Worlds that share constants read them from one place. Lanes without
+a world start at zero, with the constants of another one, and run along; nothing reads them.
+"""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from pter_gym._compiled.compiler import compile_kernel, device, inlined
+from pter_gym._compiled.records import store
+from pter_gym._engine.episode import (
+    conclude_step,
+    end_step,
+    fetch_world,
+    has_begun,
+    put_back,
+    start_episode,
+    take_context,
+)
+from pter_gym._engine.law import no_law
+from pter_gym._engine.recording import record_reset
+from pter_gym._engine.sensing import see, write_observation
+from pter_gym._engine.step import are_finite, given_volts, is_refused, move_worlds, take_command
+from pter_gym._engine.world import (
+    BASIC_ROWS,
+    COMMAND_ROWS,
+    CONFIG,
+    CONFIG_WIDTH,
+    CONSTANT_ROWS,
+    LANES,
+    NEXT_STEP,
+    ROW,
+    ROWS,
+    STORED_ROWS,
+    Arrays,
+)
+from pter_gym._physics.step import count_nonzero
+
+law: Any = no_law
+"""The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
+
+
+@inlined
+def _scratch() -> Any:
+    """Return room for a block whose rows begin at cache lines: across two, eight numbers take twice as long."""
+    room = np.empty((ROWS, LANES + 8))
+    return room[:, -room.ctypes.data % 64 // 8 :]
+
+
+@device
+def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: int) -> int:
+    """Return the first world whose step is refused, or −1."""
+    width = worlds.shape[2]
+    for b in range(worlds.shape[0]):
+        begin = b * width
+        lanes = min(width, actions.shape[0] - begin)
+        count = 0
+        for i in range(lanes):
+            count += 1 if is_refused(worlds[b, ROW.alive, i], actions, low, high, ended, begin + i) else 0
+        if count > 0:
+            for i in range(lanes):
+                if is_refused(worlds[b, ROW.alive, i], actions, low, high, ended, begin + i):
+                    return begin + i
+    return -1
+
+
+@device
+def _gather(w: Any, worlds: Any, b: int) -> None:
+    """Read the stored rows of all lanes of a block."""
+    for row in range(worlds.shape[1]):
+        for i in range(worlds.shape[2]):
+            w[row, i] = worlds[b, row, i]
+
+
+@device
+def _clear(w: Any, worlds: Any) -> None:
+    """Set to zero what is not stored, and what commands set: lanes without a world have none."""
+    for row in range(worlds.shape[1], STORED_ROWS):
+        for i in range(worlds.shape[2]):
+            w[row, i] = 0.0
+    for row in range(STORED_ROWS + CONSTANT_ROWS, STORED_ROWS + CONSTANT_ROWS + COMMAND_ROWS):
+        for i in range(worlds.shape[2]):
+            w[row, i] = 0.0
+
+
+@device
+def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
+    """Read the constants of all lanes; those of ``present`` are there. Return whose they are, or −1 for several."""
+    first = w[ROW.context_at, 0]
+    others = 0
+    for i in range(width):
+        others += 1 if w[ROW.context_at, i] != first else 0
+    if others > 0:
+        for i in range(width):
+            take_context(w, i, constants)
+        return -1.0
+    if first != present:
+        begin = int(first)
+        for row in range(CONSTANT_ROWS):
+            value = constants[begin + row]
+            for i in range(width):
+                w[STORED_ROWS + row, i] = value
+    return first
+
+
+@device
+def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
+    """Write the lanes that are alive back to their block."""
+    if count_nonzero(w, ROW.alive, lanes) == lanes:
+        for row in range(worlds.shape[1]):
+            for i in range(lanes):
+                worlds[b, row, i] = w[row, i]
+    else:
+        for i in range(lanes):
+            if w[ROW.alive, i] != 0.0:
+                put_back(w, i, worlds, b * worlds.shape[2] + i)
+
+
+@device
+def _after_resets(w: Any, lanes: int, present: float) -> float:
+    """Return ``present``, or −1 where a lane may have drawn other constants."""
+    drawing = 0
+    for i in range(lanes):
+        drawing += 1 if w[ROW.draws, i] != 1.0 else 0
+    return present if drawing == 0 else -1.0
+
+
+@device
+def _goes_on(w: Any, lanes: int, ended: int) -> bool:
+    """Tell whether there is anything to do for a block."""
+    return ended == NEXT_STEP or count_nonzero(w, ROW.alive, lanes) > 0
+
+
+@device
+def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high: float) -> None:
+    """Begin a control step with the actions of the worlds from ``begin`` on."""
+    for i in range(lanes):
+        take_command(w, i, given_volts(actions, begin + i, low, high, w[ROW.machine.voltage_max, i]))
+
+
+@device
+def _close(w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: int) -> None:
+    """End a control step of a block, and write back the worlds that ended."""
+    width = worlds.shape[2]
+    begin = b * width
+    conclude_step(w, width, lanes, a.words, begin, a.config, a.constants, worlds.shape[1] > BASIC_ROWS)
+    for i in range(lanes):
+        end_step(w, i, begin + i, a, t, ended)
+        if has_begun(w, i) and w[ROW.alive, i] == 0.0:
+            put_back(w, i, worlds, begin + i)
+
+
+def _build_advance(digest: str) -> Any:
+    def advance(
+        worlds: Any,
+        words: Any,
+        given: Any,
+        obs: Any,
+        final_obs: Any,
+        rewards: Any,
+        flags: Any,
+        telemetry: Any,
+        config: Any,
+        constants: Any,
+        ended: int,
+        steps: int,
+        first: int,
+        last: int,
+    ) -> int:
+        _ = digest
+        a = Arrays(words, obs, final_obs, rewards, flags, telemetry, config, constants)
+        low, high, slack = config[CONFIG.low], config[CONFIG.high], config[CONFIG.slack]
+        scales = config[CONFIG_WIDTH : CONFIG_WIDTH + obs.shape[1]]
+        gains = config[CONFIG_WIDTH + obs.shape[1] :]
+        has_law = config[CONFIG.has_law] != 0.0
+        looks = (not has_law) and first == 0 and (last == 0 or last == worlds.shape[0])
+        refused = _first_refused(worlds, given, low - slack, high + slack, ended) if looks else -1
+        if refused >= 0:
+            return refused
+        w = _scratch()
+        _clear(w, worlds)
+        present = -1.0
+        width = worlds.shape[2]
+        for b in range(first, last):
+            begin = b * width
+            lanes = min(width, obs.shape[0] - begin)
+            _gather(w, worlds, b)
+            present = _take_contexts(w, width, constants, present)
+            for t in range(steps):
+                if not _goes_on(w, lanes, ended):
+                    break
+                if has_law:
+                    for i in range(lanes):
+                        if w[ROW.alive, i] != 0.0:
+                            volts = law(obs[begin + i], scales, gains, given[begin + i])
+                            if not are_finite(volts):
+                                store(w, ROW.command, i, volts)
+                                put_back(w, i, worlds, begin + i)
+                                return begin + i
+                            take_command(w, i, volts)
+                else:
+                    _begin_given(w, lanes, given, begin, low, high)
+                move_worlds(w, width, config, worlds.shape[1] > BASIC_ROWS)
+                _close(w, worlds, b, lanes, a, t, ended)
+            _scatter_alive(w, lanes, worlds, b)
+            present = _after_resets(w, lanes, present)
+        return -1
+
+    return advance
+
+
+def _build_reset(digest: str) -> Any:
+    def reset(worlds: Any, words: Any, chosen: Any, obs: Any, telemetry: Any, config: Any, constants: Any) -> None:
+        _ = digest
+        w = _scratch()  # of the same type as above, for which all functions are compiled already
+        for world in range(obs.shape[0]):
+            i = world % worlds.shape[2]
+            fetch_world(w, i, worlds, world)
+            if chosen[world]:
+                start_episode(w, i, words[world, 0], words[world, 1], config, constants)
+                put_back(w, i, worlds, world)
+            else:
+                take_context(w, i, constants)
+            see(w, i, config, constants)
+            write_observation(w, i, obs, world, config, constants)
+            if telemetry.shape[0] > 0:
+                record_reset(w, i, telemetry, 0, world, constants)
+
+    return reset
+
+
+@cache
+def advance_kernel(inlined: Any = no_law) -> Any:
+    """Return the compiled ``advance`` with a control law inside.
+
+    ``advance(worlds, words, given, obs, final_obs, rewards, flags, telemetry, config, constants, ended, steps, first,
+    last)`` runs ``steps`` control steps of the worlds in the blocks first … last − 1. ``worlds`` has the shape
+    (B, BASIC_ROWS or STORED_ROWS, lanes), ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP, and ``Arrays`` describes
+    what is not described here.
+
+    ``given`` holds the actions (N, 4), or where the voltages come from the law its memory (N, M). A call for all blocks
+    or for none looks at the actions of all worlds first; the number of the first that is refused is returned before
+    anything is touched, −1 when all went well. A call for some blocks does not look.
+
+    Where a law returns a voltage that is not finite, the number of its world is returned. That world's command then
+    holds the voltages, and other worlds have moved.
+    """
+    return compile_kernel(_build_advance, law=inlined)
+
+
+@cache
+def reset_kernel() -> Any:
+    """Return the compiled ``reset``.
+
+    ``reset(worlds, words, chosen, obs, telemetry, config, constants)`` starts new episodes of the worlds in ``chosen``,
+    (N,), from their seeds and episode counts, and writes the present observation of all worlds; see ``Arrays``.
+    """
+    return compile_kernel(_build_reset)

@@ -1,0 +1,50 @@
+"""What a compiled control law is to the engine: a function that it inlines, and what that keeps of each world.
+
+A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation, ``obs·scales`` is in
+physical units, ``gains`` belongs to the law and ``memory`` to one world. What the memory holds is a record: ``Memory``
+for the built-in laws, any other for a law that needs one (``pter_gym.controllers.Policy`` takes it).
+"""
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._compiled.compiler import device
+from pter_gym._compiled.records import Entry, rows, width
+from pter_gym._physics.clutch import PerClutch
+
+
+class Memory(NamedTuple):
+    """What the built-in laws keep of one world."""
+
+    kept: Annotated[float, Entry("1", "the clutch engaged last, or a counter")]
+    brake: Annotated[float, Entry("N", "force along the path that the pace's integral has come to")]
+    steps: Annotated[float, Entry("1", "control steps of the episode that went before")]
+    progress: Annotated[float, Entry("1", "part of the path at the last of them")]
+    world: Annotated[float, Entry("1", "number of the world")]
+
+
+MEMORY = rows(Memory)
+
+
+def empty_memory(worlds: int, kind: type[Any] = Memory) -> NDArray[np.float64]:
+    """Return what a law keeps at the start of an episode, a row for each world: (N, numbers of the record).
+
+    Parameters
+    ----------
+    worlds
+        N.
+    kind
+        Record of what is kept. All of it is zero; an entry ``world`` is the number of the world.
+    """
+    memory: Any = np.zeros((worlds, width(kind)))
+    if "world" in kind._fields:
+        memory[:, rows(kind).world] = np.arange(worlds)
+    return memory
+
+
+@device
+def no_law(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:  # noqa: ARG001
+    """Return no voltages: the law of a kernel whose voltages are given."""
+    return PerClutch(0.0, 0.0, 0.0, 0.0)

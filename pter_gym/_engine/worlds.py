@@ -1,0 +1,279 @@
+"""N worlds as arrays, without the kernels that move them: their shared constants, and their state at an instant."""
+
+import os
+from collections.abc import Sequence
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._compiled.records import flat
+from pter_gym._engine.world import BASIC_ROWS, LANES, ROW, STORED_ROWS
+from pter_gym._physics.arm import Linkage, Motion, kinetic_energy
+from pter_gym.errors import ParameterError, ResetNeededError
+from pter_gym.hands import Operator
+from pter_gym.params import Machine
+from pter_gym.paths import Path
+from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
+from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFollowing, check_machine
+
+Array = NDArray[np.float64]
+Pair = tuple[Machine, PathFollowing]
+
+
+def number_drawing(num_worlds: int | None) -> int:
+    """Return the number of worlds that draw, or raise a ParameterError."""
+    if num_worlds is None or num_worlds < 1:
+        raise ParameterError(f"num_worlds must be ≥ 1 where worlds draw their machines and tasks, got {num_worlds!r}")
+    return num_worlds
+
+
+def number_of_pairs(
+    machines: Machine | Sequence[Machine], tasks: PathFollowing | Sequence[PathFollowing], num_worlds: int | None
+) -> int:
+    """Return the number of worlds that machines and tasks give, or raise a ParameterError where they disagree."""
+    for field, items, kind in (("machines", machines, Machine), ("tasks", tasks, PathFollowing)):
+        given = cast("Sequence[object]", items if isinstance(items, Sequence) else (items,))
+        if not all(isinstance(item, kind) for item in given):
+            raise ParameterError(f"{field} must be a {kind.__name__} or a sequence of them, got {items!r:.200}")
+    lengths = {len(items) for items in (machines, tasks) if not isinstance(items, (Machine, PathFollowing))}
+    if num_worlds is not None:
+        lengths.add(num_worlds)
+    lengths = lengths or {1}
+    if len(lengths) > 1 or min(lengths) < 1:
+        raise ParameterError(f"num_worlds must be ≥ 1 and the number of machines and of tasks, got {sorted(lengths)}")
+    return lengths.pop()
+
+
+def is_plain(task: PathFollowing) -> bool:
+    """Tell whether a task does with the rows that every world stores."""
+    return not task.hand.plans and task.sensing == IDEAL_SENSING
+
+
+def distinct(machines: Sequence[Machine], tasks: Sequence[PathFollowing]) -> tuple[list[Pair], Array]:
+    """Return the pairs of machine and task without repeats, and the number of each world's, (N,)."""
+    numbers: dict[tuple[int, int], int] = {}
+    pairs: list[Pair] = []
+    index = np.empty(len(machines))
+    for world, pair in enumerate(zip(machines, tasks, strict=True)):
+        key = id(pair[0]), id(pair[1])
+        if key not in numbers:
+            numbers[key] = len(pairs)
+            pairs.append(pair)
+        index[world] = numbers[key]
+    return pairs, index
+
+
+def constants_of(pairs: Sequence[Pair]) -> Array:
+    """Return the flat array of constants: a context for each pair, then the arcs of paths and recorded forces."""
+    shared: list[Array] = []
+    begins: dict[Path | Operator, tuple[int, int]] = {}
+    end = CONTEXT_WIDTH * len(pairs)
+    period = pairs[0][1].control_period
+    for _, task in pairs:
+        for item in (task.path, task.hand):
+            if item in begins:
+                continue
+            table = item.arcs.table if isinstance(item, Path) else item.sampled(period)
+            begins[item] = (end, len(table)) if len(table) else (0, 0)
+            shared.append(table.ravel())
+            end += table.size
+    rows = [flat(context_of(task, machine, begins[task.path], begins[task.hand])) for machine, task in pairs]
+    return np.concatenate([np.array(rows).ravel(), *shared])
+
+
+def check_shared(pairs: Sequence[Pair]) -> None:
+    """Check that machines and tasks fit together and share what the worlds of a batch must share."""
+    first, goal = pairs[0]
+    for machine, task in pairs:
+        if (machine.substep, machine.clutch.voltage_max) != (first.substep, first.clutch.voltage_max):
+            raise ParameterError("machines of one batch must share substep and clutch.voltage_max")
+        if task.control_period != goal.control_period:
+            raise ParameterError("tasks of one batch must share control_period")
+        check_machine(task, machine)
+
+
+def empty_blocks(contexts: Array, draws: int, rows: int) -> Array:
+    """Return blocks of worlds (B, rows, lanes) that have not begun, whose constants begin at ``contexts`` (N,)."""
+    n = len(contexts)
+    width = min(LANES, -(-n // 8) * 8)
+    blocks = -(-n // width)
+    worlds = np.zeros((blocks, rows, width))
+    worlds[:, ROW.context_at] = np.concatenate([contexts, np.repeat(contexts[-1:], blocks * width - n)]).reshape(
+        -1, width
+    )
+    worlds[:, ROW.draws_from] = worlds[:, ROW.context_at]
+    worlds[:, ROW.draws] = draws
+    return worlds
+
+
+class WorldArrays:
+    """N worlds that have not begun, without the kernels that move them.
+
+    Parameters
+    ----------
+    machines, tasks
+        One for each world, or where worlds draw one for each pair to draw from.
+    drawing
+        Number of worlds that draw one of the pairs at each reset, or None where each world keeps its own.
+
+    Attributes
+    ----------
+    num_worlds
+        N.
+    draws
+        Whether worlds draw their pairs.
+    pairs
+        The distinct pairs of machine and task; ``context`` holds their numbers.
+
+    Raises
+    ------
+    ParameterError
+        If the worlds disagree on what they must share, or a machine cannot do its task.
+    """
+
+    def __init__(self, machines: Sequence[Machine], tasks: Sequence[PathFollowing], drawing: int | None = None) -> None:
+        self.num_worlds = len(machines) if drawing is None else drawing
+        self.draws = drawing is not None
+        self.pairs, numbers = distinct(machines, tasks)
+        check_shared(self.pairs)
+        self._constants: Any = constants_of(self.pairs)
+        self._worlds: Any = empty_blocks(
+            float(CONTEXT_WIDTH) * numbers if drawing is None else np.zeros(drawing),
+            1 if drawing is None else len(self.pairs),
+            BASIC_ROWS if all(is_plain(task) for _, task in self.pairs) else STORED_ROWS,
+        )
+        self._words = np.zeros((self.num_worlds, 2), np.uint64)
+        self._seeded = np.zeros(self.num_worlds, np.bool_)
+
+    def next_words(self, seeds: Sequence[int | None] | None, chosen: NDArray[np.bool_]) -> NDArray[np.uint64]:
+        """Return seed and episode count of each world after a reset of the chosen ones, (N, 2)."""
+        words = self._words.copy()
+        given = np.zeros(self.num_worlds, np.bool_)
+        if seeds is not None:
+            if len(seeds) != self.num_worlds:
+                raise ParameterError(f"seeds must hold {self.num_worlds} entries, got {len(seeds)}")
+            for seed in seeds:
+                if seed is not None and not 0 <= seed < 2**64:
+                    raise ParameterError(f"seeds must lie within [0, 2⁶⁴), got {seed!r}")
+            given = chosen & np.array([seed is not None for seed in seeds])
+            words[given, 0] = np.array([0 if seed is None else seed for seed in seeds], np.uint64)[given]
+            words[given, 1] = 0
+        words[chosen & ~given & self._seeded, 1] += np.uint64(1)
+        fresh = chosen & ~given & ~self._seeded
+        words[fresh, 0] = np.frombuffer(os.urandom(8 * int(fresh.sum())), np.uint64)
+        return words
+
+    def record_forces(self, forces: Array) -> None:
+        """Replace the recorded forces of all hands.
+
+        Parameters
+        ----------
+        forces
+            Along and across the path at the control instants [N], shape (T, 2), as ``RecordedForces.sampled`` gives
+            them.
+
+        Raises
+        ------
+        ParameterError
+            If the hands have no recording in common, or it has another number of instants.
+        """
+        recordings = {
+            (int(context[CONTEXT.hand.record_first]), int(context[CONTEXT.hand.record_count]))
+            for context in self._constants[: CONTEXT_WIDTH * len(self.pairs)].reshape(-1, CONTEXT_WIDTH)
+        }
+        first, count = recordings.pop()
+        if recordings or count == 0 or forces.shape != (count, 2):
+            raise ParameterError(
+                f"forces must be those of the recording that all hands share, ({count}, 2), got {forces.shape}"
+            )
+        self._constants[first : first + 2 * count] = forces.ravel()
+
+    @property
+    def _changing(self) -> dict[str, NDArray[Any]]:
+        """The arrays that resets and steps change."""
+        return {"worlds": self._worlds, "words": self._words, "seeded": self._seeded}
+
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all that changes, with which ``set_state`` brings the worlds back bit for bit."""
+        return {name: part.copy() for name, part in self._changing.items()}
+
+    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
+        """Bring the worlds to a state from ``get_state`` of a batch of the same size.
+
+        Raises
+        ------
+        ParameterError
+            If a part is missing, has another shape or type, belongs to other machines or tasks, or holds numbers that
+            are not finite or an arm faster than the integrator can hold; nothing has changed.
+        """
+        for name, mine in self._changing.items():
+            part = state.get(name)
+            if not isinstance(part, np.ndarray) or part.shape != mine.shape or part.dtype != mine.dtype:
+                raise ParameterError(f"state[{name!r}] must be an array of {mine.dtype} with the shape {mine.shape}")
+        if not np.isfinite(state["worlds"]).all():
+            raise ParameterError("state['worlds'] must hold finite numbers only")
+        if not self._fits(state["worlds"]):
+            raise ParameterError(
+                "state['worlds'] must be of an environment with the same machines and tasks, in motion that it can hold"
+            )
+        for name, mine in self._changing.items():
+            mine[:] = state[name]
+
+    def _fits(self, worlds: Any) -> bool:
+        """Tell whether worlds from elsewhere point at constants, arcs and instants that exist."""
+        if not ((worlds[:, ROW.step] >= 0.0) & (worlds[:, ROW.step] < 2.0**31)).all():
+            return False
+        same = np.array_equal(
+            worlds[:, ROW.draws_from : ROW.draws + 1], self._worlds[:, ROW.draws_from : ROW.draws + 1]
+        )
+        numbers = (worlds[:, ROW.context_at] - worlds[:, ROW.draws_from]) / CONTEXT_WIDTH
+        if not same or not np.isin(numbers, np.arange(int(worlds[:, ROW.draws].max()))).all():
+            return False
+        places = worlds[:, ROW.context_at].astype(np.intp)
+        arms: Any = [self._constants[places + row] for row in CONTEXT.machine.arm]
+        motions: Any = [worlds[:, row] for row in ROW.motion]
+        energy = kinetic_energy(Linkage(*arms), Motion(*motions))
+        held = energy <= self._constants[places + CONTEXT.task.energy_max]
+        if not (held | (worlds[:, ROW.alive] == 0.0)).all():
+            return False
+        arcs = self._constants[worlds[:, ROW.context_at].astype(np.intp) + CONTEXT.task.path.arcs]
+        return bool(
+            np.isin(worlds[:, ROW.foot.segment], np.arange(int(arcs.max()))).all()
+            and (worlds[:, ROW.foot.segment] < arcs).all()
+        )
+
+    def clock(self) -> NDArray[np.uint64]:
+        """Return where each world is in time, (N, 3): its seed, its episode, and the control steps since the reset.
+
+        Raises
+        ------
+        ResetNeededError
+            If a world was never reset.
+        """
+        if not self._seeded.all():
+            raise ResetNeededError(f"world {self._seeded.argmin()} needs a reset: it was never reset")
+        steps = self._worlds[:, ROW.step].reshape(-1)[: self.num_worlds]
+        return np.column_stack([self._words, steps.astype(np.uint64)])
+
+    @property
+    def context(self) -> list[int]:
+        """The number of each world's present pair of machine and task in ``pairs``."""
+        numbers = self._worlds[:, ROW.context_at].reshape(-1)[: self.num_worlds] / CONTEXT_WIDTH
+        return numbers.astype(np.intp).tolist()
+
+    def truth(self) -> Array:
+        """Return all that is true of each world, (N, entries): its state, then the numbers of its machine and task.
+
+        In no particular units and order, and without the limit of the energy, which follows from the rest; for critics,
+        which may know more than the policies that they judge.
+        """
+        worlds = self._worlds.transpose(0, 2, 1).reshape(-1, self._worlds.shape[1])[: self.num_worlds]
+        entries = np.delete(np.arange(CONTEXT_WIDTH), int(CONTEXT.task.energy_max))
+        context = worlds[:, ROW.context_at, None].astype(np.intp) + entries
+        return np.concatenate([worlds, self._constants[context]], axis=1)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that all this takes."""
+        return self._worlds.nbytes + self._constants.nbytes + self._words.nbytes + self._seeded.nbytes

@@ -1,0 +1,84 @@
+"""What the commands share on the terminal: folders for results, text, the progress bar, and Ctrl-C."""
+
+import io
+import os
+import signal
+import socket
+import sys
+import time
+from pathlib import Path
+from threading import Thread
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from pter_gym._internal.files import FilePath, check_folder, find_path
+from pter_gym.errors import ParameterError
+
+GRACE = 0.3
+"""Seconds in which Python may end by itself after Ctrl-C."""
+
+
+def make_folder(path: FilePath) -> None:
+    """Make a folder that can be written to, with some room, or raise a ParameterError."""
+    path = find_path("out", path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ParameterError(f"out must be a folder that can be written to: {error}") from None
+    check_folder("out", path)
+
+
+def accept_all_characters() -> None:
+    """Write characters that the terminal cannot show as escapes, unless the user has chosen another way."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def terminal(*, errors: bool = False) -> Console:
+    """Return a console for the terminal, whatever characters that can show."""
+    accept_all_characters()
+    return Console(stderr=errors, highlight=False)
+
+
+def say(text: str) -> None:
+    """Print text as it is, without rich's markup and line breaks."""
+    terminal().out(text, highlight=False)
+
+
+def progress_bar() -> Progress:
+    """Return the progress bar that all commands share; without a terminal nothing is shown."""
+    console = terminal(errors=True)
+    text = TextColumn("{task.description}", markup=False)
+    columns = (text, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console, transient=True, redirect_stdout=False, disable=not console.is_terminal)
+
+
+def close_output() -> None:
+    """Drop what cannot be printed, so Python ends without a complaint of its own."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+
+
+def end_on_interrupt(status: int) -> None:
+    """Let Ctrl-C end this process with an exit status after ``GRACE``, even while compiled code runs.
+
+    Until then Python may end by itself: the main thread gets a KeyboardInterrupt as usual. Call it in the main thread.
+    """
+    heard, signals = socket.socketpair()
+    signals.setblocking(False)
+    signal.set_wakeup_fd(signals.fileno(), warn_on_full_buffer=False)
+
+    def wait() -> None:
+        while heard.recv(1)[0] != signal.SIGINT:
+            pass
+        time.sleep(GRACE)
+        Console(stderr=True).show_cursor()
+        signals.close()
+        os._exit(status)
+
+    Thread(target=wait, daemon=True).start()

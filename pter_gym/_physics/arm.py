@@ -1,0 +1,158 @@
+"""The five-bar arm: kinematics, mass matrix, velocity terms and energy (paper Eqs. 3 and 4). It knows no clutch.
+
+Both angles are absolute. With a coaxial drive and a parallelogram the mass matrix depends on θA − θB alone::
+
+    M(θ)·θ̈ + V(θ, θ̇) = Wᵀτ + JᵀF      M12 = c·cos(θA − θB)   V = c·sin(θA − θB)·(θ̇B², −θ̇A²)
+"""
+
+from typing import Annotated, NamedTuple
+
+from pter_gym._compiled.compiler import device
+from pter_gym._compiled.records import Entry
+
+
+class Vector(NamedTuple):
+    """A vector in the world frame, or a point from the axis of the drive."""
+
+    x: Annotated[float, Entry("", "x of {}")]
+    y: Annotated[float, Entry("", "y of {}")]
+
+
+class UnitVector(NamedTuple):
+    """Cosine and sine of an angle."""
+
+    cos: Annotated[float, Entry("1", "cosine of {}")]
+    sin: Annotated[float, Entry("1", "sine of {}")]
+
+
+class PerLink(NamedTuple):
+    """One number for each of the two links."""
+
+    a: Annotated[float, Entry("", "link A's {}")]
+    b: Annotated[float, Entry("", "link B's {}")]
+
+
+class Linkage(NamedTuple):
+    """Constants of one arm with the hand that holds it."""
+
+    length_a: Annotated[float, Entry("m", "length of link A")]
+    length_b: Annotated[float, Entry("m", "length of link B")]
+    m11: Annotated[float, Entry("kg·m²", "inertia about axis A, with the hand's mass")]
+    m22: Annotated[float, Entry("kg·m²", "inertia about axis B, with the hand's mass")]
+    coupling: Annotated[float, Entry("kg·m²", "M12 over cos(θA − θB) in the mass matrix, with the hand's mass")]
+    damping: Annotated[float, Entry("N·s/m", "the hand's damping")]
+    stiffness: Annotated[float, Entry("N/m", "the hand's stiffness")]
+
+
+class Motion(NamedTuple):
+    """Angles, angular velocities and the unit vectors of the links."""
+
+    theta_a: Annotated[float, Entry("rad", "angle of link A")]
+    theta_b: Annotated[float, Entry("rad", "angle of link B")]
+    omega_a: Annotated[float, Entry("rad/s", "angular velocity of link A")]
+    omega_b: Annotated[float, Entry("rad/s", "angular velocity of link B")]
+    cos_a: Annotated[float, Entry("1", "cosine of link A's angle")]
+    sin_a: Annotated[float, Entry("1", "sine of link A's angle")]
+    cos_b: Annotated[float, Entry("1", "cosine of link B's angle")]
+    sin_b: Annotated[float, Entry("1", "sine of link B's angle")]
+
+
+class Load(NamedTuple):
+    """What acts on the arm in addition to the clutches.
+
+    Attributes
+    ----------
+    force_x, force_y
+        Force of the hand on the tip, world frame [N].
+    torque_a, torque_b
+        Torques on the links [N·m].
+    target_x, target_y
+        Tip position to which the hand's spring pulls, world frame [m].
+    """
+
+    force_x: float
+    force_y: float
+    torque_a: float
+    torque_b: float
+    target_x: float
+    target_y: float
+
+
+@device
+def tip_position(arm: Linkage, q: Motion) -> tuple[float, float]:
+    """Return the tip position (x, y) [m], from the axis of the drive."""
+    return arm.length_a * q.cos_a + arm.length_b * q.cos_b, arm.length_a * q.sin_a + arm.length_b * q.sin_b
+
+
+@device
+def tip_velocity(arm: Linkage, q: Motion) -> tuple[float, float]:
+    """Return the tip velocity (x, y) [m/s]."""
+    speed_a = arm.length_a * q.omega_a
+    speed_b = arm.length_b * q.omega_b
+    return -speed_a * q.sin_a - speed_b * q.sin_b, speed_a * q.cos_a + speed_b * q.cos_b
+
+
+@device
+def moving(arm: Linkage, q: Motion, velocity: Vector) -> Motion:
+    """Return the arm in the pose of ``q`` with the velocity of the tip [m/s]; the pose must not be singular."""
+    scale = 1.0 / (q.cos_a * q.sin_b - q.sin_a * q.cos_b)
+    omega_a = scale * (velocity.x * q.cos_b + velocity.y * q.sin_b) / arm.length_a
+    omega_b = -scale * (velocity.x * q.cos_a + velocity.y * q.sin_a) / arm.length_b
+    return Motion(q.theta_a, q.theta_b, omega_a, omega_b, q.cos_a, q.sin_a, q.cos_b, q.sin_b)
+
+
+@device
+def joint_torque(arm: Linkage, q: Motion, force_x: float, force_y: float) -> tuple[float, float]:
+    """Return Jᵀ·F [N·m], the torque on each link of a force at the tip [N]."""
+    return (
+        arm.length_a * (q.cos_a * force_y - q.sin_a * force_x),
+        arm.length_b * (q.cos_b * force_y - q.sin_b * force_x),
+    )
+
+
+@device
+def cos_difference(q: Motion) -> float:
+    """Return cos(θA − θB)."""
+    return q.cos_a * q.cos_b + q.sin_a * q.sin_b
+
+
+@device
+def sin_difference(q: Motion) -> float:
+    """Return sin(θA − θB)."""
+    return q.sin_a * q.cos_b - q.cos_a * q.sin_b
+
+
+@device
+def velocity_torque(arm: Linkage, q: Motion) -> tuple[float, float]:
+    """Return V(θ, θ̇) [N·m] (paper Eqs. 3 and 4)."""
+    c_sin = arm.coupling * sin_difference(q)
+    return c_sin * q.omega_b * q.omega_b, -c_sin * q.omega_a * q.omega_a
+
+
+@device
+def kinetic_energy(arm: Linkage, q: Motion) -> float:
+    """Return ½·θ̇ᵀMθ̇ [J]."""
+    m12 = arm.coupling * cos_difference(q)
+    return 0.5 * (arm.m11 * q.omega_a * q.omega_a + arm.m22 * q.omega_b * q.omega_b) + m12 * q.omega_a * q.omega_b
+
+
+@device
+def rotated(cos: float, sin: float, angle: float) -> tuple[float, float]:
+    """Turn a unit vector by a small angle [rad]: series to order 7, then one renormalisation to unit length."""
+    square = angle * angle
+    cos_angle = 1.0 - square * (0.5 - square * (1.0 / 24.0 - square * (1.0 / 720.0)))
+    sin_angle = angle * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0 - square * (1.0 / 5040.0))))
+    x = cos * cos_angle - sin * sin_angle
+    y = sin * cos_angle + cos * sin_angle
+    scale = 1.5 - 0.5 * (x * x + y * y)
+    return x * scale, y * scale
+
+
+@device
+def advance_position(q: Motion, omega_a: float, omega_b: float, h: float) -> Motion:
+    """Move the arm for a time h [s] at the new angular velocities [rad/s]."""
+    turn_a = h * omega_a
+    turn_b = h * omega_b
+    cos_a, sin_a = rotated(q.cos_a, q.sin_a, turn_a)
+    cos_b, sin_b = rotated(q.cos_b, q.sin_b, turn_b)
+    return Motion(q.theta_a + turn_a, q.theta_b + turn_b, omega_a, omega_b, cos_a, sin_a, cos_b, sin_b)

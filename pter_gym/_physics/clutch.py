@@ -1,0 +1,160 @@
+"""Electromagnetic friction clutch: volts to steady torques to lagged torques (paper sections II-B and IV-B, Fig. 5)."""
+
+import math
+from typing import Annotated, NamedTuple
+
+from pter_gym._compiled.compiler import device
+from pter_gym._compiled.records import Entry
+
+
+class PerClutch(NamedTuple):
+    """One number for each of the four clutches: A to ground, B to ground, A to B, A to B through the inverting gear."""
+
+    x1: Annotated[float, Entry("", "clutch 1's {}", name="1")]
+    x2: Annotated[float, Entry("", "clutch 2's {}", name="2")]
+    x3: Annotated[float, Entry("", "clutch 3's {}", name="3")]
+    x4: Annotated[float, Entry("", "clutch 4's {}", name="4")]
+
+
+class Torques(NamedTuple):
+    """Torque limits of the four clutches [N·m]."""
+
+    breakaway: Annotated[PerClutch, Entry("N·m", "breakaway torque", name="torque_breakaway")]
+    dynamic: Annotated[PerClutch, Entry("N·m", "dynamic torque", name="torque_dynamic")]
+
+
+class Curve(NamedTuple):
+    """Torque over voltage: ``slope·v + curvature·max(v − knee, 0)²`` [N·m/V, V, N·m/V²]."""
+
+    slope: Annotated[float, Entry("N·m/V", "slope of the linear segment of the {}")]
+    knee: Annotated[float, Entry("V", "voltage at which the quadratic segment of the {} begins")]
+    curvature: Annotated[float, Entry("N·m/V²", "curvature of the quadratic segment of the {}")]
+
+
+@device
+def curve_torque(curve: Curve, volts: float) -> float:
+    """Return the steady torque [N·m] at a voltage [V]: a linear segment, then a quadratic one, C1 at the knee."""
+    beyond = volts - curve.knee
+    beyond = beyond if beyond > 0.0 else 0.0
+    return curve.slope * volts + curve.curvature * beyond * beyond
+
+
+@device
+def curve_torques(curve: Curve, volts: PerClutch) -> PerClutch:
+    """Return the steady torques [N·m] of the four clutches."""
+    return PerClutch(
+        curve_torque(curve, volts.x1),
+        curve_torque(curve, volts.x2),
+        curve_torque(curve, volts.x3),
+        curve_torque(curve, volts.x4),
+    )
+
+
+@device
+def steady_torques(breakaway: Curve, dynamic: Curve, volts: PerClutch) -> Torques:
+    """Return the torque limits [N·m] that the clutches settle to at constant voltages (Fig. 5)."""
+    return Torques(curve_torques(breakaway, volts), curve_torques(dynamic, volts))
+
+
+@device
+def scaled(torques: Torques, scale: PerClutch, factor: float) -> Torques:
+    """Return torque limits [N·m] times a factor for each clutch and one for all."""
+    s1 = scale.x1 * factor
+    s2 = scale.x2 * factor
+    s3 = scale.x3 * factor
+    s4 = scale.x4 * factor
+    ts = torques.breakaway
+    tk = torques.dynamic
+    return Torques(
+        PerClutch(ts.x1 * s1, ts.x2 * s2, ts.x3 * s3, ts.x4 * s4),
+        PerClutch(tk.x1 * s1, tk.x2 * s2, tk.x3 * s3, tk.x4 * s4),
+    )
+
+
+@device
+def lag_left(time: float, time_constant: float) -> float:
+    """Return the part of a first-order lag that is left after a time [s]."""
+    return math.exp(-time / time_constant)
+
+
+@device
+def relax(value: PerClutch, target: PerClutch, decay: float) -> PerClutch:
+    """Advance a first-order lag by one substep, exactly: ``decay`` is what it leaves of a lag, 0 for none."""
+    return PerClutch(
+        target.x1 + (value.x1 - target.x1) * decay,
+        target.x2 + (value.x2 - target.x2) * decay,
+        target.x3 + (value.x3 - target.x3) * decay,
+        target.x4 + (value.x4 - target.x4) * decay,
+    )
+
+
+@device
+def relax_torques(value: Torques, target: Torques, decay: float) -> Torques:
+    """Advance the lag of the normal force, to which both torque limits are proportional, by one substep."""
+    return Torques(relax(value.breakaway, target.breakaway, decay), relax(value.dynamic, target.dynamic, decay))
+
+
+@device
+def holding(breakaway: float, dynamic: float) -> float:
+    """Return the torque [N·m] that a clutch inside the stick band can hold.
+
+    For T_k > T_s this is T_k: the δω → 0 limit, in which motion persists only above T_k.
+    """
+    return breakaway if breakaway > dynamic else dynamic
+
+
+@device
+def capacity(slip: float, threshold: float, breakaway: float, dynamic: float) -> float:
+    """Return the torque limit [N·m] for the next substep by Karnopp's rule (paper Eq. 2)."""
+    held = holding(breakaway, dynamic)
+    return held if abs(slip) < threshold else dynamic
+
+
+@device
+def capacities(slip: PerClutch, threshold: float, torques: Torques) -> PerClutch:
+    """Return the torque limits [N·m] of the four clutches for the next substep (paper Eq. 2)."""
+    return PerClutch(
+        capacity(slip.x1, threshold, torques.breakaway.x1, torques.dynamic.x1),
+        capacity(slip.x2, threshold, torques.breakaway.x2, torques.dynamic.x2),
+        capacity(slip.x3, threshold, torques.breakaway.x3, torques.dynamic.x3),
+        capacity(slip.x4, threshold, torques.breakaway.x4, torques.dynamic.x4),
+    )
+
+
+@device
+def crossed(before: float, after: float, threshold: float) -> bool:
+    """Tell whether a slip velocity jumped over the stick band within one substep."""
+    return (abs(before) >= threshold) & (before * after < 0.0)
+
+
+@device
+def any_crossed(before: PerClutch, after: PerClutch, threshold: float) -> bool:
+    """Tell whether any clutch's slip velocity jumped over the stick band."""
+    return (
+        crossed(before.x1, after.x1, threshold)
+        | crossed(before.x2, after.x2, threshold)
+        | crossed(before.x3, after.x3, threshold)
+        | crossed(before.x4, after.x4, threshold)
+    )
+
+
+@device
+def caught(capacity: float, before: float, after: float, threshold: float, breakaway: float, dynamic: float) -> float:
+    """Return the limit [N·m] of a clutch after the crossing rule: one that jumped over the band may stick."""
+    held = holding(breakaway, dynamic)
+    return held if crossed(before, after, threshold) else capacity
+
+
+@device
+def caught_capacities(
+    capacities: PerClutch, before: PerClutch, after: PerClutch, threshold: float, torques: Torques
+) -> PerClutch:
+    """Return the limits [N·m] of the four clutches after the crossing rule."""
+    ts = torques.breakaway
+    tk = torques.dynamic
+    return PerClutch(
+        caught(capacities.x1, before.x1, after.x1, threshold, ts.x1, tk.x1),
+        caught(capacities.x2, before.x2, after.x2, threshold, ts.x2, tk.x2),
+        caught(capacities.x3, before.x3, after.x3, threshold, ts.x3, tk.x3),
+        caught(capacities.x4, before.x4, after.x4, threshold, ts.x4, tk.x4),
+    )

@@ -1,0 +1,54 @@
+"""From a Machine to the record of constants that the kernels read."""
+
+from typing import Annotated, NamedTuple
+
+from pter_gym._compiled.records import Entry
+from pter_gym._physics.arm import Linkage
+from pter_gym._physics.clutch import Curve, PerClutch, lag_left
+from pter_gym.params import Machine
+from pter_gym.params import TorqueCurve as CurveParameters
+
+
+class Model(NamedTuple):
+    """Constants of one machine as the kernels see them."""
+
+    arm: Linkage
+    breakaway: Annotated[Curve, Entry("", "breakaway torque")]
+    dynamic: Annotated[Curve, Entry("", "dynamic torque")]
+    voltage_decay: Annotated[float, Entry("1", "part of the voltage's lag that a substep leaves, 0 for no lag")]
+    torque_decay: Annotated[float, Entry("1", "part of the torque's lag that a substep leaves, 0 for no lag")]
+    voltage_max: Annotated[float, Entry("V", "largest voltage")]
+    slip_threshold: Annotated[float, Entry("rad/s", "stick band δω")]
+    scale: Annotated[PerClutch, Entry("1", "torque, relative to that of the curves")]
+
+
+def model_of(machine: Machine) -> Model:
+    """Return the constants of a machine; the mass of the hand goes into the arm exactly."""
+    arm = machine.arm
+    hand = machine.hand
+    clutch = machine.clutch
+    decay = lag_left(machine.substep, clutch.time_constant)
+    lags_voltage = clutch.lag == "voltage"
+    return Model(
+        arm=Linkage(
+            length_a=arm.length_a,
+            length_b=arm.length_b,
+            m11=arm.inertia_a + hand.mass * arm.length_a**2,
+            m22=arm.inertia_b + hand.mass * arm.length_b**2,
+            coupling=arm.coupling + hand.mass * arm.length_a * arm.length_b,
+            damping=hand.damping,
+            stiffness=hand.stiffness,
+        ),
+        breakaway=curve_of(clutch.breakaway),
+        dynamic=curve_of(clutch.dynamic),
+        voltage_decay=decay if lags_voltage else 0.0,
+        torque_decay=0.0 if lags_voltage else decay,
+        voltage_max=clutch.voltage_max,
+        slip_threshold=machine.slip_threshold,
+        scale=PerClutch(*machine.clutch_scale),
+    )
+
+
+def curve_of(curve: CurveParameters) -> Curve:
+    """Return a torque curve as the kernels see it."""
+    return Curve(curve.slope, curve.knee, curve.curvature)

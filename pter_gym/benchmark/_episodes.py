@@ -1,0 +1,239 @@
+"""The evaluation episodes: stored ones, which everybody can look at, and fresh ones, which a seed draws.
+
+``pter_gym/episodes`` holds one file of stored ones for each scenario and one with their checksums.
+``docs/make/store.py episodes`` makes them; nothing that runs does.
+"""
+
+import gzip
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from numbers import Integral
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pter_gym import hands, params, paths
+from pter_gym._internal.checks import whole_number
+from pter_gym._internal.codec import Codec, dataclasses_in
+from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic, write_text_atomic
+from pter_gym._internal.reading import MOST_JSON, inflate, parse_json, read_bytes, reading
+from pter_gym.errors import DataError, ParameterError, unknown_name
+from pter_gym.params import Machine
+from pter_gym.scenarios import find_pace, find_scenario
+from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
+from pter_gym.tasks import path_following
+from pter_gym.tasks.path_following import PathFollowing
+
+FOLDER = Path(__file__).parents[1] / "episodes"
+"""Where the package keeps its evaluation episodes."""
+
+CHECKSUMS = "checksums.json"
+
+T = TypeVar("T")
+
+SEEDS = 2**64
+"""Seeds of fresh episodes are smaller."""
+
+_OPERATING_SYSTEM, _UNIX = 9, 3
+"""Place of a byte in the header of gzip, and its value in the shipped files (RFC 1952)."""
+
+CODEC = Codec(dataclasses_in(params, hands, paths, path_following))
+"""Knows the parts of machines and tasks."""
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """Evaluation episodes, one entry each.
+
+    Attributes
+    ----------
+    scenario
+        Name of the scenario.
+    checksum
+        SHA-256 of the file that holds them; of fresh ones, of the JSON that it would hold.
+    machines, tasks
+        What to simulate; the tasks command the pace that was asked for.
+    seeds
+        Seeds of the resets.
+    strata
+        Label of the stratum within which the bootstrap draws episodes.
+    """
+
+    scenario: str
+    checksum: str
+    machines: tuple[Machine, ...]
+    tasks: tuple[PathFollowing, ...]
+    seeds: tuple[int, ...]
+    strata: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """Return the number of episodes."""
+        return len(self.seeds)
+
+    def first(self, count: int) -> "Episodes":
+        """Return the first ``count`` episodes, or raise a ParameterError if there are not so many."""
+        if not isinstance(count, Integral) or not 1 <= count <= len(self):
+            raise ParameterError(f"episodes must be from 1 to {len(self)} for {self.scenario}, got {count!r}")
+        parts = ("machines", "tasks", "seeds", "strata")
+        return replace(self, **{name: getattr(self, name)[:count] for name in parts})
+
+    def at_pace(self, speed: float) -> "Episodes":
+        """Return the episodes at a commanded pace [m/s]; tasks that are one stay one."""
+        paced = {id(task): replace(task, pace=speed) for task in self.tasks}
+        return replace(self, tasks=tuple(paced[id(task)] for task in self.tasks))
+
+
+def scenarios(folder: FilePath = FOLDER) -> tuple[str, ...]:
+    """Return the names of the scenarios that have stored episodes."""
+    return tuple(sorted(_checksums(find_path("folder", folder))))
+
+
+def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Episodes:
+    """Return the stored evaluation episodes of a scenario at a pace.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such scenario or pace.
+    DataError
+        If a file in the folder is missing or not what was stored.
+    """
+    speed = find_pace(pace)
+    return _stored(scenario, folder).at_pace(speed)
+
+
+def stored_strata(scenario: str, *, folder: FilePath = FOLDER) -> tuple[str, tuple[str, ...]]:
+    """Return the checksum of a scenario's stored episodes and their strata; raises as ``load_episodes``."""
+    stored = _stored(scenario, folder)
+    return stored.checksum, stored.strata
+
+
+def find_episodes(scenario: str, pace: str, fresh: int | None = None, *, folder: FilePath = FOLDER) -> Episodes:
+    """Return the stored evaluation episodes of a scenario at a pace, or the fresh ones of a seed within [0, 2⁶⁴).
+
+    Fresh ones are as many as the stored ones, with the same strata at the same places; each pace has draws of its own.
+    Raises as ``load_episodes``, and a ParameterError if the seed is out of range.
+    """
+    if fresh is None:
+        return load_episodes(scenario, pace, folder=folder)
+    speed = find_pace(pace)
+    find_scenario(scenario)
+    return _draw(scenario, check_fresh(fresh), pace).at_pace(speed)
+
+
+def check_fresh(seed: Any) -> int:
+    """Return the seed of fresh episodes, or raise a ParameterError."""
+    number = whole_number("fresh", seed, at_least=0)
+    if number >= SEEDS:
+        raise ParameterError(f"fresh must be a whole number within [0, 2⁶⁴), got {seed!r}")
+    return number
+
+
+def store_episodes(
+    scenario: str,
+    machines: Sequence[Machine],
+    tasks: Sequence[PathFollowing],
+    seeds: Sequence[int],
+    strata: Sequence[str],
+    *,
+    version: int,
+    folder: FilePath = FOLDER,
+) -> Path:
+    """Write the evaluation episodes of a scenario and their checksum; the same episodes give the same bytes.
+
+    Parameters
+    ----------
+    scenario, version
+        Name and version of the scenario.
+    machines, tasks, seeds, strata
+        One entry per episode, as in ``Episodes``; the tasks' pace is set when they are read.
+    folder
+        Where to write; made if need be.
+    """
+    folder = find_path("folder", folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    draws = zip(machines, tasks, seeds, strata, strict=True)
+    data = bytearray(gzip.compress(_encode(scenario, version, draws), mtime=0))
+    data[_OPERATING_SYSTEM] = _UNIX  # versions of Python name it differently
+    sums = _checksums(folder) if (folder / CHECKSUMS).exists() else {}
+    path = folder / f"{scenario}.json.gz"
+    write_bytes_atomic(path, bytes(data))
+    sums[scenario] = hashlib.sha256(data).hexdigest()
+    write_text_atomic(folder / CHECKSUMS, json.dumps(dict(sorted(sums.items())), indent=2) + "\n")
+    return path
+
+
+@lru_cache(8)
+def _draw(scenario: str, seed: int, pace: str) -> Episodes:
+    found = find_scenario(scenario)
+    machines, tasks, strata = zip(*evaluation_draws(found, (seed, pace)), strict=True)
+    seeds = tuple(fresh_reset_seeds(found, (seed, pace)))
+    data = _encode(scenario, found.version, zip(machines, tasks, seeds, strata, strict=True))
+    return Episodes(scenario, hashlib.sha256(data).hexdigest(), machines, tasks, seeds, strata)
+
+
+def _encode(scenario: str, version: int, draws: Iterable[tuple[Machine, PathFollowing, int, str]]) -> bytes:
+    """Return what a file of episodes holds, as JSON, in which equal machines and tasks are stored once."""
+    parts: dict[str, int] = {}
+
+    def number(part: object) -> int:
+        return parts.setdefault(json.dumps(CODEC.to_plain(part), sort_keys=True, ensure_ascii=False), len(parts))
+
+    entries = [
+        {"machine": number(machine), "task": number(task), "seed": seed, "stratum": stratum}
+        for machine, task, seed, stratum in draws
+    ]
+    plain = [json.loads(part) for part in parts]
+    content = {"scenario": scenario, "version": version, "parts": plain, "episodes": entries}
+    return json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
+
+
+def _checksums(folder: Path) -> dict[str, str]:
+    with reading(f"evaluation data {folder / CHECKSUMS} cannot be read"):
+        return dict(parse_json(read_bytes(folder / CHECKSUMS, MOST_JSON)))
+
+
+def _stored(scenario: str, folder: FilePath) -> Episodes:
+    folder = find_path("folder", folder)
+    sums, path = _checksums(folder), folder / f"{scenario}.json.gz"
+    if scenario not in sums:
+        raise unknown_name("scenario", scenario, sorted(sums))
+    with reading(f"evaluation data {path} cannot be read"):
+        data = read_bytes(path, MOST_JSON)
+    found = hashlib.sha256(data).hexdigest()
+    if found != sums[scenario]:
+        raise DataError(f"evaluation data {path} were changed: SHA-256 is {found}, stored was {sums[scenario]}")
+    with reading(f"evaluation data {path}"):
+        return _decode(data, found)
+
+
+@lru_cache(16)
+def _decode(data: bytes, checksum: str) -> Episodes:
+    content: dict[str, Any] = parse_json(inflate(data, MOST_JSON))
+    parts = [CODEC.from_plain(part) for part in content["parts"]]
+    entries: list[dict[str, Any]] = content["episodes"]
+    (scenario,) = _all_of(str, [content["scenario"]])
+    return Episodes(
+        scenario,
+        checksum,
+        machines=_all_of(Machine, [parts[_whole(entry["machine"], len(parts))] for entry in entries]),
+        tasks=_all_of(PathFollowing, [parts[_whole(entry["task"], len(parts))] for entry in entries]),
+        seeds=tuple(_whole(entry["seed"], SEEDS) for entry in entries),
+        strata=_all_of(str, [entry["stratum"] for entry in entries]),
+    )
+
+
+def _whole(number: Any, below: int) -> int:
+    if type(number) is not int or not 0 <= number < below:
+        raise ValueError(f"there must be a whole number within [0, {below}), {number!r:.40} is out of range")
+    return number
+
+
+def _all_of(kind: type[T], values: Sequence[Any]) -> tuple[T, ...]:
+    """Return values as a tuple, or raise a TypeError unless all of them are of a kind."""
+    for value in values:
+        if type(value) is not kind:
+            raise TypeError(f"there must be a {kind.__name__}, there is a {type(value).__name__}")
+    return tuple(values)

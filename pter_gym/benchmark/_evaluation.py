@@ -1,0 +1,271 @@
+"""Policies on the evaluation episodes of a scenario, at each commanded pace."""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._engine.batch import Batch
+from pter_gym._internal.checks import names_in
+from pter_gym._internal.files import FilePath
+from pter_gym._version import __version__
+from pter_gym.benchmark._episodes import Episodes, check_fresh, find_episodes
+from pter_gym.benchmark._identity import derived_seed, identity_of
+from pter_gym.benchmark._measures import column, vector
+from pter_gym.benchmark._metrics import SCORES, Scores, score_episodes
+from pter_gym.benchmark._naming import find_policy, is_built_in, text_of
+from pter_gym.benchmark._results import ResultsFolder
+from pter_gym.benchmark._runs import (
+    INSTANTS,
+    Conditions,
+    Planning,
+    Sample,
+    ScenarioRun,
+    check_name,
+    code_digest,
+    sample_numbers,
+)
+from pter_gym.benchmark._simulation import AnyPolicy, run, sensors_of, time_limit
+from pter_gym.controllers import BoundPolicy, Controller, bind
+from pter_gym.controllers._base import Plans
+from pter_gym.controllers._predictive import UNPRIVILEGED
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.scenarios import PACES
+from pter_gym.tasks.path_following import Sensors, observation_layout
+
+CHUNK = 64
+"""Episodes that are simulated together; their telemetry is scored and let go."""
+
+
+@dataclass(frozen=True)
+class PerSeed:
+    """One policy as it came out of several training seeds; they share a line of the leaderboard."""
+
+    policies: tuple[AnyPolicy, ...]
+
+    def __post_init__(self) -> None:
+        """Check that no policy is there twice: a copy is no further seed."""
+        if not self.policies or len({id(each) for each in self.policies}) < len(self.policies):
+            raise ParameterError(f"policies must be one or more, all of them different, got {self.policies!r:.200}")
+
+
+Policies = Mapping[str, AnyPolicy | PerSeed] | Sequence[FilePath]
+
+
+def run_scenario(
+    scenario: str,
+    policies: Policies,
+    paces: Sequence[str] = tuple(PACES),
+    *,
+    episodes: int | None = None,
+    fresh: int | None = None,
+    results: ResultsFolder | FilePath | None = None,
+    num_threads: int = 2,
+    on_progress: Callable[[str], None] = lambda _: None,
+) -> tuple[ScenarioRun, ...]:
+    """Run policies on the evaluation episodes of a scenario.
+
+    Parameters
+    ----------
+    scenario
+        Its name.
+    policies
+        By name: controllers, which are bound to the nominal machine, any ``policy(observations) -> volts``, float32
+        (N, entries) to (N, 4), ``Isolated`` ones, or one of these for each training seed; or names of built-in policies
+        and paths of exported ones alone.
+    paces
+        Names of commanded paces.
+    episodes
+        How many of the episodes to run, from the first on; all by default.
+    fresh
+        Seed within [0, 2⁶⁴) of fresh episodes, see ``fresh_seed``; the stored ones by default.
+    results
+        Where each finished run is kept, and taken from if it was finished before: a folder of results or its path.
+        What a callable does cannot be known, so it is run again each time.
+    num_threads
+        Threads that share the episodes of a compiled law; the scores do not depend on it.
+    on_progress
+        Called with the name of each policy and pace when they are done.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such scenario, policy or pace, or there are not so many episodes.
+    DataError
+        If the stored episodes were changed.
+    """
+    named = _named(policies, scenario)
+    fresh = None if fresh is None else check_fresh(fresh)
+    sets = {pace: find_episodes(scenario, pace, fresh) for pace in names_in("paces", paces)}
+    sets = {pace: full if episodes is None else full.first(episodes) for pace, full in sets.items()}
+    folder = ResultsFolder(results) if results is not None and not isinstance(results, ResultsFolder) else results
+    if folder:
+        folder.make()
+    runs: list[ScenarioRun] = []
+    for pace, chosen in sets.items():
+        batches = Batches(chosen)
+        for name, policy in named.items():
+            seeds = each_seed(policy)
+            for seed, trained in enumerate(seeds):
+                bound = batches.bind(trained)
+                identity = identity_of(trained, bound.policy)
+                _check_built_in(name, identity)
+                at = Conditions(
+                    scenario=scenario,
+                    pace=pace,
+                    policy=name,
+                    seed=seed,
+                    episodes=len(chosen),
+                    data=chosen.checksum,
+                    identity=identity,
+                    version=__version__,
+                    code=code_digest(),
+                    fresh=fresh,
+                )
+                found = folder and folder.find(at)
+                made = found or ScenarioRun(at, chosen.strata, *evaluate(bound, batches, num_threads))
+                if folder and not found:
+                    folder.add(made)
+                runs.append(made)
+            if folder:
+                folder.end_seeds(replace(runs[-1].conditions, seed=len(seeds)))
+            on_progress(f"{name}, {pace}")
+    return tuple(runs)
+
+
+def fresh_seed(scenario: str, policies: Policies) -> int:
+    """Return the seed of fresh episodes that follows from what is judged: all policies, the code and the scenario.
+
+    Parameters
+    ----------
+    scenario, policies
+        As in ``run_scenario``; all that are compared on the episodes.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such policy, or its content cannot be told, as of a plain callable; it names the policy.
+    """
+    identities = {
+        name: [_identity(each) for each in each_seed(policy)] for name, policy in _named(policies, scenario).items()
+    }
+    return derived_seed(identities, code_digest(), scenario)
+
+
+def each_seed(policy: AnyPolicy | PerSeed) -> tuple[AnyPolicy, ...]:
+    """Return a policy as it came out of each of its training seeds."""
+    return policy.policies if isinstance(policy, PerSeed) else (policy,)
+
+
+def _named(policies: Policies, scenario: str) -> Mapping[str, AnyPolicy | PerSeed]:
+    """Return policies by name, or raise a ParameterError that names one that cannot be judged under its name."""
+    if not policies:
+        raise ParameterError("policies must hold at least one name")
+    if not isinstance(policies, Mapping):
+        names = [text_of(name) for name in names_in("policies", policies)]
+        for name in names:
+            check_name(name)
+        return {name: find_policy(name, scenario=scenario) for name in names}
+    for name, policy in policies.items():
+        check_name(name)
+        for each in each_seed(policy):
+            if not isinstance(each, Controller) and not callable(each):
+                raise ParameterError(f"policies must have a method bind or be callable, {name!r} is {each!r:.200}")
+            if is_built_in(name):
+                _check_built_in(name, _identity(each))
+    return policies
+
+
+def _identity(policy: AnyPolicy) -> str | None:
+    """Return what a policy is, bound to the nominal machine and to the sensors that it asks for."""
+    return identity_of(policy, bind(policy, BASELINE, observation_layout(BASELINE, sensors_of(policy))))
+
+
+def _check_built_in(name: str, identity: str | None) -> None:
+    """Raise a ParameterError if a policy that may be anything has the name of a built-in one."""
+    if identity is None and is_built_in(name):
+        raise ParameterError(f"policies must have names of their own for callables, {name!r} is a built-in policy")
+
+
+class Bound(NamedTuple):
+    """A policy as it acts, what its observations hold, and what was bound."""
+
+    policy: BoundPolicy
+    sensors: Sensors
+    kind: type
+
+
+class Part(NamedTuple):
+    """What comes out of one batch: scores, samples, how it was planned, mean processor time of a decision [ms]."""
+
+    scores: Scores
+    samples: list[Sample]
+    plans: Plans | None
+    decision_ms: float
+
+
+class Batches:
+    """The episodes in batches of ``CHUNK`` worlds, which are made once for all policies with the same sensors."""
+
+    def __init__(self, episodes: Episodes) -> None:
+        self.episodes = episodes
+        self.chunks = [slice(start, start + CHUNK) for start in range(0, len(episodes), CHUNK)]
+        self.batch = cache(self._make)
+
+    def _make(self, number: int, sensors: Sensors) -> Batch:
+        chunk = self.chunks[number]
+        return Batch(self.episodes.machines[chunk], self.episodes.tasks[chunk], sensors=sensors)
+
+    def bind(self, policy: AnyPolicy) -> Bound:
+        """Return a policy that can act in any of the batches; it is bound once, so what is judged is what acts."""
+        sensors = sensors_of(policy)
+        return Bound(bind(policy, BASELINE, self.batch(0, sensors).layout), sensors, type(policy))
+
+    def run(self, number: int, bound: Bound) -> Part:
+        """Return what comes out of one batch."""
+        chunk, batch = self.chunks[number], self.batch(number, bound.sensors)
+        tasks = self.episodes.tasks[chunk]
+        limits = [time_limit(task) for task in tasks]
+        rollout = run(batch, bound.policy, self.episodes.seeds[chunk], limits)
+        telemetry = rollout.telemetry
+        for world, limit in enumerate(limits):
+            telemetry[limit + 1 :, world] = np.nan
+        scores = score_episodes(telemetry, tasks, voltage_max=batch.machine.clutch.voltage_max)
+        kept = [k for k in sample_numbers(self.episodes.strata) if chunk.start <= k < chunk.stop]
+        samples = [_sample(k, telemetry[:, k - chunk.start]) for k in kept]
+        return Part(scores, samples, rollout.plans, rollout.decision_ms)
+
+
+def evaluate(bound: Bound, batches: Batches, num_threads: int) -> tuple[Scores, tuple[Sample, ...], Planning | None]:
+    """Return the scores of a policy on all episodes, samples of them, and how it plans, if it does."""
+    numbers = range(len(batches.chunks))
+    one = partial(batches.run, bound=bound)
+    if bound.policy.compiled and num_threads > 1:
+        with ThreadPoolExecutor(num_threads, thread_name_prefix="pter-benchmark") as pool:
+            parts = list(pool.map(one, numbers))
+    else:
+        parts = [one(number) for number in numbers]
+    scores = {name: np.concatenate([part.scores[name] for part in parts]) for name in SCORES}
+    return scores, tuple(sample for part in parts for sample in part.samples), _planning(bound, batches, parts)
+
+
+def _planning(bound: Bound, batches: Batches, parts: Sequence[Part]) -> Planning | None:
+    """Return how a policy planned, if it did; it counts as privileged unless it is known to use only observations."""
+    plans = next((part.plans for part in parts if part.plans), None)
+    if plans is None:
+        return None
+    seconds = plans.horizon * batches.episodes.tasks[0].control_period
+    took = float(np.mean([part.decision_ms for part in parts]))
+    return Planning(bound.kind not in UNPRIVILEGED, round(seconds, 6), plans.rollouts, round(took, 2))
+
+
+def _sample(number: int, telemetry: NDArray[np.float64]) -> Sample:
+    finished = telemetry[np.isfinite(column(telemetry, "time"))]
+    shown = np.unique(np.linspace(0, len(finished) - 1, INSTANTS).round().astype(int))
+    theta = np.stack([column(finished, "theta_a"), column(finished, "theta_b")], axis=-1)
+    return Sample(number, vector(finished, "tip")[shown].round(5), theta[shown].round(5))

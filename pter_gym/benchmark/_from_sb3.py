@@ -1,0 +1,156 @@
+"""What learning libraries have trained as policies; none of them is imported here."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, get_args
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from pter_gym._compiled.layout import Layout
+from pter_gym.controllers import BoundPolicy
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE, Machine
+from pter_gym.policies._interface import squared
+from pter_gym.tasks.path_following import Sensors, observation_layout
+
+Observations = NDArray[np.float32]
+Normalise = Callable[[Observations], Observations]
+
+
+def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelPolicy":
+    """Return what runs a model in ``run_scenario``: deterministic, with its recurrent states kept for each world.
+
+    Parameters
+    ----------
+    model
+        Of any algorithm: its ``predict`` takes observations, states and the starts of episodes. Its actions are clipped
+        to its action space; they are normalised where the lower bound is negative, and volts otherwise.
+    vec_normalize
+        What normalised the observations in training: a ``VecNormalize``, or Gymnasium's ``NormalizeObservation``. By
+        default the ``VecNormalize`` that the model still has, if it has one.
+        Its statistics are used as they are at each decision, and not changed.
+
+    Raises
+    ------
+    ParameterError
+        If observations or actions of the model are not those of an environment of this package.
+    """
+    own = getattr(model, "get_vec_normalize_env", lambda: None)
+    return ModelPolicy(model, _normalising(own() if vec_normalize is None else vec_normalize))
+
+
+def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
+    """Return what runs a function from observations to the actions of an environment, whatever library it comes from.
+
+    Parameters
+    ----------
+    act
+        From observations, float32 (N, entries), to actions, (N, 4): an array or a tensor of torch. It has no memory.
+        Its actions are clipped to the action space; they are normalised where the lower bound is negative, and volts
+        otherwise.
+    env
+        The environment whose observations and actions these are: one of this package, or anything with its spaces.
+
+    Raises
+    ------
+    ParameterError
+        If observations or actions are not those of an environment of this package.
+    """
+
+    def predict(observations: Observations, **_: Any) -> tuple[Any, None]:
+        actions = act(observations)
+        return (actions.detach().cpu().numpy() if hasattr(actions, "detach") else actions), None
+
+    spaces_of = {
+        name: getattr(env, f"single_{name}", getattr(env, name, None)) for name in ("observation_space", "action_space")
+    }
+    return from_sb3(SimpleNamespace(predict=predict, **spaces_of))
+
+
+class ModelPolicy(BoundPolicy):
+    """A model as a policy of the machine as it is; ``bind`` makes one for another machine.
+
+    Parameters
+    ----------
+    model
+        With ``predict``.
+    normalise
+        Turns observations into what the model was trained on.
+
+    Attributes
+    ----------
+    sensors
+        What the observations must hold.
+    """
+
+    def __init__(self, model: Any, normalise: Normalise, voltage_max: float = BASELINE.clutch.voltage_max) -> None:
+        self.sensors, self.layout = _observed_by(model)
+        space = getattr(model, "action_space", None)
+        if not isinstance(space, spaces.Box) or space.shape != (4,) or not space.is_bounded():
+            raise ParameterError(f"model.action_space must be a Box of 4 entries with bounds, got {space}")
+        self._low, self._high = space.low.astype(np.float64), space.high.astype(np.float64)
+        self._model, self._normalise, self._voltage_max = model, normalise, voltage_max
+        self.reset()
+
+    def bind(self, machine: Machine, layout: Layout) -> "ModelPolicy":
+        """Return the policy for a nominal machine and the layout of the observations that it will get.
+
+        Raises
+        ------
+        ParameterError
+            If the observations have another number of entries.
+        """
+        if len(layout) != len(self.layout):
+            raise ParameterError(
+                f"observations must have the {len(self.layout)} entries of the model, got {len(layout)}"
+            )
+        bound = ModelPolicy(self._model, self._normalise, machine.clutch.voltage_max)
+        bound.layout = layout
+        return bound
+
+    def reset(self) -> None:
+        """Forget the recurrent states: new episodes begin."""
+        self._state: Any = None
+        self._begins: bool | NDArray[np.bool_] = True
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Forget the recurrent states of some worlds, (N,): the model is told that episodes begin in them."""
+        self._begins = worlds | self._begins
+
+    def act(self, observations: Observations) -> NDArray[np.float64]:
+        """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries)."""
+        begins, self._begins = np.full(len(observations), self._begins), False
+        actions, self._state = self._model.predict(
+            self._normalise(observations), state=self._state, episode_start=begins, deterministic=True
+        )
+        most, low, high = self._voltage_max, self._low, self._high
+        linear = (np.clip(np.asarray(actions, np.float64), low, high) - low) * (most / (high - low))
+        return np.where(low < 0.0, squared(linear, most), linear)
+
+
+def _observed_by(model: Any) -> tuple[Sensors, Layout]:
+    """Return the sensors whose observations are as wide as a model's, and their layout."""
+    space = getattr(model, "observation_space", None)
+    layouts: dict[Sensors, Layout] = {each: observation_layout(BASELINE, each) for each in get_args(Sensors)}
+    for sensors, layout in layouts.items():
+        if isinstance(space, spaces.Box) and space.shape == (len(layout),):
+            return sensors, layout
+    known = " or ".join(f"{len(layout)} ({sensors})" for sensors, layout in layouts.items())
+    raise ParameterError(f"model.observation_space must be a Box of {known} entries, got {space}")
+
+
+def _normalising(wrapper: Any) -> Normalise:
+    """Return what normalises observations as a wrapper does, without a change to its statistics."""
+    if wrapper is None:
+        return lambda obs: obs
+    if callable(getattr(wrapper, "normalize_obs", None)):
+        return wrapper.normalize_obs
+    if not all(hasattr(wrapper, name) for name in ("obs_rms", "epsilon")):
+        raise ParameterError(f"vec_normalize must be a VecNormalize or a NormalizeObservation, got {wrapper!r}")
+
+    def standardised(obs: Observations) -> Observations:
+        return ((obs - wrapper.obs_rms.mean) / np.sqrt(wrapper.obs_rms.var + wrapper.epsilon)).astype(np.float32)
+
+    return standardised

@@ -1,0 +1,104 @@
+"""What a policy is: a hash of the content that it acts by, and never of what it says about itself.
+
+Content is known of compiled laws, and of the package's own policies with all their settings, gains and weights. What
+another callable does cannot be known, so it has no identity.
+"""
+
+import hashlib
+import json
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from types import MappingProxyType
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.benchmark._simulation import AnyPolicy
+from pter_gym.controllers import BoundPolicy
+from pter_gym.controllers._base import Policy
+from pter_gym.errors import ParameterError
+from pter_gym.policies._cards import Card
+
+PROSE: Mapping[type, tuple[str, ...]] = MappingProxyType({Card: ("name", "about", "weights_sha256")})
+"""Fields that describe a policy and do not change what it does."""
+
+
+class _UnknownError(Exception):
+    """The content of something cannot be known."""
+
+
+def identity_of(policy: AnyPolicy, bound: BoundPolicy) -> str | None:
+    """Return the SHA-256 of what a policy acts by, or None if that cannot be known.
+
+    Parameters
+    ----------
+    policy, bound
+        The policy as it was given, and as it acts. Of a compiled law, gains, law and layout of the observations count;
+        of any other policy of the package, all its parts.
+    """
+    try:
+        if type(bound) is not Policy:
+            return _sha256(["policy", _plain(policy)])
+        return _sha256(["law", bound.fingerprint, _plain(bound.layout)]) if bound.fingerprint else None
+    except _UnknownError:
+        return None
+
+
+def derived_seed(identities: Mapping[str, Iterable[str | None]], code: str, scenario: str) -> int:
+    """Return the seed of fresh episodes that follows from what is judged on them, so nobody could tune to them.
+
+    It is the first 8 bytes of a SHA-256 over the content of all policies, the code and the scenario.
+
+    Parameters
+    ----------
+    identities
+        Of the policies, by name; of one with several training seeds, those of all of them.
+    code, scenario
+        The digest of the code that decides scores, and the name of the scenario.
+
+    Raises
+    ------
+    ParameterError
+        If the content of a policy cannot be known; the message names the policy.
+    """
+    for name, each in identities.items():
+        if None in each:
+            raise ParameterError(
+                f"fresh must be a whole number for {name!r}: what that callable does cannot be known, so no seed can "
+                "follow from it"
+            )
+    known = {cast(str, identity) for each in identities.values() for identity in each}
+    return int(_sha256([sorted(known), code, scenario])[:16], 16)
+
+
+def _plain(value: object) -> object:
+    """Return the content of a value as plain data in which different contents differ."""
+    kind = type(value)
+    if value is None or kind in (bool, int, str):
+        return value
+    if isinstance(value, float):
+        return ["float", float(value).hex()]
+    if kind in (tuple, list):
+        return ["tuple", *map(_plain, cast("tuple[object, ...]", value))]
+    if kind in (dict, MappingProxyType):
+        return ["map", *sorted([str(key), _plain(item)] for key, item in cast("Mapping[str, object]", value).items())]
+    if kind is np.ndarray:
+        array = cast("NDArray[Any]", value)
+        if array.dtype.kind in "biuf":
+            return ["array", array.dtype.str, list(array.shape), hashlib.sha256(array.tobytes()).hexdigest()]
+    if not is_dataclass(kind) or not _is_ours(kind):
+        raise _UnknownError
+    names = [field.name for field in fields(kind) if field.name not in PROSE.get(kind, ())]
+    return [f"{kind.__module__}.{kind.__qualname__}", {name: _plain(getattr(value, name)) for name in names}]
+
+
+def _is_ours(kind: type) -> bool:
+    """Tell whether a class is one of this package, whatever it says."""
+    ours = kind.__module__.startswith(f"{__name__.partition('.')[0]}.")
+    return ours and getattr(sys.modules.get(kind.__module__), kind.__qualname__, None) is kind
+
+
+def _sha256(parts: object) -> str:
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,224 @@
+"""A policy in a process of its own: observations go in, voltages come out, and nothing else crosses.
+
+A message is a header of fixed size and what it announces: JSON, or raw float32 numbers. ``serving`` is the other side.
+"""
+
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import weakref
+from contextlib import suppress
+from enum import IntEnum
+from pathlib import Path
+from typing import IO, Any, Self, cast, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym import params
+from pter_gym._compiled.layout import Field, Layout
+from pter_gym._internal.checks import is_finite
+from pter_gym._internal.codec import Codec, dataclasses_in
+from pter_gym._internal.reading import parse_json
+from pter_gym.benchmark._naming import is_code
+from pter_gym.controllers import BoundPolicy
+from pter_gym.errors import ActionError, ParameterError, PolicyError
+from pter_gym.params import BASELINE, Machine
+from pter_gym.tasks.path_following import Sensors, observation_layout
+
+Observations = NDArray[np.float32]
+
+TIMEOUT = 60.0
+"""Default limit on the time for an answer [s]."""
+
+LONGEST = 86400.0
+"""Largest limit that may be set [s]."""
+
+MOST_TEXT = 1 << 16
+"""Longest text that is read from the process [B]."""
+
+CODEC = Codec([*dataclasses_in(params), Layout, Field])
+"""Knows the parts of a machine and of a layout."""
+
+FAULTS = {kind.__name__: kind for kind in (ActionError, ParameterError)}
+"""Errors of a policy that leave its process running, by name; any other is a PolicyError and ends it."""
+
+
+class Kind(IntEnum):
+    """What a message is."""
+
+    BIND = 0  # machine and layout, as JSON
+    RESET = 1
+    DECIDE = 2  # observations, float32 (N, entries)
+    DONE = 3  # volts, float32 (N, 4), for observations; JSON otherwise
+    FAULT = 4  # the name of an error, and its message, as JSON
+
+
+HEADER = struct.Struct("<2I")
+"""Kind and size [B] of what follows."""
+
+
+class Isolated(BoundPolicy):
+    """Somebody's code as a policy in a process of its own: it knows no more than what it is sent.
+
+    The process is a fresh interpreter. It gets the nominal machine and the layout of the observations, then
+    observations, and returns volts. It ends with ``close``, at the end of a ``with`` block, with a PolicyError, or when
+    it is no longer referred to. It acts for one machine and layout at a time: ``bind`` replaces them.
+
+    Parameters
+    ----------
+    name
+        ``package.module:attribute``, as in ``find_policy``. Other policies run no code but the package's own.
+    timeout
+        Longest time to wait [s] for an answer or its next part: to start, to be bound, for a decision.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such policy, it cannot be bound to the nominal machine, or it plans: planners need the worlds.
+        Or if the timeout is out of range.
+    PolicyError
+        If its process fails.
+    """
+
+    def __init__(self, name: str, *, timeout: float = TIMEOUT) -> None:
+        given = cast("object", name)
+        if not isinstance(given, str) or not is_code(given):
+            raise ParameterError(f"name must be a text such as 'package.module:attribute', got {given!r:.200}")
+        if not (is_finite(timeout) and 0.0 < timeout <= LONGEST):
+            raise ParameterError(f"timeout must lie within (0, {LONGEST:g}] s, got {timeout!r}")
+        self.name, self.timeout = name, timeout
+        self.process, self._socket = _start(name)
+        self._stream = self._socket.makefile("rwb")
+        self.close = weakref.finalize(self, _end, self.process, self._socket, self._stream)
+        try:
+            self.sensors: Sensors = self._parsed(self._answer())
+            if self.sensors not in get_args(Sensors):
+                raise self._wrong()
+            self.bind(BASELINE, observation_layout(BASELINE, self.sensors))
+        except BaseException:
+            self.close()
+            raise
+
+    def bind(self, machine: Machine, layout: Layout) -> Self:
+        """Bind the policy to a nominal machine and the layout of the observations that it will get, and return it.
+
+        Raises
+        ------
+        ParameterError
+            If it cannot be bound to these.
+        """
+        told = {"machine": CODEC.to_plain(machine), "layout": CODEC.to_plain(layout)}
+        self._ask(Kind.BIND, json.dumps(told).encode())
+        self.layout = layout
+        return self
+
+    def reset(self) -> None:
+        """Tell the policy that new episodes begin."""
+        self._ask(Kind.RESET)
+
+    def act(self, observations: Observations) -> NDArray[np.float32]:
+        """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries)."""
+        sent = np.ascontiguousarray(observations, "<f4").tobytes()
+        return np.frombuffer(self._ask(Kind.DECIDE, sent, 16 * len(observations)), "<f4").reshape(-1, 4)
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End its process."""
+        self.close()
+
+    def _ask(self, kind: Kind, content: bytes = b"", size: int | None = None) -> bytes:
+        """Send a message and return the content of the answer; see ``_answer``."""
+        if not self.close.alive:
+            raise PolicyError(f"policy {self.name!r} has no process any more: it has failed or was closed")
+        return self._answer(HEADER.pack(kind, len(content)) + content, size)
+
+    def _answer(self, message: bytes = b"", size: int | None = None) -> bytes:
+        """Send a message, and return the content of the answer, which is a text or has a size [B].
+
+        Raises
+        ------
+        ActionError, ParameterError
+            If the policy raised it; its process goes on.
+        PolicyError
+            If it raised anything else, or its process has ended, is too slow or sends something else.
+        """
+        try:
+            self._socket.settimeout(self.timeout)
+            self._stream.write(message)
+            self._stream.flush()
+            kind, found = HEADER.unpack(self._stream.read(HEADER.size))
+            fits = found == size if size is not None and kind == Kind.DONE else found <= MOST_TEXT
+            if kind not in (Kind.DONE, Kind.FAULT) or not fits:
+                raise self._wrong()
+            content = self._stream.read(found)
+            if len(content) < found:
+                raise EOFError
+        except TimeoutError:
+            raise self._failed(f"must answer within {self.timeout:g} s, and did not") from None
+        except (OSError, EOFError, struct.error):
+            self.close()
+            raise self._failed(f"has ended its process, with exit status {self.process.returncode}") from None
+        except BaseException:  # an answer may still be on its way
+            self.close()
+            raise
+        if kind == Kind.DONE:
+            return content
+        match self._parsed(content):
+            case [str(error), str(told)]:
+                told = "".join(char if char.isprintable() else ascii(char)[1:-1] for char in told)
+                raise FAULTS[error](told) if error in FAULTS else self._failed(told)
+            case _:
+                raise self._wrong()
+
+    def _parsed(self, content: bytes) -> Any:
+        try:
+            return parse_json(content, MOST_TEXT)
+        except ValueError:
+            raise self._wrong() from None
+
+    def _wrong(self) -> PolicyError:
+        return self._failed("has sent something that is not an answer")
+
+    def _failed(self, why: str) -> PolicyError:
+        """End the process and return the error to raise."""
+        self.close()
+        return PolicyError(f"policy {self.name!r} {why}")
+
+
+def _start(name: str) -> tuple["subprocess.Popen[bytes]", socket.socket]:
+    """Start a process that serves a policy, and return it with the socket to it."""
+    if os.name != "posix":
+        raise PolicyError("isolated policies need Linux or macOS")
+    own, theirs = socket.socketpair()
+    try:
+        with theirs:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "pter_gym.benchmark._serving", str(theirs.fileno()), name],
+                stdin=subprocess.DEVNULL,
+                stdout=2,
+                pass_fds=(theirs.fileno(),),
+                start_new_session=True,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(path or str(Path.cwd()) for path in sys.path)},
+            )
+    except OSError as error:
+        own.close()
+        raise PolicyError(f"policy {name!r}: its process cannot be started: {error}") from error
+    return process, own
+
+
+def _end(process: "subprocess.Popen[bytes]", own: socket.socket, stream: IO[bytes]) -> None:
+    """End a process and those that it has started, and wait for it."""
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    own.close()
+    with suppress(OSError):  # what was not sent
+        stream.close()

@@ -1,0 +1,145 @@
+"""The leaderboard: the policies in the order of their ranks, as a table and as JSON."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from rich.markup import escape
+from rich.table import Table
+
+from pter_gym._internal.terminal import terminal
+from pter_gym._version import __version__
+from pter_gym.benchmark._ranking import COMPLETION, PACE_ERROR, Standing, find_standings
+from pter_gym.benchmark._runs import ScenarioRun
+from pter_gym.scenarios import PACES
+
+__all__ = ["COMPLETION", "FULL", "PACE_ERROR", "Leaderboard", "leaderboards", "rank", "table"]
+
+FULL = 200
+"""Fewest episodes for a rank that is not provisional."""
+
+
+class Column(NamedTuple):
+    """A score in the table: its title as ``rich`` prints it, its factor from SI, its text by value, low and high."""
+
+    score: str
+    title: str
+    factor: float
+    text: str
+
+
+COLUMNS = (
+    Column("path_error_m", "path error\n\\[mm]", 1000.0, "{:.1f} ({:.1f}…{:.1f})"),
+    Column("completed", "at the\nend\n\\[%]", 100.0, "{:.3g}"),
+    Column("mean_pace_error", "mean\npace\n\\[±%]", 100.0, "{:.3g}"),
+    Column("segment_pace_error", "segment\npace\n\\[±%]", 100.0, "{:.3g}"),
+    Column("rms_acceleration_m_s2", "rms acc.\n\\[m/s²]", 1.0, "{:.2f}"),
+    Column("smoothness", "smooth-\nness", 1.0, "{:.1f}"),
+)
+"""The columns of the table after rank and policy."""
+
+
+@dataclass(frozen=True)
+class Leaderboard:
+    """The policies on the same episodes at one pace, the best first, those below the line last.
+
+    Attributes
+    ----------
+    scenario, pace
+        Names.
+    episodes, data
+        How many of the episodes were run, and the SHA-256 of all of them.
+    config_hash
+        SHA-256 of all that the scores depend on, apart from the policies.
+    standings
+        One per policy.
+    fresh
+        Seed of fresh episodes; None for the stored ones.
+    """
+
+    scenario: str
+    pace: str
+    episodes: int
+    data: str
+    config_hash: str
+    standings: tuple[Standing, ...]
+    fresh: int | None = None
+
+    @property
+    def provisional(self) -> bool:
+        """Whether there are too few episodes for ranks that count."""
+        return self.episodes < FULL
+
+    def has_episodes_of(self, run: ScenarioRun) -> bool:
+        """Tell whether a run, at whatever pace, had the same episodes."""
+        at = run.conditions
+        mine = (self.scenario, self.episodes, self.data, self.fresh)
+        return mine == (at.scenario, at.episodes, at.data, at.fresh)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``benchmark.json`` holds of this leaderboard, in SI."""
+        return {
+            "scenario": self.scenario,
+            "pace": self.pace,
+            "pace_m_s": PACES[self.pace],
+            "episodes": self.episodes,
+            "episodes_sha256": self.data,
+            "fresh": self.fresh,
+            "version": __version__,
+            "config_hash": self.config_hash,
+            "provisional": self.provisional,
+            "policies": {standing.policy: standing.as_json() for standing in self.standings},
+        }
+
+
+def leaderboards(runs: Sequence[ScenarioRun]) -> tuple[Leaderboard, ...]:
+    """Return a leaderboard for each scenario, pace and set of episodes among runs of the same code."""
+    groups: dict[tuple[str, float, int, int, str], list[ScenarioRun]] = {}
+    for run in runs:
+        at = run.conditions
+        seed = -1 if at.fresh is None else at.fresh
+        groups.setdefault((at.scenario, PACES[at.pace], at.episodes, seed, at.data), []).append(run)
+    return tuple(rank(groups[place]) for place in sorted(groups))
+
+
+def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
+    """Return the leaderboard of runs on the same episodes at the same pace; a policy's training seeds count as one."""
+    at = runs[0].conditions
+    return Leaderboard(at.scenario, at.pace, at.episodes, at.data, at.config_hash, find_standings(runs), at.fresh)
+
+
+def table(board: Leaderboard) -> Table:
+    """Return a leaderboard for a terminal of 80 columns: intervals of 95 %, and below it why others have no rank."""
+    kind = "provisional, " if board.provisional else ""
+    which = "episodes" if board.fresh is None else f"fresh episodes, seed {board.fresh}"
+    notes = [f"– {standing.policy}: {standing.reason}" for standing in board.standings if standing.reason]
+    notes += [
+        f"{standing.policy}: {p.rollouts:,} plans of {p.horizon_s:g} s, {p.decision_ms:.1f} ms a decision"
+        for standing in board.standings
+        if (p := standing.planning)
+    ]
+    shown = plain_table(
+        f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} {which}",
+        ["#", "policy", *(column.title for column in COLUMNS)],
+        caption=escape("\n".join(notes)),
+        caption_justify="left",
+    )
+    for standing in board.standings:
+        place = "–" if standing.rank is None else str(standing.rank)
+        texts = [each.text.format(*(each.factor * x for x in standing.scores[each.score])) for each in COLUMNS]
+        shown.add_row(place, escape(standing.label), *texts)
+    return shown
+
+
+def plain_table(title: str, headers: Iterable[str], **options: Any) -> Table:
+    """Return a table for a terminal of 80 columns, without rows and lines; numbers are aligned to the right."""
+    shown = Table(title=title, box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, **options)
+    for header in headers:
+        shown.add_column(header, justify="left" if header in ("pace", "policy") else "right", no_wrap=True)
+    return shown
+
+
+def print_boards(runs: Sequence[ScenarioRun]) -> None:
+    """Print the leaderboards of runs to the terminal."""
+    for board in leaderboards(runs):
+        terminal().print(table(board), "")

@@ -1,0 +1,156 @@
+"""Find a policy as a user writes it: by name, by the path of an exported one, or as ``package.module:attribute``."""
+
+import os
+import re
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any, cast
+
+from pter_gym._internal.files import FilePath, find_path
+from pter_gym.benchmark._simulation import AnyPolicy
+from pter_gym.benchmark._tuned import SUFFIX, TUNED, find_tuned
+from pter_gym.controllers import CONTROLLERS, Random
+from pter_gym.controllers._impedance import Impedance
+from pter_gym.envs._acting import ActingPolicy
+from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.policies import read_policy, shipped_policies
+from pter_gym.policies._files import is_here, is_path
+
+PLANNERS = ("predictive", "predictive-honest")
+"""Policies that plan."""
+
+GUIDE = "single-dof-tuned"
+GUIDE_TABLE = Path(__file__).parents[1] / "presets" / "guide.toml"
+"""The law that guides planners, with gains of its own: a plan cannot follow a law that switches between its knots."""
+
+CODE = re.compile(r"\w+(\.\w+)*:\w+(\.\w+)*")
+"""How an attribute of a module is written."""
+
+
+def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard") -> AnyPolicy:
+    """Return a policy as a user writes it.
+
+    Parameters
+    ----------
+    name
+        One of:
+
+        - a built-in controller, such as ``impedance``, with a damper for each commanded pace where the paper's gains
+          need one;
+        - a controller with tuned gains, such as ``impedance-tuned``;
+        - a planner, ``predictive`` or ``predictive-honest``;
+        - a trained policy of the package, such as ``residual``, or the path of an exported one;
+        - ``package.module:attribute``: a controller or a callable from observations to volts. A class is called
+          without arguments to make one. The module is imported into this process.
+    seed
+        Seed of the random policy and of planners.
+    scenario
+        Scenario whose gains and dampers to use. With None, controllers have their default gains, and there are no tuned
+        ones or planners, as in the paper's standard test.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such policy; the message suggests the nearest names.
+    DataError
+        If a file of an exported policy is damaged.
+    """
+    name = text_of(name)
+    if is_code(name):
+        return _import(name)
+    known = (*CONTROLLERS, *(() if scenario is None else (*TUNED, *PLANNERS)), *shipped_policies())
+    if is_path(name) or name in shipped_policies() or (name not in known and is_here(name)):
+        return read_policy(name)
+    if name not in known:
+        raise unknown_name("policies", name, known)
+    if name in PLANNERS:
+        from pter_gym.controllers._predictive import Honest, Privileged, Settings
+
+        kind = Privileged if name == "predictive" else Honest
+        return kind(find_tuned(GUIDE, scenario, path=GUIDE_TABLE), Settings(seed=seed))
+    if name in TUNED:
+        return find_tuned(name, scenario)
+    controller = Random(seed=seed) if name == "random" else CONTROLLERS[name]()
+    if not isinstance(controller, Impedance) or scenario is None:
+        return controller
+    from pter_gym.benchmark._pacing import damping_table, paced
+
+    dampers = damping_table().get(scenario, {}).get(name)
+    return paced(controller, dampers) if dampers else controller
+
+
+def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> ActingPolicy:
+    """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
+
+    It notices by itself when episodes begin, and returns actions in the unit of the environment.
+
+    Parameters
+    ----------
+    policy
+        What ``pter benchmark --policies`` takes: the name of a trained policy or of a controller, the path of an
+        exported policy (a string or a ``pathlib.Path``), or ``package.module:attribute``. Or a policy itself: a
+        controller, what ``from_sb3`` returns, or a function from observations, float32 (N, entries), to volts, (N, 4).
+    env
+        Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
+        its wrappers. Tuned gains are those of its scenario.
+    seed
+        Seed of the random policy and of planners.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such policy, or it cannot act in this environment; the message says why.
+    DataError
+        If a file of the policy is damaged.
+    """
+    if isinstance(policy, (str, os.PathLike)):
+        policy = find_policy(cast("FilePath", policy), seed, _scenario_of(env))
+    elif not callable(policy) and not hasattr(policy, "bind"):
+        raise ParameterError(
+            "policy must be a name, the path of an exported policy, a controller, or a function from observations to "
+            f"volts, got {policy!r:.200}"
+        )
+    return ActingPolicy(policy, env)
+
+
+def is_code(name: str) -> bool:
+    """Tell whether a user means an attribute of a module, ``package.module:attribute``."""
+    return ":" in name and not is_path(name)
+
+
+def is_built_in(name: str) -> bool:
+    """Tell whether this is the name of a built-in or shipped policy."""
+    return name.removesuffix(SUFFIX) in (*CONTROLLERS, *PLANNERS, *shipped_policies())
+
+
+def text_of(name: FilePath) -> str:
+    """Return a name or path as text that shows which of the two it is, or raise a ParameterError."""
+    given = cast("object", name)
+    if isinstance(given, str):
+        return given
+    if not isinstance(given, os.PathLike):
+        raise ParameterError(f"policies must be names or paths, got {given!r:.200}")
+    text = str(find_path("policies", name))
+    return text if is_path(text) else f"./{text}"
+
+
+def _import(name: str) -> Any:
+    """Return the policy that an attribute of a module is; an instance where it is a class."""
+    if not CODE.fullmatch(name):
+        raise ParameterError(
+            f"policies: there is no {name!r}: code must be written as package.module:attribute, in letters, digits, _"
+        )
+    try:
+        found = EntryPoint(name, name, "").load()
+    except (ImportError, AttributeError) as error:
+        raise ParameterError(f"policies: there is no {name!r}: {error}") from None
+    try:
+        return found() if isinstance(found, type) else found
+    except TypeError as error:
+        raise ParameterError(f"policies: {name!r} must be made without arguments: {error}") from error
+
+
+def _scenario_of(env: Any) -> str:
+    """Return the name of the scenario that an environment belongs to; ``standard`` for any other."""
+    first = next(iter(getattr(env, "envs", ())), env)
+    return getattr(getattr(first, "spec", None), "kwargs", {}).get("scenario", "standard")

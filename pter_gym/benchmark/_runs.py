@@ -1,0 +1,254 @@
+"""One policy on the episodes of one scenario at one pace: what was run, and its scores."""
+
+import ast
+import hashlib
+import json
+import tomllib
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import cast
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.benchmark._metrics import SCORES, Scores
+from pter_gym.errors import ParameterError
+from pter_gym.policies._files import LONGEST_NAME
+
+Array = NDArray[np.float64]
+
+PACKAGE = Path(__file__).parents[1]
+
+DECIDING = (
+    "units.py",
+    "compiled",
+    "params",
+    "physics",
+    "hands",
+    "paths",
+    "tasks",
+    "engine",
+    "scenarios",
+    "controllers",
+    "policies",
+    "benchmark/episodes.py",
+    "benchmark/evaluation.py",
+    "benchmark/measures.py",
+    "benchmark/metrics.py",
+    "benchmark/ranking.py",
+    "benchmark/recorded.py",
+    "benchmark/simulation.py",
+    "benchmark/statistics.py",
+    "presets/pter.toml",
+)
+"""The folders and files of the package that decide a score. Gains and weights are part of a policy's identity."""
+
+SAMPLES = 4
+"""Episodes of a run that are kept to be drawn: the first of each stratum, then the first ones."""
+
+INSTANTS = 200
+"""Largest number of instants that are kept of such an episode."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One episode as it is drawn, at some of its control instants.
+
+    Attributes
+    ----------
+    episode
+        Its number in the scenario.
+    tip
+        Tip position [m], shape (K, 2).
+    theta
+        Absolute link angles [rad], shape (K, 2).
+    """
+
+    episode: int
+    tip: Array
+    theta: Array
+
+
+@dataclass(frozen=True)
+class Planning:
+    """How a planner came to its decisions.
+
+    Attributes
+    ----------
+    privileged
+        Whether it knows what no controller can know.
+    horizon_s
+        Time that a plan covers [s].
+    rollouts
+        Plans that are simulated for each decision.
+    decision_ms
+        Measured mean processor time of a decision [ms], which does not depend on what else the machine does.
+    """
+
+    privileged: bool
+    horizon_s: float
+    rollouts: int
+    decision_ms: float
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """All that the scores of a run depend on.
+
+    Attributes
+    ----------
+    scenario, pace, policy
+        Names.
+    seed
+        Number of the training seed, for a policy that was trained with several; 0 otherwise.
+    episodes
+        How many of the scenario's episodes were run, from the first on.
+    data
+        SHA-256 of the episodes.
+    identity
+        SHA-256 of the policy's content; None if that cannot be known, as of a plain function.
+    version
+        Of the package.
+    code
+        SHA-256 of the code that decides scores.
+    fresh
+        Seed of fresh episodes; None for the stored ones.
+    """
+
+    scenario: str
+    pace: str
+    policy: str
+    seed: int
+    episodes: int
+    data: str
+    identity: str | None
+    version: str
+    code: str
+    fresh: int | None = None
+
+    @property
+    def config_hash(self) -> str:
+        """Hash of all of them but the policy."""
+        parts = {name: part for name, part in asdict(self).items() if name not in ("policy", "seed", "identity")}
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class ScenarioRun:
+    """The scores of one policy on the episodes of one scenario at one pace.
+
+    Attributes
+    ----------
+    conditions
+        What was run.
+    strata
+        One label per episode.
+    scores
+        One entry per episode under each name.
+    samples
+        Some episodes to draw.
+    planning
+        Of a policy that plans.
+    """
+
+    conditions: Conditions
+    strata: tuple[str, ...]
+    scores: Scores
+    samples: tuple[Sample, ...]
+    planning: Planning | None = None
+
+
+def check_name(name: object) -> None:
+    """Raise a ParameterError unless something can name a policy, in a table and in the name of a file."""
+    good = isinstance(name, str) and name.strip() == name != "" and name.isprintable()
+    if not good or len(quote(str(name), safe=" ")) > LONGEST_NAME:
+        raise ParameterError(
+            f"policies must have names of 1 to {LONGEST_NAME} printable characters, without a space at either end (one "
+            f"that a file name cannot hold counts as three or more), got {name!r:.60}"
+        )
+
+
+def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
+    """Return the runs of one policy's training seeds on the same episodes as one run; seeds are a further stratum.
+
+    Its identity is unknown if one of theirs is, and it plans, or is privileged, if one of them does.
+    """
+    if len(runs) == 1:
+        return runs[0]
+    identities = [run.conditions.identity for run in runs]
+    known = None if None in identities else "; ".join(map(str, identities))
+    plans = sorted((run.planning for run in runs if run.planning), key=lambda planning: not planning.privileged)
+    return ScenarioRun(
+        conditions=replace(runs[0].conditions, identity=known),
+        strata=tuple(f"{stratum}, seed {run.conditions.seed}" for run in runs for stratum in run.strata),
+        scores={name: np.concatenate([run.scores[name] for run in runs]) for name in SCORES},
+        samples=runs[0].samples,
+        planning=plans[0] if plans else None,
+    )
+
+
+def without_copies(runs: Iterable[ScenarioRun]) -> tuple[tuple[ScenarioRun, ...], tuple[tuple[ScenarioRun, int], ...]]:
+    """Return the runs that count, and those whose policy is that of an earlier training seed, with that seed.
+
+    A copy does not count as a further seed. Policies of unknown content are the same if all their scores are.
+    """
+    first: dict[tuple[object, ...], int] = {}
+    kept: list[ScenarioRun] = []
+    copies: list[tuple[ScenarioRun, int]] = []
+    for run in sorted(runs, key=lambda run: run.conditions.seed):
+        at = run.conditions
+        scores = () if at.identity else tuple(values.tobytes() for values in run.scores.values())
+        seed = first.setdefault((replace(at, seed=0), *scores), at.seed)
+        if seed == at.seed:
+            kept.append(run)
+        else:
+            copies.append((run, seed))
+    return tuple(kept), tuple(copies)
+
+
+def sample_numbers(strata: Sequence[str]) -> list[int]:
+    """Return the numbers of the episodes that are kept to be drawn."""
+    first_of_each = (strata.index(stratum) for stratum in dict.fromkeys(strata))
+    return sorted(list(dict.fromkeys([*first_of_each, *range(len(strata))]))[:SAMPLES])
+
+
+@cache
+def code_digest() -> str:
+    """Return a SHA-256 of the code that decides a score: with other code, an earlier run is not the same run.
+
+    It is over the syntax trees of ``DECIDING`` without docstrings, so it depends neither on comments and layout nor on
+    the version of Python.
+
+    Raises
+    ------
+    FileNotFoundError
+        If one of them does not exist.
+    """
+    content = hashlib.sha256()
+    for part in DECIDING:
+        place = PACKAGE / part
+        files = [place] if place.is_file() else sorted(place.rglob("*.py"))
+        if not files:
+            raise FileNotFoundError(f"{place} decides scores and does not exist: correct DECIDING in {__file__}")
+        for path in files:
+            text = path.read_text("utf-8")
+            meaning = tomllib.loads(text) if path.suffix == ".toml" else _meaning(ast.parse(text))
+            content.update(f"{path.relative_to(PACKAGE).as_posix()}: {meaning}\n".encode())
+    return content.hexdigest()
+
+
+def _meaning(node: object) -> object:
+    """Return a syntax tree as plain data without docstrings; what is absent in some versions of Python is left out."""
+    if isinstance(node, list):
+        return [_meaning(each) for each in cast("list[object]", node) if not _is_docstring(each)]
+    if not isinstance(node, ast.AST):
+        return repr(node)
+    parts = ((name, _meaning(value)) for name, value in ast.iter_fields(node) if value not in (None, []))
+    return [type(node).__name__, *parts]
+
+
+def _is_docstring(node: object) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)

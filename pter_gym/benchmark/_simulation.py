@@ -1,0 +1,211 @@
+"""Episodes of a policy, of whatever kind: a compiled law, a network, a planner or a plain callable."""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import SKIP
+from pter_gym.controllers import BoundPolicy, Controller, Policy, bind
+from pter_gym.controllers._base import Plans
+from pter_gym.params import BASELINE, Machine
+from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensors, observation_layout
+
+Array = NDArray[np.float64]
+Observations = NDArray[np.float32]
+AnyPolicy = Controller | Callable[[Observations], Any]
+"""What ``pter_gym.controllers.bind`` takes: a controller, a bound policy or a plain callable."""
+
+Columns = slice | list[int]
+
+
+class Rollout:
+    """New episodes in a batch, one in each world, as far as a policy has taken them.
+
+    Parameters
+    ----------
+    batch
+        N worlds.
+    seeds
+        Of the resets, N of them.
+    columns
+        Of the telemetry that is kept; all by default.
+
+    Attributes
+    ----------
+    obs
+        The latest observations, float32 (N, entries).
+    steps
+        Control steps so far.
+    ended
+        Whose episodes have ended, bool (N,).
+    plans
+        How the policy plans, if it does; then it was told the worlds.
+    seen
+        Observations of the control steps that were decided one by one.
+    """
+
+    def __init__(self, batch: Batch, seeds: Sequence[int], columns: Columns = slice(None)) -> None:
+        self.batch = batch
+        self.obs, first = batch.reset(seeds)
+        self.steps = 0
+        self.ended = np.zeros(batch.num_worlds, np.bool_)
+        self.plans: Plans | None = None
+        self.seen: list[Observations] = [self.obs]
+        self._columns = columns
+        self._rows = [first[None][..., self._columns]]
+        self._memory = batch.empty_memory()
+        self._decisions: list[tuple[float, int]] = []
+
+    def begin(self, policy: BoundPolicy) -> None:
+        """Tell a policy that new episodes begin; only one that plans is told the worlds."""
+        self.plans = policy.plans
+        if isinstance(policy, Policy):
+            self._memory = policy.empty_memory(self.batch.num_worlds)
+        if self.plans is None:
+            policy.reset()
+        else:
+            policy.reset_in(self.batch)
+
+    def advance(self, policy: BoundPolicy, steps: int) -> None:
+        """Go on by one control step, or with a compiled law, which runs inside the kernel, by so many at once."""
+        if isinstance(policy, Policy):
+            self._keep(*self.batch.rollout(self.obs, policy.law, policy.gains, steps, self._memory))
+        else:
+            self.step(policy)
+
+    def step(self, policy: BoundPolicy) -> None:
+        """Go on by one control step with what a policy decides; it sees as many entries as its layout has."""
+        obs = self.obs[:, : len(policy.layout)].copy()
+        begin = time.thread_time()
+        volts = policy.act(obs)
+        self._decisions.append((time.thread_time() - begin, int((~self.ended).sum())))
+        returns = self.batch.step(volts, SKIP)
+        self.seen.append(returns.obs)
+        self._keep(returns.obs, returns.telemetry)
+
+    def _keep(self, obs: Observations, rows: Any) -> None:
+        """Keep the last observations and the telemetry of further control steps, (T, N, len(TELEMETRY))."""
+        self.obs = obs
+        self.steps += len(rows)
+        self.ended = rows[-1, :, COLUMN.terminated] != 0.0  # NaN after the end
+        self._rows.append(rows[..., self._columns])
+
+    @property
+    def telemetry(self) -> Array:
+        """Telemetry from the reset on, (steps + 1, N, columns), NaN after the end of an episode; a fresh array."""
+        return np.concatenate(self._rows)
+
+    @property
+    def decision_ms(self) -> float:
+        """Mean processor time of a decision for one world [ms], those of the first control step left out; 0 if none."""
+        seconds, decisions = (sum(each) for each in zip((0.0, 0), *self._decisions[1:], strict=True))
+        return 1000.0 * seconds / decisions if decisions else 0.0
+
+
+def run(
+    batch: Batch,
+    policy: AnyPolicy,
+    seeds: Sequence[int],
+    limits: Sequence[int],
+    *,
+    columns: Columns = slice(None),
+    stride: int | None = None,
+) -> Rollout:
+    """Run new episodes until each has ended or reached its limit.
+
+    Parameters
+    ----------
+    batch
+        N worlds.
+    policy
+        It is bound to the nominal machine, unless it is bound already or a plain callable.
+    seeds, limits
+        Of the resets, and control steps after which an episode is truncated, N each.
+    columns
+        Of the telemetry that is kept; all by default.
+    stride
+        Control steps of a compiled law between two looks at who has ended; it runs to the largest limit by default.
+    """
+    episodes = Rollout(batch, seeds, columns)
+    acting = bind(policy, BASELINE, batch.layout)
+    episodes.begin(acting)
+    last = max(limits)
+    while episodes.steps < last and not (episodes.ended | (np.array(limits) <= episodes.steps)).all():
+        episodes.advance(acting, stride or last)
+    return episodes
+
+
+def simulate(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: int) -> Array:
+    """Return the telemetry of new episodes, (steps + 1, N, len(TELEMETRY)), NaN after the end of an episode.
+
+    Arguments are those of ``run``; all episodes are truncated after ``max_steps`` control steps.
+    """
+    return run(batch, policy, seeds, [max_steps] * batch.num_worlds).telemetry
+
+
+class Episode(NamedTuple):
+    """One episode with all that a policy saw and did; a control step is decided at each but the last row.
+
+    Attributes
+    ----------
+    telemetry
+        float64 (T + 1, len(TELEMETRY)): the row of the reset, then one per control step.
+    obs
+        Observations with force sensors, float32 (T + 1, entries).
+    volts
+        What was applied [V], float32 (T, 4).
+    """
+
+    telemetry: Array
+    obs: Observations
+    volts: NDArray[np.float32]
+
+
+def record_episode(
+    policy: AnyPolicy,
+    machine: Machine,
+    task: PathFollowing,
+    seed: int,
+    max_steps: int,
+    *,
+    nominal: Machine = BASELINE,
+    on_step: Callable[[], object] = lambda: None,
+) -> Episode:
+    """Return an episode of a policy in a world of its own, decided step by step.
+
+    Parameters
+    ----------
+    policy
+        It sees force sensors only if it asks for them.
+    machine, task, seed
+        The episode.
+    max_steps
+        Control steps after which it is truncated.
+    nominal
+        The machine that the policy is told of.
+    on_step
+        Called after each control step.
+    """
+    episode = Rollout(Batch(machine, task, 1, sensors="force"), [seed])
+    acting = bind(policy, nominal, observation_layout(machine, sensors_of(policy)))
+    episode.begin(acting)
+    while episode.steps < max_steps and not episode.ended.all():
+        episode.step(acting)
+        on_step()
+    telemetry: Any = episode.telemetry[:, 0]
+    return Episode(telemetry, np.concatenate(episode.seen), telemetry[1:, [*COLUMN.volts]].astype(np.float32))
+
+
+def sensors_of(policy: AnyPolicy) -> Sensors:
+    """Return what a policy's observations must hold: what it says in ``sensors``, torque sensors otherwise."""
+    return getattr(policy, "sensors", "torque")
+
+
+def time_limit(task: PathFollowing) -> int:
+    """Return the control steps after which an episode is truncated: three times what the pace needs, at least 300."""
+    return max(300, math.ceil(3.0 * task.path.length / (task.pace * task.control_period)))

@@ -1,0 +1,68 @@
+"""Episodes as tables: named columns with units, as the telemetry declares them, in a CSV file or a NumPy archive."""
+
+import csv
+import io
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._internal.files import write_bytes_atomic
+from pter_gym.errors import unknown_name
+from pter_gym.tasks.path_following import TELEMETRY
+
+Array = NDArray[np.float64]
+
+
+def write_trajectories(episodes: Mapping[str, Array], path: Path) -> None:
+    """Write episodes below each other to a file, whole or not at all; the same episodes give the same bytes.
+
+    Parameters
+    ----------
+    episodes
+        By the name of the policy: telemetry from the reset on, where the time is 0, float64 (T + 1, len(TELEMETRY)).
+    path
+        A file in a folder that exists.
+
+        - ``.csv``: headings such as ``policy``, ``time [s]`` and ``mode``, then a line for each control step. A number
+          has as many digits as bring back its bits.
+        - ``.npz``: an array for each column under its name without the unit, and ``names`` and ``units`` of the
+          columns; no pickles.
+
+    Raises
+    ------
+    ParameterError
+        If the file has another ending.
+    """
+    check_table(path)
+    write_bytes_atomic(path, WRITERS[path.suffix.lower()](episodes))
+
+
+def check_table(path: Path) -> None:
+    """Raise a ParameterError unless a table can be written to a file of this ending."""
+    if path.suffix.lower() not in WRITERS:
+        raise unknown_name("csv's ending", path.suffix, WRITERS)
+
+
+def _as_csv(episodes: Mapping[str, Array]) -> bytes:
+    text = io.StringIO(newline="")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(["policy", *(f.name if f.unit == "1" else f"{f.name} [{f.unit}]" for f in TELEMETRY.fields)])
+    for name, telemetry in episodes.items():
+        rows.writerows([name, *row] for row in telemetry.tolist())
+    return text.getvalue().encode()
+
+
+def _as_npz(episodes: Mapping[str, Array]) -> bytes:
+    content = io.BytesIO()
+    columns = dict(zip(TELEMETRY.names, np.concatenate(list(episodes.values())).T, strict=True))
+    policies = np.repeat(list(episodes), [len(telemetry) for telemetry in episodes.values()])
+    units = [field.unit for field in TELEMETRY.fields]
+    np.savez_compressed(content, policy=policies, names=TELEMETRY.names, units=units, **columns)
+    return content.getvalue()
+
+
+WRITERS: Mapping[str, Callable[[Mapping[str, Array]], bytes]] = MappingProxyType({".csv": _as_csv, ".npz": _as_npz})
+"""What a file holds, by its ending."""

@@ -1,0 +1,153 @@
+"""Results, run again: whether the scores in a folder are those of the policies that they name."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from pter_gym._internal.files import FilePath
+from pter_gym._internal.reading import parse_json, read_bytes
+from pter_gym.benchmark._episodes import find_episodes
+from pter_gym.benchmark._evaluation import Batches, PerSeed, each_seed, evaluate
+from pter_gym.benchmark._identity import identity_of
+from pter_gym.benchmark._naming import find_policy, is_code
+from pter_gym.benchmark._results import Contents, ResultsFolder
+from pter_gym.benchmark._run_files import run_path
+from pter_gym.benchmark._runs import ScenarioRun
+from pter_gym.benchmark._simulation import AnyPolicy
+from pter_gym.errors import ParameterError, PterError
+
+SAME = "same"
+
+MOST_SUMMARY = 1 << 23
+"""Largest summary that is compared [B]."""
+
+Policies = Mapping[str, AnyPolicy | PerSeed]
+
+
+class Verdict(NamedTuple):
+    """What came out for one file.
+
+    Attributes
+    ----------
+    file
+        Its name.
+    finding
+        ``SAME``, what differs, or why it cannot be compared.
+    """
+
+    file: str
+    finding: str
+
+    @property
+    def same(self) -> bool:
+        """Whether the file holds what comes out again."""
+        return self.finding == SAME
+
+
+def verify(
+    results: ResultsFolder | FilePath,
+    policies: Policies | None = None,
+    *,
+    seed: int = 0,
+    num_threads: int = 2,
+    on_progress: Callable[[str], None] = lambda _: None,
+) -> tuple[Verdict, ...]:
+    """Run every run in a folder of results again and compare what comes out, bit for bit.
+
+    The measured time of a decision is not compared. Nothing in the folder changes.
+
+    Parameters
+    ----------
+    results
+        The folder, or its path.
+    policies
+        By their names in the results; those that are missing are found by name, as ``find_policy`` does, but code that
+        results name is not imported.
+    seed
+        Of the random policy and of planners, if they are found by name.
+    num_threads
+        As in ``run_scenario``.
+    on_progress
+        Called with the name of each file before it is run again.
+
+    Returns
+    -------
+    verdicts
+        One for each file of a run, and the last for ``benchmark.json``.
+
+    Raises
+    ------
+    ParameterError
+        If the folder holds no file of a run.
+    """
+    results = results if isinstance(results, ResultsFolder) else ResultsFolder(results)
+    contents = results.read()
+    if not contents.runs and not contents.left_out:
+        raise ParameterError(f"results must be a folder with files in runs, there are none in {str(results.path)!r}")
+
+    @lru_cache(1)
+    def batches_of(scenario: str, pace: str, count: int, fresh: int) -> Batches:
+        return Batches(find_episodes(scenario, pace, None if fresh < 0 else fresh).first(count))
+
+    verdicts = [Verdict(left.file, left.reason) for left in contents.left_out]
+    for run in sorted(contents.runs, key=_episodes_of):
+        file = run_path(results.path, run.conditions).name
+        on_progress(file)
+        try:
+            policy = _policy_of(run, policies or {}, seed)
+            finding = _compare(run, policy, batches_of(*_episodes_of(run)), num_threads)
+        except PterError as error:
+            finding = f"it cannot be run again: {error}"
+        verdicts.append(Verdict(file, finding))
+    return (*sorted(verdicts), Verdict(results.summary.name, compare_summary(results, contents)))
+
+
+def _episodes_of(run: ScenarioRun) -> tuple[str, str, int, int]:
+    at = run.conditions
+    return at.scenario, at.pace, at.episodes, -1 if at.fresh is None else at.fresh
+
+
+def _policy_of(run: ScenarioRun, policies: Policies, seed: int) -> AnyPolicy:
+    at = run.conditions
+    if at.policy not in policies and is_code(at.policy):
+        raise ParameterError(f"policies must name the code that may be imported, {at.policy!r} is not among them")
+    known = policies[at.policy] if at.policy in policies else find_policy(at.policy, seed, at.scenario)
+    if at.seed >= len(each_seed(known)):
+        raise ParameterError(f"there is no training seed {at.seed} of {at.policy!r}")
+    return each_seed(known)[at.seed]
+
+
+def _compare(run: ScenarioRun, policy: AnyPolicy, batches: Batches, num_threads: int) -> str:
+    """Run a run again and return the first difference in words, or ``SAME``."""
+    at, bound = run.conditions, batches.bind(policy)
+    for what, said, found in (
+        ("episodes", at.data, batches.episodes.checksum),
+        ("policy", at.identity, identity_of(policy, bound.policy)),
+    ):
+        if said != found:
+            return f"other {what}: the file says {said}, this is {found}"
+    scores, samples, planning = evaluate(bound, batches, num_threads)
+    for name, values in scores.items():
+        for k in np.flatnonzero(run.scores[name] != values)[:1]:
+            return f"differs: {name} of episode {k}: {run.scores[name][k].item()!r} instead of {values[k].item()!r}"
+    if (planning and replace(planning, decision_ms=0.0)) != (run.planning and replace(run.planning, decision_ms=0.0)):
+        return f"differs: planning: {run.planning} instead of {planning}"
+    for one, two in zip(run.samples, samples, strict=True):
+        if not (np.array_equal(one.tip, two.tip) and np.array_equal(one.theta, two.theta)):
+            return f"differs: the motion of episode {two.episode}"
+    return SAME
+
+
+def compare_summary(results: ResultsFolder, contents: Contents) -> str:
+    """Return how ``benchmark.json`` differs from what follows from the runs, or ``SAME``."""
+    try:
+        found = parse_json(read_bytes(results.summary, MOST_SUMMARY), MOST_SUMMARY)
+    except (OSError, ValueError) as error:
+        return f"it cannot be read: {error}"
+    expected = json.loads(json.dumps(contents.as_json()))
+    differ = [name for name in expected if not isinstance(found, dict) or found.get(name) != expected[name]]
+    return f"differs from what the runs give: {', '.join(differ)}" if differ else SAME

@@ -1,0 +1,283 @@
+"""What a policy is: bound to a nominal machine and a layout of observations, it acts.
+
+A *controller* is anything with ``bind``: a frozen set of gains, a trained network, a planner. A *bound policy* is what
+comes out of it: ``reset`` begins new episodes, ``act`` turns observations into volts. ``bind`` makes one of a plain
+callable, too.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from hashlib import sha256
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._compiled.compiler import compile_kernel, digest_of
+from pter_gym._compiled.layout import Layout
+from pter_gym._engine.law import Memory, empty_memory
+from pter_gym.controllers._laws import built_in
+from pter_gym.errors import ParameterError
+from pter_gym.params import Machine, find_machine
+
+Observations = NDArray[np.float32]
+Volts = NDArray[np.float32]
+
+law: Any = built_in
+"""The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
+
+
+class Plans(NamedTuple):
+    """How a policy that plans comes to its decisions; such a policy is given the worlds, and counts as privileged.
+
+    Attributes
+    ----------
+    horizon
+        Control steps that a plan covers.
+    rollouts
+        Plans that are simulated for each decision.
+    """
+
+    horizon: int
+    rollouts: int
+
+
+class BoundPolicy(ABC):
+    """A policy that is ready to act: ``policy(observation) -> volts``.
+
+    Attributes
+    ----------
+    layout
+        Layout of the observations that it gets.
+    compiled
+        Whether its law runs inside the kernel, where several threads can follow it at once.
+    fingerprint
+        SHA-256 of all that determines what it does, where that is known.
+    plans
+        How it plans, if it does.
+    """
+
+    layout: Layout
+    compiled: bool = False
+    plans: Plans | None = None
+
+    @property
+    def fingerprint(self) -> str | None:
+        """None: there is no way to tell what a plain callable does."""
+        return None
+
+    def reset(self) -> None:  # noqa: B027
+        """Forget the past: new episodes begin."""
+
+    def reset_in(self, batch: Any) -> None:  # noqa: ARG002
+        """Forget the past: new episodes begin in these worlds, a ``pter_gym._engine.batch.Batch``.
+
+        Only a policy with ``plans`` is given them.
+        """
+        self.reset()
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Forget the past of some worlds, (N,): new episodes begin in them, and go on in the others.
+
+        A policy whose ``reset`` does something has to say how. By default it can only forget all worlds at once.
+
+        Raises
+        ------
+        ParameterError
+            If it would have to forget some and to remember others.
+        """
+        if worlds.all():
+            self.reset()
+        elif type(self).reset is not BoundPolicy.reset:
+            raise self._cannot_forget()
+
+    def _cannot_forget(self) -> ParameterError:
+        return ParameterError(
+            "policy must have a method forget(worlds), with a bool for each world, where episodes begin at different "
+            "times; it has reset alone, which forgets all worlds at once"
+        )
+
+    @abstractmethod
+    def act(self, observations: Observations) -> Any:
+        """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries), contiguous."""
+
+    def __call__(self, observation: Observations) -> Volts:
+        """Return clutch voltages [V].
+
+        Parameters
+        ----------
+        observation
+            float32 (entries,) of one world or (N, entries) of many, in the order of ``layout``.
+
+        Returns
+        -------
+        volts
+            float32 (4,) or (N, 4).
+
+        Raises
+        ------
+        ParameterError
+            If the observation does not fit the layout.
+        """
+        rows = np.ascontiguousarray(np.atleast_2d(observation), np.float32)
+        if rows.ndim != 2 or rows.shape[1] != len(self.layout):
+            raise ParameterError(f"observation must have {len(self.layout)} entries, got the shape {rows.shape}")
+        volts = np.asarray(self.act(rows), np.float32)
+        return volts[0] if np.ndim(observation) == 1 else volts
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """A control law with its gains, or anything else that acts once it is bound."""
+
+    def bind(self, machine: Machine, layout: Layout) -> Callable[[Observations], Volts]:
+        """Return the policy for a nominal machine and the layout of the observations that it will get.
+
+        It is a ``BoundPolicy``, or any callable that takes observations, float32 (N, entries), and returns volts,
+        (N, 4). Where it is a ``Policy``, its law runs compiled.
+        """
+        ...
+
+
+class PlainPolicy(BoundPolicy):
+    """A callable from observations to volts as a policy; its own ``reset`` and ``forget`` are called if it has them."""
+
+    def __init__(self, function: Callable[[Observations], Any], layout: Layout) -> None:
+        self.layout = layout
+        self._function = function
+
+    def reset(self) -> None:
+        """Tell the callable that new episodes begin."""
+        reset = getattr(self._function, "reset", None)
+        if callable(reset):
+            reset()
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Tell the callable that new episodes begin in some worlds, (N,)."""
+        forget = getattr(self._function, "forget", None)
+        if callable(forget):
+            forget(worlds)
+        elif worlds.all():
+            self.reset()
+        elif callable(getattr(self._function, "reset", None)):
+            raise self._cannot_forget()
+
+    def act(self, observations: Observations) -> Any:
+        """Return what the callable does."""
+        return self._function(observations)
+
+
+def bind(
+    policy: Controller | Callable[[Observations], Any], machine: Machine | str | None, layout: Layout
+) -> BoundPolicy:
+    """Return a policy that is ready to act; this is where plain callables become policies.
+
+    Parameters
+    ----------
+    policy
+        A controller, a bound policy, or any ``policy(observations) -> volts``, float32 (N, entries) to (N, 4).
+    machine
+        The nominal machine or its name; None for PTER as it is.
+    layout
+        Layout of the observations.
+
+    Raises
+    ------
+    ParameterError
+        If it is none of these, or it cannot be bound to this machine and layout.
+    """
+    acting = policy.bind(find_machine(machine), layout) if isinstance(policy, Controller) else policy
+    if isinstance(acting, BoundPolicy):
+        return acting
+    if not callable(acting):
+        raise ParameterError(f"policy must have a method bind or be callable, got {policy!r:.200}")
+    return PlainPolicy(acting, layout)
+
+
+@dataclass(eq=False)
+class Policy(BoundPolicy):
+    """A control law that is ready to act: ``policy(observation) -> volts``.
+
+    Attributes
+    ----------
+    gains
+        Gains of the law, shape (G,).
+    layout
+        Layout of the observations.
+    law
+        The scalar law; see ``pter_gym.controllers._laws``. The batch kernel inlines it.
+    memory
+        Record of what the law keeps of each world, a ``NamedTuple`` of floats; all are zero where an episode begins,
+        but an entry ``world`` is the number of the world.
+    """
+
+    gains: NDArray[np.float64]
+    layout: Layout
+    law: Callable[..., Any] = built_in
+    memory: type[Any] = Memory
+
+    compiled = True
+
+    def __post_init__(self) -> None:
+        """Start with an empty memory."""
+        self._scales = self.layout.scales
+        self.reset()
+
+    @property
+    def fingerprint(self) -> str | None:
+        """SHA-256 of gains and law; None if the law reads something that has no digest."""
+        digest = digest_of(self.law)
+        return digest and sha256(self.gains.tobytes() + digest.encode()).hexdigest()
+
+    def reset(self) -> None:
+        """Forget the past of all worlds."""
+        self._memory = self.empty_memory(0)
+
+    def forget(self, worlds: NDArray[np.bool_]) -> None:
+        """Forget the past of some worlds, (N,)."""
+        if len(self._memory) == len(worlds):
+            self._memory[worlds] = self.empty_memory(int(worlds.sum()))
+
+    def act(self, observations: Observations) -> Volts:
+        """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries), contiguous."""
+        if len(self._memory) != len(observations):
+            self._memory = self.empty_memory(len(observations))
+        return self.volts(observations, self._memory)
+
+    def volts(self, rows: Observations, memory: NDArray[np.float64]) -> Volts:
+        """Return clutch voltages [V], float32 (N, 4).
+
+        Parameters
+        ----------
+        rows
+            Observations, float32 (N, entries), contiguous.
+        memory
+            What the law keeps of each world, from ``empty_memory``; it is changed.
+        """
+        volts = np.empty((len(rows), 4), np.float32)
+        _act_kernel(self.law)(rows, self._scales, self.gains, memory, volts)
+        return volts
+
+    def empty_memory(self, worlds: int) -> NDArray[np.float64]:
+        """Return what the law keeps at the start of an episode, a row for each world: (N, numbers of the record)."""
+        return empty_memory(worlds, self.memory)
+
+
+def _build_act(digest: str) -> Any:
+    def act(obs: Any, scales: Any, gains: Any, memory: Any, out: Any) -> None:
+        _ = digest
+        for world in range(obs.shape[0]):
+            volts = law(obs[world], scales, gains, memory[world])
+            out[world, 0] = volts.x1
+            out[world, 1] = volts.x2
+            out[world, 2] = volts.x3
+            out[world, 3] = volts.x4
+
+    return act
+
+
+@cache
+def _act_kernel(law: Callable[..., Any]) -> Any:
+    return compile_kernel(_build_act, law=law)

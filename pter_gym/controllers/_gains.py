@@ -1,0 +1,147 @@
+"""The array of gains that guiding laws read: what they know of the machine, a torque table, and rows of gains by pace.
+
+In this order: ``Nominal``; the voltages, then the torques of the table; the paces of the rows; the rows, each a
+``Gains``. Between two paces the gains are interpolated, beyond them the nearest row counts.
+"""
+
+from collections.abc import Sequence
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._compiled.compiler import device
+from pter_gym._compiled.records import Entry, blend, flat, read, rows, width
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.friction import between
+from pter_gym.params import Machine
+
+
+class Nominal(NamedTuple):
+    """Which law it is, the number of knots of the torque table, and the nominal machine."""
+
+    kind: Annotated[float, Entry("1", "number of the law")]
+    knots: Annotated[float, Entry("1", "knots of the torque table")]
+    length_a: Annotated[float, Entry("m", "length of link A")]
+    length_b: Annotated[float, Entry("m", "length of link B")]
+    inertia_a: Annotated[float, Entry("kg·m²", "inertia about axis A")]
+    inertia_b: Annotated[float, Entry("kg·m²", "inertia about axis B")]
+    coupling: Annotated[float, Entry("kg·m²", "inertial coupling of the axes")]
+    torque_limit: Annotated[float, Entry("N·m", "torque at the largest voltage")]
+    voltage_max: Annotated[float, Entry("V", "largest voltage")]
+    scale: Annotated[PerClutch, Entry("1", "torque over that of the table, 0 for a clutch that is not there")]
+
+
+class Gains(NamedTuple):
+    """Gains of all guiding laws; a law leaves those of others at zero. Switches are on from a half.
+
+    The classes of the laws declare units and meanings, see ``Guided`` and its kinds.
+    """
+
+    stiffness: float = 0.0
+    damping_normal: float = 0.0
+    damping_tangential: float = 0.0
+    pace_fraction: float = 0.0
+    pace_integral: float = 0.0
+    grip: float = 0.0
+    feedback: float = 0.0
+    hold_when_stuck: float = 0.0
+    tip_space: float = 0.0
+    slip_threshold: float = 0.0
+    approach: float = 0.0
+    lead: float = 0.0
+    strength: float = 0.0
+    slow: float = 0.0
+    reluctance: float = 0.0
+
+
+NOMINAL = rows(Nominal)
+"""Places of what a law knows of the machine, in the array of gains."""
+
+GAIN = rows(Gains)
+"""Places of the gains in a row."""
+
+TABLE = width(Nominal)
+"""Where the torque table begins."""
+
+WIDTH = width(Gains)
+"""Entries of a row."""
+
+
+def gains_array(
+    kind: float, machine: Machine, table_volts: Sequence[float], rows_by_pace: Sequence[tuple[float, Gains]]
+) -> NDArray[np.float64]:
+    """Return the array of gains.
+
+    Parameters
+    ----------
+    kind
+        Number of the law.
+    machine
+        The nominal machine.
+    table_volts
+        Knots of the torque table [V], from 0 to the machine's largest voltage; the torques are those of its curve.
+    rows_by_pace
+        Commanded pace [m/s] and gains, by rising pace.
+    """
+    arm, clutch = machine.arm, machine.clutch
+    torques = [clutch.dynamic.torque(volts) for volts in table_volts]
+    nominal = Nominal(
+        kind=kind,
+        knots=len(table_volts),
+        length_a=arm.length_a,
+        length_b=arm.length_b,
+        inertia_a=arm.inertia_a,
+        inertia_b=arm.inertia_b,
+        coupling=arm.coupling,
+        torque_limit=torques[-1],
+        voltage_max=clutch.voltage_max,
+        scale=PerClutch(*machine.clutch_scale),
+    )
+    paces = [pace for pace, _ in rows_by_pace]
+    table = (*table_volts, *torques)
+    return np.array([*flat(nominal), *table, *paces, *(gain for _, row in rows_by_pace for gain in row)])
+
+
+@device
+def read_gains(gains: Any, pace: float) -> Gains:
+    """Return the gains at a commanded pace [m/s]."""
+    paces = TABLE + 2 * int(gains[NOMINAL.knots])
+    count = (gains.shape[0] - paces) // (WIDTH + 1)
+    low = 0
+    part = 0.0
+    for k in range(count - 1):
+        if pace > gains[paces + k]:
+            low = k
+            part = between((pace - gains[paces + k]) / (gains[paces + k + 1] - gains[paces + k]), 0.0, 1.0)
+    here = paces + count + low * WIDTH
+    there = here + (WIDTH if count > 1 else 0)
+    return blend(read(gains, GAIN, here), read(gains, GAIN, there), part)
+
+
+@device
+def table_voltage(gains: Any, torque: float) -> float:
+    """Return the voltage [V] at which the piecewise-linear table reaches a torque ≥ 0 [N·m], at most its last knot."""
+    count = int(gains[NOMINAL.knots])
+    last = TABLE + count - 1
+    volts = gains[last]
+    for k in range(last - 1, TABLE - 1, -1):
+        low = gains[k + count]
+        high = gains[k + 1 + count]
+        if torque < high:
+            volts = gains[k] + (gains[k + 1] - gains[k]) * (torque - low) / (high - low)
+    return volts
+
+
+@device
+def clutch_voltage(gains: Any, g: Gains, scale: float, wanted: float, slip: float, generated: float) -> float:
+    """Return the voltage [V] for a wanted clutch torque: the table, and the loop of Fig. 6 where it has a gain.
+
+    Magnitudes, since a voltage cannot choose a sign. A clutch of the scale 0 is not there and gets none.
+    ``hold_when_stuck`` leaves the loop out while the clutch is stuck and carries less than is wanted, where a higher
+    voltage has no effect.
+    """
+    error = abs(wanted) - abs(generated)
+    idle = (g.hold_when_stuck >= 0.5) & (abs(slip) <= g.slip_threshold) & (error > 0.0)
+    volts = table_voltage(gains, abs(wanted) / scale) + (0.0 if idle else g.feedback * error)
+    return between(volts, 0.0, gains[NOMINAL.voltage_max]) if scale > 0.0 else 0.0

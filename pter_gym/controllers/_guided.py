@@ -1,0 +1,158 @@
+"""What all guiding controllers share: a damper along the path, a torque table, and gains that may follow the pace."""
+
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import Any, ClassVar, cast
+
+from pter_gym._compiled.layout import Layout
+from pter_gym.controllers._base import Policy
+from pter_gym.controllers._gains import Gains, gains_array
+from pter_gym.errors import ParameterError
+from pter_gym.params import (
+    Machine,
+    find_machine,
+    preset,
+    quantity,
+    require,
+    require_flag,
+    require_number,
+    require_numbers,
+)
+from pter_gym.tasks.path_following._observation import SEEN
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guided:
+    """A controller that wants a tip force, finds clutch torques for it, and their voltages in a table.
+
+    The controller knows the nominal machine that it is bound to: its link lengths and inertias, and the dynamic torque
+    curve at ``table_volts``. Between these it interpolates, so its table is not the plant's curve. Below 4 V,
+    where the paper could not measure, the table is extrapolated to (0 V, 0 N·m). It ends at the machine's largest
+    voltage: knots from there on are left out, and that one is added.
+    """
+
+    damping_tangential: float = preset("controller", "damping_tangential")
+    pace_fraction: float = quantity(
+        "1", "chosen: the damper along the path leaves this fraction of the commanded pace alone; paper: 0", default=0.0
+    )
+    pace_integral: float = quantity(
+        "N·s/m", "chosen: braking force that a control step adds for each m/s above the pace; paper: 0", default=0.0
+    )
+    grip: float = quantity(
+        "1", "chosen: control steps at the start of an episode with all clutches fully engaged; paper: 0", default=0.0
+    )
+    table_volts: tuple[float, ...] = preset("controller", "table_volts")
+    slip_threshold: float = preset("controller", "slip_threshold")
+
+    kind: ClassVar[float]
+    """Number of the law, from ``pter_gym.controllers._laws``."""
+
+    ranges: ClassVar[dict[str, dict[str, float]]] = {"pace_fraction": {"at_least": 0.0, "at_most": 1.0}}
+    """What the gains accept that are not merely ≥ 0."""
+
+    def __post_init__(self) -> None:
+        """Check gains and table."""
+        for item in fields(self):
+            if item.type is bool:
+                require_flag(self, item.name)
+            elif item.type is float:
+                require_number(self, item.name, **self.ranges.get(item.name, {"at_least": 0.0}))
+        accepted = "a tuple of rising voltages from 0"
+        require_numbers(self, "table_volts", accepted)
+        rising = all(a < b for a, b in pairwise(self.table_volts))
+        require(rising and self.table_volts[:1] == (0.0,), self, "table_volts", self.table_volts, accepted)
+
+    def gains(self) -> Gains:
+        """Return the gains as the law reads them: the fields of the same names, 0 for those of other laws."""
+        own = vars(self)
+        return Gains(**{name: float(own[name]) for name in Gains._fields if name in own})
+
+    def at(self, pace: float) -> "Guided":  # noqa: ARG002
+        """Return itself, whose gains are the same at every commanded pace [m/s]; see ``PaceSchedule.at``."""
+        return self
+
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        """Return the policy for a nominal machine.
+
+        Raises
+        ------
+        ParameterError
+            If the table does not end at the machine's largest voltage, or there is a torque loop and the observation
+            has no torque sensors.
+        """
+        return bind_rows(self, [(1.0, self.gains())], machine, layout)
+
+
+@dataclass(frozen=True)
+class PaceSchedule:
+    """One controller for all paces: gains piecewise linear in the commanded pace, between those of its knots.
+
+    Below the first pace and above the last, the gains of that knot stay. A switch is that of the nearer knot.
+
+    Attributes
+    ----------
+    knots
+        Commanded pace [m/s] and controller, by rising pace. The controllers are of one kind with one torque table.
+    hold
+        A knot's gains hold exactly for paces within this fraction of its own. An observed pace is a float32, which is
+        hardly ever the very pace of a knot.
+    """
+
+    knots: tuple[tuple[float, Guided], ...]
+    hold: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check that the knots rise and go together."""
+        accepted = "pairs of a pace > 0 and a guiding controller, by rising pace"
+        knots = self.knots
+        require(_are_knots(knots), self, "knots", knots, accepted)
+        require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", knots, accepted)
+        alike = {(type(controller), controller.table_volts) for _, controller in knots}
+        require(len(alike) == 1, self, "knots", knots, "controllers of one kind with one table_volts")
+        require_number(self, "hold", at_least=0.0, below=1.0)
+        apart = all(a * (1.0 + self.hold) < b * (1.0 - self.hold) for (a, _), (b, _) in pairwise(knots))
+        require(apart, self, "hold", self.hold, "small enough to leave room between the knots")
+
+    def at(self, pace: float) -> Guided:
+        """Return the controller of the knot at a commanded pace [m/s].
+
+        Raises
+        ------
+        ParameterError
+            If there is no knot at that pace; it tells the paces that have one.
+        """
+        found = dict(self.knots)
+        if pace not in found:
+            raise ParameterError(f"pace must be one of {', '.join(f'{knot:g}' for knot in found)} m/s, got {pace!r}")
+        return found[pace]
+
+    def bind(self, machine: Machine, layout: Layout) -> Policy:
+        """Return the policy for a nominal machine; raises as the controllers' own ``bind``."""
+        edges = (1.0 - self.hold, 1.0 + self.hold) if self.hold else (1.0,)
+        rows = [(pace * edge, controller.gains()) for pace, controller in self.knots for edge in edges]
+        return bind_rows(self.knots[0][1], rows, machine, layout)
+
+
+def _are_knots(knots: Any) -> bool:
+    """Tell whether something is a tuple of pairs of a finite pace > 0 and a guiding controller."""
+    given = cast("tuple[Any, ...]", knots) if isinstance(knots, tuple) else ()
+    return len(given) > 0 and all(_is_knot(knot) for knot in given)
+
+
+def _is_knot(knot: Any) -> bool:
+    """Tell whether something is a pair of a finite pace > 0 and a guiding controller."""
+    pair = cast("tuple[Any, ...]", knot) if isinstance(knot, tuple) else ()
+    if len(pair) != 2 or not isinstance(pair[0], (int, float)):
+        return False
+    return 0.0 < pair[0] < float("inf") and isinstance(pair[1], Guided)
+
+
+def bind_rows(first: Guided, rows: list[tuple[float, Gains]], machine: Machine, layout: Layout) -> Policy:
+    """Return the policy of rows of gains by pace; the law and the table are those of the first controller."""
+    machine = find_machine(machine)
+    top = machine.clutch.voltage_max
+    volts = (*(knot for knot in first.table_volts if knot < top), top)
+    feeds_back = any(gains.feedback != 0.0 for _, gains in rows)
+    if feeds_back and ("torque_1" not in layout.names or layout.index("torque_1") != SEEN.torque.x1):
+        raise ParameterError('torque feedback needs torque sensors: sensors="torque" or sensors="force"')
+    return Policy(gains_array(first.kind, machine, volts, rows), layout)

@@ -1,0 +1,217 @@
+"""Control laws as scalar functions: one observation in, four voltages out.
+
+A law is ``law(obs, scales, gains, memory) -> PerClutch``: ``obs`` is one float32 observation, ``obs·scales`` is in
+physical units, ``gains`` belongs to the law (its first entry is its kind) and ``memory`` to one world (see ``Memory``).
+The batch kernel inlines a law; plain Python may call it too.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from pter_gym._compiled.compiler import device
+from pter_gym._compiled.philox import uniform4
+from pter_gym._compiled.records import read
+from pter_gym._engine.law import MEMORY
+from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, joint_torque, tip_velocity
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.friction import between, slip_velocities
+from pter_gym.controllers._allocation import allocate, passive_high, passive_low
+from pter_gym.controllers._gains import NOMINAL, Gains, Nominal, clutch_voltage, read_gains
+from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
+from pter_gym.tasks.path_following._observation import SEEN
+
+CONSTANT = 1.0
+RANDOM = 2.0
+IMPEDANCE = 3.0
+SINGLE_DOF = 4.0
+VELOCITY_RATIO = 5.0
+
+BRAKE_LIMIT = 200.0
+"""Largest magnitude of the force along the path that the pace's integral comes to [N]."""
+
+BEGINNING = 0.02
+"""Part of the path within which an episode begins; a tip that is back there from twice as far has begun another."""
+
+MANY = 1e6
+"""Control steps that no episode has."""
+
+_RANDOM_STREAM = np.uint64(0x52414E444F4D)
+
+
+@device
+def physical(obs: Any, scales: Any, at: float) -> float:
+    """Return an entry of an observation in its unit."""
+    return obs[at] * scales[at]
+
+
+@device
+def see_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
+    """Return the tip as the observation and the nominal machine tell it."""
+    arm = Linkage(nominal.length_a, nominal.length_b, nominal.inertia_a, nominal.inertia_b, nominal.coupling, 0.0, 0.0)
+    q = Motion(
+        0.0,  # no law asks for the angles themselves
+        0.0,
+        physical(obs, scales, SEEN.omega_a),
+        physical(obs, scales, SEEN.omega_b),
+        float(obs[SEEN.cos_a]),
+        float(obs[SEEN.sin_a]),
+        float(obs[SEEN.cos_b]),
+        float(obs[SEEN.sin_b]),
+    )
+    v_x, v_y = tip_velocity(arm, q)
+    return Tip(
+        arm,
+        q,
+        Vector(v_x, v_y),
+        UnitVector(float(obs[SEEN.heading.cos]), float(obs[SEEN.heading.sin])),
+        physical(obs, scales, SEEN.normal_error),
+        physical(obs, scales, SEEN.curvature),
+    )
+
+
+@device
+def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[float, float]:
+    """Return the tip force [N] of a spring and a damper normal to the path and a brake along it.
+
+    The brake is a damper on what the speed exceeds a fraction of the commanded pace by, and ``integral`` [N]. It never
+    pushes. Backwards it is a plain damper.
+    """
+    speed = speed_along(tip)
+    brake = g.damping_tangential * (speed - g.pace_fraction * pace) + integral
+    brake = brake if brake > 0.0 else 0.0
+    along = -brake if speed > 0.0 else -g.damping_tangential * speed
+    across = -g.stiffness * tip.error - g.damping_normal * (
+        tip.velocity.y * tip.heading.cos - tip.velocity.x * tip.heading.sin
+    )
+    return (
+        along * tip.heading.cos - across * tip.heading.sin,
+        along * tip.heading.sin + across * tip.heading.cos,
+    )
+
+
+@device
+def steps_before(obs: Any, memory: Any) -> float:
+    """Return how many control steps of the episode went before, and count this one.
+
+    An episode begins where a tip that was on its way is back at the start, whether or not the policy was told, and the
+    memory of the one before is emptied. An episode that the law finds under way has had ``MANY``.
+    """
+    progress = float(obs[SEEN.progress])
+    if (progress < BEGINNING) & (memory[MEMORY.progress] >= 2.0 * BEGINNING):
+        memory[MEMORY.kept] = 0.0
+        memory[MEMORY.brake] = 0.0
+        memory[MEMORY.steps] = 0.0
+    before = MANY if (memory[MEMORY.steps] == 0.0) & (progress >= BEGINNING) else memory[MEMORY.steps]
+    memory[MEMORY.steps] = before + 1.0
+    memory[MEMORY.progress] = progress
+    return before
+
+
+@device
+def pace_integral(g: Gains, tip: Tip, pace: float, memory: Any) -> float:
+    """Return the integral of the pace [N] after one more control step: ``pace_integral``·(speed − pace) is added."""
+    more = g.pace_integral * (speed_along(tip) - pace)
+    memory[MEMORY.brake] = between(memory[MEMORY.brake] + more, -BRAKE_LIMIT, BRAKE_LIMIT)
+    return memory[MEMORY.brake]
+
+
+@device
+def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Return the voltages of a guiding law: impedance, single-DOF lines or velocity ratio.
+
+    All want a force at the tip (of the latter two only the brake along the path is left); Jᵀ takes it to the joints.
+    The velocity-ratio law adds joint torques; the allocation then finds the closest torques that passive clutches can
+    exert (paper section III-A). The single-DOF law adds a torque of one clutch to what was found. The table and, where
+    it has a gain, the torque loop make voltages of them.
+    """
+    pace = physical(obs, scales, SEEN.pace)
+    nominal = read(gains, NOMINAL, 0)
+    g = read_gains(gains, pace)
+    tip = see_tip(obs, scales, nominal)
+    gripping = g.grip - steps_before(obs, memory) >= 0.5
+    integral = 0.0 if gripping else pace_integral(g, tip, pace, memory)
+    force_x, force_y = wanted_force(g, tip, pace, integral)
+    want_a, want_b = joint_torque(tip.arm, tip.q, force_x, force_y)
+    if nominal.kind == VELOCITY_RATIO:
+        turn_a, turn_b = turning_torques(g, tip)
+        want_a += turn_a
+        want_b += turn_b
+    slip = slip_velocities(tip.q.omega_a, tip.q.omega_b)
+    wanted = passive_torques(g, tip, slip, nominal, want_a, want_b)
+    if nominal.kind == SINGLE_DOF:
+        wanted, memory[MEMORY.kept] = steered(g, tip, nominal.scale, wanted, memory[MEMORY.kept])
+    least = nominal.voltage_max if gripping else 0.0
+    scale = nominal.scale
+    return PerClutch(
+        looped_voltage(obs, scales, gains, g, least, scale.x1, wanted.x1, slip.x1, SEEN.torque.x1),
+        looped_voltage(obs, scales, gains, g, least, scale.x2, wanted.x2, slip.x2, SEEN.torque.x2),
+        looped_voltage(obs, scales, gains, g, least, scale.x3, wanted.x3, slip.x3, SEEN.torque.x3),
+        looped_voltage(obs, scales, gains, g, least, scale.x4, wanted.x4, slip.x4, SEEN.torque.x4),
+    )
+
+
+@device
+def passive_torques(g: Gains, tip: Tip, slip: PerClutch, nominal: Nominal, want_a: float, want_b: float) -> PerClutch:
+    """Return the clutch torques [N·m] that come closest to the wanted joint torques and only brake."""
+    threshold, limit, scale = g.slip_threshold, nominal.torque_limit, nominal.scale
+    low = PerClutch(
+        passive_low(slip.x1, threshold, limit * scale.x1),
+        passive_low(slip.x2, threshold, limit * scale.x2),
+        passive_low(slip.x3, threshold, limit * scale.x3),
+        passive_low(slip.x4, threshold, limit * scale.x4),
+    )
+    high = PerClutch(
+        passive_high(slip.x1, threshold, limit * scale.x1),
+        passive_high(slip.x2, threshold, limit * scale.x2),
+        passive_high(slip.x3, threshold, limit * scale.x3),
+        passive_high(slip.x4, threshold, limit * scale.x4),
+    )
+    return allocate_in(g, tip, want_a, want_b, low, high)
+
+
+@device
+def allocate_in(g: Gains, tip: Tip, want_a: float, want_b: float, low: PerClutch, high: PerClutch) -> PerClutch:
+    """Return the clutch torques [N·m] within bounds that come closest in joint torque, or in tip force."""
+    length_a, length_b = tip.arm.length_a, tip.arm.length_b
+    tip_space = g.tip_space >= 0.5
+    return allocate(
+        want_a,
+        want_b,
+        low,
+        high,
+        length_a * length_a if tip_space else 1.0,
+        length_a * length_b * cos_difference(tip.q) if tip_space else 0.0,
+        length_b * length_b if tip_space else 1.0,
+    )
+
+
+@device
+def looped_voltage(
+    obs: Any, scales: Any, gains: Any, g: Gains, least: float, scale: float, wanted: float, slip: float, sensor: int
+) -> float:
+    """Return the voltage [V] of a clutch, behind the torque loop where it has a gain; only then is its sensor read.
+
+    It is at least ``least``, but for a clutch that is not there.
+    """
+    generated = physical(obs, scales, sensor) if g.feedback != 0.0 else 0.0
+    return max(least if scale > 0.0 else 0.0, clutch_voltage(gains, g, scale, wanted, slip, generated))
+
+
+@device
+def random_volts(gains: Any, memory: Any) -> PerClutch:
+    """Return voltages drawn evenly from 0 to a largest one; gains hold the seed and the largest of each clutch."""
+    draw = np.uint64(memory[MEMORY.kept])
+    memory[MEMORY.kept] += 1.0
+    u1, u2, u3, u4 = uniform4(np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[MEMORY.world]))
+    return PerClutch(gains[2] * u1, gains[3] * u2, gains[4] * u3, gains[5] * u4)
+
+
+@device
+def built_in(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Return the voltages of the built-in law that the first gain names."""
+    if gains[0] >= IMPEDANCE:
+        return guide(obs, scales, gains, memory)
+    if gains[0] == RANDOM:
+        return random_volts(gains, memory)
+    return PerClutch(gains[1], gains[2], gains[3], gains[4])

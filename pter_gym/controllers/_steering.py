@@ -1,0 +1,133 @@
+"""Steering by the direction of the tip: what the single-DOF and the velocity-ratio law ask of the clutches.
+
+Both want the tip to move in a direction that leads back to the path: along t + (lead·κ·v − approach·e)·n, with the
+path's tangent t, normal n and curvature κ at the tip's foot, its distance e from it and its speed v along it. ``lead``
+is a time: the clutches lag, so the tip has to turn before the path does. The laws differ in how clutches turn the tip's
+velocity there. Passive clutches cannot choose a speed, so the damper along the path has that for itself.
+"""
+
+import math
+from typing import NamedTuple
+
+from pter_gym._compiled.compiler import device
+from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, tip_velocity
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.friction import COUPLING, LINES, sign
+from pter_gym.controllers._gains import Gains
+
+
+class Tip(NamedTuple):
+    """The arm and its place at the path as a law sees them, in SI.
+
+    Attributes
+    ----------
+    arm, q
+        Nominal arm, and its motion.
+    velocity
+        Of the tip [m/s].
+    heading, error, curvature
+        Unit vector along the path, distance from it [m], and its curvature there [1/m].
+    """
+
+    arm: Linkage
+    q: Motion
+    velocity: Vector
+    heading: UnitVector
+    error: float
+    curvature: float
+
+
+@device
+def speed_along(tip: Tip) -> float:
+    """Return the speed of the tip along the path [m/s]."""
+    return tip.velocity.x * tip.heading.cos + tip.velocity.y * tip.heading.sin
+
+
+@device
+def wanted_direction(g: Gains, tip: Tip) -> tuple[float, float]:
+    """Return the unit vector in which the tip should move, (t + (lead·κ·v − approach·e)·n)/|…|."""
+    back = g.lead * tip.curvature * speed_along(tip) - g.approach * tip.error
+    size = math.sqrt(1.0 + back * back)
+    return (
+        (tip.heading.cos - back * tip.heading.sin) / size,
+        (tip.heading.sin + back * tip.heading.cos) / size,
+    )
+
+
+@device
+def turning_torques(g: Gains, tip: Tip) -> tuple[float, float]:
+    """Return the joint torques [N·m] that turn the ratio of the joint velocities to the wanted one.
+
+    r = J⁻¹u/|J⁻¹u| is the direction of joint velocities in which the tip moves as wanted, n is normal to it. With
+    σ = ω·n, the part of ω that has the wrong ratio, the torques are −strength·σ/max(|ω|, slow)·n: proportional to the
+    sine of the angle between ω and r, unless the arm is slower than ``slow``.
+    """
+    q = tip.q
+    u_x, u_y = wanted_direction(g, tip)
+    r_a = tip.arm.length_b * (q.cos_b * u_x + q.sin_b * u_y)
+    r_b = -tip.arm.length_a * (q.cos_a * u_x + q.sin_a * u_y)
+    size = math.sqrt(r_a * r_a + r_b * r_b)
+    n_a = r_b / size
+    n_b = -r_a / size
+    speed = math.sqrt(q.omega_a * q.omega_a + q.omega_b * q.omega_b)
+    sine = (q.omega_a * n_a + q.omega_b * n_b) / (speed if speed > g.slow else g.slow)
+    return -g.strength * sine * n_a, -g.strength * sine * n_b
+
+
+@device
+def at_speed(q: Motion, omega_a: float, omega_b: float) -> Motion:
+    """Return a motion in the same pose with other angular velocities [rad/s]."""
+    return Motion(q.theta_a, q.theta_b, omega_a, omega_b, q.cos_a, q.sin_a, q.cos_b, q.sin_b)
+
+
+@device
+def matching(tip: Tip, u_x: float, u_y: float, turn: float, line: tuple[float, float], w: tuple[float, float]) -> float:
+    """Return cos² of the angle between a clutch's line and the wanted direction, −1 if the clutch turns away from it.
+
+    The line is that in which the tip moves while the clutch is stuck, with joint velocities along ``line``. ``turn`` is
+    positive if the tip should turn to the left; the clutch with the row w of W brakes its slip w·ω and so changes the
+    joint velocities by −sign(w·ω)·M⁻¹w.
+    """
+    arm, q = tip.arm, tip.q
+    line_x, line_y = tip_velocity(arm, at_speed(q, line[0], line[1]))
+    along = line_x * u_x + line_y * u_y
+    m12 = arm.coupling * cos_difference(q)
+    drive = -sign(w[0] * q.omega_a + w[1] * q.omega_b)  # M⁻¹ without the factor 1/det M, which is positive
+    change = at_speed(q, drive * (arm.m22 * w[0] - m12 * w[1]), drive * (arm.m11 * w[1] - m12 * w[0]))
+    change_x, change_y = tip_velocity(arm, change)
+    helps = (tip.velocity.x * change_y - tip.velocity.y * change_x) * turn > 0.0
+    return along * along / (line_x * line_x + line_y * line_y) if helps else -1.0
+
+
+@device
+def steered(g: Gains, tip: Tip, scale: PerClutch, wanted: PerClutch, last: float) -> tuple[PerClutch, float]:
+    """Return the clutch torques [N·m] with that of the best line's clutch added, and its number, 0 for none.
+
+    Some clutches turn the tip's velocity towards the wanted direction. Of these the clutch is engaged whose single-DOF
+    line matches that direction best, with strength·|sin of the angle between velocity and wanted direction|. Below the
+    speed ``slow`` the torque is less, in proportion to the speed. The clutch engaged last has ``reluctance`` added to
+    its cos². A clutch of the ``scale`` 0 is not there.
+    """
+    u_x, u_y = wanted_direction(g, tip)
+    speed = math.sqrt(tip.velocity.x * tip.velocity.x + tip.velocity.y * tip.velocity.y)
+    turn = (tip.velocity.x * u_y - tip.velocity.y * u_x) / (speed if speed > g.slow else g.slow)
+    chosen = 0.0
+    best = 0.0
+    for k in range(4):
+        match = matching(tip, u_x, u_y, turn, LINES[k], COUPLING[k]) + (g.reluctance if last == k + 1.0 else 0.0)
+        better = (scale[k] > 0.0) & (match >= 0.0 if chosen == 0.0 else match > best)
+        chosen = k + 1.0 if better else chosen
+        best = match if better else best
+    torque = g.strength * abs(turn)
+    return PerClutch(
+        enlarged(wanted.x1, torque if chosen == 1.0 else 0.0),
+        enlarged(wanted.x2, torque if chosen == 2.0 else 0.0),
+        enlarged(wanted.x3, torque if chosen == 3.0 else 0.0),
+        enlarged(wanted.x4, torque if chosen == 4.0 else 0.0),
+    ), chosen
+
+
+@device
+def enlarged(wanted: float, torque: float) -> float:
+    """Return a wanted torque with its magnitude enlarged; a brake's voltage knows no sign."""
+    return wanted + torque if wanted > 0.0 else wanted - torque

@@ -1,0 +1,252 @@
+"""The Gymnasium environment: a batch of one world."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from pter_gym._compiled.layout import Layout
+from pter_gym._engine.batch import ActionUnit, Batch
+from pter_gym._internal.checks import whole_number
+from pter_gym.errors import ParameterError
+from pter_gym.params import Machine, find_machine
+from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensors
+from pter_gym.tasks.path_following._observation import BOUND
+
+if TYPE_CHECKING:
+    from pter_gym.scenarios.randomisation import Mixture, Randomisation
+
+RenderMode = Literal["human", "rgb_array"]
+
+
+class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """A hand pushes a passive planar arm along a path; four friction clutches keep it there.
+
+    ## Description
+    PTER is a planar five-bar arm without motors (Swanson, Romagna, Book and Barraco, Georgia Tech, 1999). A person
+    pushes its handle. Four electromagnetic friction clutches resist or couple its two axes: clutch 1 brakes link A
+    against the ground, clutch 2 link B, clutch 3 couples A to B, clutch 4 couples A to B through a gear that inverts
+    the motion. A clutch only removes energy, so nothing an agent does can push the hand. Clutches stick and slip
+    (Karnopp's model), and their torque lags the voltage with a time constant of about 0.1 s.
+
+    The hand's force is the paper's: a constant push along the path and the multi-sine of Eq. 5 across it.
+
+    ## Action Space
+    `Box(0, 24, (4,), float32)` with `action_unit="volt"`: the voltages of the four clutches, up to the machine's
+    largest voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: `a` stands for the largest
+    voltage times `((a + 1) / 2)**2`, so steps are fine where the clutches slip. A value of up to four float32 ulp
+    beyond a bound is clipped; one further out, a NaN or a wrong shape raises `ActionError` and nothing moves.
+
+    ## Observation Space
+    `Box(-25, 25, (20,), float32)`, with torque sensors 24 entries, with force sensors 26. Entries are stored relative
+    so that usual values are between -1 and 1, and limited to ±25;
+    `env.unwrapped.observation_layout` names them and holds the scales:
+
+    | entries | meaning |
+    |---|---|
+    | `cos_a`, `sin_a`, `cos_b`, `sin_b` | absolute angles of links A and B |
+    | `omega_a`, `omega_b` | their angular velocities |
+    | `normal_error`, `near_error` | distance from the path, positive to its left; the same up to 10 mm |
+    | `progress` | part of the path covered |
+    | `heading_cos`, `heading_sin`, `curvature` | the path there |
+    | `speed_along`, `speed_across` | tip velocity along and across the path |
+    | `pace`, `pace_error` | commanded mean speed along the path; `speed_along` over it, less 1 |
+    | `volts_1`, `volts_2`, `volts_3`, `volts_4` | last voltages |
+    | `torque_1`, `torque_2`, `torque_3`, `torque_4` | generated torques (`sensors="torque"` and `"force"`) |
+    | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
+
+    ## Rewards
+    Each new centimetre of the path pays: the whole path 1000 if the tip is on it and keeps the commanded pace. What it
+    pays falls with the distance from the path (by 1/e at 60 mm) and with the ratio of the pace, a mean over a tenth
+    of a second, to the commanded one (its third power below 1, its inverse fourth power above). A pace off the
+    commanded one costs as time goes by: at rest, 100 in the time that the path takes at the pace. A step pays at most
+    what its new arc length is worth, so no episode pays more than 1000. Weights are in `task.reward`, which can also
+    charge for the tip's acceleration, for voltages and for leaving the workspace. Each term is in the telemetry.
+
+    `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose, tip, force, mode,
+    volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` says whether the end of
+    the path is reached.
+
+    ## Starting State
+    At rest at the start of the path, clutches released. With `task.start_offset` the tip starts off the path by an even
+    draw, with `task.hand.random_phases` the phases of the disturbance are drawn; both depend only on the seed. A reset
+    without a seed goes on to the next episode of the present seed.
+
+    With `task.starts`, for training, a share of the episodes begins anywhere along the path, off it and moving, and
+    another share at its start with clutches that have settled at drawn voltages; see
+    `pter_gym.tasks.path_following.Starts`. Evaluation episodes never do.
+
+    ## Episode End
+    ### Termination
+    The tip reaches the end of the path (`is_success` if it is within `task.arrival`, 0.125 m, of it), or leaves the
+    workspace: too far from the path, behind its start, or near a singular pose. An arm that is too fast for the
+    simulator, many times faster than usual hands move it, ends an episode too.
+    `pter_gym.tasks.path_following.reason_of` says why one has ended.
+
+    ### Truncation
+    After 1000 control steps, by Gymnasium's `TimeLimit`; or further than `task.truncation_error` from the path, or as
+    far back from its start. By default that is beyond any workspace, so the workspace ends the episode first.
+
+    ## Arguments
+    - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
+    - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error, arrival,
+      starts, sensing, reward weights.
+    - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws machine and task in place of these.
+    - `observe_context`: whether the observation ends with the context of machine and task (time constant, torque and
+      drift of the clutches, what the hand adds). The telemetry always has it.
+    - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
+    - `action_unit`: `"volt"` (default) or `"normalised"`.
+    - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.
+    - `width`, `height`: size of its pictures, 840 × 600 pixels by default.
+
+    ## Version History
+    - v0: initial version.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 100}  # noqa: RUF012
+
+    def __init__(
+        self,
+        machine: Machine | str | None = "baseline",
+        task: PathFollowing | None = None,
+        sensors: Sensors = "torque",
+        action_unit: ActionUnit = "volt",
+        randomisation: "Randomisation | Mixture | None" = None,
+        observe_context: bool = False,
+        render_mode: RenderMode | None = None,
+        width: int = 840,
+        height: int = 600,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ParameterError(f"render_mode must be one of human, rgb_array or None, got {render_mode!r}")
+        machines, tasks = find_pairs(machine, task, randomisation)
+        self.batch = Batch(
+            machines,
+            tasks,
+            1,
+            draws=randomisation is not None,
+            sensors=sensors,
+            action_unit=action_unit,
+            observe_context=observe_context,
+        )
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.batch.task.control_period)}
+        self.render_mode = render_mode
+        self.action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
+        self.observation_space = spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32)
+        self._viewer: Any = None if render_mode is None else self._make_viewer(width, height)
+        self._rows: list[NDArray[np.float64]] = []
+
+    @property
+    def observation_layout(self) -> Layout:
+        """Names, units and scales of the observation's entries."""
+        return self.batch.layout
+
+    @property
+    def machine(self) -> Machine:
+        """The machine of the present episode."""
+        return self.batch.pairs[self.batch.context[0]][0]
+
+    @property
+    def task(self) -> PathFollowing:
+        """The task of the present episode."""
+        return self.batch.pairs[self.batch.context[0]][1]
+
+    @property
+    def telemetry_layout(self) -> Layout:
+        """Names and units of the entries of ``info["telemetry"]``."""
+        return TELEMETRY
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start a new episode; without a seed, the next one of the present seed. There are no options."""
+        if options:
+            raise ParameterError(f"options must be empty, got {sorted(options)}")
+        seed = None if seed is None else whole_number("seed", seed, at_least=0)
+        obs, telemetry = self.batch.reset([seed])
+        super().reset(seed=seed)
+        if self._viewer is not None:
+            self._rows = []
+            if len(self.batch.pairs) > 1:
+                self._viewer.look_at(self.machine, self.task)
+            self._show(telemetry[0])
+        return obs[0], {"telemetry": telemetry[0], "is_success": False}
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Advance by one control period.
+
+        Raises
+        ------
+        ActionError
+            If the action has a wrong shape or type, is not finite, or is out of bounds; nothing has moved.
+        ResetNeededError
+            Before the first reset and after the end of an episode.
+        """
+        obs, row, reward, terminated, truncated, success = self.batch.step_alone(action)
+        if self._viewer is not None:
+            self._show(row)
+        return obs, reward, terminated, truncated, {"telemetry": row, "is_success": success}
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture (height, width, 3) in the mode ``rgb_array``; ``human`` shows each step by itself."""
+        if self._viewer is None:
+            gymnasium.logger.warn("render_mode was not given to gymnasium.make; nothing is rendered")
+            return None
+        if not self._rows:
+            raise gymnasium.error.ResetNeeded("render needs a reset before it")
+        return self._draw() if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
+
+    def _make_viewer(self, width: int, height: int) -> Any:
+        """Return the viewer; only this loads drawing code."""
+        from pter_gym.tools.pictures.render.viewer import Viewer
+
+        return Viewer(self.machine, self.task, "human" if self.render_mode == "human" else "rgb_array", width, height)
+
+    def _show(self, row: Any) -> None:
+        self._rows.append(row)
+        if self.render_mode == "human":
+            self._draw()
+
+    def _draw(self) -> NDArray[np.uint8] | None:
+        return self._viewer.draw(self._rows[-1], np.array(self._rows)[:, [*COLUMN.tip]])
+
+
+def find_pairs(
+    machine: Machine | str | Sequence[Machine | str] | None,
+    task: PathFollowing | Sequence[PathFollowing] | None,
+    randomisation: "Randomisation | Mixture | None",
+) -> tuple[Machine | list[Machine], PathFollowing | Sequence[PathFollowing]]:
+    """Return machines and tasks as a ``Batch`` takes them, from the arguments of an environment.
+
+    Raises
+    ------
+    ParameterError
+        If a randomisation is given together with a task or another machine than the default, or a name is unknown.
+    """
+    if randomisation is not None:
+        if task is not None or machine not in (None, "baseline"):
+            raise ParameterError("task and machine must not be given with a randomisation, which brings both")
+        machines, tasks = zip(*randomisation.pairs(), strict=True)
+        return list(machines), tasks
+    goal = PathFollowing() if task is None else check_tasks(task)
+    if isinstance(machine, Sequence) and not isinstance(machine, str):
+        return [find_machine(each) for each in machine], goal
+    return find_machine(machine), goal
+
+
+def check_tasks(task: PathFollowing | Sequence[PathFollowing]) -> PathFollowing | Sequence[PathFollowing]:
+    """Return a task or tasks as they were given, or raise a ParameterError that names what is not a task."""
+    given: object = task
+    many = isinstance(given, Sequence) and not isinstance(given, str)
+    for each in cast(Sequence[object], given) if many else [given]:
+        if not isinstance(each, PathFollowing):
+            raise ParameterError(f"task must be a PathFollowing, or for many worlds a sequence of them, got {each!r}")
+    return task

@@ -1,0 +1,24 @@
+"""Sizes of pictures [px]. Environments check them without loading any drawing code."""
+
+from pter_gym._internal.checks import whole_number
+from pter_gym.errors import ParameterError
+
+WIDTH, HEIGHT = 840, 600
+"""Of the picture of one world."""
+
+TILE_WIDTH, TILE_HEIGHT = 320, 240
+"""Of each picture of many worlds."""
+
+SMALLEST, LARGEST = 32, 8192
+"""Limits of both."""
+
+
+def check_size(width: object, height: object) -> tuple[int, int]:
+    """Return the size of a picture [px], or raise a ParameterError that names what is wrong with it."""
+    found: list[int] = []
+    for name, value in (("width", width), ("height", height)):
+        number = whole_number(name, value, at_least=SMALLEST)
+        if number > LARGEST:
+            raise ParameterError(f"{name} must be a whole number within [{SMALLEST}, {LARGEST}], got {value!r}")
+        found.append(number)
+    return found[0], found[1]

@@ -1,0 +1,313 @@
+"""The native vector environment: many worlds in one compiled call, with Gymnasium's semantics."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from pter_gym._compiled.layout import Layout
+from pter_gym._engine import world
+from pter_gym._engine.batch import ActionUnit, Array, Batch, Observations, Returns
+from pter_gym._internal.checks import whole_number
+from pter_gym._internal.computer import available_cores, available_memory
+from pter_gym.envs._single import find_pairs
+from pter_gym.errors import ParameterError, needs_extra
+from pter_gym.params import Machine
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
+from pter_gym.tasks.path_following._observation import BOUND
+from pter_gym.tasks.path_following._telemetry import COLUMNS
+
+if TYPE_CHECKING:
+    from pter_gym.scenarios.randomisation import Mixture, Randomisation
+
+Mask = NDArray[np.bool_]
+Device = Literal["cpu", "cuda"]
+
+_ENDED = {
+    AutoresetMode.NEXT_STEP: world.NEXT_STEP,
+    AutoresetMode.SAME_STEP: world.SAME_STEP,
+    AutoresetMode.DISABLED: world.REFUSE,
+}
+
+
+class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
+    """N worlds of ``PathFollowingEnv`` in one compiled call.
+
+    A world that is seeded s lives the same episodes, bit for bit, as a single environment that is reset with seed s,
+    whatever the number of worlds and of threads. ``infos`` holds ``telemetry`` (N, len(telemetry_layout)) and
+    ``is_success`` (N,) with their masks, and with ``AutoresetMode.SAME_STEP`` what else Gymnasium asks for.
+
+    Parameters
+    ----------
+    num_envs
+        N.
+    machine, task
+        One for all worlds, or a sequence with one for each; see ``PathFollowingEnv``.
+    sensors, action_unit, randomisation, observe_context
+        See ``PathFollowingEnv``.
+    autoreset_mode
+        When a world whose episode has ended is reset; an ``AutoresetMode`` or its value.
+    max_episode_steps
+        Control steps after which an episode is truncated; None for no limit.
+    telemetry
+        Whether ``infos`` holds telemetry.
+    render_mode
+        ``"rgb_array"`` for a picture of each world from ``render``, of at most 64 worlds.
+    width, height
+        Size of the picture of one world [px].
+    num_threads
+        Threads for large batches; by default one for each core that this process may use. Results do not depend on it.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is out of range, or the worlds would not fit into the memory of this machine.
+    """
+
+    device: Device = "cpu"
+    """Where the worlds are."""
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        machine: Machine | str | Sequence[Machine | str] | None = "baseline",
+        task: PathFollowing | Sequence[PathFollowing] | None = None,
+        sensors: Sensors = "torque",
+        action_unit: ActionUnit = "volt",
+        randomisation: "Randomisation | Mixture | None" = None,
+        observe_context: bool = False,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = 1000,
+        telemetry: bool = True,
+        num_threads: int | None = None,
+        render_mode: Literal["rgb_array"] | None = None,
+        width: int = 320,
+        height: int = 240,
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise ParameterError(f"render_mode must be rgb_array or None, got {render_mode!r}")
+        self.render_mode = render_mode
+        self.autoreset_mode = find_autoreset_mode(autoreset_mode)
+        self.num_envs = whole_number("num_envs", num_envs)
+        self.max_episode_steps = max_episode_steps
+        check_memory(self.num_envs, telemetry)
+        self.batch = Batch(
+            *find_pairs(machine, task, randomisation),
+            self.num_envs,
+            draws=randomisation is not None,
+            sensors=sensors,
+            action_unit=action_unit,
+            observe_context=observe_context,
+            max_steps=None if max_episode_steps is None else whole_number("max_episode_steps", max_episode_steps),
+            telemetry=telemetry or render_mode is not None,
+            num_threads=available_cores() if num_threads is None else whole_number("num_threads", num_threads),
+        )
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": round(1.0 / self.batch.task.control_period),
+            "autoreset_mode": self.autoreset_mode,
+        }
+        self._viewer = self._make_viewer(width, height) if render_mode else None
+        self._ended = _ENDED[self.autoreset_mode]
+        self._records = telemetry
+        self.single_action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
+        self.single_observation_space = spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+
+    @property
+    def observation_layout(self) -> Layout:
+        """Names, units and scales of the observation's entries."""
+        return self.batch.layout
+
+    @property
+    def telemetry_layout(self) -> Layout:
+        """Names and units of the entries of ``infos["telemetry"]``."""
+        return TELEMETRY
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Start new episodes.
+
+        Parameters
+        ----------
+        seed
+            None for the next episode of each world's seed, an int s for the seeds s, s + 1, …, or one for each world.
+        options
+            ``{"reset_mask": mask}`` with a bool array (N,) resets only the chosen worlds.
+
+        Raises
+        ------
+        ParameterError
+            If there is another option, or the mask has another shape or type or chooses no world.
+        """
+        self._check_open()
+        chosen = self._mask(options)
+        obs, telemetry = self.batch.reset(self._seeds(seed), chosen)
+        if self._viewer:
+            self._viewer.see(telemetry, chosen)
+        return obs, self._infos(chosen, telemetry, np.zeros(self.num_envs, np.bool_))
+
+    def step(self, actions: Any) -> tuple[Observations, Array, Mask, Mask, dict[str, Any]]:
+        """Advance all worlds by one control period.
+
+        Raises
+        ------
+        ActionError
+            If an action has a wrong shape or type, is not finite, or is out of bounds; no world has moved.
+        ResetNeededError
+            If a world was never reset, or its episode has ended with ``AutoresetMode.DISABLED``; no world has moved.
+        """
+        self._check_open()
+        returns = self.batch.step(actions, self._ended)
+        terminated, truncated, success = returns.flags
+        telemetry = returns.telemetry[:1].reshape(-1, COLUMNS)
+        if self._viewer:
+            self._viewer.see(telemetry)
+        infos = self._infos(np.ones(self.num_envs, np.bool_), telemetry, success)
+        if self.autoreset_mode == AutoresetMode.SAME_STEP:
+            self._add_final(infos, returns, terminated | truncated)
+        return returns.obs, returns.rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Return a picture of each world, uint8 (height, width, 3); None without a ``render_mode``."""
+        if self._viewer is None:
+            gymnasium.logger.warn("render_mode was not given to gymnasium.make_vec; nothing is rendered")
+            return None
+        if not self._viewer.ready:
+            raise gymnasium.error.ResetNeeded("render needs a reset of all worlds before it")
+        return self._viewer.draw(self.batch.context)
+
+    def close_extras(self) -> None:
+        """Stop the threads."""
+        if hasattr(self, "batch"):  # Gymnasium closes what could not be made, too
+            self.batch.close()
+
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all that changes; ``set_state`` restores them bit for bit."""
+        return self.batch.get_state()
+
+    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore a state from ``get_state`` of an environment with as many worlds."""
+        self.batch.set_state(state)
+
+    def _make_viewer(self, width: int, height: int) -> Any:
+        """Return the viewer; only this loads drawing code."""
+        from pter_gym.tools.pictures.render.viewer import WorldsViewer
+
+        return WorldsViewer(self.batch.pairs, self.num_envs, width, height)
+
+    def _infos(self, mask: Mask, telemetry: Array, success: Mask) -> dict[str, Any]:
+        infos: dict[str, Any] = {"is_success": success, "_is_success": mask}
+        if self._records:
+            infos |= {"telemetry": telemetry, "_telemetry": mask.copy()}
+        return infos
+
+    def _add_final(self, infos: dict[str, Any], returns: Returns, ended: Mask) -> None:
+        """Add the final observations and infos of SAME_STEP; the rest of ``infos`` belongs to the reset."""
+        if not ended.any():
+            return
+        success = infos["is_success"]
+        infos["is_success"] = success & ~ended
+        final_obs = np.full(self.num_envs, None, object)
+        for index, row in zip(np.flatnonzero(ended).tolist(), returns.final_obs[ended], strict=True):
+            final_obs[index] = row
+        telemetry = returns.telemetry[1:].reshape(-1, COLUMNS)
+        if len(telemetry):
+            telemetry = np.where(ended[:, None], telemetry, 0.0)
+        infos |= {
+            "final_obs": final_obs,
+            "_final_obs": ended,
+            "final_info": self._infos(ended.copy(), telemetry, success & ended),
+            "_final_info": ended.copy(),
+        }
+
+    def _check_open(self) -> None:
+        if self.closed:
+            raise gymnasium.error.ClosedEnvironmentError("the vector environment was closed")
+
+    def _seeds(self, seed: Any) -> list[int | None] | None:
+        if seed is None:
+            return None
+        if np.ndim(seed) == 1:
+            return [None if each is None else whole_number("seed", each, at_least=0) for each in seed]
+        first = whole_number("seed", seed, at_least=0)
+        return list(range(first, first + self.num_envs))
+
+    def _mask(self, options: dict[str, Any] | None) -> Mask:
+        options = options or {}
+        unknown = sorted(set(options) - {"reset_mask"})
+        if unknown:
+            raise ParameterError(f"options may hold reset_mask only, got {', '.join(unknown)}")
+        mask: Any = options.get("reset_mask")
+        if mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        if getattr(mask, "dtype", None) != np.bool_ or mask.shape != (self.num_envs,):
+            raise ParameterError(f"options['reset_mask'] must be a bool array with the shape ({self.num_envs},)")
+        if not mask.any():
+            raise ParameterError("options['reset_mask'] must choose at least one world")
+        return np.array(mask, np.bool_)
+
+
+def make_vector_env(num_envs: int = 1, *, device: Device = "cpu", **keywords: Any) -> PathFollowingVectorEnv:
+    """Return the vector environment on a device; the entry point of ``gymnasium.make_vec``.
+
+    Parameters
+    ----------
+    num_envs
+        N.
+    device
+        ``"cpu"`` or ``"cuda"``.
+    **keywords
+        Of ``PathFollowingVectorEnv``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such device.
+    DependencyError
+        If the CUDA device or what it needs is missing.
+    """
+    if device == "cpu":
+        return PathFollowingVectorEnv(num_envs, **keywords)
+    if device != "cuda":
+        raise ParameterError(f"device must be cpu or cuda, got {device!r}")
+    try:
+        from pter_gym.envs._cuda import CudaPathFollowingVectorEnv
+    except ImportError as error:
+        raise needs_extra('device="cuda"', "gpu") from error
+    return CudaPathFollowingVectorEnv(num_envs, **keywords)
+
+
+def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    """Return an autoreset mode given as itself, by its value or by its name.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such mode.
+    """
+    for known in AutoresetMode:
+        if mode in (known, known.value, known.name):
+            return known
+    raise ParameterError(f"autoreset_mode must be one of {', '.join(m.name for m in AutoresetMode)}, got {mode!r}")
+
+
+BYTES_PER_WORLD = 1800
+"""Most memory of a world, measured: its state, its share of the spaces and of the returns of two steps [B]."""
+
+BYTES_OF_TELEMETRY = 2000
+"""What telemetry adds to the memory of a world [B]."""
+
+
+def check_memory(worlds: int, telemetry: bool) -> None:
+    """Raise a ParameterError if this many worlds would not fit into memory."""
+    most = available_memory() // (BYTES_PER_WORLD + (BYTES_OF_TELEMETRY if telemetry else 0))
+    if worlds > most:
+        raise ParameterError(f"num_envs must be ≤ {most}, which fit into this machine's memory, got {worlds}")

@@ -1,0 +1,234 @@
+"""The hand that holds the tip: forces of its own, or an arm with an intent.
+
+All hands push along the path and disturb across it with up to five sines. A human arm also pulls the tip towards a
+point that moves along the path; recorded forces add to the rest.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._internal.files import FilePath
+from pter_gym._internal.tables import read_columns
+from pter_gym._physics.arm import UnitVector
+from pter_gym.errors import ParameterError
+from pter_gym.hands._model import NO_FORCE, SINES, HandModel, PerSine, Sines
+from pter_gym.params import Hand, preset, quantity, require, require_flag, require_kind, require_number, require_numbers
+from pter_gym.params._preset import PRESET
+
+EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
+"""Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""
+
+MOST_INSTANTS = 1_000_000
+"""Most control periods that a recording may take: almost three hours at 100 Hz."""
+
+NO_HAND = Hand()
+"""What a hand adds to the arm that is a force alone."""
+
+
+class Operator(ABC):
+    """A kind of hand: what it adds to the arm, and what it does by itself. Each is a frozen dataclass.
+
+    Attributes
+    ----------
+    impedance
+        Mass, damper and spring that it adds to the arm at the tip.
+    frequencies
+        Of its sines [Hz].
+    """
+
+    impedance: Hand = NO_HAND
+    frequencies: tuple[float, ...] = ()
+    plans: ClassVar[bool] = True
+    """Whether it does more than push and disturb, so its worlds have to store what it plans."""
+
+    @abstractmethod
+    def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:
+        """Return its constants for the kernels.
+
+        Parameters
+        ----------
+        pace, substep
+            Commanded pace [m/s] and substep [s].
+        recording
+            Where its recording begins in the array of constants, and its number of instants.
+        """
+
+    def sampled(self, period: float) -> NDArray[np.float64]:  # noqa: ARG002
+        """Return what it has recorded, forces along and across at the control instants, shape (T, 2) [N]."""
+        return np.empty((0, 2))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultiSineHand(Operator):
+    """A constant force along the path and a sum of five sines across it (paper section IV-A, Eq. 5).
+
+    The default is Eq. 5: equal amplitudes Fmax/5, frequencies 2ⁿ/2 Hz, phases 0. Neither force is printed in the paper.
+    """
+
+    push: float = preset("hand", "push")
+    amplitudes: tuple[float, ...] = quantity(
+        "N",
+        f"Fmax/5 each, by Eq. 5; Fmax is {PRESET.provenance['hand.force_max']}",
+        default=(PRESET.hand.force_max / SINES,) * SINES,
+    )
+    frequencies: tuple[float, ...] = quantity("Hz", "published: Eq. 5", default=EQ5_FREQUENCIES)
+    phases: tuple[float, ...] = quantity("rad", "published: Eq. 5", default=(0.0,) * SINES)
+    random_phases: bool = quantity("1", "chosen: False is Eq. 5; True draws the phases at each reset", default=False)
+
+    def __post_init__(self) -> None:
+        """Check that forces and frequencies are finite and that there are five of each."""
+        require_number(self, "push")
+        check_sines(self)
+
+    plans: ClassVar[bool] = False
+
+    def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:  # noqa: ARG002
+        """Return its constants for the kernels; see ``Operator``."""
+        return with_sines(self, substep)._replace(push=self.push)
+
+    def normal_force(self, time: float) -> float:
+        """Return the force across the path [N] at a time [s] (Eq. 5)."""
+        waves = zip(self.amplitudes, self.frequencies, self.phases, strict=True)
+        return sum(a * math.sin(2.0 * math.pi * f * time + phase) for a, f, phase in waves)
+
+
+def eq5(force_max: float, push: float) -> MultiSineHand:
+    """Return the hand of the paper's standard test: ``Fmax`` of Eq. 5 [N] and the constant tangential force [N]."""
+    return MultiSineHand(push=push, amplitudes=(force_max / SINES,) * SINES)
+
+
+RELAXED = Hand(mass=0.6, damping=6.0, stiffness=120.0)
+"""A relaxed human arm at the hand. The three presets lie in the ranges of the studies that ``HumanArm`` names."""
+
+NORMAL = Hand(mass=1.2, damping=14.0, stiffness=300.0)
+"""A human arm as one holds it in a task of some accuracy."""
+
+TENSE = Hand(mass=2.0, damping=28.0, stiffness=600.0)
+"""A human arm with its muscles tensed against disturbances."""
+
+HUMAN_ARMS = {"relaxed": RELAXED, "normal": NORMAL, "tense": TENSE}
+"""Presets of a human arm's mass, damping and stiffness by name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HumanArm(Operator):
+    """A human arm: mass, damper and spring between the tip and a point that the person means to follow.
+
+    The point moves along the path. It starts from rest with the least jerk, so with the velocity 3u² − 2u³ over its
+    rise time (Flash and Hogan, J. Neurosci. 5, 1985, with a free end point), to ``eagerness`` times the commanded pace:
+    a passive arm can only slow a hand down. It never leads the tip by more than ``lead``. Sines across the path are the
+    person's error and tremor.
+
+    Mass, damping and stiffness of human arms at the hand: 0.55 to 2 kg, 5 to 30 N·s/m, 100 to 600 N/m in the
+    measurements of Mussa-Ivaldi, Hogan and Bizzi (J. Neurosci. 5, 1985), Dolan, Friedman and Nagurka (IEEE Trans. SMC
+    23, 1993) and Tsuji, Morasso, Goto and Ito (Biol. Cybern. 72, 1995), taken as the same in all directions here.
+    """
+
+    impedance: Hand = quantity("1", "chosen: within the published ranges", default=NORMAL)
+    eagerness: float = quantity("1", "chosen: intended over commanded pace", default=1.4)
+    rise: float = quantity("s", "chosen: time in which the intent gathers speed", default=0.3)
+    lead: float = quantity("m", "chosen: how far the intent may run ahead of the tip", default=0.12)
+    amplitudes: tuple[float, ...] = quantity("N", "chosen: error and tremor", default=(3.0, 3.0, 2.0, 1.0, 1.0))
+    frequencies: tuple[float, ...] = quantity("Hz", "chosen: as Eq. 5", default=EQ5_FREQUENCIES)
+    phases: tuple[float, ...] = quantity("rad", "chosen", default=(0.0,) * SINES)
+    random_phases: bool = quantity("1", "chosen: whether the phases are drawn at each reset", default=False)
+
+    def __post_init__(self) -> None:
+        """Check that the arm has a spring and the numbers are finite and positive."""
+        require_kind(self, "impedance", Hand)
+        require(self.impedance.stiffness > 0.0, self, "impedance.stiffness", self.impedance.stiffness, "> 0 N/m")
+        require_number(self, "eagerness", above=0.0, at_most=10.0)
+        for name in ("rise", "lead"):
+            require_number(self, name, above=0.0, at_most=10.0)
+        check_sines(self)
+
+    def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:  # noqa: ARG002
+        """Return its constants for the kernels; see ``Operator``."""
+        return with_sines(self, substep)._replace(
+            intent_speed=self.eagerness * pace, intent_rise=self.rise, intent_lead=self.lead
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedForces(Operator):
+    """Forces over time from a recording: along the path, and across it, positive to the left.
+
+    Between the times the forces are interpolated at the control instants and linear between these; after the last time
+    they stay.
+    """
+
+    times: tuple[float, ...] = quantity("s", "recorded")
+    along: tuple[float, ...] = quantity("N", "recorded")
+    across: tuple[float, ...] = quantity("N", "recorded")
+
+    def __post_init__(self) -> None:
+        """Check that there are as many forces as times, and that these rise from 0."""
+        accepted = "a tuple of finite numbers, rising from 0"
+        require_numbers(self, "times", accepted)
+        rises = all(a < b for a, b in zip(self.times[:-1], self.times[1:], strict=True))
+        require(self.times[:1] == (0.0,) and rises, self, "times", _shortened(self.times), accepted)
+        for name in ("along", "across"):
+            require_numbers(self, name, f"a tuple of {len(self.times)} finite numbers", count=len(self.times))
+
+    def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:  # noqa: ARG002
+        """Return its constants for the kernels; see ``Operator``."""
+        first, count = recording
+        return NO_FORCE._replace(record_first=first, record_count=count)
+
+    def sampled(self, period: float) -> NDArray[np.float64]:
+        """Return the forces along and across at the control instants 0, period, … up to the end, shape (T, 2) [N].
+
+        Raises
+        ------
+        ParameterError
+            If there are more than ``MOST_INSTANTS``.
+        """
+        longest = MOST_INSTANTS * period
+        require(self.times[-1] <= longest, self, "times", _shortened(self.times), f"in seconds, up to {longest:g} s")
+        instants = period * np.arange(math.ceil(self.times[-1] / period) + 1)
+        return np.stack([np.interp(instants, self.times, force) for force in (self.along, self.across)], axis=1)
+
+
+def read_forces(file: FilePath) -> RecordedForces:
+    """Return the recording in a CSV file with the columns ``time`` [s], ``along`` and ``across`` [N].
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read, a column is missing, a number is not finite, or the times do not rise from 0.
+    """
+    columns = read_columns(file, ("time", "along", "across"))
+    times, along, across = (tuple(columns[name].tolist()) for name in ("time", "along", "across"))
+    try:
+        return RecordedForces(times=times, along=along, across=across)
+    except ParameterError as error:
+        raise ParameterError(f"{file}: {error}") from None
+
+
+def check_sines(hand: MultiSineHand | HumanArm) -> None:
+    """Raise a ParameterError unless there are five finite sines of frequencies ≥ 0."""
+    for name in ("amplitudes", "frequencies", "phases"):
+        require_numbers(hand, name, f"a tuple of {SINES} finite numbers", count=SINES)
+    require(min(hand.frequencies) >= 0.0, hand, "frequencies", hand.frequencies, "≥ 0")
+    require_flag(hand, "random_phases")
+
+
+def _shortened(values: Sequence[float]) -> Sequence[float]:
+    return values if len(values) <= 8 else (*values[:8], math.nan)
+
+
+def with_sines(hand: MultiSineHand | HumanArm, substep: float) -> HandModel:
+    """Return the constants of a hand that does nothing but disturb across the path, for a substep [s]."""
+    angles = (2.0 * math.pi * f * substep for f in hand.frequencies)
+    return NO_FORCE._replace(
+        random_phases=float(hand.random_phases),
+        amplitude=PerSine(*hand.amplitudes),
+        phase=PerSine(*hand.phases),
+        turn=Sines(*(UnitVector(math.cos(angle), math.sin(angle)) for angle in angles)),
+    )

@@ -1,0 +1,118 @@
+"""Hands as they were measured: arms and tremors, from ``presets/hands.toml`` with its sources."""
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal
+
+from pter_gym._internal.codec import tuple_of
+from pter_gym.params import Hand, require
+
+Matrix = tuple[tuple[float, float], tuple[float, float]]
+"""A symmetric matrix in the plane."""
+
+Grade = Literal["read", "derived", "order of magnitude"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredArm:
+    """Mass, damper and spring of a human arm at the hand, in the horizontal plane.
+
+    Attributes
+    ----------
+    mass, damping, stiffness
+        Symmetric positive definite matrices [kg], [N·s/m], [N/m].
+    axes
+        Whether they are in the axes of the body (x to the right, y ahead) or in their own: then only the smallest and
+        the largest value over all directions are known, and they are diagonal.
+    posture
+        Of the person, or what the person does.
+    grade, provenance
+        Where the numbers come from.
+    source
+        Who measured, where it is published, and the DOI where it was seen.
+    """
+
+    name: str
+    mass: Matrix
+    damping: Matrix
+    stiffness: Matrix
+    axes: Literal["body", "own"]
+    posture: str
+    grade: Grade
+    provenance: str
+    source: str
+
+    def __post_init__(self) -> None:
+        """Check that the matrices are symmetric and positive definite."""
+        for name in ("mass", "damping", "stiffness"):
+            given = getattr(self, name)
+            require(_is_definite(given), self, name, given, "a symmetric positive definite matrix of 2 × 2 numbers")
+
+    @property
+    def hand(self) -> Hand:
+        """The same in all directions, as the simulator has it: the mean over all directions, half of each trace."""
+        mass, damping, stiffness = (0.5 * (m[0][0] + m[1][1]) for m in (self.mass, self.damping, self.stiffness))
+        return Hand(mass=mass, damping=damping, stiffness=stiffness)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredTremor:
+    """A tremor of the free hand.
+
+    Attributes
+    ----------
+    band
+        Its frequencies, from and to [Hz].
+    acceleration
+        Amplitudes of the hand's acceleration, from and to [m/s²].
+    grade, provenance
+        Where the numbers come from.
+    source
+        Who measured, where it is published, and the DOI where it was seen.
+    """
+
+    name: str
+    band: tuple[float, float]
+    acceleration: tuple[float, float]
+    grade: Grade
+    provenance: str
+    source: str
+
+    def __post_init__(self) -> None:
+        """Check that both are ranges of positive numbers."""
+        for name in ("band", "acceleration"):
+            low, high = getattr(self, name)
+            require(0.0 < low <= high < math.inf, self, name, (low, high), "two positive numbers in order")
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """The geometric middle of frequency [Hz] and acceleration [m/s²]."""
+        return math.sqrt(math.prod(self.band)), math.sqrt(math.prod(self.acceleration))
+
+
+def _is_definite(matrix: Matrix) -> bool:
+    (a, b), (c, d) = matrix
+    return math.isfinite(a + b + d) and b == c and a > 0.0 and a * d > b * b
+
+
+def _entries(kind: type[Any], tables: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any]:
+    """Return the entries of one kind by name."""
+    return MappingProxyType(
+        {
+            name: kind(name=name, **{field: tuple_of(value) for field, value in table.items()})
+            for name, table in tables.items()
+        }
+    )
+
+
+_LIBRARY = tomllib.loads((Path(__file__).parents[1] / "presets" / "hands.toml").read_text("utf-8"))
+
+MEASURED_ARMS: Mapping[str, MeasuredArm] = _entries(MeasuredArm, _LIBRARY["arms"])
+"""Measured arms by name."""
+
+MEASURED_TREMORS: Mapping[str, MeasuredTremor] = _entries(MeasuredTremor, _LIBRARY["tremors"])
+"""Measured tremors by name."""

@@ -1,0 +1,162 @@
+"""Arms with a tremor: sources give the acceleration of the free hand, the simulator needs a force on the tip."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.errors import unknown_name
+from pter_gym.hands._kinds import EQ5_FREQUENCIES, MOST_INSTANTS, HumanArm
+from pter_gym.hands._library import MEASURED_ARMS, MEASURED_TREMORS
+from pter_gym.hands._model import HandModel
+from pter_gym.params import quantity, require, require_number
+
+ERROR = tuple(3.0 if frequency < 3.0 else 0.0 for frequency in EQ5_FREQUENCIES)
+"""Amplitudes of a person's own error [N]: only below all tremor."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TremorArm(HumanArm):
+    """A human arm that trembles: a force beside what the person means to do.
+
+    Modelling choice. What is measured is the acceleration a of the free hand. That hand is taken as the arm's mass,
+    damper and spring, driven by a force of the tremor's own, so with ω = 2π·frequency its amplitude is ::
+
+        force = a·|k − mω² + ibω| / ω²
+
+    The same force acts when the hand holds the tip, whose motion then follows from hand, arm and clutches together. It
+    acts along one line, at an angle from the path, and waxes and wanes around its mean amplitude::
+
+        F(t) = force·(1 + swell·cos(2π·swell_frequency·t + swell_phase))·sin(ωt + phase)
+
+    The whole arm is taken to tremble. Where the wrist alone does, with less mass, the force is too large: it is an
+    upper bound. Reflexes, fatigue, and that load changes a tremor's frequency are left out.
+
+    Forces are stored at the control instants and linear between, which weakens a sine by sinc²(frequency·period); so
+    they are as much larger. After ``lasts`` there is no tremor.
+    """
+
+    amplitudes: tuple[float, ...] = quantity("N", "chosen: the person's error, below all tremor", default=ERROR)
+    frequency: float = quantity("Hz", "measured: see MEASURED_TREMORS")
+    acceleration: float = quantity("m/s²", "measured: amplitude of the free hand, see MEASURED_TREMORS")
+    direction: float = quantity("rad", "chosen: from the path, positive to the left", default=0.5 * math.pi)
+    phase: float = quantity("rad", "chosen", default=0.0)
+    swell: float = quantity("1", "chosen: how much the amplitude waxes and wanes", default=0.3)
+    swell_frequency: float = quantity("Hz", "chosen: how often it does", default=0.5)
+    swell_phase: float = quantity("rad", "chosen", default=0.0)
+    lasts: float = quantity("s", "chosen: longer than every scored episode", default=30.0)
+
+    def __post_init__(self) -> None:
+        """Check that the numbers are finite and within their ranges."""
+        super().__post_init__()
+        require_number(self, "frequency", above=0.0, at_most=25.0)
+        require_number(self, "acceleration", at_least=0.0)
+        for name in ("direction", "phase", "swell_phase"):
+            require_number(self, name)
+        require_number(self, "swell", at_least=0.0, at_most=1.0)
+        require_number(self, "swell_frequency", at_least=0.0, at_most=self.frequency)
+        require_number(self, "lasts", above=0.0, at_most=3600.0)
+
+    @property
+    def force(self) -> float:
+        """Mean amplitude of the force [N] that gives the free hand its acceleration."""
+        squared = (2.0 * math.pi * self.frequency) ** 2
+        arm = self.impedance
+        return self.acceleration * math.hypot(arm.stiffness / squared - arm.mass, arm.damping / math.sqrt(squared))
+
+    def tremor(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the force of the tremor along its line at times, shape (T,) [N]."""
+        swell = 1.0 + self.swell * np.cos(2.0 * np.pi * self.swell_frequency * times + self.swell_phase)
+        return self.force * swell * np.sin(2.0 * np.pi * self.frequency * times + self.phase)
+
+    def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:
+        """Return its constants for the kernels; see ``Operator``."""
+        first, count = recording
+        return super().model(pace, substep, recording)._replace(record_first=first, record_count=count)
+
+    def sampled(self, period: float) -> NDArray[np.float64]:
+        """Return the tremor's forces along and across at the control instants 0, period, …, shape (T, 2) [N].
+
+        Raises
+        ------
+        ParameterError
+            If there are more than ``MOST_INSTANTS``, or a period of the tremor has less than four.
+        """
+        longest = MOST_INSTANTS * period
+        require(self.lasts <= longest, self, "lasts", self.lasts, f"in seconds, up to {longest:g} s")
+        fastest = 0.25 / period
+        require(
+            self.frequency <= fastest, self, "frequency", self.frequency, f"≤ {fastest:g} Hz at this control period"
+        )
+        kept = float(np.sinc(self.frequency * period)) ** 2
+        force = self.tremor(np.arange(math.ceil(self.lasts / period) + 1.0) * period) / kept
+        force[-1] = 0.0
+        return np.outer(force, (math.cos(self.direction), math.sin(self.direction)))
+
+
+def _frequency(name: str) -> Any:
+    """Declare the frequency of a measured tremor."""
+    middle, _ = MEASURED_TREMORS[name].middle
+    return quantity("Hz", f"measured: geometric middle of the band of {name}", default=middle)
+
+
+def _acceleration(name: str) -> Any:
+    """Declare the acceleration of a measured tremor."""
+    _, middle = MEASURED_TREMORS[name].middle
+    return quantity("m/s²", f"measured: geometric middle of the range of {name}", default=middle)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhysiologicalTremor(TremorArm):
+    """An arm with the tremor that everybody has: ``tremor-physiological`` of ``MEASURED_TREMORS``."""
+
+    frequency: float = _frequency("tremor-physiological")
+    acceleration: float = _acceleration("tremor-physiological")
+
+
+@dataclass(frozen=True, kw_only=True)
+class EssentialTremor(TremorArm):
+    """An arm with essential tremor: ``tremor-essential`` of ``MEASURED_TREMORS``."""
+
+    frequency: float = _frequency("tremor-essential")
+    acceleration: float = _acceleration("tremor-essential")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParkinsonianTremor(TremorArm):
+    """An arm with the tremor of Parkinson's disease: ``tremor-parkinsonian`` of ``MEASURED_TREMORS``."""
+
+    frequency: float = _frequency("tremor-parkinsonian")
+    acceleration: float = _acceleration("tremor-parkinsonian")
+
+
+KINDS: Mapping[str, type[TremorArm]] = MappingProxyType(
+    {
+        "tremor-physiological": PhysiologicalTremor,
+        "tremor-essential": EssentialTremor,
+        "tremor-parkinsonian": ParkinsonianTremor,
+    }
+)
+"""The hands with the measured tremors, by the names of ``MEASURED_TREMORS``."""
+
+
+def find_hand(name: str) -> HumanArm:
+    """Return a hand of the library by its name in ``MEASURED_ARMS`` or ``MEASURED_TREMORS``.
+
+    A measured arm becomes a human arm with its mass, damper and spring; a measured tremor a human arm that trembles in
+    the middle of the tremor's ranges.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such hand; the message has the nearest names.
+    """
+    if name in KINDS:
+        return KINDS[name]()
+    if name not in MEASURED_ARMS:
+        raise unknown_name("hand", name, (*MEASURED_ARMS, *MEASURED_TREMORS))
+    return HumanArm(impedance=MEASURED_ARMS[name].hand)

@@ -1,0 +1,97 @@
+"""How parameters are declared and checked: a unit and a provenance for each field, one message for each bad value."""
+
+import math
+from dataclasses import field
+from numbers import Integral
+from typing import Any, cast
+
+from pter_gym._internal.checks import is_finite
+from pter_gym.errors import ParameterError
+
+LARGEST = 1e12
+"""Largest size of a number that has no bound of its own."""
+
+SMALLEST = 1e-12
+"""Smallest size of a number that has to be positive. Products of such numbers do not underflow."""
+
+
+def quantity(unit: str, provenance: str, **options: Any) -> Any:
+    """Declare a field with its unit and where its value comes from; ``options`` are those of ``dataclasses.field``."""
+    return field(metadata={"unit": unit, "provenance": provenance}, **options)
+
+
+def require(condition: bool, owner: object, name: str, value: object, accepted: str) -> None:
+    """Raise a ParameterError that names the field and what it accepts, unless the condition holds."""
+    if not condition:
+        raise ParameterError(f"{type(owner).__name__}.{name} must be {accepted}, got {value!r:.400}")
+
+
+def require_number(owner: object, name: str, **bounds: float) -> None:
+    """Raise a ParameterError unless the field is a finite real number within bounds; see ``check_number``."""
+    check_number(f"{type(owner).__name__}.{name}", getattr(owner, name), **bounds)
+
+
+def check_number(
+    field: str,
+    value: Any,
+    *,
+    above: float = -math.inf,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
+    below: float = math.inf,
+) -> None:
+    """Raise a ParameterError unless a value is a finite real number within the range.
+
+    A range without an upper bound ends at ``LARGEST``, and one above 0 begins at ``SMALLEST``.
+    """
+    fits = is_finite(value) and above < value < below and at_least <= value <= at_most
+    bounds = [
+        f"{sign} {bound:g}"
+        for sign, bound in ((">", above), ("≥", at_least), ("≤", at_most), ("<", below))
+        if math.isfinite(bound)
+    ]
+    if fits and min(at_most, below) == math.inf and abs(value) > LARGEST:
+        fits, bounds = False, [f"at most {LARGEST:g} in size"]
+    if fits and above == 0.0 and value < SMALLEST:
+        fits, bounds = False, [f"≥ {SMALLEST:g}"]
+    if not fits:
+        raise ParameterError(f"{field} must be {' and '.join(['a finite number', *bounds])}, got {value!r:.400}")
+
+
+def require_whole(owner: object, name: str, *, at_least: int = 1, below: float = math.inf) -> None:
+    """Raise a ParameterError unless the field of a frozen dataclass is a whole number within the range.
+
+    It becomes an int, so numbers of NumPy's integer types do too.
+    """
+    given: Any = getattr(owner, name)
+    fits = type(given) is not bool and isinstance(given, Integral) and at_least <= int(given) < below
+    accepted = f"a whole number ≥ {at_least}{f' and < {below:g}' if math.isfinite(below) else ''}"
+    require(fits, owner, name, given, accepted)
+    object.__setattr__(owner, name, int(given))
+
+
+def require_kind(owner: object, name: str, *kinds: type) -> None:
+    """Raise a ParameterError unless the field is of one of these types."""
+    value = getattr(owner, name)
+    accepted = " or ".join(kind.__name__ for kind in kinds)
+    require(isinstance(value, kinds), owner, name, value, f"of type {accepted}")
+
+
+def require_flag(owner: object, name: str) -> None:
+    """Raise a ParameterError unless the field is True or False."""
+    value = getattr(owner, name)
+    require(isinstance(value, bool), owner, name, value, "True or False")
+
+
+def require_numbers(owner: object, name: str, accepted: str, *, count: int | None = None) -> None:
+    """Raise a ParameterError unless the field is a tuple of finite real numbers, of the given count.
+
+    No number is larger than ``LARGEST`` in size.
+    """
+    value = getattr(owner, name)
+    require(isinstance(value, tuple), owner, name, value, accepted)
+    numbers = cast(tuple[object, ...], value)
+    fits = all(map(is_finite, numbers))
+    require(fits and (count is None or len(numbers) == count), owner, name, numbers, accepted)
+    small = all(abs(cast(float, x)) <= LARGEST for x in numbers)
+    require(small, owner, name, numbers, f"of numbers of at most {LARGEST:g} in size")

@@ -1,0 +1,268 @@
+"""Parameters of the machine: frozen dataclasses in SI.
+
+Each field names its unit and where its value comes from: ``published`` in the paper, ``derived`` from published values,
+``fitted`` to the paper's results, or ``chosen`` by us. A fitted value is not a fact about PTER. The values that the
+paper does not print are in one file, ``presets/pter.toml``.
+"""
+
+import math
+from dataclasses import dataclass, fields
+from typing import Literal, cast, get_args
+
+from pter_gym.errors import ParameterError, nearest
+from pter_gym.params._fields import quantity, require, require_kind, require_number, require_numbers
+from pter_gym.params._preset import PRESET, Preset, load_preset, preset
+from pter_gym.units import from_inch_pounds
+
+Lag = Literal["normal_force", "voltage"]
+
+BREAKAWAY_SMALL_VOLTAGE = from_inch_pounds(63.5)
+"""Breakaway torque of clutch 1 at the small voltage of Figs. 3 and 4 [N·m] (paper section III-B)."""
+
+TIME_CONSTANT = PRESET.clutch.time_constant
+"""Time constant of the clutches by their manufacturer [s] (paper section IV-C.3)."""
+
+MU_STATIC_PRESENT = 0.45
+"""Static friction coefficient of the present clutches (paper section IV-B.2)."""
+
+MU_STATIC_DELRIN = 0.20
+"""Static friction coefficient of Delrin 100 on steel from the literature (paper section IV-B.2)."""
+
+MU_DYNAMIC_DELRIN = 0.35
+"""Dynamic friction coefficient of Delrin 100 on steel from the literature (paper section IV-B.2)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arm:
+    """The five-bar arm as a two-axis mechanism (paper Eqs. 3 and 4).
+
+    Angles are absolute; M12 = coupling·cos(θA − θB). Link lengths and inertias are in no source that we could reach.
+    """
+
+    length_a: float = preset("arm", "length_a")
+    length_b: float = preset("arm", "length_b")
+    inertia_a: float = preset("arm", "inertia_a")
+    inertia_b: float = preset("arm", "inertia_b")
+    coupling: float = preset("arm", "coupling")
+
+    def __post_init__(self) -> None:
+        """Check that the mass matrix is positive definite in every pose."""
+        for name in ("length_a", "length_b", "inertia_a", "inertia_b"):
+            require_number(self, name, above=0.0)
+        limit = math.sqrt(self.inertia_a * self.inertia_b)
+        require_number(self, "coupling", above=-limit, below=limit)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueCurve:
+    """Steady torque of a clutch over voltage: a linear and a quadratic segment, C1 (paper section IV-B.1, Fig. 5).
+
+    ``T(v) = slope·v + curvature·max(v − knee, 0)²``: zero without voltage, as the paper assumes.
+    """
+
+    slope: float = quantity("N·m/V", PRESET.provenance["clutch.slope"])
+    knee: float = quantity("V", PRESET.provenance["clutch.knee"])
+    curvature: float = quantity("N·m/V²", PRESET.provenance["clutch.curvature"])
+
+    def __post_init__(self) -> None:
+        """Check the numbers; whether the curve is monotone depends on the clutch's largest voltage."""
+        require_number(self, "slope", above=0.0)
+        require_number(self, "knee", at_least=0.0)
+        require_number(self, "curvature")
+
+    def torque(self, volts: float) -> float:
+        """Return the torque [N·m] at a voltage [V]."""
+        beyond = max(volts - self.knee, 0.0)
+        return self.slope * volts + self.curvature * beyond * beyond
+
+    def voltage(self, torque: float) -> float:
+        """Return the voltage [V] at which the curve reaches a torque [N·m]."""
+        excess = torque - self.slope * self.knee
+        if excess <= 0.0 or self.curvature == 0.0:
+            return torque / self.slope
+        root = math.sqrt(self.slope * self.slope + 4.0 * self.curvature * excess)
+        return self.knee + 2.0 * excess / (self.slope + root)
+
+    def scaled(self, factor: float) -> "TorqueCurve":
+        """Return the curve of a clutch whose friction coefficient is ``factor`` times as large."""
+        return TorqueCurve(slope=self.slope * factor, knee=self.knee, curvature=self.curvature * factor)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clutch:
+    """One electromagnetic friction clutch; PTER has four of the same kind.
+
+    The dynamic torque is constant at a given voltage, which is our choice: the paper allows any g(ω, v) (Eq. 2).
+    """
+
+    breakaway: TorqueCurve = quantity("N·m", PRESET.provenance["clutch.breakaway_ratio"])
+    dynamic: TorqueCurve = quantity("N·m", "see TorqueCurve")
+    time_constant: float = preset("clutch", "time_constant")
+    voltage_max: float = preset("clutch", "voltage_max")
+    lag: Lag = quantity("1", "published: section II-B, from voltage to normal force", default="normal_force")
+
+    def __post_init__(self) -> None:
+        """Check that both curves are finite, monotone and invertible up to the largest voltage."""
+        require_number(self, "time_constant", above=0.0)
+        require_number(self, "voltage_max", above=0.0)
+        require(self.lag in get_args(Lag), self, "lag", self.lag, f"one of {', '.join(get_args(Lag))}")
+        for name in ("breakaway", "dynamic"):
+            curve = getattr(self, name)
+            require(isinstance(curve, TorqueCurve), self, name, curve, "a TorqueCurve")
+            end = curve.slope + 2.0 * curve.curvature * max(self.voltage_max - curve.knee, 0.0)
+            require(end > 0.0, self, name, curve, f"monotone up to voltage_max = {self.voltage_max:g} V")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hand:
+    """What the hand adds to the arm at the tip in addition to its force. The paper's tests have none of it.
+
+    The mass goes into the arm exactly, the damping is implicit, the spring explicit.
+    """
+
+    mass: float = quantity("kg", "published: the paper's hand is a force alone", default=0.0)
+    damping: float = quantity("N·s/m", "published: the paper's hand is a force alone", default=0.0)
+    stiffness: float = quantity("N/m", "published: the paper's hand is a force alone", default=0.0)
+
+    def __post_init__(self) -> None:
+        """Check that nothing is negative."""
+        for item in fields(self):
+            require_number(self, item.name, at_least=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Machine:
+    """A PTER: arm, four clutches and the hand that holds the tip, with the numbers of its friction model."""
+
+    arm: Arm = quantity("1", "see Arm", default=Arm())
+    clutch: Clutch = quantity("1", "see Clutch")
+    hand: Hand = quantity("1", "see Hand", default=Hand())
+    clutch_scale: tuple[float, ...] = quantity(
+        "1",
+        "chosen: each clutch's torques over those of its curves; 0 for a clutch that is not there",
+        default=(1.0,) * 4,
+    )
+    slip_threshold: float = quantity("rad/s", "chosen: δω of Karnopp's model (Eq. 2)", default=1e-3)
+    substep: float = quantity("s", "chosen: integrator step", default=1e-3)
+
+    def __post_init__(self) -> None:
+        """Check the numbers of the friction model and that the hand's explicit spring is stable."""
+        for name, kind in (("arm", Arm), ("clutch", Clutch), ("hand", Hand)):
+            require_kind(self, name, kind)
+        accepted = "a tuple of 4 finite numbers ≥ 0"
+        require_numbers(self, "clutch_scale", accepted, count=4)
+        require(min(self.clutch_scale) >= 0.0, self, "clutch_scale", self.clutch_scale, accepted)
+        require_number(self, "slip_threshold", above=0.0)
+        require_number(self, "substep", above=0.0, at_most=0.01)
+        mass = self.hand.mass + tip_mass(self.arm)
+        require(
+            self.hand.stiffness * self.substep**2 <= 0.04 * mass,
+            self,
+            "hand.stiffness",
+            self.hand.stiffness,
+            f"≤ {0.04 * mass / self.substep**2:g} N/m, so that substep²·stiffness ≪ the mass at the tip",
+        )
+
+
+def tip_mass(arm: Arm) -> float:
+    """Return the smallest effective mass of the tip over all poses and directions [kg].
+
+    It is at least λ_min(M)/λ_max(JᵀJ), taken at the pose where cos(θA − θB) = ±1 makes both extreme.
+    """
+    half_sum = 0.5 * (arm.inertia_a + arm.inertia_b)
+    half_difference = 0.5 * (arm.inertia_a - arm.inertia_b)
+    smallest = half_sum - math.hypot(half_difference, arm.coupling)
+    return smallest / (arm.length_a**2 + arm.length_b**2)
+
+
+DYNAMIC_CURVE = TorqueCurve(slope=PRESET.clutch.slope, knee=PRESET.clutch.knee, curvature=PRESET.clutch.curvature)
+"""Dynamic torque of the present clutches (fitted)."""
+
+MU_DYNAMIC_PRESENT = MU_STATIC_PRESENT / PRESET.clutch.breakaway_ratio
+"""Dynamic friction coefficient of the present clutches: derived from the published static one."""
+
+PRESENT_CLUTCH = Clutch(breakaway=DYNAMIC_CURVE.scaled(PRESET.clutch.breakaway_ratio), dynamic=DYNAMIC_CURVE)
+
+
+def with_friction(clutch: Clutch, breakaway: float, dynamic: float) -> Clutch:
+    """Return a clutch of another friction material: factors on its breakaway and dynamic torque."""
+    return Clutch(
+        breakaway=clutch.breakaway.scaled(breakaway),
+        dynamic=clutch.dynamic.scaled(dynamic),
+        time_constant=clutch.time_constant,
+        voltage_max=clutch.voltage_max,
+        lag=clutch.lag,
+    )
+
+
+BASELINE = Machine(clutch=PRESENT_CLUTCH)
+"""PTER with its present clutches (paper section IV-B.1)."""
+
+DELRIN_EXPERIMENTAL = Machine(
+    clutch=with_friction(
+        PRESENT_CLUTCH,
+        PRESET.delrin.dynamic_scale * PRESET.delrin.breakaway_ratio / PRESET.clutch.breakaway_ratio,
+        PRESET.delrin.dynamic_scale,
+    )
+)
+"""PTER with Delrin clutches as measured on the testbed (paper section IV-B.2)."""
+
+DELRIN_THEORETICAL = Machine(
+    clutch=with_friction(PRESENT_CLUTCH, MU_STATIC_DELRIN / MU_STATIC_PRESENT, MU_DYNAMIC_DELRIN / MU_DYNAMIC_PRESENT)
+)
+"""PTER with Delrin clutches as in the literature: T_k > T_s (paper section IV-B.2)."""
+
+PAPER_MACHINES = {
+    "baseline": BASELINE,
+    "delrin_experimental": DELRIN_EXPERIMENTAL,
+    "delrin_theoretical": DELRIN_THEORETICAL,
+}
+"""The three machines of Table I by name: those of the study of 1999."""
+
+MACHINES = {**PAPER_MACHINES}
+"""Machines that environments and commands know by name; another clutch material is one more entry."""
+
+
+def machine_of(preset: Preset) -> Machine:
+    """Return the machine of a preset, with its present clutches."""
+    values = preset.clutch
+    dynamic = TorqueCurve(slope=values.slope, knee=values.knee, curvature=values.curvature)
+    clutch = Clutch(
+        breakaway=dynamic.scaled(values.breakaway_ratio),
+        dynamic=dynamic,
+        time_constant=values.time_constant,
+        voltage_max=values.voltage_max,
+    )
+    return Machine(arm=Arm(**vars(preset.arm)), clutch=clutch, clutch_scale=values.scale)
+
+
+def is_preset(machine: object) -> bool:
+    """Tell whether a machine is given by the path of a preset."""
+    return isinstance(machine, str) and machine.endswith(".toml")
+
+
+def find_machine(machine: Machine | str | None) -> Machine:
+    """Return a machine given as itself, by its name in ``MACHINES``, or by the path of a preset; ``BASELINE`` for None.
+
+    The path ends in ``.toml``, as do the presets that ``pter identify`` writes.
+
+    Raises
+    ------
+    ParameterError
+        If it is not a machine or its name, with the nearest names, or a preset cannot be read.
+    DataError
+        If a preset is damaged, incomplete or out of range.
+    """
+    given = cast("object", machine)
+    if given is None:
+        return BASELINE
+    if isinstance(given, Machine):
+        return given
+    if isinstance(given, str) and given in MACHINES:
+        return MACHINES[given]
+    if isinstance(given, str) and is_preset(given):
+        return machine_of(load_preset(given))
+    raise ParameterError(
+        f"machine must be a Machine or one of {', '.join(MACHINES)} or the path of a preset (.toml), "
+        f"got {given!r:.200}{nearest(given, MACHINES)}"
+    )

@@ -1,0 +1,257 @@
+"""The kinds of path."""
+
+import cmath
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import count, pairwise
+from typing import Any, cast
+
+import numpy as np
+
+from pter_gym._internal.checks import is_finite
+from pter_gym._internal.files import FilePath
+from pter_gym._internal.tables import read_columns
+from pter_gym.errors import ParameterError
+from pter_gym.params import preset, quantity, require, require_flag, require_number
+from pter_gym.paths._arcs import Arcs, Curve, Path, Piece, arc_between, chain, fit_arcs
+
+Points = tuple[tuple[float, float], ...]
+
+MOST_POINTS = 4096
+"""Most waypoints of a path."""
+
+FURTHEST = 1e3
+"""Largest coordinate and size of a path [m]; arcs through points further away would be rounded to nothing."""
+
+MOST_LOOKS = 1 << 18
+"""Most evaluations of a curve until arcs fit it; one through 1,000 points that zigzag takes 50,000."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line(Path):
+    """A straight path (paper section IV-A: "spanning the width of the workspace")."""
+
+    x: float = preset("path", "x")
+    y: float = preset("path", "y")
+    direction: float = preset("path", "direction")
+    length: float = preset("path", "length")  # pyright: ignore[reportIncompatibleMethodOverride]
+
+    def __post_init__(self) -> None:
+        """Check that the numbers are finite and the length positive."""
+        for name in ("x", "y"):
+            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+        require_number(self, "direction")
+        require_number(self, "length", above=0.0, at_most=FURTHEST)
+
+    def make_arcs(self) -> Arcs:
+        """Return one straight segment."""
+        return chain([(complex(self.x, self.y), cmath.rect(1.0, self.direction), 0.0, self.length)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arc(Path):
+    """A circular arc from a point in a direction; it turns left with a positive angle."""
+
+    x: float = preset("path", "x")
+    y: float = preset("path", "y")
+    direction: float = preset("path", "direction")
+    radius: float = quantity("m", "chosen", default=0.4)
+    angle: float = quantity("rad", "chosen", default=-1.0)
+
+    def __post_init__(self) -> None:
+        """Check that the numbers are finite, the radius positive and the turn at most a full one."""
+        for name in ("x", "y"):
+            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+        require_number(self, "direction")
+        require_number(self, "radius", above=0.0)
+        require_number(self, "angle", at_least=-2.0 * math.pi, at_most=2.0 * math.pi)
+        require(self.angle != 0.0, self, "angle", self.angle, "a turn other than 0")
+
+    def make_arcs(self) -> Arcs:
+        """Return the chain of one arc."""
+        curvature = math.copysign(1.0 / self.radius, self.angle)
+        start = complex(self.x, self.y), cmath.rect(1.0, self.direction)
+        return chain([(*start, curvature, self.radius * abs(self.angle))])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Circle(Path):
+    """One lap of a circle, counter-clockwise unless said otherwise; ``start`` is the angle of its first point."""
+
+    center_x: float = quantity("m", "chosen", default=0.0)
+    center_y: float = quantity("m", "chosen", default=0.55)
+    radius: float = quantity("m", "chosen", default=0.15)
+    start: float = quantity("rad", "chosen", default=-0.5 * math.pi)
+    clockwise: bool = quantity("1", "chosen", default=False)
+
+    def __post_init__(self) -> None:
+        """Check that the numbers are finite and the radius positive."""
+        for name in ("center_x", "center_y"):
+            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+        require_number(self, "start")
+        require_number(self, "radius", above=0.0, at_most=FURTHEST)
+        require_flag(self, "clockwise")
+
+    def make_arcs(self) -> Arcs:
+        """Return the chain of one arc that closes."""
+        turn = -1.0 if self.clockwise else 1.0
+        outward = cmath.rect(1.0, self.start)
+        begin = complex(self.center_x, self.center_y) + self.radius * outward
+        return chain([(begin, turn * 1j * outward, turn / self.radius, 2.0 * math.pi * self.radius)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sine(Path):
+    """A sine about a straight axis: ``amplitude·sin(2π·periods·ξ/extent)`` to the left of it at its point ξ."""
+
+    x: float = preset("path", "x")
+    y: float = preset("path", "y")
+    direction: float = preset("path", "direction")
+    extent: float = preset("path", "length")
+    amplitude: float = quantity("m", "chosen", default=0.03)
+    periods: float = quantity("1", "chosen", default=1.0)
+
+    def __post_init__(self) -> None:
+        """Check that the numbers are finite, extent and number of periods positive."""
+        for name in ("x", "y", "amplitude"):
+            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+        require_number(self, "direction")
+        require_number(self, "extent", above=0.0, at_most=FURTHEST)
+        require_number(self, "periods", above=0.0, at_most=20.0)
+
+    def make_arcs(self) -> Arcs:
+        """Return arcs through points of the sine."""
+        wave = 2.0 * math.pi * self.periods / self.extent
+        begin, axis = complex(self.x, self.y), cmath.rect(1.0, self.direction)
+
+        def curve(along: float) -> tuple[complex, complex]:
+            angle = wave * along
+            return (
+                begin + axis * complex(along, self.amplitude * math.sin(angle)),
+                axis * complex(1.0, self.amplitude * wave * math.cos(angle)),
+            )
+
+        return _fitted(self, curve, np.linspace(0.0, self.extent, max(2, math.ceil(4.0 * self.periods) + 1)).tolist())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spline(Path):
+    """A natural cubic spline through waypoints (x, y) [m], over the length of the chords between them."""
+
+    points: Points = quantity("m", "chosen")
+
+    def __post_init__(self) -> None:
+        """Check that there are two different finite points or more, and none twice in a row."""
+        check_points(self, self.points, at_least=2)
+
+    def make_arcs(self) -> Arcs:
+        """Return arcs through points of the spline."""
+        from scipy.interpolate import CubicSpline
+
+        points = np.array(self.points) @ [1.0, 1.0j]
+        knots = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)))]).tolist()
+        if len(knots) == 2:
+            return chain([arc_between(points[0], (points[1] - points[0]) / knots[1], points[1])])
+        coefficients: Any = CubicSpline(knots, points, bc_type="natural").c.T.tolist()
+
+        def curve(t: float) -> tuple[complex, complex]:
+            piece = min(bisect_right(knots, t), len(knots) - 1) - 1
+            a, b, c, d = coefficients[piece]
+            u = t - knots[piece]
+            return ((a * u + b) * u + c) * u + d, (3.0 * a * u + 2.0 * b) * u + c
+
+        return _fitted(self, curve, knots)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Polyline(Path):
+    """Straight lines between points (x, y) [m], with corners rounded by arcs of one radius [m]."""
+
+    points: Points = quantity("m", "chosen")
+    radius: float = quantity("m", "chosen", default=0.05)
+
+    def __post_init__(self) -> None:
+        """Check the points, and that the rounded corners fit between them."""
+        check_points(self, self.points, at_least=2)
+        require_number(self, "radius", above=0.0)
+        self.make_arcs()
+
+    def make_arcs(self) -> Arcs:
+        """Return lines and arcs in turn."""
+        corners = [complex(*point) for point in self.points]
+        headings = [(b - a) / abs(b - a) for a, b in pairwise(corners)]
+        pieces: list[Piece] = []
+        begin = corners[0]
+        for corner, heading, following in zip(corners[1:-1], headings, headings[1:], strict=False):
+            turn = cmath.phase(following / heading)
+            cut = self.radius * math.tan(0.5 * abs(turn))
+            straight = ((corner - begin) * heading.conjugate()).real - cut
+            self._fits(straight, turn)
+            pieces.append((begin, heading, 0.0, straight))
+            if turn != 0.0:
+                pieces.append(
+                    (corner - cut * heading, heading, math.copysign(1.0 / self.radius, turn), self.radius * abs(turn))
+                )
+            begin = corner + cut * following
+        straight = ((corners[-1] - begin) * headings[-1].conjugate()).real
+        self._fits(straight, 0.0)
+        pieces.append((begin, headings[-1], 0.0, straight))
+        return chain([piece for piece in pieces if piece[3] > 0.0])
+
+    def _fits(self, straight: float, turn: float) -> None:
+        fits = straight >= 0.0 and abs(turn) < math.pi - 1e-6
+        require(fits, self, "radius", self.radius, "small enough for the rounded corners to fit between the points")
+
+
+def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
+    """Return arcs along a curve, or raise a ParameterError where it has no heading or needs too many of them."""
+    looks = count(1)
+
+    def counted(t: float) -> tuple[complex, complex]:
+        if next(looks) > MOST_LOOKS:
+            raise ArithmeticError(f"it takes more than {MOST_LOOKS} evaluations of the curve")
+        return curve(t)
+
+    try:
+        return fit_arcs(counted, knots)
+    except (ArithmeticError, ValueError) as error:
+        raise ParameterError(
+            f"{type(path).__name__} must be a smooth curve that never turns back on itself, of numbers neither too "
+            f"large nor too small ({error}), got {path!r:.400}"
+        ) from None
+
+
+def check_points(owner: object, points: object, *, at_least: int) -> None:
+    """Raise a ParameterError unless the points are pairs of finite numbers, enough of them and none twice in a row."""
+    within = f"of finite numbers up to {FURTHEST:g} m"
+    accepted = f"a tuple of {at_least} to {MOST_POINTS} points (x, y) {within}, none twice in a row"
+    rows = cast(Points, points) if isinstance(points, tuple) else ()
+    fits = at_least <= len(rows) <= MOST_POINTS and all(_is_point(row) for row in rows)
+    fits = fits and all(math.dist(a, b) > 1e-9 for a, b in pairwise(rows))
+    require(fits, owner, "points", cast(Any, points), accepted)
+
+
+def _is_point(row: Any) -> bool:
+    is_pair = isinstance(row, tuple) and len(cast(tuple[Any, ...], row)) == 2
+    return is_pair and all(is_finite(x) and abs(x) <= FURTHEST for x in cast(tuple[Any, ...], row))
+
+
+def read_path(file: FilePath) -> Spline:
+    """Return the spline through the points of a CSV file with the columns ``x`` and ``y`` [m].
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read, a column is missing, a number is not finite, there are fewer than two points, a
+        point occurs twice in a row, or the spline turns back on itself.
+    """
+    columns = read_columns(file, ("x", "y"))
+    points = tuple(zip(columns["x"].tolist(), columns["y"].tolist(), strict=True))
+    try:
+        path = Spline(points=points)
+        _ = path.arcs  # raises where there are none
+        return path
+    except ParameterError as error:
+        raise ParameterError(f"{file}: {error}") from None

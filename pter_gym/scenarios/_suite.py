@@ -1,0 +1,214 @@
+"""The suite: named and versioned scenarios, each a randomisation of machine and task at a commanded pace.
+
+``PTER/<Scenario>-v0`` is ``PTER/PathFollowing-v0`` on a scenario's training draws. The episodes on which policies are
+compared are stored data; see ``pter_gym.benchmark``.
+
+A new scenario is one more entry of ``SCENARIOS``, and of ``VARIED`` in ``variations``: its id, its stored episodes and
+their strata follow from there. This module imports nothing heavy, since ``import pter_gym`` reads it.
+"""
+
+from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from pter_gym.errors import ParameterError, unknown_name
+
+if TYPE_CHECKING:
+    from pter_gym.params import Machine
+    from pter_gym.scenarios._own_machine import AnyMachine
+    from pter_gym.scenarios.randomisation import Randomisation, Vary
+    from pter_gym.tasks.path_following import PathFollowing
+
+PACES = MappingProxyType({"slow": 0.12, "medium": 0.25, "brisk": 0.5})
+"""Commanded mean speeds along the path [m/s] at which each scenario is scored."""
+
+
+class Varied(NamedTuple):
+    """What varies in a scenario; the task's pace is set when it is run or made into an environment."""
+
+    machine: "Machine | Vary[Machine]"
+    task: "PathFollowing | Vary[PathFollowing]"
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A named set of episodes.
+
+    Attributes
+    ----------
+    name, version
+        As in the id ``PTER/<Name>-v<version>``.
+    asks
+        What it asks of a policy, in a sentence.
+    episodes
+        Number of its stored evaluation episodes.
+    stratum
+        The part of the task whose kind is the stratum of an evaluation episode.
+    place
+        Number from which the seed of its evaluation episodes is made; by default the seed follows from name and
+        version.
+    own
+        The machine in place of those that it would draw, if there is one; see ``find_scenario``.
+    own_varied
+        What varies with that machine; by default what ``variations.VARIED`` has under the name.
+    """
+
+    name: str
+    version: int
+    asks: str
+    episodes: int
+    stratum: Literal["path", "hand"] = "path"
+    place: int | None = None
+    own: "Machine | None" = None
+    own_varied: Varied | None = None
+
+    @property
+    def nominal(self) -> "Machine":
+        """The machine that controllers are bound to: its own one, or the paper's."""
+        from pter_gym.params import BASELINE
+
+        return self.own or BASELINE
+
+    @property
+    def id(self) -> str:
+        """The id of the environment."""
+        return f"PTER/{self.name.capitalize()}-v{self.version}"
+
+    @property
+    def varied(self) -> Varied:
+        """What varies."""
+        from pter_gym.scenarios._variations import VARIED
+
+        return self.own_varied or VARIED[self.name]
+
+    @property
+    def machine(self) -> "Machine | Vary[Machine]":
+        """What varies of the machine."""
+        return self.varied.machine
+
+    @property
+    def task(self) -> "PathFollowing | Vary[PathFollowing]":
+        """What varies of the task."""
+        return self.varied.task
+
+    def randomisation(
+        self, pace: float | str | None = None, *, contexts: int = 512, seed: int = 0, **stated: Any
+    ) -> "Randomisation":
+        """Return the training draws.
+
+        Parameters
+        ----------
+        pace
+            Commanded pace [m/s] or its name in ``PACES``; None draws it between the slowest and the fastest of them.
+        contexts, seed
+            Number of pairs of machine and task, and the seed of their list.
+        **stated
+            Fields of the task that all episodes share, such as ``reward``, ``error_max`` and ``starts``.
+
+        Raises
+        ------
+        ParameterError
+            If the task has no such field, the scenario draws it, or its value is out of range.
+        """
+        from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Vary
+
+        speeds = PACES.values()
+        commanded = LogUniform(min(speeds), max(speeds)) if pace is None else OneOf((find_pace(pace),))
+        drawn = self.task.fields if isinstance(self.task, Vary) else {}
+        base = self.task.base if isinstance(self.task, Vary) else self.task
+        known = [item.name for item in fields(base) if item.name not in (*drawn, "pace")]
+        for name in stated:
+            if name not in known:
+                raise ParameterError(
+                    f"{name} must be one of what all episodes of {self.name} share: {', '.join(known)}"
+                )
+        base = replace(base, **stated)
+        return Randomisation(
+            machine=self.machine, task=Vary(base, **drawn, pace=commanded), contexts=contexts, seed=seed
+        )
+
+
+def find_pace(pace: float | str) -> float:
+    """Return a commanded pace [m/s] given as itself or by its name in ``PACES``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such name; the message suggests the nearest.
+    """
+    if not isinstance(pace, str):
+        return pace
+    if pace not in PACES:
+        raise unknown_name("pace", pace, PACES)
+    return PACES[pace]
+
+
+def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
+    """Return a scenario by its name.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    machine
+        One for all its episodes, in place of those that it draws: itself, its name in ``pter_gym.params.MACHINES``, or
+        the path of a preset, whose delay all observations get. Paths and hands are drawn as without it.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such scenario or machine, with the nearest, or the delay of a preset is too long for a task.
+    DataError
+        If a preset is malformed.
+    """
+    if name not in SCENARIOS:
+        raise unknown_name("scenario", name, SCENARIOS)
+    if machine is None:
+        return SCENARIOS[name]
+    from pter_gym.scenarios._own_machine import on_machine
+
+    return on_machine(SCENARIOS[name], machine)
+
+
+_SUITE = (
+    Scenario(
+        "standard",
+        0,
+        "The paper's line, hand and clutches; the phases of the disturbance differ.",
+        episodes=200,
+        place=0,
+    ),
+    Scenario("paths", 0, "Other paths, most of them curved; the paper's hand and clutches.", episodes=300, place=1),
+    Scenario(
+        "hands",
+        0,
+        "Other hands on the paper's line: forces of any spectrum, and human arms with mass, damper and spring.",
+        episodes=300,
+        stratum="hand",
+        place=2,
+    ),
+    Scenario(
+        "materials",
+        0,
+        "Other clutches on the paper's line: material, time constant, torque errors and drift.",
+        episodes=300,
+        place=3,
+    ),
+    Scenario(
+        "everything",
+        0,
+        "Paths, hands and clutches as in the other scenarios, other inertias, and sensors with noise and delay.",
+        episodes=1000,
+        place=4,
+    ),
+    Scenario(
+        "tremor",
+        0,
+        "Human arms as they were measured, on the paper's line, with physiological, essential or Parkinsonian tremor.",
+        episodes=300,
+        stratum="hand",
+    ),
+)
+
+SCENARIOS = MappingProxyType({each.name: each for each in _SUITE})
+"""The scenarios by name."""

@@ -1,0 +1,290 @@
+"""The task as its user states it: path, hand, pace, workspace, start, sensing, reward. Whether a machine can do it."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._physics.limits import (
+    LARGEST_CONDITION,
+    MOST_SUBSTEPS,
+    condition,
+    largest_energy,
+    largest_force,
+)
+from pter_gym._physics.model import model_of
+from pter_gym.errors import ParameterError
+from pter_gym.hands import NO_HAND, MultiSineHand, Operator
+from pter_gym.params import Arm, Machine, quantity, require, require_kind, require_number
+from pter_gym.paths import Line, Path
+from pter_gym.paths._arcs import Arcs, ArcSegment
+from pter_gym.tasks.path_following._observation import BOUND, ERROR_SCALE, SPEED_SCALE
+from pter_gym.tasks.path_following._reward import RewardWeights
+
+MAX_DELAY = 2
+"""Largest delay of the sensors in control steps."""
+
+SHARPEST = 0.9
+"""Largest ratio of the workspace's half-width to a path's radius of curvature, so that the nearest point is unique."""
+
+WIDEST = BOUND * ERROR_SCALE
+"""Largest half-width of a workspace [m]: what an observation can tell."""
+
+ALONG = 2.0
+"""Largest speed along the path of an episode that begins moving, over the commanded pace."""
+
+ASIDE = 0.5
+"""Largest speed across the path of such an episode, over the commanded pace."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensing:
+    """What is between the machine and the observation; nothing by default.
+
+    Noise is Gaussian, drawn at each control instant from the world's seed. All but the command is delayed.
+    """
+
+    angle_resolution: float = quantity("rad", "chosen: step of the joint encoders", default=0.0)
+    velocity_noise: float = quantity("rad/s", "chosen: standard deviation", default=0.0)
+    torque_noise: float = quantity("N·m", "chosen: standard deviation", default=0.0)
+    force_noise: float = quantity("N", "chosen: standard deviation", default=0.0)
+    delay: int = quantity("1", f"chosen: control steps from measurement to observation, at most {MAX_DELAY}", default=0)
+
+    def __post_init__(self) -> None:
+        """Check that nothing is negative and the delay a whole number of control steps."""
+        require_number(self, "angle_resolution", at_least=0.0, at_most=0.1)
+        for name in ("velocity_noise", "torque_noise", "force_noise"):
+            require_number(self, name, at_least=0.0)
+        require_number(self, "delay", at_least=0, at_most=MAX_DELAY)
+        require(self.delay == int(self.delay), self, "delay", self.delay, "a whole number")
+
+
+IDEAL_SENSING = Sensing()
+"""Exact sensors without delay."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Starts:
+    """How episodes begin: at rest at the start of the path with the clutches released, by default all of them.
+
+    Other starts are for training, so that it explores more states. An episode that begins ``moving`` has its tip
+    anywhere along the path, off it by an even draw, at up to twice the commanded pace; one that begins ``gripped`` is
+    at rest at the start of the path. Both have clutches that have settled at voltages of their own, each released once
+    in five.
+    """
+
+    moving: float = quantity("1", "chosen: share of the episodes", default=0.0)
+    gripped: float = quantity("1", "chosen: share of the episodes", default=0.0)
+    offset: float = quantity(
+        "m", "chosen: half-range of the distance from the path where an episode begins moving", default=0.05
+    )
+
+    def __post_init__(self) -> None:
+        """Check that shares are shares."""
+        require_number(self, "moving", at_least=0.0, at_most=1.0)
+        require_number(self, "gripped", at_least=0.0, at_most=1.0 - self.moving)
+        require_number(self, "offset", at_least=0.0, at_most=WIDEST)
+
+
+AT_REST = Starts()
+"""All episodes begin at rest at the start of the path."""
+
+STARTS = MappingProxyType({"rest": AT_REST, "path": Starts(moving=0.4, gripped=0.3)})
+"""Starts by name: those of evaluation episodes, and those to train with."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathFollowing:
+    """The task: path, hand, commanded pace, workspace, start and reward."""
+
+    path: Path = quantity("1", "see Line", default=Line())
+    hand: Operator = quantity("1", "see MultiSineHand", default=MultiSineHand())
+    pace: float = quantity("m/s", "derived: the baseline's mean tip speed in Table I, 19.69 in/s", default=0.5)
+    control_period: float = quantity("s", "chosen: 100 Hz control", default=0.01)
+    error_max: float = quantity("m", "chosen: the workspace ends this far from the path", default=0.25)
+    truncation_error: float = quantity(
+        "m",
+        "chosen: if not above error_max, an episode is truncated this far from the path; by default none is",
+        default=2.0 * WIDEST,
+    )
+    arrival: float = quantity(
+        "m",
+        "chosen: half of error_max's default; within this of the path its end is a success",
+        default=0.125,
+    )
+    singularity_margin: float = quantity("1", "chosen: smallest |sin(θA − θB)| of the workspace", default=0.2)
+    start_offset: float = quantity("m", "chosen: half-range of the start's normal offset, drawn at reset", default=0.0)
+    friction_drift: float = quantity("1/s", "chosen: relative change of all clutch torques in a second", default=0.0)
+    sensing: Sensing = quantity("1", "see Sensing", default=IDEAL_SENSING)
+    starts: Starts = quantity("1", "see Starts", default=AT_REST)
+    reward: RewardWeights = quantity("1", "see RewardWeights", default=RewardWeights())
+
+    def __post_init__(self) -> None:
+        """Check each number by itself; ``check_machine`` checks the task against a machine."""
+        require_kind(self, "path", Path)
+        require_kind(self, "hand", Operator)
+        require_kind(self, "reward", RewardWeights)
+        require_kind(self, "sensing", Sensing)
+        require_kind(self, "starts", Starts)
+        require_number(self, "pace", above=0.0, at_most=BOUND * SPEED_SCALE)
+        require_number(self, "control_period", above=0.0, at_most=1.0)
+        require_number(self, "error_max", above=0.0, at_most=WIDEST)
+        require_number(self, "truncation_error", above=0.0, at_most=2.0 * WIDEST)
+        require_number(self, "arrival", above=0.0)
+        require_number(self, "singularity_margin", above=0.0, below=1.0)
+        require_number(self, "start_offset", at_least=0.0, below=min(self.error_max, self.truncation_error))
+        require_number(self, "friction_drift", at_least=-1.0, at_most=1.0)
+
+
+def substeps(task: PathFollowing, machine: Machine) -> int:
+    """Return the number of substeps in a control period.
+
+    Raises
+    ------
+    ParameterError
+        If the substep does not divide the control period.
+    """
+    ratio = task.control_period / machine.substep
+    count = round(ratio)
+    require(
+        1 <= count <= MOST_SUBSTEPS and abs(ratio - count) < 1e-9 * ratio,
+        task,
+        "control_period",
+        task.control_period,
+        f"a whole multiple of the machine's substep {machine.substep:g} s, at most {MOST_SUBSTEPS} times as long",
+    )
+    return count
+
+
+def held_machine(task: PathFollowing, machine: Machine) -> Machine:
+    """Return the machine with what the task's hand adds to it at the tip.
+
+    Raises
+    ------
+    ParameterError
+        If both the machine and the task bring a hand, or the explicit spring of the hand is too stiff for the machine.
+    """
+    impedance = task.hand.impedance
+    if impedance == NO_HAND:
+        return machine
+    require(machine.hand == NO_HAND, machine, "hand", machine.hand, "none, since the task's hand brings its own")
+    return replace(machine, hand=impedance)
+
+
+def check_machine(task: PathFollowing, machine: Machine) -> None:
+    """Check that a machine can do the task.
+
+    Raises
+    ------
+    ParameterError
+        If a point of the path or a start off it lies outside the arm's reach or too near to a singular pose, the path
+        bends so much that its centre of curvature is within the workspace, the substep does not divide the control
+        period, a sine is too fast for the substep, the machine's hand has a spring, which would need an intent, or the
+        arm may become faster than the integrator can hold (``pter_gym._physics.limits``).
+    """
+    substeps(task, machine)
+    require(
+        max(task.hand.frequencies, default=0.0) * machine.substep <= 0.1,
+        task,
+        "hand.frequencies",
+        task.hand.frequencies,
+        f"≤ {0.1 / machine.substep:g} Hz, a tenth of the substep's rate",
+    )
+    require(
+        machine.hand.stiffness == 0.0, machine, "hand.stiffness", machine.hand.stiffness, "0: this hand has no intent"
+    )
+    check_motion(task, machine)
+    arm = machine.arm
+    _check_path(task.path, task.error_max, task.singularity_margin, arm.length_a, arm.length_b)
+    _check_start(task, arm)
+
+
+def check_motion(task: PathFollowing, machine: Machine) -> None:
+    """Check that the integrator can hold what the hand and the start make of an arm.
+
+    Raises
+    ------
+    ParameterError
+        If it cannot, or ``held_machine`` raises one.
+    """
+    arm, h, period = model_of(held_machine(task, machine)).arm, machine.substep, task.control_period
+    require(
+        condition(arm, h) <= LARGEST_CONDITION,
+        machine,
+        "arm",
+        machine.arm,
+        f"so far from singular that the mass matrix with the hand's mass and damping has a condition of at most "
+        f"{LARGEST_CONDITION:g}, not {condition(arm, h):.3g}",
+    )
+    force, most = strongest(task, machine), largest_force(arm, h, period)
+    require(
+        force <= most,
+        task,
+        "hand",
+        task.hand,
+        f"at most {most:.4g} N strong on this arm, not {force:.4g} N, for which the integrator could lose the motion "
+        "within a control step; a shorter substep or control_period allows more",
+    )
+    if task.starts.moving > 0.0:
+        fastest = task.pace * math.hypot(ALONG, ASIDE) / task.singularity_margin
+        omega_a, omega_b = fastest / arm.length_a, fastest / arm.length_b
+        energy = 0.5 * (arm.m11 * omega_a**2 + arm.m22 * omega_b**2) + abs(arm.coupling) * omega_a * omega_b
+        require(
+            energy <= largest_energy(arm, h, period),
+            task,
+            "starts",
+            task.starts,
+            "at rest, or moving with a smaller pace or a larger singularity_margin: the integrator could lose the "
+            "motion; a shorter substep or control_period allows more",
+        )
+
+
+def strongest(task: PathFollowing, machine: Machine) -> float:
+    """Return an upper bound of the force on the tip [N] that a task's hand can have on a machine."""
+    hand = task.hand.model(task.pace, machine.substep, (0, 0))
+    recorded = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
+    reach = machine.arm.length_a + machine.arm.length_b
+    held = task.hand.impedance
+    pull = held.stiffness * (2.0 * reach + hand.intent_lead) + held.damping * hand.intent_speed
+    return pull + math.hypot(abs(hand.push) + recorded[0], math.fsum(map(abs, hand.amplitude)) + recorded[1])
+
+
+@lru_cache(maxsize=4096)
+def _check_path(path: Path, error_max: float, margin: float, length_a: float, length_b: float) -> None:
+    bend = path.max_curvature
+    if bend * error_max > SHARPEST:
+        raise ParameterError(
+            f"PathFollowing.error_max must be ≤ {SHARPEST / bend:.4g} m, {SHARPEST:g} of the smallest radius of "
+            f"{type(path).__name__}, got {error_max!r}"
+        )
+    points = path.arcs.extremes()
+    outside = sin_elbow(length_a, length_b, points) <= margin
+    if outside.any():
+        x, y = points[outside.argmax()]
+        raise ParameterError(
+            f"PathFollowing.path must be within reach with |sin(θA − θB)| > {margin:g}, but ({x:.4g}, {y:.4g}) m "
+            f"is not: {path!r:.400}"
+        )
+
+
+def _check_start(task: PathFollowing, arm: Arm) -> None:
+    (x, y), heading, offset = task.path.point(0.0), task.path.heading(0.0), task.start_offset
+    cos, sin = math.cos(heading), math.sin(heading)
+    starts = Arcs(np.array([ArcSegment(x + offset * sin, y - offset * cos, -sin, cos, 0.0, 0.0, 2.0 * offset)]))
+    elbows = sin_elbow(arm.length_a, arm.length_b, starts.extremes())
+    require(
+        float(elbows.min()) > task.singularity_margin,
+        task,
+        "start_offset",
+        task.start_offset,
+        f"so small that all starts are within reach with |sin(θA − θB)| > {task.singularity_margin:g}",
+    )
+
+
+def sin_elbow(length_a: float, length_b: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return |sin(θA − θB)| with the tip at points (K, 2) [m], or −1 where the arm cannot reach; shape (K,)."""
+    cos = ((points**2).sum(axis=1) - length_a**2 - length_b**2) / (2.0 * length_a * length_b)
+    return np.where(np.abs(cos) <= 1.0, np.sqrt(np.maximum(1.0 - cos * cos, 0.0)), -1.0)

@@ -1,0 +1,59 @@
+"""``pter record``: data sets for offline learning."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from pter_gym._commands.arguments import split
+from pter_gym._internal.checks import names_in
+from pter_gym._internal.terminal import progress_bar, say
+from pter_gym.errors import unknown_name
+
+STEPS = 1_000_000
+
+
+def record(
+    scenario: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "standard,everything",
+    level: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "expert,medium,replay,random",
+    steps: int = STEPS,
+    seed: int = 0,
+    out: Path | None = None,
+) -> None:
+    """Write data sets for offline learning, which Minari reads.
+
+    Policies of several levels act on training draws of scenarios; the stored evaluation episodes are never read. The
+    data sets are called pter/SCENARIO/LEVEL-v0. The same command writes the same bytes.
+
+    Example: pter record --scenario standard --level expert --steps 20000 --out data
+
+    Args:
+        scenario: Scenarios, separated by commas.
+        level: What acts: expert, medium, replay, random, separated by commas.
+        steps: Control steps of each data set; its last episode is a whole one.
+        seed: Seed of the draws, the resets and the noise, at least 0.
+        out: Folder for the data sets; by default the one in which Minari looks for them.
+    """
+    from pter_gym._internal.terminal import make_folder
+    from pter_gym.scenarios import find_scenario
+    from pter_gym.tools.datasets import LEVELS, record_episodes, write_dataset
+    from pter_gym.tools.datasets.writing import default_folder, load_minari
+
+    scenarios, levels = names_in("scenario", split(scenario)), names_in("level", split(level))
+    for each in scenarios:
+        find_scenario(each)
+    for each in levels:
+        if each not in LEVELS:
+            raise unknown_name("level", each, LEVELS)
+    load_minari()
+    folder = default_folder() if out is None else out
+    make_folder(folder)
+    with progress_bar() as progress:
+        for each in scenarios:
+            for which in levels:
+                task = progress.add_task(f"{each}, {which}", total=steps)
+                episodes = record_episodes(
+                    each, which, steps, seed=seed, on_steps=lambda done, task=task: progress.advance(task, done)
+                )
+                command = f"pter record --scenario {each} --level {which} --steps {steps} --seed {seed}"
+                say(f"wrote {write_dataset(each, which, episodes, folder, seed=seed, command=command)}")

@@ -1,0 +1,141 @@
+"""Who acts in a data set: a trained policy, the stages of a training, or chance."""
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.benchmark._naming import load_policy
+from pter_gym.envs._vector import PathFollowingVectorEnv
+from pter_gym.errors import unknown_name
+from pter_gym.policies import Net, read_policy
+
+Actions = NDArray[np.float32]
+Act = Callable[[NDArray[np.float32]], Actions]
+
+STAGES = Path(__file__).parent / "stages"
+"""The training whose stages act: a policy for each, and ``stages.toml``, which describes them."""
+
+STAGES_TABLE = "stages.toml"
+
+LEVELS = MappingProxyType(
+    {
+        "expert": "the trained policy of the package that is best there, without noise",
+        "medium": "a policy that was trained for a part of the time, without noise",
+        "replay": "the stages of a training from its start on, each with the noise with which it explored",
+        "random": "actions drawn evenly from the action space",
+    }
+)
+"""What acts in a data set, by level."""
+
+EXPERTS = MappingProxyType({"standard": "ppo-standard"})
+"""The policy that is best by the validation of its training, which is on training-side draws."""
+
+EXPERT = "residual"
+"""The same for all other scenarios."""
+
+
+class Actor(NamedTuple):
+    """A policy that acts in vector environments.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    bind
+        Returns what acts in an environment, from observations (N, entries) to actions (N, 4), by a seed.
+    """
+
+    name: str
+    bind: Callable[[PathFollowingVectorEnv, int], Act]
+
+
+@dataclass(frozen=True, eq=False)
+class Exploring:
+    """A network with the noise of its training, n = ρ·n' + σ·ε with a standard normal ε.
+
+    Attributes
+    ----------
+    network
+        Its mean action; it has no memory of its own.
+    deviation, persistence
+        σ and ρ.
+    rng
+        Where ε comes from.
+    """
+
+    network: Net
+    deviation: float
+    persistence: float
+    rng: np.random.Generator
+
+    def begin(self, worlds: int) -> NDArray[np.float64]:
+        """Return the noise before the first control step of so many worlds, a row for each."""
+        return np.zeros((worlds, 4))
+
+    def __call__(
+        self, inputs: NDArray[np.float64], memory: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return actions (N, 4) for inputs (N, inputs), and their noise, which is remembered."""
+        outputs, _ = self.network(inputs, self.network.begin(len(inputs)))
+        noise = self.persistence * memory + self.deviation * self.rng.standard_normal(outputs.shape)
+        return outputs + noise, noise
+
+
+def actors_of(scenario: str, level: str) -> tuple[Actor, ...]:
+    """Return who acts in a data set, each for the same share of its control steps.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such level.
+    """
+    if level not in LEVELS:
+        raise unknown_name("level", level, LEVELS)
+    if level == "random":
+        return (Actor("random", _uniform),)
+    if level == "expert":
+        return (_trained(EXPERTS.get(scenario, EXPERT)),)
+    table = stages()
+    if level == "medium":
+        return (_stage(table["medium"].get(scenario, table["medium"]["others"]), 0.0, 0.0),)
+    return tuple(_stage(stage["name"], stage["deviation"], table["persistence"]) for stage in table["stages"])
+
+
+def stages() -> dict[str, Any]:
+    """Return the description of the training whose stages act."""
+    return tomllib.loads((STAGES / STAGES_TABLE).read_text("utf-8"))
+
+
+def _trained(name: str) -> Actor:
+    def bind(envs: PathFollowingVectorEnv, _: int) -> Act:
+        return load_policy(name, envs)
+
+    return Actor(name, bind)
+
+
+def _uniform(envs: PathFollowingVectorEnv, seed: int) -> Act:
+    envs.action_space.seed(seed)
+
+    def act(_: NDArray[np.float32]) -> Actions:
+        return np.asarray(envs.action_space.sample(), np.float32)
+
+    return act
+
+
+def _stage(name: str, deviation: float, persistence: float) -> Actor:
+    """Return a stage of the training, with noise unless its deviation is 0."""
+    policy = read_policy(name, STAGES)
+
+    def bind(envs: PathFollowingVectorEnv, seed: int) -> Act:
+        if deviation == 0.0:
+            return load_policy(policy, envs)
+        net = Exploring(policy.network, deviation, persistence, np.random.default_rng(seed))
+        return load_policy(replace(policy, network=net), envs)  # type: ignore[arg-type]
+
+    return Actor(name, bind)

@@ -1,0 +1,147 @@
+"""Episodes of a policy as the registered environment gives them, many worlds at once."""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from pter_gym._internal.checks import whole_number
+from pter_gym.errors import ParameterError
+from pter_gym.scenarios import find_scenario
+from pter_gym.tasks.path_following import COLUMN
+from pter_gym.tools.datasets.levels import Act, actors_of
+
+WORLDS = 128
+"""Worlds that are simulated at once."""
+
+MOST_SEED = 2**31 - 1
+
+EPISODES_OF_A_SEED = 2**32
+"""Episode k of seed K is that of a reset with the seed K times this, plus k; so all levels have the same episodes."""
+
+
+class Episode(NamedTuple):
+    """An episode of T control steps.
+
+    Attributes
+    ----------
+    seed
+        Of its reset.
+    observations
+        float32 (T + 1, entries), each entry relative to its scale.
+    actions
+        float32 (T, 4), normalised.
+    rewards
+        float64 (T,).
+    terminations, truncations
+        bool (T,).
+    arrived
+        Whether the end of the path was reached.
+    distance
+        Mean distance of the tip from the path [m].
+    """
+
+    seed: int
+    observations: NDArray[np.float32]
+    actions: NDArray[np.float32]
+    rewards: NDArray[np.float64]
+    terminations: NDArray[np.bool_]
+    truncations: NDArray[np.bool_]
+    arrived: bool
+    distance: float
+
+
+def environment_of(scenario: str, seed: int = 0) -> tuple[str, dict[str, Any]]:
+    """Return the id of a data set's environment and its arguments."""
+    return find_scenario(scenario).id, {"action_unit": "normalised", "context_seed": seed}
+
+
+def record_episodes(
+    scenario: str, level: str, steps: int, *, seed: int = 0, on_steps: Callable[[int], object] = lambda _: None
+) -> list[Episode]:
+    """Return whole episodes on training draws, at least so many control steps together.
+
+    Parameters
+    ----------
+    scenario, level
+        Names, of ``SCENARIOS`` and ``LEVELS``.
+    steps
+        Control steps, at least 1. Each actor of the level has an even share, and completes its last episode.
+    seed
+        Of draws, resets and noise, from 0 to 2³¹ − 1.
+    on_steps
+        Called with the number of control steps of each completed episode.
+
+    Raises
+    ------
+    ParameterError
+        If a name is unknown, or a number is out of range.
+    """
+    steps = whole_number("steps", steps)
+    seed = whole_number("seed", seed, at_least=0)
+    if seed > MOST_SEED:
+        raise ParameterError(f"seed must be a whole number from 0 to {MOST_SEED}, got {seed}")
+    name, arguments = environment_of(scenario, seed)
+    actors = actors_of(scenario, level)
+    found: list[Episode] = []
+    envs: Any = gymnasium.make_vec(name, num_envs=WORLDS, autoreset_mode=AutoresetMode.DISABLED, **arguments)
+    try:
+        for place, actor in enumerate(actors):
+            episodes = _episodes(
+                envs, actor.bind(envs, seed * len(actors) + place), seed * EPISODES_OF_A_SEED + len(found)
+            )
+            share = steps * (place + 1) // len(actors) - steps * place // len(actors)
+            while share > 0:
+                episode = next(episodes)
+                found.append(episode)
+                share -= len(episode.rewards)
+                on_steps(len(episode.rewards))
+    finally:
+        envs.close()
+    return found
+
+
+def _episodes(envs: Any, act: Act, first: int) -> Iterator[Episode]:
+    """Give the episodes of the seeds from the first on, in order and without end.
+
+    A world begins the episode of the next seed as soon as its own has ended.
+    """
+    count: int = envs.num_envs
+    seeds = list(range(first, first + count))
+    rows: list[list[tuple[Any, ...]]] = [[] for _ in range(count)]
+    ended: dict[int, Episode] = {}
+    coming = first + count
+    obs = envs.reset(seed=seeds)[0]
+    while True:
+        actions = act(obs)
+        after, rewards, terminated, truncated, infos = envs.step(actions)
+        errors = np.abs(infos["telemetry"][:, COLUMN.normal_error])
+        for row, *step in zip(rows, obs, actions, rewards, terminated, truncated, errors, strict=True):
+            row.append(tuple(step))
+        obs = after
+        over = terminated | truncated
+        if not over.any():
+            continue
+        begun: list[int | None] = [None] * count
+        for world in np.flatnonzero(over).tolist():
+            columns = [np.array(column) for column in zip(*rows[world], strict=True)]
+            ended[seeds[world]] = Episode(
+                seed=seeds[world],
+                observations=np.concatenate([columns[0], after[world : world + 1]]),
+                actions=columns[1],
+                rewards=columns[2],
+                terminations=columns[3],
+                truncations=columns[4],
+                arrived=bool(infos["is_success"][world]),
+                distance=float(columns[5].mean()),
+            )
+            begun[world] = seeds[world] = coming
+            rows[world] = []
+            coming += 1
+        obs = envs.reset(seed=begun, options={"reset_mask": over})[0]
+        while first in ended:
+            yield ended.pop(first)
+            first += 1

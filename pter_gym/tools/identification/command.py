@@ -1,0 +1,94 @@
+"""``pter identify``: the parameters of a real machine from a log of it."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.table import Table
+
+from pter_gym._commands.arguments import numbers
+from pter_gym._internal.terminal import make_folder, progress_bar, say, terminal
+from pter_gym.errors import ParameterError
+
+if TYPE_CHECKING:
+    from pter_gym.params import Machine
+    from pter_gym.tools.identification import Identification
+
+MACHINE = "baseline"
+
+
+def identify(
+    log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG.csv")],
+    machine: Annotated[str, tyro.conf.arg(metavar="NAME|FILE.toml")] = MACHINE,
+    lengths: Annotated[str | None, tyro.conf.arg(metavar="A,B")] = None,
+    voltage_max: float | None = None,
+    out: Path = Path("pter-identified"),
+) -> None:
+    """Identify a real machine from a log of it.
+
+    Finds inertias, torques over voltage, lag and delay, each with a 95 % interval; names what the log does not show.
+    Writes preset.toml, which other commands take as --machine, and report.html. docs/identify.md says what to record.
+
+    Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
+
+    Args:
+        log: Table with t_s, V1 to V4, theta_A, theta_B, and F_x, F_y or free.
+        machine: Where to start: what the log does not show stays so.
+        lengths: Lengths of links A and B by a ruler [m]; those of the start by default.
+        voltage_max: Largest voltage of the clutches [V]; that of the start by default.
+        out: Folder for the results; made if need be.
+    """
+    from pter_gym._internal.files import write_files_atomic
+    from pter_gym.params import is_preset
+    from pter_gym.params._preset import PRESET, format_preset, load_preset
+    from pter_gym.tools.identification import identify as search
+    from pter_gym.tools.identification import preset_of, read_log, report
+
+    start = read_start(machine, lengths, voltage_max)
+    rows = read_log(log)
+    make_folder(out)
+    with progress_bar() as progress:
+        task = progress.add_task("identify", total=100)
+        found = search(rows, start, lambda share: progress.update(task, completed=round(100 * share)))
+    base = load_preset(machine) if is_preset(machine) else PRESET
+    text = format_preset(preset_of(found, base), "Written by pter identify.")
+    with terminal(errors=True).status("drawing"):
+        page = report(found)
+    write_files_atomic(out, {"preset.toml": text.encode(), "report.html": page.encode()})
+    terminal().print(findings_table(found))
+    for finding in found.findings:
+        if finding.reason:
+            say(f"{finding.quantity.name} is kept: {finding.reason}; what helps: {finding.remedy}")
+    for name in ("preset.toml", "report.html"):
+        say(f"wrote {out / name}")
+
+
+def read_start(machine: str, lengths: str | None, voltage_max: float | None) -> "Machine":
+    """Return the machine to start from."""
+    from dataclasses import replace
+
+    from pter_gym.params import find_machine
+
+    start = find_machine(machine)
+    if lengths is not None:
+        given = numbers("lengths", lengths)
+        if len(given) != 2:
+            raise ParameterError(f"lengths must be two numbers separated by a comma, got {lengths!r}")
+        start = replace(start, arm=replace(start.arm, length_a=given[0], length_b=given[1]))
+    if voltage_max is not None:
+        start = replace(start, clutch=replace(start.clutch, voltage_max=voltage_max))
+    return start
+
+
+def findings_table(found: "Identification") -> Table:
+    """Return a table of the numbers; it fits a terminal of 80 columns."""
+    table = Table(box=None, padding=(0, 1), pad_edge=False, caption="±: half of the 95 % interval; docs/identify.md")
+    table.add_column("number", no_wrap=True)
+    for header in ("value", "±", "unit"):
+        table.add_column(header, justify="left" if header == "unit" else "right", no_wrap=True)
+    table.add_column("state", no_wrap=True)
+    for finding in found.findings:
+        q = finding.quantity
+        half = "" if finding.status == "kept" else f"{0.5 * (finding.high - finding.low):.2g}"
+        table.add_row(q.name, f"{q.value:.4g}", half, q.unit, finding.state)
+    return table

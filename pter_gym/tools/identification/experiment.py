@@ -1,0 +1,203 @@
+"""The experiment that makes a machine's parameters visible, and what it would record on a simulated machine.
+
+A person moves the handle about the middle of the workspace all the time, and pulls harder where it resists. Meanwhile
+the clutches are switched on and off, one at a time, at voltage after voltage. So each clutch slips at each voltage,
+breaks away, and is switched while it slips; without clutches the motion shows the inertias.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._physics.open_loop import initial_state, simulate
+from pter_gym.errors import ParameterError
+from pter_gym.params import Arm, Hand, Machine, require_number
+from pter_gym.tools.identification.log import Log
+
+Array = NDArray[np.float64]
+
+TRUE_SUBSTEP = 0.25e-3
+"""Substep of the simulated machine [s]: finer than that of the model, as a real machine has none at all."""
+
+REACH = (0.85, 0.6)
+"""Middle of the motion: link angles from the y axis outwards, A to the right and B to the left [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """What is applied and recorded.
+
+    Attributes
+    ----------
+    levels
+        Voltages of the steps [V].
+    on, off
+        How long a clutch is on, and then off [s].
+    free
+        Motion without clutches before the steps [s].
+    interval
+        Time between two rows of the log [s].
+    stiffness, damping
+        Of the person's hand towards the point where it wants to be [N/m, N·s/m].
+    amplitude
+        How far that point moves from the middle in x and y [m].
+    frequencies
+        Of that motion in x and y [Hz].
+    releases
+        Whether the hand lets go in the middle of each step, and no force is recorded.
+    """
+
+    levels: tuple[float, ...] = (3.0, 6.0, 9.0, 12.0, 15.0, 18.0, 20.0, 22.0)
+    on: float = 1.1
+    off: float = 0.3
+    free: float = 5.0
+    interval: float = 2e-3
+    stiffness: float = 800.0
+    damping: float = 30.0
+    amplitude: float = 0.12
+    frequencies: tuple[float, float] = (0.83, 1.27)
+    releases: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the times."""
+        for name in ("on", "off", "free", "interval"):
+            require_number(self, name, above=0.0)
+
+    @property
+    def duration(self) -> float:
+        """Length of the log [s]."""
+        return self.free + 4 * len(self.levels) * (self.on + self.off)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recorder:
+    """The sensors that write the log.
+
+    Attributes
+    ----------
+    angle_resolution
+        Step of the encoders [rad].
+    angle_noise, force_noise
+        Standard deviations [rad, N].
+    delay
+        Time from a recorded voltage to the motion that it makes [s], 0 to 0.1.
+    """
+
+    angle_resolution: float = 2.0 * math.pi / 16384
+    angle_noise: float = 0.0
+    force_noise: float = 0.3
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check that nothing is negative."""
+        for name in ("angle_resolution", "angle_noise", "force_noise"):
+            require_number(self, name, at_least=0.0)
+        require_number(self, "delay", at_least=0.0, at_most=0.1)
+
+
+EXPERIMENT = Experiment()
+RECORDER = Recorder()
+
+
+def voltages(experiment: Experiment, times: Array) -> Array:
+    """Return the voltages [V] at times [s], shape (T, 4): the clutches in turn at the first level, then at the next."""
+    place = np.floor((times - experiment.free) / (experiment.on + experiment.off)).astype(int)
+    within = (times - experiment.free) - place * (experiment.on + experiment.off)
+    applied = np.zeros((len(times), 4))
+    on = (place >= 0) & (place < 4 * len(experiment.levels)) & (within < experiment.on)
+    applied[on, place[on] % 4] = np.array(experiment.levels)[place[on] // 4]
+    return applied
+
+
+def record_log(
+    machine: Machine, experiment: Experiment = EXPERIMENT, recorder: Recorder = RECORDER, seed: int = 0
+) -> Log:
+    """Return the log that the experiment would give on a simulated machine.
+
+    Parameters
+    ----------
+    machine
+        The machine; its hand and substep are not used.
+    experiment, recorder
+        What is done and how it is recorded.
+    seed
+        Of the noise and of the phases of the hand's motion, at least 0.
+    """
+    rng = np.random.default_rng([seed, 0x4964])
+    ratio = round(experiment.interval / TRUE_SUBSTEP)
+    if abs(ratio * TRUE_SUBSTEP - experiment.interval) > 1e-9:
+        raise ParameterError(
+            f"Experiment.interval must be a multiple of {TRUE_SUBSTEP:g} s, got {experiment.interval!r}"
+        )
+    rows = round(experiment.duration / experiment.interval)
+    times: Array = TRUE_SUBSTEP * np.arange(rows * ratio, dtype=np.float64)
+    middles = experiment.interval * (np.arange(rows, dtype=np.float64) + 0.5)
+    applied = voltages(experiment, middles).clip(max=machine.clutch.voltage_max)
+    # in the middle of substeps, so that no rounding decides which row a voltage is of
+    row_of = np.floor((times + 0.5 * TRUE_SUBSTEP - recorder.delay) / experiment.interval).astype(int)
+    volts = applied[row_of.clip(0)]
+    free = np.repeat(applied.any(axis=1) & experiment.releases, ratio)
+    target = middle(machine.arm) + hand_path(experiment, times, rng)
+    theta, force = _motion(machine, experiment, volts, target, free)
+    theta = theta[::ratio] + recorder.angle_noise * rng.standard_normal((rows, 2))
+    if recorder.angle_resolution > 0.0:
+        theta = recorder.angle_resolution * np.round(theta / recorder.angle_resolution)
+    return Log(
+        interval=experiment.interval,
+        volts=applied,
+        theta=theta,
+        force=None if experiment.releases else force[::ratio] + recorder.force_noise * rng.standard_normal((rows, 2)),
+        free=free[::ratio] if experiment.releases else None,
+        name="simulated",
+    )
+
+
+def _motion(
+    machine: Machine, experiment: Experiment, volts: Array, target: Array, free: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Return angles [rad] and forces [N] at the beginning of each substep, both of shape (T, 2)."""
+    held = replace(machine, hand=Hand(damping=experiment.damping, stiffness=experiment.stiffness), substep=TRUE_SUBSTEP)
+    state = initial_state(held, _angles())
+    theta, force = np.empty((len(volts), 2)), np.zeros((len(volts), 2))
+    ends = [*(np.flatnonzero(np.diff(free)) + 1), len(volts)]
+    for first, end in zip([0, *ends[:-1]], ends, strict=True):
+        part = slice(first, end)
+        acting = replace(held, hand=Hand()) if free[first] else held
+        way = simulate(acting, state, volts[part], (0.0, 0.0), hand_target=target[part])
+        theta[part] = np.concatenate([[state.theta], way.theta[:-1]])
+        if not free[first]:
+            spring = experiment.stiffness * (target[part] - tip(machine.arm, theta[part]))
+            force[part] = spring - experiment.damping * velocity(machine.arm, theta[part], way.omega)
+        state = way.final
+    return theta, force
+
+
+def hand_path(experiment: Experiment, times: Array, rng: np.random.Generator) -> Array:
+    """Return where the hand wants to be, from the middle [m], shape (T, 2): it starts there at rest."""
+    phases = rng.uniform(0.0, 2.0 * math.pi, 2)
+    rates = 2.0 * math.pi * np.array(experiment.frequencies)
+    swing = np.sin(times[:, None] * rates + phases)
+    return experiment.amplitude * swing * np.minimum(times, 1.0)[:, None]
+
+
+def middle(arm: Arm) -> Array:
+    """Return the middle of the motion [m], shape (2,), from the axis of the drive."""
+    return tip(arm, np.array(_angles()))
+
+
+def tip(arm: Arm, theta: Array) -> Array:
+    """Return the tip's position [m] at link angles [rad], both of shape (..., 2)."""
+    lengths = np.array([arm.length_a, arm.length_b])
+    return np.stack([np.cos(theta) @ lengths, np.sin(theta) @ lengths], axis=-1)
+
+
+def velocity(arm: Arm, theta: Array, omega: Array) -> Array:
+    """Return the tip's velocity [m/s] at link angles [rad] and velocities [rad/s], all of shape (..., 2)."""
+    speeds = omega * [arm.length_a, arm.length_b]
+    return np.stack([-np.sum(np.sin(theta) * speeds, axis=-1), np.sum(np.cos(theta) * speeds, axis=-1)], axis=-1)
+
+
+def _angles() -> tuple[float, float]:
+    return 0.5 * math.pi - REACH[0], 0.5 * math.pi + REACH[1]

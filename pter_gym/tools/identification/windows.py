@@ -1,0 +1,177 @@
+"""A log cut into windows: what each begins with, which clutches hold then, and what the angles were."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from pter_gym._physics.friction import COUPLING, LINES
+from pter_gym.tools.identification.log import Log
+from pter_gym.tools.identification.shooting import LONGEST_SUBSTEP, Inputs, make_inputs
+
+Array = NDArray[np.float64]
+
+_SIGNAL: Any = signal
+
+WITH_FORCES = 0.2
+"""Length of a window [s]: angles tell accelerations well within it, and little of a wrong start is left."""
+
+WITHOUT_FORCES = 0.06
+"""Length of a window where the arm coasts until clutches stop it [s]."""
+
+CUTOFF = 60.0
+"""Cutoff frequency of the forces [Hz]: above what a hand does. A lone peak of noise would break a clutch away."""
+
+SMOOTHING = 0.024
+"""Half the length of the smoothing of the angles [s], which gives the velocities at the starts of windows."""
+
+ENGAGED = 0.3
+"""Voltage behind the lag from which a clutch can hold [V]."""
+
+W = np.array(COUPLING)
+DIRECTIONS = np.array([np.array(line) / np.linalg.norm(line) for line in LINES])
+
+
+@dataclass(frozen=True)
+class Cutting:
+    """Choices that a result should not depend on.
+
+    Attributes
+    ----------
+    stretch
+        Length of the windows over the usual one.
+    cutoff
+        Cutoff frequency of the forces [Hz].
+    substep
+        Longest substep of the model [s].
+    """
+
+    stretch: float = 1.0
+    cutoff: float = CUTOFF
+    substep: float = LONGEST_SUBSTEP
+
+
+USUAL = Cutting()
+OTHERS = (Cutting(0.55, 2.0 * CUTOFF, 0.5 * LONGEST_SUBSTEP), Cutting(1.4, 0.6 * CUTOFF, LONGEST_SUBSTEP))
+"""Others as good: what they change in a result is part of its error."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Smoothed angles [rad], velocities [rad/s], accelerations [rad/s²], shape (rows, 2); noise of the angles [rad]."""
+
+    theta: Array
+    omega: Array
+    alpha: Array
+    noise: float
+    half: int
+
+
+@dataclass(frozen=True)
+class Windows:
+    """The log as the estimation sees it.
+
+    Attributes
+    ----------
+    length
+        Rows of a window after its first.
+    first
+        Rows with which windows begin, shape (windows,).
+    measured
+        Angles [rad], shape (windows, length, 2).
+    starts
+        Angles [rad] and velocities [rad/s] at the beginning, shape (windows, 4).
+    ways
+        In which directions the velocity at the start is uncertain: columns, zero where a clutch holds, (windows, 2, 2).
+    used
+        Whether a window is used: it is not where nobody can tell from the angles whether a clutch holds as it begins.
+    inputs, noise
+        Of the model; standard deviation of the angles [rad].
+    """
+
+    length: int
+    first: NDArray[np.int64]
+    measured: Array
+    starts: Array
+    ways: Array
+    used: NDArray[np.bool_]
+    inputs: Inputs
+    noise: float
+
+
+def smooth(log: Log) -> Motion:
+    """Return the motion of a log by local polynomials."""
+    half = max(2, round(SMOOTHING / log.interval))
+    width = 2 * half + 1
+    theta = _SIGNAL.savgol_filter(log.theta, width, 2, axis=0)
+    omega = _SIGNAL.savgol_filter(log.theta, width, 2, deriv=1, delta=log.interval, axis=0)
+    alpha = _SIGNAL.savgol_filter(log.theta, 2 * width - 1, 3, deriv=2, delta=log.interval, axis=0)
+    noise = float(np.median(np.abs(log.theta - theta)) / 0.6745)
+    return Motion(theta, omega, alpha, max(noise, 1e-7), half)
+
+
+def smooth_force(log: Log, cutoff: float = CUTOFF) -> Array:
+    """Return the forces [N] without what is faster than a hand; zeros where the log has none."""
+    if log.force is None:
+        return np.zeros((len(log.theta), 2))
+    if cutoff * log.interval >= 0.4:
+        return log.force
+    low = _SIGNAL.butter(2, 2.0 * cutoff * log.interval)
+    return _SIGNAL.filtfilt(low[0], low[1], log.force, axis=0)
+
+
+def lagged(log: Log, values: Array, time_constant: float) -> Array:
+    """Return values (rows, …) behind the lag of the clutches, settled at the first row."""
+    left = float(np.exp(-log.interval / time_constant))
+    before = np.concatenate([values[:1], values[:-1]])
+    first = values[:1] * left
+    return _SIGNAL.lfilter([1.0 - left], [1.0, -left], before, axis=0, zi=first)[0]
+
+
+def cut(log: Log, motion: Motion, time_constant: float, cutting: Cutting = USUAL) -> Windows:
+    """Return the windows of a log; the time constant [s] need not be exact."""
+    seconds = WITH_FORCES if log.force is not None else WITHOUT_FORCES
+    length = max(4, round(cutting.stretch * seconds / log.interval))
+    count = (len(log.theta) - 1) // length
+    first = np.arange(count) * length
+    rows = first[:, None] + np.arange(1, length + 1)
+    held, ambiguous = holding(log, motion, time_constant, first)
+    used = ~ambiguous
+    if log.force is None and log.free is not None:
+        used &= log.free[first] & log.free[rows].all(axis=1)
+    ways = np.zeros((count, 2, 2))
+    omega = motion.omega[first].copy()
+    many = held.sum(axis=1)
+    ways[many == 0] = np.eye(2)
+    one = np.flatnonzero(many == 1)
+    along = DIRECTIONS[held[one].argmax(axis=1)]
+    ways[one, :, 0] = along
+    omega[one] = along * np.sum(along * omega[one], axis=1, keepdims=True)
+    omega[many > 1] = 0.0
+    return Windows(
+        length=length,
+        first=first,
+        measured=log.theta[rows],
+        starts=np.concatenate([motion.theta[first], omega], axis=1),
+        ways=ways,
+        used=used,
+        inputs=make_inputs(log.interval, log.volts, smooth_force(log, cutting.cutoff), cutting.substep),
+        noise=motion.noise,
+    )
+
+
+def holding(
+    log: Log, motion: Motion, time_constant: float, rows: NDArray[np.int64]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which clutches hold at rows of a log, shape (N, 4), and where that cannot be told, shape (N,)."""
+    engaged = lagged(log, log.volts, time_constant)[rows] > ENGAGED
+    slip = np.abs(motion.omega @ W.T)
+    width = 2 * motion.half + 1
+    error = motion.noise * np.sqrt(12.0 / width) / (width * log.interval)
+    slowest = 6.0 * error + 2e-3
+    near = np.stack([slip[(rows + k).clip(0, len(slip) - 1)] for k in range(-motion.half, motion.half + 1)]).max(axis=0)
+    held = engaged & (slip[rows] < slowest) & (near < 4.0 * slowest)
+    ambiguous = (engaged & (slip[rows] < 2.0 * slowest) & ~held).any(axis=1)
+    return held, ambiguous

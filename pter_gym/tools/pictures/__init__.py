@@ -1,0 +1,1 @@
+"""Pictures and films: what a world looks like, and figures of scores."""

@@ -1,0 +1,89 @@
+"""``pter tune``: the search for a controller's gains."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from pter_gym._commands.arguments import MachineName, check_file
+from pter_gym._internal.terminal import progress_bar, say
+
+if TYPE_CHECKING:
+    from pter_gym.tools.tuning import TunedGains
+
+
+def tune(
+    controller: Annotated[str, tyro.conf.Positional],
+    scenario: Annotated[str, tyro.conf.arg(metavar="NAME")] = "standard",
+    pace: Annotated[str, tyro.conf.arg(metavar="NAME")] = "medium",
+    trials: int = 3000,
+    starts: int = 5,
+    episodes: int = 200,
+    storage: Path = Path("pter-tune.journal"),
+    seed: int = 0,
+    out: Path | None = None,
+    machine: MachineName = None,
+) -> None:
+    """Search for a controller's gains.
+
+    It tries them on training draws of a scenario, at a commanded pace. The trials are kept in a journal file: a
+    search that was stopped goes on where it was, and several may share the work. The best gains are those with the
+    smallest path error of all that arrive and keep the pace. Needs the extra tune.
+
+    Example: pter tune impedance --scenario standard --pace medium --out gains.toml
+
+    Args:
+        controller: Name of the controller.
+        scenario: Scenario whose training draws are used; its evaluation episodes are never read.
+        pace: Commanded pace.
+        trials: Gains to try, at least 1; each start has a share, and the best start two.
+        starts: Starts from random gains, at least 1.
+        episodes: Training draws for each trial, at least 1.
+        storage: Journal file of the trials; its folder must exist.
+        seed: Seed of the draws and the search, at least 0.
+        out: File for the best gains, in TOML, whose other entries stay; they are only printed by default.
+        machine: Clutch material, or the preset of a machine of your own, in place of those that the scenario draws.
+    """
+    from pter_gym.tools.tuning import add_gains
+    from pter_gym.tools.tuning import tune as search
+
+    if out is not None:
+        check_file(out, ".toml")
+    with progress_bar() as progress:
+        task = progress.add_task(f"{controller}, {scenario}, {pace}", total=trials)
+
+        def show(finished: int, best: float) -> None:
+            progress.update(
+                task, completed=finished, description=f"{controller}, {scenario}, {pace}: {1000 * best:.1f} mm"
+            )
+
+        study = search(
+            controller,
+            scenario,
+            pace,
+            trials=trials,
+            starts=starts,
+            episodes=episodes,
+            storage=storage,
+            seed=seed,
+            machine=machine,
+            on_trial=show,
+        )
+    try:
+        if out is not None:
+            add_gains(study, out)
+    finally:
+        say(summary(study))
+    if out is not None:
+        say(f"wrote {out}")
+
+
+def summary(found: "TunedGains") -> str:
+    """Return the gains of a search as TOML has them, and what they are worth."""
+    scores = found.assessment
+    lines = [f"{name} = {gain!r}" for name, gain in found.gains.items()]
+    lines.append(
+        f"path error {1000 * scores.path_error_m:.1f} mm, at the end {100 * scores.completed:.3g} %, mean pace "
+        f"±{100 * scores.mean_pace_error:.3g} %, segment pace ±{100 * scores.segment_pace_error:.3g} % on other draws"
+    )
+    return "\n".join(lines)

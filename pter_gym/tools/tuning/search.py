@@ -1,0 +1,290 @@
+"""The search for gains: an Optuna study for each start in a journal file, which can be stopped, resumed and shared."""
+
+import hashlib
+import math
+import os
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from pter_gym._internal.checks import whole_number
+from pter_gym._internal.files import FilePath, check_target, find_path
+from pter_gym.benchmark._naming import find_policy
+from pter_gym.benchmark._tuned import TABLE, TUNABLE, controller_of, read_table
+from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
+from pter_gym.errors import ParameterError, StorageError, needs_extra, unknown_name
+from pter_gym.scenarios import Scenario, find_pace, find_scenario
+from pter_gym.scenarios._own_machine import AnyMachine, find_own
+from pter_gym.tools.tuning.examination import Assessment, Examination
+from pter_gym.tools.tuning.spaces import SPACES, Range, gains_at, point_at
+
+TRIALS = 3000
+"""The budget of a controller for a scenario and a pace: gains that are tried."""
+
+STARTS = 5
+"""Starts of a search, each from random gains of its own: where one ends, another may have half of the error."""
+
+EPISODES = 200
+"""The budget of a trial: training draws."""
+
+FINALISTS = 40
+"""The best trials of each start, which are judged once more on other draws; the best of them there is the result."""
+
+STARTUP = 24
+"""Trials at random before those of Optuna's evolution strategy."""
+
+REDUCTION = 4
+"""Of the trials that are judged on a part of the draws, one in so many goes on to so many times more of them."""
+
+RUNGS = 3
+"""Numbers of draws on which a trial is judged, one after the other; the last is all of them."""
+
+JOURNAL_LINE = b'{"op_code":'
+"""The beginning of each line of a journal of Optuna's."""
+
+Gains = dict[str, float | bool]
+
+
+@dataclass(frozen=True)
+class TunedGains:
+    """The result of a search.
+
+    Attributes
+    ----------
+    controller, scenario, pace
+        Names.
+    gains
+        The best gains.
+    assessment
+        Their scores on draws that the search had not seen.
+    trials, starts, episodes, seed
+        Gains that were tried, starts, draws of each trial, and the seed of draws and searches.
+    machine
+        The given one in place of those that the scenario draws; None if there was none.
+    """
+
+    controller: str
+    scenario: str
+    pace: str
+    gains: Gains
+    assessment: Assessment
+    trials: int
+    starts: int
+    episodes: int
+    seed: int
+    machine: AnyMachine | None = None
+
+
+def tune(
+    controller: str,
+    scenario: str,
+    pace: str,
+    *,
+    trials: int = TRIALS,
+    starts: int = STARTS,
+    episodes: int = EPISODES,
+    storage: FilePath = "pter-tune.journal",
+    seed: int = 0,
+    machine: AnyMachine | None = None,
+    on_trial: Callable[[int, float], None] = lambda _count, _best: None,
+) -> TunedGains:
+    """Search for a controller's gains on training draws of a scenario.
+
+    Each start has an even share of the trials, and the best start by then one more. A search that was stopped goes on
+    where it was: a start ends when the storage holds its share of finished trials, no matter which process made them.
+    A search that runs alone and is not stopped gives the same result for the same seed.
+
+    Parameters
+    ----------
+    controller, scenario, pace
+        Names.
+    trials, starts
+        Gains to try, and starts from random gains; the first one tries the gains that are known, too.
+    episodes
+        Draws for each trial.
+    storage
+        Journal file of Optuna's, which may hold many studies; created if necessary, in a folder that exists.
+    seed
+        Of the draws and the search, ≥ 0.
+    machine
+        One in place of those that the scenario draws, as in ``pter_gym.scenarios.find_scenario``.
+    on_trial
+        Called after each trial with the number of finished ones of all starts, and the best value of this one [m].
+
+    Raises
+    ------
+    ParameterError
+        If there is no such controller, scenario, pace or machine, a number is out of range, or the storage is no
+        journal or cannot be written.
+    DependencyError
+        If Optuna is not installed.
+    StorageError
+        If the storage cannot be written any more; the same search goes on from the trials that it holds.
+    """
+    storage = find_path("storage", storage)
+    if controller not in TUNABLE:
+        raise unknown_name("controller", controller, TUNABLE)
+    find_scenario(scenario)
+    speed = find_pace(pace)
+    trials, starts = whole_number("trials", trials), whole_number("starts", starts)
+    episodes, seed = whole_number("episodes", episodes), whole_number("seed", seed, at_least=0)
+    check_target("storage", storage)
+    own = None if machine is None else find_own(machine)  # read once, in case its file changes
+    counts = [-(-episodes // REDUCTION**k) for k in reversed(range(RUNGS))]
+    rungs = [Examination(scenario, pace, count, 2 * seed, own) for count in counts]
+    name = f"{_label(find_scenario(scenario, own))} {controller} {pace} {episodes} {seed}"
+    studies = _open(storage, name, [starts * seed + start for start in range(starts)])
+    share = -(-trials // (starts + 1))
+
+    def judge(trial: Any) -> float:
+        return _judge(trial, controller, speed, rungs)
+
+    def run(start: int, budget: int, before: int) -> None:
+        """Let a start go on until it has so many finished trials, at least one of them judged on all draws."""
+        study = studies[start]
+        while len(finished := finished_trials(study)) < budget or not best_trials(study):
+            study.optimize(judge, n_trials=1)
+            best = best_trials(study)
+            on_trial(before + len(finished) + 1, best[0].value if best else math.inf)
+
+    try:
+        for point in known_points(controller, scenario, pace):
+            studies[0].enqueue_trial(point, skip_if_exists=True)
+        for start in range(starts):
+            run(start, share, start * share)
+        best = min(range(starts), key=lambda start: best_trials(studies[start])[0].value)
+        run(best, trials - (starts - 1) * share, (starts - 1) * share)
+    except OSError as error:
+        raise StorageError(
+            f"storage {str(storage)!r} cannot be written: {error.strerror or error}; "
+            "the same search goes on from the trials that it holds"
+        ) from error
+    final = Examination(scenario, pace, episodes, 2 * seed + 1, own)
+    found = [gains_at(trial.params, speed) for study in studies for trial in best_trials(study)[:FINALISTS]]
+    judged = [(final.judge(make(controller, gains)), gains) for gains in found]
+    assessment, gains = min(judged, key=lambda pair: pair[0].value)
+    return TunedGains(controller, scenario, pace, gains, assessment, trials, starts, episodes, seed, machine)
+
+
+def make(controller: str, gains: Gains) -> Guided:
+    """Return a controller with gains; the others are the paper's."""
+    kind: Any = CONTROLLERS[controller]
+    return kind(**gains)
+
+
+def _judge(trial: Any, controller: str, pace: float, rungs: Sequence[Examination]) -> float:
+    """Return the value of a trial, judged on more and more draws while it keeps up with the others."""
+    import optuna
+
+    point = {
+        name: trial.suggest_float(name, space.low, space.high, log=space.log)
+        if isinstance(space, Range)
+        else trial.suggest_categorical(name, space)
+        for name, space in SPACES[controller].items()
+    }
+    tried = make(controller, gains_at(point, pace))
+    for k, rung in enumerate(rungs[:-1]):
+        trial.report(rung.judge(tried).value, REDUCTION**k)
+        if trial.should_prune():
+            raise optuna.TrialPruned
+    return rungs[-1].judge(tried).value
+
+
+def _label(scenario: Scenario) -> str:
+    """Return what tells the draws of a scenario from those of others."""
+    label = f"{scenario.name}-v{scenario.version}"
+    if scenario.own is None:
+        return label
+    return f"{label} {hashlib.sha256(repr((scenario.own, scenario.task)).encode()).hexdigest()[:16]}"
+
+
+def _open(storage: Path, name: str, seeds: Sequence[int]) -> list[Any]:
+    """Return the studies of a search, one for each start, new or as they were left."""
+    try:
+        import cmaes  # noqa: F401  # pyright: ignore[reportUnusedImport]
+        import optuna
+    except ImportError:
+        raise needs_extra("pter tune", "tune") from None
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    try:
+        journal = open_journal(storage)
+        studies = [
+            optuna.create_study(
+                storage=journal,
+                study_name=f"{name} {start}",
+                load_if_exists=True,
+                pruner=optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=REDUCTION),
+            )
+            for start in range(len(seeds))
+        ]
+    except (OSError, ValueError, LookupError, AssertionError) as error:  # what Optuna raises for other files
+        raise ParameterError(f"storage must be a journal file of Optuna's, got {str(storage)!r}: {error}") from None
+    for study, seed in zip(studies, seeds, strict=True):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+            study.sampler = optuna.samplers.CmaEsSampler(
+                seed=_stream(study, seed),
+                n_startup_trials=STARTUP,
+                consider_pruned_trials=True,
+                warn_independent_sampling=False,  # switches are drawn at random
+            )
+    return studies
+
+
+def _stream(study: Any, seed: int) -> int:
+    """Return a seed of random numbers for the rest of a study, another one for each process that works on it."""
+    begun = study.get_trials(deepcopy=False)
+    shared = any(trial.state.name == "RUNNING" for trial in begun)
+    return (seed + 1000003 * len(begun) + (os.getpid() if shared else 0)) % 2**32
+
+
+def open_journal(path: Path) -> Any:
+    """Return Optuna's storage in a journal file, which is created if necessary.
+
+    A last line that was not written to its end, as on a full disk, is cut off: Optuna would read nothing behind it.
+    """
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
+
+    lock = JournalFileOpenLock(str(path.resolve()))
+    backend = JournalFileBackend(str(path.resolve()), lock)
+    lock.acquire()
+    try:
+        content = path.read_bytes()
+        whole = content.rfind(b"\n") + 1
+        half = content[whole:]
+        if half[: len(JOURNAL_LINE)] != JOURNAL_LINE[: len(half)]:
+            raise ValueError("its last line is not one of a journal")
+        os.truncate(path, whole)
+    finally:
+        lock.release()
+    return JournalStorage(backend)
+
+
+def known_points(controller: str, scenario: str, pace: str) -> list[Gains]:
+    """Return points of the search with the gains that a controller ships with, and has by default at a pace.
+
+    Those that ship for the scenario and the pace come first, then the default ones, then those for others.
+    """
+    speed = find_pace(pace)
+    default = cast("Guided | PaceSchedule", find_policy(controller)).at(speed)
+    shipped = {
+        (each, at): point_at(controller, controller_of(controller, entry, TABLE), find_pace(at))
+        for each, controllers in read_table().items()
+        for at, entry in controllers.get(controller, {}).items()
+    }
+    own = [shipped.pop((scenario, pace))] if (scenario, pace) in shipped else []
+    return [*own, point_at(controller, default, speed), *shipped.values()]
+
+
+def finished_trials(study: Any) -> list[Any]:
+    """Return the trials that were judged, on all draws or on a part of them."""
+    return [trial for trial in study.get_trials(deepcopy=False) if trial.state.name in ("COMPLETE", "PRUNED")]
+
+
+def best_trials(study: Any) -> list[Any]:
+    """Return the trials that were judged on all draws, the best first."""
+    whole = [trial for trial in study.get_trials(deepcopy=False) if trial.state.name == "COMPLETE"]
+    return sorted(whole, key=lambda trial: (trial.value, trial.number))

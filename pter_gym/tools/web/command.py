@@ -1,0 +1,48 @@
+"""``pter play``: the simulator in a page of the browser."""
+
+import webbrowser
+from typing import Annotated
+
+import tyro
+
+from pter_gym._commands.arguments import MachineName
+from pter_gym._internal.terminal import say
+from pter_gym.errors import ParameterError
+
+HIGHEST_PORT = 65535
+
+
+def play(
+    port: Annotated[int, tyro.conf.arg(metavar="NUMBER")] = 0,
+    open_browser: Annotated[bool, tyro.conf.arg(name="open")] = True,
+    machine: MachineName = None,
+) -> None:
+    """Push the arm yourself, in a page of your browser.
+
+    You drag its handle, and the package's own kernels answer. This computer serves the page, to nobody else; no network
+    is needed. Ctrl-C ends it. Example: `pter play --no-open --port 8000`
+
+    Args:
+        port: Port of this computer that serves the page; 0 is any free one.
+        open_browser: Whether the page is opened; its address is printed either way.
+        machine: Clutch material, or the preset of a machine of your own, with which the page begins. A preset's delay
+            is left out: nobody feels it with a mouse.
+    """
+    from pter_gym.params import find_machine
+    from pter_gym.tools.web.site import HOST, make_server
+
+    if not 0 <= port <= HIGHEST_PORT:
+        raise ParameterError(f"port must be a whole number within [0, {HIGHEST_PORT}], got {port}")
+    try:
+        server = make_server(port, None if machine is None else find_machine(machine))
+    except OSError as error:
+        raise ParameterError(f"port must be one that is free, or 0 for any, got {port}: {error.strerror}") from None
+    address = f"http://{HOST}:{server.server_port}/"
+    with server:
+        say(f"{address}\nCtrl-C ends it.")
+        if open_browser:
+            webbrowser.open(address)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            say("ended")

@@ -1,0 +1,181 @@
+"""What a page has to know of the kernels and may choose from, as JSON: all of it from the package's declarations.
+
+Numbers in the module's memory are found by places: ``places(ROW)`` is the record of a world with row numbers in place
+of values. What a page chooses from (machines, hands, paths, laws, networks) are values in the same records.
+"""
+
+from dataclasses import asdict
+from types import MappingProxyType
+from typing import Any, cast
+
+import numpy as np
+
+from pter_gym._compiled.layout import Layout
+from pter_gym._compiled.records import width
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.hand import INSTANT
+from pter_gym._engine.law import Memory
+from pter_gym._engine.world import CONFIG, ROW, ROWS
+from pter_gym._physics.friction import ClutchMode
+from pter_gym.benchmark._measures import SEGMENTS
+from pter_gym.benchmark._naming import find_policy
+from pter_gym.benchmark._recorded import PRICE
+from pter_gym.benchmark._tuned import TUNED
+from pter_gym.controllers import CONTROLLERS, Policy
+from pter_gym.hands import MultiSineHand, Operator, RecordedForces
+from pter_gym.params import BASELINE, MACHINES, Machine, require
+from pter_gym.paths import Arc, Circle, Line, Path, Sine
+from pter_gym.paths._arcs import SEGMENT
+from pter_gym.paths._projection import SEGMENT_WIDTH
+from pter_gym.policies import read_policy, shipped_policies
+from pter_gym.scenarios import PACES
+from pter_gym.scenarios._variations import WIDTH
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, check_machine
+from pter_gym.tasks.path_following._allowance import ALLOWANCE, START
+from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
+from pter_gym.tasks.path_following._specification import SHARPEST
+from pter_gym.tools.web.kernels import MOST_ARCS
+from pter_gym.tools.web.site import STATIC
+
+VOLTAGE_MAX = BASELINE.clutch.voltage_max
+"""The largest voltage of a page [V]: of its sliders, and of its policies."""
+
+MODULE = STATIC / "pter.wasm"
+TABLES = STATIC / "pter.json"
+
+PATHS: MappingProxyType[str, Path] = MappingProxyType(
+    {"line": Line(), "arc": Arc(), "circle": Circle(), "sine": Sine()}
+)
+"""Paths by name."""
+
+POINTER = RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))
+"""A hand whose recording a page goes on writing while the world moves."""
+
+HANDS: MappingProxyType[str, Operator] = MappingProxyType({"paper": MultiSineHand(), "pointer": POINTER})
+"""Hands by name."""
+
+
+OWN = "own"
+"""Name of a machine of a person's own."""
+
+
+def tables(own: Machine | None = None) -> dict[str, Any]:
+    """Return all tables; with a machine of a person's own it is one of the machines, and controllers are told of it.
+
+    Raises
+    ------
+    ParameterError
+        If it cannot follow the paths of a page, or its largest voltage is not that of a page.
+    """
+    return {**declarations(), **choices(own)}
+
+
+def declarations() -> dict[str, Any]:
+    """Return where everything is in the module's memory, and what it means."""
+    batch = pages_batch()
+    return {
+        "observation": fields(batch.layout),
+        "telemetry": fields(TELEMETRY),
+        "modes": [mode.name for mode in ClutchMode],
+        "places": {
+            "world": places(ROW),
+            "config": places(CONFIG),
+            "context": places(CONTEXT),
+            "arc": places(SEGMENT),
+        },
+        "widths": {
+            "world": ROWS,
+            "telemetry": len(TELEMETRY),
+            "context": CONTEXT_WIDTH,
+            "arc": SEGMENT_WIDTH,
+            "instant": INSTANT,
+            "memory": width(Memory),
+            "arcs": MOST_ARCS,
+        },
+    }
+
+
+def choices(own: Machine | None = None) -> dict[str, Any]:
+    """Return what a page may choose from."""
+    batch = pages_batch()
+    nominal = BASELINE if own is None else own
+    top = nominal.clutch.voltage_max
+    require(top == VOLTAGE_MAX, nominal.clutch, "voltage_max", top, f"{VOLTAGE_MAX:g} V, as the page has it")
+    machines = MACHINES if own is None else {OWN: own, **MACHINES}
+    config = batch.device_arrays()["config"]
+    return {
+        "config": [value if np.isfinite(value) else None for value in config.tolist()],
+        "error_max": WIDTH,
+        "sharpest": SHARPEST,
+        "control_period": batch.task.control_period,
+        "paces": dict(PACES),
+        "scoring": {"segments": SEGMENTS, "price": PRICE, "allowance": ALLOWANCE, "start": START},
+        "machines": {name: part(machine=machine, record="machine") for name, machine in machines.items()},
+        "told": {name: part(machine=machine, record="told") for name, machine in machines.items()},
+        "hands": {name: part(hand=hand, record="hand") for name, hand in HANDS.items()},
+        "task": part(record="task"),
+        "paths": {name: path_table(path, nominal) for name, path in PATHS.items()},
+        "laws": {name: laws(name, nominal, batch.layout) for name in (*CONTROLLERS, *TUNED)},
+        "policies": {name: network(name, nominal, batch.layout) for name in shipped_policies()},
+    }
+
+
+def pages_batch() -> Batch:
+    """Return a world as a page has it: with all sensors, voltages as actions and no time limit."""
+    return Batch(BASELINE, PathFollowing(), 1, sensors="force")
+
+
+def fields(layout: Layout) -> list[dict[str, Any]]:
+    """Return names, units, meanings and scales."""
+    return [asdict(field) for field in layout.fields]
+
+
+def places(record: Any) -> Any:
+    """Return a record as nested objects, by the names of its entries."""
+    if not isinstance(record, tuple):
+        return record
+    return {name: places(value) for name, value in cast(Any, record)._asdict().items()}
+
+
+def part(record: str, machine: Machine = BASELINE, hand: Operator = POINTER) -> Any:
+    """Return a part of the context of a machine and a hand, whose recording has one instant if it is one."""
+    task = PathFollowing(hand=hand)
+    return places(getattr(context_of(task, machine, (0, 0), (0, 1)), record))
+
+
+def path_table(path: Path, machine: Machine) -> dict[str, Any]:
+    """Return the arcs of a path that a machine can follow, and how wide the workspace about it is [m]."""
+    task = PathFollowing(path=path) if path.max_curvature == 0.0 else PathFollowing(path=path, error_max=WIDTH)
+    check_machine(task, machine)
+    return {"arcs": path.arcs.table.tolist(), "length": path.length, "error_max": task.error_max}
+
+
+def laws(name: str, nominal: Machine, layout: Layout) -> dict[str, list[float]]:
+    """Return the gains of a law for each of the scenarios whose gains a page uses."""
+    return {
+        scenario: gains(find_policy(name, scenario=scenario), nominal, layout) for scenario in ("standard", "paths")
+    }
+
+
+def gains(controller: Any, nominal: Machine, layout: Layout) -> list[float]:
+    """Return the gains of a controller that is told of a machine, as its compiled law reads them."""
+    bound: Policy = controller.bind(nominal, layout)
+    return bound.gains.tolist()
+
+
+def network(name: str, nominal: Machine, layout: Layout) -> dict[str, Any]:
+    """Return all but the weights of a trained policy: what its card says that acts, and its base's gains."""
+    card = read_policy(name).card
+    interface = card.interface
+    return {
+        "observation": [entry for entry, _, _ in card.observation],
+        "inputs": [asdict(entry) for entry in interface.inputs],
+        "reach": interface.reach,
+        "history": interface.history,
+        "averages": interface.averages,
+        "normalised": interface.normalised,
+        "base": None if interface.base is None else gains(interface.base.schedule(), nominal, layout),
+        "voltage_max": card.voltage_max,
+        "squashed": card.squashed,
+        "shapes": card.shapes,
+    }

@@ -1,9 +1,0 @@
-import pytest
-
-from pter_gym.paper.experiments import Study
-
-
-@pytest.fixture(scope="session")
-def study() -> Study:
-    """The paper's experiments with the package's own parameters, each made once."""
-    return Study()

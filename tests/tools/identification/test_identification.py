@@ -1,0 +1,272 @@
+"""Identification of simulated machines: what is found, what is named as not shown, and files that make no sense."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pter_gym._commands.main import main
+from pter_gym._physics.open_loop import initial_state, simulate
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE, Machine, find_machine
+from pter_gym.params._preset import PRESET, format_preset, parse_preset
+from pter_gym.tools.identification import (
+    Experiment,
+    Identification,
+    Log,
+    Recorder,
+    identify,
+    preset_of,
+    quantities,
+    read_log,
+    record_log,
+    report,
+    write_log,
+)
+from pter_gym.tools.identification.shooting import make_inputs, predict
+from pter_gym.tools.identification.windows import lagged
+
+EXACT = Recorder(angle_resolution=0.0, angle_noise=1e-6, force_noise=0.0, delay=0.006)
+SHORT = Experiment(levels=(4.0, 10.0, 20.5, 22.0), on=0.8, off=0.2, free=3.0)
+OTHER = replace(
+    BASELINE,
+    arm=replace(BASELINE.arm, inertia_a=0.7, inertia_b=0.6, coupling=0.1),
+    clutch_scale=(0.9, 1.1, 1.05, 0.95),
+)
+
+
+def errors(found: Identification, machine: Machine, delay: float) -> dict[str, float]:
+    """Errors over the scale, by name."""
+    true = quantities(machine, delay, found.fit.shape.top)
+    return {f.quantity.name: (f.quantity.value - q.value) / q.scale for f, q in zip(found.findings, true, strict=True)}
+
+
+def states(found: Identification) -> dict[str, str]:
+    return {finding.quantity.name: finding.status for finding in found.findings}
+
+
+# --- the model ---
+
+
+def test_windows_are_the_simulator():
+    rng = np.random.default_rng(0)
+    volts, force = rng.uniform(0.0, 10.0, (31, 4)), rng.normal(0.0, 20.0, (31, 2))
+    machine = replace(OTHER, substep=0.5e-3)
+    inputs = make_inputs(1e-3, volts, force)
+    start = np.array([[0.7, 2.2, 1.0, -2.0]])
+    angles = predict(OTHER, inputs, 0.0, start, 30)
+    state = initial_state(machine, start[0, :2], start[0, 2:], volts=volts[0])
+    way = simulate(machine, state, inputs.volts(0.0), inputs.force)
+    assert np.array_equal(angles[0], way.theta[1::2])
+
+
+def test_a_delay_shifts_the_voltages():
+    volts = np.zeros((21, 4))
+    volts[10:, 2] = 6.0
+    inputs = make_inputs(1e-3, volts, np.zeros((21, 2)))
+    assert inputs.step == 0.5e-3
+    shifted = inputs.volts(2.25e-3)[:, 2]
+    assert np.allclose(shifted[:24], 0.0)
+    assert shifted[24] == pytest.approx(3.0)  # half of this substep is before the step of the voltage
+    assert np.allclose(shifted[25:], 6.0)
+    assert np.allclose(inputs.volts(0.0)[:, 2], np.repeat(volts[:-1, 2], 2))
+
+
+def test_the_lag_is_that_of_the_clutches():
+    log = Log(interval=0.01, volts=np.repeat([[0.0], [5.0]], 50, axis=0) * np.ones(4), theta=np.zeros((100, 2)))
+    behind = lagged(log, log.volts, 0.1)
+    assert np.allclose(behind[:51], 0.0)
+    assert np.allclose(behind[50:, 0], 5.0 * (1.0 - np.exp(-np.arange(50) * 0.1)))
+
+
+# --- what is found ---
+
+
+@pytest.mark.slow
+def test_a_log_without_noise_gives_the_machine_back():
+    found = identify(record_log(OTHER, SHORT, EXACT), BASELINE)
+    off = errors(found, OTHER, 0.006)
+    assert set(states(found).values()) <= {"identified", "uncertain"}
+    for name, error in off.items():
+        assert abs(error) < {"breakaway_ratio": 0.02, "curvature": 0.05, "delay": 0.1}.get(name, 0.01), name
+
+
+@pytest.mark.slow
+def test_what_no_clutch_shows_is_named_and_kept():
+    experiment = replace(SHORT, levels=(4.0, 10.0))
+    log = record_log(OTHER, experiment, Recorder(delay=0.006))
+    without_third = replace(log, volts=log.volts * [1.0, 1.0, 0.0, 1.0])
+    rows = log.volts[:, 2] == 0.0  # the stretches with clutch 3 are cut out: what is left was recorded without it
+    first = int(np.flatnonzero(~rows)[0])
+    found = identify(replace(without_third, volts=without_third.volts[:first], theta=log.theta[:first],
+                             force=log.force[:first]), BASELINE)  # fmt: skip
+    told = {finding.quantity.name: finding for finding in found.findings}
+    assert told["scale_3"].status == told["scale_4"].status == "kept"
+    assert "clutch 3 was never on" in told["scale_3"].reason
+    assert told["scale_3"].quantity.value == 1.0
+    assert told["curvature"].status == told["knee"].status == "kept"
+    assert "fewer than three voltages" in told["curvature"].reason
+    assert told["knee"].quantity.value == BASELINE.clutch.dynamic.knee
+    assert told["inertia_a"].status == told["inertia_b"].status == "identified"
+
+
+@pytest.mark.long
+def test_a_machine_with_noise_and_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    write_log(record_log(OTHER, recorder=Recorder(delay=0.011)), tmp_path / "log.csv")
+    assert main(["identify", "log.csv", "--out", "mine"]) == 0
+    machine = find_machine("mine/preset.toml")
+    assert machine.arm.inertia_a == pytest.approx(OTHER.arm.inertia_a, rel=0.02)
+    assert machine.clutch_scale == pytest.approx(OTHER.clutch_scale, rel=0.02)
+    assert (
+        main(["benchmark", "--machine", "mine/preset.toml", "--policies", "impedance", "--time-constants", "0.1"]) == 0
+    )
+    assert main(["watch", "impedance", "--machine", "mine/preset.toml", "--csv", "own.csv"]) == 0
+    assert main(["watch", "impedance", "--csv", "drawn.csv"]) == 0
+    assert Path("own.csv").read_bytes() != Path("drawn.csv").read_bytes()
+    assert main(["identify", "log.csv", "--machine", "mine/preset.toml", "--out", "again"]) == 0
+
+
+@pytest.mark.long
+def test_without_forces_ratios_are_found():
+    experiment = Experiment(levels=(3.0, 6.0, 9.0, 12.0), on=0.6, off=0.8, releases=True)
+    found = identify(record_log(OTHER, experiment, Recorder(angle_resolution=0.0, angle_noise=1e-5)), BASELINE)
+    told = {finding.quantity.name: finding for finding in found.findings}
+    assert told["inertia_a"].status == told["breakaway_ratio"].status == "kept"
+    assert told["inertia_a"].quantity.value == BASELINE.arm.inertia_a
+    assert told["inertia_b"].relative
+    ratio = found.machine.arm.inertia_b / found.machine.arm.inertia_a
+    assert ratio == pytest.approx(OTHER.arm.inertia_b / OTHER.arm.inertia_a, rel=0.05)
+
+
+# --- the preset and the report ---
+
+
+@pytest.fixture(scope="module")
+def small() -> Identification:
+    """An identification of half of the log, whose numbers do not matter."""
+    return identify(record_log(OTHER, replace(SHORT, levels=(10.0,), on=0.6, free=2.0), EXACT), BASELINE)
+
+
+@pytest.mark.slow
+def test_the_preset_is_the_machine_and_says_where_it_comes_from(small: Identification):
+    preset = preset_of(small, PRESET)
+    again = parse_preset(format_preset(preset, "title"))
+    assert again == preset
+    assert again.clutch.scale == small.machine.clutch_scale
+    assert re.match(r"identified: from simulated, .*95 % interval", again.provenance["arm.inertia_a"])
+    assert again.provenance["clutch.knee"].startswith("chosen: from simulated, not shown by it and kept: ")
+    assert again.path == PRESET.path
+    hostile = replace(small, log=replace(small.log, name='a"b\\c\n.csv'))
+    assert "from a_b_c_.csv" in preset_of(hostile, PRESET).provenance["arm.inertia_a"]
+
+
+@pytest.mark.slow
+def test_the_report_stands_alone_and_escapes_names(small: Identification):
+    page = report(replace(small, log=replace(small.log, name="<script>.csv")))
+    assert "<script" not in page
+    assert "&lt;script&gt;.csv" in page
+    assert page.count("data:image/png;base64,") == 4
+    assert not re.search(r"(?:src|href)=['\"](?!data:)", page)
+    for finding in small.findings:
+        assert f"<code>{finding.quantity.name}</code>" in page
+        assert finding.reason in page
+
+
+# --- presets as machines ---
+
+
+def test_a_late_preset_makes_late_observations(tmp_path: Path):
+    from pter_gym.scenarios._own_machine import as_sensed, find_own
+    from pter_gym.tasks.path_following import PathFollowing
+
+    path = tmp_path / "own.toml"
+    for delay, steps in ((0.004, 0), (0.012, 1), (0.02, 2)):
+        path.write_text(format_preset(replace(PRESET, sensing=replace(PRESET.sensing, delay=delay)), "own"), "utf-8")
+        assert as_sensed(PathFollowing(), find_own(str(path))).sensing.delay == steps
+    path.write_text(format_preset(replace(PRESET, sensing=replace(PRESET.sensing, delay=0.04)), "own"), "utf-8")
+    with pytest.raises(ParameterError, match=r"sensing.delay must be at most 2 control steps"):
+        as_sensed(PathFollowing(), find_own(str(path)))
+    assert as_sensed(PathFollowing(), find_own("baseline")) == PathFollowing()
+
+
+# --- logs ---
+
+ROWS = [f"{0.005 * k:.6f},0,0,0,0,{0.5 + 1e-3 * k:.6f},2.0,1.0,0.0" for k in range(1200)]
+HEAD = "t_s,V1,V2,V3,V4,theta_A,theta_B,F_x,F_y"
+
+
+def written(folder: Path, head: str = HEAD, rows: list[str] = ROWS) -> Path:
+    path = folder / "log.csv"
+    path.write_text("\n".join([head, *rows]) + "\n", "utf-8")
+    return path
+
+
+def changed(row: int, column: int, text: str) -> list[str]:
+    parts = ROWS[row].split(",")
+    parts[column] = text
+    return [*ROWS[:row], ",".join(parts), *ROWS[row + 1 :]]
+
+
+def test_a_log_is_read_and_written(tmp_path: Path):
+    log = read_log(written(tmp_path))
+    assert log.interval == pytest.approx(0.005)
+    assert log.theta[1] == pytest.approx([0.501, 2.0])
+    uneven = read_log(written(tmp_path, rows=changed(600, 0, "3.000500")))
+    assert uneven.theta[600, 0] == pytest.approx(1.1 - 1e-3 / 11.0)
+    write_log(replace(log, free=np.arange(1200) > 5), tmp_path / "again.csv")
+    again = read_log(tmp_path / "again.csv")
+    assert np.allclose(again.theta, log.theta)
+    assert again.free is not None
+    assert again.free.sum() == 1194
+
+
+@pytest.mark.parametrize(
+    ("head", "rows", "said"),
+    [
+        (HEAD.replace("V3", "U3"), ROWS, "no column V3"),
+        (HEAD.replace("F_y", "F_z"), ROWS, "F_x and F_y must be there both or not at all"),
+        (HEAD, changed(7, 5, "nan"), "line 9: theta_A must be a finite number"),
+        (HEAD, changed(7, 1, "-0.1"), r"row 8: V1 must be within \[0, 1000\]"),
+        (HEAD, changed(7, 0, "0.03"), "row 8: t_s must increase"),
+        (HEAD, changed(600, 0, "3.002"), "row 601: t_s must be even"),
+        (HEAD, changed(700, 6, "9.0"), "theta_B must turn by at most 50 rad/s"),
+        (HEAD, ROWS[:100], "t_s must span 5 to 600 s"),
+        (HEAD, ROWS[::3], "a row at least each 0.01 s"),
+        (HEAD, [], "at least 3 rows"),
+        ("", [], "no column t_s"),
+    ],
+)
+def test_a_log_that_makes_no_sense_is_refused(head: str, rows: list[str], said: str, tmp_path: Path):
+    with pytest.raises(ParameterError, match=said):
+        read_log(written(tmp_path, head, rows))
+
+
+def test_what_is_not_a_table_is_refused(tmp_path: Path):
+    (tmp_path / "log.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ParameterError):
+        read_log(tmp_path / "log.csv")
+
+
+def test_a_log_that_tells_nothing_is_refused(tmp_path: Path):
+    log = read_log(written(tmp_path))
+    with pytest.raises(ParameterError, match=r"theta_A or theta_B must move"):
+        identify(replace(log, theta=0.0 * log.theta))
+    with pytest.raises(ParameterError, match="must have the columns F_x and F_y, or free"):
+        identify(replace(log, force=None))
+    with pytest.raises(ParameterError, match="voltages must be at most voltage_max"):
+        identify(replace(log, volts=log.volts + 30.0))
+
+
+def test_the_command_names_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    path = str(written(tmp_path))
+    for arguments, said in (
+        (["--lengths", "1"], "--lengths must be two numbers"),
+        (["--lengths", "1,-1"], "Arm.length_b must be"),
+        (["--machine", "basline"], "did you mean 'baseline'"),
+        (["--machine", str(tmp_path / "none.toml")], "cannot be read"),
+    ):
+        assert main(["identify", path, *arguments]) == 2
+        assert said in capsys.readouterr().err.replace("\n", " ")

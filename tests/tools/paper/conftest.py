@@ -1,0 +1,9 @@
+import pytest
+
+from pter_gym.tools.paper.experiments import Study
+
+
+@pytest.fixture(scope="session")
+def study() -> Study:
+    """The paper's experiments with the package's own parameters, each made once."""
+    return Study()

@@ -1,0 +1,110 @@
+"""The claims of the paper: what is counted as holding, and what holds today."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import spearmanr
+
+from pter_gym.tools.paper.experiments.claims import STATEMENTS, TABLE_TOLERANCE, Claim, Statement, check
+from pter_gym.tools.paper.experiments.measures import paper_units, rank_correlation
+from pter_gym.tools.paper.experiments.time_constants import PAPER_TABLE
+from pter_gym.tools.paper.reproduce.figures import PRODUCTS
+
+NOT_MET = {"weakest-slips", "trend-peak-acceleration"}
+"""Claims that do not hold with the present parameters. A change in either direction has to be looked at."""
+
+
+@pytest.fixture(scope="module")
+def claims(study) -> dict[str, Claim]:
+    return {claim.statement.id: claim for claim in check(study)}
+
+
+@pytest.mark.parametrize("name", [statement.id for statement in STATEMENTS])
+def test_claim(claims, name):
+    assert claims[name].holds == (name not in NOT_MET), claims[name].as_json()
+
+
+def test_each_statement_is_complete():
+    assert len({statement.id for statement in STATEMENTS}) == len(STATEMENTS)
+    for statement in STATEMENTS:
+        assert statement.figure in PRODUCTS
+        assert math.isfinite(statement.at_least) or math.isfinite(statement.at_most)
+        assert statement.at_least <= statement.at_most
+    assert {statement.figure for statement in STATEMENTS} == PRODUCTS.keys()
+
+
+def test_the_verdict_follows_from_the_number(claims):
+    for claim in claims.values():
+        entry = claim.as_json()
+        assert entry["holds"] == (claim.statement.at_least <= claim.value <= claim.statement.at_most)
+        assert (entry["kind"] == "not met") == (not entry["holds"])
+        assert (entry["kind"] == "calibrated") == (entry["holds"] and claim.statement.given)
+        json.dumps(entry, allow_nan=False)
+
+
+def test_table_1_is_compared_with_the_papers_numbers(study, claims):
+    assert sum(name.startswith("table1-") for name in claims) == 9
+    for name, row in study.table1.items():
+        for column, entry in enumerate(("position-error", "tip-speed", "tip-acceleration")):
+            statement = claims[f"table1-{name}-{entry}".replace("_", "-")].statement
+            assert 0.5 * (statement.at_least + statement.at_most) == pytest.approx(PAPER_TABLE[name][column])
+            assert claims[statement.id].value == paper_units(row)[column]
+            assert statement.given
+            assert statement.at_most == pytest.approx((1.0 + TABLE_TOLERANCE) * PAPER_TABLE[name][column])
+
+
+@pytest.mark.parametrize("quantity", ["position_error", "peak_acceleration", "path_length", "tip_speed"])
+def test_trends_are_spearmans_rank_correlation(study, claims, quantity):
+    sweep = study.sweeps["baseline"]
+    expected = spearmanr(sweep.time_constant, getattr(sweep, quantity)).statistic
+    assert claims[f"trend-{quantity.replace('_', '-')}"].value == pytest.approx(expected)
+
+
+def test_feedback_claims_are_about_the_right_gains(study, claims):
+    sweep = study.gain_sweep
+    low, high = sweep.gain <= 0.0601, sweep.gain >= 0.0999
+    assert claims["feedback-falls"].value == pytest.approx(
+        spearmanr(sweep.gain[low], sweep.position_error[low]).statistic
+    )
+    above = sweep.position_error[high]
+    assert claims["feedback-plateau"].value == pytest.approx(np.abs(above / above.mean() - 1.0).max())
+    assert claims["feedback-gains"].value == pytest.approx(claims["line-following"].value)
+    assert claims["saturation-small"].value == sweep.saturated[sweep.gain.tolist().index(0.06)]
+
+
+def test_jumps_are_measured_around_zero_slip(study, claims):
+    for name, reversal in study.reversals.machines.items():
+        slip, time = reversal.trajectory.slip_velocity[:, 0], reversal.trajectory.time
+        still = time[np.flatnonzero(np.sign(slip[1:]) != np.sign(slip[:-1]))]
+        near = np.abs(time[:, None] - still).min(axis=1) <= 0.05
+        jump = np.abs(reversal.torque[near]).max() / reversal.dynamic - 1.0
+        assert claims[f"jump-{name.removeprefix('delrin_')}"].value == pytest.approx(jump, abs=1e-12)
+
+
+def test_rank_correlation_is_spearmans():
+    random = np.random.default_rng(0)
+    x, y = random.integers(0, 6, 20), random.normal(size=20)
+    assert rank_correlation(x, y) == pytest.approx(spearmanr(x, y).statistic)
+    assert rank_correlation(y, np.exp(y)) == pytest.approx(1.0)
+    assert rank_correlation(y, -y) == pytest.approx(-1.0)
+    assert rank_correlation(y, np.ones(20)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("bounds", "words"),
+    [
+        ({"at_least": 0.95}, "≥ 0.95 m"),
+        ({"at_most": -0.5}, "≤ −0.5 m"),
+        ({"at_least": 1.0, "at_most": 2.0}, "1 to 2 m"),
+        ({"at_least": 6, "at_most": 6}, "6 m"),
+    ],
+)
+def test_conditions_in_words(bounds, words):
+    statement = Statement(
+        id="x", section="I", figure="fig3", claim="X.", measured="x", unit="m", measure="jump", **bounds
+    )
+    assert statement.condition == words
+    assert not Claim(statement, math.nan).holds
+    assert Claim(statement, math.nan).as_json()["measured"] is None

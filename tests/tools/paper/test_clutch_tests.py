@@ -1,0 +1,175 @@
+"""The tests of single clutches: Figs. 3, 4, 5 and 9, the step response, and four clutches that hold together."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from oracle.friction import LINE, W
+from pter_gym._physics.friction import ClutchMode
+from pter_gym.params import BASELINE, DELRIN_THEORETICAL, PAPER_MACHINES, Machine, TorqueCurve
+from pter_gym.tools.paper.experiments import reversals, single_dof, step_response
+from pter_gym.tools.paper.experiments.holding import largest_load
+from pter_gym.tools.paper.experiments.pose import POSE, slip_rows, tip, tip_force
+from pter_gym.tools.paper.experiments.reversal import last_before_reversal
+from pter_gym.tools.paper.experiments.torque_curves import RAMP_TIME
+from pter_gym.units import from_inch_pounds
+
+
+def holds(machine: Machine, volts: float) -> float:
+    return max(machine.clutch.breakaway.torque(volts), machine.clutch.dynamic.torque(volts))
+
+
+# --- Figs. 3 and 4 ---
+
+
+@pytest.mark.parametrize("name", PAPER_MACHINES)
+@pytest.mark.parametrize("inch_pounds", [40.0, 63.5])
+def test_single_dof_tests_give_way_at_the_level_that_was_asked_for(name, inch_pounds):
+    machine, level = PAPER_MACHINES[name], from_inch_pounds(inch_pounds)
+    result = single_dof(machine, level)
+    assert [test.clutch for test in result.tests] == [1, 2, 3, 4]
+    for test in result.tests:
+        volts = machine.clutch.breakaway.voltage(level)
+        increment = test.share * float(np.diff(test.input_torque).max())
+        assert test.volts[test.clutch - 1] == volts
+        assert abs(float(test.torque.max()) - holds(machine, volts)) <= increment
+        slipping = np.abs(test.trajectory.slip_velocity[:-1, test.clutch - 1]) >= machine.slip_threshold
+        assert test.torque[1:][slipping] == pytest.approx(machine.clutch.dynamic.torque(volts))
+        assert (test.trajectory.mode[: test.breakaway] == ClutchMode.ZERO_DOF).all()
+        assert (test.trajectory.mode[test.breakaway :] == test.locked).all()
+        assert test.deviation.max() < 1e-12
+
+
+def test_two_clutches_share_the_ramp_as_statics_says(study):
+    assert [test.share for test in study.single_dof.tests] == pytest.approx([1.0, 1.0, 0.5, 0.5])
+    for test in study.single_dof.tests:
+        stuck = slice(0, test.breakaway)
+        assert test.torque[stuck] == pytest.approx(test.share * test.input_torque[stuck], abs=1e-9)
+
+
+def test_the_locked_clutch_carries_what_equation_4_asks_for(study):
+    test = study.single_dof.tests[0]
+    run, arm, h = test.trajectory, BASELINE.arm, BASELINE.substep
+    difference = run.theta[1:, 0] - run.theta[1:, 1]
+    acceleration = np.diff(run.omega[:, 0]) / h
+    wanted = arm.coupling * (np.cos(difference) * acceleration - np.sin(difference) * run.omega[1:, 0] ** 2)
+    moving = slice(test.breakaway + 2, None)
+    assert test.locked_torque[1:][moving] == pytest.approx(wanted[moving], abs=0.01 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("clutch", [1, 2, 3, 4])
+def test_the_line_is_the_one_that_the_locked_clutch_leaves(study, clutch):
+    test = study.single_dof.tests[clutch - 1]
+    first, last = test.trajectory.theta[test.breakaway - 1], test.trajectory.theta[-1]
+    turned = last - first
+    assert abs(W[test.locked - 1] @ turned) < 1e-9
+    assert np.abs(turned @ LINE[test.locked - 1]) == pytest.approx(
+        np.linalg.norm(turned) * np.linalg.norm(LINE[test.locked - 1])
+    )
+    assert tip(BASELINE, last) == pytest.approx(test.trajectory.tip_position[-1])
+    gaps = np.linalg.norm(test.line[:, None] - test.trajectory.tip_position[None, ::50], axis=2).min(axis=0)
+    assert gaps.max() < 0.5 * np.linalg.norm(np.diff(test.line, axis=0), axis=1).max()
+
+
+def test_plain_equations_are_those_of_the_oracle():
+    assert (slip_rows() == np.array(W)).all()
+    arm, load = BASELINE.arm, np.array([3.0, -2.0])
+    force = tip_force(BASELINE, POSE, load)
+    step = 1e-6
+    for k in range(2):
+        moved = np.array(POSE) + step * np.eye(2)[k]
+        assert force @ (tip(BASELINE, moved) - tip(BASELINE, POSE)) / step == pytest.approx(load[k], rel=1e-5)
+    assert np.linalg.norm(tip(BASELINE, POSE)) < arm.length_a + arm.length_b
+
+
+# --- step response ---
+
+
+@pytest.mark.parametrize("name", PAPER_MACHINES)
+def test_step_response_is_first_order(name):
+    response = step_response(PAPER_MACHINES[name])
+    after = response.time > 0.0
+    assert response.slipping.all()
+    assert (response.torque[:, ~after] == 0.0).all()
+    for torque in response.torque:
+        rate = np.polyfit(response.time[after], np.log(1.0 - torque[after] / response.final), 1)[0]
+        assert -1.0 / rate == pytest.approx(PAPER_MACHINES[name].clutch.time_constant, rel=1e-6)
+
+
+def test_a_lag_of_the_voltage_is_not_first_order_where_the_curve_bends():
+    bent = TorqueCurve(slope=0.4, knee=0.0, curvature=0.2)
+    clutch = replace(BASELINE.clutch, breakaway=bent.scaled(1.2), dynamic=bent)
+    pure, other = (
+        step_response(replace(BASELINE, clutch=replace(clutch, lag=lag))) for lag in ("normal_force", "voltage")
+    )
+    assert pure.torque == pytest.approx(np.tile(pure.first_order, (4, 1)), abs=1e-9)
+    assert np.abs(other.torque - other.first_order).max() > 0.1 * other.final
+
+
+# --- Fig. 5 ---
+
+
+def test_the_bench_test_finds_the_curves_again(study):
+    curves = study.torque_curves
+    for name, material in curves.materials.items():
+        clutch = PAPER_MACHINES[name].clutch
+        for k, volts in enumerate(curves.bench_volts):
+            held = holds(PAPER_MACHINES[name], float(volts))
+            increment = held * BASELINE.substep / RAMP_TIME
+            assert abs(material.bench_breakaway[k] - held) <= increment
+            assert material.bench_dynamic[k] == pytest.approx(clutch.dynamic.torque(float(volts)), rel=1e-9)
+        assert material.breakaway[0] == material.dynamic[0] == 0.0
+        assert (np.diff(material.breakaway) > 0.0).all()
+        assert (np.diff(material.dynamic) > 0.0).all()
+
+
+# --- Fig. 9 ---
+
+
+def test_the_torque_jumps_by_the_excess_of_the_breakaway_torque(study):
+    for name, reversal in study.reversals.machines.items():
+        held = holds(PAPER_MACHINES[name], study.reversals.volts)
+        assert reversal.jump == pytest.approx(held / reversal.dynamic - 1.0, abs=1e-12)
+        slip = reversal.trajectory.slip_velocity[:, 0]
+        assert slip[reversal.index] < 0.0
+        assert slip[-1] > 0.0
+        assert reversal.torque[0] == pytest.approx(reversal.dynamic)
+        assert reversal.torque[-1] == pytest.approx(-reversal.dynamic)
+
+
+def test_reversals_at_another_voltage():
+    result = reversals({"baseline": BASELINE, "theory": DELRIN_THEORETICAL}, volts=10.0)
+    assert result.volts == 10.0
+    assert result.machines["baseline"].jump > 0.1
+    assert result.machines["theory"].jump <= 1e-9
+
+
+@pytest.mark.parametrize(
+    ("slip", "index"), [([-1.0, 1.0], 0), ([-2.0, -1.0, 0.0, 0.0, 1.0], 1), ([0.0, 3.0, 0.0, 2.0, -1.0], 3)]
+)
+def test_zeros_have_no_sign(slip, index):
+    assert last_before_reversal(np.array(slip)) == index
+
+
+# --- four clutches together ---
+
+
+def test_the_arm_moves_when_no_clutch_torques_balance_the_load(study):
+    result = study.holding
+    assert (result.moved_at > result.limit * (1.0 - 1e-12)).all()
+    assert (result.moved_at < result.limit * 1.001).all()
+    assert 0.5 < result.weakest_slips.mean() <= 1.0
+
+
+def test_the_largest_load_is_that_of_a_linear_program():
+    from scipy.optimize import linprog
+
+    random = np.random.default_rng(1)
+    for _ in range(50):
+        capacity = random.uniform(0.0, 10.0, 4)
+        angle = random.uniform(0.0, 2.0 * np.pi)
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        equal = np.column_stack([np.array(W).T, -direction])
+        best = linprog([0, 0, 0, 0, -1], A_eq=equal, b_eq=[0, 0], bounds=[*((-c, c) for c in capacity), (0, None)])
+        assert largest_load(capacity, direction) == pytest.approx(best.x[-1], rel=1e-6, abs=1e-9)

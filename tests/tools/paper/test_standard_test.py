@@ -1,0 +1,144 @@
+"""The standard test over time constants and gains: Figs. 7, 8, 10 and 11, and Table I."""
+
+from dataclasses import replace
+
+import pytest
+
+from pter_gym.benchmark import run_standard_test
+from pter_gym.benchmark._measures import column, vector
+from pter_gym.controllers import Impedance, TorqueFeedback
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE, DELRIN_THEORETICAL, PAPER_MACHINES
+from pter_gym.tools.paper.experiments import Setup, gain_sweep, line_following, table1, time_constant_sweep
+from pter_gym.tools.paper.experiments.time_constants import PAPER_TABLE, TableRow, peak_torque, with_equal_peaks
+from pter_gym.units import INCH_POUND
+
+TAUS = [0.03, 0.105]
+
+
+def test_a_sweep_is_the_benchmark_on_each_machine():
+    setup = Setup(own_table=True)
+    sweeps = time_constant_sweep(setup, TAUS)
+    assert list(sweeps) == list(PAPER_MACHINES)
+    for name, machine in PAPER_MACHINES.items():
+        controller = Impedance(**{f: getattr(setup.controller, f) for f in Impedance.__dataclass_fields__})
+        runs = run_standard_test({"": controller}, machine=machine, task=setup.task, time_constants=TAUS).runs[""]
+        assert sweeps[name].position_error.tolist() == [run.score.mean_error_m for run in runs]
+        assert sweeps[name].tip_speed.tolist() == [run.score.mean_speed_m_s for run in runs]
+        assert sweeps[name].tip_acceleration.tolist() == [run.score.mean_acceleration_m_s2 for run in runs]
+        assert sweeps[name].peak_acceleration.tolist() == [run.score.peak_acceleration_m_s2 for run in runs]
+        assert sweeps[name].path_length.tolist() == [run.score.path_length_m for run in runs]
+
+
+def test_at_least_fifteen_time_constants_and_twenty_gains(study):
+    assert all(len(sweep.time_constant) >= 15 for sweep in study.sweeps.values())
+    assert len(study.gain_sweep.gain) >= 20
+    assert {0.0, 0.06, 0.1} <= set(study.gain_sweep.gain.tolist())
+    assert all(sweep.completed.all() for sweep in study.sweeps.values())
+    assert study.gain_sweep.completed.all()
+
+
+def test_table_1_averages_the_runs():
+    setup = Setup(time_constants=(0.03, 0.105))
+    sweeps = time_constant_sweep(setup, TAUS)
+    table = table1(setup)
+    assert list(table) == list(PAPER_TABLE)
+    for name, row in table.items():
+        assert row.position_error == pytest.approx(sweeps[name].position_error.mean())
+        assert row.tip_speed == pytest.approx(sweeps[name].tip_speed.mean())
+        assert row.tip_acceleration == pytest.approx(sweeps[name].tip_acceleration.mean())
+
+
+def test_which_table_the_controller_of_a_delrin_machine_has():
+    baseline_table, own_table = (time_constant_sweep(Setup(own_table=own), TAUS) for own in (False, True))
+    same = {
+        name: (baseline_table[name].position_error == own_table[name].position_error).all() for name in PAPER_MACHINES
+    }
+    assert same == {"baseline": True, "delrin_experimental": False, "delrin_theoretical": False}
+
+
+def test_which_average_the_position_error_is():
+    over_time, over_path = (time_constant_sweep(Setup(error_average=way), TAUS) for way in ("time", "path"))
+    runs = run_standard_test({"": Impedance()}, time_constants=TAUS, task=Setup().task).runs[""]
+    assert over_time["baseline"].position_error.tolist() == [run.score.mean_error_m for run in runs]
+    assert over_path["baseline"].position_error.tolist() == [run.score.path_average_error_m for run in runs]
+
+
+def test_equal_peaks_change_the_size_of_the_torques_alone():
+    machines = with_equal_peaks(Setup()).machines
+    for name, machine in machines.items():
+        assert peak_torque(machine) == pytest.approx(peak_torque(BASELINE))
+        clutch, original = machine.clutch, PAPER_MACHINES[name].clutch
+        assert clutch.dynamic.torque(9.0) / clutch.breakaway.torque(9.0) == pytest.approx(
+            original.dynamic.torque(9.0) / original.breakaway.torque(9.0)
+        )
+    assert machines["baseline"] == BASELINE
+
+
+def test_gain_zero_is_impedance_control_and_the_gain_has_the_papers_unit():
+    sweep = gain_sweep(gains=[0.0, 0.06])
+    controllers = {"": Impedance(), "feedback": TorqueFeedback(feedback=0.06 / INCH_POUND)}
+    runs = run_standard_test(controllers, time_constants=[0.105], task=Setup().task).runs
+    assert sweep.position_error.tolist() == [run[0].score.mean_error_m for run in runs.values()]
+
+
+def test_saturation_counts_commands_at_the_largest_voltage():
+    sweep = gain_sweep(gains=[0.0, 50.0])
+    assert sweep.saturated[0] < 0.2
+    assert 0.2 < sweep.saturated[1] <= 1.0
+
+
+def test_the_line_is_followed_from_its_start_to_its_end():
+    test = line_following()
+    path = test.setup.task.path
+    for run in (test.without, test.with_feedback):
+        assert run.score.completed
+        assert vector(run.telemetry, "tip")[0] == pytest.approx(path.point(0.0))
+        assert column(run.telemetry, "arc_length")[-1] >= path.length
+
+
+def test_results_follow_the_machine_and_are_the_same_again():
+    first, second, other = (
+        time_constant_sweep(Setup(machines={"": machine}), TAUS)[""].position_error
+        for machine in (BASELINE, BASELINE, DELRIN_THEORETICAL)
+    )
+    assert (first == second).all()
+    assert (first != other).all()
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("machines", {}),
+        ("own_table", 1),
+        ("error_average", "mean"),
+        ("time_constants", ()),
+        ("time_constants", (0.1, -0.1)),
+        ("time_constants", (0.1, float("nan"))),
+        ("time_constants", [0.1]),
+    ],
+)
+def test_a_wrong_choice_is_refused_by_name(field, value):
+    with pytest.raises(ParameterError, match=field):
+        Setup(**{field: value})
+
+
+def test_a_gain_or_a_time_constant_out_of_range_is_refused():
+    with pytest.raises(ParameterError, match="feedback"):
+        gain_sweep(gains=[-0.1])
+    with pytest.raises(ParameterError, match="time_constant"):
+        time_constant_sweep(time_constants=[0.0])
+
+
+@pytest.fixture(scope="module")
+def refined() -> dict[str, TableRow]:
+    """Table I with substeps of 0.1 ms and the same control period."""
+    return table1(Setup(machines={name: replace(machine, substep=1e-4) for name, machine in PAPER_MACHINES.items()}))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("entry", ["position_error", "tip_speed", "tip_acceleration"])
+@pytest.mark.parametrize("name", PAPER_MACHINES)
+def test_a_finer_substep_hardly_moves_table_1(study, refined, name, entry):
+    change = getattr(refined[name], entry) / getattr(study.table1[name], entry) - 1.0
+    assert abs(change) <= 0.02

@@ -1,0 +1,294 @@
+"""The WebAssembly module: that of the present sources, and the same bits as the native kernels."""
+
+import importlib.util
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import web_module
+
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import World
+from pter_gym.benchmark._naming import find_policy
+from pter_gym.benchmark._tuned import TUNED
+from pter_gym.controllers import CONTROLLERS
+from pter_gym.hands import read_forces
+from pter_gym.params import BASELINE, MACHINES
+from pter_gym.paths import Arcs
+from pter_gym.paths._arcs import SEGMENT
+from pter_gym.policies import read_policy, shipped_policies
+from pter_gym.policies._files import SHIPPED
+from pter_gym.scenarios import SCENARIOS
+from pter_gym.scenarios._variations import WIDTH
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.tasks.path_following._specification import SHARPEST
+from pter_gym.tools.web.tables import MODULE, PATHS, STATIC, TABLES, pages_batch
+
+HERE = Path(__file__).parent
+
+needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
+needs_zig = pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="ziglang is not installed")
+
+
+def node(script: str, *arguments: object) -> Any:
+    """What a script prints as JSON."""
+    command = ["node", str(HERE / script), str(STATIC), *map(str, arguments)]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stderr
+    return json.loads(found.stdout)
+
+
+def native(*arguments: object) -> str:
+    """What ``native.py`` prints."""
+    command = [sys.executable, str(HERE / "native.py"), *map(str, arguments)]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stderr
+    return found.stdout
+
+
+@pytest.fixture(scope="module")
+def functions(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The module's mathematical functions as a library of this computer."""
+    path = tmp_path_factory.mktemp("functions") / "functions.so"
+    web_module.native_functions(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def recorded() -> Any:
+    """Observations of an episode, and of the beginning of a second one: float32 (N, entries)."""
+    batch = pages_batch()
+    policy = find_policy("impedance-tuned").bind(BASELINE, batch.layout)
+    rows: list[Any] = []
+    for seed in (0, 1):
+        obs, _ = batch.reset([seed])
+        for _ in range(150):
+            rows.append(obs[0])
+            obs = batch.step(policy.act(obs)).obs
+    return np.array(rows)
+
+
+@pytest.fixture(scope="module")
+def page(recorded: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """What ``wrapper.mjs`` tells."""
+    file = tmp_path_factory.mktemp("page") / "observations"
+    recorded.tofile(file)
+    return node("wrapper.mjs", SHIPPED, file)
+
+
+def test_the_module_is_that_of_the_present_sources() -> None:
+    assert TABLES.read_text("utf-8") == web_module.as_text(MODULE.read_bytes()), (
+        "a file changed from which the module of `pter play` is made: run `python docs/make/web_module.py` (half a "
+        "minute; needs ziglang, of the extra `test`), and commit pter_gym/tools/web/static with your change"
+    )
+
+
+def test_the_kernels_reach_physics_task_and_laws() -> None:
+    files = {Path(file).name for kernel in web_module.KERNELS for file in web_module.files_of(kernel.function)}
+    assert {"friction.py", "clutch.py", "arm.py", "projection.py", "reward.py", "sensing.py", "laws.py"} <= files
+
+
+def test_the_module_asks_for_nothing_and_holds_no_path_of_a_computer() -> None:
+    data = MODULE.read_bytes()
+    assert data[:4] == b"\0asm"
+    assert str(Path.home()).encode() not in data
+    assert b"pter_gym" not in data
+    assert len(data) < 100_000
+
+
+@pytest.mark.long
+@needs_zig
+def test_the_module_is_made_again_byte_for_byte(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, web_module.__file__, str(tmp_path)], check=True)
+    assert (tmp_path / MODULE.name).read_bytes() == MODULE.read_bytes()
+
+
+def compared(functions: Path, folder: Path, steps: int) -> Any:
+    native(functions, "worlds", folder, steps)
+    return node("replay.mjs", folder)
+
+
+@pytest.mark.slow
+@needs_node
+@needs_zig
+def test_worlds_of_all_scenarios_have_the_bits_of_the_native_ones(functions: Path, tmp_path: Path) -> None:
+    """State, observation, reward, flags and telemetry at each step, and the voltages of the laws."""
+    found = compared(functions, tmp_path, 2500)
+    assert found["different"] == []
+    assert found["steps"] == 2500 * 8 * len(SCENARIOS) >= 100_000
+    assert found["episodes"] > 1000
+
+
+@pytest.mark.long
+@needs_node
+@needs_zig
+def test_ten_million_steps_have_the_bits_of_the_native_ones(functions: Path, tmp_path: Path) -> None:
+    found = compared(functions, tmp_path, 250_000)
+    assert found["different"] == []
+    assert found["steps"] >= 10_000_000
+
+
+@pytest.mark.slow
+@needs_node
+@needs_zig
+def test_python_repeats_a_trial_of_a_page(page: Any, functions: Path, tmp_path: Path) -> None:
+    """The forces go through the CSV file; observation, reward and telemetry have the same bits at each step."""
+    trial = page["trial"]
+    assert len(trial["rows"]) > 100
+    file = tmp_path / "trial.json"
+    file.write_text(json.dumps(trial))
+    assert json.loads(native(functions, "trial", file)) == []
+
+
+@needs_node
+def test_a_page_repeats_its_own_trial(page: Any) -> None:
+    assert page["same"] == [row["reward"] for row in page["trial"]["rows"]]
+
+
+@needs_node
+def test_forces_are_written_as_a_recording_is_read(page: Any, tmp_path: Path) -> None:
+    file = tmp_path / "trial.csv"
+    file.write_text(page["trial"]["csv"])
+    hand = read_forces(file)
+    assert hand.along == tuple(page["trial"]["trial"]["along"])
+    assert hand.across == tuple(page["trial"]["trial"]["across"])
+    assert max(map(abs, hand.along)) > 10.0
+    assert max(np.hypot(hand.along, hand.across)) <= 60.0 + 1e-9, "the limit of the spring"
+
+
+@needs_node
+@pytest.mark.parametrize("path", ["line", "sine"])
+@pytest.mark.parametrize("name", [*CONTROLLERS, *TUNED])
+def test_laws_have_the_bits_of_the_native_ones(name: str, path: str, page: Any, recorded: Any) -> None:
+    policy = find_policy(name, scenario="standard" if path == "line" else "paths").bind(BASELINE, pages_batch().layout)
+    assert page["answers"][f"{name} on {path}"] == [policy.act(row[None])[0].tolist() for row in recorded]
+
+
+@needs_node
+@pytest.mark.parametrize("name", shipped_policies())
+def test_networks_answer_as_in_python(name: str, page: Any, recorded: Any) -> None:
+    """Sums in another order differ by rounding, and so a float32 voltage now and then by a last place."""
+    shipped = read_policy(name)
+    layout = pages_batch().layout
+    interface = shipped.card.interface.bind(BASELINE, layout)
+    past, memory = interface.begin(1), shipped.network.begin(1)
+    seen = [interface.see(row[None], past)[0] for row in recorded]
+    outputs = np.array([shipped.network(inputs, memory)[0][0] for inputs in seen])
+    np.testing.assert_allclose(page["answers"][f"{name}: outputs"], outputs, rtol=1e-12, atol=1e-12)
+    policy = shipped.bind(BASELINE, layout)
+    expected = np.array([policy(row) for row in recorded])
+    found = np.array(page["answers"][name], np.float32)
+    np.testing.assert_allclose(found, expected, rtol=2.0**-22, atol=1e-5)
+    assert (found == expected).mean() > 0.999
+    assert np.ptp(found, axis=0).min() > 1.0
+
+
+@needs_node
+def test_the_clutches_can_be_adjusted(page: Any, tmp_path: Path) -> None:
+    """As in a machine of that time constant whose clutches all have more torque."""
+    trial = page["adjusted"]
+    file = tmp_path / "trial.csv"
+    file.write_text(trial["csv"])
+    machine = MACHINES["delrin_experimental"]
+    machine = replace(machine, clutch=replace(machine.clutch, time_constant=0.03), clutch_scale=(1.2,) * 4)
+    task = PathFollowing(path=PATHS["arc"], hand=read_forces(file), pace=0.25, error_max=WIDTH)
+    batch = Batch(machine, task, 1, sensors="force")
+    batch.reset([3])
+    rows = np.array([batch.step_alone(row["volts"])[1] for row in trial["rows"]])
+    np.testing.assert_allclose([row["telemetry"] for row in trial["rows"]], rows, rtol=1e-9, atol=1e-9)
+    assert len(rows) > 20
+
+
+@needs_node
+@pytest.mark.parametrize(
+    ("mistake", "kind", "told"),
+    [
+        ("early", "ResetNeededError", "reset is needed"),
+        ("short", "ActionError", "four numbers"),
+        ("none", "ActionError", "four numbers"),
+        ("nan", "ActionError", "within [0, 24]"),
+        ("high", "ActionError", "within [0, 24]"),
+        ("low", "ActionError", "within [0, 24]"),
+        ("force", "ParameterError", "pointer"),
+        ("pull", "ParameterError", "finite"),
+        ("seed", "ParameterError", "whole number"),
+        ("friction", "ParameterError", "friction"),
+        ("time", "ParameterError", "timeConstant"),
+        ("machine", "ParameterError", "delrin_experimental"),
+        ("path", "ParameterError", "sine"),
+        ("hand", "ParameterError", "one length"),
+        ("pace", "ParameterError", "m/s"),
+        ("law", "ParameterError", "torque-feedback"),
+    ],
+)
+def test_mistakes_are_refused(mistake: str, kind: str, told: str, page: Any) -> None:
+    assert page["refusals"]["unchanged"]
+    found_kind, message = page["refusals"]["found"][mistake]
+    assert found_kind == kind
+    assert told in message
+
+
+@needs_node
+def test_seeds_decide_the_episodes(page: Any) -> None:
+    first, following, again, again_following, other = page["seeds"]
+    assert first == again
+    assert following == again_following
+    assert first != other
+    assert first != following
+
+
+@needs_node
+def test_no_clutch_gives_energy_in_a_minute_of_dragging(page: Any) -> None:
+    found = page["dragging"]
+    assert found["steps"] == 6000
+    assert found["episodes"] > 5
+    assert found["power"] <= 1e-12
+    assert found["dissipated"] >= -1e-12
+
+
+@needs_node
+def test_points_of_a_path_are_those_of_python(page: Any) -> None:
+    np.testing.assert_allclose(page["points"], PATHS["circle"].sampled(9), atol=1e-12)
+
+
+@needs_node
+def test_a_stroke_becomes_a_smooth_path_that_is_followed(page: Any) -> None:
+    drawing = page["drawing"]
+    arcs = Arcs(np.array(drawing["path"]["arcs"]))
+    assert arcs.length == drawing["path"]["length"]
+    joints = arcs.table[1:, SEGMENT.start]
+    for before, behind in zip(arcs.at(joints - 1e-9)[:3], arcs.at(joints)[:3], strict=True):
+        np.testing.assert_allclose(before, behind, atol=1e-7)
+    x, y, _, curvature = arcs.at(np.linspace(0.0, arcs.length, 400))
+    stroke = np.array(drawing["stroke"])
+    distances = np.hypot(x[:, None] - stroke[:, 0], y[:, None] - stroke[:, 1]).min(axis=1)
+    assert distances.max() < 0.015
+    np.testing.assert_allclose([x[0], y[0]], stroke[0], atol=1e-12)
+    assert abs(curvature).max() * drawing["path"]["error_max"] <= SHARPEST * (1.0 + 1e-12)
+    assert drawing["success"]
+    assert drawing["worst"] < 0.03
+
+
+@needs_node
+@pytest.mark.parametrize(
+    ("stroke", "told"),
+    [("short", "long"), ("sharp", "sharply"), ("far", "reach"), ("none", "two points"), ("nan", "finite")],
+)
+def test_strokes_that_make_no_path_are_refused(stroke: str, told: str, page: Any) -> None:
+    kind, message = page["drawing"]["refused"][stroke]
+    assert kind == "ParameterError"
+    assert told in message
+
+
+@needs_node
+def test_numbers_have_the_names_of_the_declarations(page: Any) -> None:
+    names = page["names"]
+    assert names["seen"] == list(pages_batch().layout.names)
+    assert names["telemetry"] == list(TELEMETRY.names)
+    assert names["state"] == list(World._fields)

@@ -1,0 +1,368 @@
+"""The page of ``pter play``: pushed in a browser, and compared with Python on the same pushes."""
+
+import http.client
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+from pter_gym._commands.main import main
+from pter_gym._engine.batch import Batch
+from pter_gym.benchmark._metrics import score
+from pter_gym.benchmark._naming import find_policy
+from pter_gym.errors import ParameterError
+from pter_gym.hands import read_forces
+from pter_gym.params import BASELINE, MACHINES, Machine, find_machine, machine_of
+from pter_gym.params._preset import PRESET, format_preset
+from pter_gym.policies._files import SHIPPED
+from pter_gym.scenarios import PACES
+from pter_gym.scenarios._variations import WIDTH
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.tools.web.site import make_server, site_files, write_site
+from pter_gym.tools.web.tables import PATHS, pages_batch
+
+CONTROLS = "[...document.querySelectorAll('#control option')].map((option) => option.value)"
+
+WIDE = "document.documentElement.scrollWidth > document.documentElement.clientWidth"
+
+# --- the server ---
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    """Address of a running ``pter play``."""
+    pytest.importorskip("websockets", reason="driving a browser needs websockets")
+    import playing
+
+    with playing.started() as found:
+        yield found
+
+
+def answer(address: str, path: str, method: str = "GET") -> tuple[int, str | None, bytes]:
+    connection = http.client.HTTPConnection(urlsplit(address).netloc, timeout=10)
+    connection.request(method, path)
+    response = connection.getresponse()
+    found = response.status, response.getheader("Content-Type"), response.read()
+    connection.close()
+    return found
+
+
+def test_all_files_of_the_page_are_served(address: str) -> None:
+    files = site_files()
+    assert {"index.html", "style.css", "page.js", "pter.wasm", "policies/residual.safetensors"} <= set(files)
+    for name, file in files.items():
+        assert answer(address, f"/{name}")[::2] == (200, file.read_bytes())
+    assert answer(address, "/")[:2] == (200, "text/html; charset=utf-8")
+    assert answer(address, "/?embedded")[0] == 200
+    assert answer(address, "/pter.wasm", "HEAD") == (200, "application/wasm", b"")
+    assert answer(address, "/page.js")[1] == "text/javascript; charset=utf-8"
+
+
+@pytest.mark.parametrize(
+    "path", ["/../__init__.py", "/%2e%2e/site.py", "//etc/passwd", "/policies/../pter.js", "/package.json"]
+)
+def test_nothing_else_is_served(path: str, address: str) -> None:
+    assert answer(address, path)[0] == 404
+
+
+def test_a_site_has_all_files(tmp_path: Path) -> None:
+    write_site(tmp_path / "push")
+    found = {path.relative_to(tmp_path / "push").as_posix() for path in (tmp_path / "push").rglob("*.*")}
+    assert found == set(site_files())
+    weights = tmp_path / "push" / "policies" / "residual.safetensors"
+    assert weights.read_bytes() == (SHIPPED / "residual.safetensors").read_bytes()
+
+
+@pytest.mark.parametrize("port", ["-1", "65536"])
+def test_a_wrong_port_is_refused(port: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["play", "--no-open", "--port", port]) == 2
+    assert "--port must be a whole number within [0, 65535]" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_taken_port_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        assert main(["play", "--no-open", "--port", str(taken.getsockname()[1])]) == 2
+    assert "--port must be one that is free" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
+def test_ctrl_c_ends_it() -> None:
+    import playing
+
+    heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"  # not ignored in the background
+    command = [sys.executable, "-c", f"{heard}; {playing.PLAY}", "play", "--no-open"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline().startswith("http://127.0.0.1:")
+            process.send_signal(signal.SIGINT)
+            _, told = process.communicate(timeout=10)
+        finally:
+            process.kill()
+    assert "Traceback" not in told
+
+
+# --- the page ---
+
+
+@pytest.fixture(scope="module")
+def opened(address: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    import browser
+    import playing
+
+    program = browser.find_browser()
+    if program is None:
+        pytest.skip("no Chromium is installed")
+    with browser.open_browser(program) as tab:
+        yield playing.Play(tab, address, tmp_path_factory.mktemp("downloads"))
+
+
+@pytest.fixture
+def play(opened: Any) -> Iterator[Any]:
+    """The page; a test fails on any error that its console tells."""
+    yield opened
+    assert opened.problems == []
+
+
+def task_of(path: str, push: Path, pace: str) -> PathFollowing:
+    width = {} if path == "line" else {"error_max": WIDTH}
+    return PathFollowing(path=PATHS[path], hand=read_forces(push), pace=PACES[pace], **width)
+
+
+def compare(
+    play: Any, path: str, *, pace: str = "medium", machine: str = "baseline", lag: float, friction: float
+) -> Any:
+    """Compare the trial on the page with Python: the same push, the same voltages. Return its score."""
+    import playing
+
+    push = play.saved("save-push", "push.csv")
+    names, rows = playing.record(play.saved("save-record", "record.csv"))
+    assert names == list(TELEMETRY.names)
+    begun = find_machine(machine)
+    clutch = replace(begun.clutch, time_constant=lag)
+    scale = tuple(friction * own for own in begun.clutch_scale)
+    task = task_of(path, push, pace)
+    batch = Batch(replace(begun, clutch=clutch, clutch_scale=scale), task, 1, sensors="force")
+    batch.reset([1])
+    found = np.array(rows)
+    volts = found[1:, [names.index(f"volts_{n}") for n in range(1, 5)]]
+    expected = np.array([batch.step_alone(each)[1] for each in volts])
+    np.testing.assert_allclose(found[1:], expected, rtol=1e-7, atol=1e-7)
+    scored = score(found, task)
+    told = play.run("page.trials[0].result")
+    for name, value in told.items():
+        assert value == pytest.approx(getattr(scored, name), rel=1e-9), name
+    return scored
+
+
+def shown_millimetres(play: Any) -> str:
+    return play.run("document.querySelector('#board [aria-current] td:nth-child(3)').textContent")
+
+
+@pytest.mark.slow
+def test_a_push_by_mouse_is_that_of_python(play: Any) -> None:
+    play.open("path=arc&control=single-dof-tuned&lag=60&friction=1.2&material=delrin_experimental")
+    play.drag()
+    assert "path error" in play.text("caption")
+    scored = compare(play, "arc", machine="delrin_experimental", lag=0.06, friction=1.2)
+    assert scored.completed
+    assert shown_millimetres(play) == f"{1000 * scored.path_error_m:.1f} mm"
+    assert float(play.text("time")) == pytest.approx(scored.duration_s, abs=0.005)
+    assert play.text("energy-given") == "0"
+    ledger = {name: float(play.text(f"energy-{name}")) for name in ("hand", "kinetic", "clutches", "rounding")}
+    assert ledger["hand"] == pytest.approx(scored.hand_work_j, abs=0.006)
+    assert ledger["clutches"] == pytest.approx(scored.dissipated_j, abs=0.006)
+    assert ledger["hand"] == pytest.approx(ledger["kinetic"] + ledger["clutches"] + ledger["rounding"], abs=0.03)
+
+
+@pytest.mark.slow
+def test_a_machine_of_ones_own_is_felt(opened: Any, tmp_path: Path) -> None:
+    import playing
+
+    clutch = replace(PRESET.clutch, time_constant=0.052, scale=(0.9, 1.1, 1.05, 0.95))
+    own = replace(PRESET, arm=replace(PRESET.arm, length_a=0.6, inertia_a=0.8), clutch=clutch)
+    preset = tmp_path / "own.toml"
+    preset.write_text(format_preset(own, "own"), "utf-8")
+    with playing.started("--machine", str(preset)) as address:
+        play = playing.Play(opened.tab, address, tmp_path)
+        play.open("path=arc&friction=1.2")
+        assert play.run("[page.settings.material, page.settings.lag]") == ["own", 52]
+        assert play.run("document.getElementById('material').selectedOptions[0].text") == "Your machine"
+        assert "material" not in play.run("location.hash")
+        law = find_policy("single-dof-tuned", scenario="paths").bind(machine_of(own), pages_batch().layout)
+        assert play.run("page.workshop.tables.laws['single-dof-tuned'].paths") == law.gains.tolist()
+        play.drag()
+        compare(play, "arc", machine=str(preset), lag=0.052, friction=1.2)
+        play.choose("material", "baseline")
+        play.drag()
+        compare(play, "arc", lag=0.052, friction=1.2)
+        assert play.problems == []
+
+
+@pytest.mark.parametrize(
+    ("own", "told"),
+    [
+        (replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=12.0)), "voltage_max must be 24 V"),
+        (replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.1, length_b=0.1)), "path"),
+    ],
+    ids=["voltage", "reach"],
+)
+def test_a_machine_that_the_page_cannot_have_is_refused(own: Machine, told: str) -> None:
+    with pytest.raises(ParameterError, match=told):
+        make_server(own=own)
+
+
+@pytest.mark.slow
+def test_every_choice_can_be_made(play: Any) -> None:
+    play.open("hand=paper")
+    for control in play.run(CONTROLS):
+        play.choose("control", control)
+        play.until(f"page.trials[0].settings.control === '{control}' && page.trials[0].rows.length > 5")
+    for identity, values in {
+        "path": PATHS,
+        "pace": PACES,
+        "material": MACHINES,
+        "lag": (10, 300),
+        "friction": (0.2, 2),
+        "other": ("free", "residual"),
+    }.items():
+        for value in values:
+            play.choose(identity, value)
+            assert str(play.run(f"page.settings.{identity}")) == str(value)
+            assert play.run("document.getElementById('problem').hidden")
+    play.choose("control", "sliders")
+    for clutch in range(1, 5):
+        play.choose(f"volts-{clutch}", 5 * clutch)
+    play.click("again")
+    play.until("page.trials[0].now.volts_4 === 20")
+    assert play.run("page.trials[0].now.volts_1") == 5
+    assert "volts=5,10,15,20" in play.run("location.hash")
+
+
+@pytest.mark.slow
+def test_an_address_keeps_the_settings(play: Any) -> None:
+    stroke = ";".join(f"{x},{600 + x // 5}" for x in range(-300, 300, 20))
+    address = f"control=sliders&path=drawn&stroke={stroke}&pace=slow&lag=30&friction=0.5&volts=1,2,3,4"
+    play.open(address)
+    told = play.run("page.settings")
+    assert (told["path"], told["pace"], told["lag"], told["friction"]) == ("drawn", "slow", 30, 0.5)
+    assert told["volts"] == [1, 2, 3, 4]
+    assert play.run("page.trials[0].line[0]") == pytest.approx([-0.3, 0.54])
+    play.choose("pace", "brisk")
+    hash_now = play.run("location.hash").removeprefix("#")
+    play.open(hash_now)
+    assert play.run("page.settings") == {**told, "pace": "brisk"}
+
+
+BAD = {
+    "lag=9": "lag must be a number of milliseconds from 10 to 300",
+    "lag=": "lag must be",
+    "friction=many": "friction must be a number from 0.2 to 2",
+    "control=magic": "control must be one of free, locked",
+    "control=constructor": "control must be one of free",
+    "path=drawn": "has no stroke",
+    "path=drawn&stroke=1,2;3": "stroke must be points",
+    "path=drawn&stroke=0,600;50,600": "at least 0.2 m long",
+    "path=drawn&stroke=0,600;0,1500": "reach",
+    "volts=1,2,3": "volts must be four numbers",
+    "volts=0,0,0,25": "volts must be four numbers",
+    "magic=1": "which this page does not know",
+    "pace=%3Cscript%3E": "pace must be one of slow, medium, brisk",
+}
+
+
+@pytest.mark.slow
+def test_bad_input_gets_a_sentence_and_loses_nothing(play: Any, tmp_path: Path) -> None:
+    play.open("path=sine&lag=50&control=locked")
+    before = play.run("page.settings")
+    for bad, told in BAD.items():
+        play.run(f"location.hash = 'path=sine&lag=50&control=locked&{bad}'")
+        play.until("!document.getElementById('problem').hidden")
+        assert told in play.text("problem"), bad
+        assert play.run("page.settings") == before, bad
+        assert play.run("page.trials.length") == 1
+        play.run("page.complain('')")
+    files = {"": "columns time", "time,along,across\n": "no rows", "time,along,across\n0,1,x\n": "Line 2",
+             "time,along,across\n0,1,2\n0,1,2\n": "Line 3", "time,along,across\n0,0,0\n99,0,0\n": "60 s"}  # fmt: skip
+    for content, told in files.items():
+        play.run(f"page.openPush(new File([{content!r}], 'push.csv'))")
+        play.until("!document.getElementById('problem').hidden")
+        assert told in play.text("problem")
+        assert play.run("page.settings") == before
+        play.run("page.complain('')")
+
+
+@pytest.mark.slow
+def test_everything_that_can_be_used_has_a_name(play: Any) -> None:
+    play.open()
+    nodes = play.tab.call("Accessibility.getFullAXTree")["nodes"]
+    roles = {"button", "combobox", "slider", "radio", "application", "image", "table"}
+    used = [node for node in nodes if not node["ignored"] and node["role"]["value"] in roles]
+    assert len(used) > 20
+    assert [node["role"]["value"] for node in used if not node["name"]["value"]] == []
+
+
+# --- all of it, slowly ---
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("path", PATHS)
+def test_every_path_is_pushed_to_its_end(path: str, play: Any) -> None:
+    play.open(f"path={path}&control=residual&other=free")
+    play.drag()
+    scored = compare(play, path, lag=0.105, friction=1.0)
+    assert scored.completed
+    assert shown_millimetres(play) == f"{1000 * scored.path_error_m:.1f} mm"
+    pushed = play.run("page.trials[0].rows.map((row) => [...row])")
+    play.click("compare")
+    play.until("page.trials.length === 2 && page.trials.every((trial) => trial.ended)", 60)
+    assert play.run("page.trials[0].rows.map((row) => [...row])") == pushed, "the same push, the same controller"
+    assert play.run("page.trials[1].settings.control") == "free"
+    assert play.run("page.trials[1].rows.map((row) => [...row])") != pushed
+
+
+@pytest.mark.long
+def test_arrow_keys_push_too(play: Any) -> None:
+    play.open("control=single-dof-tuned")
+    play.run("document.getElementById('stage').focus()")
+    play.key("ArrowRight", "keyDown")
+    play.until("page.trials[0].ended", 30)
+    play.key("ArrowRight", "keyUp")
+    assert compare(play, "line", lag=0.105, friction=1.0).completed
+    play.key("r", "keyDown")
+    assert play.run("page.waiting && page.trials[0].rows.length === 1")
+
+
+@pytest.mark.long
+def test_a_path_is_drawn(play: Any) -> None:
+    play.open()
+    play.click("draw")
+    place = play.run("[[-0.4, 0.6], [0.3, 0.7]].map(([x, y]) => page.scenes[0].screen({ x, y }))")
+    (x, y), (end_x, end_y) = ((each["x"], each["y"]) for each in place)
+    play.mouse("mousePressed", x, y)
+    for k in range(1, 41):
+        play.mouse("mouseMoved", x + (end_x - x) * k / 40, y + (end_y - y) * k / 40 + 8 * np.sin(0.15 * k))
+    play.mouse("mouseReleased", end_x, end_y)
+    play.until("page.settings.path === 'drawn'")
+    play.drag()
+    assert play.run("page.trials[0].ending") == "arrived"
+
+
+@pytest.mark.long
+def test_a_saved_push_can_be_dropped(play: Any) -> None:
+    play.open("path=arc")
+    play.drag()
+    rows = play.run("[...page.trials[0].rows.at(-1)]")
+    push = play.saved("save-push", "push.csv").read_text("utf-8")
+    play.open("path=arc")
+    play.run(f"page.openPush(new File([{push!r}], 'push.csv'))")
+    play.until("page.trials[0].push && page.trials[0].ended")
+    assert play.run("[...page.trials[0].rows.at(-1)]") == rows
