@@ -4,8 +4,7 @@ import functools
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from importlib.metadata import EntryPoint, entry_points
-from pathlib import Path
+from importlib.metadata import EntryPoint
 from typing import Any
 
 import tyro
@@ -13,31 +12,15 @@ from rich.table import Table
 
 from pter_gym._commands.arguments import PATHS, as_typed
 from pter_gym._commands.names import names_table
+from pter_gym._internal.plugins import COMMANDS, registered
 from pter_gym._internal.terminal import accept_all_characters, close_output, end_on_interrupt, say, terminal
 from pter_gym._version import __version__
 from pter_gym.errors import PterError, unknown_name
 
 Command = Callable[..., int | None]
 
-GROUP = "pter.commands"
-
-USERS = (
-    "benchmark",
-    "play",
-    "watch",
-    "train",
-    "export",
-    "tune",
-    "identify",
-    "record",
-    "reproduce",
-    "retrain",
-    "verify",
-)
-"""The order of the help. Command NAME of this package is the function NAME in NAME.py, beside this file."""
-
-WORKSHOP = ("fit", "speed")
-"""Commands for those who work on the package itself, which come last."""
+OWN = ("benchmark", "verify")
+"""Commands of the core: command NAME is the function NAME in NAME.py, beside this file."""
 
 DESCRIPTION = "PTER, a passive haptic arm with four friction clutches."
 
@@ -48,17 +31,9 @@ INTERRUPTED = 130
 
 
 def commands() -> dict[str, EntryPoint]:
-    """Return where each command is, by name in the order of the help: of this package and of installed packages."""
-    here = Path(__file__)
-    own = {
-        name: EntryPoint(name, f"{__package__}.{name}:{name}", GROUP)
-        for name in (*USERS, *WORKSHOP)
-        if here.with_name(f"{name}.py").exists()
-    }
-    found = own | {entry.name: entry for entry in entry_points(group=GROUP)}
-    first = [name for name in USERS if name in found]
-    others = [name for name in found if name not in (*USERS, *WORKSHOP)]
-    return {name: found[name] for name in (*first, *others, *WORKSHOP)}
+    """Return where each command is, by name in the order of the help: the core's own, then what is registered."""
+    own = {name: EntryPoint(name, f"{__package__}.{name}:{name}", COMMANDS) for name in OWN}
+    return own | registered(COMMANDS)
 
 
 def load_command(name: str) -> Command:
@@ -128,14 +103,10 @@ def _print_overview() -> None:
     """Print all commands, on one screen."""
     console = terminal()
     console.print(f"usage: pter COMMAND …\n\n{DESCRIPTION}\n")
-    found = commands()
-    for part in ([name for name in found if name not in WORKSHOP], WORKSHOP):
-        if part is WORKSHOP:
-            console.print("\nfor work on the package itself:")
-        table = Table.grid(padding=(0, 2))
-        for name in part:
-            table.add_row(f"  {name}", (found[name].load().__doc__ or "").partition("\n")[0])
-        console.print(table)
+    table = Table.grid(padding=(0, 2))
+    for name, entry in commands().items():
+        table.add_row(f"  {name}", (entry.load().__doc__ or "").partition("\n")[0])
+    console.print(table)
     console.print("\n`pter COMMAND --help` explains a command; `pter --version` tells the version.")
 
 

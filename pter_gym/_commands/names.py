@@ -53,18 +53,10 @@ def trained() -> Names:
     return {"trained": list(shipped_policies())}
 
 
-def figures() -> Names:
-    """Return the figures and tables of the paper."""
-    from pter_gym.tools.paper.reproduce.figures import PRODUCTS
-
-    return {"figures": list(PRODUCTS)}
-
-
 NAMES: dict[str, Callable[[], Names]] = {
     "controller": tunable,
     "policies": policies,
     "policy": trained,
-    "figures": figures,
     "scenario": scenarios,
     "scenarios": scenarios,
     "pace": paces,
@@ -75,8 +67,8 @@ NAMES: dict[str, Callable[[], Names]] = {
 
 
 def names_of(command: Callable[..., Any]) -> Names:
-    """Return the names that the arguments of a command accept, by kind."""
-    found: Names = {}
+    """Return the names that the arguments of a command accept, by kind; its module's ``names`` tells of its own."""
+    found: Names = getattr(inspect.getmodule(command), "names", dict)()
     for name in inspect.signature(command).parameters:
         found |= NAMES[name]() if name in NAMES else {}
     return found

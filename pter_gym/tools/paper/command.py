@@ -41,3 +41,10 @@ def reproduce(
         say(summary(claims))
     for name in ("report.html", "claims.json", "table1.json") if "report.html" in files else files:
         say(f"wrote {out / name}")
+
+
+def names() -> dict[str, list[str]]:
+    """Return the names that arguments accept, for the help."""
+    from pter_gym.tools.paper.reproduce.figures import PRODUCTS
+
+    return {"figures": list(PRODUCTS)}
