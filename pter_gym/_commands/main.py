@@ -12,7 +12,7 @@ from rich.table import Table
 
 from pter_gym._commands.arguments import PATHS, as_typed
 from pter_gym._commands.names import names_table
-from pter_gym._internal.plugins import COMMANDS, registered
+from pter_gym._internal.plugins import COMMANDS, registered, summary
 from pter_gym._internal.terminal import accept_all_characters, close_output, end_on_interrupt, say, terminal
 from pter_gym._version import __version__
 from pter_gym.errors import PterError, unknown_name
@@ -105,7 +105,7 @@ def _print_overview() -> None:
     console.print(f"usage: pter COMMAND …\n\n{DESCRIPTION}\n")
     table = Table.grid(padding=(0, 2))
     for name, entry in commands().items():
-        table.add_row(f"  {name}", (entry.load().__doc__ or "").partition("\n")[0])
+        table.add_row(f"  {name}", summary(entry))
     console.print(table)
     console.print("\n`pter COMMAND --help` explains a command; `pter --version` tells the version.")
 

@@ -1,0 +1,66 @@
+"""Every tool can be deleted: without its folder and its tests, the rest passes."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import pter_gym
+from pter_gym._commands.main import commands
+
+ROOT = Path(__file__).parents[2]
+TOOLS = sorted(path.name for path in (ROOT / "pter_gym" / "tools").iterdir() if (path / "__init__.py").exists())
+
+TESTED = ("tests/meta", "tests/commands", "tests/conformance", "tests/benchmark", "tests/policies", "tests/tools")
+"""What can depend on a tool; physics, paths and hands import nothing above them."""
+
+
+def without(tool: str, folder: Path) -> Path:
+    """Copy the checkout to a folder without one tool."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True).stdout
+    gone = (f"pter_gym/tools/{tool}/", f"tests/tools/{tool}/")
+    for name in listed.decode().rstrip("\0").split("\0"):
+        if not name.startswith(gone) and (ROOT / name).exists():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, folder / name)
+    return folder
+
+
+def python(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run Python on the packages in a folder."""
+    path = os.pathsep.join([str(folder), str(folder / "agents")])
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True
+    )
+
+
+def test_all_tools_register_what_they_offer():
+    modules = {entry.module for entry in commands().values()}
+    assert {f"pter_gym.tools.{tool}" for tool in TOOLS} == {
+        module.rpartition(".")[0] for module in modules if module.startswith("pter_gym.tools.")
+    }
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_commands_of_the_others_work_without_a_tool(tool: str, tmp_path: Path):
+    folder = without(tool, tmp_path)
+    program = "import pter_gym; from pter_gym._commands.main import *; print(pter_gym.__file__); main(['--help'])"
+    shown = python(folder, "-c", program)
+    assert shown.stdout.startswith(str(folder)), shown.stderr
+    assert Path(pter_gym.__file__).parent != folder / "pter_gym"
+    lost = {name for name, entry in commands().items() if entry.module.startswith(f"pter_gym.tools.{tool}.")}
+    assert lost
+    for name in commands():
+        assert (f"  {name} " in shown.stdout) == (name not in lost)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("tool", TOOLS)
+def test_the_rest_passes_its_tests_without_a_tool(tool: str, tmp_path: Path):
+    folder = without(tool, tmp_path)
+    chosen = [name for name in TESTED if (folder / name).exists()]
+    outcome = python(folder, "-m", "pytest", "-q", "-n", "2", "-m", "not slow and not long and not agents", *chosen)
+    assert outcome.returncode == 0, outcome.stdout[-3000:]
