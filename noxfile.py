@@ -179,7 +179,7 @@ def long(session: nox.Session) -> None:
 @nox.session(tags=["long"])
 def libraries(session: nox.Session) -> None:
     """Other learning libraries; each trains for a minute."""
-    files = ("tests/agents/test_libraries.py", "tests/agents/test_offline.py", "tests/benchmark/test_sharing.py")
+    files = ("tests/agents/test_libraries.py", "tests/agents/test_offline.py", "tests/agents/test_sharing.py")
     pytest_in_copy(session, "-m", "long or not long", *files, extras="agents,libraries,test")
 
 

@@ -3,11 +3,11 @@
 ``import pter_gym`` registers the environment ids and loads nothing heavy; the rest is imported when it is first used.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import gymnasium
 
+from pter_gym._internal.lazy import lazy_names
 from pter_gym._version import __version__
 from pter_gym.scenarios._suite import SCENARIOS
 
@@ -44,16 +44,24 @@ __all__ = [
     "simulate",
 ]
 
-_HOMES = {
-    **dict.fromkeys(("State", "Trajectory", "initial_state", "simulate"), "pter_gym._physics.open_loop"),
-    **dict.fromkeys(
-        ("BASELINE", "DELRIN_EXPERIMENTAL", "DELRIN_THEORETICAL", "Arm", "Clutch", "Hand", "Machine", "TorqueCurve"),
-        "pter_gym.params",
-    ),
-    "load_policy": "pter_gym.benchmark._naming",
-    "PathFollowing": "pter_gym.tasks.path_following",
-}
-
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "pter_gym._physics.open_loop": ("State", "Trajectory", "initial_state", "simulate"),
+        "pter_gym.params": (
+            "BASELINE",
+            "DELRIN_EXPERIMENTAL",
+            "DELRIN_THEORETICAL",
+            "Arm",
+            "Clutch",
+            "Hand",
+            "Machine",
+            "TorqueCurve",
+        ),
+        "pter_gym.benchmark._naming": ("load_policy",),
+        "pter_gym.tasks.path_following": ("PathFollowing",),
+    },
+)
 
 gymnasium.register(
     id="PTER/PathFollowing-v0",
@@ -70,17 +78,3 @@ for _scenario in SCENARIOS.values():
         max_episode_steps=1000,
         kwargs={"scenario": _scenario.name},
     )
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use."""
-    if name not in _HOMES:
-        raise AttributeError(f"module 'pter_gym' has no attribute {name!r}")
-    value = getattr(import_module(_HOMES[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    """List the public names, loaded or not."""
-    return sorted({*globals(), *__all__})

@@ -7,9 +7,8 @@ from gymnasium.wrappers.vector import TransformReward
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
-from pter_gym.benchmark import from_actions
+from pter_gym.benchmark import examine, from_actions
 from pter_gym.envs.rsl_rl import RslRlVecEnv
-from pter_gym.tools.tuning import examine
 
 NETWORK = {"class_name": "MLPModel", "hidden_dims": [64, 64], "activation": "tanh", "obs_normalization": True}
 

@@ -10,9 +10,8 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecNormalize
 
-from pter_gym.benchmark import from_sb3
+from pter_gym.benchmark import examine, from_sb3
 from pter_gym.envs.sb3 import PterVecEnv
-from pter_gym.tools.tuning import examine
 
 ID = "PTER/Standard-v0"
 NETS = {"learning_rate": 1e-3, "batch_size": 512, "policy_kwargs": {"net_arch": [64, 64]}}

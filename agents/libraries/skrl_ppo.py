@@ -13,8 +13,7 @@ from skrl.trainers.torch import SequentialTrainer
 from skrl.utils import set_seed
 from skrl.utils.model_instantiators.torch import deterministic_model, gaussian_model
 
-from pter_gym.benchmark import from_actions
-from pter_gym.tools.tuning import examine
+from pter_gym.benchmark import examine, from_actions
 
 LAYERS = [{"name": "net", "input": "OBSERVATIONS", "layers": [64, 64], "activations": "tanh"}]
 SETTINGS = {"learning_epochs": 5, "mini_batches": 8, "learning_rate": 1e-3, "value_loss_scale": 0.5}

@@ -11,8 +11,7 @@ from torchrl.modules import NormalParamExtractor, ProbabilisticActor, TanhNormal
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
-from pter_gym.benchmark import from_actions
-from pter_gym.tools.tuning import examine
+from pter_gym.benchmark import examine, from_actions
 
 
 def network(inputs: int, *outputs: nn.Module) -> nn.Sequential:

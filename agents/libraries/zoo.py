@@ -10,9 +10,8 @@ from sb3_contrib import TQC
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import VecNormalize
 
-from pter_gym.benchmark import from_sb3
+from pter_gym.benchmark import examine, from_sb3
 from pter_gym.envs.sb3 import make_sb3_vec_env
-from pter_gym.tools.tuning import examine
 
 ALGORITHMS = {"ppo": PPO, "sac": SAC, "tqc": TQC}
 SETTINGS = Path(__file__).parent / "zoo"

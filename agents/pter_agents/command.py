@@ -100,7 +100,7 @@ def export(
 
     policy = _export_run(run, name, out) if hub is None or (run / RUN).is_file() else run
     if hub is not None:
-        from pter_gym.benchmark._sharing import share_policy
+        from pter_agents.sharing import share_policy
 
         with terminal(errors=True).status("scoring and filming"):
             say(f"wrote {share_policy(str(policy), hub)}")
@@ -139,7 +139,7 @@ def retrain(
             from pter_agents import retraining
     except ImportError as error:
         raise needs_extra("training", "agents") from error
-    from pter_gym.benchmark._leaderboard import table
+    from pter_gym.benchmark.leaderboard import table
 
     shipped = retraining.find_trained(policy)
     with progress_bar() as progress:

@@ -9,7 +9,7 @@ import numpy as np
 from pter_agents.settings import PLAIN, TrainingSettings
 from pter_agents.worlds import ALL, Truth, make_worlds
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark._tuned import FALLBACK, SUFFIX
+from pter_gym.benchmark.tuned import FALLBACK, SUFFIX
 from pter_gym.controllers import PaceSchedule
 from pter_gym.params import BASELINE, Machine
 from pter_gym.policies._interface import Base, Input, Interface, available, quantities, seen_without

@@ -8,11 +8,10 @@ from pter_agents.training import RUN, Arguments, arguments_from, train
 from pter_agents.worlds import ALL, MIXED
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._internal.reading import reading
-from pter_gym.benchmark import Leaderboard, find_policy, leaderboards, run_scenario
+from pter_gym.benchmark import Leaderboard, examine, find_policy, leaderboards, run_scenario
 from pter_gym.benchmark._evaluation import fresh_seed
 from pter_gym.errors import ParameterError
 from pter_gym.policies import Neural, read_policy
-from pter_gym.tools.tuning import examine
 
 SUFFIX = "-again"
 """Of the name of a policy that was trained again."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from typing import Any, get_args
 
-from pter_gym.benchmark._tuned import TUNED
+from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import unknown_name
 from pter_gym.params import require, require_flag, require_number, require_whole
 from pter_gym.tasks.path_following import MAX_DELAY, STARTS, RewardWeights, Sensing, Sensors

@@ -9,7 +9,7 @@ from typing import Any
 from pter_agents.worlds import draws_for
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import score_episodes
-from pter_gym.benchmark._simulation import simulate, time_limit
+from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.policies import Net, NeuralPolicy
 from pter_gym.policies._interface import BoundInterface

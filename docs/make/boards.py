@@ -12,9 +12,9 @@ from typing import Any
 from pages import BELOW, joined, signed, table
 
 from pter_gym.benchmark import ResultsFolder
-from pter_gym.benchmark._leaderboard import rank
-from pter_gym.benchmark._ranking import PRIVILEGED
 from pter_gym.benchmark._runs import ScenarioRun
+from pter_gym.benchmark.leaderboard import rank
+from pter_gym.benchmark.ranking import PRIVILEGED
 from pter_gym.benchmark.statistics import difference_interval
 from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS

@@ -17,13 +17,13 @@ from pages import BELOW, joined, put_block, signed, table
 from pter_gym._engine.batch import Batch
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark._measures import column, four
-from pter_gym.benchmark._metrics import score_episodes
 from pter_gym.benchmark._naming import find_policy
-from pter_gym.benchmark._ranking import COMPLETION, PACE_ERROR
-from pter_gym.benchmark._simulation import sensors_of, simulate, time_limit
 from pter_gym.benchmark._standard import TIME_CONSTANTS
-from pter_gym.benchmark._tuned import TUNED, find_tuned
+from pter_gym.benchmark.metrics import score_episodes
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.simulation import sensors_of, simulate, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
+from pter_gym.benchmark.tuned import TUNED, find_tuned
 from pter_gym.hands import HumanArm
 from pter_gym.params import BASELINE, Machine
 from pter_gym.paths import Arc, Circle

@@ -19,8 +19,8 @@ from pages import put_block, signed
 from scipy.stats import rankdata, spearmanr
 
 from pter_gym.benchmark import PACES, find_policy
-from pter_gym.benchmark._episodes import Episodes
 from pter_gym.benchmark._evaluation import Batches, evaluate
+from pter_gym.benchmark.episodes import Episodes
 from pter_gym.hands import EQ5_FREQUENCIES, NORMAL, RELAXED, TENSE, HumanArm
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.scenarios import find_scenario

@@ -99,7 +99,7 @@ def gains() -> str:
 
 def scores() -> str:
     """Every score of an episode with its unit and meaning, and what counts of many episodes."""
-    from pter_gym.benchmark._metrics import METRICS
+    from pter_gym.benchmark.metrics import METRICS
 
     rows = (
         [code(name), each.unit, each.meaning, "mean" if each.mean else "interquartile mean"]

@@ -102,7 +102,7 @@ OF_FOLDER = {
 def score(results: Path) -> None:
     """Run the benchmark of the pages: all policies on the fresh episodes of all scenarios, and the stored of one."""
     from pter_gym._commands.main import main as pter
-    from pter_gym.benchmark._tuned import TUNED
+    from pter_gym.benchmark.tuned import TUNED
     from pter_gym.policies import shipped_policies
 
     policies = ",".join((*boards.LEFT_OUT, "impedance", "torque-feedback", *TUNED, *shipped_policies()))

@@ -21,7 +21,7 @@ from pter_gym._internal.files import write_bytes_atomic, write_files_atomic
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark._measures import column, four
-from pter_gym.benchmark._simulation import record_episode, simulate, time_limit
+from pter_gym.benchmark.simulation import record_episode, simulate, time_limit
 from pter_gym.controllers import CONTROLLERS, TorqueFeedback
 from pter_gym.params import BASELINE, Machine
 from pter_gym.policies import shipped_policies

@@ -7,9 +7,9 @@ from typing import Any
 import tyro
 
 from pter_gym._internal.files import write_text_atomic
-from pter_gym.benchmark import _episodes as stored
 from pter_gym.benchmark import _pacing as pacing
-from pter_gym.benchmark import _tuned as tuned
+from pter_gym.benchmark import episodes as stored
+from pter_gym.benchmark import tuned
 from pter_gym.scenarios import SCENARIOS, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws
 
@@ -51,7 +51,7 @@ def paces() -> None:
 
 def gains() -> None:
     """Score the gains in pter_gym/presets/tuned.toml again, after the score or the simulator has changed."""
-    from pter_gym.tools.tuning.examination import Examination
+    from pter_gym.benchmark._examination import Examination
 
     def scores(scenario: str, name: str, pace: str, entry: dict[str, Any]) -> dict[str, float]:
         words = entry["command"].split()

@@ -27,7 +27,7 @@ from pter_agents.training import train as train_run
 from pter_agents.worlds import ALL, MIXED
 from pter_gym.benchmark import Leaderboard, leaderboards, run_scenario
 from pter_gym.benchmark._evaluation import fresh_seed
-from pter_gym.benchmark._ranking import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.statistics import bootstrap_interval, mean
 from pter_gym.policies import read_policy
 from pter_gym.scenarios import PACES

@@ -1,4 +1,4 @@
-"""Compile the simulator's kernels to WebAssembly: pter_gym/tools/web/static/pter.wasm, and the tables that belong to it.
+"""Compile the simulator's kernels to WebAssembly: pter_gym/tools/web/static/pter.wasm and its tables.
 
 Numba makes LLVM code of the kernels for this computer, unoptimised; LLVM makes an object for WebAssembly of it, and Zig
 (the package ``ziglang``) links it with the mathematical functions in ``functions.zig``.

@@ -1,24 +1,24 @@
 """``pter benchmark``: controllers on the paper's standard test, or ranked on a scenario."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from rich.markup import escape
 from rich.table import Table
 
 from pter_gym._commands.arguments import import_from_here, numbers, split
+from pter_gym._internal.plugins import PICTURES, registered
 from pter_gym._internal.terminal import make_folder, progress_bar, say, terminal
 from pter_gym.errors import ParameterError
 
 if TYPE_CHECKING:
-    from pter_gym.benchmark import Leaderboard, Result, Score
-    from pter_gym.benchmark._runs import ScenarioRun
-    from pter_gym.benchmark._simulation import AnyPolicy
+    from pter_gym.benchmark import Result, Score
+    from pter_gym.benchmark.simulation import AnyPolicy
 
 POLICIES = "impedance,torque-feedback,free,locked,random"
 TIME_CONSTANTS = "0.01,0.03,0.06,0.105,0.15,0.2"
@@ -123,8 +123,8 @@ def scenario_benchmark(
     """Run controllers on a scenario's evaluation episodes, print its leaderboards and write its results to a folder."""
     from pter_gym.benchmark import Isolated, ResultsFolder, find_policy, run_scenario
     from pter_gym.benchmark._gaps import find_gaps, gap_tables
-    from pter_gym.benchmark._leaderboard import table
     from pter_gym.benchmark._naming import is_code
+    from pter_gym.benchmark.leaderboard import table
 
     results = ResultsFolder(out)
     import_from_here()
@@ -155,7 +155,7 @@ def scenario_benchmark(
     for left in contents.left_out:
         say(f"left out {left.file}: {left.reason}")
     with terminal(errors=True).status("drawing"):
-        pictures = draw_boards(boards, contents.runs, out)
+        pictures = pictures_of("scenario", boards, contents.runs, out)
     for path in [results.summary, *pictures]:
         say(f"wrote {path}")
 
@@ -191,7 +191,7 @@ COLUMNS: "Mapping[str, Callable[[Score], str]]" = MappingProxyType(
 
 def scores_table(result: "Result") -> Table:
     """Return a table with one row per policy and time constant, in SI; it fits a terminal of 80 columns."""
-    from pter_gym.benchmark._leaderboard import plain_table
+    from pter_gym.benchmark.leaderboard import plain_table
 
     table = plain_table(
         f"The paper's standard test, seed {result.seed}",
@@ -209,30 +209,13 @@ def scores_table(result: "Result") -> Table:
 def write_result(result: "Result", out: Path) -> list[Path]:
     """Write ``benchmark.json`` and the pictures to a folder that exists; return their paths."""
     from pter_gym._internal.files import write_text_atomic
-    from pter_gym.tools.pictures.plots import save
-    from pter_gym.tools.pictures.plots.benchmark import error_against_time, tip_paths
 
     scores = out / "benchmark.json"
     write_text_atomic(scores, json.dumps(result.as_json(), indent=2) + "\n")
-    pictures = {"tip_paths.png": tip_paths(result), "error_against_time.png": error_against_time(result)}
-    return [scores, *(path for name, figure in pictures.items() for path in save(figure, out / name))]
+    return [scores, *pictures_of("standard-test", result, out)]
 
 
-def draw_boards(boards: "Sequence[Leaderboard]", found: "Sequence[ScenarioRun]", folder: Path) -> list[Path]:
-    """Draw the leaderboards of one scenario, with what was found of its runs, into a folder; return the paths."""
-    from pter_gym.benchmark._episodes import find_episodes
-    from pter_gym.tools.pictures.plots import leaderboard as plots
-    from pter_gym.tools.pictures.plots import save
-
-    runs = [run for run in found if boards[0].has_episodes_of(run)]
-    scenario, fresh = boards[0].scenario, boards[0].fresh
-    name_of_set = scenario if fresh is None else f"{scenario}-fresh{fresh}"
-    figures = {
-        "profiles": plots.profiles(boards, runs),
-        "error-against-pace": plots.error_against_pace(boards),
-        "error-against-smoothness": plots.error_against_smoothness(boards),
-    }
-    for board in boards:
-        episodes = find_episodes(scenario, board.pace, fresh)
-        figures[f"trajectories-{board.pace}"] = plots.trajectories(board, runs, episodes)
-    return [path for name, figure in figures.items() for path in save(figure, folder / f"{name_of_set}-{name}.png")]
+def pictures_of(name: str, *drawn: Any) -> list[Path]:
+    """Return the paths of the pictures that are drawn, none where nothing that draws them is installed."""
+    artist = registered(PICTURES).get(name)
+    return artist.load()(*drawn) if artist else []

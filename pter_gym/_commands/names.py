@@ -25,7 +25,7 @@ def paces() -> Names:
 
 def tunable() -> Names:
     """Return the controllers whose gains can be searched."""
-    from pter_gym.benchmark._tuned import TUNABLE
+    from pter_gym.benchmark.tuned import TUNABLE
 
     return {"controllers": list(TUNABLE)}
 
@@ -40,7 +40,7 @@ def machines() -> Names:
 def policies() -> Names:
     """Return all that acts: controllers, those with tuned gains, planners, and trained policies."""
     from pter_gym.benchmark._naming import PLANNERS
-    from pter_gym.benchmark._tuned import TUNED
+    from pter_gym.benchmark.tuned import TUNED
     from pter_gym.controllers import CONTROLLERS
 
     return {"controllers": list(CONTROLLERS), "tuned": list(TUNED), "planners": list(PLANNERS), **trained()}

@@ -19,7 +19,7 @@ from numba.core.dispatcher import Dispatcher
 
 PACKAGE = Path(__file__).parents[1]
 
-ROOMS = ("compiled", "controllers", "engine", "hands", "params", "paths", "physics", "tasks")
+ROOMS = ("_compiled", "_engine", "_physics", "controllers", "hands", "params", "paths", "tasks")
 """Folders of the package that kernels are made of."""
 
 SOURCES = (

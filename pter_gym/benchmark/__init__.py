@@ -9,24 +9,27 @@ scenario; ``metrics`` declares the scores, ``statistics`` combines many, ``ranki
 The names are imported when they are first used: a policy acts without what scores need.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from pter_gym._internal.lazy import lazy_names
 from pter_gym.benchmark._from_sb3 import from_actions, from_sb3
 from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
     from pter_gym.benchmark._evaluation import PerSeed, fresh_seed, run_scenario
+    from pter_gym.benchmark._examination import Assessment, Examination, examine
     from pter_gym.benchmark._isolation import Isolated
-    from pter_gym.benchmark._leaderboard import Leaderboard, leaderboards, print_boards
-    from pter_gym.benchmark._metrics import Score, score, score_episodes
     from pter_gym.benchmark._naming import find_policy
     from pter_gym.benchmark._results import ResultsFolder
     from pter_gym.benchmark._standard import Result, Run, run_standard_test
     from pter_gym.benchmark._verification import Verdict, verify
+    from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards, print_boards
+    from pter_gym.benchmark.metrics import Score, score, score_episodes
 
 __all__ = [
     "PACES",
+    "Assessment",
+    "Examination",
     "Isolated",
     "Leaderboard",
     "PerSeed",
@@ -35,6 +38,7 @@ __all__ = [
     "Run",
     "Score",
     "Verdict",
+    "examine",
     "find_policy",
     "fresh_seed",
     "from_actions",
@@ -48,22 +52,17 @@ __all__ = [
     "verify",
 ]
 
-_HOMES = {
-    **dict.fromkeys(("PerSeed", "fresh_seed", "run_scenario"), "evaluation"),
-    "Isolated": "isolation",
-    **dict.fromkeys(("Leaderboard", "leaderboards", "print_boards"), "leaderboard"),
-    **dict.fromkeys(("Score", "score", "score_episodes"), "metrics"),
-    "find_policy": "naming",
-    "ResultsFolder": "results",
-    **dict.fromkeys(("Result", "Run", "run_standard_test"), "standard"),
-    **dict.fromkeys(("Verdict", "verify"), "verification"),
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use."""
-    if name not in _HOMES:
-        raise AttributeError(f"module 'pter_gym.benchmark' has no attribute {name!r}")
-    value = getattr(import_module(f"pter_gym.benchmark.{_HOMES[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "pter_gym.benchmark._evaluation": ("PerSeed", "fresh_seed", "run_scenario"),
+        "pter_gym.benchmark._examination": ("Assessment", "Examination", "examine"),
+        "pter_gym.benchmark._isolation": ("Isolated",),
+        "pter_gym.benchmark.leaderboard": ("Leaderboard", "leaderboards", "print_boards"),
+        "pter_gym.benchmark.metrics": ("Score", "score", "score_episodes"),
+        "pter_gym.benchmark._naming": ("find_policy",),
+        "pter_gym.benchmark._results": ("ResultsFolder",),
+        "pter_gym.benchmark._standard": ("Result", "Run", "run_standard_test"),
+        "pter_gym.benchmark._verification": ("Verdict", "verify"),
+    },
+)

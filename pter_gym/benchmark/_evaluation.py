@@ -13,10 +13,8 @@ from pter_gym._engine.batch import Batch
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath
 from pter_gym._version import __version__
-from pter_gym.benchmark._episodes import Episodes, check_fresh, find_episodes
 from pter_gym.benchmark._identity import derived_seed, identity_of
 from pter_gym.benchmark._measures import column, vector
-from pter_gym.benchmark._metrics import SCORES, Scores, score_episodes
 from pter_gym.benchmark._naming import find_policy, is_built_in, text_of
 from pter_gym.benchmark._results import ResultsFolder
 from pter_gym.benchmark._runs import (
@@ -29,7 +27,9 @@ from pter_gym.benchmark._runs import (
     code_digest,
     sample_numbers,
 )
-from pter_gym.benchmark._simulation import AnyPolicy, run, sensors_of, time_limit
+from pter_gym.benchmark.episodes import Episodes, check_fresh, find_episodes
+from pter_gym.benchmark.metrics import SCORES, Scores, score_episodes
+from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
 from pter_gym.controllers import BoundPolicy, Controller, bind
 from pter_gym.controllers._base import Plans
 from pter_gym.controllers._predictive import UNPRIVILEGED

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 from rich.markup import escape
 from rich.table import Table
 
-from pter_gym.benchmark._leaderboard import plain_table
 from pter_gym.benchmark._runs import ScenarioRun, join_seeds
+from pter_gym.benchmark.leaderboard import plain_table
 from pter_gym.benchmark.statistics import Interval, bootstrap_interval, unpaired_interval
 from pter_gym.scenarios import PACES
 

@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._simulation import AnyPolicy
+from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.controllers import BoundPolicy
 from pter_gym.controllers._base import Policy
 from pter_gym.errors import ParameterError

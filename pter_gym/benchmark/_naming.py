@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym.benchmark._simulation import AnyPolicy
-from pter_gym.benchmark._tuned import SUFFIX, TUNED, find_tuned
+from pter_gym.benchmark.simulation import AnyPolicy
+from pter_gym.benchmark.tuned import SUFFIX, TUNED, find_tuned
 from pter_gym.controllers import CONTROLLERS, Random
 from pter_gym.controllers._impedance import Impedance
 from pter_gym.envs._acting import ActingPolicy

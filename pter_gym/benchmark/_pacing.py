@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark._recorded import Recorded
-from pter_gym.benchmark._simulation import simulate, time_limit
+from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.controllers import Impedance, PaceSchedule, TorqueFeedback
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario

@@ -14,9 +14,9 @@ from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.locks import locked
 from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark._gaps import find_gaps
-from pter_gym.benchmark._leaderboard import Leaderboard, leaderboards
 from pter_gym.benchmark._run_files import read_run, run_path, write_run
 from pter_gym.benchmark._runs import Conditions, ScenarioRun, without_copies
+from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
 from pter_gym.benchmark.statistics import LEVEL, RESAMPLES, SEED
 from pter_gym.errors import DataError
 

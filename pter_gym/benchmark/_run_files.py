@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.reading import MOST_JSON, parse_json, read_bytes, reading
-from pter_gym.benchmark._episodes import SEEDS, stored_strata
-from pter_gym.benchmark._metrics import METRICS
 from pter_gym.benchmark._runs import (
     INSTANTS,
     Conditions,
@@ -31,6 +29,8 @@ from pter_gym.benchmark._runs import (
     code_digest,
     sample_numbers,
 )
+from pter_gym.benchmark.episodes import SEEDS, stored_strata
+from pter_gym.benchmark.metrics import METRICS
 from pter_gym.scenarios import find_pace
 
 HASH = "sha256"

@@ -14,7 +14,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._metrics import SCORES, Scores
+from pter_gym.benchmark.metrics import SCORES, Scores
 from pter_gym.errors import ParameterError
 from pter_gym.policies._files import LONGEST_NAME
 
@@ -24,22 +24,22 @@ PACKAGE = Path(__file__).parents[1]
 
 DECIDING = (
     "units.py",
-    "compiled",
+    "_compiled",
     "params",
-    "physics",
+    "_physics",
     "hands",
     "paths",
     "tasks",
-    "engine",
+    "_engine",
     "scenarios",
     "controllers",
     "policies",
     "benchmark/episodes.py",
-    "benchmark/evaluation.py",
-    "benchmark/measures.py",
+    "benchmark/_evaluation.py",
+    "benchmark/_measures.py",
     "benchmark/metrics.py",
     "benchmark/ranking.py",
-    "benchmark/recorded.py",
+    "benchmark/_recorded.py",
     "benchmark/simulation.py",
     "benchmark/statistics.py",
     "presets/pter.toml",

@@ -11,7 +11,7 @@ import numpy as np
 
 from pter_gym.benchmark._isolation import CODEC, HEADER, Kind
 from pter_gym.benchmark._naming import find_policy
-from pter_gym.benchmark._simulation import sensors_of
+from pter_gym.benchmark.simulation import sensors_of
 from pter_gym.controllers import Policy, bind
 from pter_gym.errors import ActionError, ParameterError
 

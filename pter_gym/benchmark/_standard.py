@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
 from pter_gym._version import __version__
-from pter_gym.benchmark._metrics import Score, score
-from pter_gym.benchmark._simulation import AnyPolicy, sensors_of, simulate
+from pter_gym.benchmark.metrics import Score, score
+from pter_gym.benchmark.simulation import AnyPolicy, sensors_of, simulate
 from pter_gym.controllers import bind
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine

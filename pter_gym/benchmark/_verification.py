@@ -10,14 +10,14 @@ import numpy as np
 
 from pter_gym._internal.files import FilePath
 from pter_gym._internal.reading import parse_json, read_bytes
-from pter_gym.benchmark._episodes import find_episodes
 from pter_gym.benchmark._evaluation import Batches, PerSeed, each_seed, evaluate
 from pter_gym.benchmark._identity import identity_of
 from pter_gym.benchmark._naming import find_policy, is_code
 from pter_gym.benchmark._results import Contents, ResultsFolder
 from pter_gym.benchmark._run_files import run_path
 from pter_gym.benchmark._runs import ScenarioRun
-from pter_gym.benchmark._simulation import AnyPolicy
+from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.errors import ParameterError, PterError
 
 SAME = "same"

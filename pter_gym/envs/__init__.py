@@ -1,4 +1,25 @@
-"""Doors to the simulator: many worlds in one call, and Gymnasium's single environment as a batch of one.
+"""Doors to the simulator: Gymnasium's single and vector environment, and those of other libraries.
 
-``acting`` is about policies in these environments.
+``scenario`` has what the ids of the scenarios draw from; ``sb3`` and ``rsl_rl`` are for Stable-Baselines3 and rsl-rl.
+The names below are imported when they are first used.
 """
+
+from typing import TYPE_CHECKING
+
+from pter_gym._internal.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from pter_gym._engine.batch import Batch, Returns
+    from pter_gym.envs._single import PathFollowingEnv
+    from pter_gym.envs._vector import PathFollowingVectorEnv, make_vector_env
+
+__all__ = ["Batch", "PathFollowingEnv", "PathFollowingVectorEnv", "Returns", "make_vector_env"]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "pter_gym._engine.batch": ("Batch", "Returns"),
+        "pter_gym.envs._single": ("PathFollowingEnv",),
+        "pter_gym.envs._vector": ("PathFollowingVectorEnv", "make_vector_env"),
+    },
+)

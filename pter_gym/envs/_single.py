@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.batch import ActionUnit, Batch
 from pter_gym._internal.checks import whole_number
+from pter_gym._internal.plugins import load_artist
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensors
@@ -206,9 +207,9 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _make_viewer(self, width: int, height: int) -> Any:
         """Return the viewer; only this loads drawing code."""
-        from pter_gym.tools.pictures.render.viewer import Viewer
-
-        return Viewer(self.machine, self.task, "human" if self.render_mode == "human" else "rgb_array", width, height)
+        return load_artist("world")(
+            self.machine, self.task, "human" if self.render_mode == "human" else "rgb_array", width, height
+        )
 
     def _show(self, row: Any) -> None:
         self._rows.append(row)

@@ -15,6 +15,7 @@ from pter_gym._engine import world
 from pter_gym._engine.batch import ActionUnit, Array, Batch, Observations, Returns
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.computer import available_cores, available_memory
+from pter_gym._internal.plugins import load_artist
 from pter_gym.envs._single import find_pairs
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.params import Machine
@@ -199,9 +200,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
 
     def _make_viewer(self, width: int, height: int) -> Any:
         """Return the viewer; only this loads drawing code."""
-        from pter_gym.tools.pictures.render.viewer import WorldsViewer
-
-        return WorldsViewer(self.batch.pairs, self.num_envs, width, height)
+        return load_artist("worlds")(self.batch.pairs, self.num_envs, width, height)
 
     def _infos(self, mask: Mask, telemetry: Array, success: Mask) -> dict[str, Any]:
         infos: dict[str, Any] = {"is_success": success, "_is_success": mask}

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import pter_gym
-from pter_gym.tools.tuning import examine
+from pter_gym.benchmark import examine
 
 pytestmark = [pytest.mark.agents, pytest.mark.long]
 ray = pytest.importorskip("ray")

@@ -12,9 +12,8 @@ import gymnasium
 import numpy as np
 import pytest
 
-from pter_gym.benchmark import from_actions
+from pter_gym.benchmark import examine, from_actions
 from pter_gym.errors import ParameterError
-from pter_gym.tools.tuning import examine
 
 pytestmark = [
     pytest.mark.agents,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, ResultsFolder, from_sb3
-from pter_gym.benchmark._simulation import run, time_limit
+from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.envs.scenario import training_draws
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pter_gym.benchmark import _episodes as episodes
-from pter_gym.benchmark import run_scenario
+from pter_gym.benchmark import episodes, run_scenario
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import BASELINE
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark._measures import SEGMENTS
-from pter_gym.benchmark._metrics import METRICS, Scores, score_episodes
-from pter_gym.benchmark._ranking import reason_below
 from pter_gym.benchmark._recorded import Recorded
-from pter_gym.benchmark._simulation import run, time_limit
+from pter_gym.benchmark.metrics import METRICS, Scores, score_episodes
+from pter_gym.benchmark.ranking import reason_below
+from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.benchmark.statistics import Interval, difference_interval, interquartile_mean, mean
 from pter_gym.controllers import BoundPolicy, bind
 from pter_gym.params import BASELINE

@@ -11,7 +11,7 @@ from benchmark import attacking_policies
 from benchmark.attacking_policies import HARMLESS, KEPT, REFUSED, TAMPERING, honest
 from pter_gym.benchmark import Isolated, ResultsFolder, run_scenario
 from pter_gym.benchmark._recorded import Travel
-from pter_gym.benchmark._simulation import record_episode
+from pter_gym.benchmark.simulation import record_episode
 from pter_gym.controllers import Free
 from pter_gym.errors import ActionError
 from pter_gym.params import BASELINE

@@ -9,10 +9,10 @@ import pytest
 from rich.console import Console
 
 from pter_gym.benchmark import PerSeed, ResultsFolder, find_policy, leaderboards, run_scenario, verify
-from pter_gym.benchmark._episodes import load_episodes
-from pter_gym.benchmark._leaderboard import table
 from pter_gym.benchmark._run_files import run_path
 from pter_gym.benchmark._runs import Conditions, check_name
+from pter_gym.benchmark.episodes import load_episodes
+from pter_gym.benchmark.leaderboard import table
 from pter_gym.controllers import Free, Locked
 from pter_gym.errors import ParameterError
 from pter_gym.policies._files import LONGEST_NAME

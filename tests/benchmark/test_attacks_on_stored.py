@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario, verify
-from pter_gym.benchmark._episodes import Episodes, load_episodes
-from pter_gym.benchmark._metrics import score_episodes
-from pter_gym.benchmark._simulation import Rollout, time_limit
+from pter_gym.benchmark.episodes import Episodes, load_episodes
+from pter_gym.benchmark.metrics import score_episodes
+from pter_gym.benchmark.simulation import Rollout, time_limit
 from pter_gym.benchmark.statistics import difference_interval
 from pter_gym.controllers import BoundPolicy, bind
 from pter_gym.params import BASELINE

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pter_gym import hands, params
 from pter_gym._internal.codec import dataclasses_in
-from pter_gym.benchmark._episodes import CODEC
+from pter_gym.benchmark.episodes import CODEC
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark._episodes import CHECKSUMS, FOLDER, find_episodes, load_episodes, scenarios, store_episodes
+from pter_gym.benchmark.episodes import CHECKSUMS, FOLDER, find_episodes, load_episodes, scenarios, store_episodes
 from pter_gym.controllers import Free
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.hands import MultiSineHand

@@ -12,7 +12,7 @@ from gymnasium.wrappers.vector import NormalizeObservation
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import from_sb3, run_scenario
-from pter_gym.benchmark._simulation import run
+from pter_gym.benchmark.simulation import run
 from pter_gym.controllers import bind
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import ParameterError

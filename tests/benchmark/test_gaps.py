@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pter_gym.benchmark._gaps import find_gaps, gap_tables
-from pter_gym.benchmark._metrics import SCORES
 from pter_gym.benchmark._runs import Conditions, ScenarioRun
+from pter_gym.benchmark.metrics import SCORES
 from pter_gym.benchmark.statistics import bootstrap_interval, unpaired_interval
 
 COUNT = 40

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pter_gym.benchmark._episodes import FOLDER
+from pter_gym.benchmark.episodes import FOLDER
 
 GUARD = f"""
 import json, sys, traceback
@@ -51,7 +51,7 @@ damping_for_pace(Impedance(), 0.5, "everything", draws=2)
 
 
 EPISODES = """
-from pter_gym.benchmark._episodes import load_episodes
+from pter_gym.benchmark.episodes import load_episodes
 load_episodes("standard", "slow")
 """
 

@@ -12,9 +12,9 @@ from benchmark.handmade import LENGTH, METRE, PERIOD, TASK, Array, episode, padd
 from pter_gym._engine.batch import Batch
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark._measures import low_pass
-from pter_gym.benchmark._metrics import METRICS, Score, score, score_episodes
 from pter_gym.benchmark._recorded import START_UP, Recorded, pace_factor
-from pter_gym.benchmark._simulation import simulate
+from pter_gym.benchmark.metrics import METRICS, Score, score, score_episodes
+from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
 from pter_gym.params import BASELINE
 from pter_gym.paths import Line

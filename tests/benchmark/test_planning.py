@@ -9,9 +9,9 @@ import pytest
 
 from pter_gym._compiled.layout import Layout
 from pter_gym.benchmark import PerSeed, evaluation, find_policy, leaderboards, run_scenario
-from pter_gym.benchmark._leaderboard import table
 from pter_gym.benchmark._naming import GUIDE_TABLE
-from pter_gym.benchmark._tuned import find_tuned
+from pter_gym.benchmark.leaderboard import table
+from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import BoundPolicy, Free
 from pter_gym.controllers._base import Plans
 from pter_gym.controllers._predictive import Honest, Privileged, Settings

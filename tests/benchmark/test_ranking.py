@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from benchmark.handmade import METRE, padded, travel
-from pter_gym.benchmark._leaderboard import COLUMNS, FULL, leaderboards, rank
-from pter_gym.benchmark._metrics import METRICS, SCORES, Scores, score_episodes
-from pter_gym.benchmark._ranking import COMPLETION, PACE_ERROR, reason_below
 from pter_gym.benchmark._runs import Conditions, ScenarioRun
+from pter_gym.benchmark.leaderboard import COLUMNS, FULL, leaderboards, rank
+from pter_gym.benchmark.metrics import METRICS, SCORES, Scores, score_episodes
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, reason_below
 from pter_gym.benchmark.statistics import Interval, interquartile_mean
 
 MEANS = {"mean_pace_error", "segment_pace_error", "completed", "saturated", "stuck"}

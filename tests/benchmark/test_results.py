@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from pter_gym._commands import main as cli
 from pter_gym.benchmark import PerSeed, ResultsFolder, run_scenario
 from pter_gym.benchmark import evaluation as evaluation_module
-from pter_gym.benchmark._metrics import SCORES
 from pter_gym.benchmark._results import LOCK
 from pter_gym.benchmark._run_files import read_run, run_path
 from pter_gym.benchmark._runs import sample_numbers
+from pter_gym.benchmark.metrics import SCORES
 from pter_gym.controllers import Free, Impedance, Random
 
 COUNT = 5

@@ -11,8 +11,8 @@ from benchmark.test_attacks import Attack, Course, beside, every, locks, rides, 
 from benchmark.test_attacks_on_reward import DISCOUNTS, returns
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
-from pter_gym.benchmark._metrics import score_episodes
-from pter_gym.benchmark._simulation import run
+from pter_gym.benchmark.metrics import score_episodes
+from pter_gym.benchmark.simulation import run
 from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.controllers import bind
 from pter_gym.errors import ParameterError

@@ -13,10 +13,10 @@ import pytest
 from pter_gym import __version__
 from pter_gym._internal.reading import MOST_JSON
 from pter_gym.benchmark import ResultsFolder
-from pter_gym.benchmark._episodes import stored_strata
-from pter_gym.benchmark._metrics import METRICS
 from pter_gym.benchmark._run_files import HASH, file_hash, read_run, run_path, write_run
 from pter_gym.benchmark._runs import Conditions, Planning, Sample, ScenarioRun, code_digest, sample_numbers
+from pter_gym.benchmark.episodes import stored_strata
+from pter_gym.benchmark.metrics import METRICS
 
 COUNT = 5
 PLANNING = Planning(privileged=True, horizon_s=0.05, rollouts=4, decision_ms=1.5)

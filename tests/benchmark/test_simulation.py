@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy, run_standard_test
-from pter_gym.benchmark._simulation import record_episode, run, simulate, time_limit
+from pter_gym.benchmark.simulation import record_episode, run, simulate, time_limit
 from pter_gym.controllers import Free, Impedance, PaceSchedule, bind
 from pter_gym.controllers._predictive import Honest, Privileged, Settings
 from pter_gym.errors import ParameterError

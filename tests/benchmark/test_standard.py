@@ -9,7 +9,7 @@ import pytest
 from pter_gym._commands import main as cli
 from pter_gym.benchmark import Result, run_standard_test
 from pter_gym.benchmark._measures import column
-from pter_gym.benchmark._metrics import SCORES
+from pter_gym.benchmark.metrics import SCORES
 from pter_gym.controllers import CONTROLLERS, Free, Random
 from pter_gym.errors import ParameterError
 from pter_gym.params import DELRIN_EXPERIMENTAL

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pter_gym.benchmark._simulation import record_episode
 from pter_gym.benchmark._trajectories import check_table, write_trajectories
+from pter_gym.benchmark.simulation import record_episode
 from pter_gym.controllers import Random
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from pter_gym.benchmark import run_scenario
-from pter_gym.benchmark._episodes import CHECKSUMS, load_episodes, store_episodes
 from pter_gym.benchmark._results import Contents, ResultsFolder
 from pter_gym.benchmark._run_files import HASH, file_hash, run_path, write_run
-from pter_gym.benchmark._tuned import TABLE, find_tuned
 from pter_gym.benchmark._verification import compare_summary
+from pter_gym.benchmark.episodes import CHECKSUMS, load_episodes, store_episodes
+from pter_gym.benchmark.tuned import TABLE, find_tuned
 from pter_gym.controllers import Free
 from pter_gym.hands import read_forces
 from pter_gym.params._preset import load_preset

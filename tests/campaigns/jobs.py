@@ -114,7 +114,7 @@ def trained(folder: Path) -> Kept:
 
 def tuned(folder: Path) -> Kept:
     """Return the finished trials; the journal and the file of gains must be whole."""
-    from pter_gym.benchmark._tuned import read_table
+    from pter_gym.benchmark.tuned import read_table
     from pter_gym.tools.tuning.search import open_journal
 
     if (folder / GAINS).exists():
@@ -128,7 +128,7 @@ def tuned(folder: Path) -> Kept:
 
 def commanded(folder: Path) -> Kept:
     """Return what was asked for; which gains come out depends on when a search was stopped."""
-    from pter_gym.benchmark._tuned import read_table
+    from pter_gym.benchmark.tuned import read_table
 
     assert len(tuned(folder)) >= TRIALS
     return {"command": read_table(folder / GAINS)["standard"]["impedance"]["brisk"]["command"]}

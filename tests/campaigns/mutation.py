@@ -56,13 +56,13 @@ ROOMS = {
         *(f"pter_gym/_engine/{name}.py" for name in ("episode", "hand", "recording", "sensing", "starts", "step")),
     ],
     "scores": [
-        f"pter_gym/benchmark/{name}.py"
+        f"pter_gym/benchmark/*{name}.py"
         for name in ("measures", "metrics", "pacing", "ranking", "recorded", "statistics", "trajectories")
     ],
     "readers": [
         *(f"pter_gym/_internal/{name}.py" for name in ("checks", "codec", "files", "tables")),
-        *(f"pter_gym/benchmark/{name}.py" for name in ("episodes", "results", "run_files")),
-        *(f"pter_gym/policies/{name}.py" for name in ("cards", "files", "network", "stored_gains")),
+        *(f"pter_gym/benchmark/*{name}.py" for name in ("episodes", "results", "run_files")),
+        *(f"pter_gym/policies/*{name}.py" for name in ("cards", "files", "network", "stored_gains")),
         "pter_gym/params/_preset.py",
     ],
     "records": ["pter_gym/_compiled/layout.py", "pter_gym/_compiled/records.py"],

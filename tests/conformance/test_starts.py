@@ -9,7 +9,7 @@ import pytest
 
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import ROW
-from pter_gym.benchmark._episodes import load_episodes, scenarios
+from pter_gym.benchmark.episodes import load_episodes, scenarios
 from pter_gym.envs.scenario import TRUNCATION_ERROR, training_draws
 from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.params import BASELINE

@@ -17,8 +17,8 @@ from safetensors.numpy import load_file
 from documents import DOCS, NOTEBOOKS, README, ROOT, blocks_of, cells_of, readme, run_extending, run_program
 from pter_gym import params
 from pter_gym._commands.main import main
-from pter_gym.benchmark._leaderboard import leaderboards
-from pter_gym.benchmark._tuned import TABLE
+from pter_gym.benchmark.leaderboard import leaderboards
+from pter_gym.benchmark.tuned import TABLE
 from pter_gym.params._preset import PRESET, format_preset
 from pter_gym.policies import SHIPPED, read_policy, write_policy
 from pter_gym.scenarios import PACES

@@ -9,7 +9,7 @@ import fill
 import pages
 import pytest
 
-from pter_gym.benchmark._ranking import PRIVILEGED
+from pter_gym.benchmark.ranking import PRIVILEGED
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES

@@ -20,12 +20,13 @@ TESTED = ("tests/meta", "tests/commands", "tests/conformance", "tests/benchmark"
 
 def without(tool: str, folder: Path) -> Path:
     """Copy the checkout to a folder without one tool."""
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True).stdout
-    gone = (f"pter_gym/tools/{tool}/", f"tests/tools/{tool}/")
-    for name in listed.decode().rstrip("\0").split("\0"):
-        if not name.startswith(gone) and (ROOT / name).exists():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, folder / name)
+    skipped = shutil.ignore_patterns(".*", "__pycache__", "_build", "images", "pter-*", "*.egg-info")
+    for name in ("pter_gym", "agents", "tests", "docs", "notebooks"):
+        shutil.copytree(ROOT / name, folder / name, ignore=skipped)
+    for path in (*ROOT.glob("*.md"), *ROOT.glob("*.toml"), *ROOT.glob("*.txt"), ROOT / "CITATION.cff"):
+        shutil.copy(path, folder)
+    shutil.rmtree(folder / "pter_gym" / "tools" / tool)
+    shutil.rmtree(folder / "tests" / "tools" / tool)
     return folder
 
 

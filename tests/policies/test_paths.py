@@ -14,10 +14,10 @@ from pter_gym._engine.batch import Batch
 from pter_gym._internal.files import find_path
 from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario, run_standard_test, verify
-from pter_gym.benchmark._episodes import load_episodes, scenarios, store_episodes
 from pter_gym.benchmark._identity import identity_of
 from pter_gym.benchmark._run_files import read_run
-from pter_gym.benchmark._tuned import find_tuned, read_table
+from pter_gym.benchmark.episodes import load_episodes, scenarios, store_episodes
+from pter_gym.benchmark.tuned import find_tuned, read_table
 from pter_gym.controllers import Free, Impedance, bind
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.envs._vector import PathFollowingVectorEnv

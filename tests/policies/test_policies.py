@@ -20,8 +20,8 @@ from pter_gym._compiled.layout import Field, Layout
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark._identity import identity_of
-from pter_gym.benchmark._simulation import simulate
-from pter_gym.benchmark._tuned import find_tuned
+from pter_gym.benchmark.simulation import simulate
+from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import bind
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE

@@ -7,9 +7,9 @@ import pytest
 
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import FLAG, ROW
-from pter_gym.benchmark._metrics import score
 from pter_gym.benchmark._recorded import Recorded
-from pter_gym.benchmark._simulation import record_episode
+from pter_gym.benchmark.metrics import score
+from pter_gym.benchmark.simulation import record_episode
 from pter_gym.controllers import Free, SingleDof
 from pter_gym.controllers._predictive import Honest, Planner, Privileged, Settings
 from pter_gym.controllers._predictive.honest import Belief, ForceForecast, known_part

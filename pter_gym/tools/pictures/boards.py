@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pter_gym.benchmark import Leaderboard, Result
-from pter_gym.benchmark._episodes import find_episodes
 from pter_gym.benchmark._runs import ScenarioRun
+from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.tools.figures import save
 from pter_gym.tools.pictures.plots import leaderboard as plots
 from pter_gym.tools.pictures.plots.benchmark import error_against_time, tip_paths

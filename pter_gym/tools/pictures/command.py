@@ -14,7 +14,7 @@ from pter_gym.errors import ParameterError
 from pter_gym.scenarios import find_scenario
 
 if TYPE_CHECKING:
-    from pter_gym.benchmark._simulation import Episode
+    from pter_gym.benchmark.simulation import Episode
     from pter_gym.params import Machine
     from pter_gym.scenarios import Scenario
     from pter_gym.tasks.path_following import PathFollowing
@@ -131,7 +131,7 @@ def simulate(
 ) -> "dict[str, Episode]":
     """Return the episode of each policy by its name."""
     from pter_gym.benchmark import find_policy
-    from pter_gym.benchmark._simulation import record_episode, time_limit
+    from pter_gym.benchmark.simulation import record_episode, time_limit
 
     import_from_here()
     policies = {name: find_policy(name, seed, scenario) for name in names}

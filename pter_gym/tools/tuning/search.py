@@ -11,13 +11,13 @@ from typing import Any, cast
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, check_target, find_path
+from pter_gym.benchmark._examination import Assessment, Examination
 from pter_gym.benchmark._naming import find_policy
-from pter_gym.benchmark._tuned import TABLE, TUNABLE, controller_of, read_table
+from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, read_table
 from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
 from pter_gym.errors import ParameterError, StorageError, needs_extra, unknown_name
 from pter_gym.scenarios import Scenario, find_pace, find_scenario
 from pter_gym.scenarios._own_machine import AnyMachine, find_own
-from pter_gym.tools.tuning.examination import Assessment, Examination
 from pter_gym.tools.tuning.spaces import SPACES, Range, gains_at, point_at
 
 TRIALS = 3000

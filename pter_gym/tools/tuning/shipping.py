@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.locks import locked
-from pter_gym.benchmark._tuned import Table, read_table
+from pter_gym.benchmark.tuned import Table, read_table
 from pter_gym.policies._stored_gains import gains_of, make_guided
 from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tools.tuning.search import TunedGains

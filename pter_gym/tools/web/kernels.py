@@ -1,7 +1,7 @@
 """The kernels of the WebAssembly module: one world in a page's memory, moved by the functions that move all worlds.
 
-They get addresses; ``pter_gym.tools.web.tables`` says what is there. After a change here, or in a function that they call,
-run ``python docs/make/web_module.py``, which compiles them (it needs PyPI's ``ziglang``), and commit
+They get addresses; ``pter_gym.tools.web.tables`` says what is there. After a change here, or in a function that they
+call, run ``python docs/make/web_module.py``, which compiles them (it needs PyPI's ``ziglang``), and commit
 ``pter_gym/tools/web/static``.
 """
 

@@ -20,7 +20,7 @@ from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark._measures import SEGMENTS
 from pter_gym.benchmark._naming import find_policy
 from pter_gym.benchmark._recorded import PRICE
-from pter_gym.benchmark._tuned import TUNED
+from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS, Policy
 from pter_gym.hands import MultiSineHand, Operator, RecordedForces
 from pter_gym.params import BASELINE, MACHINES, Machine, require

@@ -10,11 +10,11 @@ from studies.clutch_use import clutch_use, episodes, stuck_clutches
 
 from pter_gym._engine.batch import Batch
 from pter_gym._physics.friction import ClutchMode
-from pter_gym.benchmark._metrics import score_episodes
 from pter_gym.benchmark._naming import find_policy
-from pter_gym.benchmark._simulation import simulate, time_limit
-from pter_gym.benchmark._tuned import find_tuned
+from pter_gym.benchmark.metrics import score_episodes
+from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.benchmark.statistics import bootstrap_interval
+from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import Impedance, SingleDof
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE

@@ -10,8 +10,8 @@ from studies.motors import on_motors, simulate_motors
 
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark._measures import column, four, vector
-from pter_gym.benchmark._simulation import simulate
-from pter_gym.benchmark._tuned import find_tuned
+from pter_gym.benchmark.simulation import simulate
+from pter_gym.benchmark.tuned import find_tuned
 from pter_gym.controllers import Impedance, PaceSchedule, SingleDof, TorqueFeedback
 from pter_gym.errors import ParameterError
 from pter_gym.hands import RELAXED, HumanArm, MultiSineHand

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from pter_gym._commands.main import main
+from pter_gym.benchmark._examination import MISSING, RESERVE
 from pter_gym.benchmark._naming import find_policy
-from pter_gym.benchmark._ranking import COMPLETION, PACE_ERROR
-from pter_gym.benchmark._tuned import TABLE, TUNABLE, controller_of, find_tuned, read_table
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, find_tuned, read_table
 from pter_gym.controllers import CONTROLLERS, Controller, Free, Impedance, Locked, PaceSchedule
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import DELRIN_EXPERIMENTAL
 from pter_gym.scenarios import PACES
 from pter_gym.tools.tuning import SPACES, Assessment, Examination, TunedGains, add_gains, tune
-from pter_gym.tools.tuning.examination import MISSING, RESERVE
 from pter_gym.tools.tuning.search import JOURNAL_LINE, make, open_journal
 from pter_gym.tools.tuning.spaces import Range, gains_at, point_at
 

@@ -16,8 +16,8 @@ import pytest
 
 from pter_gym._commands.main import main
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark._metrics import score
 from pter_gym.benchmark._naming import find_policy
+from pter_gym.benchmark.metrics import score
 from pter_gym.errors import ParameterError
 from pter_gym.hands import read_forces
 from pter_gym.params import BASELINE, MACHINES, Machine, find_machine, machine_of

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
-from pter_gym.benchmark._metrics import Score
 from pter_gym.benchmark._standard import TIME_CONSTANTS
+from pter_gym.benchmark.metrics import Score
 from pter_gym.controllers import TorqueFeedback
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import PAPER_MACHINES, Machine, quantity, require, require_flag, require_numbers

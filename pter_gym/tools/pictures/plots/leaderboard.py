@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._episodes import Episodes
-from pter_gym.benchmark._leaderboard import Leaderboard
-from pter_gym.benchmark._ranking import PACE_ERROR, Standing
 from pter_gym.benchmark._runs import Sample, ScenarioRun, join_seeds
+from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.leaderboard import Leaderboard
+from pter_gym.benchmark.ranking import PACE_ERROR, Standing
 from pter_gym.benchmark.statistics import performance_profile
 from pter_gym.scenarios import PACES
 from pter_gym.tools.figures import MILLIMETRE, REFERENCE, WIDTH, Look, label, looks, styled

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pter_gym.benchmark import Leaderboard, leaderboards, run_scenario
-from pter_gym.benchmark._episodes import load_episodes
 from pter_gym.benchmark._runs import ScenarioRun
+from pter_gym.benchmark.episodes import load_episodes
 from pter_gym.tools.pictures.plots import leaderboard as plots
 from pter_gym.tools.pictures.plots import save
 from pter_gym.tools.pictures.render.geometry import five_bar, path_points

@@ -9,7 +9,7 @@ from PIL import Image
 
 from pter_gym._commands.main import main
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark._simulation import record_episode, time_limit
+from pter_gym.benchmark.simulation import record_episode, time_limit
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import TELEMETRY
 from pter_gym.tools.pictures import command
@@ -113,7 +113,7 @@ def test_missing_pygame_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest
 
 def test_a_policy_of_ones_own(here: Path, monkeypatch: pytest.MonkeyPatch):
     """As `pter benchmark` finds it."""
-    monkeypatch.setattr("pter_gym.benchmark._simulation.time_limit", lambda _: 2)
+    monkeypatch.setattr("pter_gym.benchmark.simulation.time_limit", lambda _: 2)
     (here / "mine_to_watch.py").write_text(
         "import numpy as np\n\ndef act(obs):\n    return np.full((len(obs), 4), 2.0)\n"
     )

@@ -9,8 +9,8 @@ from rich.table import Table
 
 from pter_gym._internal.terminal import terminal
 from pter_gym._version import __version__
-from pter_gym.benchmark._ranking import COMPLETION, PACE_ERROR, Standing, find_standings
 from pter_gym.benchmark._runs import ScenarioRun
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, Standing, find_standings
 from pter_gym.scenarios import PACES
 
 __all__ = ["COMPLETION", "FULL", "PACE_ERROR", "Leaderboard", "leaderboards", "rank", "table"]

@@ -12,11 +12,12 @@ from typing import Any
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_files_atomic
+from pter_gym._internal.plugins import load_artist
 from pter_gym._internal.terminal import make_folder
 from pter_gym._version import __version__
 from pter_gym.benchmark._evaluation import fresh_seed, run_scenario
-from pter_gym.benchmark._leaderboard import Leaderboard, leaderboards
-from pter_gym.benchmark._simulation import record_episode, time_limit
+from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
+from pter_gym.benchmark.simulation import record_episode, time_limit
 from pter_gym.policies import SHIPPED, Neural, read_policy, shipped_policies
 from pter_gym.policies._files import CARD, TEXT, WEIGHTS, find_exported
 from pter_gym.scenarios import PACES, SCENARIOS, Scenario
@@ -88,10 +89,8 @@ def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -
     StorageError
         If the folder cannot be written.
     """
-    from pter_gym.tools.pictures.render.film import check_ending
-
     episodes, where = whole_number("episodes", episodes), find_path("out", out)
-    check_ending(Path(FILM))
+    load_artist("film").check_ending(Path(FILM))
     name, source = (str(policy), SHIPPED) if policy in shipped_policies() else find_exported(policy)
     neural = read_policy(name, source)
     scenario = scenario_of(neural.card.about.get("scenario"))
@@ -148,12 +147,12 @@ def model_card(name: str, text: str, scenario: Scenario, boards: Sequence[Leader
 
 def _film(name: str, policy: Neural, scenario: Scenario) -> bytes:
     """Return a film of one training draw at medium pace."""
-    from pter_gym.tools.pictures.render.film import RATES, Film, Shot, write_film
-    from pter_gym.tools.pictures.render.picture import Subject
-
+    artist = load_artist("film")
     ((machine, task),) = scenario.randomisation("medium", contexts=1, seed=0).pairs()
     episode = record_episode(policy, machine, task, 0, time_limit(task))
-    film = Film([Shot(Subject(machine, task, name), episode.telemetry)], RATES[Path(FILM).suffix])
+    film = artist.Film(
+        [artist.Shot(artist.Subject(machine, task, name), episode.telemetry)], artist.RATES[Path(FILM).suffix]
+    )
     with TemporaryDirectory() as folder:
-        write_film(film, Path(folder) / FILM)
+        artist.write_film(film, Path(folder) / FILM)
         return (Path(folder) / FILM).read_bytes()

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark._metrics import Scores, ranked_scores
 from pter_gym.benchmark._naming import find_policy
-from pter_gym.benchmark._ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark._recorded import Travel
-from pter_gym.benchmark._simulation import AnyPolicy, run, time_limit
+from pter_gym.benchmark.metrics import Scores, ranked_scores
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit
 from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.controllers import bind
 from pter_gym.scenarios import find_scenario

@@ -7,8 +7,8 @@ import gymnasium
 import pytest
 
 import pter_gym
+from pter_agents.sharing import model_card, scenario_of, share_policy
 from pter_gym.benchmark import leaderboards, run_scenario
-from pter_gym.benchmark._sharing import model_card, scenario_of, share_policy
 from pter_gym.policies import SHIPPED
 from pter_gym.scenarios import PACES, SCENARIOS
 

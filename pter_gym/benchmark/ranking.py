@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from pter_gym.benchmark._metrics import METRICS
 from pter_gym.benchmark._runs import Planning, ScenarioRun, join_seeds, without_copies
+from pter_gym.benchmark.metrics import METRICS
 from pter_gym.benchmark.statistics import (
     Interval,
     bootstrap_interval,
