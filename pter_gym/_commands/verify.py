@@ -14,7 +14,7 @@ def verify(
     policies: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "",
     seed: int = 0,
 ) -> int:
-    """Run what is in a results folder again and compare scores, bit for bit.
+    """Run what is in a results folder again and compare scores.
 
     Prints for each file what differs, or why it cannot be run again; the exit status is 1 unless all are the same. The
     measured time of a decision is not compared.

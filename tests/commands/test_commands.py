@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pter_gym._commands.arguments import as_typed
-from pter_gym._commands.main import INTERRUPTED, USERS, WORKSHOP, commands, load_command, main, parse
+from pter_gym._commands.main import INTERRUPTED, commands, load_command, main, parse
 from pter_gym._commands.names import names_of, names_table
 from pter_gym.errors import ParameterError
 
@@ -51,12 +51,6 @@ def test_help_fits_a_screen(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
     assert all(text.endswith(".") for _, text in found), "a text does not fit its line"
     assert main([]) == 0
     assert capsys.readouterr().out == shown
-
-
-def test_commands_of_users_come_first() -> None:
-    order = list(commands())
-    assert tuple(order[-len(WORKSHOP) :]) == WORKSHOP
-    assert [name for name in order if name in USERS] == [name for name in USERS if name in order]
 
 
 @pytest.mark.parametrize("name", commands())
