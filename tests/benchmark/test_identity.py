@@ -231,7 +231,7 @@ def test_prose_and_pictures_do_not_change_the_digest_of_the_code(package: Path) 
     with (package / "presets" / "pter.toml").open("a", encoding="utf-8") as file:
         file.write("# a comment\n")
     assert digest() == before == runs_module.code_digest()
-    for room in ("render", "plots", "internal"):
+    for room in ("tools", "_commands"):
         for path in (package / room).rglob("*.py"):
             path.write_text("DRAWN = 1\n", "utf-8")
     assert digest() == before
