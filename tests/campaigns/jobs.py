@@ -8,8 +8,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-import numpy as np
-
 JOURNAL, GAINS, TRIALS = "a #?%b.db", "gains.toml", 5
 """Of the search for gains: its files and its trials."""
 
@@ -96,7 +94,7 @@ def train(folder: Path) -> int:
 
 def trained(folder: Path) -> Kept:
     """Return the checkpoints that were reached; description, scores and checkpoints must be whole."""
-    from pter_agents.checkpoints import checkpoints
+    from pter_agents.checkpoints import checkpoints, read_checkpoint, steps_of
     from pter_agents.training import RUN, RunFolder
 
     run = folder / "run"
@@ -106,9 +104,8 @@ def trained(folder: Path) -> Kept:
     RunFolder(run).scores()
     steps = [0]
     for path in checkpoints(run):
-        with np.load(path, allow_pickle=False) as archive:
-            assert all(archive[name].size for name in archive.files)
-        steps.append(int(path.stem.split("-")[1]))
+        assert read_checkpoint(path)
+        steps.append(steps_of(path))
     return {str(step): "reached" for step in range(0, steps[-1] + 1, 16 * 8)}
 
 
