@@ -244,7 +244,7 @@ def test_the_engaged_clutch_is_kept_with_reluctance() -> None:
     )
     engaged_by = [np.array([policy(row) for row in obs]).argmax(axis=1) for policy in (fickle, stubborn)]
     changes = [(np.diff(engaged) != 0).sum() for engaged in engaged_by]
-    assert changes[1] < 0.8 * changes[0]
+    assert changes[1] < 0.9 * changes[0]
 
 
 def test_the_damper_along_the_path_leaves_a_fraction_of_the_pace_alone() -> None:
