@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from typing import get_args
 
 import boards
 import fill
@@ -13,7 +14,7 @@ from pter_gym.benchmark.ranking import PRIVILEGED
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
-from pter_gym.tasks.path_following import observation_layout
+from pter_gym.tasks.path_following import Sensors, observation_layout
 
 
 @pytest.mark.parametrize("table", fill.DECLARED, ids=lambda table: f"{Path(table.page).stem}: {table.name}")
@@ -35,7 +36,12 @@ def test_the_docstring_of_the_environment_names_every_entry_of_the_observation()
     (section,) = re.findall(r"## Observation Space(.*?)## ", PathFollowingEnv.__doc__ or "", re.DOTALL)
     rows = [line for line in section.splitlines() if line.strip().startswith("| `")]
     named = [name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[1])]
-    assert tuple(named) == observation_layout(BASELINE, "force").names
+    assert tuple(named) == observation_layout(BASELINE, "force").names, (
+        "the table in the docstring of PathFollowingEnv, in pter_gym/envs/_single.py, has a row for each entry"
+    )
+    sizes = [len(observation_layout(BASELINE, sensors)) for sensors in get_args(Sensors)]
+    words = "`Box(-25, 25, ({},), float32)`, with torque sensors {} entries, with force sensors {}."
+    assert words.format(*sizes) in section, "and says how many there are"
 
 
 def test_a_block_is_replaced_and_nothing_else(tmp_path: Path) -> None:
