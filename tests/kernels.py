@@ -37,10 +37,6 @@ def main(part: str) -> None:
         policy(obs)
         start = open_loop.initial_state(BASELINE, (0.5, 2.0))
         open_loop.simulate(BASELINE, start, np.zeros(4), np.zeros(2), duration=BASELINE.substep)
-        sys.path.append(str(ROOT / "docs" / "make"))
-        from studies.motors import on_motors, simulate_motors
-
-        simulate_motors(batch, on_motors(Impedance(), BASELINE, batch.layout), [0], 1)
 
 
 def compile_all() -> None:

@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pter_gym._physics.friction import ClutchMode
-from pter_gym.envs._size import HEIGHT, WIDTH, check_size
+from pter_gym.envs._size import HEIGHT, WIDTH
 from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tools.pictures.render import Viewer, style
-from pter_gym.tools.pictures.render.picture import Picture, Sheet, Subject, grid
-from pter_gym.tools.pictures.render.readings import MODE_NAMES, clutch_states, outcome, signed
+from pter_gym.tools.pictures.render.picture import Picture, Subject
+from pter_gym.tools.pictures.render.readings import MODE_NAMES, clutch_states, outcome
 
 TASK = PathFollowing()
 THETA = (0.4, 2.2)
@@ -104,27 +104,6 @@ def test_any_size_can_be_drawn(width: int, height: int):
     assert Picture(Subject(BASELINE, TASK, "name" * 9), width, height).draw(row(), TRAIL).shape == (height, width, 3)
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 5, 12])
-def test_a_sheet_has_a_picture_of_each_subject(count: int):
-    rows, columns = grid(count)
-    assert (rows - 1) * columns < count <= rows * columns
-    sheet = Sheet(211, 173, [Subject(BASELINE, TASK)] * count)
-    before = sheet.draw([(row(), TRAIL)] * count)
-    after = sheet.draw([(row(), TRAIL)] * (count - 1) + [(row(theta_b=1.9), TRAIL)])
-    assert before.shape == (173, 211, 3)
-    y, x = np.nonzero((before != after).any(axis=-1))
-    assert y.min() >= 173 * (rows - 1) // rows
-    assert x.min() >= 211 * ((count - 1) % columns) // columns
-
-
-@pytest.mark.parametrize("bad", [31, 8193, 2.5, "wide", True, None])
-def test_a_bad_size_is_named(bad: object):
-    with pytest.raises(ParameterError, match="width must be a whole number"):
-        check_size(bad, 100)
-    with pytest.raises(ParameterError, match="height must be a whole number"):
-        check_size(100, bad)
-
-
 def test_mode_is_checked():
     with pytest.raises(ParameterError, match="mode must be one of rgb_array, human"):
         Viewer(BASELINE, TASK, "ansi")  # pyright: ignore[reportArgumentType]
@@ -157,11 +136,6 @@ def test_the_mode_or_the_end_of_an_episode_is_named():
     assert [outcome(row(mode=mode)) for mode in ClutchMode] == [MODE_NAMES[mode] for mode in ClutchMode]
     assert outcome(row(terminated=1.0)) == "left the workspace"
     assert outcome(row(terminated=1.0, is_success=1.0)) == "arrived"
-
-
-@pytest.mark.parametrize(("value", "text"), [(1.26, "+1.3"), (-1.26, "−1.3"), (0.0, "0.0"), (-0.04, "0.0")])
-def test_signed_numbers(value: float, text: str):
-    assert signed(value) == text
 
 
 def run_fresh(program: str, **variables: str) -> str:
@@ -242,17 +216,3 @@ show_film(film, 1000.0, "film")
 print(shown == [*range(len(film)), 0, 1, 2], pygame.display.get_init())
 """
     assert run_fresh(program, SDL_VIDEODRIVER="dummy") == "True False"
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="other systems always have a display")
-def test_a_display_that_nobody_sees_does_not_count():
-    pytest.importorskip("pygame")
-    program = """
-from pter_gym.tools.pictures.render.window import has_display
-found = [has_display()]
-for driver in ("dummy", "offscreen"):
-    os.environ["SDL_VIDEODRIVER"] = driver
-    found.append(has_display())
-print(found)
-"""
-    assert run_fresh(program) == "[False, False, False]"
