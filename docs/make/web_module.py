@@ -23,6 +23,7 @@ import numba
 
 from pter_gym._compiled.compiler import files_of
 from pter_gym._internal.files import write_bytes_atomic, write_text_atomic
+from pter_gym._internal.sources import meaning_of
 from pter_gym.tools.web.kernels import KERNELS, Kernel
 from pter_gym.tools.web.tables import MODULE, STATIC, TABLES, tables
 
@@ -75,12 +76,13 @@ def as_text(module: bytes) -> str:
 
 
 def digest(content: dict[str, Any]) -> str:
-    """Return a hash of the tables and of all files of which the module is made."""
+    """Return a hash of the tables and of what all files mean of which the module is made; comments do not count."""
     reached = {name for kernel in KERNELS for name in files_of(kernel.function)}
     sources = sorted(path for path in map(Path, reached) if path.is_file())  # what records write has none
     found = hashlib.sha256(json.dumps(content).encode())
-    for source in (*sources, FUNCTIONS, Path(__file__)):
-        found.update(source.read_bytes())
+    for source in (*sources, Path(__file__)):
+        found.update(meaning_of(source).encode())
+    found.update(FUNCTIONS.read_bytes())
     return found.hexdigest()
 
 

@@ -98,7 +98,7 @@ def empty_blocks(contexts: Array, draws: int, rows: int) -> Array:
     n = len(contexts)
     width = min(LANES, -(-n // 8) * 8)
     blocks = -(-n // width)
-    worlds = np.zeros((blocks, rows, width))
+    worlds: Any = np.zeros((blocks, rows, width))
     worlds[:, ROW.context_at] = np.concatenate([contexts, np.repeat(contexts[-1:], blocks * width - n)]).reshape(
         -1, width
     )

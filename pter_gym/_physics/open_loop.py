@@ -215,7 +215,7 @@ def body_of(machine: Machine, state: State) -> Array:
     ParameterError
         If a number of the state is not finite, or a torque or voltage is negative.
     """
-    body = np.zeros((BODY_WIDTH, 1))
+    body: Any = np.zeros((BODY_WIDTH, 1))
     store(body, BODY.machine, 0, model_of(machine))
     theta_a, theta_b = _vector("state.theta", state.theta, 2)
     omega_a, omega_b = _vector("state.omega", state.omega, 2)

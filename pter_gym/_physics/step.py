@@ -101,7 +101,7 @@ def free_motion(q: Motion, arm: Linkage, on: Load, h: float) -> Impact:
 
 
 @device
-def count_nonzero(w: Any, row: int, lanes: int) -> int:
+def count_nonzero(w: Any, row: float, lanes: int) -> int:
     """Return how many of the first columns of an array are not zero in a row."""
     count = 0
     for i in range(lanes):

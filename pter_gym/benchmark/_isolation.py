@@ -14,7 +14,7 @@ import weakref
 from contextlib import suppress
 from enum import IntEnum
 from pathlib import Path
-from typing import IO, Any, Self, cast, get_args
+from typing import Any, Self, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -214,7 +214,7 @@ def _start(name: str) -> tuple["subprocess.Popen[bytes]", socket.socket]:
     return process, own
 
 
-def _end(process: "subprocess.Popen[bytes]", own: socket.socket, stream: IO[bytes]) -> None:
+def _end(process: "subprocess.Popen[bytes]", own: socket.socket, stream: Any) -> None:
     """End a process and those that it has started, and wait for it."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)

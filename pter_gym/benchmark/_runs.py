@@ -1,19 +1,17 @@
 """One policy on the episodes of one scenario at one pace: what was run, and its scores."""
 
-import ast
 import hashlib
 import json
-import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import cast
 from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym._internal.sources import meaning_of
 from pter_gym.benchmark.metrics import SCORES, Scores
 from pter_gym.errors import ParameterError
 from pter_gym.policies._files import LONGEST_NAME
@@ -234,21 +232,5 @@ def code_digest() -> str:
         if not files:
             raise FileNotFoundError(f"{place} decides scores and does not exist: correct DECIDING in {__file__}")
         for path in files:
-            text = path.read_text("utf-8")
-            meaning = tomllib.loads(text) if path.suffix == ".toml" else _meaning(ast.parse(text))
-            content.update(f"{path.relative_to(PACKAGE).as_posix()}: {meaning}\n".encode())
+            content.update(f"{path.relative_to(PACKAGE).as_posix()}: {meaning_of(path)}\n".encode())
     return content.hexdigest()
-
-
-def _meaning(node: object) -> object:
-    """Return a syntax tree as plain data without docstrings; what is absent in some versions of Python is left out."""
-    if isinstance(node, list):
-        return [_meaning(each) for each in cast("list[object]", node) if not _is_docstring(each)]
-    if not isinstance(node, ast.AST):
-        return repr(node)
-    parts = ((name, _meaning(value)) for name, value in ast.iter_fields(node) if value not in (None, []))
-    return [type(node).__name__, *parts]
-
-
-def _is_docstring(node: object) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)

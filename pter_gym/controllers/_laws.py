@@ -188,7 +188,7 @@ def allocate_in(g: Gains, tip: Tip, want_a: float, want_b: float, low: PerClutch
 
 @device
 def looped_voltage(
-    obs: Any, scales: Any, gains: Any, g: Gains, least: float, scale: float, wanted: float, slip: float, sensor: int
+    obs: Any, scales: Any, gains: Any, g: Gains, least: float, scale: float, wanted: float, slip: float, sensor: float
 ) -> float:
     """Return the voltage [V] of a clutch, behind the torque loop where it has a gain; only then is its sensor read.
 

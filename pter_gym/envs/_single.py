@@ -217,7 +217,8 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._draw()
 
     def _draw(self) -> NDArray[np.uint8] | None:
-        return self._viewer.draw(self._rows[-1], np.array(self._rows)[:, [*COLUMN.tip]])
+        rows: Any = np.array(self._rows)
+        return self._viewer.draw(rows[-1], rows[:, [*COLUMN.tip]])
 
 
 def find_pairs(

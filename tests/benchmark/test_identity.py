@@ -231,7 +231,7 @@ def test_prose_and_pictures_do_not_change_the_digest_of_the_code(package: Path) 
     with (package / "presets" / "pter.toml").open("a", encoding="utf-8") as file:
         file.write("# a comment\n")
     assert digest() == before == runs_module.code_digest()
-    for room in ("render", "plots", "internal"):
+    for room in ("tools", "_commands"):
         for path in (package / room).rglob("*.py"):
             path.write_text("DRAWN = 1\n", "utf-8")
     assert digest() == before
@@ -240,8 +240,8 @@ def test_prose_and_pictures_do_not_change_the_digest_of_the_code(package: Path) 
 @pytest.mark.parametrize(
     ("file", "old", "new"),
     [
-        ("physics/friction.py", "2.0 * c.x4", "2.5 * c.x4"),
-        ("benchmark/recorded.py", "PRICE = 2.0", "PRICE = 3.0"),
+        ("_physics/friction.py", "2.0 * c.x4", "2.5 * c.x4"),
+        ("benchmark/_recorded.py", "PRICE = 2.0", "PRICE = 3.0"),
         ("presets/pter.toml", "value = 0.5645", "value = 0.5646"),
     ],
 )
@@ -252,8 +252,8 @@ def test_another_number_is_other_code(package: Path, file: str, old: str, new: s
 
 
 def test_a_room_that_does_not_exist_is_told(package: Path) -> None:
-    (package / "physics").rename(package / "mechanics")
+    (package / "_physics").rename(package / "mechanics")
     with pytest.raises(
-        FileNotFoundError, match=r"physics decides scores and does not exist: correct DECIDING in .*runs\.py"
+        FileNotFoundError, match=r"_physics decides scores and does not exist: correct DECIDING in .*runs\.py"
     ):
         digest()

@@ -209,7 +209,7 @@ class Planner:
         """Return the plan that the guide's voltages make, (knots, 4)."""
         s = self.settings
         bring_to(self.one, state)
-        _, rows = self.one.rollout(obs[None], self.guide.law, self.guide.gains, s.horizon)
+        rows: Any = self.one.rollout(obs[None], self.guide.law, self.guide.gains, s.horizon)[1]
         at = np.minimum(np.arange(s.knots) * s.knot_steps, s.horizon - 1)
         return np.nan_to_num(rows[at, 0][:, [*COLUMN.volts]])
 

@@ -213,7 +213,7 @@ def _png(film: Film, on_frame: Progress) -> bytes:
     return content.getvalue()
 
 
-def _state(telemetry: Array, time: float) -> tuple[Array, Array]:
+def _state(telemetry: Any, time: float) -> tuple[Array, Array]:
     """Return the row at a time [s] or at the end, and the trail until then."""
     row = int(np.searchsorted(telemetry[:, COLUMN.time], time + 1e-9, side="right")) - 1
     return telemetry[row], telemetry[: row + 1, [*COLUMN.tip]]

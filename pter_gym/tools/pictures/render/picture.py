@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,7 @@ class Picture:
             if height >= LEGEND_FROM:
                 scene.draw_legend(self._still, left, 1.5 * LINE * unit, min(style.BODY * unit, drawing.width / 32))
 
-    def draw(self, row: Array, trail: Array) -> NDArray[np.uint8]:
+    def draw(self, row: Any, trail: Array) -> NDArray[np.uint8]:
         """Return a telemetry row, shape (len(TELEMETRY),), as pixels; ``trail`` holds past tips [m], shape (K, 2)."""
         canvas = self._still.copy()
         size = style.BODY * self._unit if self._has_text else 0.0
@@ -76,7 +76,7 @@ class Picture:
             self._draw_readings(canvas, row, size)
         return canvas.pixels()
 
-    def _draw_readings(self, canvas: Canvas, row: Array, size: float) -> None:
+    def _draw_readings(self, canvas: Canvas, row: Any, size: float) -> None:
         """Write the time above the scene; below it the error and the mode, and draw a card for each clutch."""
         left, top, right, bottom = self._panel
         gap, line, pad = GAP * self._unit, LINE * self._unit, MARGIN * self._unit

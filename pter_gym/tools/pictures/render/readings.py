@@ -1,6 +1,6 @@
 """What is read of a telemetry row below the scene: the mode, and a card for each clutch."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,14 +43,14 @@ class Limits(NamedTuple):
         return cls(clutch.voltage_max, max(curve.torque(clutch.voltage_max) for curve in curves))
 
 
-def outcome(row: Array) -> str:
+def outcome(row: Any) -> str:
     """Return the dynamic mode, or how the episode has ended."""
     if row[COLUMN.terminated]:
         return "arrived" if row[COLUMN.is_success] else "left the workspace"
     return MODE_NAMES[ClutchMode(int(row[COLUMN.mode]))]
 
 
-def clutch_states(row: Array) -> list[str]:
+def clutch_states(row: Any) -> list[str]:
     """Return what each of the four clutches does; one without voltage and torque is released, even at rest."""
     idle = (row[[*COLUMN.volts]] == 0.0) & (row[[*COLUMN.torque]] == 0.0)
     mode = int(row[COLUMN.mode])
@@ -63,7 +63,7 @@ def signed(value: float) -> str:
     return f"{value:+.1f}".replace("-", "−") if round(value, 1) else "0.0"
 
 
-def draw_card(canvas: Canvas, box: Box, clutch: int, row: Array, limits: Limits, unit: float) -> None:
+def draw_card(canvas: Canvas, box: Box, clutch: int, row: Any, limits: Limits, unit: float) -> None:
     """Draw a clutch's state, and voltage and torque as bars and numbers."""
     volts, torque = float(row[COLUMN.volts[clutch]]), float(row[COLUMN.torque[clutch]])
     state = clutch_states(row)[clutch]
