@@ -10,7 +10,7 @@ from documents import run_extending, run_own_controller
 from pter_gym._engine.batch import Batch
 from pter_gym._physics import open_loop
 from pter_gym.benchmark.simulation import record_episode, simulate
-from pter_gym.controllers import Free, Impedance
+from pter_gym.controllers import Free
 from pter_gym.controllers._predictive import Privileged, Settings
 from pter_gym.params import BASELINE, TIME_CONSTANT
 from pter_gym.params._preset import PRESET

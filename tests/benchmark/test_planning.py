@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pter_gym._compiled.layout import Layout
-from pter_gym.benchmark import PerSeed, evaluation, find_policy, leaderboards, run_scenario
+from pter_gym.benchmark import PerSeed, find_policy, leaderboards, run_scenario
+from pter_gym.benchmark import _evaluation as evaluation
 from pter_gym.benchmark._naming import GUIDE_TABLE
 from pter_gym.benchmark.leaderboard import table
 from pter_gym.benchmark.tuned import find_tuned

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pter_gym._commands import main as cli
 from pter_gym.benchmark import PerSeed, ResultsFolder, run_scenario
-from pter_gym.benchmark import evaluation as evaluation_module
+from pter_gym.benchmark import _evaluation as evaluation_module
 from pter_gym.benchmark._results import LOCK
 from pter_gym.benchmark._run_files import read_run, run_path
 from pter_gym.benchmark._runs import sample_numbers

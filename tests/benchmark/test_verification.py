@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pter_gym._commands import main as cli
 from pter_gym.benchmark import PerSeed, ResultsFolder, Verdict, fresh_seed, run_scenario, verify
-from pter_gym.benchmark import verification as verification_module
+from pter_gym.benchmark import _verification as verification_module
 from pter_gym.benchmark._run_files import HASH, file_hash
 from pter_gym.benchmark._verification import SAME
 from pter_gym.controllers import Free, Locked, Random

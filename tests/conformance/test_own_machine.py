@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import pter_gym  # noqa: F401 - registers the ids
+from pter_gym.benchmark import Examination
 from pter_gym.controllers import TorqueFeedback, bind
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, machine_of
@@ -17,7 +18,6 @@ from pter_gym.scenarios import SCENARIOS, find_scenario
 from pter_gym.scenarios._own_machine import OwnMachine, as_sensed, find_own
 from pter_gym.scenarios.randomisation import OneOf, Vary
 from pter_gym.tasks.path_following import PathFollowing, Sensing
-from pter_gym.tools.tuning import Examination
 
 OWN = replace(
     PRESET, arm=replace(PRESET.arm, inertia_a=0.7), clutch=replace(PRESET.clutch, scale=(0.9, 1.1, 1.05, 0.95))

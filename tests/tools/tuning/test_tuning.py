@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from pter_gym.benchmark import Assessment, Examination
 from pter_gym.benchmark._examination import MISSING, RESERVE
 from pter_gym.benchmark._naming import find_policy
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
@@ -18,7 +19,7 @@ from pter_gym.controllers import CONTROLLERS, Controller, Impedance, PaceSchedul
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import DELRIN_EXPERIMENTAL
 from pter_gym.scenarios import PACES
-from pter_gym.tools.tuning import SPACES, Assessment, Examination, TunedGains, add_gains, tune
+from pter_gym.tools.tuning import SPACES, TunedGains, add_gains, tune
 from pter_gym.tools.tuning.search import JOURNAL_LINE, make, open_journal
 from pter_gym.tools.tuning.spaces import Range, gains_at, point_at
 
