@@ -129,7 +129,7 @@ def text_with(section: str, field: str, entry: str) -> str:
     [
         ("", "'length_a' is missing"),
         ('{ value = "0.5", unit = "m", from = "fitted: x" }', "finite number"),
-        ('{ value = nan, unit = "m", from = "fitted: x" }', "finite number"),
+        ('{ value = nan, unit = "m", from = "fitted: x" }', "finite"),
         ("{ value = 1" + "0" * 400 + ', unit = "m", from = "fitted: x" }', "finite number"),
         ('{ value = -0.5, unit = "m", from = "fitted: x" }', "> 0"),
         ('{ value = 0.5, unit = "in", from = "fitted: x" }', "unit"),

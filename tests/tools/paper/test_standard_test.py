@@ -21,7 +21,7 @@ def test_a_sweep_is_the_benchmark_on_each_machine():
     sweeps = time_constant_sweep(setup, TAUS)
     assert list(sweeps) == list(PAPER_MACHINES)
     for name, machine in PAPER_MACHINES.items():
-        controller = Impedance(**{f: getattr(setup.controller, f) for f in Impedance.__dataclass_fields__})
+        controller = Impedance(**{item.name: getattr(setup.controller, item.name) for item in fields(Impedance)})
         runs = run_standard_test({"": controller}, machine=machine, task=setup.task, time_constants=TAUS).runs[""]
         assert sweeps[name].position_error.tolist() == [run.score.mean_error_m for run in runs]
         assert sweeps[name].tip_speed.tolist() == [run.score.mean_speed_m_s for run in runs]
