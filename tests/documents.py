@@ -37,11 +37,6 @@ def run_extending() -> None:
     run_program(blocks_of(DOCS / "extending.md"), "extending.md")
 
 
-def run_own_controller() -> None:
-    """Run the notebook on one's own controller, without its pictures in the page."""
-    run_program(cells_of(ROOT / "notebooks" / "03_your_own_controller.ipynb"), "<notebook>")
-
-
 def load_script(script: Path) -> ModuleType:
     """Import a script by its file."""
     spec = importlib.util.spec_from_file_location(script.stem, script)

@@ -16,8 +16,8 @@ from pter_gym.tools.datasets import Episode, record_episodes, write_dataset
 minari = pytest.importorskip("minari")
 pytest.importorskip("h5py")
 
-NAME = "pter/everything/random-v0"
-COMMAND = ["record", "--scenario", "everything", "--level", "random", "--steps", "400", "--seed", "2", "--out"]
+NAME = "pter/standard/random-v0"
+COMMAND = ["record", "--scenario", "standard", "--level", "random", "--steps", "400", "--seed", "2", "--out"]
 
 
 def digests(folder: Path) -> dict[str, str]:
@@ -35,7 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def episodes() -> list[Episode]:
     """What the command records."""
-    return record_episodes("everything", "random", 400, seed=2)
+    return record_episodes("standard", "random", 400, seed=2)
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def test_minari_reads_what_was_recorded(dataset: Any, episodes: list[Episode]) -
     summary = dataset.storage.metadata["summary"]
     assert summary["arrived"][0] == pytest.approx(np.mean([each.arrived for each in episodes]))
     assert dataset.storage.metadata["description"].endswith(
-        "pter record --scenario everything --level random --steps 400 --seed 2"
+        "pter record --scenario standard --level random --steps 400 --seed 2"
     )
     for read, made in zip(dataset.iterate_episodes(), episodes, strict=True):
         for name in ("observations", "actions", "rewards", "terminations", "truncations"):
@@ -103,7 +103,7 @@ def test_a_full_disk_leaves_the_data_of_before(
 
     monkeypatch.setattr("minari.dataset.minari_storage.MinariStorage.update_metadata", fail)
     with pytest.raises(StorageError, match="No space left"):
-        write_dataset("everything", "random", episodes[:1], tmp_path, seed=2, command="")
+        write_dataset("standard", "random", episodes[:1], tmp_path, seed=2, command="")
     assert digests(tmp_path) == digests(folder)
 
 

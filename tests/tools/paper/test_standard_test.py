@@ -1,6 +1,6 @@
 """The standard test over time constants and gains: Figs. 7, 8, 10 and 11, and Table I."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 
