@@ -14,7 +14,7 @@ pytestmark = pytest.mark.agents
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
-from pter_agents import command, retraining, training  # noqa: E402
+from pter_agents import retraining, training  # noqa: E402
 from pter_agents.algorithms import load_settings, settings_from  # noqa: E402
 from pter_agents.exporting import export_run  # noqa: E402
 
@@ -47,17 +47,6 @@ def test_a_policy_comes_out_again(card: Path, tmp_path: Path) -> None:
         assert found["tiny"]["path_error_m"]["value"] == found["tiny-again"]["path_error_m"]["value"]
     later = retraining.retrain(shipped, tmp_path / "again")
     assert later.card.weights_sha256 == shipped.card.weights_sha256, "a finished run is not trained again"
-
-
-def test_the_command_prints_the_boards(
-    card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
-) -> None:
-    compare = retraining.compare
-    monkeypatch.setattr(retraining, "compare", lambda *both: compare(*both, episodes=1))
-    command.retrain(str(card), tmp_path / "again")
-    shown = capsys.readouterr().out
-    assert shown.count("tiny-again") >= 3
-    assert "wrote" in shown
 
 
 def test_what_was_not_trained_is_refused(card: Path) -> None:

@@ -264,13 +264,6 @@ def test_what_there_is_not_cannot_be_blinded(tmp_path: Path) -> None:
     assert not (tmp_path / "run").exists()
 
 
-def test_a_policy_with_other_sensors_has_no_place_in_the_benchmark(tmp_path: Path) -> None:
-    training.train(arguments("ppo", rollouts=1, sensors="force"), tmp_path / "run")
-    exporting.export_run(tmp_path / "run", tmp_path, name="mine")
-    with pytest.raises(ParameterError, match="force_along"):
-        run_scenario("standard", {"mine": read_policy("mine", tmp_path)}, ["brisk"], episodes=1)
-
-
 def test_validation_draws_are_no_training_draws() -> None:
     from pter_agents import validation
 
@@ -584,12 +577,3 @@ def test_a_policy_for_a_machine_of_ones_own_is_whole(
     assert shown.count("mine-again: ") == 3
     again = read_policy("mine-again", tmp_path / "again").card
     assert again.weights_sha256 == policy.card.weights_sha256
-
-
-def test_the_command_takes_a_preset(tmp_path: Path) -> None:
-    command.train("ppo", smoke=True, out=tmp_path / "run", machine="delrin_experimental")
-    known, _ = training.RunFolder(tmp_path / "run").read()
-    assert known.machine == find_own("delrin_experimental")
-    with pytest.raises(ParameterError, match="machine must be a Machine or one of"):
-        command.train("ppo", smoke=True, out=tmp_path / "other", machine="delrin")
-    assert not (tmp_path / "other").exists()

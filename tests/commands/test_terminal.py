@@ -81,22 +81,6 @@ def test_a_reader_that_has_gone_is_no_error() -> None:
     assert "Exception ignored" not in found.stderr
 
 
-@pytest.mark.parametrize("command", ["fit --out", "tune impedance --storage", "tune impedance --out"])
-def test_targets_are_tried_before_any_work(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def refuse(**_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("pter_gym._internal.files.TemporaryFile", refuse)
-    monkeypatch.chdir(tmp_path)
-    assert main([*command.split(), str(tmp_path / "result.toml")]) == 2
-    printed = capsys.readouterr()
-    option = command.rsplit(maxsplit=1)[-1]
-    assert printed.err.startswith(f"error: {option} must be in a folder that can be written to, with room for 64 kB")
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize("command", ["benchmark --scenario standard", "benchmark", "record", "reproduce fig3", "speed"])
 def test_folders_are_tried_before_any_work(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -128,18 +128,6 @@ def test_a_machine_with_noise_and_its_files(tmp_path: Path, monkeypatch: pytest.
     assert main(["identify", "log.csv", "--machine", "mine/preset.toml", "--out", "again"]) == 0
 
 
-@pytest.mark.long
-def test_without_forces_ratios_are_found():
-    experiment = Experiment(levels=(3.0, 6.0, 9.0, 12.0), on=0.6, off=0.8, releases=True)
-    found = identify(record_log(OTHER, experiment, Recorder(angle_resolution=0.0, angle_noise=1e-5)), BASELINE)
-    told = {finding.quantity.name: finding for finding in found.findings}
-    assert told["inertia_a"].status == told["breakaway_ratio"].status == "kept"
-    assert told["inertia_a"].quantity.value == BASELINE.arm.inertia_a
-    assert told["inertia_b"].relative
-    ratio = found.machine.arm.inertia_b / found.machine.arm.inertia_a
-    assert ratio == pytest.approx(OTHER.arm.inertia_b / OTHER.arm.inertia_a, rel=0.05)
-
-
 # --- the preset and the report ---
 
 

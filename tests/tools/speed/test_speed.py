@@ -15,8 +15,6 @@ from pter_gym.tools.speed import Plan, make_plan
 from pter_gym.tools.speed import ours as own
 from pter_gym.tools.speed.ours import (
     Skipped,
-    single_steps,
-    sweep,
 )
 from pter_gym.tools.speed.peers import (
     ENVPOOL,
@@ -26,7 +24,6 @@ from pter_gym.tools.speed.peers import (
     ROLLOUT_WHOLE,
     Kind,
     measure_peer,
-    our_loads,
     peers,
 )
 from pter_gym.tools.speed.timing import Effort, Load, block_rate, compare, rate
@@ -110,33 +107,6 @@ def test_missing_peer_is_named(monkeypatch: pytest.MonkeyPatch, module: str):
         assert found.what == peer.name
         assert "not installed" in found.why
         assert module in found.why
-
-
-def test_our_side_of_the_comparisons():
-    loads = our_loads(3)
-    assert {kind: load.steps for kind, load in loads.items()} == {
-        Kind.ENV_STEPS: 3,
-        Kind.SUBSTEPS: 750,
-        Kind.SUBSTEPS_OF_ENV_STEPS: 30,
-    }
-    for load in loads.values():
-        load.call()
-    for load in loads.values():
-        load.close()
-
-
-def test_missing_single_environment_is_named():
-    found, skipped = single_steps(["CartPole-v1", "NoSuch-v0"], 3, 1)
-    assert [row.peer for row in found] == ["CartPole-v1"]
-    assert [row.what for row in skipped] == ["NoSuch-v0, single step"]
-    assert "NoSuch" in skipped[0].why
-
-
-def test_sizes_beyond_the_memory_are_named():
-    found = sweep([1, 10**11], 1, SHORT)
-    assert [row.worlds for row in found.rows] == [1]
-    assert [row.what for row in found.skipped] == ["100,000,000,000 worlds"]
-    assert "memory" in found.skipped[0].why
 
 
 def test_without_a_device_cuda_is_named(monkeypatch: pytest.MonkeyPatch):

@@ -1,7 +1,6 @@
 """The search for gains: what it scores, what it keeps, and what it never reads."""
 
 import os
-import shlex
 import subprocess
 import sys
 from dataclasses import replace
@@ -227,16 +226,6 @@ def test_a_search_for_another_machine_is_another_one(tmp_path: Path) -> None:
     assert named == replace(itself, machine="delrin_experimental")
     assert named.assessment != usual.assessment
     assert len(optuna.get_all_study_names(open_journal(storage))) == 2
-
-
-def test_the_command_of_gains_names_the_machine_whatever_it_is_called(tmp_path: Path) -> None:
-    path = tmp_path / "tuned.toml"
-    name = 'it\'s "mine" \\ ü \x7f/own.toml'
-    add_gains(replace(FOUND, machine=name), path)
-    command = read_table(path)["standard"]["impedance"]["slow"]["command"]
-    assert shlex.split(command)[-2:] == ["--machine", name]
-    add_gains(replace(FOUND, machine=DELRIN_EXPERIMENTAL), path)
-    assert read_table(path)["standard"]["impedance"]["slow"]["command"].endswith("--machine PRESET.toml")
 
 
 FOUND = TunedGains(

@@ -33,28 +33,8 @@ def titles(figure: Figure) -> list[str]:
     return [axes.get_title() or axes.get_title(loc="left") for axes in figure.axes]
 
 
-def legend(figure: Figure) -> list[str]:
-    (found,) = figure.legends
-    return [text.get_text() for text in found.get_texts()]
-
-
 def curves(axes: Axes) -> list[np.ndarray]:
     return [np.asarray(line.get_xydata()) for line in axes.get_lines() if len(line.get_xydata()) > 1]
-
-
-def test_profiles_are_shares_of_the_episodes(runs: tuple[ScenarioRun, ...], boards: tuple[Leaderboard, ...]) -> None:
-    figure = plots.profiles(boards, runs)
-    assert titles(figure) == ["slow, 0.12 m/s", "medium, 0.25 m/s"]
-    assert legend(figure) == sorted(POLICIES)
-    for axes, board in zip(figure.axes, boards, strict=True):
-        assert axes.get_xlabel() == "path error [mm]"
-        for curve, standing in zip(curves(axes), board.standings, strict=True):
-            run = next(r for r in runs if (r.conditions.policy, r.conditions.pace) == (standing.policy, board.pace))
-            errors = 1000.0 * run.scores["path_error_m"]
-            np.testing.assert_allclose(curve[:, 1], (errors[:, None] <= curve[:, 0]).mean(axis=0))
-            assert (curve[0, 1], curve[-1, 1]) == (0.0, 1.0)
-        faint = [line.get_alpha() for line in axes.get_lines()]
-        assert faint == [plots.BELOW if standing.reason else 1.0 for standing in board.standings]
 
 
 def test_trajectories_show_path_arm_and_every_tip(
