@@ -70,13 +70,6 @@ def test_both_action_units_reach_the_same_voltages() -> None:
         assert one[0].tobytes() == two[0].tobytes()
 
 
-def test_time_limit_truncates_and_does_not_terminate() -> None:
-    env = gymnasium.make(ID, max_episode_steps=5)
-    env.reset(seed=0)
-    flags = [env.step(np.full(4, 24.0, np.float32))[2:4] for _ in range(5)]
-    assert flags == [(False, False)] * 4 + [(False, True)]
-
-
 def test_free_arm_reaches_the_end_and_terminates() -> None:
     env = gymnasium.make(ID, max_episode_steps=1000)
     env.reset(seed=0)
@@ -146,22 +139,6 @@ def test_step_before_reset_and_after_the_end() -> None:
     with pytest.raises(ResetNeededError):
         env.step(np.zeros(4, np.float32))
     assert same(before, env.batch.get_state())
-
-
-BAD_KEYWORDS: dict[str, dict[str, Any]] = {
-    "machine": {"machine": "pter"},
-    "sensors": {"sensors": "camera"},
-    "action_unit": {"action_unit": "amps"},
-    "render_mode": {"render_mode": "ascii"},
-}
-
-
-@pytest.mark.parametrize(("field", "keywords"), BAD_KEYWORDS.items(), ids=BAD_KEYWORDS)
-def test_a_bad_keyword_is_named(field: str, keywords: dict[str, Any]) -> None:
-    from pter_gym.envs._single import PathFollowingEnv
-
-    with pytest.raises(ParameterError, match=field):
-        PathFollowingEnv(**keywords)
 
 
 def test_an_unknown_reset_option_is_refused() -> None:

@@ -79,12 +79,6 @@ def test_actions_in_any_layout_give_the_same_bits_and_are_only_read(form: Callab
     assert same(plain.get_state(), other.get_state())
 
 
-def test_whole_numbers_are_actions_too() -> None:
-    one, two = make(8), make(8)
-    whole = np.arange(32).reshape(8, 4) % 25
-    assert one.step(whole)[0].tobytes() == two.step(whole.astype(np.float32))[0].tobytes()
-
-
 ONES = np.ones((100, 4), np.float32)
 
 BAD_ACTIONS: dict[str, Any] = {

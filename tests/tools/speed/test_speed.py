@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from pter_gym._commands import main as cli
-from pter_gym.errors import ParameterError
 from pter_gym.tools.speed import Plan, make_plan
 from pter_gym.tools.speed import ours as own
 from pter_gym.tools.speed.ours import (
@@ -131,21 +130,6 @@ print([row.what for row in found.skipped])
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert found.stdout == "[1, 3] True True\n['1,000,000,000 worlds on the CUDA device']\n"
-
-
-@pytest.mark.parametrize("worlds", [0, 2.5, True])
-def test_bad_number_of_worlds(worlds: Any):
-    with pytest.raises(ParameterError, match="max_worlds must be a whole number ≥ 1"):
-        make_plan(max_worlds=worlds)
-
-
-def test_bad_arguments_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert cli.main(["speed", "--max-worlds", "0", "--out", str(tmp_path)]) == 2
-    assert "--max-worlds" in capsys.readouterr().err
-    file = tmp_path / "file"
-    file.touch()
-    assert cli.main(["speed", "--quick", "--out", str(file)]) == 2
-    assert "out must be a folder" in capsys.readouterr().err
 
 
 class Clock:
