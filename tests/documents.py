@@ -1,8 +1,10 @@
 """The code that documents show, run as a reader would run it."""
 
+import importlib.util
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from types import ModuleType
 
 import nbformat
 
@@ -35,9 +37,14 @@ def run_extending() -> None:
     run_program(blocks_of(DOCS / "extending.md"), "extending.md")
 
 
-def run_own_controller() -> None:
-    """Run the notebook on one's own controller, without its pictures in the page."""
-    run_program(cells_of(ROOT / "notebooks" / "03_your_own_controller.ipynb"), "<notebook>")
+def load_script(script: Path) -> ModuleType:
+    """Import a script by its file."""
+    spec = importlib.util.spec_from_file_location(script.stem, script)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def run_program(blocks: Iterable[str], name: str) -> dict[str, object]:

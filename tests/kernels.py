@@ -6,15 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from documents import run_extending, run_own_controller
+from conformance.test_law_faults import compile_law
+from documents import run_extending
 from pter_gym._engine.batch import Batch
 from pter_gym._physics import open_loop
 from pter_gym.benchmark.simulation import record_episode, simulate
-from pter_gym.controllers import Free, Impedance
+from pter_gym.controllers import Free
 from pter_gym.controllers._predictive import Privileged, Settings
 from pter_gym.params import BASELINE, TIME_CONSTANT
 from pter_gym.params._preset import PRESET
 from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tools.identification.shooting import make_inputs, predict
 from pter_gym.tools.paper.experiments.calibration import Case, at, run_cases, setup_of
 
 ROOT = Path(__file__).parents[1]
@@ -30,17 +32,15 @@ def main(part: str) -> None:
         plans = Privileged(Free(), Settings(samples=8, rounds=1, elite=1, horizon=10))
         record_episode(plans, BASELINE, PathFollowing(), 0, 1)
         run_cases([Case(at(BASELINE, TIME_CONSTANT), setup_of(PRESET))])
-        run_extending()  # after the others: its law shares what they have compiled
-        run_own_controller()
+        run_extending()  # after the others: laws share what they have compiled
+        compile_law()
     else:
         obs, _ = batch.reset([0])
         policy(obs)
         start = open_loop.initial_state(BASELINE, (0.5, 2.0))
         open_loop.simulate(BASELINE, start, np.zeros(4), np.zeros(2), duration=BASELINE.substep)
-        sys.path.append(str(ROOT / "docs" / "make"))
-        from studies.motors import on_motors, simulate_motors
-
-        simulate_motors(batch, on_motors(Impedance(), BASELINE, batch.layout), [0], 1)
+        inputs = make_inputs(1e-3, np.zeros((3, 4)), np.zeros((3, 2)))
+        predict(BASELINE, inputs, 0.0, np.array([[0.5, 2.0, 0.0, 0.0]]), 2)
 
 
 def compile_all() -> None:

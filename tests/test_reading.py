@@ -1,12 +1,9 @@
 """Files of others: read within bounds, each name once, finite numbers, and nothing executed."""
 
 import gzip
-import io
 import json
 import os
-import struct
 import tracemalloc
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,9 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 
-from pter_gym._internal.archives import read_arrays
 from pter_gym._internal.checks import is_finite
 from pter_gym._internal.reading import (
     MOST_JSON,
@@ -58,15 +53,6 @@ PLAIN = st.recursive(
     | st.text(),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner, max_size=4),
     max_leaves=12,
-)
-
-ARRAYS = st.dictionaries(
-    st.text("abcxyz_0", min_size=1, max_size=8),
-    arrays.arrays(
-        st.sampled_from(["f4", "f8", "i8", "u8", "?", "u1", "U3", ">f8"]), arrays.array_shapes(min_dims=0, min_side=0)
-    ),
-    min_size=1,
-    max_size=4,
 )
 
 
@@ -160,69 +146,6 @@ def test_a_complaint_gets_the_name_of_what_is_read() -> None:
         raise OverflowError("too large")
     with pytest.raises(ZeroDivisionError, match="mine"):
         raise ZeroDivisionError("mine")
-
-
-def packed(found: dict[str, np.ndarray]) -> bytes:
-    stream = io.BytesIO()
-    np.savez_compressed(stream, **found)
-    return stream.getvalue()
-
-
-@given(ARRAYS)
-def test_arrays_are_read_as_numpy_reads_them(found: dict[str, np.ndarray]) -> None:
-    read = read_arrays(packed(found), 1 << 20, found)
-    assert read.keys() == found.keys()
-    for name, array in found.items():
-        assert (read[name].dtype, read[name].shape) == (array.dtype, array.shape)
-        assert read[name].tobytes() == array.tobytes()
-        assert read[name].flags.writeable
-
-
-def test_the_order_of_an_array_stays() -> None:
-    columns = np.asfortranarray(np.arange(6.0).reshape(2, 3))
-    read = read_arrays(packed({"a": columns}), 1000)["a"]
-    assert read.flags.f_contiguous
-    np.testing.assert_array_equal(read, columns)
-
-
-def part(content: bytes, name: str = "a.npy", method: int = zipfile.ZIP_DEFLATED) -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", method) as archive:
-        archive.writestr(name, content)
-    return stream.getvalue()
-
-
-def saved(array: np.ndarray) -> bytes:
-    stream = io.BytesIO()
-    np.save(stream, array)
-    return stream.getvalue()
-
-
-def with_header(text: bytes) -> bytes:
-    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text
-
-
-ARCHIVES: dict[str, tuple[bytes, str]] = {
-    "nothing": (b"", "damaged"),
-    "cut": (packed({"a": np.arange(9)})[:-30], "damaged"),
-    "no array": (part(b"text"), "a must be an array"),
-    "objects": (packed({"a": np.array([{}], object)}), "allow_pickle"),
-    "code in a header": (part(with_header(b"__import__('os')\n")), "malformed"),
-    "a deep header": (part(with_header(b"(" * 9000 + b"\n")), "damaged"),
-    "larger than it is": (
-        part(with_header(b"{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000,), }\n")),
-        "Unable to allocate",
-    ),
-    "too much": (packed({"a": np.zeros(1 << 20)}), "at most 1000000 B"),
-    "another name": (packed({"b": np.zeros(1)}), "must hold a; it differs in a, b"),
-}
-
-
-@pytest.mark.parametrize("kind", ARCHIVES)
-def test_damaged_archives_are_refused(kind: str) -> None:
-    data, told = ARCHIVES[kind]
-    with pytest.raises(ValueError, match=told):
-        read_arrays(data, 1_000_000, ["a"] if kind == "another name" else None)
 
 
 TABLES: dict[str, tuple[str, str]] = {

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.agents
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
-from pter_agents import algorithms, command, exporting, prepare, training  # noqa: E402
+from pter_agents import algorithms, command, exporting, training  # noqa: E402
 from pter_agents.ppo import PPOSettings  # noqa: E402
 from pter_agents.settings import TrainingSettings  # noqa: E402
 from pter_gym.policies import read_policy  # noqa: E402
@@ -33,8 +33,6 @@ def added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     (tmp_path / "advantage.toml").write_text("\n".join([entry, *lines, "rate = 1e-3"]))
     monkeypatch.setattr(algorithms, "FOLDER", tmp_path)
     monkeypatch.setattr(algorithms, "ALGORITHMS", algorithms.listed(tmp_path))
-    monkeypatch.setattr(prepare, "SAMPLE_WORLDS", 16)
-    monkeypatch.setattr(prepare, "SAMPLE_STEPS", 20)
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     yield "advantage"
     sys.modules.pop("advantage", None)

@@ -1,9 +1,7 @@
 """On a Ray cluster: two workers have the worlds of one batch, bit for bit; RLlib and Tune train on them."""
 
-import importlib.util
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import gymnasium
@@ -12,21 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 import pter_gym
+from documents import load_script
 from pter_gym.benchmark import examine
 
 pytestmark = [pytest.mark.agents, pytest.mark.long]
 ray = pytest.importorskip("ray")
 
 SCRIPTS = Path(__file__).parents[2] / "agents" / "at_scale"
-
-
-def load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, SCRIPTS / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(autouse=True)
@@ -61,7 +51,7 @@ def returns_of(env: Any, policy: str, seed: int) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("policy", ["residual", "impedance-tuned"])
 def test_workers_have_the_worlds_of_one_batch(cluster: None, policy: str) -> None:
-    script = load("ray_rollouts")
+    script = load_script(SCRIPTS / "ray_rollouts.py")
     found = script.main(workers=2, worlds=24, policy=policy, seed=5)
     assert len(np.unique(found)) == 48
     whole = returns_of(gymnasium.make_vec("PTER/Standard-v0", 48), policy, seed=5)
@@ -70,14 +60,14 @@ def test_workers_have_the_worlds_of_one_batch(cluster: None, policy: str) -> Non
 
 def test_a_minute_of_rllib_beats_doing_nothing(cluster: None) -> None:
     """Neither released nor locked clutches bring the arm along the path; what has learnt does, and nearer to it."""
-    verdicts = examine({"learnt": load("rllib_ppo").learn(seed=0)})
+    verdicts = examine({"learnt": load_script(SCRIPTS / "rllib_ppo.py").learn(seed=0)})
     others = verdicts["free"], verdicts["locked"]
     assert verdicts["learnt"].path_error_m < 0.5 * min(each.path_error_m for each in others)
     assert verdicts["learnt"].completed > 0.9 > max(each.completed for each in others)
 
 
 def test_tune_tries_settings_and_finds_the_best(cluster: None, tmp_path: Path) -> None:
-    found = load("ray_tune").search(trials=2, steps=8_000, out=tmp_path)
+    found = load_script(SCRIPTS / "ray_tune.py").search(trials=2, steps=8_000, out=tmp_path)
     assert len(found) == 2
     assert not found.errors
     rows = found.get_dataframe()

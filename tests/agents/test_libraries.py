@@ -3,15 +3,14 @@
 import importlib
 import importlib.util
 import re
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 
+from documents import load_script
 from pter_gym.benchmark import examine, from_actions
 from pter_gym.errors import ParameterError
 
@@ -44,44 +43,16 @@ MINUTE: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
-@pytest.fixture
-def one_torch_thread() -> Iterator[None]:
-    """The scripts set it, for networks this small are slower with more threads."""
-    threads = torch.get_num_threads()
-    yield
-    torch.set_num_threads(threads)
-
-
-def load(script: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(script, FOLDER / f"{script}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def train(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, **options: Any) -> Any:
     pytest.importorskip(NEEDS[script])
     if script == "zoo":
         options["out"] = tmp_path
     monkeypatch.chdir(tmp_path)
-    return load(script).train(**options)
-
-
-def test_each_script_is_short_and_knows_nothing_of_the_trainer() -> None:
-    scripts = sorted(FOLDER.glob("*.py"))
-    assert [script.stem for script in scripts] == sorted(NEEDS)
-    for script in scripts:
-        text = script.read_text("utf-8")
-        assert len(text.splitlines()) <= 60
-        assert "pter_agents" not in text
-        assert not re.search(r"\b(reward|starts|error_max|truncation_error)=", text)
+    return load_script(FOLDER / f"{script}.py").train(**options)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("script", NEEDS)
-@pytest.mark.usefixtures("one_torch_thread")
 def test_a_script_trains(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     policy = train(script, tmp_path, monkeypatch, **TINY[script], seed=3)
     assert examine({script: policy}, episodes=2).keys() == {script, "free", "locked", "random"}
@@ -89,7 +60,6 @@ def test_a_script_trains(script: str, tmp_path: Path, monkeypatch: pytest.Monkey
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", MINUTE)
-@pytest.mark.usefixtures("one_torch_thread")
 def test_a_minute_is_enough_to_arrive(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script, options = MINUTE[name]
     verdicts = examine({name: train(script, tmp_path, monkeypatch, **options)})
@@ -184,7 +154,6 @@ def test_actions_of_any_library_become_volts(unit: Any) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("one_torch_thread")
 def test_the_page_runs(capsys: pytest.CaptureFixture[str]) -> None:
     for library in ("stable_baselines3", "rsl_rl", "torchrl"):
         pytest.importorskip(library)

@@ -1,11 +1,11 @@
 """Offline learning: the scripts read what `pter record` wrote, train and score, and know nothing of the trainer."""
 
-import importlib.util
 import sys
 from pathlib import Path
 
 import pytest
 
+from documents import load_script
 from pter_gym._commands.main import main
 from pter_gym.benchmark import PACES, ResultsFolder
 
@@ -27,22 +27,7 @@ def test_a_script_trains_and_scores(script: Path, tmp_path: Path, monkeypatch: p
     )
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     monkeypatch.setattr(sys, "path", [str(OFFLINE), *sys.path])
-    spec = importlib.util.spec_from_file_location(script.stem, script)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    threads = torch.get_num_threads()
-    module.train("pter/standard/random-v0", seed=3, steps=4, batch=8, out=tmp_path / "results")
-    torch.set_num_threads(threads)
+    load_script(script).train("pter/standard/random-v0", seed=3, steps=4, batch=8, out=tmp_path / "results")
     name = f"{script.stem.replace('_', '-')}-random-3"
     found = {(run.conditions.policy, run.conditions.pace) for run in ResultsFolder(tmp_path / "results").runs()}
     assert found == {(name, pace) for pace in PACES}
-
-
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
-def test_a_script_is_short_and_reads_with_minari_alone(script: Path) -> None:
-    text = script.read_text("utf-8")
-    assert len(text.splitlines()) <= 70
-    assert "pter_agents" not in text
-    assert "pter_gym.tools.datasets" not in text + (OFFLINE / "common.py").read_text("utf-8")

@@ -22,15 +22,6 @@ from pter_agents.ppo import PARTS, PPO, Samples, estimate, loss_of, with_even_ad
 SMALL = {"worlds": 16, "steps": 32, "minibatch": 512, "epochs": 1, "contexts": 4, "episode": 25}
 
 
-@pytest.fixture(autouse=True)
-def quick_preparation(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.setattr(prepare, "SAMPLE_WORLDS", 16)
-    monkeypatch.setattr(prepare, "SAMPLE_STEPS", 20)
-    threads = torch.get_num_threads()
-    yield
-    torch.set_num_threads(threads)
-
-
 def make(**changes: Any) -> PPO:
     settings = settings_from("ppo", {**asdict(load_settings("ppo")), **SMALL, **changes})
     given = training.Arguments(

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.agents
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
-from pter_agents import command, prepare, retraining, training  # noqa: E402
+from pter_agents import retraining, training  # noqa: E402
 from pter_agents.algorithms import load_settings, settings_from  # noqa: E402
 from pter_agents.exporting import export_run  # noqa: E402
 
@@ -22,10 +22,8 @@ SMALL = {"worlds": 16, "steps": 8, "minibatch": 64, "epochs": 2, "contexts": 4, 
 
 
 @pytest.fixture
-def card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def card(tmp_path: Path) -> Path:
     """The path of the card of a policy that was trained for a moment."""
-    monkeypatch.setattr(prepare, "SAMPLE_WORLDS", 16)
-    monkeypatch.setattr(prepare, "SAMPLE_STEPS", 20)
     settings = settings_from("ppo", {**asdict(load_settings("ppo")), **SMALL})
     given = training.Arguments(
         algorithm="ppo", scenario="hands", pace="all", steps=500, seed=5, settings=settings, validation_episodes=2
@@ -49,17 +47,6 @@ def test_a_policy_comes_out_again(card: Path, tmp_path: Path) -> None:
         assert found["tiny"]["path_error_m"]["value"] == found["tiny-again"]["path_error_m"]["value"]
     later = retraining.retrain(shipped, tmp_path / "again")
     assert later.card.weights_sha256 == shipped.card.weights_sha256, "a finished run is not trained again"
-
-
-def test_the_command_prints_the_boards(
-    card: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
-) -> None:
-    compare = retraining.compare
-    monkeypatch.setattr(retraining, "compare", lambda *both: compare(*both, episodes=1))
-    command.retrain(str(card), tmp_path / "again")
-    shown = capsys.readouterr().out
-    assert shown.count("tiny-again") >= 3
-    assert "wrote" in shown
 
 
 def test_what_was_not_trained_is_refused(card: Path) -> None:

@@ -2,8 +2,6 @@
 
 import subprocess
 import sys
-import warnings
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -41,16 +39,6 @@ def actions(steps: int = 250, count: int = COUNT) -> np.ndarray:
     rng = np.random.default_rng(11)
     drawn = 2.0 * np.sqrt(rng.uniform(0.0, 1.0, (steps, count, 4))) - 1.0
     return np.where(rng.random((steps, count, 1)) < 0.5, -1.0, drawn).astype(np.float32)
-
-
-@pytest.fixture
-def one_torch_thread() -> Iterator[None]:
-    """Networks as small as these are slower with more threads."""
-    torch = pytest.importorskip("torch")
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 def test_same_episodes_as_stable_baselines_own_vec_env_of_single_environments() -> None:
@@ -130,8 +118,8 @@ def test_bad_actions_and_a_closed_environment_raise() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("one_torch_thread")
 def test_sac_learns() -> None:
+    pytest.importorskip("torch").set_num_threads(1)
     model = algorithms.SAC(
         "MlpPolicy",
         vec_env.VecMonitor(make()),
@@ -184,10 +172,3 @@ def test_a_trained_policy_acts_in_it_and_notices_new_episodes() -> None:
     assert began >= 2
     with pytest.raises(ParameterError, match="its wrapper VecNormalize changes them"):
         pter_gym.load_policy("residual", vec_env.VecNormalize(env))
-
-
-def test_their_checker_is_silent() -> None:
-    checker = pytest.importorskip("stable_baselines3.common.env_checker")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        checker.check_env(gymnasium.make(ID, action_unit="normalised").unwrapped)

@@ -7,6 +7,7 @@ import gymnasium
 import pytest
 
 import pter_gym
+from pter_agents import sharing
 from pter_agents.sharing import model_card, scenario_of, share_policy
 from pter_gym.benchmark import leaderboards, run_scenario
 from pter_gym.policies import SHIPPED
@@ -22,7 +23,8 @@ def card(seed: int, text: str) -> str:
 
 
 @pytest.mark.slow
-def test_the_folder_is_whole_and_a_policy_of_its_path(tmp_path: Path) -> None:
+def test_the_folder_is_whole_and_a_policy_of_its_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "time_limit", lambda _: 20)  # of the film
     for package in ("pygame", "imageio_ffmpeg"):
         pytest.importorskip(package)
     folder = share_policy(NAME, tmp_path / "mine", episodes=EPISODES)
@@ -34,7 +36,7 @@ def test_the_folder_is_whole_and_a_policy_of_its_path(tmp_path: Path) -> None:
     observation, _ = env.reset(seed=0)
     mine, shipped = (pter_gym.load_policy(policy, env)(observation) for policy in (folder, NAME))
     assert mine.tobytes() == shipped.tobytes()
-    assert (folder / "replay.mp4").stat().st_size > 10_000
+    assert (folder / "replay.mp4").stat().st_size > 1000
     assert b"ftyp" in (folder / "replay.mp4").read_bytes()[:16]
     text = (folder / "README.md").read_text("utf-8")
     seed = int(re.findall(r"seed, (\d+), follows", text)[0])

@@ -24,15 +24,6 @@ FEW = {
 }
 
 
-@pytest.fixture(autouse=True)
-def quick_preparation(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.setattr(prepare, "SAMPLE_WORLDS", 16)
-    monkeypatch.setattr(prepare, "SAMPLE_STEPS", 20)
-    threads = torch.get_num_threads()
-    yield
-    torch.set_num_threads(threads)
-
-
 def make(algorithm: str, **changes: Any) -> tuple[Any, Any]:
     """A model and its worlds."""
     settings = settings_from(algorithm, {**asdict(load_settings(algorithm)), **SMALL, **FEW[algorithm], **changes})

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from pter_gym.benchmark import PerSeed, ResultsFolder, find_policy, leaderboards, run_scenario, verify
-from pter_gym.benchmark._run_files import run_path
-from pter_gym.benchmark._runs import Conditions, check_name
+from pter_gym.benchmark import PerSeed, ResultsFolder, leaderboards, run_scenario, verify
 from pter_gym.benchmark.episodes import load_episodes
 from pter_gym.benchmark.leaderboard import table
 from pter_gym.controllers import Free, Locked
 from pter_gym.errors import ParameterError
-from pter_gym.policies._files import LONGEST_NAME
 from pter_gym.tools.pictures.plots import leaderboard as plots
 
 
@@ -76,14 +73,6 @@ def test_the_same_policy_is_no_further_training_seed(tmp_path: Path) -> None:
     assert results.summarise()[0].standings[0].scores == alone.standings[0].scores
 
 
-def test_copies_of_a_policy_win_nothing_where_no_file_is_kept() -> None:
-    copies = PerSeed(tuple(find_policy("velocity-ratio-tuned") for _ in range(4)))
-    policies = {"copies": copies, "one": find_policy("velocity-ratio-tuned")}
-    (board,) = leaderboards(run_scenario("standard", policies, ["medium"], episodes=8))
-    many, one = board.standings
-    assert many.scores == one.scores
-
-
 def test_training_seeds_of_an_earlier_policy_of_the_name_do_not_stay(tmp_path: Path) -> None:
     results = ResultsFolder(tmp_path)
     other = PerSeed((Free(), release, release_too))
@@ -94,12 +83,6 @@ def test_training_seeds_of_an_earlier_policy_of_the_name_do_not_stay(tmp_path: P
     (kept,) = (run for run in results.runs() if run.conditions.policy == "mine")
     assert kept.conditions == alone.conditions
     assert len([path for path in (tmp_path / "runs").iterdir() if "other" in path.name]) == 3
-
-
-def test_the_longest_name_fits_into_the_name_of_a_file() -> None:
-    at = Conditions("everything", "medium", "n" * LONGEST_NAME, 99, 1000, "", None, "", "", 2**64 - 1)
-    check_name(at.policy)
-    assert len(run_path(Path(), at).name) <= 255
 
 
 def test_what_is_no_policy_is_refused_before_anything_runs(tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ def nothing_is_left() -> Iterator[None]:
 
 @pytest.mark.slow
 def test_scores_are_those_in_process_bit_for_bit(capfd: pytest.CaptureFixture[str]) -> None:
-    names = [f"{MODULE}:{name}" for name in ("STIFF", "Counting", "Beyond")]
+    names = [f"{MODULE}:{name}" for name in ("STIFF", "Counting")]
     inside = run_scenario("everything", {name: find_policy(name) for name in names}, ["brisk"], episodes=2)
     capfd.readouterr()
     policies = {name: Isolated(name) for name in names}
@@ -60,6 +60,11 @@ def test_scores_are_those_in_process_bit_for_bit(capfd: pytest.CaptureFixture[st
         policy.close()
     with pytest.raises(PolicyError, match="has no process any more"):
         policy.act(OBS)
+
+
+def test_a_compiled_law_is_clipped_to_the_range_in_its_process_too() -> None:
+    with Isolated(f"{MODULE}:Beyond") as policy:
+        np.testing.assert_array_equal(policy.act(OBS), [[0.0, 24.0, 3.0, 0.0]] * 3)
 
 
 def test_a_policy_that_cannot_act_may_be_asked_again() -> None:

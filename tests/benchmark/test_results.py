@@ -69,15 +69,6 @@ def test_any_callable_is_a_policy() -> None:
         np.testing.assert_allclose(mine.scores[name], free.scores[name], rtol=1e-12, atol=1e-15)
 
 
-@pytest.mark.slow
-def test_samples_begin_at_the_start_and_end_with_the_episode() -> None:
-    (run,) = run_scenario("standard", ["impedance"], ["slow"], episodes=COUNT)
-    assert [sample.episode for sample in run.samples] == [0, 1, 2, 3]
-    for sample in run.samples:
-        assert len(sample.tip) == len(sample.theta) <= 200
-        assert np.ptp(sample.tip[:, 0]) > 0.9
-
-
 def test_samples_come_from_each_stratum_first() -> None:
     assert sample_numbers(["a"] * 10) == [0, 1, 2, 3]
     assert sample_numbers(["a", "a", "b", "c", "c", "b"]) == [0, 1, 2, 3]
@@ -235,12 +226,3 @@ def test_a_wrong_argument_names_what_is_accepted(
     assert cli.main(["benchmark", *arguments, "--out", str(tmp_path / "out")]) == 2
     assert accepted in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("test", [[], ["--scenario", "standard"]], ids=["standard test", "scenario"])
-def test_a_folder_that_cannot_be_written_to_is_named(
-    test: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "file").write_text("in the way")
-    assert cli.main(["benchmark", *test, "--out", str(tmp_path / "file")]) == 2
-    assert "out must be a folder" in capsys.readouterr().err

@@ -72,13 +72,6 @@ def test_strata_are_drawn_among_themselves() -> None:
     assert difference_interval(VALUES + 0.01, VALUES) == pytest.approx((0.01, 0.01, 0.01))
 
 
-def test_drawn_episodes_are_shared_and_cannot_be_changed() -> None:
-    chosen = resample(200, STRATA, resamples=50)
-    assert chosen is resample(200, STRATA, resamples=50)
-    with pytest.raises(ValueError, match="read-only"):
-        chosen[0, 0] = 1
-
-
 def test_probability_of_improvement() -> None:
     assert probability_of_improvement(VALUES, VALUES + 0.001) == (1.0, 1.0, 1.0)
     assert probability_of_improvement(VALUES, VALUES) == (0.5, 0.5, 0.5)

@@ -1,5 +1,6 @@
 """Results that are run again: whoever computes every hash again has still scores that nobody else gets."""
 
+import itertools
 import json
 import shutil
 import sys
@@ -179,3 +180,16 @@ def test_a_built_in_policy_that_is_named_has_the_gains_of_each_scenario(tmp_path
     run_scenario("hands", ["single-dof-tuned"], ["slow"], episodes=1, results=results)
     results.summarise()
     assert cli.main(["verify", str(tmp_path), "--policies", "single-dof-tuned"]) == 0
+
+
+def by_the_count_of_its_calls(obs: Any, calls: Any = itertools.count()) -> Any:  # noqa: B008
+    return np.full((len(obs), 4), 0.001 * next(calls))
+
+
+def test_a_score_that_does_not_come_again_is_found(tmp_path: Path) -> None:
+    results = ResultsFolder(tmp_path)
+    policies = {"mine": by_the_count_of_its_calls}
+    run_scenario("standard", policies, ["brisk"], episodes=1, results=results)
+    results.summarise()
+    finding = next(verdict.finding for verdict in verify(results, policies) if not verdict.same)
+    assert finding.startswith("differs: ")

@@ -1,8 +1,5 @@
 """The campaign of faults: its operators, its list of equal faults, and a run on a small package."""
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -12,46 +9,6 @@ from campaigns.choosing import Case, choose
 from campaigns.mutants import mutants_of
 
 FOLDER = Path(mutation.__file__).parent
-
-CODE = '''\
-"""A module."""
-
-LIMIT = 3
-
-
-def larger(x: int, y: int = 1) -> int:
-    """Return the larger one."""
-    return x if x > y else y
-
-
-def unreached(x: int) -> int:
-    return x * 2
-'''
-
-TESTS = """\
-from toy.code import LIMIT, larger
-
-def test_limit():
-    assert LIMIT == 3
-
-def test_larger():
-    assert larger(2, 1) == 2
-    assert larger(1, 2) == 2
-"""
-
-DRIVER = """\
-import json, sys
-from pathlib import Path
-from campaigns import mutation
-from campaigns.choosing import Case, choose
-campaign = mutation.Campaign(Path(sys.argv[1]), Path(sys.argv[2]))
-source = (campaign.root / "toy/code.py").read_text()
-cases = campaign.measure(["tests/test_toy.py"], ["toy/code.py"], 5.0)
-found = mutation.mutants_of("toy/code.py", source)
-texts = {"tests/test_toy.py": (campaign.root / "tests/test_toy.py").read_text()}
-outcomes = campaign.try_all([(mutant, mutation.choose(mutant, cases, 5.0, texts)) for mutant in found])
-print(json.dumps({outcome.mutant.change: outcome.outcome for outcome in outcomes}))
-"""
 
 
 def changes(source: str) -> list[str]:
@@ -128,22 +85,3 @@ def test_near_and_quick_tests_of_each_function_come_first():
     texts = {"t": "", "u": "from p.f import f"}
     assert [case.name for case in choose(mutant, cases, 0.9, texts)] == ["u::d", "t::a[2]", "t::b", "t::a[1]"]
     assert [case.name for case in choose(mutant, cases, 0.1, {})] == ["t::a[2]"]
-
-
-@pytest.mark.long
-def test_a_campaign_tells_what_is_killed_survives_or_is_unreached(tmp_path: Path):
-    for name, text in {"toy/__init__.py": "", "toy/code.py": CODE, "tests/test_toy.py": TESTS}.items():
-        (tmp_path / "root" / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / "root" / name).write_text(text, "utf-8")
-    subprocess.run(["git", "init", "-q", tmp_path / "root"], check=True)
-    command = [sys.executable, "-c", DRIVER, tmp_path / "root", tmp_path / "work"]
-    done = subprocess.run(command, cwd=FOLDER.parent, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout.splitlines()[-1]) == {
-        "3 → 4": "killed",
-        "1 → 2": "survived",
-        "x > y → x >= y": "survived",
-        "x > y → x <= y": "killed",
-        "x * 2 → x / 2": "unreached",
-        "2 → 3": "unreached",
-    }

@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from pter_gym._commands.arguments import as_typed
 from pter_gym._commands.main import INTERRUPTED, commands, load_command, main, parse
@@ -39,20 +37,6 @@ def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 # --- help ---
 
 
-def test_help_fits_a_screen(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
-    assert main(["--help"]) == 0
-    shown = capsys.readouterr().out
-    lines = shown.splitlines()
-    assert len(lines) <= 24
-    assert max(map(len, lines)) <= 80
-    found = re.findall(r"^  ([a-z-]+)  +(\S.*?) *$", shown, re.MULTILINE)
-    assert [name for name, _ in found] == list(commands())
-    assert all(text.endswith(".") for _, text in found), "a text does not fit its line"
-    assert main([]) == 0
-    assert capsys.readouterr().out == shown
-
-
 @pytest.mark.parametrize("name", commands())
 def test_the_example_in_a_help_is_understood(name: str) -> None:
     first, *arguments = example_of(name)
@@ -75,11 +59,6 @@ def test_help_shows_example_and_names(name: str, capsys: pytest.CaptureFixture[s
     for names in names_of(load_command(name)).values():
         assert all(each in shown for each in names)
     assert "\nnames\n" in given
-
-
-def test_help_of_a_command_without_names_has_no_such_heading(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["export", "--help"]) == 0
-    assert "\nnames\n" not in capsys.readouterr().out
 
 
 def test_names_are_those_that_are_declared() -> None:
@@ -160,11 +139,6 @@ def some(policies: str = "", time_constants: str = "", seed: int = 0) -> None:
 def test_a_field_becomes_an_argument(message: str, typed: str) -> None:
     assert as_typed(message, some) == typed
     assert as_typed(message, None) == message
-
-
-@given(st.text())
-def test_other_texts_stay_as_they_are_but_for_the_field(message: str) -> None:
-    assert as_typed(message, some).endswith(message.partition(" must")[2])
 
 
 # --- interrupts ---

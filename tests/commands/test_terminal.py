@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.table import Table
 
-from pter_gym._commands.main import commands, main
-from pter_gym._internal.terminal import progress_bar, say, terminal
+from pter_gym._commands.main import main
+from pter_gym._internal.terminal import say, terminal
 
 PTER = [sys.executable, "-m", "pter_gym._commands.main"]
 
@@ -52,20 +52,6 @@ def test_tables_and_errors_come_out_too(monkeypatch: pytest.MonkeyPatch) -> None
     assert "imped\\xe4nce" in stream.shown
 
 
-def test_a_way_of_a_users_own_with_strange_characters_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii", errors="replace", write_through=True)
-    monkeypatch.setattr("sys.stdout", stream)
-    say("τ")
-    assert stream.buffer.getvalue() == b"?\n"  # type: ignore[attr-defined]
-
-
-@pytest.mark.parametrize("name", commands())
-def test_help_on_any_terminal(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    stream = ascii_terminal(monkeypatch)
-    assert main([name, "--help"]) == 0
-    assert "Example" in stream.shown
-
-
 @given(st.text(st.characters(exclude_categories=["Cc", "Zl", "Zp"])))
 def test_text_is_printed_as_it_is(text: str) -> None:
     stream = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True)
@@ -74,16 +60,6 @@ def test_text_is_printed_as_it_is(text: str) -> None:
         say(text)
     shown = stream.buffer.getvalue()  # type: ignore[attr-defined]
     assert shown.decode() == text.encode(errors="backslashreplace").decode() + "\n"
-
-
-def test_brackets_in_the_progress_are_brackets(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("TERM", "xterm")
-    with progress_bar() as progress:
-        progress.add_task("simulate a[/b]", total=1)
-    assert "simulate a[/b]" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
@@ -103,48 +79,6 @@ def test_a_reader_that_has_gone_is_no_error() -> None:
     assert found.returncode in (1, 2)
     assert "Traceback" not in found.stderr
     assert "Exception ignored" not in found.stderr
-
-
-RECORD = ("record", "--scenario", "standard", "--level", "random", "--steps", "1", "--out")
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="its terminal is always in Unicode")
-def test_results_are_written_and_told_in_ascii(tmp_path: Path) -> None:
-    pytest.importorskip("minari")
-    name = "[/b] ü".replace("/", "")
-    settings = {**os.environ, "PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
-    found = subprocess.run([*PTER, *RECORD, name], cwd=tmp_path, env=settings, capture_output=True, text=True)
-    assert found.returncode == 0, found.stderr
-    assert found.stdout.splitlines()[-1] == "wrote [b] \\xfc/pter/standard/random-v0"
-    assert [path.name for path in tmp_path.iterdir()] == [name]
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_results_are_written_where_nothing_can_be_printed(tmp_path: Path) -> None:
-    pytest.importorskip("minari")
-    with Path("/dev/full").open("w") as full:
-        found = subprocess.run([*PTER, *RECORD, "d"], cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True)
-    assert found.returncode == 2
-    assert found.stderr.splitlines()[-1].startswith("error: not everything could be printed")
-    assert (tmp_path / "d" / "pter" / "standard" / "random-v0" / "data" / "metadata.json").is_file()
-
-
-@pytest.mark.parametrize("command", ["fit --out", "tune impedance --storage", "tune impedance --out"])
-def test_targets_are_tried_before_any_work(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def refuse(**_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("pter_gym._internal.files.TemporaryFile", refuse)
-    monkeypatch.chdir(tmp_path)
-    assert main([*command.split(), str(tmp_path / "result.toml")]) == 2
-    printed = capsys.readouterr()
-    option = command.rsplit(maxsplit=1)[-1]
-    assert printed.err.startswith(f"error: {option} must be in a folder that can be written to, with room for 64 kB")
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("command", ["benchmark --scenario standard", "benchmark", "record", "reproduce fig3", "speed"])

@@ -1,7 +1,6 @@
 """How kernels are compiled: the same results as numba's own steps, a word to the user, and nothing left behind."""
 
 import gc
-import logging
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -122,20 +121,6 @@ def test_the_user_is_told_once_and_only_if_something_is_compiled(
     assert kernel(1.0) == 2.0
     assert sum(kernel.stats.cache_hits.values()) == 1
     assert len(caplog.records) == 1
-
-
-@pytest.mark.usefixtures("patient")
-def test_worker_processes_say_nothing(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("multiprocessing.parent_process", object)
-    assert compile_kernel(build_other)(1.0) == 2.0
-    assert caplog.records == []
-
-
-def test_a_log_level_silences_it(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pipeline, "_told", set[str]())
-    with caplog.at_level(logging.ERROR, "pter_gym"):
-        pipeline.tell(pipeline.STORED)
-    assert caplog.records == []
 
 
 @pytest.mark.parametrize("enabled", [True, False])

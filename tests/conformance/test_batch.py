@@ -65,42 +65,6 @@ def draw(count: int) -> np.ndarray:
     return (rng.uniform(0.0, 24.0, (STEPS, count, 4)) * rng.integers(0, 2, (STEPS, count, 4))).astype(np.float32)
 
 
-@pytest.mark.parametrize("count", [1, 7, 64, 100])
-def test_a_row_of_a_batch_has_the_bits_of_a_single_world(count: int) -> None:
-    all_machines = machines(count)
-    seeds = list(range(100, 100 + count))
-    actions = draw(count)
-    batch = Batch(all_machines, TASK)
-    obs, telemetry = batch.reset(seeds)
-    records = [[(obs[k], telemetry[k])] for k in range(count)]
-    episodes = np.zeros(count, int)
-    for rows in actions:
-        returns = batch.step(rows)
-        for k in range(count):
-            records[k].append((returns.obs[k], returns.telemetry[0, k]))
-        ended = returns.flags[FLAG.terminated]
-        episodes += ended
-        if ended.any():
-            obs, telemetry = batch.reset(chosen=ended)
-            for k in np.flatnonzero(ended):
-                records[k].append((obs[k], telemetry[k]))
-    for k in range(count):
-        env = gymnasium.make("PTER/PathFollowing-v0", machine=all_machines[k], task=TASK)
-        obs, info = env.reset(seed=seeds[k])
-        mine = [(obs, info["telemetry"])]
-        for row in actions[:, k]:
-            obs, _, terminated, _, info = env.step(row)
-            mine.append((obs, info["telemetry"]))
-            if terminated:
-                obs, info = env.reset()
-                mine.append((obs, info["telemetry"]))
-        assert len(mine) == len(records[k])
-        for (obs, row), (batch_obs, batch_row) in zip(mine, records[k], strict=True):
-            assert obs.tobytes() == batch_obs.tobytes()
-            assert row.tobytes() == batch_row.tobytes()
-    assert episodes.sum() > 0, "no episode ended, so no reset was compared"
-
-
 def digest() -> str:
     """Hash everything that three worlds put out over some episodes, with laws compiled and called from Python."""
     batch = Batch(machines(4), TASK)

@@ -66,20 +66,3 @@ def test_no_folder_to_write_to_compiles_without_a_cache(tmp_path: Path) -> None:
     blocked = tmp_path / "blocked"
     blocked.write_text("a file where the cache's folder should be")
     assert run(tmp_path, NUMBA_CACHE_DIR=str(blocked)) == "5.0 0"
-
-
-def test_a_function_without_a_module_is_compiled_without_a_cache(tmp_path: Path) -> None:
-    """What was made by `exec` could be stored, but not loaded by another process."""
-    (tmp_path / "caller.py").write_text(
-        "from pter_gym._compiled.compiler import compile_kernel, device\n"
-        "names = {'device': device}\n"
-        "exec('@device\\ndef value():\\n    return 6.0\\n', names)\n"
-        "value = None\n"
-        "def build(digest):\n"
-        "    def kernel():\n"
-        "        digest\n"
-        "        return value()\n"
-        "    return kernel\n"
-        "print(compile_kernel(build, value=names['value'])())\n"
-    )
-    assert run(tmp_path) == run(tmp_path) == "6.0"

@@ -37,6 +37,15 @@ def fails_later(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     return PerClutch(0.0, gains[VALUE] if fails else 1.0, 0.0, 24.0)
 
 
+def compile_law() -> None:
+    """Compile the law into what rolls it out, as the tests below call it."""
+    batch = Batch(BASELINE, TASK, 1)
+    obs, _ = batch.reset([0])
+    gains, memory = np.array([9.0, 0.0, 0.0]), empty_memory(1, Kept)
+    batch.rollout(obs, fails_later, gains, 1, memory)
+    batch.outcome(obs, fails_later, gains, 1, memory)
+
+
 def states(batch: Batch, memory: np.ndarray) -> bytes:
     return b"".join(part.tobytes() for part in (*batch.get_state().values(), memory))
 

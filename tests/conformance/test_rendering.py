@@ -14,7 +14,6 @@ from gymnasium.wrappers import vector as wrappers
 
 import pter_gym  # noqa: F401  (registers the environments)
 from pter_gym.errors import ParameterError
-from pter_gym.tools.pictures.render.viewer import MOST_WORLDS
 
 ID = "PTER/PathFollowing-v0"
 SMALL: dict[str, Any] = {"render_mode": "rgb_array", "width": 240, "height": 180}
@@ -131,12 +130,6 @@ def test_without_a_render_mode_no_drawing_code_is_loaded():
         "print([name for name in sys.modules if name.startswith('pter_gym.tools.pictures.render')])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
-
-
-def test_more_worlds_than_can_be_told_apart_are_refused():
-    assert len(make_vec(MOST_WORLDS).metadata["render_modes"]) == 1
-    with pytest.raises(ParameterError, match=f"at most {MOST_WORLDS}; got num_envs = {MOST_WORLDS + 1}"):
-        make_vec(MOST_WORLDS + 1)
 
 
 def frames_in(path: Path) -> int:

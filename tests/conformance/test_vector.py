@@ -207,22 +207,6 @@ def test_any_number_of_threads(mode: AutoresetMode) -> None:
             require_same(one, other, step)
 
 
-@pytest.mark.long
-def test_ten_thousand_worlds() -> None:
-    """For so long that each has ended and gone on."""
-    count = 10_000
-    given = actions(count, LIMIT + 10)
-    order = np.random.default_rng(2).permutation(count)
-    envs = [make(count, SAME_STEP, num_threads=threads) for threads in (1, 2, 3, 5)]
-    turned = live(make(count, SAME_STEP, list(order)), [seeds(count)[k] for k in order], given[:, order])
-    lives = zip(turned, *(live(env, seeds(count), given) for env in envs), strict=True)
-    for step, (in_order, one, *others) in enumerate(lives):
-        require_same(rows(one, slice(ALONE)), alone(SAME_STEP)[step], step)
-        require_same(rows(one, order), in_order, step)
-        for other in others:
-            require_same(one, other, step)
-
-
 def test_any_order_of_worlds() -> None:
     count = THREADED
     order = np.random.default_rng(1).permutation(count)

@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gymnasium.error import ClosedEnvironmentError
 from gymnasium.vector import AutoresetMode
 
 from pter_gym.envs._vector import PathFollowingVectorEnv
-from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.hands import MultiSineHand
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
@@ -132,56 +130,3 @@ def test_seeds_reach_the_chosen_worlds_alone() -> None:
         each.reset(seed=0)
     assert env.reset(seed=[1000, 1001, 1002, 1003], options={"reset_mask": FIRST})[0][0].tobytes() == start[0].tobytes()
     np.testing.assert_array_equal(env.reset()[0][1:], plain.reset()[0][1:])
-
-
-@pytest.mark.parametrize("mask", [np.zeros(WORLDS, np.bool_), np.ones(WORLDS - 1, np.bool_), np.ones(WORLDS), [True]])
-def test_a_wrong_mask_is_refused(mask: Any) -> None:
-    env = make(NEXT_STEP)
-    env.reset(seed=0)
-    with pytest.raises(ParameterError, match="reset_mask"):
-        env.reset(options={"reset_mask": mask})
-
-
-def test_a_step_that_resets_ignores_its_action_and_has_no_reward_or_flag() -> None:
-    one, two = make(NEXT_STEP), make(NEXT_STEP)
-    one.reset(seed=0), two.reset(seed=0)
-    before, resets = np.zeros(WORLDS, np.bool_), 0
-    for row, another in zip(actions(), actions(1), strict=True):
-        returned, other = one.step(row), two.step(np.where(before[:, None], another, row))
-        assert bits(returned) == bits(other)
-        _, rewards, terminated, truncated, infos = returned
-        assert not np.any([rewards[before], terminated[before], truncated[before]])
-        assert (infos["telemetry"][before, 0] == 0.0).all()
-        resets += before.sum()
-        before = terminated | truncated
-    assert 0 < resets < STEPS
-
-
-def test_final_observations_and_infos_are_there_for_the_worlds_that_ended() -> None:
-    ends: set[int] = set()
-    for returned in list(play(make(SAME_STEP), actions()))[1:]:
-        ended, infos = returned[2] | returned[3], returned[-1]
-        ends.add(int(ended.sum()))
-        assert ("final_obs" in infos) == ("final_info" in infos) == ended.any()
-        if ended.any():
-            np.testing.assert_array_equal(infos["_final_obs"], ended)
-            np.testing.assert_array_equal(infos["_final_info"], ended)
-            assert [row is not None for row in infos["final_obs"]] == ended.tolist()
-    assert ends >= {0, 1}, "worlds should end at different times"
-
-
-def test_what_never_began_has_ended_or_is_closed_does_not_step() -> None:
-    env = make(DISABLED)
-    with pytest.raises(ResetNeededError):
-        env.step(actions()[0])
-    env.reset(seed=0)
-    ended = False
-    while not ended:
-        _, _, terminated, truncated, _ = env.step(actions()[0])
-        ended = (terminated | truncated).any()
-    with pytest.raises(ResetNeededError):
-        env.step(actions()[0])
-    env.close()
-    env.close()
-    with pytest.raises(ClosedEnvironmentError):
-        env.step(actions()[0])

@@ -7,7 +7,6 @@ import re
 import shlex
 import shutil
 from pathlib import Path
-from typing import Any
 
 import fill
 import pytest
@@ -17,11 +16,9 @@ from safetensors.numpy import load_file
 from documents import DOCS, NOTEBOOKS, README, ROOT, blocks_of, cells_of, readme, run_extending, run_program
 from pter_gym import params
 from pter_gym._commands.main import main
-from pter_gym.benchmark.leaderboard import leaderboards
 from pter_gym.benchmark.tuned import TABLE
 from pter_gym.params._preset import PRESET, format_preset
 from pter_gym.policies import SHIPPED, read_policy, write_policy
-from pter_gym.scenarios import PACES
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.glob("**/*.md")])
 PARAMETER_CLASSES = [item for _, item in inspect.getmembers(params, dataclasses.is_dataclass) if inspect.isclass(item)]
@@ -55,20 +52,6 @@ def test_readme_example_runs(capsys: pytest.CaptureFixture[str]):
     pytest.importorskip("stable_baselines3")
     run_program([readme("example").replace("3_000_000", "20_000")], str(README))
     assert "torque-feedback" in capsys.readouterr().out
-
-
-@pytest.mark.long
-@pytest.mark.agents
-def test_the_agent_of_the_readme_beats_the_paper() -> None:
-    """At each pace."""
-    pytest.importorskip("stable_baselines3")
-    names: dict[str, Any] = run_program([readme("example").replace("print_boards(", "runs = (")], str(README))
-    boards = leaderboards(names["runs"])
-    assert [board.pace for board in boards] == [*PACES]
-    for board in boards:
-        first, *others = board.standings
-        assert (first.policy, first.rank) == ("mine", 1)
-        assert all(first.scores["path_error_m"].high < each.scores["path_error_m"].low for each in others)
 
 
 @pytest.mark.long
@@ -134,17 +117,6 @@ def test_the_tables_of_the_page_on_watching_are_read(
     capsys.readouterr()
     run_program([block], "watching.md")
     assert re.search(r"\d", capsys.readouterr().out)
-
-
-@pytest.mark.long
-def test_the_page_on_watching_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    for module in ("pygame", "moviepy", "pandas"):
-        pytest.importorskip(module)
-    monkeypatch.chdir(tmp_path)
-    for given in (each for each in WATCH if "--out" in each or "--csv" in each):
-        assert main(given) == 0
-    run_program(blocks_of(WATCHING), "watching.md")
-    assert [path.suffix for folder in ("videos", "grids") for path in (tmp_path / folder).iterdir()] == [".mp4"] * 2
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))

@@ -116,27 +116,6 @@ class QuietHandler(SimpleHTTPRequestHandler):
         pass
 
 
-BAD = """<!doctype html><html><body><article>
-<p>text</p>
-<div style="width: 600px; height: 1px"></div>
-<img src="missing.png" alt="a picture">
-<div style="overflow-x: auto"><table style="width: 2000px"><tr><td>in its own box</td></tr></table></div>
-</article><script>throw new Error("broken")</script></body></html>"""
-
-
-@pytest.mark.slow
-def test_what_is_wrong_is_found(tab: "browser.Tab", tmp_path: Path) -> None:  # noqa: F821
-    page = tmp_path / "bad.html"
-    page.write_text(BAD, "utf-8")
-    found = faults(tab, page.as_uri())
-    assert any("broken" in each for each in found)
-    for width, _ in SHOWN:
-        seen = [each for each in found if each.startswith(f"{width} px: ")]
-        assert any("no picture: missing.png" in each for each in seen)
-        assert any("wider than its window" in each for each in seen) == (width == 390)
-        assert not any("in its own box" in each for each in seen)
-
-
 class Links(HTMLParser):
     """Where a page leads, and the places within it."""
 

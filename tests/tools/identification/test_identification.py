@@ -22,7 +22,6 @@ from pter_gym.tools.identification import (
     quantities,
     read_log,
     record_log,
-    report,
     write_log,
 )
 from pter_gym.tools.identification.shooting import make_inputs, predict
@@ -129,18 +128,6 @@ def test_a_machine_with_noise_and_its_files(tmp_path: Path, monkeypatch: pytest.
     assert main(["identify", "log.csv", "--machine", "mine/preset.toml", "--out", "again"]) == 0
 
 
-@pytest.mark.long
-def test_without_forces_ratios_are_found():
-    experiment = Experiment(levels=(3.0, 6.0, 9.0, 12.0), on=0.6, off=0.8, releases=True)
-    found = identify(record_log(OTHER, experiment, Recorder(angle_resolution=0.0, angle_noise=1e-5)), BASELINE)
-    told = {finding.quantity.name: finding for finding in found.findings}
-    assert told["inertia_a"].status == told["breakaway_ratio"].status == "kept"
-    assert told["inertia_a"].quantity.value == BASELINE.arm.inertia_a
-    assert told["inertia_b"].relative
-    ratio = found.machine.arm.inertia_b / found.machine.arm.inertia_a
-    assert ratio == pytest.approx(OTHER.arm.inertia_b / OTHER.arm.inertia_a, rel=0.05)
-
-
 # --- the preset and the report ---
 
 
@@ -163,33 +150,7 @@ def test_the_preset_is_the_machine_and_says_where_it_comes_from(small: Identific
     assert "from a_b_c_.csv" in preset_of(hostile, PRESET).provenance["arm.inertia_a"]
 
 
-@pytest.mark.slow
-def test_the_report_stands_alone_and_escapes_names(small: Identification):
-    page = report(replace(small, log=replace(small.log, name="<script>.csv")))
-    assert "<script" not in page
-    assert "&lt;script&gt;.csv" in page
-    assert page.count("data:image/png;base64,") == 4
-    assert not re.search(r"(?:src|href)=['\"](?!data:)", page)
-    for finding in small.findings:
-        assert f"<code>{finding.quantity.name}</code>" in page
-        assert finding.reason in page
-
-
 # --- presets as machines ---
-
-
-def test_a_late_preset_makes_late_observations(tmp_path: Path):
-    from pter_gym.scenarios._own_machine import as_sensed, find_own
-    from pter_gym.tasks.path_following import PathFollowing
-
-    path = tmp_path / "own.toml"
-    for delay, steps in ((0.004, 0), (0.012, 1), (0.02, 2)):
-        path.write_text(format_preset(replace(PRESET, sensing=replace(PRESET.sensing, delay=delay)), "own"), "utf-8")
-        assert as_sensed(PathFollowing(), find_own(str(path))).sensing.delay == steps
-    path.write_text(format_preset(replace(PRESET, sensing=replace(PRESET.sensing, delay=0.04)), "own"), "utf-8")
-    with pytest.raises(ParameterError, match=r"sensing.delay must be at most 2 control steps"):
-        as_sensed(PathFollowing(), find_own(str(path)))
-    assert as_sensed(PathFollowing(), find_own("baseline")) == PathFollowing()
 
 
 # --- logs ---
@@ -242,12 +203,6 @@ def test_a_log_is_read_and_written(tmp_path: Path):
 def test_a_log_that_makes_no_sense_is_refused(head: str, rows: list[str], said: str, tmp_path: Path):
     with pytest.raises(ParameterError, match=said):
         read_log(written(tmp_path, head, rows))
-
-
-def test_what_is_not_a_table_is_refused(tmp_path: Path):
-    (tmp_path / "log.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ParameterError):
-        read_log(tmp_path / "log.csv")
 
 
 def test_a_log_that_tells_nothing_is_refused(tmp_path: Path):

@@ -7,23 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from pter_gym._commands import main as cli
-from pter_gym.errors import ParameterError
-from pter_gym.tools.speed import Plan, Speed, as_json, make_plan, notes, tables
+from pter_gym.tools.speed import Plan, make_plan
 from pter_gym.tools.speed import ours as own
 from pter_gym.tools.speed.ours import (
-    CPU_SIZES,
-    CUDA_SIZES,
-    Cuda,
-    SingleStep,
     Skipped,
-    Sweep,
-    single_steps,
-    sweep,
-    throughput,
 )
 from pter_gym.tools.speed.peers import (
     ENVPOOL,
@@ -32,12 +22,9 @@ from pter_gym.tools.speed.peers import (
     ROLLOUT_SOFT,
     ROLLOUT_WHOLE,
     Kind,
-    Ratio,
     measure_peer,
-    our_loads,
     peers,
 )
-from pter_gym.tools.speed.plot import cost_figure
 from pter_gym.tools.speed.timing import Effort, Load, block_rate, compare, rate
 
 FIELDS = {
@@ -121,33 +108,6 @@ def test_missing_peer_is_named(monkeypatch: pytest.MonkeyPatch, module: str):
         assert module in found.why
 
 
-def test_our_side_of_the_comparisons():
-    loads = our_loads(3)
-    assert {kind: load.steps for kind, load in loads.items()} == {
-        Kind.ENV_STEPS: 3,
-        Kind.SUBSTEPS: 750,
-        Kind.SUBSTEPS_OF_ENV_STEPS: 30,
-    }
-    for load in loads.values():
-        load.call()
-    for load in loads.values():
-        load.close()
-
-
-def test_missing_single_environment_is_named():
-    found, skipped = single_steps(["CartPole-v1", "NoSuch-v0"], 3, 1)
-    assert [row.peer for row in found] == ["CartPole-v1"]
-    assert [row.what for row in skipped] == ["NoSuch-v0, single step"]
-    assert "NoSuch" in skipped[0].why
-
-
-def test_sizes_beyond_the_memory_are_named():
-    found = sweep([1, 10**11], 1, SHORT)
-    assert [row.worlds for row in found.rows] == [1]
-    assert [row.what for row in found.skipped] == ["100,000,000,000 worlds"]
-    assert "memory" in found.skipped[0].why
-
-
 def test_without_a_device_cuda_is_named(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("NUMBA_ENABLE_CUDASIM", "1")
     found = own.cuda([1], SHORT)
@@ -170,29 +130,6 @@ print([row.what for row in found.skipped])
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert found.stdout == "[1, 3] True True\n['1,000,000,000 worlds on the CUDA device']\n"
-
-
-@pytest.mark.parametrize("worlds", [0, 2.5, True])
-def test_bad_number_of_worlds(worlds: Any):
-    with pytest.raises(ParameterError, match="max_worlds must be a whole number ≥ 1"):
-        make_plan(max_worlds=worlds)
-
-
-def test_bad_arguments_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert cli.main(["speed", "--max-worlds", "0", "--out", str(tmp_path)]) == 2
-    assert "--max-worlds" in capsys.readouterr().err
-    file = tmp_path / "file"
-    file.touch()
-    assert cli.main(["speed", "--quick", "--out", str(file)]) == 2
-    assert "out must be a folder" in capsys.readouterr().err
-
-
-def test_plans():
-    assert make_plan().cpu_sizes == CPU_SIZES
-    assert make_plan().cuda_sizes == CUDA_SIZES
-    assert make_plan(max_worlds=16_384).cpu_sizes == (1, 16, 256, 4_096, 16_384)
-    assert make_plan(quick=True, max_worlds=300).cpu_sizes == (1, 16, 256)
-    assert make_plan(quick=True).cpu_sizes[-1] == 16_384
 
 
 class Clock:
@@ -225,59 +162,3 @@ def test_rates_are_steps_over_seconds(clock: Clock):
 def test_comparison_is_ours_over_the_peer(clock: Clock):
     found = compare(clock.load(0.25, 100), clock.load(0.5, 20), Effort(1.0, 3))
     assert (found.rate, found.peer_rate, found.ratio) == (400.0, 40.0, 10.0)
-
-
-def test_median_ignores_one_slow_block(clock: Clock):
-    durations = iter([9.0, 0.25, 7.0, 0.25])
-
-    def call() -> None:
-        clock.now += next(durations)
-
-    assert rate(Load(call, 1, nothing), Effort(0.0, 3)) == 4.0
-
-
-def made_up(**changes: Any) -> Speed:
-    """A run of which every number is known."""
-    sizes = (4_096, 16_384, 1_000_000)
-    rates = (10e6, 9e6, 8e6)
-    plan: Plan = make_plan()
-    rows = tuple(throughput(n, 2, r) for n, r in zip(sizes, rates, strict=True))
-    ratio = Ratio(REACHER, "gymnasium", "1.4.0", "two steps", Kind.ENV_STEPS, 64, 2e4, 16_384, 9e6, 450.0)
-    speed = Speed(
-        plan=plan,
-        machine={"cores": 2, "load_average_at_start": 0.5},
-        versions={},
-        substeps_per_step=10,
-        all_threads=Sweep(rows, (), 900.0),
-        one_thread=Sweep(rows, (), 900.0),
-        cuda=None,
-        single_steps=(SingleStep("CartPole-v1", 4.0, 3.0, 1.333),),
-        peers=(ratio, replace(ratio, name=ENVPOOL, package="envpool", our_worlds=256)),
-        skipped=(Skipped("EnvPool", "not installed"),),
-    )
-    return replace(speed, **changes)
-
-
-def test_file_and_tables_hold_all(capsys: pytest.CaptureFixture[str]):
-    from rich.console import Console
-
-    speed = made_up()
-    content = json.loads(json.dumps(as_json(speed), allow_nan=False))
-    assert set(content) == FIELDS
-    for table in tables(speed):
-        Console(width=120).print(table)
-    text = capsys.readouterr().out
-    for part in ("16,384", "450", "1.333", "not installed", "900 bytes"):
-        assert part in text
-    assert notes(speed)[0] == f"{REACHER}: two steps."
-
-
-def test_plot_shows_all_rows():
-    speed = made_up(cuda=Cuda("device", 6.0, 1, 20.0, (throughput(1_024, 0, 1e9),), ()))
-    axes = cost_figure(speed).axes[0]
-    drawn = {str(line.get_label()): np.asarray(line.get_xydata()) for line in axes.get_lines()}
-    rows = speed.all_threads.rows
-    expected = [[row.worlds, row.nanoseconds_per_step] for row in rows]
-    np.testing.assert_allclose(drawn["ours, 2 threads"], expected)
-    np.testing.assert_allclose(drawn["ours, device"], [[1_024, 1.0]])
-    np.testing.assert_allclose(drawn[f"{REACHER} (1.4.0)"], [[64, 5e4]])

@@ -300,16 +300,6 @@ def test_bad_input_gets_a_sentence_and_loses_nothing(play: Any, tmp_path: Path) 
         play.run("page.complain('')")
 
 
-@pytest.mark.slow
-def test_everything_that_can_be_used_has_a_name(play: Any) -> None:
-    play.open()
-    nodes = play.tab.call("Accessibility.getFullAXTree")["nodes"]
-    roles = {"button", "combobox", "slider", "radio", "application", "image", "table"}
-    used = [node for node in nodes if not node["ignored"] and node["role"]["value"] in roles]
-    assert len(used) > 20
-    assert [node["role"]["value"] for node in used if not node["name"]["value"]] == []
-
-
 # --- all of it, slowly ---
 
 
@@ -327,42 +317,3 @@ def test_every_path_is_pushed_to_its_end(path: str, play: Any) -> None:
     assert play.run("page.trials[0].rows.map((row) => [...row])") == pushed, "the same push, the same controller"
     assert play.run("page.trials[1].settings.control") == "free"
     assert play.run("page.trials[1].rows.map((row) => [...row])") != pushed
-
-
-@pytest.mark.long
-def test_arrow_keys_push_too(play: Any) -> None:
-    play.open("control=single-dof-tuned")
-    play.run("document.getElementById('stage').focus()")
-    play.key("ArrowRight", "keyDown")
-    play.until("page.trials[0].ended", 30)
-    play.key("ArrowRight", "keyUp")
-    assert compare(play, "line", lag=0.105, friction=1.0).completed
-    play.key("r", "keyDown")
-    assert play.run("page.waiting && page.trials[0].rows.length === 1")
-
-
-@pytest.mark.long
-def test_a_path_is_drawn(play: Any) -> None:
-    play.open()
-    play.click("draw")
-    place = play.run("[[-0.4, 0.6], [0.3, 0.7]].map(([x, y]) => page.scenes[0].screen({ x, y }))")
-    (x, y), (end_x, end_y) = ((each["x"], each["y"]) for each in place)
-    play.mouse("mousePressed", x, y)
-    for k in range(1, 41):
-        play.mouse("mouseMoved", x + (end_x - x) * k / 40, y + (end_y - y) * k / 40 + 8 * np.sin(0.15 * k))
-    play.mouse("mouseReleased", end_x, end_y)
-    play.until("page.settings.path === 'drawn'")
-    play.drag()
-    assert play.run("page.trials[0].ending") == "arrived"
-
-
-@pytest.mark.long
-def test_a_saved_push_can_be_dropped(play: Any) -> None:
-    play.open("path=arc")
-    play.drag()
-    rows = play.run("[...page.trials[0].rows.at(-1)]")
-    push = play.saved("save-push", "push.csv").read_text("utf-8")
-    play.open("path=arc")
-    play.run(f"page.openPush(new File([{push!r}], 'push.csv'))")
-    play.until("page.trials[0].push && page.trials[0].ended")
-    assert play.run("[...page.trials[0].rows.at(-1)]") == rows

@@ -10,15 +10,11 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
 from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
-from pter_gym.tools.figures import STYLE, percent
-from pter_gym.tools.pictures.plots import looks, save
+from pter_gym.tools.pictures.plots import save
 from pter_gym.tools.pictures.plots.benchmark import error_against_time, tip_paths
-from pter_gym.tools.pictures.plots.legends import scale_bar, shown
-from pter_gym.tools.pictures.plots.ticks import plain_ticks
 
 
 def run(steps: int, error: float, completed: bool = True, time_constant: float = 0.105) -> SimpleNamespace:
@@ -74,50 +70,6 @@ def test_the_nearest_time_constant_is_shown():
         np.testing.assert_array_equal(drawn, runs["free"][nearest].telemetry[:, [*COLUMN.tip]])
 
 
-def test_many_policies_look_different():
-    found = looks(f"policy {k}" for k in range(100))
-    assert len({(look.colour, look.marker) for look in found.values()}) == 100
-    few = list(found.values())[:15]
-    assert len({look.colour for look in few}) == len({look.marker for look in few}) == 15
-
-
-def test_long_names_lose_their_middle_and_dollars_are_dollars():
-    assert shown("abcdefghijklmnop", 10) == "abcd…lmnop"
-    assert shown("$x$") == r"\$x\$"
-
-
-@pytest.mark.parametrize(("low", "high"), [(2.1, 4.5), (0.6, 1.1), (1.05, 1.7), (0.02, 900.0)])
-def test_a_logarithmic_axis_has_two_ticks_or_more(low: float, high: float):
-    axes = Figure().add_subplot()
-    axes.set(xscale="log", xlim=(low, high))
-    plain_ticks(axes, "x")
-    assert sum(low <= tick <= high for tick in axes.get_xticks()) >= 2
-
-
-@pytest.mark.parametrize("length", [0.013, 0.4, 7.0])
-def test_a_scale_bar_is_as_long_as_it_says(length: float):
-    axes = Figure(figsize=(4.0, 4.0)).add_subplot()
-    axes.set(xlim=(0.0, length), ylim=(0.0, length))
-    scale_bar(axes)
-    (bar,) = axes.findobj(AnchoredSizeBar)
-    said = float(bar.txt_label.get_text().split(" m ")[0])
-    assert bar.size_bar.get_children()[0].get_width() == pytest.approx(said)
-    assert 0.1 * length <= said <= 0.3 * length
-
-
-def test_the_style_is_one_that_matplotlib_takes():
-    with mpl.rc_context():
-        mpl.style.use(STYLE)
-        assert mpl.rcParams["axes.prop_cycle"] == STYLE["axes.prop_cycle"]
-
-
-@pytest.mark.parametrize("share", [0.0, -0.0, -1e-9, -0.0004])
-def test_nothing_is_minus_zero(share: float):
-    assert percent(share) == "0 %"
-    assert percent(share, 1, signed=True) == "+0.0 %"
-    assert percent(share - 0.5, 1) == "−50.0 %"
-
-
 def test_the_same_figure_gives_the_same_bytes_whatever_the_user_has_set(tmp_path: Path):
     before = mpl.rcParams.copy()
     save(error_against_time(RESULT), tmp_path / "a.png")
@@ -136,18 +88,6 @@ def test_a_figure_goes_to_a_png_file_and_one_beside_it(tmp_path: Path):
         save(figure, tmp_path / "figure.pdf")
     assert not list(tmp_path.iterdir())
     assert save(figure, tmp_path / "figure.png") == (tmp_path / "figure.png", tmp_path / "figure.pdf")
-
-
-def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    path = tmp_path / "figure.png"
-    path.write_bytes(b"earlier")
-    monkeypatch.setattr("os.fsync", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        save(error_against_time(RESULT), path)
-    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("figure.png", b"earlier")]
 
 
 def test_no_pyplot():

@@ -5,9 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from pter_gym.benchmark import Leaderboard, leaderboards, run_scenario
 from pter_gym.benchmark._runs import ScenarioRun
@@ -35,59 +33,8 @@ def titles(figure: Figure) -> list[str]:
     return [axes.get_title() or axes.get_title(loc="left") for axes in figure.axes]
 
 
-def legend(figure: Figure) -> list[str]:
-    (found,) = figure.legends
-    return [text.get_text() for text in found.get_texts()]
-
-
 def curves(axes: Axes) -> list[np.ndarray]:
     return [np.asarray(line.get_xydata()) for line in axes.get_lines() if len(line.get_xydata()) > 1]
-
-
-def points_of(axes: Axes) -> list[Line2D]:
-    """What stands for one policy at one pace; caps of the bars are no points."""
-    drawn = [line for line in axes.get_lines() if line.get_linestyle() == "None" and line.get_marker() != "_"]
-    assert all(len(line.get_xdata()) == 1 for line in drawn)
-    return drawn
-
-
-def test_profiles_are_shares_of_the_episodes(runs: tuple[ScenarioRun, ...], boards: tuple[Leaderboard, ...]) -> None:
-    figure = plots.profiles(boards, runs)
-    assert titles(figure) == ["slow, 0.12 m/s", "medium, 0.25 m/s"]
-    assert legend(figure) == sorted(POLICIES)
-    for axes, board in zip(figure.axes, boards, strict=True):
-        assert axes.get_xlabel() == "path error [mm]"
-        for curve, standing in zip(curves(axes), board.standings, strict=True):
-            run = next(r for r in runs if (r.conditions.policy, r.conditions.pace) == (standing.policy, board.pace))
-            errors = 1000.0 * run.scores["path_error_m"]
-            np.testing.assert_allclose(curve[:, 1], (errors[:, None] <= curve[:, 0]).mean(axis=0))
-            assert (curve[0, 1], curve[-1, 1]) == (0.0, 1.0)
-        faint = [line.get_alpha() for line in axes.get_lines()]
-        assert faint == [plots.BELOW if standing.reason else 1.0 for standing in board.standings]
-
-
-def test_error_against_pace_fills_who_has_a_rank(boards: tuple[Leaderboard, ...]) -> None:
-    figure = plots.error_against_pace(boards)
-    (axes,) = figure.axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("mean pace along the path [m/s]", "path error [mm]")
-    points = points_of(axes)
-    assert len(points) == len(POLICIES) * len(PACES)
-    filled = [point for point in points if to_hex(point.get_markerfacecolor()) != "#ffffff"]
-    ranked = [standing for board in boards for standing in board.standings if standing.rank]
-    assert len(filled) == len(ranked) == 2
-    for point, standing in zip(filled, ranked, strict=True):
-        scores = standing.scores
-        assert point.get_xdata()[0] == scores["mean_pace_m_s"].value
-        assert point.get_ydata()[0] == pytest.approx(1000.0 * scores["path_error_m"].value)
-    assert sum(point.get_xdata()[0] == plots.SLOWEST for point in points) == len(PACES)
-
-
-def test_error_against_smoothness(boards: tuple[Leaderboard, ...]) -> None:
-    figure = plots.error_against_smoothness(boards)
-    assert titles(figure) == ["slow, 0.12 m/s", "medium, 0.25 m/s"]
-    for axes, board in zip(figure.axes, boards, strict=True):
-        points = points_of(axes)
-        assert [float(p.get_xdata()[0]) for p in points] == [s.scores["smoothness"].value for s in board.standings]
 
 
 def test_trajectories_show_path_arm_and_every_tip(

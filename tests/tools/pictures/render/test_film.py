@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pter_gym.errors import DependencyError, ParameterError, StorageError
+from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
-from pter_gym.tools.pictures.render.film import PAUSE, Film, Shot, check_ending, default_size, frames_of, write_film
+from pter_gym.tools.pictures.render.film import PAUSE, Film, Shot, check_ending, frames_of, write_film
 from pter_gym.tools.pictures.render.picture import Subject
 
 SIZE = (161, 121)
@@ -48,15 +48,6 @@ def test_an_episode_that_is_over_stays_at_its_end():
     left, right = zip(*(np.split(both.pixels(k), 2, axis=1) for k in (10, 20)), strict=True)
     np.testing.assert_array_equal(*left)
     assert (right[0] != right[1]).any()
-
-
-def test_sizes_by_default():
-    assert default_size(1) == (840, 600)
-    assert default_size(2) == (960, 540)
-    for count in range(2, 17):
-        width, height = default_size(count)
-        assert width <= 1920
-        assert height <= 1080
 
 
 def test_a_gif_has_the_frames_and_the_colours(tmp_path: Path):
@@ -106,15 +97,6 @@ def test_what_fails_leaves_the_file_as_it_was(tmp_path: Path):
     with pytest.raises(KeyboardInterrupt):
         write_film(film(), path, fail)
     assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("film.gif", "older")]
-
-
-def test_a_film_for_which_there_is_no_room_is_told(tmp_path: Path):
-    def full() -> None:
-        raise OSError(28, "No space left on device")
-
-    with pytest.raises(StorageError, match=r"film cannot be made .* No space left"):
-        write_film(film(), tmp_path / "film.mp4", full)
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["film.avi", "film", "film.mp3"])

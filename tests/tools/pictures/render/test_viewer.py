@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pter_gym._physics.friction import ClutchMode
-from pter_gym.envs._size import HEIGHT, WIDTH, check_size
+from pter_gym.envs._size import HEIGHT, WIDTH
 from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 from pter_gym.tools.pictures.render import Viewer, style
-from pter_gym.tools.pictures.render.picture import Picture, Sheet, Subject, grid
-from pter_gym.tools.pictures.render.readings import MODE_NAMES, clutch_states, outcome, signed
+from pter_gym.tools.pictures.render.picture import Picture, Subject
+from pter_gym.tools.pictures.render.readings import clutch_states
 
 TASK = PathFollowing()
 THETA = (0.4, 2.2)
@@ -93,36 +93,10 @@ def test_the_handle_is_at_the_tip_and_the_trail_behind_it(viewer: Viewer):
         assert "#" + bytes(picture[y, x]).hex() == colour
 
 
-@pytest.mark.parametrize("trail", [np.zeros((0, 2)), TIP[None], np.repeat(TIP[None], 50, axis=0)])
-def test_a_trail_without_length_is_drawn_as_none(viewer: Viewer, trail: np.ndarray):
-    np.testing.assert_array_equal(viewer.draw(row(), trail), viewer.draw(row(), np.zeros((0, 2))))
-
-
 @settings(max_examples=25, deadline=None)
 @given(st.integers(32, 700), st.integers(32, 700))
 def test_any_size_can_be_drawn(width: int, height: int):
     assert Picture(Subject(BASELINE, TASK, "name" * 9), width, height).draw(row(), TRAIL).shape == (height, width, 3)
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 5, 12])
-def test_a_sheet_has_a_picture_of_each_subject(count: int):
-    rows, columns = grid(count)
-    assert (rows - 1) * columns < count <= rows * columns
-    sheet = Sheet(211, 173, [Subject(BASELINE, TASK)] * count)
-    before = sheet.draw([(row(), TRAIL)] * count)
-    after = sheet.draw([(row(), TRAIL)] * (count - 1) + [(row(theta_b=1.9), TRAIL)])
-    assert before.shape == (173, 211, 3)
-    y, x = np.nonzero((before != after).any(axis=-1))
-    assert y.min() >= 173 * (rows - 1) // rows
-    assert x.min() >= 211 * ((count - 1) % columns) // columns
-
-
-@pytest.mark.parametrize("bad", [31, 8193, 2.5, "wide", True, None])
-def test_a_bad_size_is_named(bad: object):
-    with pytest.raises(ParameterError, match="width must be a whole number"):
-        check_size(bad, 100)
-    with pytest.raises(ParameterError, match="height must be a whole number"):
-        check_size(100, bad)
 
 
 def test_mode_is_checked():
@@ -151,17 +125,6 @@ def test_another_machine_is_drawn_from_now_on():
 )
 def test_clutch_states(mode: ClutchMode, expected: list[str]):
     assert clutch_states(row(mode=mode, volts_1=3.0, torque_2=-1.0, volts_3=2.0, torque_3=1.0)) == expected
-
-
-def test_the_mode_or_the_end_of_an_episode_is_named():
-    assert [outcome(row(mode=mode)) for mode in ClutchMode] == [MODE_NAMES[mode] for mode in ClutchMode]
-    assert outcome(row(terminated=1.0)) == "left the workspace"
-    assert outcome(row(terminated=1.0, is_success=1.0)) == "arrived"
-
-
-@pytest.mark.parametrize(("value", "text"), [(1.26, "+1.3"), (-1.26, "−1.3"), (0.0, "0.0"), (-0.04, "0.0")])
-def test_signed_numbers(value: float, text: str):
-    assert signed(value) == text
 
 
 def run_fresh(program: str, **variables: str) -> str:
@@ -220,39 +183,3 @@ other.close()
 print(drawn == [None] * 10, seconds > 0.18, (shown == picture).all(), gone, pygame.display.get_init())
 """
     assert run_fresh(program, SDL_VIDEODRIVER="dummy") == "True True True True False"
-
-
-def test_a_film_plays_again_until_its_window_is_closed():
-    pytest.importorskip("pygame")
-    program = """
-import pygame
-from pter_gym.tools.pictures.render.film import Film, Shot, show_film
-from pter_gym.tools.pictures.render.picture import Subject
-
-shown = []
-class Watched(Film):
-    def pixels(self, frame):
-        shown.append(frame)
-        if shown[-3:] == [0, 1, 2] and len(shown) > len(self):
-            pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_ESCAPE))
-        return super().pixels(frame)
-
-film = Watched([Shot(Subject(BASELINE, PathFollowing()), np.stack([row, row]))], 100.0, size=(64, 48))
-show_film(film, 1000.0, "film")
-print(shown == [*range(len(film)), 0, 1, 2], pygame.display.get_init())
-"""
-    assert run_fresh(program, SDL_VIDEODRIVER="dummy") == "True False"
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="other systems always have a display")
-def test_a_display_that_nobody_sees_does_not_count():
-    pytest.importorskip("pygame")
-    program = """
-from pter_gym.tools.pictures.render.window import has_display
-found = [has_display()]
-for driver in ("dummy", "offscreen"):
-    os.environ["SDL_VIDEODRIVER"] = driver
-    found.append(has_display())
-print(found)
-"""
-    assert run_fresh(program) == "[False, False, False]"
