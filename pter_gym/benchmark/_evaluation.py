@@ -83,7 +83,7 @@ def run_scenario(
     episodes
         How many of the episodes to run, from the first on; all by default.
     fresh
-                Seed within [0, 2⁶⁴) of fresh episodes, see ``fresh_seed``; the stored ones by default.
+        Seed within [0, 2⁶⁴) of fresh episodes, see ``fresh_seed``; the stored ones by default.
     results
         A folder of results or its path. Finished runs are stored there, and taken from there if they exist already.
         The content of a callable cannot be determined, so it is run again each time.
@@ -95,7 +95,7 @@ def run_scenario(
     Raises
     ------
     ParameterError
-                If there is no such scenario, policy or pace, or there are fewer episodes.
+        If there is no such scenario, policy or pace, or there are fewer episodes.
     DataError
         If the stored episodes were changed.
     """
@@ -149,7 +149,7 @@ def fresh_seed(scenario: str, policies: Policies) -> int:
     Raises
     ------
     ParameterError
-                If there is no such policy, or its content cannot be determined, as for a plain callable; the message names it.
+        If there is no such policy, or its content cannot be determined, as for a plain callable; the message names it.
     """
     identities = {
         name: [_identity(each) for each in each_seed(policy)] for name, policy in _named(policies, scenario).items()

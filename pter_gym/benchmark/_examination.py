@@ -124,7 +124,7 @@ def examine(
 ) -> dict[str, Assessment]:
     """Return how good policies are on training draws, beside ``free``, ``locked`` and ``random``, the best first.
 
-        It reads no evaluation episodes, so its results may guide further training.
+    It reads no evaluation episodes, so its results may guide further training.
 
     Parameters
     ----------

@@ -20,12 +20,12 @@ Normalise = Callable[[Observations], Observations]
 
 
 def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelPolicy":
-        """Return a policy that runs a model in ``run_scenario``: deterministic, with recurrent states kept for each world.
+    """Return a policy that runs a model in ``run_scenario``: deterministic, with recurrent states kept for each world.
 
     Parameters
     ----------
     model
-                A model of any algorithm: its ``predict`` takes observations, states and the starts of episodes. Its actions are
+        A model of any algorithm: its ``predict`` takes observations, states and the starts of episodes. Its actions are
         clipped to its action space; they are normalised where the lower bound is negative, and volts otherwise.
     vec_normalize
         What normalised the observations in training: a ``VecNormalize``, or Gymnasium's ``NormalizeObservation``. By
@@ -41,7 +41,7 @@ def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelPolicy":
 
 
 def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
-        """Return a policy that runs a function from observations to an environment's actions, from whatever library.
+    """Return a policy that runs a function from observations to an environment's actions, from whatever library.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """The identity of a policy: a hash of the content that it acts by, never of what it says about itself.
 
-The content of compiled laws is known, and that of the package's own policies with all their settings, gains and weights.
+The content of compiled laws is known, and that of the package's own policies with all settings, gains and weights.
 That of other callables cannot be determined, so they have no identity.
 """
 

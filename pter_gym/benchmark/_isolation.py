@@ -63,7 +63,7 @@ HEADER = struct.Struct("<2I")
 
 
 class Isolated(BoundPolicy):
-        """Someone else's code as a policy in a process of its own: it knows only what it is sent.
+    """Someone else's code as a policy in a process of its own: it knows only what it is sent.
 
     The process is a fresh interpreter. It gets the nominal machine and the layout of the observations, then
     observations, and returns volts. It ends with ``close``, at the end of a ``with`` block, with a PolicyError, or when

@@ -35,7 +35,7 @@ class Standing:
     policy
         Its name.
     identity
-                Hash of its content, if that can be determined.
+        Hash of its content, if that can be determined.
     rank
         From 1 on, or None below the line.
     reason

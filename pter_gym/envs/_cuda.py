@@ -31,8 +31,8 @@ NONE_REFUSED = np.iinfo(np.int64).max
 class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
     """``PathFollowingVectorEnv`` on a CUDA device.
 
-        Returned arrays are on the device, ``final_obs`` is an array (N, entries) whose rows are valid where ``_final_obs`` is
-    true, and bad actions are reported late. Results agree with those of the CPU to 1e-9, not bit for bit, since the
+    Returned arrays are on the device, ``final_obs`` is an array (N, entries) whose rows are valid where ``_final_obs``
+    is true, and bad actions are reported late. Results agree with those of the CPU to 1e-9, not bit for bit, since the
     device fuses products and sums.
     """
 
@@ -129,7 +129,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
         return obs, rewards, flags[FLAG.terminated], flags[FLAG.truncated], infos
 
     def check(self) -> None:
-            """Wait for the device and raise if a step was refused since the last check.
+        """Wait for the device and raise if a step was refused since the last check.
 
         Raises
         ------
@@ -151,7 +151,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
         self.check()
 
     def get_state(self) -> dict[str, NDArray[Any]]:
-        """Return copies on the host of everything that changes; ``set_state`` of the CPU environment accepts them too."""
+        """Return copies on the host of all that changes; ``set_state`` of the CPU environment accepts them too."""
         return {
             "worlds": self._device["worlds"].copy_to_host(),
             "words": self._device["words"].copy_to_host(),

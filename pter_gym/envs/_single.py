@@ -28,7 +28,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Description
     PTER is a planar five-bar arm without motors (Swanson, Romagna, Book and Barraco, Georgia Tech, 1999). A person
-        pushes its handle. Four electromagnetic friction clutches brake or couple its two axes: clutch 1 brakes link A
+    pushes its handle. Four electromagnetic friction clutches brake or couple its two axes: clutch 1 brakes link A
     against the ground, clutch 2 link B, clutch 3 couples A to B, and clutch 4 couples A to B through a gear that
     inverts the motion. A clutch only removes energy, so nothing that an agent does can push the hand. Clutches stick
     and slip (Karnopp's model), and their torque lags the voltage with a time constant of about 0.1 s.
@@ -36,13 +36,13 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     The hand's force is the paper's: a constant push along the path and the multi-sine of Eq. 5 across it.
 
     ## Action Space
-        `Box(0, 24, (4,), float32)` with `action_unit="volt"`: the voltages of the four clutches, up to the machine's
+    `Box(0, 24, (4,), float32)` with `action_unit="volt"`: the voltages of the four clutches, up to the machine's
     largest voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: `a` stands for the largest
     voltage times `((a + 1) / 2)**2`, which gives fine resolution where the clutches slip. A value up to four float32
     ulp beyond a bound is clipped; a value further out, a NaN or a wrong shape raises `ActionError`, and nothing moves.
 
     ## Observation Space
-        `Box(-25, 25, (20,), float32)` with encoders alone; 24 entries with torque sensors, 26 with force sensors. Entries
+    `Box(-25, 25, (20,), float32)` with encoders alone; 24 entries with torque sensors, 26 with force sensors. Entries
     are scaled so that typical values are between -1 and 1, and clipped to ±25;
     `env.unwrapped.observation_layout` names them and holds the scales:
 
@@ -54,13 +54,13 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `progress` | part of the path covered |
     | `heading_cos`, `heading_sin`, `curvature` | the path there |
     | `speed_along`, `speed_across` | tip velocity along and across the path |
-        | `pace`, `pace_error` | commanded mean speed along the path; `speed_along` divided by it, minus 1 |
+    | `pace`, `pace_error` | commanded mean speed along the path; `speed_along` divided by it, minus 1 |
     | `volts_1`, `volts_2`, `volts_3`, `volts_4` | last voltages |
     | `torque_1`, `torque_2`, `torque_3`, `torque_4` | generated torques (`sensors="torque"` and `"force"`) |
     | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
 
     ## Rewards
-        Each new centimetre of the path pays, the whole path 1000 if the tip is on it and keeps the commanded pace. The pay
+    Each new centimetre of the path pays, the whole path 1000 if the tip is on it and keeps the commanded pace. The pay
     falls with the distance from the path (to 1/e at 60 mm) and with the ratio of the pace, averaged over a tenth of a
     second, to the commanded one (with its third power below 1, its inverse fourth power above). A wrong pace has a
     cost per unit of time: at rest, 100 in the time that the path takes at the commanded pace. A step pays at most what
@@ -68,11 +68,11 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     penalise the tip's acceleration, voltages and leaving the workspace. Each term is in the telemetry.
 
     `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose, tip, force, mode,
-        volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` tells whether the end of
+    volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` tells whether the end of
     the path has been reached.
 
     ## Starting State
-        At rest at the start of the path, with the clutches released. With `task.start_offset` the tip starts at a uniformly
+    At rest at the start of the path, with the clutches released. With `task.start_offset` the tip starts at a uniformly
     drawn distance from the path, and with `task.hand.random_phases` the phases of the disturbance are drawn; both
     depend only on the seed. A reset without a seed starts the next episode of the current seed.
 
@@ -83,12 +83,12 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Episode End
     ### Termination
     The tip reaches the end of the path (`is_success` if it is within `task.arrival`, 0.125 m, of it), or leaves the
-        workspace: too far from the path, behind its start, or near a singular pose. An episode also ends if the arm becomes
+    workspace: too far from the path, behind its start, or near a singular pose. An episode also ends if the arm becomes
     too fast for the simulator, many times faster than ordinary hands move it.
     `pter_gym.tasks.path_following.reason_of` says why an episode has ended.
 
     ### Truncation
-        After 1000 control steps, by Gymnasium's `TimeLimit`; or when the tip is further than `task.truncation_error` from
+    After 1000 control steps, by Gymnasium's `TimeLimit`; or when the tip is further than `task.truncation_error` from
     the path, or that far behind its start. By default that is beyond any workspace, so the workspace ends the episode
     first.
 
@@ -96,13 +96,13 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error, arrival,
       starts, sensing, reward weights.
-        - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws its machine and task instead.
+    - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws its machine and task instead.
     - `observe_context`: whether the observation ends with the context of machine and task (time constant, torque and
       drift of the clutches, what the hand adds). The telemetry always includes it.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"volt"` (default) or `"normalised"`.
     - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.
-        - `width`, `height`: size of the pictures, 840 × 600 pixels by default.
+    - `width`, `height`: size of the pictures, 840 × 600 pixels by default.
 
     ## Version History
     - v0: initial version.

@@ -18,8 +18,8 @@ except ImportError as error:
 class RslRlVecEnv(VecEnv):
     """A ``VecEnv`` of rsl-rl, whose observations are one group, ``"policy"``.
 
-        Observations are tensors that share memory with the arrays that each step returns, so nothing is copied and later
-    steps do not change them. Rewards are float32, as rsl-rl expects. With worlds on a CUDA device everything stays there.
+    Observations are tensors that share memory with the arrays that each step returns, so nothing is copied and later
+    steps do not change them. Rewards are float32, as rsl-rl expects. With worlds on a CUDA device all data stay there.
 
     Actions beyond the bounds are clipped, since rsl-rl draws them from a normal distribution. ``extras["time_outs"]``
     marks the episodes that were truncated and not terminated.
@@ -27,7 +27,7 @@ class RslRlVecEnv(VecEnv):
     Parameters
     ----------
     env
-                An environment from ``gymnasium.make_vec`` with ``autoreset_mode="SAME_STEP"``, with its wrappers; it is reset
+        An environment from ``gymnasium.make_vec`` with ``autoreset_mode="SAME_STEP"``, with its wrappers; it is reset
         here.
     seed
         Seed of the first episodes; world i begins with ``seed + i``.

@@ -38,7 +38,7 @@ class Scenario:
     ----------
     name, version
         As in the id ``PTER/<Name>-v<version>``.
-        asks
+    asks
         What it requires of a policy, in a sentence.
     episodes
         Number of its stored evaluation episodes.
@@ -50,7 +50,7 @@ class Scenario:
     own
         The machine in place of those that it would draw, if there is one; see ``find_scenario``.
     own_varied
-                What varies with that machine; by default the entry of ``_variations.VARIED``.
+        What varies with that machine; by default the entry of ``_variations.VARIED``.
     """
 
     name: str

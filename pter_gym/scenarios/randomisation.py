@@ -147,7 +147,7 @@ class Vary(Generic[Drawn]):
 
     Parameters
     ----------
-        base
+    base
         The dataclass that provides the other fields.
     **fields
         Distributions, by the name of the field.
