@@ -10,7 +10,6 @@ import pytest
 
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.params import BASELINE
-from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import Sensors, observation_layout
 
 
