@@ -42,8 +42,8 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ulp beyond a bound is clipped; a value further out, a NaN or a wrong shape raises `ActionError`, and nothing moves.
 
     ## Observation Space
-    `Box(-25, 25, (20,), float32)` with encoders alone; 24 entries with torque sensors, 26 with force sensors. Entries
-    are scaled so that typical values are between -1 and 1, and clipped to ±25;
+    `Box(-25, 25, (20,), float32)`, with torque sensors 24 entries, with force sensors 26. Entries are scaled so that
+    typical values are between -1 and 1, and clipped to ±25;
     `env.unwrapped.observation_layout` names them and holds the scales:
 
     | entries | meaning |

@@ -35,10 +35,6 @@ def test_gymnasium_checker_wishes_only_for_a_normalised_box_in_volts() -> None:
     assert "symmetric and normalized" in str(caught[0].message)
 
 
-def test_import_in_the_id() -> None:
-    assert isinstance(gymnasium.make(f"pter_gym:{ID}").unwrapped, gymnasium.Env)
-
-
 def test_spec_round_trip() -> None:
     spec = gymnasium.make(ID, action_unit="normalised").spec
     assert spec is not None
