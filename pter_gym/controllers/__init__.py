@@ -1,6 +1,8 @@
 """Control laws: an observation in, four clutch voltages out."""
 
 from pter_gym._compiled.compiler import inlined as device
+from pter_gym._compiled.records import rows
+from pter_gym._engine.law import MEMORY, Memory
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.controllers._base import BoundPolicy, Controller, Policy, bind
 from pter_gym.controllers._direction import SingleDof, VelocityRatio
@@ -21,12 +23,14 @@ CONTROLLERS: dict[str, type[Controller]] = {
 
 __all__ = [
     "CONTROLLERS",
+    "MEMORY",
     "BoundPolicy",
     "Controller",
     "Free",
     "Guided",
     "Impedance",
     "Locked",
+    "Memory",
     "PaceSchedule",
     "PerClutch",
     "Policy",
@@ -36,4 +40,5 @@ __all__ = [
     "VelocityRatio",
     "bind",
     "device",
+    "rows",
 ]

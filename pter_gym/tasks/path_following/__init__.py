@@ -6,7 +6,7 @@ respect to its path (``situation``).
 """
 
 from pter_gym.tasks.path_following._ending import Reason, reason_of
-from pter_gym.tasks.path_following._observation import Sensors, observation_layout
+from pter_gym.tasks.path_following._observation import SEEN, Sensors, observation_layout
 from pter_gym.tasks.path_following._reward import RewardWeights
 from pter_gym.tasks.path_following._specification import (
     AT_REST,
@@ -26,6 +26,7 @@ __all__ = [
     "COLUMN",
     "IDEAL_SENSING",
     "MAX_DELAY",
+    "SEEN",
     "STARTS",
     "TELEMETRY",
     "PathFollowing",
