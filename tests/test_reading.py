@@ -4,7 +4,7 @@ import gzip
 import json
 import os
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,9 @@ from hypothesis import strategies as st
 
 from pter_gym._internal.checks import is_finite
 from pter_gym._internal.reading import (
+    MOST_DOTS,
     MOST_JSON,
+    MOST_PARTS,
     MOST_TOML,
     inflate,
     parse_json,
@@ -175,3 +177,15 @@ def test_blank_lines_and_short_ones_without_a_named_column_are_no_mistake(tmp_pa
 def test_what_no_float64_holds_is_no_number(value: object) -> None:
     assert not is_finite(value)
     assert all(map(is_finite, (3, -1.5e308, np.float64(2.0))))
+
+
+@pytest.mark.parametrize(
+    ("parse", "text"),
+    [
+        (lambda text: parse_json(text.encode()), "[" + "[]," * MOST_PARTS + "[]]"),
+        (parse_toml, "a" + ".a" * (MOST_DOTS + 1) + " = 1"),
+    ],
+)
+def test_what_would_take_seconds_is_refused_before_it_is_parsed(parse: Callable[[str], object], text: str) -> None:
+    with pytest.raises(ValueError, match=r"lists and objects|dots"):
+        parse(text)

@@ -35,7 +35,7 @@ def train(
     """Train a policy on a scenario's training draws.
 
     The folder of the run holds the two newest checkpoints, validation.json with the scores on drawn episodes that are
-    not trained on, progress.csv, and the logs for TensorBoard.
+    not used for training, progress.csv, and the logs for TensorBoard.
 
     Example: pter train residual --smoke --out residual-run
 
@@ -44,9 +44,9 @@ def train(
         steps: Control steps of all worlds together.
         seed: Seed of weights, worlds, draws and actions, at least 0.
         out: Folder of the run, created if necessary; it must not hold another run.
-        resume: Go on from the newest checkpoint in the folder; only the steps may differ from before.
-        config: TOML file with hyper-parameters that replace the usual ones.
-        smoke: Make a run of a few seconds that shows that training works.
+        resume: Continue from the newest checkpoint in the folder; only the steps may differ from before.
+        config: TOML file with hyper-parameters that replace the default ones.
+        smoke: Make a run of a few seconds to check that training works.
         machine: Clutch material, or the preset of a machine of your own, in place of those that the scenario draws.
     """
     try:
@@ -94,7 +94,7 @@ def export(
         run: Folder of the run; with --hub also a trained policy, by its name or its path.
         name: Name of the policy; by default that of the algorithm.
         out: Folder for the files, created if necessary.
-        hub: Folder for the policy as the Hugging Face hub lays it out: with scores and a film. Nothing is uploaded.
+        hub: Folder for the policy in the layout of the Hugging Face Hub, with scores and a film. Nothing is uploaded.
     """
     from pter_gym.policies._files import RUN
 
@@ -132,7 +132,7 @@ def retrain(
 
     Args:
         policy: Name of a shipped trained policy, or the path of the card of another.
-        out: Folder for the run and the new policy, created if necessary. A run that was stopped there goes on.
+        out: Folder for the run and the new policy, created if necessary. An interrupted run there is continued.
     """
     try:
         with terminal(errors=True).status("loading"):

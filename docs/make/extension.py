@@ -66,8 +66,9 @@ class Sample(NamedTuple):
 
 def process(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Change the lines of a docstring in place."""
-    if name in PAGES:
-        lines[:] = [lines[0], "", f":doc:`{PAGES[name]}` has actions, observations, rewards and episodes.", ""]
+    if inspect.isclass(obj) and f"{obj.__module__}.{obj.__qualname__}" in PAGES:
+        page = PAGES[f"{obj.__module__}.{obj.__qualname__}"]
+        lines[:] = [lines[0], "", f":doc:`{page}` has actions, observations, rewards and episodes.", ""]
     elif what == "data":
         lines[:] = data_docstring(name)
     elif inspect.isclass(obj) and is_dataclass(obj):

@@ -42,8 +42,8 @@ def benchmark(
 
     The standard test prints a table and writes benchmark.json, tip_paths.png (as in the paper's Fig. 11) and
     error_against_time.png. A scenario prints a leaderboard for each pace and writes benchmark.json, a file for each run
-    and pictures. Runs that are in the folder already are not repeated; several benchmarks may share a folder. Beside
-    each picture is the same in vectors, .pdf.
+    and pictures. Runs that are already in the folder are not repeated; several benchmarks may share a folder. Each
+    picture is also written as vector graphics, .pdf.
 
     Example: pter benchmark --scenario standard --policies residual --episodes 20
 
@@ -54,12 +54,12 @@ def benchmark(
         paces: Commanded paces of a scenario, separated by commas.
         episodes: How many of the scenario's episodes to run; all by default. Ranks from fewer than 200 are provisional.
         fresh: Seed of fresh episodes, as many as the stored ones, or derived: it follows from the content of all
-            policies, the code and the scenario, so nobody can tune to it. The stored ones by default.
+            policies, the code and the scenario, so nobody can tune to it. By default the stored episodes are run.
         machine: Clutch material of the standard test, or the preset of a machine of your own.
         time_constants: Time constants of the standard test's clutches [s], separated by commas; one episode each.
         seed: Seed of the standard test's episodes, and of random and predictive policies, at least 0.
         isolated: Whether each policy that is code runs in a process of its own; see docs/trust.md.
-        out: Folder for the results; made if need be.
+        out: Folder for the results, created if necessary.
     """
     if scenario is None:
         on_scenario = {"paces": paces != PACES, "episodes": episodes, "fresh": fresh, "isolated": isolated}

@@ -1,4 +1,4 @@
-"""``pter verify``: whether scores are those of the policies that they are said to be of."""
+"""``pter verify``: whether scores really are those of the policies that they name."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,12 +14,12 @@ def verify(
     policies: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "",
     seed: int = 0,
 ) -> int:
-    """Run what is in a results folder again and compare scores.
+    """Repeat the runs in a results folder and compare scores.
 
     Prints for each file what differs, or why it cannot be run again; the exit status is 1 unless all are the same. The
-    measured time of a decision is not compared.
+    measured time per decision is not compared.
 
-    Built-in and exported policies are found by name, as `pter benchmark` does. What results name as code is
+    Built-in and exported policies are found by name, as in `pter benchmark`. Code that the results name is
     imported only if it is given here; `pter_gym.benchmark.verify` takes other callables.
 
     Example: pter verify pter-benchmark

@@ -35,6 +35,13 @@ COMPLAINTS = (
 """What reading damaged data can raise."""
 
 
+MOST_PARTS = 1 << 17
+"""Most lists and objects in JSON; brackets in texts count too. A million of them would take seconds."""
+
+MOST_DOTS = 64
+"""Most dots in a line of TOML: the time for a key grows with their square."""
+
+
 @contextmanager
 def reading(what: str) -> Generator[None, None, None]:
     """Turn any complaint about some data into a DataError that begins with their name."""
@@ -89,10 +96,12 @@ def parse_json(data: bytes, most: int = MOST_JSON) -> Any:
     Raises
     ------
     ValueError
-        If it is not JSON, is larger than ``most`` [B], is nested too deeply, has a name twice in one object, a number
-        that no float64 holds, or text that UTF-8 cannot write.
+        If it is not JSON, is larger than ``most`` [B], is nested too deeply, has more than ``MOST_PARTS`` lists and
+        objects, a name twice in one object, a number that no float64 holds, or text that UTF-8 cannot write.
     """
     text = bounded(data, most).decode("utf-8")
+    if text.count("[") + text.count("{") > MOST_PARTS:
+        raise ValueError(f"it has more than {MOST_PARTS} lists and objects")
     try:
         content = json.loads(text, object_pairs_hook=_unique, parse_float=_finite, parse_constant=_finite)
         if "\\u" in text:
@@ -111,6 +120,8 @@ def parse_toml(text: str) -> dict[str, Any]:
         If it is not TOML, is larger than ``MOST_TOML`` [B], is nested too deeply, or has a number that is not finite.
     """
     bounded(text.encode(), MOST_TOML)
+    if max(line.count(".") for line in (*text.splitlines(), "")) > MOST_DOTS:
+        raise ValueError(f"a line must have at most {MOST_DOTS} dots")
     try:
         return tomllib.loads(text, parse_float=_finite)
     except RecursionError:

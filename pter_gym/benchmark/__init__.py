@@ -1,12 +1,12 @@
 """Policies times scenarios: the paper's standard test, and the evaluation episodes of the scenarios.
 
-``naming`` finds policies and makes them act in an environment, ``isolation`` runs them in processes of their own,
-``from_sb3`` takes those of learning libraries; ``simulation`` runs episodes of them, ``evaluation`` those of a
-scenario; ``metrics`` declares the scores, ``statistics`` combines many, ``ranking`` decides on ranks,
-``leaderboard`` shows them, and ``results`` keeps what came out. ``identity`` tells what a policy is, and
-``verification`` runs results again. ``standard`` is the paper's test.
+``_naming`` finds policies and makes them act in an environment, ``_isolation`` runs them in processes of their own,
+``_from_sb3`` accepts those of learning libraries; ``simulation`` runs episodes, and ``_evaluation`` the episodes of a
+scenario; ``metrics`` declares the scores, ``statistics`` combines many, ``ranking`` decides on ranks, ``leaderboard``
+shows them, and ``_results`` stores the results. ``_identity`` identifies a policy by its content, and ``_verification``
+runs results again. ``_standard`` is the paper's test.
 
-The names are imported when they are first used: a policy acts without what scores need.
+The names are imported when they are first used, so a policy can act without loading the code for scores.
 """
 
 from typing import TYPE_CHECKING

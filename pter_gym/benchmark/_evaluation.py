@@ -85,8 +85,8 @@ def run_scenario(
     fresh
         Seed within [0, 2⁶⁴) of fresh episodes, see ``fresh_seed``; the stored ones by default.
     results
-        Where each finished run is kept, and taken from if it was finished before: a folder of results or its path.
-        What a callable does cannot be known, so it is run again each time.
+        A folder of results or its path. Finished runs are stored there, and taken from there if they exist already.
+        The content of a callable cannot be determined, so it is run again each time.
     num_threads
         Threads that share the episodes of a compiled law; the scores do not depend on it.
     on_progress
@@ -95,7 +95,7 @@ def run_scenario(
     Raises
     ------
     ParameterError
-        If there is no such scenario, policy or pace, or there are not so many episodes.
+        If there is no such scenario, policy or pace, or there are fewer episodes.
     DataError
         If the stored episodes were changed.
     """
@@ -149,7 +149,7 @@ def fresh_seed(scenario: str, policies: Policies) -> int:
     Raises
     ------
     ParameterError
-        If there is no such policy, or its content cannot be told, as of a plain callable; it names the policy.
+        If there is no such policy, or its content cannot be determined, as for a plain callable; the message names it.
     """
     identities = {
         name: [_identity(each) for each in each_seed(policy)] for name, policy in _named(policies, scenario).items()

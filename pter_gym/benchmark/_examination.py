@@ -82,7 +82,7 @@ class Examination:
     seed
         Of the draws, ≥ 0.
     machine
-        One in place of those that the scenario draws, as in ``find_scenario``; policies are then told of it.
+        One machine in place of those that the scenario draws, as in ``find_scenario``; policies know about it.
     """
 
     def __init__(self, scenario: str, pace: str, episodes: int, seed: int, machine: AnyMachine | None = None) -> None:
@@ -124,7 +124,7 @@ def examine(
 ) -> dict[str, Assessment]:
     """Return how good policies are on training draws, beside ``free``, ``locked`` and ``random``, the best first.
 
-    It reads no evaluation episodes, so what comes of it may decide how to train on.
+    It reads no evaluation episodes, so its results may guide further training.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def examine(
     episodes, seed
         Number of draws, and their seed, ≥ 0; a training's is its ``context_seed``, 0 by default.
     machine
-        One in place of those that the scenario draws, as in ``find_scenario``; policies are then told of it.
+        One machine in place of those that the scenario draws, as in ``find_scenario``; policies know about it.
     """
     examination = Examination(scenario, pace, episodes, seed, machine)
     known = {name: find_policy(name) for name in LEAST}

@@ -20,17 +20,16 @@ Normalise = Callable[[Observations], Observations]
 
 
 def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelPolicy":
-    """Return what runs a model in ``run_scenario``: deterministic, with its recurrent states kept for each world.
+    """Return a policy that runs a model in ``run_scenario``: deterministic, with recurrent states kept for each world.
 
     Parameters
     ----------
     model
-        Of any algorithm: its ``predict`` takes observations, states and the starts of episodes. Its actions are clipped
-        to its action space; they are normalised where the lower bound is negative, and volts otherwise.
+        A model of any algorithm: its ``predict`` takes observations, states and the starts of episodes. Its actions are
+        clipped to its action space; they are normalised where the lower bound is negative, and volts otherwise.
     vec_normalize
         What normalised the observations in training: a ``VecNormalize``, or Gymnasium's ``NormalizeObservation``. By
-        default the ``VecNormalize`` that the model still has, if it has one.
-        Its statistics are used as they are at each decision, and not changed.
+        default the ``VecNormalize`` that the model still has, if any. Its statistics are used and not changed.
 
     Raises
     ------
@@ -42,7 +41,7 @@ def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelPolicy":
 
 
 def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
-    """Return what runs a function from observations to the actions of an environment, whatever library it comes from.
+    """Return a policy that runs a function from observations to an environment's actions, from whatever library.
 
     Parameters
     ----------

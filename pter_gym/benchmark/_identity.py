@@ -1,7 +1,7 @@
-"""What a policy is: a hash of the content that it acts by, and never of what it says about itself.
+"""The identity of a policy: a hash of the content that it acts by, never of what it says about itself.
 
-Content is known of compiled laws, and of the package's own policies with all their settings, gains and weights. What
-another callable does cannot be known, so it has no identity.
+The content of compiled laws is known, and that of the package's own policies with all settings, gains and weights.
+That of other callables cannot be determined, so they have no identity.
 """
 
 import hashlib
@@ -47,7 +47,7 @@ def identity_of(policy: AnyPolicy, bound: BoundPolicy) -> str | None:
 
 
 def derived_seed(identities: Mapping[str, Iterable[str | None]], code: str, scenario: str) -> int:
-    """Return the seed of fresh episodes that follows from what is judged on them, so nobody could tune to them.
+    """Return the seed of fresh episodes that follows from what is judged on them, so that nobody can tune to them.
 
     It is the first 8 bytes of a SHA-256 over the content of all policies, the code and the scenario.
 

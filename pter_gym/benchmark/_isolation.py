@@ -1,6 +1,6 @@
-"""A policy in a process of its own: observations go in, voltages come out, and nothing else crosses.
+"""A policy in a process of its own: observations go in, voltages come out, and nothing else is exchanged.
 
-A message is a header of fixed size and what it announces: JSON, or raw float32 numbers. ``serving`` is the other side.
+A message is a header of fixed size and what it announces: JSON, or raw float32 numbers. ``_serving`` is the other side.
 """
 
 import json
@@ -63,7 +63,7 @@ HEADER = struct.Struct("<2I")
 
 
 class Isolated(BoundPolicy):
-    """Somebody's code as a policy in a process of its own: it knows no more than what it is sent.
+    """Someone else's code as a policy in a process of its own: it knows only what it is sent.
 
     The process is a fresh interpreter. It gets the nominal machine and the layout of the observations, then
     observations, and returns volts. It ends with ``close``, at the end of a ``with`` block, with a PolicyError, or when

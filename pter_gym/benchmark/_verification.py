@@ -29,7 +29,7 @@ Policies = Mapping[str, AnyPolicy | PerSeed]
 
 
 class Verdict(NamedTuple):
-    """What came out for one file.
+    """The result for one file.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ def verify(
     num_threads: int = 2,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[Verdict, ...]:
-    """Run every run in a folder of results again and compare what comes out, bit for bit.
+    """Repeat every run in a folder of results and compare the scores, bit for bit.
 
     The measured time of a decision is not compared. Nothing in the folder changes.
 

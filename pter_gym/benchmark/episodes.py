@@ -73,7 +73,7 @@ class Episodes:
         return len(self.seeds)
 
     def first(self, count: int) -> "Episodes":
-        """Return the first ``count`` episodes, or raise a ParameterError if there are not so many."""
+        """Return the first ``count`` episodes, or raise a ParameterError if there are fewer."""
         if not isinstance(count, Integral) or not 1 <= count <= len(self):
             raise ParameterError(f"episodes must be from 1 to {len(self)} for {self.scenario}, got {count!r}")
         parts = ("machines", "tasks", "seeds", "strata")

@@ -35,7 +35,7 @@ class Standing:
     policy
         Its name.
     identity
-        What it is, if anybody can tell.
+        Hash of its content, if that can be determined.
     rank
         From 1 on, or None below the line.
     reason

@@ -1,6 +1,6 @@
-"""Doors to the simulator: Gymnasium's single and vector environment, and those of other libraries.
+"""Interfaces to the simulator: Gymnasium's single and vector environment, and those of other libraries.
 
-``scenario`` has what the ids of the scenarios draw from; ``sb3`` and ``rsl_rl`` are for Stable-Baselines3 and rsl-rl.
+``scenario`` has the training draws of the scenarios' ids; ``sb3`` and ``rsl_rl`` are for Stable-Baselines3 and rsl-rl.
 The names below are imported when they are first used.
 """
 

@@ -33,8 +33,8 @@ class ActingPolicy:
     """A policy in one environment: ``policy(observation) -> action``; ``pter_gym.load_policy`` makes one.
 
     Call it once at each control step, with the latest observation. It reads the clock of the worlds to notice new
-    episodes, whether after ``env.reset`` or where the worlds of a vector environment begin again at different times.
-    What it remembers of an episode that has ended is forgotten, and it refuses to act on a past that it has not seen.
+    episodes, whether after ``env.reset`` or where the worlds of a vector environment reset at different times. It
+    forgets what it remembers of an episode that has ended, and refuses to act after steps that it has not seen.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class ActingPolicy:
         self._last: Decision | None = None
 
     def reset(self) -> None:
-        """Begin with the next observation, as if episodes began there; only needed to start within an episode."""
+        """Start with the next observation, as if episodes began there; only needed in the middle of an episode."""
         self._last = None
 
     def __call__(self, observation: Any) -> Actions:
@@ -84,9 +84,9 @@ class ActingPolicy:
         Raises
         ------
         ParameterError
-            If the observation has another shape, or is not the environment's.
+            If the observation has a wrong shape, or is not the environment's.
         ActionError
-            If the policy gives anything but finite voltages within the range.
+            If the policy returns anything but finite voltages within the range.
         ResetNeededError
             If the environment was never reset, or has gone on for some control steps without this policy.
         """

@@ -31,9 +31,9 @@ NONE_REFUSED = np.iinfo(np.int64).max
 class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
     """``PathFollowingVectorEnv`` on a CUDA device.
 
-    Returns are device arrays, ``final_obs`` is an array (N, entries) whose rows are valid where ``_final_obs`` is true,
-    and bad actions are reported late. Results agree with those of the CPU to 1e-9, not to the bit, since the device
-    fuses products and sums.
+    Returned arrays are on the device, ``final_obs`` is an array (N, entries) whose rows are valid where ``_final_obs``
+    is true, and bad actions are reported late. Results agree with those of the CPU to 1e-9, not bit for bit, since the
+    device fuses products and sums.
     """
 
     device = "cuda"
@@ -129,7 +129,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
         return obs, rewards, flags[FLAG.terminated], flags[FLAG.truncated], infos
 
     def check(self) -> None:
-        """Wait for the device and raise if a step was refused since the last look.
+        """Wait for the device and raise if a step was refused since the last check.
 
         Raises
         ------
@@ -151,7 +151,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
         self.check()
 
     def get_state(self) -> dict[str, NDArray[Any]]:
-        """Return copies on the host of all that changes; fits ``set_state`` of the CPU's environment too."""
+        """Return copies on the host of all that changes; ``set_state`` of the CPU environment accepts them too."""
         return {
             "worlds": self._device["worlds"].copy_to_host(),
             "words": self._device["words"].copy_to_host(),
@@ -159,7 +159,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
         }
 
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
-        """Bring the worlds to a state from ``get_state``, of the CPU's environment too."""
+        """Set the worlds to a state from ``get_state``, also of the CPU environment."""
         self.batch.set_state(state)
         self._upload()
 

@@ -28,22 +28,22 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Description
     PTER is a planar five-bar arm without motors (Swanson, Romagna, Book and Barraco, Georgia Tech, 1999). A person
-    pushes its handle. Four electromagnetic friction clutches resist or couple its two axes: clutch 1 brakes link A
-    against the ground, clutch 2 link B, clutch 3 couples A to B, clutch 4 couples A to B through a gear that inverts
-    the motion. A clutch only removes energy, so nothing an agent does can push the hand. Clutches stick and slip
-    (Karnopp's model), and their torque lags the voltage with a time constant of about 0.1 s.
+    pushes its handle. Four electromagnetic friction clutches brake or couple its two axes: clutch 1 brakes link A
+    against the ground, clutch 2 link B, clutch 3 couples A to B, and clutch 4 couples A to B through a gear that
+    inverts the motion. A clutch only removes energy, so nothing that an agent does can push the hand. Clutches stick
+    and slip (Karnopp's model), and their torque lags the voltage with a time constant of about 0.1 s.
 
     The hand's force is the paper's: a constant push along the path and the multi-sine of Eq. 5 across it.
 
     ## Action Space
     `Box(0, 24, (4,), float32)` with `action_unit="volt"`: the voltages of the four clutches, up to the machine's
     largest voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: `a` stands for the largest
-    voltage times `((a + 1) / 2)**2`, so steps are fine where the clutches slip. A value of up to four float32 ulp
-    beyond a bound is clipped; one further out, a NaN or a wrong shape raises `ActionError` and nothing moves.
+    voltage times `((a + 1) / 2)**2`, which gives fine resolution where the clutches slip. A value up to four float32
+    ulp beyond a bound is clipped; a value further out, a NaN or a wrong shape raises `ActionError`, and nothing moves.
 
     ## Observation Space
-    `Box(-25, 25, (20,), float32)`, with torque sensors 24 entries, with force sensors 26. Entries are stored relative
-    so that usual values are between -1 and 1, and limited to ±25;
+    `Box(-25, 25, (20,), float32)`, with torque sensors 24 entries, with force sensors 26. Entries are scaled so that
+    typical values are between -1 and 1, and clipped to ±25;
     `env.unwrapped.observation_layout` names them and holds the scales:
 
     | entries | meaning |
@@ -54,27 +54,27 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `progress` | part of the path covered |
     | `heading_cos`, `heading_sin`, `curvature` | the path there |
     | `speed_along`, `speed_across` | tip velocity along and across the path |
-    | `pace`, `pace_error` | commanded mean speed along the path; `speed_along` over it, less 1 |
+    | `pace`, `pace_error` | commanded mean speed along the path; `speed_along` divided by it, minus 1 |
     | `volts_1`, `volts_2`, `volts_3`, `volts_4` | last voltages |
     | `torque_1`, `torque_2`, `torque_3`, `torque_4` | generated torques (`sensors="torque"` and `"force"`) |
     | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
 
     ## Rewards
-    Each new centimetre of the path pays: the whole path 1000 if the tip is on it and keeps the commanded pace. What it
-    pays falls with the distance from the path (by 1/e at 60 mm) and with the ratio of the pace, a mean over a tenth
-    of a second, to the commanded one (its third power below 1, its inverse fourth power above). A pace off the
-    commanded one costs as time goes by: at rest, 100 in the time that the path takes at the pace. A step pays at most
-    what its new arc length is worth, so no episode pays more than 1000. Weights are in `task.reward`, which can also
-    charge for the tip's acceleration, for voltages and for leaving the workspace. Each term is in the telemetry.
+    Each new centimetre of the path pays, the whole path 1000 if the tip is on it and keeps the commanded pace. The pay
+    falls with the distance from the path (to 1/e at 60 mm) and with the ratio of the pace, averaged over a tenth of a
+    second, to the commanded one (with its third power below 1, its inverse fourth power above). A wrong pace has a
+    cost per unit of time: at rest, 100 in the time that the path takes at the commanded pace. A step pays at most what
+    its new arc length is worth, so no episode pays more than 1000. The weights are in `task.reward`, which can also
+    penalise the tip's acceleration, voltages and leaving the workspace. Each term is in the telemetry.
 
     `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose, tip, force, mode,
-    volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` says whether the end of
-    the path is reached.
+    volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` tells whether the end of
+    the path has been reached.
 
     ## Starting State
-    At rest at the start of the path, clutches released. With `task.start_offset` the tip starts off the path by an even
-    draw, with `task.hand.random_phases` the phases of the disturbance are drawn; both depend only on the seed. A reset
-    without a seed goes on to the next episode of the present seed.
+    At rest at the start of the path, with the clutches released. With `task.start_offset` the tip starts at a uniformly
+    drawn distance from the path, and with `task.hand.random_phases` the phases of the disturbance are drawn; both
+    depend only on the seed. A reset without a seed starts the next episode of the current seed.
 
     With `task.starts`, for training, a share of the episodes begins anywhere along the path, off it and moving, and
     another share at its start with clutches that have settled at drawn voltages; see
@@ -83,25 +83,26 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Episode End
     ### Termination
     The tip reaches the end of the path (`is_success` if it is within `task.arrival`, 0.125 m, of it), or leaves the
-    workspace: too far from the path, behind its start, or near a singular pose. An arm that is too fast for the
-    simulator, many times faster than usual hands move it, ends an episode too.
-    `pter_gym.tasks.path_following.reason_of` says why one has ended.
+    workspace: too far from the path, behind its start, or near a singular pose. An episode also ends if the arm becomes
+    too fast for the simulator, many times faster than ordinary hands move it.
+    `pter_gym.tasks.path_following.reason_of` says why an episode has ended.
 
     ### Truncation
-    After 1000 control steps, by Gymnasium's `TimeLimit`; or further than `task.truncation_error` from the path, or as
-    far back from its start. By default that is beyond any workspace, so the workspace ends the episode first.
+    After 1000 control steps, by Gymnasium's `TimeLimit`; or when the tip is further than `task.truncation_error` from
+    the path, or that far behind its start. By default that is beyond any workspace, so the workspace ends the episode
+    first.
 
     ## Arguments
     - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error, arrival,
       starts, sensing, reward weights.
-    - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws machine and task in place of these.
+    - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws its machine and task instead.
     - `observe_context`: whether the observation ends with the context of machine and task (time constant, torque and
-      drift of the clutches, what the hand adds). The telemetry always has it.
+      drift of the clutches, what the hand adds). The telemetry always includes it.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"volt"` (default) or `"normalised"`.
     - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.
-    - `width`, `height`: size of its pictures, 840 × 600 pixels by default.
+    - `width`, `height`: size of the pictures, 840 × 600 pixels by default.
 
     ## Version History
     - v0: initial version.
@@ -147,12 +148,12 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     @property
     def machine(self) -> Machine:
-        """The machine of the present episode."""
+        """The machine of the current episode."""
         return self.batch.pairs[self.batch.context[0]][0]
 
     @property
     def task(self) -> PathFollowing:
-        """The task of the present episode."""
+        """The task of the current episode."""
         return self.batch.pairs[self.batch.context[0]][1]
 
     @property
@@ -163,7 +164,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start a new episode; without a seed, the next one of the present seed. There are no options."""
+        """Start a new episode; without a seed, the next one of the current seed. There are no options."""
         if options:
             raise ParameterError(f"options must be empty, got {sorted(options)}")
         seed = None if seed is None else whole_number("seed", seed, at_least=0)

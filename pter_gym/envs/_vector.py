@@ -39,9 +39,9 @@ _ENDED = {
 class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
     """N worlds of ``PathFollowingEnv`` in one compiled call.
 
-    A world that is seeded s lives the same episodes, bit for bit, as a single environment that is reset with seed s,
-    whatever the number of worlds and of threads. ``infos`` holds ``telemetry`` (N, len(telemetry_layout)) and
-    ``is_success`` (N,) with their masks, and with ``AutoresetMode.SAME_STEP`` what else Gymnasium asks for.
+    A world with seed s goes through the same episodes, bit for bit, as a single environment that is reset with seed s,
+    whatever the number of worlds and threads. ``infos`` holds ``telemetry`` (N, len(telemetry_layout)) and
+    ``is_success`` (N,) with their masks, and with ``AutoresetMode.SAME_STEP`` the final entries that Gymnasium defines.
 
     Parameters
     ----------
@@ -58,11 +58,11 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
     telemetry
         Whether ``infos`` holds telemetry.
     render_mode
-        ``"rgb_array"`` for a picture of each world from ``render``, of at most 64 worlds.
+        ``"rgb_array"``: ``render`` returns a picture of each world, for at most 64 worlds.
     width, height
         Size of the picture of one world [px].
     num_threads
-        Threads for large batches; by default one for each core that this process may use. Results do not depend on it.
+        Threads for large batches; by default one per core that this process may use. Results do not depend on it.
 
     Raises
     ------
@@ -146,7 +146,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         Raises
         ------
         ParameterError
-            If there is another option, or the mask has another shape or type or chooses no world.
+            If there is an unknown option, or the mask has a wrong shape or type or selects no world.
         """
         self._check_open()
         chosen = self._mask(options)

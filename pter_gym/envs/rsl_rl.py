@@ -18,8 +18,8 @@ except ImportError as error:
 class RslRlVecEnv(VecEnv):
     """A ``VecEnv`` of rsl-rl, whose observations are one group, ``"policy"``.
 
-    Observations are tensors on the memory of the arrays that each step returns, so nothing is copied and later steps do
-    not change them. Rewards are float32, as rsl-rl wants them. With worlds on a CUDA device everything stays there.
+    Observations are tensors that share memory with the arrays that each step returns, so nothing is copied and later
+    steps do not change them. Rewards are float32, as rsl-rl expects. With worlds on a CUDA device all data stay there.
 
     Actions beyond the bounds are clipped, since rsl-rl draws them from a normal distribution. ``extras["time_outs"]``
     marks the episodes that were truncated and not terminated.
@@ -27,9 +27,10 @@ class RslRlVecEnv(VecEnv):
     Parameters
     ----------
     env
-        Of ``gymnasium.make_vec`` with ``autoreset_mode="SAME_STEP"``, with its wrappers; it is reset here.
+        An environment from ``gymnasium.make_vec`` with ``autoreset_mode="SAME_STEP"``, with its wrappers; it is reset
+        here.
     seed
-        Of the first episodes; world i begins with ``seed + i``.
+        Seed of the first episodes; world i begins with ``seed + i``.
 
     Raises
     ------
@@ -83,5 +84,5 @@ class RslRlVecEnv(VecEnv):
         self.env.close()
 
     def _grouped(self, obs: Any) -> Any:
-        """Return observations as rsl-rl wants them, on the same memory."""
+        """Return observations as rsl-rl expects them, sharing the same memory."""
         return TensorDict({"policy": torch.as_tensor(obs)}, [self.num_envs], device=self.device)

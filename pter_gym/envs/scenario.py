@@ -44,18 +44,18 @@ def training_draws(
     error_max
         Half-width of the workspace [m], where an episode is terminated; that of the evaluation episodes by default.
     truncation_error
-        Distance from the path [m] at which an episode is truncated; the value of a state there is for the algorithm to
-        estimate. Evaluation episodes are not truncated like this, nor are those in a narrower workspace.
+        Distance from the path [m] at which an episode is truncated; the algorithm has to estimate the value of the last
+        state. Evaluation episodes are not truncated like this, nor are those in a narrower workspace.
     starts
-        How episodes begin, or its name in ``pter_gym.tasks.path_following.STARTS``: anywhere along the path, moving,
-        by default; ``"rest"`` begins like evaluation episodes, from which exploration sees little of the path.
+        How episodes begin, or its name in ``pter_gym.tasks.path_following.STARTS``: by default anywhere along the path,
+        moving; with ``"rest"`` they begin like evaluation episodes, from which exploration sees little of the path.
     machine
-        One for all episodes, its name, or the path of a preset; by default what the scenario draws.
+        One machine for all episodes, its name, or the path of a preset; by default the scenario draws machines.
 
     Raises
     ------
     ParameterError
-        If an argument is out of range; it is named as it was given.
+        If an argument is out of range; the message names it.
     """
     if isinstance(starts, str) and starts not in STARTS:
         raise unknown_name("starts", starts, STARTS)

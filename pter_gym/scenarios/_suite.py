@@ -3,8 +3,8 @@
 ``PTER/<Scenario>-v0`` is ``PTER/PathFollowing-v0`` on a scenario's training draws. The episodes on which policies are
 compared are stored data; see ``pter_gym.benchmark``.
 
-A new scenario is one more entry of ``SCENARIOS``, and of ``VARIED`` in ``variations``: its id, its stored episodes and
-their strata follow from there. This module imports nothing heavy, since ``import pter_gym`` reads it.
+To add a scenario, add an entry to ``_SUITE`` here and to ``VARIED`` in ``_variations``: its id, its stored episodes and
+their strata follow from these. This module imports nothing heavy, since ``import pter_gym`` reads it.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -39,7 +39,7 @@ class Scenario:
     name, version
         As in the id ``PTER/<Name>-v<version>``.
     asks
-        What it asks of a policy, in a sentence.
+        What it requires of a policy, in a sentence.
     episodes
         Number of its stored evaluation episodes.
     stratum
@@ -50,7 +50,7 @@ class Scenario:
     own
         The machine in place of those that it would draw, if there is one; see ``find_scenario``.
     own_varied
-        What varies with that machine; by default what ``variations.VARIED`` has under the name.
+        What varies with that machine; by default the entry of ``_variations.VARIED``.
     """
 
     name: str

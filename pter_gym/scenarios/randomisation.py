@@ -53,15 +53,15 @@ class _Range:
 
 
 class Uniform(_Range):
-    """An even draw from [low, high]."""
+    """A uniform draw from [low, high]."""
 
     def draw(self, rng: np.random.Generator) -> float:
-        """Return a number drawn evenly."""
+        """Return a number drawn uniformly."""
         return float(rng.uniform(self.low, self.high))
 
 
 class LogUniform(_Range):
-    """A draw from [low, high] whose logarithm is even."""
+    """A draw from [low, high] whose logarithm is uniform."""
 
     def __post_init__(self) -> None:
         """Check that both are finite, positive and in order."""
@@ -107,7 +107,7 @@ class Tuple:
 
 @dataclass(frozen=True)
 class Shared:
-    """A tuple of products: one factor that all share, times one of their own."""
+    """A tuple of products: one factor that all share, times an individual one."""
 
     common: Distribution
     own: Distribution
@@ -125,7 +125,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class OneOf:
-    """One of several values or distributions, each as likely."""
+    """One of several values or distributions, all equally likely."""
 
     options: tuple[Any, ...]
 
@@ -148,7 +148,7 @@ class Vary(Generic[Drawn]):
     Parameters
     ----------
     base
-        What the other fields are taken from.
+        The dataclass that provides the other fields.
     **fields
         Distributions, by the name of the field.
 

@@ -1,7 +1,8 @@
 """Worlds do what they did when ``traces.npz`` was written: each number, whichever function has made it.
 
-    python tests/conformance/test_traces.py      writes it anew, after a change that is meant
+    python tests/conformance/test_traces.py      writes it again, after a change that is meant
 
+Entries have names in it, so what is added to observation, telemetry or world changes nothing of what is compared.
 The worlds are chosen such that every way to begin, to sense and to end is among them within 0.3 s: so few steps that
 they run as plain Python too, where each function can be looked at. Other libraries round sines and exponentials
 otherwise in the last place, of which 24 control steps do not make much.
@@ -15,17 +16,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pter_gym._compiled.records import leaves, parts
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.world import NEXT_STEP, SAME_STEP, SKIP
+from pter_gym._engine.world import NEXT_STEP, SAME_STEP, SKIP, STORED_ROWS, World
 from pter_gym.controllers import Impedance
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces, TremorArm
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Hand, Machine
 from pter_gym.paths import Arc, Circle, Line, Sine
 from pter_gym.tasks.path_following import STARTS, PathFollowing, RewardWeights, Sensing, Starts
+from pter_gym.tasks.path_following._context import Context
+from pter_gym.tasks.path_following._telemetry import TELEMETRY
 
 FILE = Path(__file__).with_name("traces.npz")
 
 Arrays = dict[str, NDArray[np.generic]]
+
+ADDRESSES = {"context_at", "draws_from", "hand record_first", "task path_first"}
+"""Entries of the truth that say where something is stored."""
 
 MACHINE = replace(BASELINE, substep=2e-3)
 MACHINES = (
@@ -75,6 +82,20 @@ def voltages(rng: np.random.Generator, worlds: int) -> NDArray[np.float32]:
     return (rng.uniform(0.0, 12.0, (worlds, 4)) * (rng.random((worlds, 1)) < 0.6)).astype(np.float32)
 
 
+def entries(batch: Batch) -> Arrays:
+    """Names of what the last axis of observations and of telemetry holds."""
+    names = {"obs": batch.layout.names, "telemetry": TELEMETRY.names}
+    return {f"entries of {kind}": np.array(each) for kind, each in names.items()}
+
+
+def entries_of_truth() -> NDArray[np.str_]:
+    """Names of all that is true of a world that stores all its rows; see ``Batch.truth``."""
+    state = [leaf.name for leaf in leaves(World)][:STORED_ROWS]
+    context = [f"{name} {leaf.name}" for name, _, kind in parts(Context) for leaf in leaves(kind)]
+    context.remove("task energy_max")
+    return np.array(state + context)
+
+
 def of_all_kinds() -> Arrays:
     """Each task on each machine that can do it, with resets in the same step."""
     pairs: list[tuple[Machine, PathFollowing]] = [(MACHINE, task) for task in TASKS]
@@ -89,11 +110,13 @@ def of_all_kinds() -> Arrays:
         ended = returns.flags[:2].any(axis=0)
         final = np.where(ended[:, None], returns.final_obs, np.float32(0.0))
         last = np.where(ended[:, None], returns.telemetry[1], 0.0)
-        parts = {"obs": returns.obs, "final obs": final, "telemetry": returns.telemetry[0], "last telemetry": last}
-        for name, part in {**parts, "rewards": returns.rewards, "flags": returns.flags}.items():
+        seen = {"obs": returns.obs, "final obs": final, "telemetry": returns.telemetry[0], "last telemetry": last}
+        for name, part in {**seen, "rewards": returns.rewards, "flags": returns.flags}.items():
             found.setdefault(name, []).append(part)
     summed = {name: np.sum(found.pop(name), axis=0) for name in ("telemetry", "last telemetry")}
-    return {**{name: np.array(parts) for name, parts in found.items()}, **summed, "truth": batch.truth().copy()}
+    arrays = {name: np.array(each) for name, each in found.items()}
+    truth = {"truth": batch.truth().copy(), "entries of truth": entries_of_truth()}
+    return {**arrays, **summed, **truth, **entries(batch)}
 
 
 def of_draws(mode: int) -> Arrays:
@@ -109,7 +132,8 @@ def of_draws(mode: int) -> Arrays:
         "flags": [s.flags for s in steps],
         "telemetry": [np.nan_to_num(s.telemetry[0], nan=-1.0) for s in steps],
     }
-    return {name: np.array(parts) if name != "telemetry" else np.sum(parts, axis=0) for name, parts in rows.items()}
+    arrays = {name: np.array(each) if name != "telemetry" else np.sum(each, axis=0) for name, each in rows.items()}
+    return {**arrays, **entries(batch)}
 
 
 def without_telemetry() -> Arrays:
@@ -117,7 +141,8 @@ def without_telemetry() -> Arrays:
     batch = Batch(MACHINE, [TASKS[k] for k in (5, 7)], max_steps=8, telemetry=False)
     batch.reset([1, 2])
     steps = [batch.step(np.zeros((2, 4)), SAME_STEP) for _ in range(10)]
-    return {"obs": np.array([step.obs for step in steps]), "flags": np.array([step.flags for step in steps])}
+    arrays = {"obs": np.array([step.obs for step in steps]), "flags": np.array([step.flags for step in steps])}
+    return {**arrays, **entries(batch)}
 
 
 def of_a_law() -> Arrays:
@@ -126,7 +151,7 @@ def of_a_law() -> Arrays:
     law = Impedance().bind(MACHINE, batch.layout)
     obs, _ = batch.reset([7, 8, 9])
     last, telemetry = batch.rollout(obs, law.law, law.gains, 8)
-    return {"obs": last, "telemetry": np.nansum(telemetry, axis=0)}
+    return {"obs": last, "telemetry": np.nansum(telemetry, axis=0), **entries(batch)}
 
 
 PARTS: dict[str, Callable[[], Arrays]] = {
@@ -153,7 +178,13 @@ def compare(part: str) -> None:
         expected = {key.removeprefix(f"{part}: "): stored[key] for key in stored.files if key.startswith(f"{part}: ")}
     found = PARTS[part]()
     assert found.keys() == expected.keys()
-    for name, array in found.items():
+    for name in [name for name in found if not name.startswith("entries of")]:
+        array, kind = found[name], f"entries of {name.split()[-1]}"
+        if kind in found:
+            present = found[kind].tolist()
+            places = [k for k, entry in enumerate(expected[kind].tolist()) if entry not in ADDRESSES]
+            array = array[..., [present.index(expected[kind][k]) for k in places]]
+            expected[name] = expected[name][..., places]
         single = array.dtype == np.float32
         rtol, atol = (1e-5, 1e-5) if single else (1e-8, 1e-10)
         np.testing.assert_allclose(array, expected[name], rtol=rtol, atol=atol, err_msg=name)

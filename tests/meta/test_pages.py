@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import fill
 import pages
@@ -9,7 +10,7 @@ import pytest
 
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.params import BASELINE
-from pter_gym.tasks.path_following import observation_layout
+from pter_gym.tasks.path_following import Sensors, observation_layout
 
 
 @pytest.mark.parametrize("table", fill.DECLARED, ids=lambda table: f"{Path(table.page).stem}: {table.name}")
@@ -31,7 +32,12 @@ def test_the_docstring_of_the_environment_names_every_entry_of_the_observation()
     (section,) = re.findall(r"## Observation Space(.*?)## ", PathFollowingEnv.__doc__ or "", re.DOTALL)
     rows = [line for line in section.splitlines() if line.strip().startswith("| `")]
     named = [name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[1])]
-    assert tuple(named) == observation_layout(BASELINE, "force").names
+    assert tuple(named) == observation_layout(BASELINE, "force").names, (
+        "the table in the docstring of PathFollowingEnv, in pter_gym/envs/_single.py, has a row for each entry"
+    )
+    sizes = [len(observation_layout(BASELINE, sensors)) for sensors in get_args(Sensors)]
+    words = "`Box(-25, 25, ({},), float32)`, with torque sensors {} entries, with force sensors {}."
+    assert words.format(*sizes) in section, "and says how many there are"
 
 
 def test_a_block_is_replaced_and_nothing_else(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Policies in environments: new episodes are noticed, units are the environment's, what cannot be right is refused."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -174,7 +175,8 @@ def test_another_environments_observations_are_refused() -> None:
 def test_observations_have_the_shape_of_the_environments(wrong: Callable[[Any], Any]) -> None:
     env = make()
     policy = pter_gym.load_policy("residual", env)
-    with pytest.raises(ParameterError, match=r"observation must be an array of the shape \(24,\), got"):
+    shape = re.escape(str(env.observation_space.shape))
+    with pytest.raises(ParameterError, match=rf"observation must be an array of the shape {shape}, got"):
         policy(wrong(env.reset(seed=0)[0]))
 
 
@@ -282,7 +284,7 @@ def test_what_a_function_gives_must_be_voltages(volts: np.ndarray, unit: str) ->
 class Model:
     """What Stable-Baselines3 calls a model."""
 
-    observation_space = spaces.Box(-25.0, 25.0, (24,))
+    observation_space = spaces.Box(-25.0, 25.0, (len(LAYOUT),))
     action_space = spaces.Box(-1.0, 1.0, (4,))
 
     def __init__(self) -> None:

@@ -244,7 +244,7 @@ def test_the_engaged_clutch_is_kept_with_reluctance() -> None:
     )
     engaged_by = [np.array([policy(row) for row in obs]).argmax(axis=1) for policy in (fickle, stubborn)]
     changes = [(np.diff(engaged) != 0).sum() for engaged in engaged_by]
-    assert changes[1] < 0.8 * changes[0]
+    assert changes[1] < 0.9 * changes[0]
 
 
 def test_the_damper_along_the_path_leaves_a_fraction_of_the_pace_alone() -> None:
@@ -471,7 +471,7 @@ def test_a_clutch_that_is_not_there_gets_no_voltage(kind: Any, gone: int) -> Non
     volts, whole = (kind().bind(each, layout)(seen) for each in (machine, BASELINE))
     assert (volts[:, gone] == 0.0).all()
     assert np.isfinite(volts).all()
-    assert volts.any() == whole.any()
+    assert volts.any() == np.delete(whole, gone, axis=1).any(), "the other clutches brake as they would"
 
 
 @pytest.mark.parametrize("gone", range(4))

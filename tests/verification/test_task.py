@@ -21,7 +21,7 @@ from pter_gym.paths import Arc, Line
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensing, Starts, check_machine
 from pter_gym.tasks.path_following._allowance import ALLOWANCE, in_start_up, start_up_allowance
 from pter_gym.tasks.path_following._context import context_of, told_of
-from pter_gym.tasks.path_following._observation import Observation, observation
+from pter_gym.tasks.path_following._observation import observation
 from pter_gym.tasks.path_following._reward import Outcome, Terms, pace_cost, pace_share, reward_terms, total
 from pter_gym.tasks.path_following._situation import (
     PathVector,
@@ -153,8 +153,10 @@ def test_each_term_is_what_its_weight_says(failed: bool):
         energy=Energy(*(0.0,) * len(Energy._fields)),
         failed=failed,
     )
-    terms = reward_terms(Terms(300.0, 700.0, 40.0, 5.0, 6.0, 7.0), seen, 0.01)
-    expected = Terms(
+    none = Terms(*(0.0,) * len(Terms._fields))
+    weights = {"tracking": 300.0, "precision": 700.0, "pace": 40.0, "acceleration": 5.0, "effort": 6.0, "failure": 7.0}
+    terms = reward_terms(none._replace(**weights), seen, 0.01)
+    expected = none._replace(
         tracking=300.0 * 0.25 * 0.125 * math.exp(-0.03 / 0.06),
         precision=700.0 * 0.25 * 0.125 * math.exp(-0.03 / 0.006),
         pace=-40.0 * 0.5 * 0.01 * 0.5 / 0.8,
@@ -167,8 +169,8 @@ def test_each_term_is_what_its_weight_says(failed: bool):
 
 
 def test_weights_of_the_reward_as_they_come():
-    weights = RewardWeights()
-    assert [getattr(weights, name) for name in Terms._fields] == [1000.0, 0.0, 100.0, 0.0, 0.0, 0.0]
+    weights = {name: getattr(RewardWeights(), name) for name in Terms._fields}
+    assert {name: weight for name, weight in weights.items() if weight != 0.0} == {"tracking": 1000.0, "pace": 100.0}
 
 
 def test_the_allowance_is_what_half_of_the_tips_inertia_loses_and_two_time_constants():
@@ -205,20 +207,26 @@ def test_an_observation_holds_what_it_says():
     at = Situation(0.3, 0.004, unit(0.2), 7.0, PathVector(0.8, 0.9))
     volts, torque, force = PerClutch(1.0, 2.0, 3.0, 4.0), PerClutch(5.0, 6.0, 7.0, 8.0), PathVector(9.0, 10.0)
     seen = observation(q, at, 1.5, 0.4, volts, torque, force)
-    assert seen == Observation(
-        *(3.0, 4.0, 5.0, 6.0, 1.0, 2.0),
-        normal_error=0.004,
-        near_error=0.004,
-        progress=pytest.approx(0.2),  # pyright: ignore[reportArgumentType]
-        heading=unit(0.2),
-        curvature=7.0,
-        speed=PathVector(0.8, 0.9),
-        pace=0.4,
-        pace_error=pytest.approx(1.0),  # pyright: ignore[reportArgumentType]
-        volts=volts,
-        torque=torque,
-        force=force,
-    )
+    expected = {
+        "cos_a": 3.0,
+        "sin_a": 4.0,
+        "cos_b": 5.0,
+        "sin_b": 6.0,
+        "omega_a": 1.0,
+        "omega_b": 2.0,
+        "normal_error": 0.004,
+        "near_error": 0.004,
+        "progress": pytest.approx(0.2),
+        "heading": unit(0.2),
+        "curvature": 7.0,
+        "speed": PathVector(0.8, 0.9),
+        "pace": 0.4,
+        "pace_error": pytest.approx(1.0),
+        "volts": volts,
+        "torque": torque,
+        "force": force,
+    }
+    assert {name: getattr(seen, name) for name in expected} == expected
     for error, near in ((0.5, 0.01), (-0.5, -0.01)):
         assert observation(q, at._replace(normal_error=error), 1.5, 0.4, volts, torque, force).near_error == near
 

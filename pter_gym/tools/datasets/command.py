@@ -29,8 +29,8 @@ def record(
 
     Args:
         scenario: Scenarios, separated by commas.
-        level: What acts: expert, medium, replay, random, separated by commas.
-        steps: Control steps of each data set; its last episode is a whole one.
+        level: Levels of the policies, separated by commas: expert, medium, replay, random.
+        steps: Control steps of each data set; its last episode is completed.
         seed: Seed of the draws, the resets and the noise, at least 0.
         out: Folder for the data sets; by default the one in which Minari looks for them.
     """

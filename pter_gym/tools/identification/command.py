@@ -26,17 +26,17 @@ def identify(
 ) -> None:
     """Identify a real machine from a log of it.
 
-    Finds inertias, torques over voltage, lag and delay, each with a 95 % interval; names what the log does not show.
+    Estimates inertias, torque curves, lag and delay, each with a 95 % interval, and names what the log does not show.
     Writes preset.toml, which other commands take as --machine, and report.html. docs/identify.md says what to record.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
 
     Args:
         log: Table with t_s, V1 to V4, theta_A, theta_B, and F_x, F_y or free.
-        machine: Where to start: what the log does not show stays so.
-        lengths: Lengths of links A and B by a ruler [m]; those of the start by default.
-        voltage_max: Largest voltage of the clutches [V]; that of the start by default.
-        out: Folder for the results; made if need be.
+        machine: Machine to start from; parameters that the log does not show keep its values.
+        lengths: Measured lengths of links A and B [m]; by default those of the machine to start from.
+        voltage_max: Largest voltage of the clutches [V]; by default that of the machine to start from.
+        out: Folder for the results, created if necessary.
     """
     from pter_gym._internal.files import write_files_atomic
     from pter_gym.params import is_preset

@@ -14,14 +14,14 @@ def reproduce(
 ) -> None:
     """Make the paper's figures and Table I, and check its claims.
 
-    Writes a picture and a CSV file for each figure, and table1.json. With `all` also claims.json, where each claim of
-    the paper is beside what was measured, and report.html, which shows everything.
+    Writes a picture and a CSV file for each figure, and table1.json. With `all` it also writes claims.json, which has
+    each claim of the paper beside what was measured, and report.html, which shows everything.
 
     Example: pter reproduce fig3 table1
 
     Args:
         figures: Names of figures, or all.
-        out: Folder for the results; made if need be.
+        out: Folder for the results, created if necessary.
     """
     from pter_gym._internal.files import write_files_atomic
     from pter_gym.tools.paper.experiments.study import Study

@@ -48,9 +48,9 @@ def watch(
         pace: Commanded pace.
         seed: Seed of the episode, and of random and predictive policies, at least 0.
         out: Film to write, or with .png the picture at the end, with the tip's trail; its folder must exist.
-        csv: Table to write of all that the episode records; see docs/watching.md. Its folder must exist.
+        csv: Table of everything that the episode records; see docs/watching.md. Its folder must exist.
         size: Width and height of the picture in pixels.
-        speed: Time of the episode over that of the film; 0.2 is slow motion.
+        speed: Playback speed relative to real time; 0.2 is slow motion.
         machine: Clutch material, or the preset of a machine of your own, in place of the one that the scenario draws.
     """
     names = split(policies)

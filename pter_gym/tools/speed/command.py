@@ -10,14 +10,14 @@ def speed(quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pt
     """Measure the simulator's speed beside its peers.
 
     Takes two minutes, prints tables, and writes speed.json, speed.png and speed.pdf. Peers that are not installed
-    (MuJoCo, EnvPool) and a GPU that is not there are skipped and named. The machine should have nothing else to do.
+    (MuJoCo, EnvPool) and a missing GPU are listed as skipped. The machine should be otherwise idle.
 
     Example: pter speed --quick
 
     Args:
         quick: Half a minute, small batches: whether it works, not how fast it is.
         max_worlds: Largest number of worlds; a CPU gets at most 1,000,000.
-        out: Folder for the results; made if need be.
+        out: Folder for the results, created if necessary.
     """
     from pter_gym._internal.files import write_text_atomic
     from pter_gym.tools.figures import save

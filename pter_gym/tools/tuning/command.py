@@ -26,8 +26,8 @@ def tune(
 ) -> None:
     """Search for a controller's gains.
 
-    It tries them on training draws of a scenario, at a commanded pace. The trials are kept in a journal file: a
-    search that was stopped goes on where it was, and several may share the work. The best gains are those with the
+    It tries gains on training draws of a scenario, at a commanded pace. The trials are kept in a journal file: a
+    search that was stopped continues where it left off, and several may share the work. The best gains have the
     smallest path error of all that arrive and keep the pace. Needs the extra tune.
 
     Example: pter tune impedance --scenario standard --pace medium --out gains.toml

@@ -17,16 +17,16 @@ def play(
     open_browser: Annotated[bool, tyro.conf.arg(name="open")] = True,
     machine: MachineName = None,
 ) -> None:
-    """Push the arm yourself, in a page of your browser.
+    """Push the arm yourself, in your browser.
 
-    You drag its handle, and the package's own kernels answer. This computer serves the page, to nobody else; no network
-    is needed. Ctrl-C ends it. Example: `pter play --no-open --port 8000`
+    You drag its handle, and the package's own kernels respond. The page is served to this computer only; no network is
+    needed. Ctrl-C ends it. Example: `pter play --no-open --port 8000`
 
     Args:
-        port: Port of this computer that serves the page; 0 is any free one.
-        open_browser: Whether the page is opened; its address is printed either way.
-        machine: Clutch material, or the preset of a machine of your own, with which the page begins. A preset's delay
-            is left out: nobody feels it with a mouse.
+        port: Port that serves the page; 0 picks a free one.
+        open_browser: Whether to open the page; its address is printed either way.
+        machine: Clutch material, or the preset of a machine of your own, with which the page starts. A preset's delay
+            is ignored: nobody feels it with a mouse.
     """
     from pter_gym.params import find_machine
     from pter_gym.tools.web.site import HOST, make_server

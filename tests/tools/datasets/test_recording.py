@@ -8,7 +8,9 @@ import pytest
 
 import pter_gym  # noqa: F401  (registers the environments)
 from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE
 from pter_gym.policies import read_policy, shipped_policies
+from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.datasets import LEVELS, Episode, actors_of, record_episodes, recording
 from pter_gym.tools.datasets.levels import STAGES, Exploring, stages
 from pter_gym.tools.datasets.recording import EPISODES_OF_A_SEED, environment_of
@@ -35,7 +37,7 @@ def test_episodes_are_whole_and_enough(found: tuple[str, list[Episode]]) -> None
     assert [each.seed for each in episodes] == list(range(first, first + len(episodes)))
     assert STEPS <= sum(len(each.rewards) for each in episodes) < STEPS + 1000 * len(actors_of("hands", level))
     for each in episodes:
-        assert each.observations.shape == (len(each.rewards) + 1, 24)
+        assert each.observations.shape == (len(each.rewards) + 1, len(observation_layout(BASELINE, "torque")))
         assert each.actions.shape == (len(each.rewards), 4)
         assert (each.observations.dtype, each.actions.dtype, each.rewards.dtype) == (np.float32, np.float32, np.float64)
         over = each.terminations | each.truncations

@@ -55,7 +55,7 @@ class Film:
     rate
         Frames per second [1/s].
     speed
-        Time of the episodes over that of the film: 0.5 is slow motion.
+        Playback speed relative to real time: 0.5 is slow motion.
     size
         Width and height [px]; ``default_size`` by default.
 
