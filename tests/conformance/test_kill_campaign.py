@@ -103,7 +103,7 @@ def run(*arguments: str) -> str:
     return found.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.agents
 def test_a_training_in_trouble() -> None:
     pytest.importorskip("stable_baselines3")

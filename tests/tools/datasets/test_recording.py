@@ -1,5 +1,7 @@
 """Episodes for offline learning: whole, from training draws, the environment's own bits, and by their level."""
 
+from collections.abc import Iterator
+
 import gymnasium
 import numpy as np
 import pytest
@@ -9,11 +11,19 @@ from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.tasks.path_following import observation_layout
-from pter_gym.tools.datasets import LEVELS, Episode, actors_of, record_episodes
+from pter_gym.tools.datasets import LEVELS, Episode, actors_of, record_episodes, recording
 from pter_gym.tools.datasets.levels import STAGES, Exploring, stages
 from pter_gym.tools.datasets.recording import EPISODES_OF_A_SEED, environment_of
 
 STEPS = 400
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_worlds() -> Iterator[None]:
+    """Record with eight worlds at once, not 128: an episode does not depend on how many there are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recording, "WORLDS", 8)
+        yield
 
 
 @pytest.fixture(scope="module", params=LEVELS)

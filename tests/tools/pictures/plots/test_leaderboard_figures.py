@@ -56,9 +56,8 @@ def test_trajectories_show_path_arm_and_every_tip(
         np.testing.assert_allclose(pivots.tip, sample.tip[len(sample.theta) // 2], atol=1e-4)
 
 
-@pytest.mark.parametrize("count", [1, 3])
-def test_few_policies_and_few_episodes(count: int, tmp_path: Path) -> None:
-    runs = run_scenario("standard", ["locked"], ["brisk"], episodes=count)
+def test_one_policy_and_one_episode(tmp_path: Path) -> None:
+    runs = run_scenario("standard", ["locked"], ["brisk"], episodes=1)
     boards = leaderboards(runs)
     figures = [
         plots.profiles(boards, runs),
