@@ -156,7 +156,7 @@ def wheels(session: nox.Session) -> None:
 @nox.session(python="3.13", tags=["gate"])
 def newest(session: nox.Session) -> None:
     """The core's tests on the newest Python; in the gate without slow ones and those far from the interpreter."""
-    far = [f"--ignore=tests/{room}" for room in ("benchmark", "experiments", "notebooks", "plots", "web")]
+    far = [f"--ignore=tests/{room}" for room in ("benchmark", "notebooks", "tools")]
     whole = "PTER_LONG" in os.environ
     pytest_in_copy(session, "-m", CORE if whole else f"{CORE} and not slow", *([] if whole else far))
 

@@ -19,7 +19,7 @@ def test_outputs_are_stripped(path):
             assert cell.execution_count is None
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*TCP without encryption.*")
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_it_runs_and_shows_pictures(path, tmp_path, monkeypatch):
