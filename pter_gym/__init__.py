@@ -13,7 +13,7 @@ from pter_gym.scenarios._suite import SCENARIOS
 
 if TYPE_CHECKING:
     from pter_gym._physics.open_loop import State, Trajectory, initial_state, simulate
-    from pter_gym.benchmark._naming import load_policy
+    from pter_gym.benchmark._loading import load_policy
     from pter_gym.params import (
         BASELINE,
         DELRIN_EXPERIMENTAL,
@@ -58,7 +58,7 @@ __getattr__, __dir__ = lazy_names(
             "Machine",
             "TorqueCurve",
         ),
-        "pter_gym.benchmark._naming": ("load_policy",),
+        "pter_gym.benchmark._loading": ("load_policy",),
         "pter_gym.tasks.path_following": ("PathFollowing",),
     },
 )

@@ -11,7 +11,6 @@ from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.benchmark.tuned import SUFFIX, TUNED, find_tuned
 from pter_gym.controllers import CONTROLLERS, Random
 from pter_gym.controllers._impedance import Impedance
-from pter_gym.envs._acting import ActingPolicy
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.policies._files import is_here, is_path
@@ -79,40 +78,6 @@ def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard"
     return paced(controller, dampers) if dampers else controller
 
 
-def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> ActingPolicy:
-    """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
-
-    It notices by itself when episodes begin, and returns actions in the unit of the environment.
-
-    Parameters
-    ----------
-    policy
-        What ``pter benchmark --policies`` takes: the name of a trained policy or of a controller, the path of an
-        exported policy (a string or a ``pathlib.Path``), or ``package.module:attribute``. Or a policy itself: a
-        controller, what ``from_sb3`` returns, or a function from observations, float32 (N, entries), to volts, (N, 4).
-    env
-        Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
-        its wrappers. Tuned gains are those of its scenario.
-    seed
-        Seed of the random policy and of planners.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such policy, or it cannot act in this environment; the message says why.
-    DataError
-        If a file of the policy is damaged.
-    """
-    if isinstance(policy, (str, os.PathLike)):
-        policy = find_policy(cast("FilePath", policy), seed, _scenario_of(env))
-    elif not callable(policy) and not hasattr(policy, "bind"):
-        raise ParameterError(
-            "policy must be a name, the path of an exported policy, a controller, or a function from observations to "
-            f"volts, got {policy!r:.200}"
-        )
-    return ActingPolicy(policy, env)
-
-
 def is_code(name: str) -> bool:
     """Tell whether a user means an attribute of a module, ``package.module:attribute``."""
     return ":" in name and not is_path(name)
@@ -148,9 +113,3 @@ def _import(name: str) -> Any:
         return found() if isinstance(found, type) else found
     except TypeError as error:
         raise ParameterError(f"policies: {name!r} must be made without arguments: {error}") from error
-
-
-def _scenario_of(env: Any) -> str:
-    """Return the name of the scenario that an environment belongs to; ``standard`` for any other."""
-    first = next(iter(getattr(env, "envs", ())), env)
-    return getattr(getattr(first, "spec", None), "kwargs", {}).get("scenario", "standard")

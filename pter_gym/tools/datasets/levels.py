@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._naming import load_policy
+from pter_gym.benchmark._loading import load_policy
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
 from pter_gym.policies import Net, read_policy

@@ -1,0 +1,50 @@
+"""Policies ready to act in an environment, by name, by path or as they are."""
+
+import os
+from typing import Any, cast
+
+from pter_gym._internal.files import FilePath
+from pter_gym.benchmark._naming import find_policy
+from pter_gym.benchmark.simulation import AnyPolicy
+from pter_gym.envs._acting import ActingPolicy
+from pter_gym.errors import ParameterError
+
+
+def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> ActingPolicy:
+    """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
+
+    It notices by itself when episodes begin, and returns actions in the unit of the environment.
+
+    Parameters
+    ----------
+    policy
+        What ``pter benchmark --policies`` takes: the name of a trained policy or of a controller, the path of an
+        exported policy (a string or a ``pathlib.Path``), or ``package.module:attribute``. Or a policy itself: a
+        controller, what ``from_sb3`` returns, or a function from observations, float32 (N, entries), to volts, (N, 4).
+    env
+        Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
+        its wrappers. Tuned gains are those of its scenario.
+    seed
+        Seed of the random policy and of planners.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such policy, or it cannot act in this environment; the message says why.
+    DataError
+        If a file of the policy is damaged.
+    """
+    if isinstance(policy, (str, os.PathLike)):
+        policy = find_policy(cast("FilePath", policy), seed, _scenario_of(env))
+    elif not callable(policy) and not hasattr(policy, "bind"):
+        raise ParameterError(
+            "policy must be a name, the path of an exported policy, a controller, or a function from observations to "
+            f"volts, got {policy!r:.200}"
+        )
+    return ActingPolicy(policy, env)
+
+
+def _scenario_of(env: Any) -> str:
+    """Return the name of the scenario that an environment belongs to; ``standard`` for any other."""
+    first = next(iter(getattr(env, "envs", ())), env)
+    return getattr(getattr(first, "spec", None), "kwargs", {}).get("scenario", "standard")
