@@ -195,7 +195,6 @@ def test_no_seed_follows_from_what_nobody_can_tell(policy: Any) -> None:
         fresh_seed("standard", {"free": Free(), "mine": policy})
 
 
-@pytest.mark.xfail(reason="README's scores are to be made again: their seed follows from the digest of the code")
 def test_the_seed_in_readme_is_that_of_its_command() -> None:
     text = (ROOT / "README.md").read_text("utf-8")
     (policies,) = re.findall(r"pter benchmark --scenario standard --fresh derived --policies (\S+)", text)
