@@ -17,8 +17,8 @@ from pter_gym.hands import MeasuredTremor, TremorArm
 from pter_gym.params import Arm
 from pter_gym.paths import Path
 from pter_gym.scenarios import PACES
-from pter_gym.tools.figures import CLUTCH_COLOURS, INK, MUTED, REFERENCE, WIDTH, label, styled
-from pter_gym.tools.pictures.plots.legends import legend_below, scale_bar, shown
+from pter_gym.tools.figures import CLUTCH_COLOURS, INK, MUTED, REFERENCE, WIDTH, label, legend_below, styled
+from pter_gym.tools.pictures.plots.legends import scale_bar, shown
 from pter_gym.tools.pictures.plots.ticks import plain_ticks
 from pter_gym.tools.pictures.render import style as picture
 from pter_gym.tools.pictures.render.geometry import five_bar, path_points

@@ -24,7 +24,7 @@ def load_artist(name: str) -> Any:
     """Return what draws, or raise a DependencyError if nothing that can is installed."""
     artists = registered(PICTURES)
     if name not in artists:
-        raise DependencyError(f"drawing needs an entry point {name!r} in the group {PICTURES}; none is installed")
+        raise DependencyError(f"nothing installed can draw {name!r}: run `pip install -e .` again where the source is")
     return artists[name].load()
 
 
