@@ -13,19 +13,26 @@ from pter_gym._commands.main import commands
 ROOT = Path(__file__).parents[2]
 TOOLS = sorted(path.name for path in (ROOT / "pter_gym" / "tools").iterdir() if (path / "__init__.py").exists())
 
-TESTED = ("tests/meta", "tests/commands", "tests/conformance", "tests/benchmark", "tests/policies", "tests/tools")
-"""What can depend on a tool; physics, paths and hands import nothing above them."""
+OFFERING = ("tests/meta", "tests/commands", "tests/tools")
+"""What names tools, or tests one; tools know no other tool."""
+
+CORE = ("tests/conformance", "tests/benchmark", "tests/policies")
+"""What of the core can use a tool; physics, paths and hands import nothing above them."""
+
+OF_ALL_TOOLS = "tests/meta/test_docs.py"
+"""Tests of pages, which speak of all tools."""
 
 
-def without(tool: str, folder: Path) -> Path:
-    """Copy the checkout to a folder without one tool."""
+def without(tools: list[str], folder: Path) -> Path:
+    """Copy the checkout to a folder without some tools."""
     skipped = shutil.ignore_patterns(".*", "__pycache__", "_build", "images", "pter-*", "*.egg-info")
     for name in ("pter_gym", "agents", "tests", "docs", "notebooks"):
         shutil.copytree(ROOT / name, folder / name, ignore=skipped)
     for path in (*ROOT.glob("*.md"), *ROOT.glob("*.toml"), *ROOT.glob("*.txt"), ROOT / "CITATION.cff"):
         shutil.copy(path, folder)
-    shutil.rmtree(folder / "pter_gym" / "tools" / tool)
-    shutil.rmtree(folder / "tests" / "tools" / tool)
+    for tool in tools:
+        shutil.rmtree(folder / "pter_gym" / "tools" / tool)
+        shutil.rmtree(folder / "tests" / "tools" / tool)
     return folder
 
 
@@ -46,7 +53,7 @@ def test_all_tools_register_what_they_offer():
 
 @pytest.mark.parametrize("tool", TOOLS)
 def test_commands_of_the_others_work_without_a_tool(tool: str, tmp_path: Path):
-    folder = without(tool, tmp_path)
+    folder = without([tool], tmp_path)
     program = "import pter_gym; from pter_gym._commands.main import *; print(pter_gym.__file__); main(['--help'])"
     shown = python(folder, "-c", program)
     assert shown.stdout.startswith(str(folder)), shown.stderr
@@ -56,10 +63,20 @@ def test_commands_of_the_others_work_without_a_tool(tool: str, tmp_path: Path):
         assert (f"  {name} " in shown.stdout) == (name not in lost)
 
 
+def assert_tests_pass(folder: Path, rooms: tuple[str, ...]) -> None:
+    marks = ("-m", "not slow and not long and not agents", f"--ignore={OF_ALL_TOOLS}")
+    outcome = python(
+        folder, "-m", "pytest", "-q", "-n", "2", *marks, *(room for room in rooms if (folder / room).exists())
+    )
+    assert outcome.returncode == 0, outcome.stdout[-3000:]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("tool", TOOLS)
 def test_the_rest_passes_its_tests_without_a_tool(tool: str, tmp_path: Path):
-    folder = without(tool, tmp_path)
-    chosen = [name for name in TESTED if (folder / name).exists()]
-    outcome = python(folder, "-m", "pytest", "-q", "-n", "2", "-m", "not slow and not long and not agents", *chosen)
-    assert outcome.returncode == 0, outcome.stdout[-3000:]
+    assert_tests_pass(without([tool], tmp_path), OFFERING)
+
+
+@pytest.mark.long
+def test_the_core_passes_its_tests_without_any_tool(tmp_path: Path):
+    assert_tests_pass(without(TOOLS, tmp_path), CORE)
