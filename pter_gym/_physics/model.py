@@ -15,8 +15,8 @@ class Model(NamedTuple):
     arm: Linkage
     breakaway: Annotated[Curve, Entry("", "breakaway torque")]
     dynamic: Annotated[Curve, Entry("", "dynamic torque")]
-    voltage_decay: Annotated[float, Entry("1", "part of the voltage's lag that a substep leaves, 0 for no lag")]
-    torque_decay: Annotated[float, Entry("1", "part of the torque's lag that a substep leaves, 0 for no lag")]
+    voltage_decay: Annotated[float, Entry("1", "part of the voltage's lag that half a substep leaves, 0 for no lag")]
+    torque_decay: Annotated[float, Entry("1", "part of the torque's lag that half a substep leaves, 0 for no lag")]
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
     slip_threshold: Annotated[float, Entry("rad/s", "stick band δω")]
     scale: Annotated[PerClutch, Entry("1", "torque, relative to that of the curves")]
@@ -27,7 +27,7 @@ def model_of(machine: Machine) -> Model:
     arm = machine.arm
     hand = machine.hand
     clutch = machine.clutch
-    decay = lag_left(machine.substep, clutch.time_constant)
+    decay = lag_left(0.5 * machine.substep, clutch.time_constant)
     lags_voltage = clutch.lag == "voltage"
     return Model(
         arm=Linkage(

@@ -143,7 +143,7 @@ class Machine:
         default=(1.0,) * 4,
     )
     slip_threshold: float = quantity("rad/s", "chosen: δω of Karnopp's model (Eq. 2)", default=1e-3)
-    substep: float = quantity("s", "chosen: integrator step", default=1e-3)
+    substep: float = quantity("s", "chosen: integrator step", default=2.5e-3)
 
     def __post_init__(self) -> None:
         """Check the numbers of the friction model and that the hand's explicit spring is stable."""

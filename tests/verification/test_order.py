@@ -41,7 +41,7 @@ MACHINES: dict[str, Machine] = {
 def ours(machine: Machine, scenario: Scenario, step: float):
     machine = replace(machine, substep=step)
     start = initial_state(machine, scenario.theta, scenario.omega, scenario.volts_before)
-    time = step * np.arange(round(DURATION / step))
+    time = step * (np.arange(round(DURATION / step)) + 0.5)
     return simulate(machine, start, scenario.volts, scenario.force(time), hand_target=TARGET)
 
 
