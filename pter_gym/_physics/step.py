@@ -16,6 +16,7 @@ from pter_gym._physics.arm import (
     PerLink,
     advance_position,
     cos_difference,
+    damper_torque,
     joint_torque,
     tip_position,
     velocity_torque,
@@ -50,8 +51,8 @@ class Impact(NamedTuple):
     m22: Annotated[float, Entry("kg·m²", "effective mass matrix")]
     p_a: Annotated[float, Entry("N·m·s", "momentum of link A without clutches")]
     p_b: Annotated[float, Entry("N·m·s", "momentum of link B without clutches")]
-    hand_a: Annotated[float, Entry("N·m", "torque of the hand on link A")]
-    hand_b: Annotated[float, Entry("N·m", "torque of the hand on link B")]
+    hand_a: Annotated[float, Entry("N·m", "torque of the hand on link A, less its implicit damping")]
+    hand_b: Annotated[float, Entry("N·m", "torque of the hand on link B, less its implicit damping")]
     fictitious_a: Annotated[float, Entry("N·m", "velocity term V on link A")]
     fictitious_b: Annotated[float, Entry("N·m", "velocity term V on link B")]
 
@@ -88,18 +89,20 @@ class Body(NamedTuple):
 def free_motion(q: Motion, arm: Linkage, on: Load, h: float) -> Impact:
     """Return the velocity problem of a kick that stands for a time h [s], without clutches.
 
-    The hand's damping is implicit: it adds h·b·JᵀJ to the mass matrix. Its spring is explicit.
+    The implicit share of the hand's damping adds to the mass matrix, h·b·JᵀJ if it is all of it; the rest and the
+    spring are explicit.
     """
     x, y = tip_position(arm, q)
     hand_a, hand_b = joint_torque(
         arm, q, on.force_x + arm.stiffness * (on.target_x - x), on.force_y + arm.stiffness * (on.target_y - y)
     )
-    hand_a = hand_a + on.torque_a
-    hand_b = hand_b + on.torque_b
+    damper_a, damper_b = damper_torque(arm, q)
+    hand_a = hand_a + on.torque_a - (1.0 - arm.implicit) * damper_a
+    hand_b = hand_b + on.torque_b - (1.0 - arm.implicit) * damper_b
     v_a, v_b = velocity_torque(arm, q)
     cos = cos_difference(q)
     m12 = arm.coupling * cos
-    implicit = h * arm.damping
+    implicit = h * arm.implicit * arm.damping
     return Impact(
         arm.m11 + implicit * arm.length_a * arm.length_a,
         m12 + implicit * arm.length_a * arm.length_b * cos,
@@ -163,11 +166,9 @@ def torques_at(q: Motion, arm: Linkage, on: Load, torques: Torques, threshold: f
     slip = slip_velocities(q.omega_a, q.omega_b)
     limit = capacities(slip, threshold, torques)
     impact = free_motion(q, arm, on, 0.0)
-    cross = arm.length_a * arm.length_b * cos_difference(q)
-    damping_a = arm.damping * (arm.length_a * arm.length_a * q.omega_a + cross * q.omega_b)
-    damping_b = arm.damping * (cross * q.omega_a + arm.length_b * arm.length_b * q.omega_b)
-    free_a = impact.hand_a - impact.fictitious_a - damping_a
-    free_b = impact.hand_b - impact.fictitious_b - damping_b
+    damper_a, damper_b = damper_torque(arm, q)
+    free_a = impact.hand_a - impact.fictitious_a - arm.implicit * damper_a
+    free_b = impact.hand_b - impact.fictitious_b - arm.implicit * damper_b
     slide_a, slide_b = torques_on_links(sliding_torques(slip, limit))
     m11, m12, m22 = impact.m11, impact.m12, impact.m22
     alpha_a, alpha_b = resolve(m11, m12, m22, free_a + slide_a, free_b + slide_b, stuck_limits(slip, limit))
@@ -243,7 +244,7 @@ def kick_energy(q: Motion, omega: PerLink, arm: Linkage, impact: Impact, limit: 
     w = slip_velocities(omega_a, omega_b)
     m12 = arm.coupling * cos
     return Energy(
-        h * (omega_a * impact.hand_a + omega_b * impact.hand_b - arm.damping * tip_speed_squared),
+        h * (omega_a * impact.hand_a + omega_b * impact.hand_b - arm.implicit * arm.damping * tip_speed_squared),
         h * (limit.x1 * abs(w.x1) + limit.x2 * abs(w.x2) + limit.x3 * abs(w.x3) + limit.x4 * abs(w.x4)),
         0.5 * (arm.m11 * change_a * change_a + arm.m22 * change_b * change_b) + m12 * change_a * change_b,
         -h * (omega_a * impact.fictitious_a + omega_b * impact.fictitious_b),
