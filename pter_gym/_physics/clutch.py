@@ -125,7 +125,7 @@ def capacities(slip: PerClutch, threshold: float, torques: Torques) -> PerClutch
 def changes(before: float, after: float, threshold: float, breakaway: float, dynamic: float) -> bool:
     """Tell whether a slip velocity passes zero from outside the stick band, or leaves one in which more can be held."""
     leaves = (abs(after) >= threshold) & (breakaway > dynamic)
-    return leaves if abs(before) < threshold else before * after < 0.0
+    return leaves if abs(before) < threshold else before * after <= 0.0
 
 
 @device

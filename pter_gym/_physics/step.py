@@ -180,7 +180,7 @@ def torques_at(q: Motion, arm: Linkage, on: Load, torques: Torques, threshold: f
 @device
 def passing(before: float, after: float, threshold: float) -> float:
     """Return the slip velocity of before if it passes zero from outside the stick band, else 0."""
-    return before if (abs(before) >= threshold) & (before * after < 0.0) else 0.0
+    return before if (abs(before) >= threshold) & (before * after <= 0.0) else 0.0
 
 
 @device
