@@ -21,7 +21,7 @@ from pter_gym.tools.paper.experiments.calibration import HAND_MAX, SPACE, Case, 
 FILE = Path(pter_gym.__file__).parent / "presets" / "pter.toml"
 REACHED = np.array(
     [
-        [0.0925, 0.091, 0.0925],
+        [0.0960, 0.092, 0.1090],
         [0.040, 0.004, 0.022],
         [0.001, 0.094, 0.094],
     ]
@@ -45,7 +45,7 @@ def test_table_is_as_close_as_it_got(table: np.ndarray):
 
 
 def test_smaller_substep_moves_no_entry_by_more_than_two_percent(table: np.ndarray):
-    fine = calibration.table_of(PRESET, substep=1e-4)
+    fine = calibration.table_of(PRESET, parts=25)
     assert np.abs(fine / table - 1.0).max() <= 0.02
 
 
@@ -57,7 +57,7 @@ def test_integrator_error_is_small():
 
 
 def test_many_candidates_at_once_give_the_same_table(table: np.ndarray):
-    tables, _ = calibration.tables_of([setup_of(decode(points(1)[0])), setup_of(PRESET)], 1e-3)
+    tables, _ = calibration.tables_of([setup_of(decode(points(1)[0])), setup_of(PRESET)])
     np.testing.assert_allclose(tables[1], table, rtol=1e-12)
 
 

@@ -119,13 +119,13 @@ def setup_of(preset: Preset, reading: Reading | None = None) -> Setup:
     )
 
 
-def table_of(preset: Preset, reading: Reading | None = None, substep: float = 1e-3) -> Array:
-    """Return Table I in inches, in/s and in/s², shape (3, 3), of a preset under a reading."""
+def table_of(preset: Preset, reading: Reading | None = None, parts: int = 1) -> Array:
+    """Return Table I in inches, in/s and in/s², shape (3, 3), of a preset under a reading, with substeps in parts."""
     reading = Reading() if reading is None else reading
     setup = setup_of(preset, reading)
     rows: list[Array] = []
     for machine in setup.machines.values():
-        runs = standard_runs(setup, replace(machine, substep=substep), 0.0, TIME_CONSTANTS)
+        runs = standard_runs(setup, replace(machine, substep=machine.substep / parts), 0.0, TIME_CONSTANTS)
         rows.append(np.mean([_entries(run, setup, reading) for run in runs], axis=0))
     return np.array(rows)
 
