@@ -231,6 +231,19 @@ def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tup
 
 
 @device
+def kick_torques(impact: Impact, omega_a: float, omega_b: float, limit: PerClutch, h: float) -> PerClutch:
+    """Return the torque of each clutch on the arm [N·m] over a kick of a time h [s], or over a part of one.
+
+    What they exert together is a difference of momenta over h, so the shorter the time, the coarser its rounding.
+    """
+    load_a, load_b = clutch_load(impact, omega_a, omega_b, h)
+    m11, m12, m22 = impact.m11, impact.m12, impact.m22
+    momentum = abs(impact.p_a) + abs(impact.p_b) + h * (limit.x1 + limit.x2 + limit.x3 + limit.x4)
+    condition = (m11 + m22) * (m11 + m22) / (m11 * m22 - m12 * m12)
+    return generated_torques(omega_a, omega_b, load_a, load_b, limit, 1e-15 * condition * momentum / h)
+
+
+@device
 def kick_energy(q: Motion, omega: PerLink, arm: Linkage, impact: Impact, limit: PerClutch, h: float) -> Energy:
     """Return the energy terms [J] of a kick to new velocities; the damping of the hand counts as the hand's work."""
     omega_a = omega.a
