@@ -342,7 +342,7 @@ def test_an_episode_may_begin_as_fast_as_the_integrator_can_hold():
     # links at up to √(2² + ½²) times the pace over margin and length
     rates = math.hypot(2.0, 0.5) / task.singularity_margin / np.array([0.4, 0.6])
     energy = 0.5 * (arm.m11 * rates[0] ** 2 + arm.m22 * rates[1] ** 2) + abs(arm.coupling) * rates[0] * rates[1]
-    fastest = math.sqrt(largest_energy(arm, 1e-2, 0.2) / energy)
+    fastest = math.sqrt(largest_energy(arm, 1e-2, 0.2, strongest(task, machine)) / energy)
     check_machine(replace(task, pace=fastest * (1.0 - 1e-9)), machine)
     with pytest.raises(ParameterError, match="starts"):
         check_machine(replace(task, pace=fastest * (1.0 + 1e-9)), machine)

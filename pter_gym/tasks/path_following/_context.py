@@ -10,7 +10,7 @@ from pter_gym.hands import HandModel
 from pter_gym.params import PRESENT_CLUTCH, Machine
 from pter_gym.tasks.path_following._observation import FORCE_SCALE
 from pter_gym.tasks.path_following._reward import PACE_WINDOW, Terms
-from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFollowing, held_machine
+from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFollowing, held_machine, strongest
 
 
 class PathModel(NamedTuple):
@@ -102,10 +102,11 @@ def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], rec
     """
     hand = task.hand.model(task.pace, machine.substep, recording)
     model = model_of(held_machine(task, machine))
+    fastest = largest_energy(model.arm, machine.substep, task.control_period, strongest(task, machine))
     return Context(
         machine=model,
         hand=hand,
-        task=task_model(task, arcs, largest_energy(model.arm, machine.substep, task.control_period)),
+        task=task_model(task, arcs, fastest),
         told=told_of(task, machine, hand.push),
     )
 

@@ -233,7 +233,7 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
         omega_a, omega_b = fastest / arm.length_a, fastest / arm.length_b
         energy = 0.5 * (arm.m11 * omega_a**2 + arm.m22 * omega_b**2) + abs(arm.coupling) * omega_a * omega_b
         require(
-            energy <= largest_energy(arm, h, period),
+            energy <= largest_energy(arm, h, period, force),
             task,
             "starts",
             task.starts,
