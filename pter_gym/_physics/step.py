@@ -214,10 +214,10 @@ def share_before_change(
     v = slip_velocities(omega.a, omega.b)
     slid = slid_velocities(impact, w, v, limit, threshold, h)
     ts, tk = torques.breakaway, torques.dynamic
-    s1 = share_before(w.x1, v.x1, slid.x1, threshold) if changes(w.x1, v.x1, threshold, ts.x1, tk.x1) else 1.0
-    s2 = share_before(w.x2, v.x2, slid.x2, threshold) if changes(w.x2, v.x2, threshold, ts.x2, tk.x2) else 1.0
-    s3 = share_before(w.x3, v.x3, slid.x3, threshold) if changes(w.x3, v.x3, threshold, ts.x3, tk.x3) else 1.0
-    s4 = share_before(w.x4, v.x4, slid.x4, threshold) if changes(w.x4, v.x4, threshold, ts.x4, tk.x4) else 1.0
+    s1 = share_before(w.x1, slid.x1, threshold) if changes(w.x1, v.x1, threshold, ts.x1, tk.x1) else 1.0
+    s2 = share_before(w.x2, slid.x2, threshold) if changes(w.x2, v.x2, threshold, ts.x2, tk.x2) else 1.0
+    s3 = share_before(w.x3, slid.x3, threshold) if changes(w.x3, v.x3, threshold, ts.x3, tk.x3) else 1.0
+    s4 = share_before(w.x4, slid.x4, threshold) if changes(w.x4, v.x4, threshold, ts.x4, tk.x4) else 1.0
     return min(s1, s2, s3, s4)
 
 
