@@ -142,19 +142,19 @@ def any_changes(before: PerClutch, after: PerClutch, threshold: float, torques: 
 
 
 @device
-def share_before(before: float, after: float, slid: float, threshold: float) -> float:
-    """Return the share of a kick after which a clutch changes that ``changes`` within it.
+def share_before(before: float, slid: float, threshold: float) -> float:
+    """Return the share of a kick after which a clutch changes that ``changes`` within it, 1 if another one does first.
 
     Parameters
     ----------
-    before, after
-        Its slip velocity at the start and at the end [rad/s].
+    before
+        Its slip velocity at the start [rad/s].
     slid
-        What the slip would be at the end if it never ceased to slide as before [rad/s].
+        What the slip would be at the end if no clutch changed [rad/s].
     threshold
         The stick band δω [rad/s].
     """
+    edge = 1.000000001 * threshold  # not a rounding error short of it
     if abs(before) >= threshold:
         return before / (before - slid) if before * slid < 0.0 else 1.0
-    edge = 1.000000001 * threshold  # not a rounding error short of it
-    return ((edge if after > 0.0 else -edge) - before) / (after - before)
+    return ((edge if slid > 0.0 else -edge) - before) / (slid - before) if abs(slid) > edge else 1.0

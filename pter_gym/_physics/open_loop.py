@@ -11,9 +11,9 @@ from pter_gym._compiled.compiler import compile_kernel, device, inlined
 from pter_gym._compiled.records import load, rows, store, width, write
 from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch, Torques
-from pter_gym._physics.friction import generated_torques, mode_of, slip_velocities
+from pter_gym._physics.friction import mode_of, slip_velocities
 from pter_gym._physics.model import model_of
-from pter_gym._physics.step import Body, Energy, clutch_load, substep_on
+from pter_gym._physics.step import Body, Energy, kick_torques, substep_on
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine, find_machine
 
@@ -266,7 +266,7 @@ def row_of(body: Any) -> Row:
     arm = load(body, BODY.machine.arm, 0)
     q = load(body, BODY.motion, 0)
     torques = load(body, BODY.torques, 0)
-    load_a, load_b = clutch_load(load(body, BODY.impact, 0), q.omega_a, q.omega_b, body[BODY.span, 0])
+    impact, limit = load(body, BODY.impact, 0), load(body, BODY.limit, 0)
     x, y = tip_position(arm, q)
     v_x, v_y = tip_velocity(arm, q)
     return Row(
@@ -274,7 +274,7 @@ def row_of(body: Any) -> Row:
         omega=PerLink(q.omega_a, q.omega_b),
         tip_position=Vector(x, y),
         tip_velocity=Vector(v_x, v_y),
-        torque=generated_torques(q.omega_a, q.omega_b, load_a, load_b, load(body, BODY.limit, 0)),
+        torque=kick_torques(impact, q.omega_a, q.omega_b, limit, body[BODY.span, 0]),
         slip_velocity=slip_velocities(q.omega_a, q.omega_b),
         torque_breakaway=torques.breakaway,
         torque_dynamic=torques.dynamic,

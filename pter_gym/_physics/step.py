@@ -214,10 +214,10 @@ def share_before_change(
     v = slip_velocities(omega.a, omega.b)
     slid = slid_velocities(impact, w, v, limit, threshold, h)
     ts, tk = torques.breakaway, torques.dynamic
-    s1 = share_before(w.x1, v.x1, slid.x1, threshold) if changes(w.x1, v.x1, threshold, ts.x1, tk.x1) else 1.0
-    s2 = share_before(w.x2, v.x2, slid.x2, threshold) if changes(w.x2, v.x2, threshold, ts.x2, tk.x2) else 1.0
-    s3 = share_before(w.x3, v.x3, slid.x3, threshold) if changes(w.x3, v.x3, threshold, ts.x3, tk.x3) else 1.0
-    s4 = share_before(w.x4, v.x4, slid.x4, threshold) if changes(w.x4, v.x4, threshold, ts.x4, tk.x4) else 1.0
+    s1 = share_before(w.x1, slid.x1, threshold) if changes(w.x1, v.x1, threshold, ts.x1, tk.x1) else 1.0
+    s2 = share_before(w.x2, slid.x2, threshold) if changes(w.x2, v.x2, threshold, ts.x2, tk.x2) else 1.0
+    s3 = share_before(w.x3, slid.x3, threshold) if changes(w.x3, v.x3, threshold, ts.x3, tk.x3) else 1.0
+    s4 = share_before(w.x4, slid.x4, threshold) if changes(w.x4, v.x4, threshold, ts.x4, tk.x4) else 1.0
     return min(s1, s2, s3, s4)
 
 
@@ -228,6 +228,19 @@ def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tup
         (impact.m11 * omega_a + impact.m12 * omega_b - impact.p_a) / h,
         (impact.m12 * omega_a + impact.m22 * omega_b - impact.p_b) / h,
     )
+
+
+@device
+def kick_torques(impact: Impact, omega_a: float, omega_b: float, limit: PerClutch, h: float) -> PerClutch:
+    """Return the torque of each clutch on the arm [N·m] over a kick of a time h [s], or over a part of one.
+
+    What they exert together is a difference of momenta over h, so the shorter the time, the coarser its rounding.
+    """
+    load_a, load_b = clutch_load(impact, omega_a, omega_b, h)
+    m11, m12, m22 = impact.m11, impact.m12, impact.m22
+    momentum = abs(impact.p_a) + abs(impact.p_b) + h * (limit.x1 + limit.x2 + limit.x3 + limit.x4)
+    condition = (m11 + m22) * (m11 + m22) / (m11 * m22 - m12 * m12)
+    return generated_torques(omega_a, omega_b, load_a, load_b, limit, 1e-15 * condition * momentum / h)
 
 
 @device

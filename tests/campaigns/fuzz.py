@@ -209,7 +209,8 @@ def extreme_task(n: Numbers, machine: Machine, shared: Shared) -> PathFollowing:
     slowed = replace(usual, hand=slow(usual.hand, shared.substep), starts=Starts())
     wide = n.varied(replace(slowed, control_period=shared.substep * shared.substeps))
     wide = replace(wide, control_period=shared.substep * shared.substeps)
-    arm, h, period = model_of(held_machine(wide, machine)).arm, machine.substep, wide.control_period
+    held = held_machine(wide, machine)
+    arm, h, period = model_of(held).arm, held.substep, wide.control_period
     limit, present = largest_force(arm, h, period), strongest(wide, machine)
     share = float(n.of((1.0 - 1e-9, 1.0 - 1e-9, 0.5, 0.1, 0.01)))
     task = replace(wide, hand=stronger(wide.hand, share * limit / present if present > 0.0 else 1.0))

@@ -60,7 +60,7 @@ def test_parts_along_and_across_a_path_by_complex_numbers(seed: int):
 
 @pytest.mark.parametrize("tip", [(0.3, 0.6), (-0.5, 0.2), (0.1, -0.9), (0.4, 0.05)])
 def test_the_arm_at_a_tip_has_its_tip_there_and_link_b_ahead(tip: tuple[float, float]):
-    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=0.0, stiffness=0.0)
+    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=0.0, stiffness=0.0, implicit=0.5)
     q = motion_at(arm, *tip)
     assert tip_position(arm, q) == pytest.approx(tip, abs=1e-12)
     assert (q.cos_a, q.sin_a, q.cos_b, q.sin_b) == pytest.approx((*unit(q.theta_a), *unit(q.theta_b)))
@@ -100,10 +100,10 @@ def test_an_intent_gathers_speed_with_the_least_jerk():
 
 
 def test_a_hand_that_does_nothing_by_itself():
-    *numbers, amplitude, phase, turn = NO_FORCE
+    *numbers, amplitude, phase, half_turn = NO_FORCE
     assert numbers == 7 * [0.0]
     assert amplitude == phase == (0.0,) * 5
-    assert turn == ((1.0, 0.0),) * 5
+    assert half_turn == ((1.0, 0.0),) * 5
 
 
 @pytest.mark.parametrize(
@@ -301,7 +301,7 @@ def test_what_a_task_is_without_a_word():
 
 
 def test_the_elbows_sine_by_the_arm_at_a_tip():
-    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=0.0, stiffness=0.0)
+    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=0.0, stiffness=0.0, implicit=0.5)
     tips = [(0.3, 0.6), (-0.5, 0.2), (0.1, -0.9)]
     poses = [motion_at(arm, *tip) for tip in tips]
     expected = [math.sin(q.theta_b - q.theta_a) for q in poses]

@@ -100,9 +100,10 @@ def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], rec
     arcs, recording
         Where the arcs of the path and the hand's recording begin in the array of constants, and how many there are.
     """
-    hand = task.hand.model(task.pace, machine.substep, recording)
-    model = model_of(held_machine(task, machine))
-    fastest = largest_energy(model.arm, machine.substep, task.control_period, strongest(task, machine))
+    held = held_machine(task, machine)
+    hand = task.hand.model(task.pace, held.substep, recording)
+    model = model_of(held)
+    fastest = largest_energy(model.arm, held.substep, task.control_period, strongest(task, machine))
     return Context(
         machine=model,
         hand=hand,
