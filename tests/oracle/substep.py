@@ -48,7 +48,7 @@ class Substeps:
     parts, span
         How many parts the kick has, and the time of its last one [s], (T,).
     momentum, condition
-        All the momentum that enters the kick, and at most the condition of its mass matrix, (T,).
+        All that enters the sums of the kick's momentum, and at most the condition of its mass matrix, (T,).
     """
 
     theta: np.ndarray
@@ -116,6 +116,8 @@ class _Kick:
         tip = np.stack([cos @ lengths, sin @ lengths], axis=-1)
         pull = force + hand.stiffness * (target - tip)
         self.load = np.einsum("kij,ki->kj", jacobian, pull) + torque
+        reach = np.abs(target) + lengths.sum()
+        self.sizes = lengths.sum() * (np.abs(force) + hand.stiffness * reach).sum(axis=1) + np.abs(torque).sum(axis=1)
         self.damping = hand.damping * np.einsum("kij,kil->kjl", jacobian, jacobian)
         self.implicit = implicit_share(machine)
         self.mass = inertia(machine, theta)
@@ -138,6 +140,13 @@ class _Kick:
         effective = self.mass + h[:, None, None] * self.implicit * self.damping
         momentum = np.einsum("kij,kj->ki", self.mass, omega)
         return effective, momentum + h[:, None] * (hand - self.velocity_term(omega)), hand
+
+    def momentum(self, omega: np.ndarray, h: float) -> np.ndarray:
+        """The sizes of all that enters the sums of the momentum, (T,)."""
+        speed = np.abs(omega).sum(axis=1)
+        inertia = np.abs(self.mass).sum(axis=(1, 2)) + h * np.abs(self.damping).sum(axis=(1, 2))
+        torque = self.sizes + np.abs(self.velocity_term(omega)).sum(axis=1)
+        return inertia * speed + h * (torque + np.maximum(self.breakaway, self.dynamic).sum(axis=1))
 
     def after(self, omega: np.ndarray, h: np.ndarray) -> np.ndarray:
         effective, momentum, _ = self.problem(omega, h)
@@ -194,8 +203,7 @@ def again(machine: Machine, run: Trajectory, volts, force, torque, target) -> Su
     found.residual += kinetic(kick.mass, omega) - found.before
     eigenvalues = np.linalg.eigvalsh(kick.mass + h * kick.damping)
     found.condition = eigenvalues[:, 1] / np.linalg.eigvalsh(kick.mass)[:, 0]
-    found.momentum = np.abs(kick.problem(omega, np.full(len(theta), h))[1]).sum(axis=1)
-    found.momentum += h * np.maximum(kick.breakaway, kick.dynamic).sum(axis=1)
+    found.momentum = kick.momentum(omega, h)
     rows, left = np.arange(len(theta)), np.full(len(theta), h)
     for number in range(MOST_PARTS):
         some = kick.at(rows)
