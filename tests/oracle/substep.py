@@ -158,23 +158,23 @@ class _Kick:
         outside = np.abs(before) >= self.threshold
         passes = outside & (before * after <= 0.0)
         leaves = ~outside & (np.abs(after) >= self.threshold) & (self.breakaway > self.dynamic)
-        edge = np.copysign(BEYOND * self.threshold, after)
-        share = np.ones_like(before)
-        share[leaves] = ((edge - before) / np.where(leaves, after - before, 1.0))[leaves]
+        slid = after.copy()
         rows = np.flatnonzero(passes.any(axis=1))
         if rows.size:
-            stops = self.stops(omega, h, passes, limit, rows)
-            share[rows] = np.where(passes[rows], stops, share[rows])
-        return share.min(axis=1)
+            slid[rows] = self.slid(omega, h, passes, limit, rows)
+        passes &= before * slid < 0.0
+        leaves &= np.abs(slid) > BEYOND * self.threshold
+        to = np.where(leaves, np.copysign(BEYOND * self.threshold, slid), 0.0)
+        changes = passes | leaves
+        return np.where(changes, (to - before) / np.where(changes, slid - before, 1.0), 1.0).min(axis=1)
 
-    def stops(self, omega, h, passes, limit, rows) -> np.ndarray:
-        """Share of a kick after which each slip comes to zero, if those that pass it never cease to slide."""
+    def slid(self, omega, h, passes, limit, rows) -> np.ndarray:
+        """Slips after a kick in which those that pass zero never cease to slide."""
         before, passes = (omega @ W.T)[rows], passes[rows]
         effective, momentum, _ = self.at(rows).problem(omega[rows], h[rows])
         impulse = h[rows, None] * limit[rows]
         sliding = momentum - (np.sign(before) * passes * impulse) @ W
-        slid = solve(effective, sliding, np.where(passes, 0.0, impulse)) @ W.T
-        return np.where(before * slid < 0.0, before / np.where(before != slid, before - slid, 1.0), 1.0)
+        return solve(effective, sliding, np.where(passes, 0.0, impulse)) @ W.T
 
     def at(self, rows: np.ndarray) -> _Kick:
         """The kicks of some substeps."""

@@ -232,22 +232,23 @@ def test_one_clutch_that_changes_is_enough():
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "slid", "share"),
+    ("before", "slid", "share"),
     [
-        (0.2, 0.0, -0.6, 0.25),  # comes to zero on a straight line, and would have gone on
-        (-0.3, 0.1, 0.1, 0.75),
-        (0.2, -0.1, 0.1, 1.0),  # stopped by others' changes, not by its own sliding
-        (0.2, 0.0, 0.0, 1.0),
-        (0.0, 0.4, 9.0, 0.25),  # leaves the band on the straight line to where it went
-        (0.05, -0.35, 9.0, 0.375),
-        (-0.05, -0.1, 9.0, 1.0),
+        (0.2, -0.6, 0.25),  # comes to zero on a straight line, and would have gone on
+        (-0.3, 0.1, 0.75),
+        (0.2, 0.1, 1.0),  # stopped by others' changes, not by its own sliding
+        (0.2, 0.0, 1.0),
+        (0.0, 0.4, 0.25),  # leaves the band on a straight line
+        (0.05, -0.35, 0.375),
+        (-0.05, -0.1, 1.0),  # at its edge, but not beyond
+        (0.05, 0.08, 1.0),  # leaves it after another's change only
     ],
 )
-def test_share_of_a_kick_before_a_change(before: float, after: float, slid: float, share: float):
-    found = clutch.share_before(before, after, slid, 0.1)
+def test_share_of_a_kick_before_a_change(before: float, slid: float, share: float):
+    found = clutch.share_before(before, slid, 0.1)
     assert found == pytest.approx(share, rel=3e-9)
-    if abs(before) < 0.1:
-        assert abs(before + found * (after - before)) > 0.1, "a rounding error could leave it in the band"
+    if abs(before) < 0.1 and share < 1.0:
+        assert abs(before + found * (slid - before)) > 0.1, "a rounding error could leave it in the band"
 
 
 @pytest.mark.parametrize("seed", DRAWS)
