@@ -1,8 +1,9 @@
 """The only place where clutches, arm and friction meet: one substep, drift–kick–drift with friction in the kick.
 
 Arm and lags move freely for half a substep, forces and friction of its middle change the velocity at once, and arm and
-lags move freely for the other half: second order where no clutch changes between sticking and slipping. Where one does,
-the kick is made in parts, each up to the next change, so the order stays (Karnopp's rule, paper Eq. 2, holds in each).
+lags move freely for the other half: of second order but for the velocity term V, which is explicit. Where a clutch
+changes between sticking and slipping, the kick is made in parts, each up to the next change, and Karnopp's rule (paper
+Eq. 2) holds in each.
 """
 
 from typing import Annotated, Any, NamedTuple
