@@ -26,20 +26,20 @@ for any friction. Here ν is what the explicit share of the hand's damping leave
 share θ, the damper's work is −h_j·ω_jᵀB(θω_j + (1 − θ)ω_{j−1}) ≤ ¼(1 − θ)h_j·Δ_jᵀBΔ_j, at most ½(1 − θ)h·bℓ²/μ of N_j
 with ℓ² = lA² + lB², and ``implicit`` is such that ν ≥ ½. Over a substep, with four parts, the second-order terms are
 
-    h²aΩ⁴/1.87      a = 7.3·c²/(νμ) + ½|c|
+    h²aΩ⁴/2.22      a = 8.6·c²/(νμ) + 0.56|c|
 
-Let u = √(2K_j). The part of K_j with F is small, as all is done for u ≤ U with h|c|U ≤ μ^1.5/20 and hφ ≤ U/20, where
-φ = ℓF/√μ for the hand's force F: 0.97u ≤ √(ωᵀMω) ≤ 1.03u. So the hand's work is W_j ≤ h_j|ω_j||JᵀF| ≤ h_j·1.03u·φ.
+Let u = √(2K_j). The part of K_j with F is small, as all is done for u ≤ U with h|c|U ≤ μ^1.5/12 and hφ ≤ U/10, where
+φ = ℓF/√μ for the hand's force F: 0.96u ≤ √(ωᵀMω) ≤ 1.04u. So the hand's work is W_j ≤ h_j|ω_j||JᵀF| ≤ h_j·1.04u·φ.
 Friction is a contraction in the norm of M⁻¹, which alone gives √(ω_jᵀMω_j) ≤ √(ω_{j−1}ᵀMω_{j−1}) + h_j(|c|Ω²/√μ + φ)
-and so Ω ≤ 1.17U/√μ: no velocity jumps beyond. With 1.17⁴ = 1.87 and β = ha/μ²,
+and so Ω ≤ 1.22U/√μ: no velocity jumps beyond. With 1.22⁴ = 2.22 and β = ha/μ²,
 
-    u⁺² − u² ≤ 2h·u⁺·Φ      Φ = 1.03φ + βU³
+    u⁺² − u² ≤ 2h·u⁺·Φ      Φ = 1.04φ + βU³
 
 for the largest u so far, u, and that of a substep later, u⁺; so u⁺ ≤ hΦ + √(u² + h²Φ²), and after n of them
-u ≤ u₀ + Φ·(T + h + ½h·ln n) ≤ u₀ + Φ·T′ with T′ = T + √(hT). Of U, the integrator may add 0.3 and the hand 0.65; the
+u ≤ u₀ + Φ·(T + h + ½h·ln n) ≤ u₀ + Φ·T′ with T′ = T + √(hT). Of U, the integrator may add 0.3 and the hand 0.67; the
 start of a control step may have what both leave:
 
-    βU³T′ ≤ 0.3·U      1.03·φT′ ≤ 0.65·U     u₀ ≤ 0.7·U − 1.03·φT′
+    βU³T′ ≤ 0.3·U      1.04·φT′ ≤ 0.67·U      u₀ ≤ 0.7·U − 1.04·φT′
 
 The first is U² ≤ 0.3·μ²/(haT′). In addition no link turns by more than ``LONGEST_TURN`` in a substep, hU ≤ ½√μ, for
 which the series of ``rotated`` is made. The spring of a hand counts as a force with all of the length that it can have.
@@ -63,13 +63,13 @@ LARGEST_CONDITION = 1e4
 MOST_SUBSTEPS = 10_000
 """Most substeps in a control step: about a tenth of a millisecond for each world."""
 
-_SMALL = 1.0 / 20.0
-"""Largest share of the motion that the velocity term, or the hand, makes in a substep."""
+_VELOCITY_TERMS, _A_PUSHS = 1.0 / 12.0, 1.0 / 10.0
+"""Largest shares of the motion that the velocity term and the hand make in a substep."""
 
-_INTEGRATORS, _HANDS = 0.3, 0.65
+_INTEGRATORS, _HANDS = 0.3, 0.67
 """Shares of the largest motion that the integrator and the hand may add in a control step."""
 
-_ROUNDING_UP = 1.03
+_ROUNDING_UP = 1.04
 """Bound of √(ωᵀMω) over u."""
 
 
@@ -91,9 +91,9 @@ def largest_motion(arm: Linkage, h: float, period: float) -> float:
     turning = smallest * (LONGEST_TURN / h) ** 2
     taken = h * arm.damping * (arm.length_a**2 + arm.length_b**2) / smallest
     left = 1.0 - 0.5 * (1.0 - arm.implicit) * taken
-    a = 7.3 * coupling**2 / (left * smallest) + 0.5 * coupling
+    a = 8.6 * coupling**2 / (left * smallest) + 0.56 * coupling
     explicit = h * a * _lengthened(h, period) / _INTEGRATORS  # as below, 0 for no coupling, or one whose square is 0
-    velocity_term = (h * coupling / _SMALL) ** 2 / smallest
+    velocity_term = (h * coupling / _VELOCITY_TERMS) ** 2 / smallest
     divisor = max(explicit, velocity_term)
     return turning if turning * divisor <= smallest**2 else smallest**2 / divisor
 
@@ -111,7 +111,7 @@ def largest_energy(arm: Linkage, h: float, period: float, force: float) -> float
 def largest_force(arm: Linkage, h: float, period: float) -> float:
     """Return the largest force of the hand [N] in a control step of a period [s]."""
     most = math.sqrt(largest_motion(arm, h, period))
-    return most / _pull(arm, 1.0) * min(_HANDS / (_ROUNDING_UP * _lengthened(h, period)), _SMALL / h)
+    return most / _pull(arm, 1.0) * min(_HANDS / (_ROUNDING_UP * _lengthened(h, period)), _A_PUSHS / h)
 
 
 def _pull(arm: Linkage, force: float) -> float:

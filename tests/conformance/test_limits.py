@@ -96,9 +96,9 @@ def test_the_formulas_of_the_derivation(coupling: float, h: float, period: float
     taken = h * 7.0 * (0.4**2 + 0.7**2) / mu
     arm = arm._replace(implicit=1.0 - min(0.5, 1.0 / taken))
     left = 1.0 - 0.5 * (1.0 - arm.implicit) * taken
-    a = 7.3 * coupling**2 / (left * mu) + abs(coupling) / 2.0
+    a = 8.6 * coupling**2 / (left * mu) + 0.56 * abs(coupling)
     longer = period + math.sqrt(h * period)
-    bounds = mu / (4.0 * h**2), 0.3 * mu**2 / (h * a * longer), mu**3 / (20.0 * h * coupling) ** 2
+    bounds = mu / (4.0 * h**2), 0.3 * mu**2 / (h * a * longer), mu**3 / (12.0 * h * coupling) ** 2
     assert largest_motion(arm, h, period) == pytest.approx(min(bounds))
 
 
@@ -113,9 +113,9 @@ def test_all_that_scenarios_draw_is_far_from_the_limits(name: str) -> None:
     for machine, task in SCENARIOS[name].randomisation(contexts=64).pairs():
         arm = model_of(held_machine(task, machine)).arm
         force = strongest(task, machine)
-        assert force < 0.8 * largest_force(arm, machine.substep, task.control_period)
+        assert force < 0.9 * largest_force(arm, machine.substep, task.control_period)
         assert condition(arm, machine.substep) < 10.0
-        assert largest_energy(arm, machine.substep, task.control_period, force) > 150.0
+        assert largest_energy(arm, machine.substep, task.control_period, force) > 20.0
 
 
 @pytest.mark.parametrize("machine", MACHINES.values(), ids=MACHINES)
@@ -141,17 +141,17 @@ def test_the_shares_of_the_derivation(arm: Linkage, h: float, count: int) -> Non
     )
     motion = largest_motion(arm, h, period)
     most = math.sqrt(motion)
-    beta = h * (7.3 * arm.coupling**2 / smallest + 0.5 * abs(arm.coupling)) / smallest**2
+    beta = h * (8.6 * arm.coupling**2 / smallest + 0.56 * abs(arm.coupling)) / smallest**2
     lengthened = period + math.sqrt(h * period)
     assert beta * motion * lengthened <= 0.3 * (1.0 + 1e-9)
     assert h * most / math.sqrt(smallest) <= LONGEST_TURN * (1.0 + 1e-9)
-    assert h * abs(arm.coupling) * most <= smallest**1.5 / 20.0 * (1.0 + 1e-9)
+    assert h * abs(arm.coupling) * most <= smallest**1.5 / 12.0 * (1.0 + 1e-9)
     pull = largest_force(arm, h, period) * math.hypot(0.5, 0.4) / math.sqrt(smallest)
-    assert h * pull <= most / 20.0 * (1.0 + 1e-9)
-    assert 1.03 * pull * lengthened <= 0.65 * most * (1.0 + 1e-9)
+    assert h * pull <= most / 10.0 * (1.0 + 1e-9)
+    assert 1.04 * pull * lengthened <= 0.67 * most * (1.0 + 1e-9)
     for share in (0.0, 0.5, 1.0):
         start = math.sqrt(2.0 * largest_energy(arm, h, period, share * largest_force(arm, h, period)))
-        assert start == pytest.approx(0.7 * most - 1.03 * share * pull * lengthened)
+        assert start == pytest.approx(0.7 * most - 1.04 * share * pull * lengthened)
 
 
 # --- at run time ---
