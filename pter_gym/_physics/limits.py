@@ -42,7 +42,8 @@ start of a control step may have what both leave:
     βU³T′ ≤ 0.3·U      1.04·φT′ ≤ 0.67·U      u₀ ≤ 0.7·U − 1.04·φT′
 
 The first is U² ≤ 0.3·μ²/(haT′). In addition no link turns by more than ``LONGEST_TURN`` in a substep, hU ≤ ½√μ, for
-which the series of ``rotated`` is made. The spring of a hand counts as a force with all of the length that it can have.
+which the series of ``rotated`` is made. The spring of a hand counts as the mean
+of its force: what it has at a control instant, and half of what the arm's way in a control step adds.
 
 The rest is rounding. A 2×2 system loses as many digits as its condition has, so ``LARGEST_CONDITION`` leaves twelve
 of sixteen; the hand's damping, as if all of it were implicit, is part of it. All other numbers are limited in
@@ -112,6 +113,12 @@ def largest_force(arm: Linkage, h: float, period: float) -> float:
     """Return the largest force of the hand [N] in a control step of a period [s]."""
     most = math.sqrt(largest_motion(arm, h, period))
     return most / _pull(arm, 1.0) * min(_HANDS / (_ROUNDING_UP * _lengthened(h, period)), _A_PUSHS / h)
+
+
+def largest_travel(arm: Linkage, h: float, period: float) -> float:
+    """Return how far the tip may move in a control step of a period [m]."""
+    speed = _ROUNDING_UP * math.sqrt(largest_motion(arm, h, period) / smallest_inertia(arm))
+    return period * speed * math.hypot(arm.length_a, arm.length_b)
 
 
 def _pull(arm: Linkage, force: float) -> float:

@@ -14,6 +14,7 @@ from pter_gym._physics.limits import (
     condition,
     largest_energy,
     largest_force,
+    largest_travel,
 )
 from pter_gym._physics.model import model_of
 from pter_gym.errors import ParameterError
@@ -234,7 +235,7 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
         omega_a, omega_b = fastest / arm.length_a, fastest / arm.length_b
         energy = 0.5 * (arm.m11 * omega_a**2 + arm.m22 * omega_b**2) + abs(arm.coupling) * omega_a * omega_b
         require(
-            energy <= largest_energy(arm, h, period, force),
+            energy <= largest_energy(arm, h, period, _force_within(task.starts.offset, task, machine)),
             task,
             "starts",
             task.starts,
@@ -244,12 +245,20 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
 
 
 def strongest(task: PathFollowing, machine: Machine) -> float:
-    """Return an upper bound of the force on the tip [N] that a task's hand can have on a machine."""
-    hand = task.hand.model(task.pace, machine.substep, (0, 0))
-    recorded = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
+    """Return an upper bound of the mean force on the tip [N] that a task's hand can have in a control step."""
+    path_width = min(task.error_max, task.truncation_error)
     reach = machine.arm.length_a + machine.arm.length_b
-    held = task.hand.impedance
-    pull = held.stiffness * (2.0 * reach + hand.intent_lead) + held.damping * hand.intent_speed
+    return _force_within(min(2.0 * reach, task.path.length + path_width), task, machine)
+
+
+def _force_within(length: float, task: PathFollowing, machine: Machine) -> float:
+    """Return the bound of a control step that begins with the tip at most a length [m] from where the hand wants it."""
+    held = held_machine(task, machine)
+    hand = task.hand.model(task.pace, held.substep, (0, 0))
+    recorded = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
+    stretch = length + hand.intent_lead + 0.5 * largest_travel(model_of(held).arm, held.substep, task.control_period)
+    impedance = task.hand.impedance
+    pull = impedance.stiffness * stretch + impedance.damping * hand.intent_speed
     return pull + math.hypot(abs(hand.push) + recorded[0], math.fsum(map(abs, hand.amplitude)) + recorded[1])
 
 
