@@ -17,7 +17,7 @@ from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following._context import TOLD
 from pter_gym.tasks.path_following._observation import ENTRIES, SEEN, Sensors, observation_layout
-from pter_gym.tasks.path_following._specification import PathFollowing, substeps
+from pter_gym.tasks.path_following._specification import PathFollowing, held_machine, substeps
 from pter_gym.tasks.path_following._telemetry import COLUMNS
 
 Array = NDArray[np.float64]
@@ -153,7 +153,7 @@ class Batch(WorldArrays):
             low=self.action_low,
             high=self.action_high,
             slack=4.0 * float(np.spacing(np.float32(self.action_high))),
-            substep=self.machine.substep,
+            substep=held_machine(self.task, self.machine).substep,
             substeps=substeps(self.task, self.machine),
             limit=NO_LIMIT if max_steps is None else max_steps,
             has_law=0.0,

@@ -71,7 +71,7 @@ def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: floa
 
 @device
 def total_force(w: Any, i: int) -> Vector:
-    """Return the force of the hand on the tip in the last substep [N], that of its spring and damper included."""
+    """Return the force of the hand on the tip at the control instant [N], that of its spring and damper included."""
     arm = load(w, ROW.machine.arm, i)
     q = load(w, ROW.motion, i)
     force = load(w, ROW.force, i)

@@ -10,8 +10,8 @@ from pter_gym._compiled.records import load, store
 from pter_gym._engine.world import CONFIG, REFUSE, ROW, SAME_STEP
 from pter_gym._physics.arm import Load, Vector, tip_velocity
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.friction import between, generated_torques
-from pter_gym._physics.step import Energy, clutch_load, count_nonzero, substep_on
+from pter_gym._physics.friction import between
+from pter_gym._physics.step import Energy, count_nonzero, substep_on, torques_at
 from pter_gym.hands._model import advance_sines, renew_sines, sum_of_sines
 from pter_gym.tasks.path_following._situation import PathVector, to_world
 
@@ -82,31 +82,38 @@ def drift_torques(w: Any, i: int, period: float) -> None:
 
 
 @device
-def push_tip(w: Any, i: int) -> None:
-    """Find the hand's push and disturbance [N], and move its sines on by a substep.
-
-    The directions along and across the path are those at the control instant.
-    """
-    sines = load(w, ROW.sines, i)
-    across = sum_of_sines(load(w, ROW.hand.amplitude, i), sines)
-    store(w, ROW.sines, i, advance_sines(sines, load(w, ROW.hand.turn, i)))
-    push = PathVector(w[ROW.hand.push, i], across)
-    store(w, ROW.force, i, to_world(push, load(w, ROW.foot.heading, i)))
+def move_hand(w: Any, i: int, h: float, whole: bool, guides: bool) -> None:
+    """Move what the hand does by itself on by half a substep or a whole one."""
+    half_turn = load(w, ROW.hand.half_turn, i)
+    sines = advance_sines(load(w, ROW.sines, i), half_turn)
+    store(w, ROW.sines, i, advance_sines(sines, half_turn) if whole else sines)
+    if guides:
+        part = 1.0 if whole else 0.5
+        drive = load(w, ROW.drive, i)
+        target = load(w, ROW.target, i)
+        w[ROW.drive.force.along, i] += part * drive.change.along
+        w[ROW.drive.force.across, i] += part * drive.change.across
+        w[ROW.target.position.x, i] += part * h * target.velocity.x
+        w[ROW.target.position.y, i] += part * h * target.velocity.y
 
 
 @device
-def guide_tip(w: Any, i: int, h: float) -> None:
-    """Add recorded forces and the pull of the damper towards a moving target [N], and move both on by a substep."""
-    drive = load(w, ROW.drive, i)
-    target = load(w, ROW.target, i)
-    force = to_world(drive.force, load(w, ROW.foot.heading, i))
-    damping = w[ROW.machine.arm.damping, i]
-    w[ROW.force.x, i] += force.x + damping * target.velocity.x
-    w[ROW.force.y, i] += force.y + damping * target.velocity.y
-    w[ROW.drive.force.along, i] += drive.change.along
-    w[ROW.drive.force.across, i] += drive.change.across
-    w[ROW.target.position.x, i] += h * target.velocity.x
-    w[ROW.target.position.y, i] += h * target.velocity.y
+def push_tip(w: Any, i: int, guides: bool) -> None:
+    """Find what the hand does by itself [N]: push, disturbance, recorded force, its damper's pull to a moving target.
+
+    The directions along and across the path are those at the control instant.
+    """
+    along = w[ROW.hand.push, i]
+    across = sum_of_sines(load(w, ROW.hand.amplitude, i), load(w, ROW.sines, i))
+    if guides:
+        along += w[ROW.drive.force.along, i]
+        across += w[ROW.drive.force.across, i]
+    force = to_world(PathVector(along, across), load(w, ROW.foot.heading, i))
+    if guides:
+        damping = w[ROW.machine.arm.damping, i]
+        pull = load(w, ROW.target.velocity, i)
+        force = Vector(force.x + damping * pull.x, force.y + damping * pull.y)
+    store(w, ROW.force, i, force)
 
 
 @device
@@ -117,15 +124,16 @@ def load_on(w: Any, i: int) -> Load:
     return Load(force.x, force.y, 0.0, 0.0, to.x, to.y)
 
 
-_aim, _substep = substep_on(ROW, load_on)
+_aim, _drift, _kick = substep_on(ROW, load_on)
 
 
 @device
-def sense_torques(w: Any, i: int, h: float) -> None:
-    """Find the generated torques [N·m] of the last substep, and bring the sines' vectors back to unit length."""
+def sense_torques(w: Any, i: int) -> None:
+    """Find the torques [N·m] that the clutches generate now, and bring the sines' vectors back to unit length."""
     q = load(w, ROW.motion, i)
-    load_a, load_b = clutch_load(load(w, ROW.impact, i), q.omega_a, q.omega_b, h)
-    store(w, ROW.torque, i, generated_torques(q.omega_a, q.omega_b, load_a, load_b, load(w, ROW.limit, i)))
+    arm = load(w, ROW.machine.arm, i)
+    threshold = w[ROW.machine.slip_threshold, i]
+    store(w, ROW.torque, i, torques_at(q, arm, load_on(w, i), load(w, ROW.torques, i), threshold))
     store(w, ROW.sines, i, renew_sines(load(w, ROW.sines, i)))
 
 
@@ -139,14 +147,18 @@ def move_worlds(w: Any, lanes: int, config: Any, guides: bool) -> None:
     lags_voltage = count_nonzero(w, ROW.machine.voltage_decay, lanes) > 0
     for i in range(lanes):
         drift_torques(w, i, h * count)
-    for k in range(count):
+    for k in range(count + 1):
+        whole = (k > 0) & (k < count)
         if lags_voltage | (k == 0):
-            _aim(w, lanes)
-        for i in range(lanes):
-            push_tip(w, i)
-        if guides:
             for i in range(lanes):
-                guide_tip(w, i, h)
-        _substep(w, lanes, h)
+                _aim(w, i, whole)
+        for i in range(lanes):
+            _drift(w, i, h, whole)
+        for i in range(lanes):
+            move_hand(w, i, h, whole, guides)
+        for i in range(lanes):
+            push_tip(w, i, guides)
+        if k < count:
+            _kick(w, lanes, h)
     for i in range(lanes):
-        sense_torques(w, i, h)
+        sense_torques(w, i)

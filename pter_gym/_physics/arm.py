@@ -42,6 +42,7 @@ class Linkage(NamedTuple):
     coupling: Annotated[float, Entry("kg·m²", "M12 over cos(θA − θB) in the mass matrix, with the hand's mass")]
     damping: Annotated[float, Entry("N·s/m", "the hand's damping")]
     stiffness: Annotated[float, Entry("N/m", "the hand's stiffness")]
+    implicit: Annotated[float, Entry("1", "share of the hand's damping by the velocity after a kick, not before it")]
 
 
 class Motion(NamedTuple):
@@ -107,6 +108,16 @@ def joint_torque(arm: Linkage, q: Motion, force_x: float, force_y: float) -> tup
     return (
         arm.length_a * (q.cos_a * force_y - q.sin_a * force_x),
         arm.length_b * (q.cos_b * force_y - q.sin_b * force_x),
+    )
+
+
+@device
+def damper_torque(arm: Linkage, q: Motion) -> tuple[float, float]:
+    """Return b·JᵀJ·ω [N·m], the torque against each link of the hand's damper."""
+    cross = arm.length_a * arm.length_b * cos_difference(q)
+    return (
+        arm.damping * (arm.length_a * arm.length_a * q.omega_a + cross * q.omega_b),
+        arm.damping * (cross * q.omega_a + arm.length_b * arm.length_b * q.omega_b),
     )
 
 

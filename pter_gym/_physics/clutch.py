@@ -79,7 +79,7 @@ def lag_left(time: float, time_constant: float) -> float:
 
 @device
 def relax(value: PerClutch, target: PerClutch, decay: float) -> PerClutch:
-    """Advance a first-order lag by one substep, exactly: ``decay`` is what it leaves of a lag, 0 for none."""
+    """Advance a first-order lag exactly, by a time of which ``decay`` is what it leaves of a lag, 0 for none."""
     return PerClutch(
         target.x1 + (value.x1 - target.x1) * decay,
         target.x2 + (value.x2 - target.x2) * decay,
@@ -90,7 +90,7 @@ def relax(value: PerClutch, target: PerClutch, decay: float) -> PerClutch:
 
 @device
 def relax_torques(value: Torques, target: Torques, decay: float) -> Torques:
-    """Advance the lag of the normal force, to which both torque limits are proportional, by one substep."""
+    """Advance the lag of the normal force, to which both torque limits are proportional, as ``relax``."""
     return Torques(relax(value.breakaway, target.breakaway, decay), relax(value.dynamic, target.dynamic, decay))
 
 
@@ -122,39 +122,39 @@ def capacities(slip: PerClutch, threshold: float, torques: Torques) -> PerClutch
 
 
 @device
-def crossed(before: float, after: float, threshold: float) -> bool:
-    """Tell whether a slip velocity jumped over the stick band within one substep."""
-    return (abs(before) >= threshold) & (before * after < 0.0)
+def changes(before: float, after: float, threshold: float, breakaway: float, dynamic: float) -> bool:
+    """Tell whether a slip velocity passes zero from outside the stick band, or leaves one in which more can be held."""
+    leaves = (abs(after) >= threshold) & (breakaway > dynamic)
+    return leaves if abs(before) < threshold else before * after <= 0.0
 
 
 @device
-def any_crossed(before: PerClutch, after: PerClutch, threshold: float) -> bool:
-    """Tell whether any clutch's slip velocity jumped over the stick band."""
-    return (
-        crossed(before.x1, after.x1, threshold)
-        | crossed(before.x2, after.x2, threshold)
-        | crossed(before.x3, after.x3, threshold)
-        | crossed(before.x4, after.x4, threshold)
-    )
-
-
-@device
-def caught(capacity: float, before: float, after: float, threshold: float, breakaway: float, dynamic: float) -> float:
-    """Return the limit [N·m] of a clutch after the crossing rule: one that jumped over the band may stick."""
-    held = holding(breakaway, dynamic)
-    return held if crossed(before, after, threshold) else capacity
-
-
-@device
-def caught_capacities(
-    capacities: PerClutch, before: PerClutch, after: PerClutch, threshold: float, torques: Torques
-) -> PerClutch:
-    """Return the limits [N·m] of the four clutches after the crossing rule."""
+def any_changes(before: PerClutch, after: PerClutch, threshold: float, torques: Torques) -> bool:
+    """Tell whether any clutch changes between sticking and slipping."""
     ts = torques.breakaway
     tk = torques.dynamic
-    return PerClutch(
-        caught(capacities.x1, before.x1, after.x1, threshold, ts.x1, tk.x1),
-        caught(capacities.x2, before.x2, after.x2, threshold, ts.x2, tk.x2),
-        caught(capacities.x3, before.x3, after.x3, threshold, ts.x3, tk.x3),
-        caught(capacities.x4, before.x4, after.x4, threshold, ts.x4, tk.x4),
+    return (
+        changes(before.x1, after.x1, threshold, ts.x1, tk.x1)
+        | changes(before.x2, after.x2, threshold, ts.x2, tk.x2)
+        | changes(before.x3, after.x3, threshold, ts.x3, tk.x3)
+        | changes(before.x4, after.x4, threshold, ts.x4, tk.x4)
     )
+
+
+@device
+def share_before(before: float, slid: float, threshold: float) -> float:
+    """Return the share of a kick after which a clutch changes that ``changes`` within it, 1 if another one does first.
+
+    Parameters
+    ----------
+    before
+        Its slip velocity at the start [rad/s].
+    slid
+        What the slip would be at the end if no clutch changed [rad/s].
+    threshold
+        The stick band δω [rad/s].
+    """
+    edge = 1.000000001 * threshold  # not a rounding error short of it
+    if abs(before) >= threshold:
+        return before / (before - slid) if before * slid < 0.0 else 1.0
+    return ((edge if slid > 0.0 else -edge) - before) / (slid - before) if abs(slid) > edge else 1.0

@@ -192,8 +192,10 @@ def nearer(
 
 
 @device
-def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch) -> PerClutch:
+def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch, rounding: float = 0.0) -> PerClutch:
     """Return the four torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high; the load must be reachable.
+
+    A load that is known to a ``rounding`` [N·m] only may be as far out of reach.
 
     With (u, v) = (τ3, τ4) the equations leave τ1 = load_a − u − v and τ2 = load_b + u − v, and the sum of squares is
     3·|(u, v) − (u0, v0)|² + constant. So the answer is the Euclidean projection of (u0, v0) onto an octagon whose
@@ -206,7 +208,7 @@ def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch) -> PerC
     diff_low = low.x2 - load_b
     diff_high = high.x2 - load_b
     ranges = high.x1 - low.x1 + high.x2 - low.x2 + high.x3 - low.x3 + high.x4 - low.x4
-    slack = 1e-12 * (abs(load_a) + abs(load_b) + ranges)
+    slack = 1e-12 * (abs(load_a) + abs(load_b) + ranges) + 2.0 * rounding
     edge_u = between(u0, low.x3, high.x3)
     edge_v = between(v0, low.x4, high.x4)
     edge_sum = between(u0 + v0, sum_low, sum_high)
@@ -264,8 +266,10 @@ def upper_bound(slip: float, limit: float) -> float:
 
 
 @device
-def generated_torques(omega_a: float, omega_b: float, load_a: float, load_b: float, limit: PerClutch) -> PerClutch:
-    """Return the torque of each clutch on the arm [N·m], given what all four exert on the two links together.
+def generated_torques(
+    omega_a: float, omega_b: float, load_a: float, load_b: float, limit: PerClutch, rounding: float = 0.0
+) -> PerClutch:
+    """Return the torque of each clutch on the arm [N·m], given what all four exert on the two links, to a rounding.
 
     A slipping clutch generates its limit against the slip. Stuck ones share the rest with the least Σ τ_x², each
     within its limit; where the paper's equations are statically indeterminate (section III-A) this picks one answer.
@@ -283,4 +287,4 @@ def generated_torques(omega_a: float, omega_b: float, load_a: float, load_b: flo
         upper_bound(w.x3, limit.x3),
         upper_bound(w.x4, limit.x4),
     )
-    return share(load_a, load_b, low, high)
+    return share(load_a, load_b, low, high, rounding)

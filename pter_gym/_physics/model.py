@@ -1,5 +1,6 @@
 """From a Machine to the record of constants that the kernels read."""
 
+import math
 from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.records import Entry
@@ -15,8 +16,8 @@ class Model(NamedTuple):
     arm: Linkage
     breakaway: Annotated[Curve, Entry("", "breakaway torque")]
     dynamic: Annotated[Curve, Entry("", "dynamic torque")]
-    voltage_decay: Annotated[float, Entry("1", "part of the voltage's lag that a substep leaves, 0 for no lag")]
-    torque_decay: Annotated[float, Entry("1", "part of the torque's lag that a substep leaves, 0 for no lag")]
+    voltage_decay: Annotated[float, Entry("1", "part of the voltage's lag that half a substep leaves, 0 for no lag")]
+    torque_decay: Annotated[float, Entry("1", "part of the torque's lag that half a substep leaves, 0 for no lag")]
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
     slip_threshold: Annotated[float, Entry("rad/s", "stick band δω")]
     scale: Annotated[PerClutch, Entry("1", "torque, relative to that of the curves")]
@@ -27,7 +28,7 @@ def model_of(machine: Machine) -> Model:
     arm = machine.arm
     hand = machine.hand
     clutch = machine.clutch
-    decay = lag_left(machine.substep, clutch.time_constant)
+    decay = lag_left(0.5 * machine.substep, clutch.time_constant)
     lags_voltage = clutch.lag == "voltage"
     return Model(
         arm=Linkage(
@@ -38,6 +39,7 @@ def model_of(machine: Machine) -> Model:
             coupling=arm.coupling + hand.mass * arm.length_a * arm.length_b,
             damping=hand.damping,
             stiffness=hand.stiffness,
+            implicit=implicit_share(machine),
         ),
         breakaway=curve_of(clutch.breakaway),
         dynamic=curve_of(clutch.dynamic),
@@ -47,6 +49,18 @@ def model_of(machine: Machine) -> Model:
         slip_threshold=machine.slip_threshold,
         scale=PerClutch(*machine.clutch_scale),
     )
+
+
+def implicit_share(machine: Machine) -> float:
+    """Return the share of the hand's damping that must be implicit.
+
+    Half of it, for second order, or more where a substep takes so much of the motion that its sign would alternate:
+    the share before a kick takes at most all of it.
+    """
+    arm = machine.arm
+    smallest = 0.5 * (arm.inertia_a + arm.inertia_b) - math.hypot(0.5 * (arm.inertia_a - arm.inertia_b), arm.coupling)
+    taken = machine.substep * machine.hand.damping * (arm.length_a**2 + arm.length_b**2)
+    return 1.0 - min(0.5, smallest / taken) if taken > 0.0 else 0.5
 
 
 def curve_of(curve: CurveParameters) -> Curve:

@@ -11,9 +11,9 @@ from pter_gym._compiled.compiler import compile_kernel, device, inlined
 from pter_gym._compiled.records import load, rows, store, width, write
 from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch, Torques
-from pter_gym._physics.friction import generated_torques, mode_of, slip_velocities
+from pter_gym._physics.friction import mode_of, slip_velocities
 from pter_gym._physics.model import model_of
-from pter_gym._physics.step import Body, Energy, clutch_load, substep_on
+from pter_gym._physics.step import Body, Energy, kick_torques, substep_on
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine, find_machine
 
@@ -244,7 +244,7 @@ def _load_on(body: Any, i: int) -> Load:
     return load(body, BODY.load, i)
 
 
-_aim, _substep = substep_on(BODY, _load_on)
+_aim, _drift, _kick = substep_on(BODY, _load_on)
 
 
 @device
@@ -253,17 +253,20 @@ def advance(body: Any, command: PerClutch, on: Load, h: float) -> None:
     store(body, BODY.command, 0, command)
     store(body, BODY.load, 0, on)
     store(body, BODY.energy, 0, Energy(-0.0, -0.0, -0.0, -0.0))  # the sum with −0 keeps the sign of a zero
-    _aim(body, 1)
-    _substep(body, 1, h)
+    _aim(body, 0, False)
+    _drift(body, 0, h, False)
+    _kick(body, 1, h)
+    _aim(body, 0, False)
+    _drift(body, 0, h, False)
 
 
 @device
-def row_of(body: Any, h: float) -> Row:
-    """Return what to record of a machine after a substep of h [s]."""
+def row_of(body: Any) -> Row:
+    """Return what to record of a machine after a substep."""
     arm = load(body, BODY.machine.arm, 0)
     q = load(body, BODY.motion, 0)
     torques = load(body, BODY.torques, 0)
-    load_a, load_b = clutch_load(load(body, BODY.impact, 0), q.omega_a, q.omega_b, h)
+    impact, limit = load(body, BODY.impact, 0), load(body, BODY.limit, 0)
     x, y = tip_position(arm, q)
     v_x, v_y = tip_velocity(arm, q)
     return Row(
@@ -271,7 +274,7 @@ def row_of(body: Any, h: float) -> Row:
         omega=PerLink(q.omega_a, q.omega_b),
         tip_position=Vector(x, y),
         tip_velocity=Vector(v_x, v_y),
-        torque=generated_torques(q.omega_a, q.omega_b, load_a, load_b, load(body, BODY.limit, 0)),
+        torque=kick_torques(impact, q.omega_a, q.omega_b, limit, body[BODY.span, 0]),
         slip_velocity=slip_velocities(q.omega_a, q.omega_b),
         torque_breakaway=torques.breakaway,
         torque_dynamic=torques.dynamic,
@@ -297,7 +300,7 @@ def _build(digest: str) -> Any:
                 hand_target[k, 1],
             )
             advance(body, PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3]), on, h)
-            write(record[k], COLUMN, row_of(body, h))
+            write(record[k], COLUMN, row_of(body))
         given[:] = body
 
     return kernel

@@ -1,4 +1,10 @@
-"""The only place where clutches, arm and friction meet: one substep of semi-implicit Euler."""
+"""The only place where clutches, arm and friction meet: one substep, drift–kick–drift with friction in the kick.
+
+Arm and lags move freely for half a substep, forces and friction of its middle change the velocity at once, and arm and
+lags move freely for the other half: of second order but for the velocity term V, which is explicit. Where a clutch
+changes between sticking and slipping, the kick is made in parts, each up to the next change, and Karnopp's rule (paper
+Eq. 2) holds in each.
+"""
 
 from typing import Annotated, Any, NamedTuple
 
@@ -11,6 +17,7 @@ from pter_gym._physics.arm import (
     PerLink,
     advance_position,
     cos_difference,
+    damper_torque,
     joint_torque,
     tip_position,
     velocity_torque,
@@ -18,28 +25,35 @@ from pter_gym._physics.arm import (
 from pter_gym._physics.clutch import (
     PerClutch,
     Torques,
-    any_crossed,
+    any_changes,
     capacities,
-    caught_capacities,
+    changes,
     relax,
     relax_torques,
     scaled,
+    share_before,
     steady_torques,
 )
-from pter_gym._physics.friction import resolve, slip_velocities
+from pter_gym._physics.friction import generated_torques, resolve, sign, slip_velocities, torques_on_links
 from pter_gym._physics.model import Model
+
+MOST_PARTS = 4
+"""Most parts of a kick; what changes in the last one waits for the next substep."""
+
+_SHORTEST_PART = 1e-6
+"""Smallest share of a kick that is worth a part: over a shorter time, torques drown in rounding."""
 
 
 class Impact(NamedTuple):
-    """The velocity problem of one substep."""
+    """The velocity problem of a kick, or of a part of one."""
 
     m11: Annotated[float, Entry("kg·m²", "effective mass matrix")]
     m12: Annotated[float, Entry("kg·m²", "effective mass matrix")]
     m22: Annotated[float, Entry("kg·m²", "effective mass matrix")]
     p_a: Annotated[float, Entry("N·m·s", "momentum of link A without clutches")]
     p_b: Annotated[float, Entry("N·m·s", "momentum of link B without clutches")]
-    hand_a: Annotated[float, Entry("N·m", "torque of the hand on link A")]
-    hand_b: Annotated[float, Entry("N·m", "torque of the hand on link B")]
+    hand_a: Annotated[float, Entry("N·m", "torque of the hand on link A, less its implicit damping")]
+    hand_b: Annotated[float, Entry("N·m", "torque of the hand on link B, less its implicit damping")]
     fictitious_a: Annotated[float, Entry("N·m", "velocity term V on link A")]
     fictitious_b: Annotated[float, Entry("N·m", "velocity term V on link B")]
 
@@ -67,26 +81,29 @@ class Body(NamedTuple):
     impact: Impact
     omega: PerLink
     limit: PerClutch
-    crossing: float
+    span: float
+    changes: float
     energy: Energy
 
 
 @device
 def free_motion(q: Motion, arm: Linkage, on: Load, h: float) -> Impact:
-    """Return the velocity problem of the next substep, without clutches.
+    """Return the velocity problem of a kick that stands for a time h [s], without clutches.
 
-    The hand's damping is implicit: it adds h·b·JᵀJ to the mass matrix. Its spring is explicit.
+    The implicit share of the hand's damping adds to the mass matrix, h·b·JᵀJ if it is all of it; the rest and the
+    spring are explicit.
     """
     x, y = tip_position(arm, q)
     hand_a, hand_b = joint_torque(
         arm, q, on.force_x + arm.stiffness * (on.target_x - x), on.force_y + arm.stiffness * (on.target_y - y)
     )
-    hand_a = hand_a + on.torque_a
-    hand_b = hand_b + on.torque_b
+    damper_a, damper_b = damper_torque(arm, q)
+    hand_a = hand_a + on.torque_a - (1.0 - arm.implicit) * damper_a
+    hand_b = hand_b + on.torque_b - (1.0 - arm.implicit) * damper_b
     v_a, v_b = velocity_torque(arm, q)
     cos = cos_difference(q)
     m12 = arm.coupling * cos
-    implicit = h * arm.damping
+    implicit = h * arm.implicit * arm.damping
     return Impact(
         arm.m11 + implicit * arm.length_a * arm.length_a,
         m12 + implicit * arm.length_a * arm.length_b * cos,
@@ -111,42 +128,103 @@ def count_nonzero(w: Any, row: float, lanes: int) -> int:
 
 @device
 def impulses(limit: PerClutch, h: float) -> PerClutch:
-    """Return the largest impulse [N·m·s] of each clutch over a substep."""
+    """Return the largest impulse [N·m·s] of each clutch over a time h [s]."""
     return PerClutch(h * limit.x1, h * limit.x2, h * limit.x3, h * limit.x4)
 
 
 @device
-def first_velocity(
-    q: Motion, impact: Impact, torques: Torques, threshold: float, h: float
-) -> tuple[float, float, PerClutch, bool]:
-    """Return the velocities after friction, the limits used, and whether a slip velocity jumped over the band."""
-    before = slip_velocities(q.omega_a, q.omega_b)
-    limit = capacities(before, threshold, torques)
-    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, impulses(limit, h))
-    return omega_a, omega_b, limit, any_crossed(before, slip_velocities(omega_a, omega_b), threshold)
+def against(slip: float, limit: float) -> float:
+    """Return the torque [N·m] of a sliding clutch, 0 for one that does not slip."""
+    return 0.0 if slip == 0.0 else -sign(slip) * limit
 
 
 @device
-def second_velocity(
-    q: Motion,
-    impact: Impact,
-    torques: Torques,
-    threshold: float,
-    h: float,
-    omega_a: float,
-    omega_b: float,
-    limit: PerClutch,
-) -> tuple[float, float, PerClutch]:
-    """Resolve once more with the holding torque for those clutches whose slip velocity jumped over the band."""
-    before = slip_velocities(q.omega_a, q.omega_b)
-    caught = caught_capacities(limit, before, slip_velocities(omega_a, omega_b), threshold, torques)
-    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, impulses(caught, h))
-    return omega_a, omega_b, caught
+def sliding_torques(slip: PerClutch, limit: PerClutch) -> PerClutch:
+    """Return the torques [N·m] of those clutches that slip."""
+    return PerClutch(
+        against(slip.x1, limit.x1), against(slip.x2, limit.x2), against(slip.x3, limit.x3), against(slip.x4, limit.x4)
+    )
+
+
+@device
+def stuck_limits(slip: PerClutch, limit: PerClutch) -> PerClutch:
+    """Return the limits [N·m] of those clutches that do not slip, 0 for the others."""
+    return PerClutch(
+        limit.x1 if slip.x1 == 0.0 else 0.0,
+        limit.x2 if slip.x2 == 0.0 else 0.0,
+        limit.x3 if slip.x3 == 0.0 else 0.0,
+        limit.x4 if slip.x4 == 0.0 else 0.0,
+    )
+
+
+@device
+def torques_at(q: Motion, arm: Linkage, on: Load, torques: Torques, threshold: float) -> PerClutch:
+    """Return the torque of each clutch on the arm at an instant [N·m].
+
+    Clutches that slip exert their limit; stuck ones what keeps them so, if they can, by the friction problem of the
+    accelerations.
+    """
+    slip = slip_velocities(q.omega_a, q.omega_b)
+    limit = capacities(slip, threshold, torques)
+    impact = free_motion(q, arm, on, 0.0)
+    damper_a, damper_b = damper_torque(arm, q)
+    free_a = impact.hand_a - impact.fictitious_a - arm.implicit * damper_a
+    free_b = impact.hand_b - impact.fictitious_b - arm.implicit * damper_b
+    slide_a, slide_b = torques_on_links(sliding_torques(slip, limit))
+    m11, m12, m22 = impact.m11, impact.m12, impact.m22
+    alpha_a, alpha_b = resolve(m11, m12, m22, free_a + slide_a, free_b + slide_b, stuck_limits(slip, limit))
+    load_a = m11 * alpha_a + m12 * alpha_b - free_a
+    load_b = m12 * alpha_a + m22 * alpha_b - free_b
+    return generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit)
+
+
+@device
+def passing(before: float, after: float, threshold: float) -> float:
+    """Return the slip velocity of before if it passes zero from outside the stick band, else 0."""
+    return before if (abs(before) >= threshold) & (before * after <= 0.0) else 0.0
+
+
+@device
+def slid_velocities(
+    impact: Impact, before: PerClutch, after: PerClutch, limit: PerClutch, threshold: float, h: float
+) -> PerClutch:
+    """Return the slip velocities [rad/s] after a kick in which clutches whose slip passes zero never cease to slide.
+
+    They exert their limit against the slip of before, so the slip passes zero on a straight line.
+    """
+    slips = PerClutch(
+        passing(before.x1, after.x1, threshold),
+        passing(before.x2, after.x2, threshold),
+        passing(before.x3, after.x3, threshold),
+        passing(before.x4, after.x4, threshold),
+    )
+    slide_a, slide_b = torques_on_links(sliding_torques(slips, limit))
+    p_a = impact.p_a + h * slide_a
+    p_b = impact.p_b + h * slide_b
+    held = impulses(stuck_limits(slips, limit), h)
+    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, held)
+    return slip_velocities(omega_a, omega_b)
+
+
+@device
+def share_before_change(
+    q: Motion, omega: PerLink, impact: Impact, torques: Torques, limit: PerClutch, threshold: float, h: float
+) -> float:
+    """Return the share of a kick after which the first clutch changes between sticking and slipping, 1 for none."""
+    w = slip_velocities(q.omega_a, q.omega_b)
+    v = slip_velocities(omega.a, omega.b)
+    slid = slid_velocities(impact, w, v, limit, threshold, h)
+    ts, tk = torques.breakaway, torques.dynamic
+    s1 = share_before(w.x1, slid.x1, threshold) if changes(w.x1, v.x1, threshold, ts.x1, tk.x1) else 1.0
+    s2 = share_before(w.x2, slid.x2, threshold) if changes(w.x2, v.x2, threshold, ts.x2, tk.x2) else 1.0
+    s3 = share_before(w.x3, slid.x3, threshold) if changes(w.x3, v.x3, threshold, ts.x3, tk.x3) else 1.0
+    s4 = share_before(w.x4, slid.x4, threshold) if changes(w.x4, v.x4, threshold, ts.x4, tk.x4) else 1.0
+    return min(s1, s2, s3, s4)
 
 
 @device
 def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tuple[float, float]:
-    """Return Wᵀτ [N·m], what the four clutches together exerted on the links over the substep."""
+    """Return Wᵀτ [N·m], what the four clutches together exerted on the links over a kick of a time h [s]."""
     return (
         (impact.m11 * omega_a + impact.m12 * omega_b - impact.p_a) / h,
         (impact.m12 * omega_a + impact.m22 * omega_b - impact.p_b) / h,
@@ -154,90 +232,51 @@ def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tup
 
 
 @device
-def energy_terms(before: Motion, after: Motion, arm: Linkage, impact: Impact, limit: PerClutch, h: float) -> Energy:
-    """Return the substep's energy terms [J]; the damping of the hand counts as the hand's work."""
-    omega_a = after.omega_a
-    omega_b = after.omega_b
-    change_a = omega_a - before.omega_a
-    change_b = omega_b - before.omega_b
-    cos_before = cos_difference(before)
-    cos_after = cos_difference(after)
+def kick_torques(impact: Impact, omega_a: float, omega_b: float, limit: PerClutch, h: float) -> PerClutch:
+    """Return the torque of each clutch on the arm [N·m] over a kick of a time h [s], or over a part of one.
+
+    What they exert together is a difference of momenta over h, so the shorter the time, the coarser its rounding.
+    """
+    load_a, load_b = clutch_load(impact, omega_a, omega_b, h)
+    m11, m12, m22 = impact.m11, impact.m12, impact.m22
+    momentum = abs(impact.p_a) + abs(impact.p_b) + h * (limit.x1 + limit.x2 + limit.x3 + limit.x4)
+    condition = (m11 + m22) * (m11 + m22) / (m11 * m22 - m12 * m12)
+    return generated_torques(omega_a, omega_b, load_a, load_b, limit, 1e-15 * condition * momentum / h)
+
+
+@device
+def kick_energy(q: Motion, omega: PerLink, arm: Linkage, impact: Impact, limit: PerClutch, h: float) -> Energy:
+    """Return the energy terms [J] of a kick to new velocities; the damping of the hand counts as the hand's work."""
+    omega_a = omega.a
+    omega_b = omega.b
+    change_a = omega_a - q.omega_a
+    change_b = omega_b - q.omega_b
+    cos = cos_difference(q)
     speed_a = arm.length_a * omega_a
     speed_b = arm.length_b * omega_b
-    tip_speed_squared = speed_a * speed_a + speed_b * speed_b + 2.0 * cos_before * speed_a * speed_b
+    tip_speed_squared = speed_a * speed_a + speed_b * speed_b + 2.0 * cos * speed_a * speed_b
     w = slip_velocities(omega_a, omega_b)
-    m12 = arm.coupling * cos_before
+    m12 = arm.coupling * cos
     return Energy(
-        h * (omega_a * impact.hand_a + omega_b * impact.hand_b - arm.damping * tip_speed_squared),
+        h * (omega_a * impact.hand_a + omega_b * impact.hand_b - arm.implicit * arm.damping * tip_speed_squared),
         h * (limit.x1 * abs(w.x1) + limit.x2 * abs(w.x2) + limit.x3 * abs(w.x3) + limit.x4 * abs(w.x4)),
         0.5 * (arm.m11 * change_a * change_a + arm.m22 * change_b * change_b) + m12 * change_a * change_b,
-        arm.coupling * (cos_after - cos_before) * omega_a * omega_b
-        - h * (omega_a * impact.fictitious_a + omega_b * impact.fictitious_b),
+        -h * (omega_a * impact.fictitious_a + omega_b * impact.fictitious_b),
     )
 
 
-def _stages_on(at: Any, load_on: Any) -> tuple[Any, ...]:
-    """Return the stages of a substep, each for the machine in column ``i`` of an array; see ``substep_on``."""
-
-    @device
-    def aim_torques(w: Any, i: int) -> None:
-        """Find the torques that the clutches tend to, behind a lag of the voltage if there is one."""
-        machine = load(w, at.machine, i)
-        lagged = relax(load(w, at.lagged_volts, i), load(w, at.command, i), machine.voltage_decay)
-        store(w, at.lagged_volts, i, lagged)
-        steady = steady_torques(machine.breakaway, machine.dynamic, lagged)
-        store(w, at.steady, i, scaled(steady, machine.scale, w[at.drift, i]))
-
-    @device
-    def find_velocity(w: Any, i: int, h: float) -> None:
-        """Advance the torques' lag and find the velocities after friction."""
-        torques = relax_torques(load(w, at.torques, i), load(w, at.steady, i), w[at.machine.torque_decay, i])
-        store(w, at.torques, i, torques)
-        q = load(w, at.motion, i)
-        impact = free_motion(q, load(w, at.machine.arm, i), load_on(w, i), h)
-        omega_a, omega_b, limit, crossing = first_velocity(q, impact, torques, w[at.machine.slip_threshold, i], h)
-        store(w, at.impact, i, impact)
-        store(w, at.omega, i, PerLink(omega_a, omega_b))
-        store(w, at.limit, i, limit)
-        w[at.crossing, i] = 1.0 if crossing else 0.0
-
-    @outlined
-    def catch_crossing(w: Any, i: int, h: float) -> None:
-        """Apply the crossing rule."""
-        omega_a, omega_b, limit = second_velocity(
-            load(w, at.motion, i),
-            load(w, at.impact, i),
-            load(w, at.torques, i),
-            w[at.machine.slip_threshold, i],
-            h,
-            w[at.omega.a, i],
-            w[at.omega.b, i],
-            load(w, at.limit, i),
-        )
-        store(w, at.omega, i, PerLink(omega_a, omega_b))
-        store(w, at.limit, i, limit)
-
-    @device
-    def move_arm(w: Any, i: int, h: float) -> None:
-        """Advance the position and add up the energies."""
-        before = load(w, at.motion, i)
-        after = advance_position(before, w[at.omega.a, i], w[at.omega.b, i], h)
-        store(w, at.motion, i, after)
-        energy = energy_terms(before, after, load(w, at.machine.arm, i), load(w, at.impact, i), load(w, at.limit, i), h)
-        w[at.energy.hand_work, i] += energy.hand_work
-        w[at.energy.dissipated, i] += energy.dissipated
-        w[at.energy.numerical_loss, i] += energy.numerical_loss
-        w[at.energy.residual, i] += energy.residual
-
-    return aim_torques, find_velocity, catch_crossing, move_arm
+@device
+def turning_energy(before: Motion, after: Motion, arm: Linkage) -> float:
+    """Return the kinetic energy [J] that the arm gains while it moves freely, for its mass matrix turns with it."""
+    return arm.coupling * (cos_difference(after) - cos_difference(before)) * before.omega_a * before.omega_b
 
 
-def substep_on(at: Any, load_on: Any) -> tuple[Any, Any]:
-    """Return ``aim(w, lanes)`` and ``substep(w, lanes, h)`` for machines in the first ``lanes`` columns of an array.
+def substep_on(at: Any, load_on: Any) -> tuple[Any, Any, Any]:
+    """Return what makes a substep for machines in the columns of an array: ``aim``, ``drift`` and ``kick``.
 
-    ``aim`` finds the steady torques, where commands or lagged voltages may have changed; ``substep`` advances the
-    machines by h [s]. There are two kinds of such arrays: the worlds of the engine, many or one, and the machine of an
-    open-loop simulation. Each stage is a loop over all machines, so LLVM vectorises it.
+    A substep is half a drift, a kick and half a drift; between two kicks the halves make a whole one. There are two
+    kinds of such arrays: the worlds of the engine, many or one, and the machine of an open-loop simulation. Each stage
+    is for a loop over all machines, so LLVM vectorises it.
 
     Parameters
     ----------
@@ -245,25 +284,108 @@ def substep_on(at: Any, load_on: Any) -> tuple[Any, Any]:
         Rows of a record with the entries of ``Body``, alone or among others.
     load_on
         ``load_on(w, i)`` returns the ``Load`` on the arm of machine ``i``.
+
+    Returns
+    -------
+    aim
+        ``aim(w, i, whole)`` finds the torques that clutches tend to, half a substep after the last ones or a whole
+        one; needed before a drift where commands have changed or voltages lag.
+    drift
+        ``drift(w, i, h, whole)`` lets arm and lags move freely for half a substep or a whole one, h in all [s].
+    kick
+        ``kick(w, lanes, h)`` changes the velocities of the first ``lanes`` machines by the forces and the friction of
+        the present instant over a time h [s].
     """
-    aim_torques, find_velocity, catch_crossing, move_arm = _stages_on(at, load_on)
 
     @device
-    def aim(w: Any, lanes: int) -> None:
-        """Find the torques that the clutches of all machines tend to."""
-        for i in range(lanes):
-            aim_torques(w, i)
+    def aim(w: Any, i: int, whole: bool) -> None:
+        machine = load(w, at.machine, i)
+        decay = machine.voltage_decay * machine.voltage_decay if whole else machine.voltage_decay
+        lagged = relax(load(w, at.lagged_volts, i), load(w, at.command, i), decay)
+        store(w, at.lagged_volts, i, lagged)
+        steady = steady_torques(machine.breakaway, machine.dynamic, lagged)
+        store(w, at.steady, i, scaled(steady, machine.scale, w[at.drift, i]))
 
     @device
-    def substep(w: Any, lanes: int, h: float) -> None:
-        """Advance all machines by a substep."""
+    def drift(w: Any, i: int, h: float, whole: bool) -> None:
+        left = w[at.machine.torque_decay, i]
+        decay = left * left if whole else left
+        store(w, at.torques, i, relax_torques(load(w, at.torques, i), load(w, at.steady, i), decay))
+        before = load(w, at.motion, i)
+        after = advance_position(before, before.omega_a, before.omega_b, h if whole else 0.5 * h)
+        store(w, at.motion, i, after)
+        w[at.energy.residual, i] += turning_energy(before, after, load(w, at.machine.arm, i))
+
+    find, take, divide = _parts_on(at, load_on)
+
+    @device
+    def kick(w: Any, lanes: int, h: float) -> None:
         for i in range(lanes):
-            find_velocity(w, i, h)
-        if count_nonzero(w, at.crossing, lanes) > 0:  # rare: in a few blocks out of a hundred
+            find(w, i, h)
+        if count_nonzero(w, at.changes, lanes) > 0:
             for i in range(lanes):
-                if w[at.crossing, i] != 0.0:
-                    catch_crossing(w, i, h)
+                if w[at.changes, i] != 0.0:
+                    divide(w, i)
         for i in range(lanes):
-            move_arm(w, i, h)
+            take(w, i)
 
-    return aim, substep
+    return aim, drift, kick
+
+
+def _parts_on(at: Any, load_on: Any) -> tuple[Any, Any, Any]:
+    """Return what makes a kick, each for the machine in column ``i`` of an array; see ``substep_on``."""
+
+    @device
+    def find(w: Any, i: int, h: float) -> None:
+        """Find the velocities that a kick over a time h leads to, and whether a clutch changes within it."""
+        torques = load(w, at.torques, i)
+        threshold = w[at.machine.slip_threshold, i]
+        q = load(w, at.motion, i)
+        impact = free_motion(q, load(w, at.machine.arm, i), load_on(w, i), h)
+        before = slip_velocities(q.omega_a, q.omega_b)
+        limit = capacities(before, threshold, torques)
+        omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, impulses(limit, h))
+        store(w, at.impact, i, impact)
+        store(w, at.omega, i, PerLink(omega_a, omega_b))
+        store(w, at.limit, i, limit)
+        w[at.span, i] = h
+        change = any_changes(before, slip_velocities(omega_a, omega_b), threshold, torques)
+        w[at.changes, i] = 1.0 if change else 0.0
+
+    @device
+    def take(w: Any, i: int) -> None:
+        """Move on at the velocities that were found, and add up the energies."""
+        omega = load(w, at.omega, i)
+        q = load(w, at.motion, i)
+        arm = load(w, at.machine.arm, i)
+        energy = kick_energy(q, omega, arm, load(w, at.impact, i), load(w, at.limit, i), w[at.span, i])
+        w[at.motion.omega_a, i] = omega.a
+        w[at.motion.omega_b, i] = omega.b
+        w[at.energy.hand_work, i] += energy.hand_work
+        w[at.energy.dissipated, i] += energy.dissipated
+        w[at.energy.numerical_loss, i] += energy.numerical_loss
+        w[at.energy.residual, i] += energy.residual
+
+    @outlined
+    def divide(w: Any, i: int) -> None:
+        """Take a kick in which a clutch changes in parts, each up to the next change, until one is left to take."""
+        for _ in range(MOST_PARTS - 1):
+            span = w[at.span, i]
+            share = share_before_change(
+                load(w, at.motion, i),
+                load(w, at.omega, i),
+                load(w, at.impact, i),
+                load(w, at.torques, i),
+                load(w, at.limit, i),
+                w[at.machine.slip_threshold, i],
+                span,
+            )
+            if not share < 1.0 - _SHORTEST_PART:
+                break
+            find(w, i, share * span)
+            take(w, i)
+            find(w, i, span - share * span)
+            if w[at.changes, i] == 0.0:
+                break
+
+    return find, take, divide

@@ -225,10 +225,10 @@ def _shortened(values: Sequence[float]) -> Sequence[float]:
 
 def with_sines(hand: MultiSineHand | HumanArm, substep: float) -> HandModel:
     """Return the constants of a hand that does nothing but disturb across the path, for a substep [s]."""
-    angles = (2.0 * math.pi * f * substep for f in hand.frequencies)
+    angles = (math.pi * f * substep for f in hand.frequencies)
     return NO_FORCE._replace(
         random_phases=float(hand.random_phases),
         amplitude=PerSine(*hand.amplitudes),
         phase=PerSine(*hand.phases),
-        turn=Sines(*(UnitVector(math.cos(angle), math.sin(angle)) for angle in angles)),
+        half_turn=Sines(*(UnitVector(math.cos(angle), math.sin(angle)) for angle in angles)),
     )

@@ -40,7 +40,7 @@ class HandModel(NamedTuple):
     record_count: Annotated[float, Entry("1", "instants of the hand's recording, 0 for none")]
     amplitude: Annotated[PerSine, Entry("N", "amplitude")]
     phase: Annotated[PerSine, Entry("rad", "starting phase")]
-    turn: Annotated[Sines, Entry("1", "the turn per substep")]
+    half_turn: Annotated[Sines, Entry("1", "the turn in half a substep")]
 
 
 SINES = len(PerSine._fields)
@@ -90,7 +90,7 @@ def sum_of_sines(amplitude: PerSine, sines: Sines) -> float:
 
 @device
 def advance_sines(sines: Sines, turn: Sines) -> Sines:
-    """Move sines on by a substep."""
+    """Move sines on by turns."""
     return Sines(
         turned(sines.n0, turn.n0),
         turned(sines.n1, turn.n1),

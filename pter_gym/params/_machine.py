@@ -143,7 +143,9 @@ class Machine:
         default=(1.0,) * 4,
     )
     slip_threshold: float = quantity("rad/s", "chosen: δω of Karnopp's model (Eq. 2)", default=1e-3)
-    substep: float = quantity("s", "chosen: integrator step", default=1e-3)
+    substep: float = quantity(
+        "s", "chosen: longest step of the integrator; a control period has equal ones", default=2.5e-3
+    )
 
     def __post_init__(self) -> None:
         """Check the numbers of the friction model and that the hand's explicit spring is stable."""
@@ -156,11 +158,11 @@ class Machine:
         require_number(self, "substep", above=0.0, at_most=0.01)
         mass = self.hand.mass + tip_mass(self.arm)
         require(
-            self.hand.stiffness * self.substep**2 <= 0.04 * mass,
+            self.hand.stiffness * self.substep**2 <= 0.25 * mass,
             self,
             "hand.stiffness",
             self.hand.stiffness,
-            f"≤ {0.04 * mass / self.substep**2:g} N/m, so that substep²·stiffness ≪ the mass at the tip",
+            f"≤ {0.25 * mass / self.substep**2:g} N/m, so substep²·stiffness is at most a quarter of the tip's mass",
         )
 
 

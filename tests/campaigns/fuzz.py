@@ -36,6 +36,7 @@ from pter_gym.hands import HumanArm, MultiSineHand, Operator, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Arm, Clutch, Hand, Machine, TorqueCurve
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import COLUMN, STARTS, PathFollowing, Sensing, Starts, check_machine
+from pter_gym.tasks.path_following._context import context_of
 from pter_gym.tasks.path_following._specification import held_machine, strongest
 
 from .reports import put, table
@@ -208,13 +209,16 @@ def extreme_task(n: Numbers, machine: Machine, shared: Shared) -> PathFollowing:
     slowed = replace(usual, hand=slow(usual.hand, shared.substep), starts=Starts())
     wide = n.varied(replace(slowed, control_period=shared.substep * shared.substeps))
     wide = replace(wide, control_period=shared.substep * shared.substeps)
-    arm, h, period = model_of(held_machine(wide, machine)).arm, machine.substep, wide.control_period
+    held = held_machine(wide, machine)
+    arm, h, period = model_of(held).arm, held.substep, wide.control_period
     limit, present = largest_force(arm, h, period), strongest(wide, machine)
     share = float(n.of((1.0 - 1e-9, 1.0 - 1e-9, 0.5, 0.1, 0.01)))
     task = replace(wide, hand=stronger(wide.hand, share * limit / present if present > 0.0 else 1.0))
     if n.chance(0.5):
         least = min(machine.arm.length_a, machine.arm.length_b)
-        rate = math.sqrt(largest_energy(arm, h, period) / (arm.m11 + arm.m22 + abs(arm.coupling)))
+        rate = math.sqrt(
+            largest_energy(arm, h, period, strongest(task, machine)) / (arm.m11 + arm.m22 + abs(arm.coupling))
+        )
         pace = rate * least * task.singularity_margin
         task = replace(task, pace=min(task.pace, pace), starts=Starts(moving=0.7, gripped=0.2, offset=0.01))
     return task
@@ -301,7 +305,7 @@ def ran_batch(seed: int, number: int) -> Ran:
     start = time.perf_counter()
     machines, tasks = map(list, zip(*(COPIES * pairs), strict=True))
     batch = Batch(machines, tasks, sensors="force", observe_context=True, max_steps=int(rng.integers(20, 2000)))
-    most = np.array([largest_energy(model_of(held_machine(t, m)).arm, m.substep, t.control_period) for m, t in pairs])
+    most = np.array([context_of(task, machine, (0, 0), (0, 0)).task.energy_max for machine, task in pairs])
     worlds = len(machines)
     obs, telemetry = batch.reset(rng.integers(2**63, size=worlds).tolist())
     energy = telemetry[:, COLUMN.kinetic_energy]

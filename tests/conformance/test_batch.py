@@ -161,3 +161,16 @@ def test_step_leaves_earlier_returns_untouched() -> None:
 
 def test_a_world_keeps_what_its_sensors_read_for_the_longest_delay() -> None:
     assert len(Readings._fields) == 1 + MAX_DELAY
+
+
+def test_a_control_period_has_equal_substeps_no_longer_than_the_machines() -> None:
+    """As a machine whose substep divides the period has them, bit by bit."""
+    task = PathFollowing(control_period=0.004)
+    odd, even = (Batch(replace(BASELINE, substep=substep), task, 3) for substep in (2.5e-3, 2e-3))
+    for batch in (odd, even):
+        batch.reset([1, 2, 3])
+    volts = np.random.default_rng(0).uniform(0.0, 8.0, (20, 3, 4))
+    for row in volts:
+        mine, theirs = odd.step(row), even.step(row)
+        assert mine.obs.tobytes() == theirs.obs.tobytes()
+        assert mine.telemetry[0].tobytes() == theirs.telemetry[0].tobytes()

@@ -211,7 +211,7 @@ def test_what_only_machine_and_task_together_show() -> None:
 
     reach = BASELINE.arm.length_a + BASELINE.arm.length_b
     with pytest.raises(ParameterError, match="control_period"):
-        Batch(replace(BASELINE, substep=0.003), PathFollowing())
+        Batch(replace(BASELINE, substep=1e-6), PathFollowing(control_period=0.02))
     with pytest.raises(ParameterError, match="path must be within reach"):
         Batch(BASELINE, PathFollowing(path=Line(x=0.0, y=1.01 * reach, length=0.01)))
     with pytest.raises(ParameterError, match="path must be within reach"):

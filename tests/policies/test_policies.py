@@ -90,7 +90,7 @@ def observations(count: int = 16) -> np.ndarray:
 def test_a_policy_is_its_network_between_scaled_inputs_and_volts(folder: Path) -> None:
     policy = read_policy("tested", folder)
     tensors = make_tensors(policy.card)
-    obs = observations()
+    obs = observations(24)
     values = obs * LAYOUT.scales
     error = LAYOUT.physical(obs, "normal_error") / 0.01
     pace = (LAYOUT.physical(obs, "speed_along") / LAYOUT.physical(obs, "pace") - 1.0) / 0.5

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
-from oracle.energy import budget, inertia
+from oracle.substep import MOST_PARTS, Substeps, again, inertia
 from pter_gym._physics.friction import ClutchMode
 from pter_gym._physics.open_loop import State, Trajectory, initial_state, simulate
 from pter_gym.params import BASELINE, MACHINES, Arm, Hand, Machine
@@ -40,10 +40,8 @@ class World:
     def run(self) -> Trajectory:
         return simulate(self.machine, self.start, self.volts, self.force, self.torque, hand_target=self.target)
 
-    @property
-    def budget(self):
-        shape = (STEPS, 2)
-        return budget(self.machine, self.run(), self.force, self.torque, np.broadcast_to(self.target, shape))
+    def again(self, run: Trajectory) -> Substeps:
+        return again(self.machine, run, self.volts, self.force, self.torque, self.target)
 
 
 def between(low: float, high: float) -> st.SearchStrategy[float]:
@@ -85,7 +83,7 @@ def inputs(draw) -> tuple[np.ndarray, np.ndarray]:
     """Voltages that change every 50 substeps, some zero; a force of two sines and a constant."""
     levels = draw(st.lists(st.one_of(st.just(0.0), between(0.0, 20.0)), min_size=12, max_size=12))
     volts = np.repeat(np.reshape(levels, (3, 4)), STEPS // 3, axis=0)
-    time = np.arange(STEPS)[:, None] * 1e-3
+    time = (np.arange(STEPS)[:, None] + 0.5) * BASELINE.substep
     waves = [draw(pair(-40.0, 40.0)) * np.sin(2.0 * np.pi * draw(between(0.5, 20.0)) * time) for _ in range(2)]
     return volts, draw(pair(-30.0, 30.0)) + sum(waves)
 
@@ -105,51 +103,109 @@ def worlds(draw) -> World:
 @given(worlds())
 def test_no_clutch_adds_energy(world):
     run = world.run()
-    assert run.power.max() <= 1e-12
+    assert run.power.max() <= 0.0
     assert np.all(run.dissipated >= 0.0)
-
-
-@DETERMINISTIC
-@given(worlds())
-def test_energy_of_each_substep_closes(world):
-    """ΔK = W − D − N + R to 1e-12 of the largest term, and each term is what its definition says."""
-    run, terms = world.run(), world.budget
-    sizes = [terms.before, terms.after, *(np.abs(getattr(terms, n)) for n in ("hand_work", "dissipated", "residual"))]
-    tolerance = 1e-12 * np.max(sizes, axis=0)
-    change = np.diff(run.kinetic_energy, prepend=terms.before[0])
-    sum_of_terms = run.hand_work - run.dissipated - run.numerical_loss + run.residual
-    assert np.all(np.abs(change - sum_of_terms) <= tolerance)
-    assert np.all(np.abs(run.kinetic_energy - terms.after) <= tolerance)
-    for name in ("hand_work", "dissipated", "numerical_loss", "residual"):
-        assert np.all(np.abs(getattr(run, name) - getattr(terms, name)) <= tolerance), name
     assert np.all(run.numerical_loss >= 0.0)
 
 
 @DETERMINISTIC
 @given(worlds())
-def test_generated_torques_move_the_arm_and_stay_within_their_limits(world):
-    run, terms = world.run(), world.budget
-    exerted = run.torque @ W
-    size = np.abs(terms.clutch_load) + np.abs(run.torque).sum(axis=1, keepdims=True)
-    momentum = np.linalg.norm(inertia(world.machine, run.theta), axis=(1, 2)) * (1.0 + np.abs(run.omega).max())
-    rounding = 1e-12 * size + 64.0 * UNIT * momentum[:, None] / world.machine.substep
-    assert np.all(np.abs(exerted - terms.clutch_load) <= rounding)
+def test_energy_of_each_substep_closes(world):
+    assert_energy_closes(world, world.run())
 
-    limit = np.maximum(run.torque_breakaway, run.torque_dynamic)
-    assert np.all(np.abs(run.torque) <= limit)
+
+def assert_energy_closes(world: World, run: Trajectory) -> None:
+    """ΔK = W − D − N + R to 1e-12 of the largest term."""
+    start = inertia(world.machine, run.initial.theta[None])[0]
+    energy = np.concatenate([[0.5 * run.initial.omega @ start @ run.initial.omega], run.kinetic_energy])
+    told = run.hand_work - run.dissipated - run.numerical_loss + run.residual
+    sizes = [energy[:-1], energy[1:], *(np.abs(getattr(run, name)) for name in ENERGIES)]
+    assert np.all(np.abs(np.diff(energy) - told) <= 1e-12 * np.max(sizes, axis=0))
+
+
+ENERGIES = ("hand_work", "dissipated", "numerical_loss", "residual")
+ROUNDINGS = 8
+"""Of a friction problem in units of u·(‖M⁻¹‖·P + κ·|ω|), as in tests/verification/test_friction.py."""
+
+
+@settings(DETERMINISTIC, max_examples=50)
+@given(worlds())
+def test_each_substep_is_what_the_equations_make_of_the_row_before(world):
+    run = world.run()
+    assert_made_again(world, run, world.again(run))
+
+
+def assert_made_again(world: World, run: Trajectory, found: Substeps) -> None:
+    """Motion, energies and torques, each within its rounding.
+
+    A part of a kick is a friction problem; its time is rounded, too, and moves the velocity by as much again. Energies
+    get the error of a velocity times a momentum, and their terms have at most ten roundings of their own. A lagged
+    voltage has at most four roundings a substep, which scale the torque limits.
+    """
+    lag = 4.0 * UNIT * len(run.time) * found.limit.max() + np.finfo(float).tiny
+    mass = inertia(world.machine, run.theta)
+    compliance = 1.0 / np.linalg.eigvalsh(mass)[:, 0]
+    speed = np.maximum(np.linalg.norm(run.omega, axis=1), np.linalg.norm(found.omega, axis=1))
+    velocity = 2.0 * MOST_PARTS * ROUNDINGS * UNIT * (compliance * found.momentum + found.condition * speed)
+    velocity += compliance * world.machine.substep * 4.0 * lag
+    assert np.all(np.abs(run.omega - found.omega) <= velocity[:, None])
+    assert np.all(np.abs(run.theta - found.theta) <= velocity[:, None] + 4.0 * UNIT * np.abs(run.theta))
+    momentum = found.momentum + np.linalg.norm(mass, axis=(1, 2)) * speed
+    sizes = [found.before, found.after, *(np.abs(getattr(found, name)) for name in ENERGIES)]
+    tolerance = 10.0 * UNIT * np.sum(sizes, axis=0) + 4.0 * velocity * momentum
+    assert np.all(np.abs(run.kinetic_energy - found.after) <= tolerance)
+    for name in ENERGIES:
+        assert np.all(np.abs(getattr(run, name) - getattr(found, name)) <= tolerance), name
+
+    torque = 1e-12 * np.abs(run.torque).sum(axis=1) + 4.0 * found.condition * velocity / compliance / found.span
+    assert np.all(np.abs(run.torque @ W - found.clutch_load) <= torque[:, None])
+    assert np.all(np.abs(run.torque) <= found.limit + lag)
+
+
+def storm(seed: int) -> World:
+    """A machine whose loads and voltages jump at every substep, so slips pass zero and leave the band all the time."""
+    rng = np.random.default_rng([21, seed])
+    base = list(MACHINES.values())[seed % len(MACHINES)]
+    clutch = replace(
+        base.clutch, time_constant=float(rng.uniform(0.005, 0.1)), lag=("normal_force", "voltage")[seed % 2]
+    )
+    hand = (Hand(), Hand(mass=1.5, damping=20.0, stiffness=80.0))[seed // 2 % 2]
+    machine = replace(base, clutch=clutch, hand=hand, slip_threshold=float(10.0 ** rng.uniform(-4.0, -2.0)))
+    volts = rng.uniform(0.0, 10.0, (STEPS, 4)) * rng.integers(0, 3, (STEPS, 4)).clip(max=1)
+    start = initial_state(machine, rng.uniform(-3.0, 3.0, 2), rng.normal(0.0, 0.1, 2), volts[0])
+    force, torque = rng.normal(0.0, 40.0, (STEPS, 2)), rng.normal(0.0, 15.0, (STEPS, 2))
+    return World(machine, start, volts, force, torque, rng.normal(0.0, 0.5, 2))
+
+
+def test_a_storm_of_changes_ends_in_bounded_work_and_stays_passive():
+    counts = np.zeros(MOST_PARTS + 1, int)
+    for seed in range(24):
+        world = storm(seed)
+        run = world.run()
+        found = world.again(run)
+        counts += np.bincount(found.parts.astype(int), minlength=MOST_PARTS + 1)
+        assert_made_again(world, run, found)
+        assert_energy_closes(world, run)
+        assert run.power.max() <= 0.0
+        assert run.dissipated.min() >= 0.0
+    assert counts[2:].min() >= 0.02 * counts.sum(), "not much of a storm"
 
 
 @DETERMINISTIC
 @given(between(3.0, 10.0), between(3.0, 10.0), st.sampled_from([-1.0, 1.0]))
 def test_generated_torques_are_right_where_a_stuck_clutch_is_exactly_at_its_limit(volts_1, volts_3, sign):
-    """From rest, links at right angles: both turn together; clutch 1 slows A, and clutch 3 drives B with all it has."""
+    """From rest, links at right angles: both turn together; clutch 1 slows A, and clutch 3 drives B with all it has.
+
+    The band is so wide that clutch 1 does not leave it.
+    """
+    machine = replace(BASELINE, slip_threshold=1.0)
     volts = np.array([volts_1, 0.0, volts_3, 0.0])
     start = initial_state(BASELINE, (0.5 * np.pi, 0.0), volts=volts)
     arm, limit = BASELINE.arm, start.torque_breakaway
     load = limit[0] + (arm.inertia_a + arm.inertia_b) * limit[2] / arm.inertia_b
-    run = simulate(BASELINE, start, volts, (0.0, 0.0), (sign * load, 0.0), duration=BASELINE.substep)
+    run = simulate(machine, start, volts, (0.0, 0.0), (sign * load, 0.0), duration=machine.substep)
     assert np.allclose(run.torque[0], [-sign * limit[0], 0.0, -sign * limit[2], 0.0], rtol=1e-9, atol=0.0)
-    assert run.power.max() <= 1e-12
+    assert run.power.max() <= 0.0
 
 
 @DETERMINISTIC
@@ -233,7 +289,8 @@ def test_a_stuck_arm_does_not_drift(arm, theta, volts, direction, share):
     load = share * largest_held(start.torque_breakaway, direction) * direction
     run = simulate(machine, start, volts, (0.0, 0.0), load, duration=10.0)
     assert np.all(run.mode == ClutchMode.ZERO_DOF)
-    assert np.abs(run.theta - theta).max() <= 1e-12
+    assert np.all(run.slip_velocity == 0.0)
+    assert np.all(run.theta == theta)
 
 
 def largest_held(torque: np.ndarray, direction: np.ndarray) -> float:
@@ -255,16 +312,17 @@ def energy_drift(machine: Machine, theta, omega, duration: float) -> float:
 def test_a_free_arm_keeps_its_energy_to_first_order(arm, theta, omega):
     """Without hand and clutches |ΔK| of a substep is |R − N|, of order h².
 
-    With Ω the largest speed, μ the smallest eigenvalue of M and |V| ≤ |c|Ω², |Δω| ≤ h|c|Ω²/μ:
-    N ≤ h²c²Ω⁴/2μ. In R the first-order parts cancel, since ½ωᵀṀω = ωᵀV; left are the change of V with Δω, at most
-    2h²c²Ω⁴/μ, and the curvature of cos(θA − θB), at most h²|c|Ω⁴/2. Over a time T there are T/h substeps. While the sum
-    stays below a tenth of K, Ω² ≤ 2.2 K/μ.
+    With Ω the largest |ω|, μ the smallest eigenvalue of M and |V| ≤ |c|Ω², |Δω| ≤ h|c|Ω²/μ: N ≤ h²c²Ω⁴/2μ. With f =
+    ωA·ωB·(ωA − ωB), both drifts gain −½h·c·sin(θA − θB)·(f + f⁺), and the kick h·c·sin(θA − θB)·(ωA²ωB⁺ − ωB²ωA⁺). In
+    the sum the first-order parts cancel. Left are h|c|·|(−ωB², ωA²)·Δω − ½(f⁺ − f)| ≤ (1 + 3/√8)·h|c|Ω²|Δω|, since
+    |∇f| ≤ 3Ω²/√2, and the curvature of cos(θA − θB) over half a turn, at most ⅛h²|c|Ω⁴ in each drift, a tenth of that
+    more for the third order. Over a time T there are T/h substeps. While the sum is below K/10, Ω² ≤ 2.2 K/μ.
     """
     machine, duration = replace(BASELINE, arm=arm), 0.5
     c, smallest = abs(arm.coupling), smallest_inertia(arm)
     energy = 0.5 * omega @ inertia(machine, np.array([theta]))[0] @ omega
     speed = np.sqrt(2.0 * 1.1 * energy / smallest)
-    bound = machine.substep * duration * speed**4 * (2.5 * c**2 / smallest + 0.5 * c) / energy
+    bound = machine.substep * duration * speed**4 * ((1.5 + 3.0 / 8.0**0.5) * c**2 / smallest + 0.28 * c) / energy
     assume(bound <= 0.1)
     rounding = 16 * 2.0**-53 * duration / machine.substep
     assert energy_drift(machine, theta, omega, duration) <= bound + rounding
@@ -284,15 +342,15 @@ def test_the_energy_error_of_a_free_arm_halves_with_the_step(seed):
 
 
 def test_links_keep_their_length_and_direction_over_long_turns():
-    """2,000 turns of 0.2 rad, links aligned and uncoupled: the series to order 7 and its renormalisation.
+    """2,000 turns of 0.2 rad, two in each substep, links aligned and uncoupled: the series to order 7, renormalised.
 
     The series leaves out φ⁸/8! along and φ⁹/9! across. The length is corrected; the direction may run off by
     φ·φ⁸/8! + φ⁹/9! a turn.
     """
     arm = replace(BASELINE.arm, coupling=0.0)
     machine, turns, angle = replace(BASELINE, arm=arm, substep=5e-3), 2_000, 0.2
-    start = initial_state(machine, (0.7, 0.7), np.full(2, angle / machine.substep))
-    run = simulate(machine, start, np.zeros(4), (0.0, 0.0), duration=turns * machine.substep)
+    start = initial_state(machine, (0.7, 0.7), np.full(2, 2.0 * angle / machine.substep))
+    run = simulate(machine, start, np.zeros(4), (0.0, 0.0), duration=turns / 2 * machine.substep)
     reach = arm.length_a + arm.length_b
     assert np.abs(np.hypot(*run.tip_position.T) - reach).max() <= 1e-13
     expected = reach * np.stack([np.cos(run.theta[:, 0]), np.sin(run.theta[:, 0])], axis=-1)

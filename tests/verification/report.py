@@ -41,9 +41,9 @@ def paper_rule() -> None:
 
 def mujoco() -> None:
     cases = [test_mujoco.draw(subset, seed) for subset in range(16) for seed in test_mujoco.SEEDS]
-    one = [test_mujoco.ours(test_mujoco.EQUAL, c).theta - test_mujoco.roll(test_mujoco.EQUAL, c) for c in cases]
-    two = [test_mujoco.ours(BASELINE, c).theta - test_mujoco.karnopp(c, BASELINE.slip_threshold) for c in cases]
-    say(f"MuJoCo, {len(cases)} cases: T_s = T_k {largest(one):.1e} rad, T_s > T_k {largest(two):.1e} rad")
+    for name, machine in test_mujoco.MATERIALS.items():
+        apart = largest(test_mujoco.ours(machine, case).theta - test_mujoco.peers(machine, case) for case in cases)
+        say(f"MuJoCo, {len(cases)} cases, {name}: {apart:.1e} rad")
 
 
 def largest(differences) -> float:

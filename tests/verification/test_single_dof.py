@@ -24,7 +24,7 @@ SLIPS = np.array(W, float)
 STEP = BASELINE.substep
 LARGE = 20.0
 RATE = 10.0
-"""Ramp [N·m/s]: 0.01 N·m a substep."""
+"""Ramp [N·m/s]: 0.025 N·m a substep."""
 
 PAIRS = list(itertools.permutations(range(4), 2))
 NO_FORCE = np.zeros(2)
@@ -113,13 +113,16 @@ def test_clutch_2_feels_the_speed_of_link_a():
     """Eq. 4 with link B at rest: τ2 = M21 θ̈A + V2, V2 = −c sin(θA − θB) θ̇A²; it grows although nothing acts on B."""
     run, _ = ramp(0, 1)
     coupling = BASELINE.arm.coupling
-    theta = np.vstack([run.initial.theta, run.theta[:-1]])
     omega = np.concatenate([run.initial.omega[:1], run.omega[:-1, 0]])
-    difference = theta[:, 0] - theta[:, 1]
+    start = np.concatenate([run.initial.theta[:1], run.theta[:-1, 0]])
+    difference = start + 0.5 * STEP * omega - run.theta[:, 1]
     v2 = -coupling * np.sin(difference) * omega**2
     inertial = coupling * np.cos(difference) * (run.omega[:, 0] - omega) / STEP
     rounding = 8 * 2.0**-53 * (1.0 + np.abs(omega).max()) / STEP  # of a velocity, in the difference of two over a step
-    assert np.allclose(run.torque[:, 1], inertial + v2, rtol=0.0, atol=rounding)
+    whole = np.abs(run.slip_velocity[:, 0]) >= BASELINE.slip_threshold
+    whole &= whole[np.maximum(np.arange(len(whole)) - 1, 0)]  # no kick that is divided where clutch 1 leaves its band
+    assert whole.sum() > 0.2 * len(whole)
+    assert np.allclose(run.torque[whole, 1], (inertial + v2)[whole], rtol=0.0, atol=rounding)
 
     moving = run.omega[:, 0] > 10.0 * BASELINE.slip_threshold
     assert np.all(np.diff(np.abs(v2[moving])) > 0.0)
@@ -132,7 +135,10 @@ def test_clutch_2_feels_the_speed_of_link_a():
 @pytest.mark.parametrize("clutch", range(4))
 @pytest.mark.parametrize("time_constant", [0.01, 0.105, 0.2])
 def test_a_voltage_step_gives_a_first_order_torque(clutch, time_constant):
-    """A constant force on the tip, a step on one slipping clutch: 63.2 % of the final torque at t = τ."""
+    """A constant force on the tip, a step on one slipping clutch: 63.2 % of the final torque at t = τ.
+
+    A torque is that of the middle of its substep.
+    """
     machine = replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=time_constant))
     volts = np.where(np.arange(4) == clutch, 6.0, 0.0)
     start = initial_state(machine, (1.2, -0.3), 8.0 * SLIPS[clutch])
@@ -141,9 +147,10 @@ def test_a_voltage_step_gives_a_first_order_torque(clutch, time_constant):
 
     final = machine.clutch.dynamic.torque(6.0)
     response = np.abs(run.torque[:, clutch]) / final
-    assert np.allclose(response, 1.0 - np.exp(-run.time / time_constant), rtol=1e-12)
-    at_tau = response[round(time_constant / machine.substep) - 1]
-    assert abs(at_tau - (1.0 - np.exp(-1.0))) <= 1e-3
+    middle = run.time - 0.5 * machine.substep
+    assert np.allclose(response, 1.0 - np.exp(-middle / time_constant), rtol=1e-12)
+    limit = run.torque_dynamic[round(time_constant / machine.substep) - 1, clutch]
+    assert limit == pytest.approx(final * (1.0 - np.exp(-1.0)), rel=1e-12)
 
 
 def test_torque_jumps_at_a_reversal_except_with_theoretical_delrin():
@@ -211,7 +218,7 @@ def holding_limit(torque: np.ndarray, direction: np.ndarray) -> float:
 
 
 def test_reversals_that_must_stick_do_stick_on_one_axis():
-    """1,000 reversals with one DOF, at 1 ms: a steady load that asks less than the breakaway torque cannot restart it.
+    """1,000 reversals with one DOF: a steady load that asks less than the breakaway torque cannot restart it.
 
     Half of the loads are between the dynamic and the breakaway torque, where a rule without memory of the band fails.
     """
@@ -236,7 +243,7 @@ def test_reversals_that_must_stick_do_stick_on_one_axis():
 
 
 def test_reversals_that_must_stick_do_stick_among_other_slips():
-    """1,000 reversals at 1 ms while another axis keeps moving.
+    """1,000 reversals while another axis keeps moving.
 
     Where one slip ends a substep beyond zero, the torque that would have kept it at zero (equations of motion with
     that slip held, the others at their dynamic torque) must have been above its breakaway torque; where that torque
@@ -244,7 +251,7 @@ def test_reversals_that_must_stick_do_stick_among_other_slips():
     """
     rng = np.random.default_rng(12)
     must_stick = missed = 0
-    for _ in range(4_000):
+    for _ in range(8_000):
         volts = rng.integers(0, 2, 4) * rng.uniform(4.0, 9.0, 4)
         nothing = np.zeros((3, 2))
         scenario = Scenario(
@@ -254,14 +261,29 @@ def test_reversals_that_must_stick_do_stick_among_other_slips():
         start = initial_state(BASELINE, scenario.theta, scenario.omega, volts)
         run = simulate(BASELINE, start, volts, scenario.constant, duration=0.3)
         for k, x in reversals(run, volts):
-            state = np.concatenate([run.theta[k - 1], run.omega[k - 1]])
-            if torque_to_hold(scenario, state, x) < BASELINE.clutch.breakaway.torque(volts[x]) * (1.0 - 1e-9):
+            omega = run.omega[k - 1]
+            state = np.concatenate([run.theta[k - 1] + 0.5 * STEP * omega, omega])
+            breakaway = BASELINE.clutch.breakaway.torque(volts[x]) * (1.0 - 1e-9)
+            if torque_to_hold(scenario, state, x) + change_of_torque(scenario, state) < breakaway:
                 must_stick += 1
                 missed += run.slip_velocity[k, x] != 0.0
         if must_stick >= 1_000:
             break
     assert must_stick >= 1_000
     assert missed == 0
+
+
+def change_of_torque(scenario: Scenario, state: np.ndarray) -> float:
+    """Most that the torque to hold a slip changes until it comes to zero: by the velocity term, |δV| ≤ 2|c|Ω|δω|.
+
+    |δω| ≤ h·‖M⁻¹‖·(load + torques). What is left for the stuck clutch of a load, across the line on which the arm
+    goes on, is at most 1 + κ(M) times that load.
+    """
+    arm = plant(BASELINE, scenario)
+    mass, omega = arm.inertia(state[:2]), np.linalg.norm(state[2:])
+    torque = np.linalg.norm(arm.load(0.0, state[:2], state[2:])) + np.sqrt(2.0) * arm.breakaway(0.0).sum()
+    change = STEP * np.linalg.norm(np.linalg.inv(mass), 2) * torque
+    return (1.0 + np.linalg.cond(mass)) * 2.0 * abs(arm.coupling) * (omega + change) * change
 
 
 def reversals(run: Trajectory, volts: np.ndarray):

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -11,18 +11,29 @@ from pter_gym._compiled.records import load as records_load
 from pter_gym._compiled.records import read, store, width
 from pter_gym._physics import arm as arms
 from pter_gym._physics import clutch, open_loop, step
-from pter_gym._physics.arm import Linkage, Load, Motion
+from pter_gym._physics.arm import Linkage, Load, Motion, PerLink
 from pter_gym._physics.clutch import Curve, PerClutch, Torques
-from pter_gym._physics.friction import COUPLING, LINES, lower_bound, resolve, share, slip_velocities, upper_bound
-from pter_gym._physics.model import model_of
+from pter_gym._physics.friction import (
+    COUPLING,
+    LINES,
+    lower_bound,
+    resolve,
+    share,
+    slip_velocities,
+    upper_bound,
+)
+from pter_gym._physics.model import implicit_share, model_of
 from pter_gym._physics.open_loop import BODY
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Hand
+from pter_gym.params import BASELINE, Hand, Machine
 from pter_gym.tasks.path_following._situation import Vector
 
-ARM = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=7.0, stiffness=30.0)
-FREE = Torques(PerClutch(0.0, 0.0, 0.0, 0.0), PerClutch(0.0, 0.0, 0.0, 0.0))
-H = 1e-3
+ARM = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=7.0, stiffness=30.0, implicit=0.6)
+NONE = PerClutch(0.0, 0.0, 0.0, 0.0)
+FREE = Torques(NONE, NONE)
+H = 2.5e-3
+UNIT = 2.0**-53
+W = np.array(COUPLING)
 DRAWS = range(20)
 
 
@@ -40,17 +51,50 @@ def load(seed: int) -> Load:
     return Load(*np.random.default_rng([1, seed]).normal(size=6).tolist())
 
 
-def substep(q: Motion, torques: Torques, on: Load, threshold: float = 1e-3) -> Any:
-    """Advance ``ARM`` by ``H``; return its motion, the velocity problem, the torque limits and the energy terms."""
+AIM, DRIFT, KICK = step.substep_on(BODY, lambda body, i: records_load(body, BODY.load, i))
+
+
+def body_with(q: Motion, torques: Torques, on: Load, threshold: float = 1e-3, arm: Linkage = ARM) -> Any:
     body = np.zeros((width(step.Body), 1))
-    for row, value in ((BODY.motion, q), (BODY.torques, torques), (BODY.steady, torques), (BODY.machine.arm, ARM)):
+    for row, value in ((BODY.motion, q), (BODY.torques, torques), (BODY.steady, torques), (BODY.machine.arm, arm)):
         store(body, row, 0, value)
     store(body, BODY.load, 0, on)
     body[BODY.machine.slip_threshold] = threshold
-    _, advance = step.substep_on(BODY, lambda body, i: records_load(body, BODY.load, i))
-    advance(body, 1, H)
-    numbers: Any = body[:, 0].tolist()
-    return tuple(read(numbers, row, 0) for row in (BODY.motion, BODY.impact, BODY.limit, BODY.energy))
+    return body
+
+
+def seen(body: Any) -> Any:
+    return read(body[:, 0].tolist(), BODY, 0)
+
+
+class Part(NamedTuple):
+    """What a part of a kick begins with, leads to and lasts."""
+
+    before: Motion
+    omega: PerLink
+    impact: step.Impact
+    limit: PerClutch
+    span: float
+    energy: step.Energy
+
+    @property
+    def torque(self) -> np.ndarray:
+        return np.array(step.kick_torques(self.impact, *self.omega, self.limit, self.span))
+
+
+@pytest.fixture
+def parts(monkeypatch: pytest.MonkeyPatch) -> list[Part]:
+    """The parts of all kicks in this test, as they are taken."""
+    taken: list[Part] = []
+
+    def noted(q: Motion, omega: PerLink, arm: Linkage, impact: step.Impact, limit: PerClutch, h: float) -> step.Energy:
+        energy = kick_energy(q, omega, arm, impact, limit, h)
+        taken.append(Part(q, omega, impact, limit, h, energy))
+        return energy
+
+    kick_energy = step.kick_energy
+    monkeypatch.setattr(step, "kick_energy", noted)
+    return taken
 
 
 def jacobian(q: Motion) -> np.ndarray:
@@ -89,6 +133,13 @@ def test_power_of_a_force_is_that_of_its_torques(seed: int):
 
 
 @pytest.mark.parametrize("seed", DRAWS)
+def test_the_damper_acts_against_the_tips_velocity(seed: int):
+    q = motion(seed)
+    against = ARM.damping * jacobian(q).T @ jacobian(q) @ speeds(q)
+    assert arms.damper_torque(ARM, q) == pytest.approx(against, abs=1e-13)
+
+
+@pytest.mark.parametrize("seed", DRAWS)
 def test_velocity_torque_is_lagranges(seed: int):
     q, eps = motion(seed), 1e-6
 
@@ -114,7 +165,7 @@ def test_turning_is_the_series_and_one_renormalisation(angle: float):
     assert arms.rotated(0.8, 0.6, angle) == pytest.approx((turned.real, turned.imag), rel=1e-14)
 
 
-def test_the_arm_advances_at_its_new_velocity():
+def test_the_arm_advances_at_the_velocity_given():
     q = arms.advance_position(at(0.3, -0.8, 9.0, 9.0), 2.0, -3.0, 0.01)
     assert q == pytest.approx(at(0.32, -0.83, 2.0, -3.0), rel=1e-13)
 
@@ -154,19 +205,50 @@ def test_karnopps_rule_at_the_border_of_its_band():
     assert clutch.capacities(PerClutch(0.0, 1.0, -1.0, 0.0), 0.1, torques) == (10.0, 2.0, 3.0, 40.0)
 
 
-def test_who_has_jumped_over_the_band():
-    assert clutch.crossed(0.1, -0.001, 0.1)
-    assert clutch.crossed(-0.2, 5.0, 0.1)
-    for before, after in [(0.09, -1.0), (0.2, 0.1), (-0.2, -0.1), (0.2, 0.0), (0.2, 0.05)]:
-        assert not clutch.crossed(before, after, 0.1)
-    torques = Torques(PerClutch(10.0, 20.0, 30.0, 40.0), PerClutch(1.0, 2.0, 3.0, 4.0))
+def test_which_clutches_change():
+    """From outside of the band at zero, from inside at its edge if more can be held there."""
+    for before, after in [(0.1, -0.001), (-0.2, 5.0), (0.2, 0.0), (-0.1, 0.0)]:
+        assert clutch.changes(before, after, 0.1, 2.0, 1.0)
+        assert clutch.changes(before, after, 0.1, 1.0, 2.0)
+    for before, after in [(0.2, 0.1), (-0.2, -0.1), (0.2, 1e-9), (0.09, -0.09), (0.0, 0.09), (0.0, 0.0)]:
+        assert not clutch.changes(before, after, 0.1, 2.0, 1.0)
+    for before, after in [(0.0, 0.1), (0.0, -0.1), (0.09, -3.0), (-0.05, -0.2)]:
+        assert clutch.changes(before, after, 0.1, 2.0, 1.0)
+        assert not clutch.changes(before, after, 0.1, 1.0, 1.0)
+        assert not clutch.changes(before, after, 0.1, 1.0, 2.0)
+
+
+def test_one_clutch_that_changes_is_enough():
+    torques = Torques(PerClutch(2.0, 2.0, 2.0, 2.0), PerClutch(1.0, 1.0, 1.0, 1.0))
     stays = PerClutch(1.0, 1.0, 1.0, 1.0)
-    assert not clutch.any_crossed(stays, stays, 0.1)
-    for k, name in enumerate(PerClutch._fields):
-        jumped = stays._replace(**{name: -1.0})
-        assert clutch.any_crossed(stays, jumped, 0.1)
-        expected = [10.0 * (k + 1) if place == k else 0.5 for place in range(4)]
-        assert clutch.caught_capacities(PerClutch(0.5, 0.5, 0.5, 0.5), stays, jumped, 0.1, torques) == tuple(expected)
+    assert not clutch.any_changes(stays, stays, 0.1, torques)
+    still = PerClutch(0.0, 0.0, 0.0, 0.0)
+    for name in PerClutch._fields:
+        assert clutch.any_changes(stays, stays._replace(**{name: -1.0}), 0.1, torques)
+        leaves = still._replace(**{name: 0.2})
+        assert clutch.any_changes(still, leaves, 0.1, torques)
+        equal = torques._replace(breakaway=torques.breakaway._replace(**{name: 1.0}))
+        assert not clutch.any_changes(still, leaves, 0.1, equal)
+
+
+@pytest.mark.parametrize(
+    ("before", "slid", "share"),
+    [
+        (0.2, -0.6, 0.25),  # comes to zero on a straight line, and would have gone on
+        (-0.3, 0.1, 0.75),
+        (0.2, 0.1, 1.0),  # stopped by others' changes, not by its own sliding
+        (0.2, 0.0, 1.0),
+        (0.0, 0.4, 0.25),  # leaves the band on a straight line
+        (0.05, -0.35, 0.375),
+        (-0.05, -0.1, 1.0),  # at its edge, but not beyond
+        (0.05, 0.08, 1.0),  # leaves it after another's change only
+    ],
+)
+def test_share_of_a_kick_before_a_change(before: float, slid: float, share: float):
+    found = clutch.share_before(before, slid, 0.1)
+    assert found == pytest.approx(share, rel=3e-9)
+    if abs(before) < 0.1 and share < 1.0:
+        assert abs(before + found * (slid - before)) > 0.1, "a rounding error could leave it in the band"
 
 
 @pytest.mark.parametrize("seed", DRAWS)
@@ -175,9 +257,10 @@ def test_velocity_problem_by_matrices(seed: int):
     found = step.free_motion(q, ARM, on, H)
     tip = np.array(arms.tip_position(ARM, q))
     force = np.array([on.force_x, on.force_y]) + ARM.stiffness * (np.array([on.target_x, on.target_y]) - tip)
-    hand = jacobian(q).T @ force + [on.torque_a, on.torque_b]
+    damping = ARM.damping * jacobian(q).T @ jacobian(q)
+    hand = jacobian(q).T @ force + [on.torque_a, on.torque_b] - 0.4 * damping @ speeds(q)
     fictitious = np.array(arms.velocity_torque(ARM, q))
-    effective = mass(q) + H * ARM.damping * jacobian(q).T @ jacobian(q)
+    effective = mass(q) + 0.6 * H * damping
     momentum = mass(q) @ speeds(q) + H * (hand - fictitious)
     assert (found.m11, found.m12, found.m22) == pytest.approx((effective[0, 0], effective[0, 1], effective[1, 1]))
     assert (found.p_a, found.p_b) == pytest.approx(momentum, abs=1e-14)
@@ -187,43 +270,309 @@ def test_velocity_problem_by_matrices(seed: int):
     assert step.clutch_load(found, *omega, H) == pytest.approx((effective @ omega - momentum) / H, abs=1e-10)
 
 
+def drawn_torques(seed: int, most: float) -> Torques:
+    """Breakaway torques up to ``most``, dynamic ones a bit less or, of one clutch, more."""
+    breakaway = most * np.random.default_rng([3, seed]).random(4)
+    return Torques(PerClutch(*breakaway.tolist()), PerClutch(*(breakaway * [0.8, 0.9, 1.1, 0.7]).tolist()))
+
+
 @pytest.mark.parametrize("limit", [0.0, 0.3, 30.0])
 @pytest.mark.parametrize("seed", DRAWS)
-def test_energy_terms_are_those_of_the_change(seed: int, limit: float):
-    q, on = motion(seed), load(seed)
-    torques = Torques(*(PerClutch(*(limit * np.random.default_rng([3, seed]).random(4)).tolist()),) * 2)
-    after, impact, limits, energy = substep(q, torques, on)
-    change = arms.kinetic_energy(ARM, after) - arms.kinetic_energy(ARM, q)
-    told = energy.hand_work - energy.dissipated - energy.numerical_loss + energy.residual
-    assert told == pytest.approx(change, abs=1e-13)
-    slips = np.array(slip_velocities(after.omega_a, after.omega_b))
-    assert energy.dissipated == pytest.approx(H * np.abs(slips) @ np.array(limits), abs=1e-16)
-    turn = speeds(after) - speeds(q)
-    assert energy.numerical_loss == pytest.approx(0.5 * turn @ mass(q) @ turn, abs=1e-16)
-    velocity = jacobian(q) @ speeds(after)
-    power = speeds(after) @ [impact.hand_a, impact.hand_b] - ARM.damping * velocity @ velocity
-    assert energy.hand_work == pytest.approx(H * power, abs=1e-15)
-    assert step.impulses(limits, H) == pytest.approx(H * np.array(limits))
+def test_energy_terms_of_each_part_are_those_of_its_change(parts: list[Part], seed: int, limit: float):
+    q = motion(seed)
+    body = body_with(q, drawn_torques(seed, limit), load(seed))
+    KICK(body, 1, H)
+    implicit = ARM.implicit * ARM.damping
+    for part in parts:
+        omega, h, energy = np.array(part.omega), part.span, part.energy
+        after = part.before._replace(omega_a=part.omega.a, omega_b=part.omega.b)
+        change = arms.kinetic_energy(ARM, after) - arms.kinetic_energy(ARM, part.before)
+        told = energy.hand_work - energy.dissipated - energy.numerical_loss + energy.residual
+        assert told == pytest.approx(change, abs=1e-13)
+        turn = omega - speeds(part.before)
+        velocity = jacobian(q) @ omega
+        power = omega @ [part.impact.hand_a, part.impact.hand_b] - implicit * velocity @ velocity
+        assert energy.hand_work == pytest.approx(h * power, abs=1e-15)
+        assert energy.dissipated == pytest.approx(-h * (W @ omega) @ part.torque, abs=1e-13)
+        assert energy.numerical_loss == pytest.approx(0.5 * turn @ mass(q) @ turn, abs=1e-15)
+        assert energy.residual == pytest.approx(-h * omega @ arms.velocity_torque(ARM, part.before), abs=1e-15)
+        assert step.impulses(part.limit, h) == pytest.approx(h * np.array(part.limit))
+    total = np.sum([part.energy for part in parts], axis=0)
+    assert seen(body).energy == pytest.approx(total, abs=1e-13)
+    assert sum(part.span for part in parts) == pytest.approx(H, rel=1e-15)
+    assert seen(body).span == parts[-1].span
 
 
-def test_without_clutches_the_velocity_is_that_of_the_free_arm():
-    q, on = motion(0), load(0)
-    after, impact, _, energy = substep(q, FREE, on)
+@pytest.mark.parametrize("seed", DRAWS)
+def test_without_clutches_the_velocity_is_that_of_the_free_arm(seed: int):
+    found = seen(body := body_with(motion(seed), FREE, load(seed), threshold=1e300))
+    KICK(body, 1, H)
+    impact, found = step.free_motion(motion(seed), ARM, load(seed), H), seen(body)
     effective = np.array([[impact.m11, impact.m12], [impact.m12, impact.m22]])
-    assert speeds(after) == pytest.approx(np.linalg.solve(effective, [impact.p_a, impact.p_b]))
-    assert energy.dissipated == 0.0
+    assert speeds(found.motion) == pytest.approx(np.linalg.solve(effective, [impact.p_a, impact.p_b]), abs=1e-14)
+    assert (found.energy.dissipated, found.span) == (0.0, H)
 
 
-@pytest.mark.parametrize(("breakaway", "sticks"), [(0.5, False), (50.0, True)])
-def test_who_jumps_over_the_band_is_caught_if_its_clutch_holds(breakaway: float, sticks: bool):
-    """Clutch 1 slips just outside of its band and a torque pushes it to the other side within one substep."""
-    q = at(0.2, 1.1, 0.02, 0.5)
-    torques = Torques(PerClutch(breakaway, 0.0, 0.0, 0.0), PerClutch(0.5, 0.0, 0.0, 0.0))
-    push = Load(0.0, 0.0, -20.0, 0.0, *arms.tip_position(ARM, q))
-    after, _, limits, _ = substep(q, torques, push, 0.01)
-    assert (after.omega_a == 0.0) is sticks
-    assert (after.omega_a < 0.0) is not sticks
-    assert limits.x1 == (50.0 if sticks else 0.5)
+# --- drifts ---
+
+
+@pytest.mark.parametrize("seed", DRAWS)
+def test_a_drift_gains_what_the_mass_matrix_gains_and_two_halves_make_a_whole(seed: int):
+    q, torques = motion(seed), drawn_torques(seed, 5.0)
+    body = body_with(q, drawn_torques(seed + 1, 5.0), load(seed))
+    store(body, BODY.steady, 0, torques)
+    body[BODY.machine.torque_decay] = 0.9
+    whole = body.copy()
+    DRIFT(body, 0, H, False)
+    half = seen(body)
+    assert half.motion == pytest.approx(at(*(np.array(q[:2]) + 0.5 * H * speeds(q)).tolist(), *speeds(q)), abs=1e-14)
+    gained = arms.kinetic_energy(ARM, half.motion) - arms.kinetic_energy(ARM, q)
+    assert half.energy == pytest.approx((0.0, 0.0, 0.0, gained), abs=1e-14)
+    for now, start, steady in zip(half.torques, drawn_torques(seed + 1, 5.0), torques, strict=True):
+        assert now == pytest.approx(0.9 * np.array(start) + 0.1 * np.array(steady))
+    DRIFT(body, 0, H, False)
+    DRIFT(whole, 0, H, True)
+    np.testing.assert_allclose(body, whole, rtol=0.0, atol=1e-14)
+
+
+def test_clutches_aim_at_what_their_lagged_voltages_and_the_drift_make():
+    machine = replace(BASELINE, clutch=replace(BASELINE.clutch, lag="voltage"), clutch_scale=(1.0, 0.9, 0.8, 0.7))
+    model, command, lagged = model_of(machine), np.array([1.0, 5.0, 9.0, 20.0]), np.array([3.0, 0.0, 9.0, 1.0])
+    for whole, time in ((False, 0.5 * machine.substep), (True, machine.substep)):
+        body: Any = np.zeros((width(step.Body), 1))
+        for row, value in ((BODY.machine, model), (BODY.command, command), (BODY.lagged_volts, lagged)):
+            store(body, row, 0, value if isinstance(value, tuple) else PerClutch(*value.tolist()))
+        body[BODY.drift] = 0.9
+        AIM(body, 0, whole)
+        volts = command + (lagged - command) * math.exp(-time / machine.clutch.time_constant)
+        assert seen(body).lagged_volts == pytest.approx(volts)
+        for curve, found in zip((machine.clutch.breakaway, machine.clutch.dynamic), seen(body).steady, strict=True):
+            expected = [0.9 * s * curve.torque(v) for s, v in zip(machine.clutch_scale, volts, strict=True)]
+            assert found == pytest.approx(expected)
+
+
+# --- a kick in parts ---
+
+SPEED = 0.02
+BAND = 1e-3
+SOLO = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.3, coupling=0.0, damping=0.0, stiffness=0.0, implicit=0.5)
+
+
+class Solo(NamedTuple):
+    """One slip by itself: from a velocity under a torque, with its clutch's limits [rad/s, N·m]."""
+
+    slip: float
+    torque: float
+    breakaway: float
+    dynamic: float
+
+    def velocities(self, inertia: float) -> list[float]:
+        """Slip velocities where the phases of constant acceleration end, in continuous time, the kick's end last."""
+        slip, left, found = self.slip, H, []
+        while left > 0.0:
+            inside = abs(slip) < BAND
+            limit = max(self.breakaway, self.dynamic) if inside else self.dynamic
+            if slip == 0.0 and abs(self.torque) <= limit:
+                return [*found, 0.0]
+            rate = (self.torque - math.copysign(limit, slip if slip != 0.0 else self.torque)) / inertia
+            # the edge ends a phase only where the limit jumps
+            border = math.copysign(BAND, rate) if inside else 0.0
+            ends = border - slip if not inside or self.breakaway > self.dynamic else math.copysign(math.inf, rate)
+            time = ends / rate if ends * rate > 0.0 else math.inf
+            slip, left = (border, left - time) if time < left else (slip + left * rate, 0.0)
+            found.append(slip)
+        return found
+
+
+SOLOS = {
+    "slips on": Solo(2.0, 1.0, 6.0, 5.0),
+    "comes to rest and sticks": Solo(SPEED, 0.0, 6.0, 5.0),
+    "comes to rest under a load that T_k alone would not hold": Solo(SPEED, -5.5, 6.0, 5.0),
+    "comes to rest, T_s = T_k": Solo(SPEED, -1.0, 5.0, 5.0),
+    "comes to rest, T_s < T_k": Solo(SPEED, -4.5, 4.0, 5.0),
+    "passes zero, T_s = T_k": Solo(SPEED, -20.0, 5.0, 5.0),
+    "passes zero, T_s < T_k": Solo(SPEED, -20.0, 4.0, 5.0),
+    "passes zero and leaves the band": Solo(SPEED, -20.0, 6.0, 5.0),
+    "passes zero and stays in the band": Solo(SPEED, -6.01, 6.0, 5.0),
+    "sticks": Solo(0.0, 5.9, 6.0, 5.0),
+    "breaks away and leaves the band": Solo(0.0, 10.0, 6.0, 5.0),
+    "breaks away and stays in the band": Solo(0.0, 6.01, 6.0, 5.0),
+    "breaks away, T_s = T_k": Solo(0.0, 10.0, 5.0, 5.0),
+    "leaves the band from within": Solo(0.5 * BAND, 9.0, 6.0, 5.0),
+    "no clutch": Solo(SPEED, -20.0, 0.0, 0.0),
+}
+PARTS = {
+    "slips on": 1,
+    "sticks": 1,
+    "breaks away and stays in the band": 1,
+    "breaks away, T_s = T_k": 1,
+    "passes zero and leaves the band": 3,
+}
+"""How many parts the kick has, two where nothing is said."""
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("number", range(4))
+@pytest.mark.parametrize("name", SOLOS)
+def test_one_slip_moves_as_in_continuous_time(parts: list[Part], name: str, number: int, sign: float):
+    """M = m·1, so clutch x alone moves the arm along W_x, with the inertia m/|W_x|².
+
+    A part has at most twelve roundings of numbers up to the momentum there is, its time four of the kick's, and there
+    are at most ``MOST_PARTS``. The edge of the band counts as reached 1e-9 of it beyond; the longer time at T_s takes
+    1e-9·δω·(T_s − T_k)/(T − T_s) from the velocity at the end.
+    """
+    solo, row = SOLOS[name], W[number]
+    square = float(row @ row)
+    inertia = SOLO.m11 / square
+    omega, torque = sign * solo.slip * row / square, sign * solo.torque * row
+    torques = Torques(
+        NONE._replace(**{PerClutch._fields[number]: solo.breakaway}),
+        NONE._replace(**{PerClutch._fields[number]: solo.dynamic}),
+    )
+    body = body_with(at(0.3, 1.2, *omega.tolist()), torques, Load(0.0, 0.0, *torque.tolist(), 0.0, 0.0), BAND, SOLO)
+    KICK(body, 1, H)
+    expected = sign * np.array(solo.velocities(inertia))
+    rounding = step.MOST_PARTS * 16 * UNIT * (abs(solo.slip) + H * (abs(solo.torque) + solo.dynamic) / inertia)
+    beyond = 1.01e-9 * BAND * float(np.any(np.abs(expected) == BAND))
+    ratio = (solo.breakaway - solo.dynamic) / (abs(solo.torque) - solo.breakaway) if beyond else 0.0
+    found = np.array([row @ np.array(part.omega) for part in parts])
+    assert len(parts) == PARTS.get(name, 2)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=rounding + beyond * max(1.0, ratio))
+    assert (seen(body).motion.omega_a == seen(body).motion.omega_b == 0.0) == (expected[-1] == 0.0)
+    slips = np.array(slip_velocities(seen(body).motion.omega_a, seen(body).motion.omega_b))
+    across = [other for other in range(4) if abs(W[other] @ row) == 0.0]
+    assert np.all(slips[across] == 0.0)
+
+
+@pytest.mark.parametrize("name", SOLOS)
+def test_a_stopped_clutch_tells_what_it_holds_in_the_last_part(name: str):
+    solo = SOLOS[name]
+    torques = Torques(NONE._replace(x1=solo.breakaway), NONE._replace(x1=solo.dynamic))
+    body = body_with(at(0.3, 1.2, solo.slip, 0.0), torques, Load(0.0, 0.0, solo.torque, 0.0, 0.0, 0.0), BAND, SOLO)
+    KICK(body, 1, H)
+    after = seen(body)
+    torque = step.kick_torques(after.impact, after.motion.omega_a, after.motion.omega_b, after.limit, after.span)
+    if after.motion.omega_a == 0.0:
+        assert torque.x1 == pytest.approx(-solo.torque, abs=16 * UNIT * SOLO.m11 * SPEED / after.span)
+    else:
+        assert torque.x1 == -math.copysign(after.limit.x1, after.motion.omega_a)
+
+
+def test_the_first_of_several_changes_divides_a_kick(parts: list[Part]):
+    """Link A would stop after a fifth of a millisecond, link B after two fifths; each stops at its own time."""
+    limit = PerClutch(3.0, 3.0, 0.0, 0.0)
+    before = at(0.3, 1.2, 0.2e-3 * 3.0 / SOLO.m11, -0.4e-3 * 3.0 / SOLO.m22)
+    body = body_with(before, Torques(limit, limit), Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), BAND, SOLO)
+    KICK(body, 1, H)
+    assert [part.span for part in parts] == pytest.approx([0.2e-3, 0.2e-3, H - 0.4e-3])
+    assert [part.omega for part in parts] == [
+        (pytest.approx(0.0, abs=1e-17), pytest.approx(-0.2e-3 * 3.0 / SOLO.m22)),
+        (0.0, pytest.approx(0.0, abs=1e-17)),
+        (0.0, 0.0),
+    ]
+
+
+def test_a_slip_that_never_ceases_to_slide():
+    """Those that pass zero exert all they have against the slip of before; the others are solved for as ever."""
+    for seed in range(200):
+        rng = np.random.default_rng([8, seed])
+        q, on = motion(seed), load(seed)
+        q = q._replace(omega_a=0.1 * q.omega_a, omega_b=0.1 * q.omega_b)
+        limit = PerClutch(*(20.0 * rng.random(4)).tolist())
+        impact = step.free_motion(q, ARM, on, H)
+        before = np.array(slip_velocities(q.omega_a, q.omega_b))
+        after = np.array(
+            slip_velocities(*resolve(*impact[:3], impact.p_a, impact.p_b, step.impulses(limit, H)))
+        ) * rng.choice([1.0, 1.0, 0.0], 4)  # some are stuck
+        found = step.slid_velocities(impact, PerClutch(*before.tolist()), PerClutch(*after.tolist()), limit, 0.01, H)
+        passes = (np.abs(before) >= 0.01) & (np.sign(before) != np.sign(after))
+        momentum = np.array([impact.p_a, impact.p_b]) - H * W.T @ (np.sign(before) * limit * passes)
+        held = PerClutch(*(H * np.array(limit) * ~passes).tolist())
+        expected = slip_velocities(*resolve(*impact[:3], *momentum.tolist(), held))
+        assert found == pytest.approx(expected, abs=1e-13)
+        for x in np.flatnonzero(passes):
+            assert step.passing(before[x], after[x], 0.01) == before[x]
+
+
+def drawn_kick(seed: int) -> tuple[Any, Torques, float]:
+    """A body about to be kicked so that clutches change often: slow, with a wide range of torques, loads and bands."""
+    rng = np.random.default_rng([9, seed])
+    threshold = float(10.0 ** rng.uniform(-4.0, -1.0))
+    omega = rng.normal(size=2) * 10.0 ** rng.uniform(-3.0, 0.0)
+    omega = (omega, omega[0] * np.array(LINES[rng.integers(4)]), np.zeros(2))[seed % 3]
+    q = at(*rng.uniform(-3.0, 3.0, 2).tolist(), *omega.tolist())
+    breakaway = rng.exponential(5.0, 4) * rng.integers(0, 4, 4).clip(max=1)
+    dynamic = breakaway * rng.choice([0.6, 0.9, 1.0, 1.2], 4)
+    torques = Torques(PerClutch(*breakaway.tolist()), PerClutch(*dynamic.tolist()))
+    on = Load(0.0, 0.0, *rng.normal(scale=10.0 ** rng.uniform(0.0, 2.0), size=2).tolist(), *arms.tip_position(ARM, q))
+    return body_with(q, torques, on, threshold), torques, threshold
+
+
+def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts: list[Part]):
+    """Whatever changes: at most ``MOST_PARTS``, each against the slip at its end, together the kick."""
+    counts = []
+    for seed in range(2_000):
+        body, torques, threshold = drawn_kick(seed)
+        parts.clear()
+        before = seen(body).motion
+        KICK(body, 1, H)
+        counts.append(len(parts))
+        spans = [part.span for part in parts]
+        assert min(spans) > 0.0
+        assert sum(spans) == pytest.approx(H, rel=1e-15)
+        for part in parts:
+            assert part.before == before, "one part begins where another ended, in the pose of the first"
+            before = before._replace(omega_a=part.omega.a, omega_b=part.omega.b)
+            slips = slip_velocities(part.before.omega_a, part.before.omega_b)
+            assert part.limit == clutch.capacities(slips, threshold, torques)
+            impact = step.free_motion(part.before, ARM, seen(body).load, part.span)
+            capacities = step.impulses(part.limit, part.span)
+            assert part.impact == impact
+            assert part.omega == resolve(*impact[:3], impact.p_a, impact.p_b, capacities)
+            assert np.all(part.torque * np.array(slip_velocities(*part.omega)) <= 0.0)
+            assert np.all(np.abs(part.torque) <= part.limit)
+        assert seen(body).motion == before
+        assert seen(body).energy.dissipated >= 0.0
+        if 1 < len(parts) < step.MOST_PARTS:
+            last = parts[-1]
+            changes = (last.before, last.omega, last.impact, torques, last.limit, threshold, last.span)
+            slips = [slip_velocities(*omega) for omega in (last.before[2:4], last.omega)]
+            assert not clutch.any_changes(*slips, threshold, torques) or step.share_before_change(*changes) > 0.99999
+    assert np.bincount(counts, minlength=step.MOST_PARTS + 1)[1:].min() >= 10, "not every number of parts occurs"
+    assert max(counts) == step.MOST_PARTS
+
+
+# --- torques at an instant ---
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_torques_at_an_instant_make_the_accelerations_that_they_go_with(seed: int):
+    """A slipping clutch has its limit against the slip, a stuck one what keeps it so, or its limit against the start.
+
+    M·α = load − V − b·JᵀJ·ω + Wᵀτ, all of the damping by the present velocity.
+    """
+    body, torques, threshold = drawn_kick(seed)
+    q, on = seen(body).motion, seen(body).load
+    torque = np.array(step.torques_at(q, ARM, on, torques, threshold))
+    slips = np.array(slip_velocities(q.omega_a, q.omega_b))
+    limit = np.array(clutch.capacities(PerClutch(*slips.tolist()), threshold, torques))
+    load = np.array([on.torque_a, on.torque_b]) - arms.velocity_torque(ARM, q) - arms.damper_torque(ARM, q)
+    alpha = W @ np.linalg.solve(mass(q), load + W.T @ torque)
+    rounding = 1e-12 * (np.abs(load).sum() + limit.sum()) * np.linalg.norm(np.linalg.inv(mass(q)))
+    slipping = slips != 0.0
+    assert np.all(torque[slipping] == -(np.sign(slips) * limit)[slipping])
+    assert np.all(np.abs(torque) <= limit)
+    starts = ~slipping & (np.abs(alpha) > rounding)
+    assert np.allclose(torque[starts], -(np.sign(alpha) * limit)[starts], rtol=1e-9, atol=rounding)
+    assert torque == pytest.approx(shortest_kick(q, torques, on, threshold), abs=1e-4 * (1.0 + np.abs(load).sum()))
+
+
+def shortest_kick(q: Motion, torques: Torques, on: Load, threshold: float) -> np.ndarray:
+    """The torques over a kick of a time so short that no slip changes its sign."""
+    body = body_with(q, torques, on, threshold)
+    KICK(body, 1, 1e-9)
+    after = seen(body)
+    return np.array(step.kick_torques(after.impact, *after.motion[2:4], after.limit, after.span))
 
 
 @pytest.mark.parametrize("lag", ["normal_force", "voltage"])
@@ -231,15 +580,35 @@ def test_constants_of_a_machine(lag: str):
     hand = Hand(mass=2.0, damping=3.0, stiffness=4.0)
     machine = replace(BASELINE, hand=hand, clutch=replace(BASELINE.clutch, lag=lag), clutch_scale=(1.0, 0.9, 0.8, 0.7))
     found, plain = model_of(machine), model_of(replace(machine, hand=Hand()))
-    decay = math.exp(-machine.substep / machine.clutch.time_constant)
+    decay = math.exp(-0.5 * machine.substep / machine.clutch.time_constant)
     assert (found.voltage_decay, found.torque_decay) == ((decay, 0.0) if lag == "voltage" else (0.0, decay))
     assert (found.arm.damping, found.arm.stiffness) == (3.0, 4.0)
+    assert found.arm.implicit == plain.arm.implicit == 0.5
     assert found.scale == (1.0, 0.9, 0.8, 0.7)
     assert (found.voltage_max, found.slip_threshold) == (machine.clutch.voltage_max, machine.slip_threshold)
     assert (plain.arm.m11, plain.arm.m22) == (machine.arm.inertia_a, machine.arm.inertia_b)
     q = motion(1)
     gained = arms.kinetic_energy(found.arm, q) - arms.kinetic_energy(plain.arm, q)
     assert gained == pytest.approx(0.5 * hand.mass * np.square(arms.tip_velocity(found.arm, q)).sum())
+
+
+def smallest_inertia(machine: Machine) -> float:
+    arm = machine.arm
+    return float(np.linalg.eigvalsh([[arm.inertia_a, arm.coupling], [arm.coupling, arm.inertia_b]])[0])
+
+
+@pytest.mark.parametrize("damping", [0.0, 1.0, 30.0, 1e3, 1e5, 1e7])
+def test_half_of_the_damping_is_implicit_or_so_much_that_no_motion_alternates(damping: float):
+    """The share before a kick takes at most the momentum along the slowest motion: h·(1 − s)·b·(lA² + lB²) ≤ μ."""
+    machine = replace(BASELINE, hand=Hand(damping=damping))
+    before = (1.0 - implicit_share(machine)) * machine.substep * damping
+    before *= machine.arm.length_a**2 + machine.arm.length_b**2
+    smallest = smallest_inertia(machine)
+    if implicit_share(machine) == 0.5:
+        assert before <= smallest
+    else:
+        assert 0.5 < implicit_share(machine) < 1.0
+        assert before == pytest.approx(smallest, rel=1e-6)
 
 
 @pytest.mark.parametrize("field", ["torque_breakaway", "torque_dynamic", "lagged_volts"])

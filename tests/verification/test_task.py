@@ -10,7 +10,7 @@ import pytest
 
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, tip_position
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.limits import MOST_SUBSTEPS, largest_energy
+from pter_gym._physics.limits import MOST_SUBSTEPS, largest_energy, largest_travel
 from pter_gym._physics.model import model_of
 from pter_gym._physics.step import Energy
 from pter_gym.errors import ParameterError
@@ -34,7 +34,7 @@ from pter_gym.tasks.path_following._situation import (
     to_world,
     too_fast,
 )
-from pter_gym.tasks.path_following._specification import sin_elbow, strongest, substeps
+from pter_gym.tasks.path_following._specification import held_machine, sin_elbow, strongest, substeps
 
 DRAWS = range(10)
 
@@ -60,7 +60,7 @@ def test_parts_along_and_across_a_path_by_complex_numbers(seed: int):
 
 @pytest.mark.parametrize("tip", [(0.3, 0.6), (-0.5, 0.2), (0.1, -0.9), (0.4, 0.05)])
 def test_the_arm_at_a_tip_has_its_tip_there_and_link_b_ahead(tip: tuple[float, float]):
-    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=0.0, stiffness=0.0)
+    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=0.0, stiffness=0.0, implicit=0.5)
     q = motion_at(arm, *tip)
     assert tip_position(arm, q) == pytest.approx(tip, abs=1e-12)
     assert (q.cos_a, q.sin_a, q.cos_b, q.sin_b) == pytest.approx((*unit(q.theta_a), *unit(q.theta_b)))
@@ -100,10 +100,10 @@ def test_an_intent_gathers_speed_with_the_least_jerk():
 
 
 def test_a_hand_that_does_nothing_by_itself():
-    *numbers, amplitude, phase, turn = NO_FORCE
+    *numbers, amplitude, phase, half_turn = NO_FORCE
     assert numbers == 7 * [0.0]
     assert amplitude == phase == (0.0,) * 5
-    assert turn == ((1.0, 0.0),) * 5
+    assert half_turn == ((1.0, 0.0),) * 5
 
 
 @pytest.mark.parametrize(
@@ -118,13 +118,19 @@ def test_a_hand_that_does_nothing_by_itself():
                 lead=0.25,
                 amplitudes=(0.5, 0.0, 0.0, 0.0, -0.25),
             ),
-            10.0 * (2.0 * 0.9 + 0.25) + 4.0 * 1.5 * 0.5 + 0.75,
+            10.0 * (0.6 + 0.2 + 0.25) + 4.0 * 1.5 * 0.5 + 0.75,
         ),
     ],
 )
 def test_the_strongest_force_that_a_hand_can_have(hand: Any, force: float):
+    """A spring is as long as the path, its width and the lead, and half as long again as the tip's way in a step."""
     machine = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.4, length_b=0.5))
-    assert strongest(PathFollowing(hand=hand, pace=0.5), machine) == pytest.approx(force)
+    task = PathFollowing(hand=hand, pace=0.5, path=Line(length=0.6), error_max=0.2)
+    travel = largest_travel(model_of(held_machine(task, machine)).arm, machine.substep, task.control_period)
+    assert strongest(task, machine) == pytest.approx(force + 0.5 * travel * hand.impedance.stiffness)
+    folded = replace(task, path=Line(length=1.75))
+    beyond = 2.0 * 0.9 - 0.8 if hand.impedance.stiffness > 0.0 else 0.0
+    assert strongest(folded, machine) - strongest(task, machine) == pytest.approx(10.0 * beyond)
 
 
 # --- what a control step pays ---
@@ -301,7 +307,7 @@ def test_what_a_task_is_without_a_word():
 
 
 def test_the_elbows_sine_by_the_arm_at_a_tip():
-    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=0.0, stiffness=0.0)
+    arm = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=0.0, stiffness=0.0, implicit=0.5)
     tips = [(0.3, 0.6), (-0.5, 0.2), (0.1, -0.9)]
     poses = [motion_at(arm, *tip) for tip in tips]
     expected = [math.sin(q.theta_b - q.theta_a) for q in poses]
@@ -310,16 +316,19 @@ def test_the_elbows_sine_by_the_arm_at_a_tip():
     assert sin_elbow(0.4, 0.7, out_of_reach).tolist() == [-1.0, -1.0]
 
 
-@pytest.mark.parametrize(("ratio", "count"), [(1, 1), (7, 7), (MOST_SUBSTEPS, MOST_SUBSTEPS), (7.0 + 1e-9, 7)])
+@pytest.mark.parametrize(
+    ("ratio", "count"),
+    [(0.5, 1), (1, 1), (1.5, 2), (7, 7), (7.0 + 1e-9, 7), (7.0 + 1e-7, 8), (MOST_SUBSTEPS, MOST_SUBSTEPS)],
+)
 def test_substeps_of_a_control_period(ratio: float, count: int):
-    machine = replace(BASELINE, substep=1e-5)
-    assert substeps(PathFollowing(control_period=ratio * 1e-5), machine) == count
+    machine, task = replace(BASELINE, substep=1e-5), PathFollowing(control_period=ratio * 1e-5)
+    assert substeps(task, machine) == count
+    assert held_machine(task, machine).substep == pytest.approx(ratio * 1e-5 / count, rel=1e-12)
 
 
-@pytest.mark.parametrize("ratio", [0.5, 1.5, 7.0 + 1e-7, 7.0 - 1e-7, MOST_SUBSTEPS + 1])
-def test_a_control_period_of_no_whole_number_of_substeps_is_refused(ratio: float):
-    with pytest.raises(ParameterError, match="control_period"):
-        check_machine(PathFollowing(control_period=ratio * 1e-5), replace(BASELINE, substep=1e-5))
+def test_a_control_period_of_too_many_substeps_is_refused():
+    with pytest.raises(ParameterError, match="control_period must be at most 10000 times as long"):
+        check_machine(PathFollowing(control_period=(MOST_SUBSTEPS + 1) * 1e-5), replace(BASELINE, substep=1e-5))
 
 
 def test_a_sine_may_be_as_fast_as_a_tenth_of_the_substeps_rate():
@@ -342,7 +351,7 @@ def test_an_episode_may_begin_as_fast_as_the_integrator_can_hold():
     # links at up to √(2² + ½²) times the pace over margin and length
     rates = math.hypot(2.0, 0.5) / task.singularity_margin / np.array([0.4, 0.6])
     energy = 0.5 * (arm.m11 * rates[0] ** 2 + arm.m22 * rates[1] ** 2) + abs(arm.coupling) * rates[0] * rates[1]
-    fastest = math.sqrt(largest_energy(arm, 1e-2, 0.2) / energy)
+    fastest = math.sqrt(largest_energy(arm, 1e-2, 0.2, strongest(task, machine)) / energy)
     check_machine(replace(task, pace=fastest * (1.0 - 1e-9)), machine)
     with pytest.raises(ParameterError, match="starts"):
         check_machine(replace(task, pace=fastest * (1.0 + 1e-9)), machine)

@@ -154,7 +154,7 @@ def test_the_kernel_adds_the_tremor_along_its_line_until_it_ends() -> None:
     rows = batch.rollout(obs, policy.law, policy.gains, 250)[1]
     found = rows[:, 0, [*COLUMN.force]] - rows[:, 1, [*COLUMN.force]]
     assert np.isfinite(found).all()
-    instants = rows[:, 0, COLUMN.time] - heavy.substep  # the force is that of the last substep
+    instants = rows[:, 0, COLUMN.time]
     stored = hand.sampled(PERIOD)
     expected: Any = [np.interp(instants, PERIOD * np.arange(len(stored)), force) for force in stored.T]
     np.testing.assert_allclose(found, np.transpose(expected), rtol=0.0, atol=1e-6)

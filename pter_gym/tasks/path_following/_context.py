@@ -10,7 +10,7 @@ from pter_gym.hands import HandModel
 from pter_gym.params import PRESENT_CLUTCH, Machine
 from pter_gym.tasks.path_following._observation import FORCE_SCALE
 from pter_gym.tasks.path_following._reward import PACE_WINDOW, Terms
-from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFollowing, held_machine
+from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFollowing, held_machine, strongest
 
 
 class PathModel(NamedTuple):
@@ -100,12 +100,14 @@ def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], rec
     arcs, recording
         Where the arcs of the path and the hand's recording begin in the array of constants, and how many there are.
     """
-    hand = task.hand.model(task.pace, machine.substep, recording)
-    model = model_of(held_machine(task, machine))
+    held = held_machine(task, machine)
+    hand = task.hand.model(task.pace, held.substep, recording)
+    model = model_of(held)
+    fastest = largest_energy(model.arm, held.substep, task.control_period, strongest(task, machine))
     return Context(
         machine=model,
         hand=hand,
-        task=task_model(task, arcs, largest_energy(model.arm, machine.substep, task.control_period)),
+        task=task_model(task, arcs, fastest),
         told=told_of(task, machine, hand.push),
     )
 

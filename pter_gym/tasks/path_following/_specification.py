@@ -14,6 +14,7 @@ from pter_gym._physics.limits import (
     condition,
     largest_energy,
     largest_force,
+    largest_travel,
 )
 from pter_gym._physics.model import model_of
 from pter_gym.errors import ParameterError
@@ -140,38 +141,38 @@ class PathFollowing:
 
 
 def substeps(task: PathFollowing, machine: Machine) -> int:
-    """Return the number of substeps in a control period.
+    """Return the number of substeps in a control period: the fewest that are no longer than the machine's.
 
     Raises
     ------
     ParameterError
-        If the substep does not divide the control period.
+        If there were too many.
     """
-    ratio = task.control_period / machine.substep
-    count = round(ratio)
+    count = math.ceil(task.control_period / machine.substep * (1.0 - 1e-9))
     require(
-        1 <= count <= MOST_SUBSTEPS and abs(ratio - count) < 1e-9 * ratio,
+        count <= MOST_SUBSTEPS,
         task,
         "control_period",
         task.control_period,
-        f"a whole multiple of the machine's substep {machine.substep:g} s, at most {MOST_SUBSTEPS} times as long",
+        f"at most {MOST_SUBSTEPS} times as long as the machine's substep, {machine.substep:g} s",
     )
     return count
 
 
 def held_machine(task: PathFollowing, machine: Machine) -> Machine:
-    """Return the machine with what the task's hand adds to it at the tip.
+    """Return the machine with what the task's hand adds to it at the tip, and substeps that fill a control period.
 
     Raises
     ------
     ParameterError
-        If both the machine and the task bring a hand, or the explicit spring of the hand is too stiff for the machine.
+        If both the machine and the task bring a hand, the explicit spring of the hand is too stiff for the machine, or
+        there were too many substeps.
     """
-    impedance = task.hand.impedance
+    impedance, substep = task.hand.impedance, task.control_period / substeps(task, machine)
     if impedance == NO_HAND:
-        return machine
+        return machine if substep == machine.substep else replace(machine, substep=substep)
     require(machine.hand == NO_HAND, machine, "hand", machine.hand, "none, since the task's hand brings its own")
-    return replace(machine, hand=impedance)
+    return replace(machine, hand=impedance, substep=substep)
 
 
 def check_machine(task: PathFollowing, machine: Machine) -> None:
@@ -181,17 +182,17 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
     ------
     ParameterError
         If a point of the path or a start off it lies outside the arm's reach or too near to a singular pose, the path
-        bends so much that its centre of curvature is within the workspace, the substep does not divide the control
-        period, a sine is too fast for the substep, the machine's hand has a spring, which would need an intent, or the
-        arm may become faster than the integrator can hold (``pter_gym._physics.limits``).
+        bends so much that its centre of curvature is within the workspace, a control period has too many substeps, a
+        sine is too fast for the substep, the machine's hand has a spring, which would need an intent, or the arm may
+        become faster than the integrator can hold (``pter_gym._physics.limits``).
     """
-    substeps(task, machine)
+    substep = held_machine(task, machine).substep
     require(
-        max(task.hand.frequencies, default=0.0) * machine.substep <= 0.1,
+        max(task.hand.frequencies, default=0.0) * substep <= 0.1,
         task,
         "hand.frequencies",
         task.hand.frequencies,
-        f"≤ {0.1 / machine.substep:g} Hz, a tenth of the substep's rate",
+        f"≤ {0.1 / substep:g} Hz, a tenth of the substep's rate",
     )
     require(
         machine.hand.stiffness == 0.0, machine, "hand.stiffness", machine.hand.stiffness, "0: this hand has no intent"
@@ -210,7 +211,8 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
     ParameterError
         If it cannot, or ``held_machine`` raises one.
     """
-    arm, h, period = model_of(held_machine(task, machine)).arm, machine.substep, task.control_period
+    held = held_machine(task, machine)
+    arm, h, period = model_of(held).arm, held.substep, task.control_period
     require(
         condition(arm, h) <= LARGEST_CONDITION,
         machine,
@@ -233,7 +235,7 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
         omega_a, omega_b = fastest / arm.length_a, fastest / arm.length_b
         energy = 0.5 * (arm.m11 * omega_a**2 + arm.m22 * omega_b**2) + abs(arm.coupling) * omega_a * omega_b
         require(
-            energy <= largest_energy(arm, h, period),
+            energy <= largest_energy(arm, h, period, _force_within(task.starts.offset, task, machine)),
             task,
             "starts",
             task.starts,
@@ -243,12 +245,20 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
 
 
 def strongest(task: PathFollowing, machine: Machine) -> float:
-    """Return an upper bound of the force on the tip [N] that a task's hand can have on a machine."""
-    hand = task.hand.model(task.pace, machine.substep, (0, 0))
-    recorded = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
+    """Return an upper bound of the mean force on the tip [N] that a task's hand can have in a control step."""
+    path_width = min(task.error_max, task.truncation_error)
     reach = machine.arm.length_a + machine.arm.length_b
-    held = task.hand.impedance
-    pull = held.stiffness * (2.0 * reach + hand.intent_lead) + held.damping * hand.intent_speed
+    return _force_within(min(2.0 * reach, task.path.length + path_width), task, machine)
+
+
+def _force_within(length: float, task: PathFollowing, machine: Machine) -> float:
+    """Return the bound of a control step that begins with the tip at most a length [m] from where the hand wants it."""
+    held = held_machine(task, machine)
+    hand = task.hand.model(task.pace, held.substep, (0, 0))
+    recorded = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)
+    stretch = length + hand.intent_lead + 0.5 * largest_travel(model_of(held).arm, held.substep, task.control_period)
+    impedance = task.hand.impedance
+    pull = impedance.stiffness * stretch + impedance.damping * hand.intent_speed
     return pull + math.hypot(abs(hand.push) + recorded[0], math.fsum(map(abs, hand.amplitude)) + recorded[1])
 
 

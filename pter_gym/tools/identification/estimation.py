@@ -129,7 +129,7 @@ class Fit:
     def _look_around(self) -> None:
         """Go on along the directions that the log shows least, if that is better.
 
-        The sum of squares is rough, as clutches catch and break away at whole substeps: in a long flat valley the
+        The sum of squares is rough, as clutches break away at whole substeps: in a long flat valley the
         search by derivatives stops early.
         """
         jacobian = self._scaled(self.jacobian(self.p)) * at.STEPS[self.free]

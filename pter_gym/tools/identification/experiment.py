@@ -132,14 +132,14 @@ def record_log(
             f"Experiment.interval must be a multiple of {TRUE_SUBSTEP:g} s, got {experiment.interval!r}"
         )
     rows = round(experiment.duration / experiment.interval)
-    times: Array = TRUE_SUBSTEP * np.arange(rows * ratio, dtype=np.float64)
+    halves: Array = 0.5 * TRUE_SUBSTEP * np.arange(2 * rows * ratio, dtype=np.float64)
     middles = experiment.interval * (np.arange(rows, dtype=np.float64) + 0.5)
     applied = voltages(experiment, middles).clip(max=machine.clutch.voltage_max)
     # in the middle of substeps, so that no rounding decides which row a voltage is of
-    row_of = np.floor((times + 0.5 * TRUE_SUBSTEP - recorder.delay) / experiment.interval).astype(int)
+    row_of = np.floor((halves[1::2] - recorder.delay) / experiment.interval).astype(int)
     volts = applied[row_of.clip(0)]
     free = np.repeat(applied.any(axis=1) & experiment.releases, ratio)
-    target = middle(machine.arm) + hand_path(experiment, times, rng)
+    target = middle(machine.arm) + hand_path(experiment, halves, rng)
     theta, force = _motion(machine, experiment, volts, target, free)
     theta = theta[::ratio] + recorder.angle_noise * rng.standard_normal((rows, 2))
     if recorder.angle_resolution > 0.0:
@@ -157,19 +157,24 @@ def record_log(
 def _motion(
     machine: Machine, experiment: Experiment, volts: Array, target: Array, free: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Return angles [rad] and forces [N] at the beginning of each substep, both of shape (T, 2)."""
+    """Return angles [rad] and forces [N] at the beginning of each substep, both of shape (T, 2).
+
+    The hand's target has a row for the beginning of each substep and one for its middle, where the force acts.
+    """
     held = replace(machine, hand=Hand(damping=experiment.damping, stiffness=experiment.stiffness), substep=TRUE_SUBSTEP)
     state = initial_state(held, _angles())
+    at_first, within = target[::2], target[1::2]
     theta, force = np.empty((len(volts), 2)), np.zeros((len(volts), 2))
     ends = [*(np.flatnonzero(np.diff(free)) + 1), len(volts)]
     for first, end in zip([0, *ends[:-1]], ends, strict=True):
         part = slice(first, end)
         acting = replace(held, hand=Hand()) if free[first] else held
-        way = simulate(acting, state, volts[part], (0.0, 0.0), hand_target=target[part])
+        way = simulate(acting, state, volts[part], (0.0, 0.0), hand_target=within[part])
         theta[part] = np.concatenate([[state.theta], way.theta[:-1]])
         if not free[first]:
-            spring = experiment.stiffness * (target[part] - tip(machine.arm, theta[part]))
-            force[part] = spring - experiment.damping * velocity(machine.arm, theta[part], way.omega)
+            omega = np.concatenate([[state.omega], way.omega[:-1]])
+            spring = experiment.stiffness * (at_first[part] - tip(machine.arm, theta[part]))
+            force[part] = spring - experiment.damping * velocity(machine.arm, theta[part], omega)
         state = way.final
     return theta, force
 

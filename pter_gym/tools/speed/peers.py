@@ -1,7 +1,7 @@
 """Other simulators, each measured in turn with ours in the same run. All are optional.
 
 None of them does what ours does: each says what one of its steps is. Reacher is a planar arm of two links as well, but
-with two motors, a target and no clutch; one of its steps is two substeps of 10 ms and ours ten of 1 ms.
+with two motors, a target and no clutch; one of its steps is two substeps of 10 ms and ours four of 2.5 ms.
 """
 
 import importlib
@@ -24,7 +24,7 @@ from pter_gym.tools.speed.ours import ID, Skipped, all_threads, substeps_per_ste
 from pter_gym.tools.speed.timing import Effort, Load, compare, rate
 
 _PREPARED = 4
-ROLLOUT_SUBSTEPS = 250
+ROLLOUT_SUBSTEPS = 100
 """Substeps for which a rollout holds the voltages: a quarter of a second."""
 
 
@@ -35,7 +35,7 @@ class Kind(StrEnum):
     """Whole control steps."""
 
     SUBSTEPS = "substeps"
-    """Substeps of control steps that hold the voltages for 250 substeps, as a rollout does."""
+    """Substeps of control steps that hold the voltages for as many substeps as a rollout does."""
 
     SUBSTEPS_OF_ENV_STEPS = "substeps of env-steps"
     """Substeps of whole control steps of the usual length."""
@@ -148,8 +148,9 @@ def _rollouts(quick: bool) -> tuple[Peer, ...]:
     """Return MuJoCo on the mechanism."""
     threads = all_threads()
     mechanism = (
-        f"one physics step of 1 ms of the same arm and clutches, voltages held for {ROLLOUT_SUBSTEPS} steps as in ours "
-        f"beside it, the hand's force given; no observation, reward or reset; {threads} threads"
+        f"one physics step of {1e3 * BASELINE.substep:g} ms of the same arm and clutches, voltages held for "
+        f"{ROLLOUT_SUBSTEPS} steps as in ours beside it, the hand's force given; no observation, reward or reset; "
+        f"{threads} threads"
     )
 
     def peer(name: str, one_step: str, kind: Kind = Kind.SUBSTEPS, *, soft: bool = False) -> Peer:
@@ -158,10 +159,15 @@ def _rollouts(quick: bool) -> tuple[Peer, ...]:
         return Peer(name, "mujoco", modules, one_step, kind, sizes, partial(_rollout, threads=threads, soft=soft))
 
     return (
-        peer(ROLLOUT, f"{mechanism}; friction as hard as ours (no-slip iterations), which agrees with ours to 1e-8"),
+        peer(
+            ROLLOUT,
+            f"{mechanism}; friction as hard as ours (no-slip iterations), which agrees with ours to 1e-10 rad where no "
+            "clutch changes within a step",
+        ),
         peer(
             ROLLOUT_WHOLE,
-            "the same beside the substeps of our usual env-steps, ten each, which observe, reward and reset too",
+            f"the same beside the substeps of our usual env-steps, {substeps_per_step()} each, which observe, reward "
+            "and reset too",
             Kind.SUBSTEPS_OF_ENV_STEPS,
         ),
         peer(
@@ -245,10 +251,10 @@ def _rollout(worlds: int, threads: int, *, soft: bool) -> Load:
 
 
 def _hand_forces(count: int) -> Any:
-    """Return the hand's force on the tip at the start of each substep [N], (count, 2), at the path's first heading."""
+    """Return the hand's force on the tip in the middle of each substep [N], (count, 2), at the path's first heading."""
     hand = MultiSineHand()
     heading = PathFollowing().path.heading(0.0)
     along = np.array([np.cos(heading), np.sin(heading)])
     across = np.array([-along[1], along[0]])
-    waves = np.array([hand.normal_force(BASELINE.substep * k) for k in range(count)])
+    waves = np.array([hand.normal_force(BASELINE.substep * (k + 0.5)) for k in range(count)])
     return hand.push * along + waves[:, None] * across

@@ -21,9 +21,9 @@ from pter_gym.tools.paper.experiments.calibration import HAND_MAX, SPACE, Case, 
 FILE = Path(pter_gym.__file__).parent / "presets" / "pter.toml"
 REACHED = np.array(
     [
-        [0.0925, 0.091, 0.0925],
-        [0.040, 0.004, 0.022],
-        [0.001, 0.094, 0.094],
+        [0.0965, 0.092, 0.1095],
+        [0.042, 0.005, 0.013],
+        [0.006, 0.094, 0.084],
     ]
 )
 """Relative tolerance reached in each entry of Table I, rows and columns as in the paper."""
@@ -44,9 +44,9 @@ def test_table_is_as_close_as_it_got(table: np.ndarray):
     assert (deviation <= REACHED).all(), deviation.round(4)
 
 
-def test_smaller_substep_moves_no_entry_by_more_than_two_percent(table: np.ndarray):
-    fine = calibration.table_of(PRESET, substep=1e-4)
-    assert np.abs(fine / table - 1.0).max() <= 0.02
+def test_smaller_substep_moves_no_entry_by_more_than_half_a_percent(table: np.ndarray):
+    fine = calibration.table_of(PRESET, parts=10)
+    assert np.abs(fine / table - 1.0).max() <= 0.005
 
 
 def test_integrator_error_is_small():
@@ -57,7 +57,7 @@ def test_integrator_error_is_small():
 
 
 def test_many_candidates_at_once_give_the_same_table(table: np.ndarray):
-    tables, _ = calibration.tables_of([setup_of(decode(points(1)[0])), setup_of(PRESET)], 1e-3)
+    tables, _ = calibration.tables_of([setup_of(decode(points(1)[0])), setup_of(PRESET)])
     np.testing.assert_allclose(tables[1], table, rtol=1e-12)
 
 

@@ -1,4 +1,6 @@
-"""The pose in which the single-clutch tests start, and plain Python faces of the arm's equations."""
+"""What the single-clutch tests have in common, pose and resolution, and plain Python faces of the arm's equations."""
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +13,14 @@ Array = NDArray[np.float64]
 
 POSE = (0.5, 2.0)
 """Angles of the links [rad]: tip in front of the drive, elbow near a right angle."""
+
+RESOLUTION = 1e-3
+"""Longest substep of the single-clutch tests [s]: they record a torque once per substep."""
+
+
+def resolved(machine: Machine, longest: float = RESOLUTION) -> Machine:
+    """Return a machine whose substep is at most as long as a test needs it to be [s]."""
+    return replace(machine, substep=min(machine.substep, longest))
 
 
 def linkage(machine: Machine) -> arm.Linkage:

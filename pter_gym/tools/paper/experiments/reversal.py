@@ -8,21 +8,27 @@ from numpy.typing import NDArray
 
 from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
 from pter_gym.params import BASELINE, BREAKAWAY_SMALL_VOLTAGE, PAPER_MACHINES, Machine
-from pter_gym.tools.paper.experiments.pose import POSE, tip_force
+from pter_gym.tools.paper.experiments.pose import POSE, resolved, tip_force
 
 Array = NDArray[np.float64]
 
 OMEGA = -1.2
 """Angular velocity of link A at the start [rad/s]."""
 
-FORCE_TIME = 0.1
+FORCE_TIME = 0.05
 """When the force steps up [s]."""
 
-DURATION = 0.4
+DURATION = 0.25
 """Duration of a test [s]."""
 
-MARGIN = 2.0
-"""Torque of the tip force about clutch 1, relative to its largest holding torque among the machines."""
+MARGIN = 1.05
+"""Torque of the tip force about clutch 1, relative to its largest holding torque among the machines.
+
+The less it exceeds it, the longer the slip stays in the stick band, where the clutch exerts its breakaway torque.
+"""
+
+RESOLUTION = 1e-4
+"""Longest substep [s]: about a third of the shortest time that the slip spends in the stick band."""
 
 WINDOW = 0.05
 """Time from zero slip [s] within which the jump is looked for."""
@@ -103,7 +109,7 @@ def reversals(machines: Mapping[str, Machine] = PAPER_MACHINES, volts: float | N
 
 
 def _reversal(machine: Machine, volts: float, force: Array) -> Reversal:
-    applied = (volts, 0.0, 0.0, 0.0)
+    machine, applied = resolved(machine, RESOLUTION), (volts, 0.0, 0.0, 0.0)
     steps = round(DURATION / machine.substep)
     forces = np.zeros((steps, 2))
     forces[round(FORCE_TIME / machine.substep) :] = force

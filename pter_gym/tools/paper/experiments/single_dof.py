@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pter_gym._physics.friction import LINES
 from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
 from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE, Machine, find_machine
-from pter_gym.tools.paper.experiments.pose import POSE, slip_rows, tip
+from pter_gym.tools.paper.experiments.pose import POSE, resolved, slip_rows, tip
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class SingleDofTest:
     volts
         Constant voltages of the clutches [V], shape (4,).
     input_torque
-        Ramp [N·m], shape (T,).
+        Ramp in the middle of each substep [N·m], shape (T,).
     share
         Torque that the clutch under test carries per unit of the ramp while nothing moves.
     trajectory
@@ -87,7 +87,7 @@ class SingleDof:
     Attributes
     ----------
     machine
-        On which they were made.
+        On which they were made, with its substep.
     breakaway
         Breakaway torque of the clutch under test [N·m].
     tests
@@ -111,7 +111,7 @@ def single_dof(machine: Machine | str | None = None, breakaway: float = BREAKAWA
     breakaway
         Breakaway torque [N·m] that the small voltage on the clutch under test gives; 63.5 in·lbf in the paper.
     """
-    machine = find_machine(machine)
+    machine = resolved(find_machine(machine))
     return SingleDof(machine, breakaway, tuple(_test(machine, clutch, breakaway) for clutch in LOCKED_WITH))
 
 
@@ -125,7 +125,7 @@ def _test(machine: Machine, clutch: int, breakaway: float) -> SingleDofTest:
     driven = np.zeros(2)
     driven[link] = 1.0
     share = abs(float(np.linalg.solve(engaged.T, driven)[0]))
-    time = machine.substep * np.arange(float(round(LONGEST / machine.substep)))
+    time = machine.substep * (np.arange(float(round(LONGEST / machine.substep))) + 0.5)
     ramp = breakaway / share / BREAKAWAY_TIME * time
     torque = np.zeros((len(ramp), 2))
     torque[:, link] = ramp

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.params import Machine, find_machine
-from pter_gym.tools.paper.experiments.pose import POSE, slip_rows, tip_force
+from pter_gym.tools.paper.experiments.pose import POSE, resolved, slip_rows, tip_force
 
 Array = NDArray[np.float64]
 
@@ -31,11 +31,11 @@ class StepResponse:
     Attributes
     ----------
     machine
-        On which they were made.
+        On which they were made, with its substep.
     volts
         Voltage after the step [V].
     time
-        Since the step [s], shape (T,).
+        From the step to the middle of each substep, where torques act [s], shape (T,).
     torque
         Magnitude of the generated torque [N·m], shape (4, T).
     slipping
@@ -65,7 +65,7 @@ def step_response(machine: Machine | str | None = None, volts: float = VOLTS) ->
     volts
         Voltage after the step [V].
     """
-    machine = find_machine(machine)
+    machine = resolved(find_machine(machine))
     clutch = machine.clutch
     lead = round(LEAD / machine.substep)
     steps = lead + round(TIME_CONSTANTS_SHOWN * clutch.time_constant / machine.substep)
@@ -79,7 +79,7 @@ def step_response(machine: Machine | str | None = None, volts: float = VOLTS) ->
         run = simulate(machine, initial_state(machine, POSE), rows, force)
         torques.append(np.abs(run.torque[:, x]))
         slipping.append(np.abs(run.slip_velocity[:, x]) >= machine.slip_threshold)
-    time = machine.substep * (np.arange(1.0, steps + 1.0) - lead)
+    time = machine.substep * (np.arange(float(steps)) + 0.5 - lead)
     return StepResponse(
         machine=machine,
         volts=volts,

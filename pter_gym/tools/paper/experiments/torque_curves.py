@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.params import PAPER_MACHINES, Machine
-from pter_gym.tools.paper.experiments.pose import POSE
+from pter_gym.tools.paper.experiments.pose import POSE, resolved
 
 Array = NDArray[np.float64]
 
@@ -86,9 +86,10 @@ def _material(machine: Machine, volts: Array, bench: Array) -> MaterialCurves:
 
 def bench_test(machine: Machine, volts: float) -> tuple[float, float]:
     """Return the breakaway and the dynamic torque of clutch 1 [N·m] as a test at a constant voltage [V] finds them."""
+    machine = resolved(machine)
     held = max(machine.clutch.breakaway.torque(volts), machine.clutch.dynamic.torque(volts))
     applied = (volts, machine.clutch.voltage_max, 0.0, 0.0)
-    ramp = held * machine.substep / RAMP_TIME * np.arange(round(1.1 * RAMP_TIME / machine.substep))
+    ramp = held * machine.substep / RAMP_TIME * (np.arange(round(1.1 * RAMP_TIME / machine.substep)) + 0.5)
     torque = np.column_stack([ramp, np.zeros_like(ramp)])
     run = simulate(machine, initial_state(machine, POSE, volts=applied), applied, (0.0, 0.0), torque)
     generated = np.abs(run.torque[:, 0])

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from pter_gym.tools import figures as style
 from pter_gym.tools.figures import label, legend_of, styled
-from pter_gym.tools.paper.experiments.reversal import Reversal, Reversals
+from pter_gym.tools.paper.experiments.reversal import FORCE_TIME, Reversal, Reversals
 from pter_gym.tools.paper.experiments.single_dof import SingleDof, SingleDofTest
 from pter_gym.tools.paper.experiments.step_response import StepResponse
 from pter_gym.tools.paper.experiments.torque_curves import MEASURED_FROM, TorqueCurves
@@ -170,7 +170,8 @@ def reversal_torques(result: Reversals) -> Figure:
             close.set_ylabel("torque / dynamic torque")
     label(whole, "time [s]", "torque of clutch 1 [N·m]")
     style.inch_pounds_right(whole)
-    note = f"clutch 1 at {result.volts:.2f} V; the force at the tip steps to {np.hypot(*result.force):.0f} N at 0.1 s"
+    force = f"the force at the tip steps to {np.hypot(*result.force):.0f} N at {FORCE_TIME:g} s"
+    note = f"clutch 1 at {result.volts:.2f} V; {force}"
     legend_of(figure, whole, note)
     return figure
 

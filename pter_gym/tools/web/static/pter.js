@@ -205,11 +205,11 @@ export class Environment {
     return ["time,along,across", ...rows, ""].join("\n");
   }
 
-  /** Return the part of the clutches' lag that a substep leaves. */
+  /** Return the part of the clutches’ lag that half a substep leaves. */
   #decay(timeConstant) {
     const { kernels, config } = this.#world;
     const substep = config[this.tables.places.config.substep];
-    return timeConstant === null ? this.machine.torque_decay : kernels.decay(substep, timeConstant);
+    return timeConstant === null ? this.machine.torque_decay : kernels.decay(0.5 * substep, timeConstant);
   }
 
   /** Write the force of the pointer at the end of the period to the hand's recording, and return it along the path. */

@@ -1,6 +1,7 @@
 """The objective of the search: how far many candidates at once are from Table I and from the trends."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ def misfit(presets: Sequence[Preset], *, held_out: bool = False) -> Array:
     the trends of Figs. 7, 8 and 10 stay out of it.
     """
     setups = [setup_of(preset) for preset in presets]
-    tables, runs = tables_of(setups, 1e-3)
+    tables, runs = tables_of(setups)
     deviation = np.abs(np.log(tables / TARGET))
     total = np.sqrt((deviation**2).mean(axis=(1, 2)))
     total += WORST * np.maximum(0.0, deviation.max(axis=(1, 2)) - 0.045)
@@ -58,10 +59,10 @@ def misfit(presets: Sequence[Preset], *, held_out: bool = False) -> Array:
     return total
 
 
-def tables_of(setups: Sequence[Setup], substep: float) -> tuple[Array, RunScores]:
-    """Return Table I in the paper's units, (K, 3, 3), of setups with a substep [s], and the runs behind it."""
+def tables_of(setups: Sequence[Setup], parts: int = 1) -> tuple[Array, RunScores]:
+    """Return Table I in the paper's units, (K, 3, 3), of setups, and the runs behind it, with substeps in parts."""
     cases = [
-        Case(at(machine, tau, substep), setup)
+        Case(replace(at(machine, tau), substep=machine.substep / parts), setup)
         for setup in setups
         for machine in setup.machines.values()
         for tau in TIME_CONSTANTS
@@ -74,7 +75,7 @@ def tables_of(setups: Sequence[Setup], substep: float) -> tuple[Array, RunScores
 
 def _refinement(setups: Sequence[Setup], tables: Array) -> Array:
     """Return the penalty for a Table I that half a substep changes: chaotic sets do."""
-    change = np.abs(np.log(tables_of(setups, 5e-4)[0] / tables))
+    change = np.abs(np.log(tables_of(setups, parts=2)[0] / tables))
     return np.sqrt((change**2).mean(axis=(1, 2))) + 0.3 * change.max(axis=(1, 2))
 
 

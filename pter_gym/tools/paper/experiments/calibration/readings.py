@@ -33,6 +33,9 @@ Array = NDArray[np.float64]
 
 DelrinRule = Literal["coefficients", "static"]
 
+SUBSTEP = 1e-3
+"""Substep of the machines [s]: the usual one is too long for some arms of the search space."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
@@ -104,7 +107,10 @@ def setup_of(preset: Preset, reading: Reading | None = None) -> Setup:
         with_friction(present, MU_STATIC_DELRIN / MU_STATIC_PRESENT, MU_DYNAMIC_DELRIN / mu_dynamic),
     )
     return Setup(
-        machines={name: Machine(arm=arm, clutch=clutch) for name, clutch in zip(PAPER_TABLE, clutches, strict=True)},
+        machines={
+            name: Machine(arm=arm, clutch=clutch, substep=SUBSTEP)
+            for name, clutch in zip(PAPER_TABLE, clutches, strict=True)
+        },
         task=PathFollowing(
             path=Line(**{name: getattr(preset.path, name) for name in PathValues.__dataclass_fields__}),
             hand=eq5(preset.hand.force_max, preset.hand.push),
@@ -119,13 +125,13 @@ def setup_of(preset: Preset, reading: Reading | None = None) -> Setup:
     )
 
 
-def table_of(preset: Preset, reading: Reading | None = None, substep: float = 1e-3) -> Array:
-    """Return Table I in inches, in/s and in/s², shape (3, 3), of a preset under a reading."""
+def table_of(preset: Preset, reading: Reading | None = None, parts: int = 1) -> Array:
+    """Return Table I in inches, in/s and in/s², shape (3, 3), of a preset under a reading, with substeps in parts."""
     reading = Reading() if reading is None else reading
     setup = setup_of(preset, reading)
     rows: list[Array] = []
     for machine in setup.machines.values():
-        runs = standard_runs(setup, replace(machine, substep=substep), 0.0, TIME_CONSTANTS)
+        runs = standard_runs(setup, replace(machine, substep=machine.substep / parts), 0.0, TIME_CONSTANTS)
         rows.append(np.mean([_entries(run, setup, reading) for run in runs], axis=0))
     return np.array(rows)
 

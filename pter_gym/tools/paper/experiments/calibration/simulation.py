@@ -88,6 +88,6 @@ def own_impedance(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     return guide(obs, scales, gains[first : first + count], memory)
 
 
-def at(machine: Machine, time_constant: float, substep: float = 1e-3) -> Machine:
-    """Return a machine with another time constant and substep [s]."""
-    return replace(machine, clutch=replace(machine.clutch, time_constant=time_constant), substep=substep)
+def at(machine: Machine, time_constant: float) -> Machine:
+    """Return a machine with another time constant [s]."""
+    return replace(machine, clutch=replace(machine.clutch, time_constant=time_constant))
