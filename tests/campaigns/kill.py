@@ -103,7 +103,7 @@ def fork(work: Callable[[], int]) -> Process:
 def await_end(process: Process) -> End:
     """Wait until a process has ended; one that hangs is killed, and said so."""
     text, until = b"", time.monotonic() + PATIENCE
-    while select.select([process.printed], [], [], max(until - time.monotonic(), 0.0))[0]:
+    while (left := until - time.monotonic()) > 0.0 and select.select([process.printed], [], [], left)[0]:
         part = os.read(process.printed, 1 << 16)
         text += part
         if not part:

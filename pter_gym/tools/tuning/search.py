@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
+from filelock import FileLock
+
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, check_target, find_path
 from pter_gym.benchmark._examination import Assessment, Examination
@@ -246,20 +248,17 @@ def open_journal(path: Path) -> Any:
     A last line that was not written to its end, as on a full disk, is cut off: Optuna would read nothing behind it.
     """
     from optuna.storages import JournalStorage
-    from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
+    from optuna.storages.journal import JournalFileBackend
 
-    lock = JournalFileOpenLock(str(path.resolve()))
+    lock: Any = FileLock(path.with_name(f".{path.name}.lock"))  # Optuna's own is never free again if a rename fails
     backend = JournalFileBackend(str(path.resolve()), lock)
-    lock.acquire()
-    try:
+    with lock:
         content = path.read_bytes()
         whole = content.rfind(b"\n") + 1
         half = content[whole:]
         if half[: len(JOURNAL_LINE)] != JOURNAL_LINE[: len(half)]:
             raise ValueError("its last line is not one of a journal")
         os.truncate(path, whole)
-    finally:
-        lock.release()
     return JournalStorage(backend)
 
 
