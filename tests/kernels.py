@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,6 @@ from pter_gym.controllers._predictive import Privileged, Settings
 from pter_gym.params import BASELINE, TIME_CONSTANT
 from pter_gym.params._preset import PRESET
 from pter_gym.tasks.path_following import PathFollowing
-from pter_gym.tools.identification.shooting import make_inputs, predict
-from pter_gym.tools.paper.experiments.calibration import Case, at, run_cases, setup_of
 
 ROOT = Path(__file__).parents[1]
 
@@ -31,7 +30,10 @@ def main(part: str) -> None:
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
         plans = Privileged(Free(), Settings(samples=8, rounds=1, elite=1, horizon=10))
         record_episode(plans, BASELINE, PathFollowing(), 0, 1)
-        run_cases([Case(at(BASELINE, TIME_CONSTANT), setup_of(PRESET))])
+        if find_spec("pter_gym.tools.paper"):
+            from pter_gym.tools.paper.experiments.calibration import Case, at, run_cases, setup_of
+
+            run_cases([Case(at(BASELINE, TIME_CONSTANT), setup_of(PRESET))])
         run_extending()  # after the others: laws share what they have compiled
         compile_law()
     else:
@@ -39,8 +41,11 @@ def main(part: str) -> None:
         policy(obs)
         start = open_loop.initial_state(BASELINE, (0.5, 2.0))
         open_loop.simulate(BASELINE, start, np.zeros(4), np.zeros(2), duration=BASELINE.substep)
-        inputs = make_inputs(1e-3, np.zeros((3, 4)), np.zeros((3, 2)))
-        predict(BASELINE, inputs, 0.0, np.array([[0.5, 2.0, 0.0, 0.0]]), 2)
+        if find_spec("pter_gym.tools.identification"):
+            from pter_gym.tools.identification.shooting import make_inputs, predict
+
+            inputs = make_inputs(1e-3, np.zeros((3, 4)), np.zeros((3, 2)))
+            predict(BASELINE, inputs, 0.0, np.array([[0.5, 2.0, 0.0, 0.0]]), 2)
 
 
 def compile_all() -> None:

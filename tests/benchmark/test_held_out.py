@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,8 @@ damping_for_pace(Impedance(), 0.5, "everything", draws=2)
 """,
 }
 
+if not find_spec("pter_gym.tools.datasets"):
+    del DOORS["recorded episodes"]
 
 EPISODES = """
 from pter_gym.benchmark.episodes import load_episodes

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,6 @@ from pter_gym.paths import read_path
 from pter_gym.policies import SHIPPED, exported_policies, read_policy, shipped_policies
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import PathFollowing, observation_layout
-from pter_gym.tools.tuning import add_gains
 
 LAYOUT = observation_layout(BASELINE, "torque")
 
@@ -155,11 +155,14 @@ TAKERS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "read_run": ("path", read_run),
     "load_episodes": ("folder", lambda path: load_episodes("standard", "slow", folder=path)),
     "find_tuned": ("path", lambda path: find_tuned("impedance-tuned", path=path)),
-    "add_gains": ("path", lambda path: add_gains(None, path)),  # type: ignore[arg-type]
     "shipped_policies": ("folder", shipped_policies),
     "read_policy": ("name", read_policy),
     "make_folder": ("out", make_folder),
 }
+if find_spec("pter_gym.tools.tuning"):
+    from pter_gym.tools.tuning import add_gains
+
+    TAKERS["add_gains"] = ("path", lambda path: add_gains(None, path))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("taker", TAKERS)

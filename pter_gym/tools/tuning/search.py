@@ -209,7 +209,7 @@ def _open(storage: Path, name: str, seeds: Sequence[int]) -> list[Any]:
         import optuna
     except ImportError:
         raise needs_extra("pter tune", "tune") from None
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    optuna.logging.set_verbosity(optuna.logging.ERROR)  # a failed trial's traceback is told as one line
     try:
         journal = open_journal(storage)
         studies = [

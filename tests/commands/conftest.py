@@ -1,0 +1,16 @@
+"""Cases of commands that belong to a tool that is not here are skipped."""
+
+from importlib.metadata import entry_points
+
+import pytest
+
+from pter_gym._commands.main import commands
+
+
+@pytest.fixture(autouse=True)
+def _offered(request: pytest.FixtureRequest) -> None:
+    lost = {entry.name for entry in entry_points(group="pter.commands")} - set(commands())
+    case = getattr(request.node, "callspec", None)
+    for value in case.params.values() if case else ():
+        if isinstance(value, str) and value.split()[:1] and value.split()[0] in lost:
+            pytest.skip(f"{value.split()[0]} is not here")
