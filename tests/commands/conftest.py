@@ -12,5 +12,5 @@ def _offered(request: pytest.FixtureRequest) -> None:
     lost = {entry.name for entry in entry_points(group="pter.commands")} - set(commands())
     case = getattr(request.node, "callspec", None)
     for value in case.params.values() if case else ():
-        if isinstance(value, str) and value.split()[:1] and value.split()[0] in lost:
-            pytest.skip(f"{value.split()[0]} is not here")
+        if isinstance(value, str) and (command := value.partition(" ")[0]) in lost:
+            pytest.skip(f"{command} is not here")

@@ -113,9 +113,9 @@ def test_all_that_scenarios_draw_is_far_from_the_limits(name: str) -> None:
     for machine, task in SCENARIOS[name].randomisation(contexts=64).pairs():
         arm = model_of(held_machine(task, machine)).arm
         force = strongest(task, machine)
-        assert force < 0.9 * largest_force(arm, machine.substep, task.control_period)
+        assert force < 0.5 * largest_force(arm, machine.substep, task.control_period)
         assert condition(arm, machine.substep) < 10.0
-        assert largest_energy(arm, machine.substep, task.control_period, force) > 20.0
+        assert largest_energy(arm, machine.substep, task.control_period, force) > 100.0
 
 
 @pytest.mark.parametrize("machine", MACHINES.values(), ids=MACHINES)

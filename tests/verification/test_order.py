@@ -115,8 +115,8 @@ GATED = {"equal torques", "breakaway above dynamic"}
     "name", [pytest.param(name, marks=pytest.mark.slow if name in GATED else pytest.mark.long) for name in MACHINES]
 )
 def test_the_error_falls_with_the_step_and_is_small(name):
-    for error in means(name).values():
-        assert order(error) >= 0.7
+    for mean, error in means(name).items():
+        assert order(error) >= {"geometric": 0.8, "rms": 0.7}[mean]
         assert np.all(error[2:] <= error[:-2] / 2.0**0.5), "a plateau"
     assert means(name)["rms"][1] <= EULER[name] / 4.0
     assert_most_scenarios_count_and_switch_modes(name)

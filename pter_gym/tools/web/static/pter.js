@@ -205,7 +205,7 @@ export class Environment {
     return ["time,along,across", ...rows, ""].join("\n");
   }
 
-  /** Return the part of the clutches’ lag that half a substep leaves. */
+  /** Return the part of the clutches' lag that half a substep leaves. */
   #decay(timeConstant) {
     const { kernels, config } = this.#world;
     const substep = config[this.tables.places.config.substep];
