@@ -1,6 +1,5 @@
 """From a Machine to the record of constants that the kernels read."""
 
-import math
 from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.records import Entry
@@ -8,6 +7,7 @@ from pter_gym._physics.arm import Linkage
 from pter_gym._physics.clutch import Curve, PerClutch, lag_left
 from pter_gym.params import Machine
 from pter_gym.params import TorqueCurve as CurveParameters
+from pter_gym.params._machine import tip_mass
 
 
 class Model(NamedTuple):
@@ -57,10 +57,8 @@ def implicit_share(machine: Machine) -> float:
     Half of it, for second order, or more where a substep takes so much of the motion that its sign would alternate:
     the share before a kick takes at most all of it.
     """
-    arm = machine.arm
-    smallest = 0.5 * (arm.inertia_a + arm.inertia_b) - math.hypot(0.5 * (arm.inertia_a - arm.inertia_b), arm.coupling)
-    taken = machine.substep * machine.hand.damping * (arm.length_a**2 + arm.length_b**2)
-    return 1.0 - min(0.5, smallest / taken) if taken > 0.0 else 0.5
+    taken = machine.substep * machine.hand.damping
+    return 1.0 - min(0.5, tip_mass(machine.arm) / taken) if taken > 0.0 else 0.5
 
 
 def curve_of(curve: CurveParameters) -> Curve:
