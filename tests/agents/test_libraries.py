@@ -33,14 +33,11 @@ NEEDS = {
 }
 TINY: dict[str, dict[str, Any]] = {name: {"steps": 512, "worlds": 8, "horizon": 32} for name in NEEDS}
 TINY |= {"sb3": {"steps": 512, "worlds": 2}, "zoo": {"steps": 64}}
-MINUTE: dict[str, tuple[str, dict[str, Any]]] = {
-    "rsl-rl": ("rsl_rl_ppo", {}),
-    "skrl": ("skrl_ppo", {}),
-    "torchrl": ("torchrl_ppo", {}),
-    **{f"sb3-{name}-native": ("sb3", {"algorithm": name}) for name in ("ppo", "sac", "tqc")},
-    **{f"sb3-{name}-make_vec_env": ("sb3", {"algorithm": name, "door": "make_vec_env"}) for name in ("ppo", "tqc")},
-    **{f"zoo-{name}": ("zoo", {"algorithm": name}) for name in ("ppo", "sac", "tqc")},
+LEARNERS: dict[str, tuple[str, dict[str, Any]]] = {
+    **{name: (f"{name}_ppo", {}) for name in ("rsl_rl", "skrl", "torchrl")},
+    **{name: ("sb3", {"algorithm": name}) for name in ("ppo", "sac", "tqc")},
 }
+SEEDS = 3
 
 
 def train(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, **options: Any) -> Any:
@@ -59,13 +56,27 @@ def test_a_script_trains(script: str, tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", MINUTE)
-def test_a_minute_is_enough_to_arrive(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    script, options = MINUTE[name]
-    verdicts = examine({name: train(script, tmp_path, monkeypatch, **options)})
-    assert next(iter(verdicts)) == name, verdicts
-    assert verdicts[name].completed > 0.9
-    assert verdicts[name].mean_pace_error < 0.5
+@pytest.mark.parametrize("name", LEARNERS)
+def test_a_minute_teaches_most_seeds(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script, options = LEARNERS[name]
+    trained = {f"{name} {seed}": train(script, tmp_path, monkeypatch, **options, seed=seed) for seed in range(SEEDS)}
+    verdicts = examine(trained)
+    known = min(verdicts[other].path_error_m for other in ("free", "random"))
+    assert np.median([verdicts[each].path_error_m for each in trained]) < 0.5 * known, verdicts
+    assert np.median([verdicts[each].completed for each in trained]) > 0.9, verdicts
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("algorithm", ["ppo", "sac", "tqc"])
+def test_all_interfaces_of_stable_baselines_train_alike(
+    algorithm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = {"algorithm": algorithm, "steps": 8192}
+    trained = {door: train("sb3", tmp_path, monkeypatch, **options, door=door) for door in ("native", "make_vec_env")}
+    trained["zoo"] = train("zoo", tmp_path, monkeypatch, **options)
+    verdicts = examine(trained, episodes=8)
+    assert verdicts["native"] == verdicts["make_vec_env"] == verdicts["zoo"]
+    assert verdicts["native"] not in [verdicts[other] for other in ("free", "locked", "random")]
 
 
 def test_tensors_share_the_memory_of_the_arrays_and_keep_what_they_hold() -> None:

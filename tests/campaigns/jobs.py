@@ -35,12 +35,12 @@ class Job(NamedTuple):
 
 
 def digests(folder: Path, pattern: str = "**/*") -> Digests:
-    """SHA-256 of the files in a folder by name, without hidden ones and logs."""
-    found = sorted(path for path in folder.glob(pattern) if path.is_file())
+    """SHA-256 of the files in a folder by name, without logs and what is hidden."""
+    found = sorted(path.relative_to(folder) for path in folder.glob(pattern) if path.is_file())
     return {
-        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        str(path): hashlib.sha256((folder / path).read_bytes()).hexdigest()
         for path in found
-        if not path.name.startswith((".", "progress", "events"))
+        if not path.name.startswith(("progress", "events")) and not any(part.startswith(".") for part in path.parts)
     }
 
 

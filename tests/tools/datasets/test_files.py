@@ -93,10 +93,17 @@ def test_the_page_loads_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     run_program(blocks_of(DATA), str(DATA))
 
 
+@pytest.mark.parametrize("killed", [False, True])
 def test_a_full_disk_leaves_the_data_of_before(
-    folder: Path, episodes: list[Episode], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    killed: bool, folder: Path, episodes: list[Episode], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Also where an earlier process was killed when it had moved them away."""
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    if killed:
+        (data,) = tmp_path.rglob("random-v0")
+        aside = data.with_name(".random-v0")
+        aside.mkdir()
+        data.rename(aside / "old")
 
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")
