@@ -13,6 +13,7 @@ from pter_gym._engine.recording import record_reset, record_step, tip_accelerati
 from pter_gym._engine.sensing import (
     observe_reading,
     observe_world,
+    scale_entries,
     see,
     situated,
     take_reading,
@@ -195,12 +196,13 @@ def conclude_step(
             if plans(w, i):
                 plan_hand(w, i, constants, period, config[CONFIG.substeps])
     for i in range(width):
-        observe_world(w, i, config)
+        observe_world(w, i)
     if with_extras:
         for i in range(lanes):
             if w[ROW.task.sensing.is_ideal, i] == 0.0:
                 take_reading(w, i, words[first + i, 0], words[first + i, 1])
-                observe_reading(w, i, config, constants)
+                observe_reading(w, i, constants)
+    scale_entries(w, 0, width, config)
 
 
 @device

@@ -1,8 +1,9 @@
 """The block kernel: whole control steps of many worlds on a CPU.
 
-Worlds are stored in blocks of up to 64 lanes, (blocks, rows, lanes). A block is copied into one scratch array, whose
-innermost loops over lanes are vectorised, and back. Worlds that share constants read them from one place. Lanes without
-a world start at zero, with the constants of another one, and run along; nothing reads them.
+Worlds are stored in blocks of up to ``LANES``, (blocks, rows, lanes). A block is copied into one scratch array, whose
+innermost loops over lanes are vectorised, and back; the next one is fetched from memory meanwhile. Worlds that share
+constants read them from one place. Lanes without a world start at zero, with the constants of another one, and run
+along; nothing reads them.
 """
 
 from functools import cache
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pter_gym._compiled.compiler import compile_kernel, device, inlined
+from pter_gym._compiled.prefetch import LINE, prefetch
 from pter_gym._compiled.records import store
 from pter_gym._engine.episode import (
     conclude_step,
@@ -144,11 +146,15 @@ def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high:
 
 @device
 def _close(w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: int) -> None:
-    """End a control step of a block, and write back the worlds that ended."""
+    """End a control step of a block, write back the worlds that ended, and begin to fetch the next block."""
     width = worlds.shape[2]
     begin = b * width
     conclude_step(w, width, lanes, a.words, begin, a.config, a.constants, worlds.shape[1] > BASIC_ROWS)
+    rows = worlds.shape[1] if b + 1 < worlds.shape[0] else 0
     for i in range(lanes):
+        for row in range(i, rows, lanes):
+            for lane in range(0, width, LINE):
+                prefetch(worlds, b + 1, row, lane)
         end_step(w, i, begin + i, a, t, ended)
         if has_begun(w, i) and w[ROW.alive, i] == 0.0:
             put_back(w, i, worlds, begin + i)

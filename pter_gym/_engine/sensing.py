@@ -82,8 +82,8 @@ def quantised(value: float, resolution: float) -> float:
 
 
 @device
-def observe_world(w: Any, i: int, config: Any) -> None:
-    """Find the present observation as ideal sensors see it."""
+def observe_world(w: Any, i: int) -> None:
+    """Find the present observation as ideal sensors see it, in SI units."""
     seen = observation(
         load(w, ROW.motion, i),
         situated(w, i),
@@ -94,12 +94,11 @@ def observe_world(w: Any, i: int, config: Any) -> None:
         hand_force(w, i),
     )
     store(w, ROW.seen, i, seen)
-    scale_entries(w, i, config)
 
 
 @outlined
-def observe_reading(w: Any, i: int, config: Any, constants: Any) -> None:
-    """Find the present observation from what the sensors read, now or earlier."""
+def observe_reading(w: Any, i: int, constants: Any) -> None:
+    """Find the present observation from what the sensors read, now or earlier, in SI units."""
     reading = load(w, ROW.readings[int(w[ROW.task.sensing.delay, i])], i)
     link_a = unit_vector(reading.theta.a)
     link_b = unit_vector(reading.theta.b)
@@ -128,14 +127,15 @@ def observe_reading(w: Any, i: int, config: Any, constants: Any) -> None:
         reading.force,
     )
     store(w, ROW.seen, i, seen)
-    scale_entries(w, i, config)
 
 
 @device
-def scale_entries(w: Any, i: int, config: Any) -> None:
-    """Bring the entries of an observation from their units to their scales, within ±BOUND."""
+def scale_entries(w: Any, first: int, last: int, config: Any) -> None:
+    """Bring the observations in columns ``first`` … ``last`` − 1 from SI units to their scales, within ±BOUND."""
     for k in range(ENTRIES):
-        w[_FIRST_SEEN + k, i] = between(w[_FIRST_SEEN + k, i] * config[_FIRST_INVERSE_SCALE + k], -BOUND, BOUND)
+        inverse_scale = config[_FIRST_INVERSE_SCALE + k]
+        for i in range(first, last):
+            w[_FIRST_SEEN + k, i] = between(w[_FIRST_SEEN + k, i] * inverse_scale, -BOUND, BOUND)
 
 
 @device
@@ -154,6 +154,7 @@ def write_observation(w: Any, i: int, obs: Any, world: int, config: Any, constan
 def see(w: Any, i: int, config: Any, constants: Any) -> None:
     """Find the present observation of a world with any sensors."""
     if w[ROW.task.sensing.is_ideal, i] != 0.0:
-        observe_world(w, i, config)
+        observe_world(w, i)
     else:
-        observe_reading(w, i, config, constants)
+        observe_reading(w, i, constants)
+    scale_entries(w, i, i + 1, config)

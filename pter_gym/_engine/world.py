@@ -123,7 +123,7 @@ COMMAND_ROWS = int(ROW.drift - ROW.last_command.x1)
 FLAG = rows(Flags)
 FLAGS = width(Flags)
 
-LANES = 64
+LANES = 32
 """Largest number of worlds in a block."""
 
 REFUSE, SKIP, NEXT_STEP, SAME_STEP = range(4)
