@@ -1,4 +1,4 @@
-"""Figures of the pages: error against pace, one episode under several laws, the measured tremors."""
+"""Figures of the pages: error against pace, one episode under several laws, tremors."""
 
 from collections.abc import Mapping, Sequence
 from itertools import cycle
@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from pter_gym.benchmark._measures import column, four, vector
-from pter_gym.hands import MeasuredTremor, TremorArm
+from pter_gym.hands import LibraryTremor, TremorArm
 from pter_gym.params import Arm
 from pter_gym.paths import Path
 from pter_gym.scenarios import PACES
@@ -169,8 +169,8 @@ def _draw_clutches(panels: Sequence[Axes], telemetry: Array, voltage_max: float)
 
 
 @styled
-def force_and_spectrum(hands: Mapping[str, TremorArm], measured: Mapping[str, MeasuredTremor]) -> Figure:
-    """Return the force of tremors over time, and its spectrum with the band that was measured."""
+def force_and_spectrum(hands: Mapping[str, TremorArm], measured: Mapping[str, LibraryTremor]) -> Figure:
+    """Return the force of tremors over time, and its spectrum with the band of its entry."""
     figure = Figure(figsize=(WIDTH, 1.45 * len(hands)))
     panels = figure.subplots(len(hands), 2, sharex="col", squeeze=False)
     times = np.arange(0.0, 20.0, 0.001)

@@ -9,7 +9,7 @@ from contextlib import redirect_stdout, suppress
 from dataclasses import fields
 from importlib import import_module
 from io import StringIO
-from typing import Any
+from typing import Any, get_args
 
 import pictures
 from declared import code, fields_table
@@ -19,7 +19,8 @@ from pter_gym._commands.main import commands as find_commands
 from pter_gym._commands.main import main as run_command
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.envs._single import PathFollowingEnv
-from pter_gym.hands import MEASURED_ARMS, MEASURED_TREMORS
+from pter_gym.hands import LIBRARY_ARMS, LIBRARY_TREMORS
+from pter_gym.hands._library import Grade
 from pter_gym.params import Hand
 from pter_gym.params._preset import PRESET, SECTIONS
 from pter_gym.policies import read_policy, shipped_policies
@@ -168,7 +169,7 @@ def preset(section: str) -> str:
 
 @made
 def arms() -> str:
-    """The measured arms: their symmetric matrices, what they are to the simulator, and where they come from."""
+    """The library's arms by grade: their symmetric matrices and where they come from."""
 
     def matrix(given: Any) -> str:
         (a, b), (_, d) = given
@@ -176,32 +177,32 @@ def arms() -> str:
 
     rows = (
         [
+            arm.grade,
             code(arm.name),
             *map(matrix, (arm.mass, arm.damping, arm.stiffness)),
             arm.axes,
             arm.posture,
-            arm.grade,
             f"{arm.source}: {arm.provenance}",
         ]
-        for arm in MEASURED_ARMS.values()
+        for arm in sorted(LIBRARY_ARMS.values(), key=lambda arm: get_args(Grade).index(arm.grade))
     )
-    header = ["Name", "Mass [kg]", "Damping [N·s/m]", "Stiffness [N/m]", "Axes", "The person", "Grade", "Where from"]
+    header = ["Grade", "Name", "Mass [kg]", "Damping [N·s/m]", "Stiffness [N/m]", "Axes", "The person", "Where from"]
     return text_table(header, rows)
 
 
 @made
 def tremors() -> str:
-    """The measured tremors: bands, amplitudes, and where they come from."""
+    """The library's tremors: bands, amplitudes, and where they come from."""
     rows = (
         [
+            each.grade,
             code(each.name),
             *(" … ".join(f"{end:.2g}" for end in ends) for ends in (each.band, each.acceleration)),
-            each.grade,
             f"{each.source}: {each.provenance}",
         ]
-        for each in MEASURED_TREMORS.values()
+        for each in LIBRARY_TREMORS.values()
     )
-    return text_table(["Name", "Band [Hz]", "Acceleration [m/s²]", "Grade", "Where from"], rows)
+    return text_table(["Grade", "Name", "Band [Hz]", "Acceleration [m/s²]", "Where from"], rows)
 
 
 @made

@@ -143,14 +143,14 @@ def classical_clutches() -> None:
 
 
 def tremors() -> None:
-    """Draw force and spectrum of the measured tremors."""
+    """Draw force and spectrum of the library's tremors."""
     import figures
 
-    from pter_gym.hands import MEASURED_TREMORS, find_hand
+    from pter_gym.hands import LIBRARY_TREMORS, find_hand
     from pter_gym.tools.pictures.plots import save
 
-    hands = {name: find_hand(name) for name in MEASURED_TREMORS}
-    save(figures.force_and_spectrum(hands, MEASURED_TREMORS), IMAGES / "tremors.png")
+    hands = {name: find_hand(name) for name in LIBRARY_TREMORS}
+    save(figures.force_and_spectrum(hands, LIBRARY_TREMORS), IMAGES / "tremors.png")
 
 
 def identified() -> None:

@@ -110,14 +110,14 @@ def stored_strata(scenario: str, *, folder: FilePath = FOLDER) -> tuple[str, tup
     return stored.checksum, stored.strata
 
 
-def find_episodes(scenario: str, pace: str, fresh: int | None = None, *, folder: FilePath = FOLDER) -> Episodes:
+def find_episodes(scenario: str, pace: str, fresh: int | None = None) -> Episodes:
     """Return the stored evaluation episodes of a scenario at a pace, or the fresh ones of a seed within [0, 2⁶⁴).
 
     Fresh ones are as many as the stored ones, with the same strata at the same places; each pace has draws of its own.
     Raises as ``load_episodes``, and a ParameterError if the seed is out of range.
     """
     if fresh is None:
-        return load_episodes(scenario, pace, folder=folder)
+        return load_episodes(scenario, pace)
     speed = find_pace(pace)
     find_scenario(scenario)
     return _draw(scenario, check_fresh(fresh), pace).at_pace(speed)

@@ -1,4 +1,4 @@
-"""The hand that holds the tip: kinds of hands, measured ones, and what the kernels know of them."""
+"""The hand that holds the tip: kinds of hands, a library of them, and what the kernels know of them."""
 
 from pter_gym.hands._kinds import (
     EQ5_FREQUENCIES,
@@ -14,15 +14,15 @@ from pter_gym.hands._kinds import (
     eq5,
     read_forces,
 )
-from pter_gym.hands._library import MEASURED_ARMS, MEASURED_TREMORS, MeasuredArm, MeasuredTremor
+from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS, LibraryArm, LibraryTremor
 from pter_gym.hands._model import SINES, HandModel
 from pter_gym.hands._tremor import EssentialTremor, ParkinsonianTremor, PhysiologicalTremor, TremorArm, find_hand
 
 __all__ = [
     "EQ5_FREQUENCIES",
     "HUMAN_ARMS",
-    "MEASURED_ARMS",
-    "MEASURED_TREMORS",
+    "LIBRARY_ARMS",
+    "LIBRARY_TREMORS",
     "NORMAL",
     "NO_HAND",
     "RELAXED",
@@ -31,8 +31,8 @@ __all__ = [
     "EssentialTremor",
     "HandModel",
     "HumanArm",
-    "MeasuredArm",
-    "MeasuredTremor",
+    "LibraryArm",
+    "LibraryTremor",
     "MultiSineHand",
     "Operator",
     "ParkinsonianTremor",

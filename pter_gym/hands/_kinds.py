@@ -104,7 +104,7 @@ def eq5(force_max: float, push: float) -> MultiSineHand:
 
 
 RELAXED = Hand(mass=0.6, damping=6.0, stiffness=120.0)
-"""A relaxed human arm at the hand. The three presets lie in the ranges of the studies that ``HumanArm`` names."""
+"""A relaxed human arm at the hand. The three presets lie in the ranges that ``HumanArm`` states."""
 
 NORMAL = Hand(mass=1.2, damping=14.0, stiffness=300.0)
 """A human arm as one holds it in a task of some accuracy."""
@@ -125,12 +125,13 @@ class HumanArm(Operator):
     a passive arm can only slow a hand down. It never leads the tip by more than ``lead``. Sines across the path are the
     person's error and tremor.
 
-    Mass, damping and stiffness of human arms at the hand: 0.55 to 2 kg, 5 to 30 N·s/m, 100 to 600 N/m in the
-    measurements of Mussa-Ivaldi, Hogan and Bizzi (J. Neurosci. 5, 1985), Dolan, Friedman and Nagurka (IEEE Trans. SMC
-    23, 1993) and Tsuji, Morasso, Goto and Ito (Biol. Cybern. 72, 1995), taken as the same in all directions here.
+    Human arms have 0.55 to 2 kg, 5 to 30 N·s/m and 100 to 600 N/m at the hand, in order of magnitude, taken as the
+    same in all directions here. These ranges were not read from the studies that measure such arms: Mussa-Ivaldi, Hogan
+    and Bizzi (J. Neurosci. 5, 1985), Dolan, Friedman and Nagurka (IEEE Trans. SMC 23, 1993), Tsuji, Morasso, Goto and
+    Ito (Biol. Cybern. 72, 1995).
     """
 
-    impedance: Hand = quantity("1", "chosen: within the published ranges", default=NORMAL)
+    impedance: Hand = quantity("1", "chosen: within the order of magnitude of human arms", default=NORMAL)
     eagerness: float = quantity("1", "chosen: intended over commanded pace", default=1.4)
     rise: float = quantity("s", "chosen: time in which the intent gathers speed", default=0.3)
     lead: float = quantity("m", "chosen: how far the intent may run ahead of the tip", default=0.12)

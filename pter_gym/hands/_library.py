@@ -1,4 +1,4 @@
-"""Hands as they were measured: arms and tremors, from ``presets/hands.toml`` with its sources."""
+"""A library of human arms and tremors, from ``presets/hands.toml`` with its sources."""
 
 import math
 import tomllib
@@ -14,11 +14,12 @@ from pter_gym.params import Hand, require
 Matrix = tuple[tuple[float, float], tuple[float, float]]
 """A symmetric matrix in the plane."""
 
-Grade = Literal["read", "derived", "order of magnitude"]
+Grade = Literal["measured", "derived", "order of magnitude"]
+"""Read where the numbers are printed, computed from such or commonly cited ones, or chosen."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeasuredArm:
+class LibraryArm:
     """Mass, damper and spring of a human arm at the hand, in the horizontal plane.
 
     Attributes
@@ -33,7 +34,7 @@ class MeasuredArm:
     grade, provenance
         Where the numbers come from.
     source
-        Who measured, where it is published, and the DOI where it was seen.
+        The study that the numbers come from, or that suggested them, and the DOI where it was seen.
     """
 
     name: str
@@ -60,7 +61,7 @@ class MeasuredArm:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeasuredTremor:
+class LibraryTremor:
     """A tremor of the free hand.
 
     Attributes
@@ -72,7 +73,7 @@ class MeasuredTremor:
     grade, provenance
         Where the numbers come from.
     source
-        Who measured, where it is published, and the DOI where it was seen.
+        The study that the numbers come from, or that suggested them, and the DOI where it was seen.
     """
 
     name: str
@@ -111,8 +112,8 @@ def _entries(kind: type[Any], tables: Mapping[str, Mapping[str, Any]]) -> Mappin
 
 _LIBRARY = tomllib.loads((Path(__file__).parents[1] / "presets" / "hands.toml").read_text("utf-8"))
 
-MEASURED_ARMS: Mapping[str, MeasuredArm] = _entries(MeasuredArm, _LIBRARY["arms"])
-"""Measured arms by name."""
+LIBRARY_ARMS: Mapping[str, LibraryArm] = _entries(LibraryArm, _LIBRARY["arms"])
+"""Human arms by name."""
 
-MEASURED_TREMORS: Mapping[str, MeasuredTremor] = _entries(MeasuredTremor, _LIBRARY["tremors"])
-"""Measured tremors by name."""
+LIBRARY_TREMORS: Mapping[str, LibraryTremor] = _entries(LibraryTremor, _LIBRARY["tremors"])
+"""Tremors by name."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pter_gym.errors import unknown_name
 from pter_gym.hands._kinds import EQ5_FREQUENCIES, MOST_INSTANTS, HumanArm
-from pter_gym.hands._library import MEASURED_ARMS, MEASURED_TREMORS
+from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.hands._model import HandModel
 from pter_gym.params import quantity, require, require_number
 
@@ -23,7 +23,7 @@ ERROR = tuple(3.0 if frequency < 3.0 else 0.0 for frequency in EQ5_FREQUENCIES)
 class TremorArm(HumanArm):
     """A human arm that trembles: a force beside what the person means to do.
 
-    Modelling choice. What is measured is the acceleration a of the free hand. That hand is taken as the arm's mass,
+    Modelling choice. Sources give the acceleration a of the free hand. That hand is taken as the arm's mass,
     damper and spring, driven by a force of the tremor's own, so with ω = 2π·frequency its amplitude is ::
 
         force = a·|k − mω² + ibω| / ω²
@@ -41,8 +41,8 @@ class TremorArm(HumanArm):
     """
 
     amplitudes: tuple[float, ...] = quantity("N", "chosen: the person's error, below all tremor", default=ERROR)
-    frequency: float = quantity("Hz", "measured: see MEASURED_TREMORS")
-    acceleration: float = quantity("m/s²", "measured: amplitude of the free hand, see MEASURED_TREMORS")
+    frequency: float = quantity("Hz", "see LIBRARY_TREMORS")
+    acceleration: float = quantity("m/s²", "amplitude of the free hand: see LIBRARY_TREMORS")
     direction: float = quantity("rad", "chosen: from the path, positive to the left", default=0.5 * math.pi)
     phase: float = quantity("rad", "chosen", default=0.0)
     swell: float = quantity("1", "chosen: how much the amplitude waxes and wanes", default=0.3)
@@ -99,20 +99,20 @@ class TremorArm(HumanArm):
 
 
 def _frequency(name: str) -> Any:
-    """Declare the frequency of a measured tremor."""
-    middle, _ = MEASURED_TREMORS[name].middle
-    return quantity("Hz", f"measured: geometric middle of the band of {name}", default=middle)
+    """Declare the frequency of a tremor of the library."""
+    middle, _ = LIBRARY_TREMORS[name].middle
+    return quantity("Hz", f"derived: geometric middle of the band of {name}", default=middle)
 
 
 def _acceleration(name: str) -> Any:
-    """Declare the acceleration of a measured tremor."""
-    _, middle = MEASURED_TREMORS[name].middle
-    return quantity("m/s²", f"measured: geometric middle of the range of {name}", default=middle)
+    """Declare the acceleration of a tremor of the library."""
+    _, middle = LIBRARY_TREMORS[name].middle
+    return quantity("m/s²", f"derived: geometric middle of the range of {name}", default=middle)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PhysiologicalTremor(TremorArm):
-    """An arm with the tremor that everybody has: ``tremor-physiological`` of ``MEASURED_TREMORS``."""
+    """An arm with the tremor that everybody has: ``tremor-physiological`` of ``LIBRARY_TREMORS``."""
 
     frequency: float = _frequency("tremor-physiological")
     acceleration: float = _acceleration("tremor-physiological")
@@ -120,7 +120,7 @@ class PhysiologicalTremor(TremorArm):
 
 @dataclass(frozen=True, kw_only=True)
 class EssentialTremor(TremorArm):
-    """An arm with essential tremor: ``tremor-essential`` of ``MEASURED_TREMORS``."""
+    """An arm with essential tremor: ``tremor-essential`` of ``LIBRARY_TREMORS``."""
 
     frequency: float = _frequency("tremor-essential")
     acceleration: float = _acceleration("tremor-essential")
@@ -128,7 +128,7 @@ class EssentialTremor(TremorArm):
 
 @dataclass(frozen=True, kw_only=True)
 class ParkinsonianTremor(TremorArm):
-    """An arm with the tremor of Parkinson's disease: ``tremor-parkinsonian`` of ``MEASURED_TREMORS``."""
+    """An arm with the tremor of Parkinson's disease: ``tremor-parkinsonian`` of ``LIBRARY_TREMORS``."""
 
     frequency: float = _frequency("tremor-parkinsonian")
     acceleration: float = _acceleration("tremor-parkinsonian")
@@ -141,13 +141,13 @@ KINDS: Mapping[str, type[TremorArm]] = MappingProxyType(
         "tremor-parkinsonian": ParkinsonianTremor,
     }
 )
-"""The hands with the measured tremors, by the names of ``MEASURED_TREMORS``."""
+"""The hands that tremble, by the names of ``LIBRARY_TREMORS``."""
 
 
 def find_hand(name: str) -> HumanArm:
-    """Return a hand of the library by its name in ``MEASURED_ARMS`` or ``MEASURED_TREMORS``.
+    """Return a hand of the library by its name in ``LIBRARY_ARMS`` or ``LIBRARY_TREMORS``.
 
-    A measured arm becomes a human arm with its mass, damper and spring; a measured tremor a human arm that trembles in
+    An arm of the library becomes a human arm with its mass, damper and spring; a tremor a human arm that trembles in
     the middle of the tremor's ranges.
 
     Raises
@@ -157,6 +157,6 @@ def find_hand(name: str) -> HumanArm:
     """
     if name in KINDS:
         return KINDS[name]()
-    if name not in MEASURED_ARMS:
-        raise unknown_name("hand", name, (*MEASURED_ARMS, *MEASURED_TREMORS))
-    return HumanArm(impedance=MEASURED_ARMS[name].hand)
+    if name not in LIBRARY_ARMS:
+        raise unknown_name("hand", name, (*LIBRARY_ARMS, *LIBRARY_TREMORS))
+    return HumanArm(impedance=LIBRARY_ARMS[name].hand)

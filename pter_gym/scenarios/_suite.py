@@ -204,7 +204,7 @@ _SUITE = (
     Scenario(
         "tremor",
         0,
-        "Human arms as they were measured, on the paper's line, with physiological, essential or Parkinsonian tremor.",
+        "Human arms from relaxed to stiff, on the paper's line, with physiological, essential or Parkinsonian tremor.",
         episodes=300,
         stratum="hand",
     ),

@@ -6,8 +6,8 @@ from types import MappingProxyType
 
 from pter_gym.hands import (
     EQ5_FREQUENCIES,
-    MEASURED_ARMS,
-    MEASURED_TREMORS,
+    LIBRARY_ARMS,
+    LIBRARY_TREMORS,
     NORMAL,
     RELAXED,
     SINES,
@@ -52,18 +52,18 @@ HUMANS = OneOf(
 )
 """A relaxed, normal or tense human arm."""
 
-MEASURED = OneOf(tuple(arm.hand for arm in MEASURED_ARMS.values()))
-"""Mass, damper and spring of a measured arm."""
+LIBRARY = OneOf(tuple(arm.hand for arm in LIBRARY_ARMS.values()))
+"""Mass, damper and spring of an arm of the library."""
 
 TREMBLING = OneOf(
     tuple(
         Vary(
             kind(random_phases=True),
-            impedance=MEASURED,
+            impedance=LIBRARY,
             eagerness=Uniform(1.3, 1.7),
             rise=Uniform(0.2, 0.5),
-            frequency=Uniform(*MEASURED_TREMORS[name].band),
-            acceleration=LogUniform(*MEASURED_TREMORS[name].acceleration),
+            frequency=Uniform(*LIBRARY_TREMORS[name].band),
+            acceleration=LogUniform(*LIBRARY_TREMORS[name].acceleration),
             direction=Uniform(-0.5 * math.pi, 0.5 * math.pi),
             phase=Uniform(0.0, 2.0 * math.pi),
             swell=Uniform(0.0, 0.6),
@@ -73,7 +73,7 @@ TREMBLING = OneOf(
         for name, kind in KINDS.items()
     )
 )
-"""A measured arm with a physiological, an essential or a Parkinsonian tremor."""
+"""An arm of the library with a physiological, an essential or a Parkinsonian tremor."""
 
 
 def _points(*boxes: tuple[float, float, float, float]) -> Tuple:
