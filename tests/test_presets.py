@@ -41,7 +41,7 @@ def test_every_number_has_to_be_there():
 
 
 ZERO = {
-    "arm": ("coupling",),
+    "arm": ("coupling", "dry_a", "dry_b", "viscous_a", "viscous_b"),
     "clutch": ("knee", "curvature", "scale"),
     "path": ("x", "y", "direction"),
     "hand": ("push", "force_max"),
