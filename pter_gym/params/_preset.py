@@ -218,7 +218,7 @@ def _section(kind: type[Any], section: str, table: object, provenance: dict[str,
         if name in entries:
             values[name], provenance[where] = _entry(item, entries[name], where)
         else:
-            values[name], provenance[where] = item.default, "chosen: not in the file"
+            values[name], provenance[where] = cast("Value", item.default), "chosen: not in the file"
     return kind(**values)
 
 
