@@ -4,8 +4,8 @@
     python -m tests.campaigns.identification --machines 3 --first 7                  machines 7, 8 and 9 alone
 
 Machine number k is drawn from the seed and k: inertias, coupling, torque curve, T_s/T_k, the clutches' own factors,
-time constant, delay, friction of the axes, encoders and the noise of the force. Its log is that of the experiment, simulated with a
-substep finer than the model's; ``identify`` starts from PTER with the machine's link lengths.
+time constant, delay, friction of the axes, encoders and the noise of the force. Its log is that of the experiment,
+simulated with a substep finer than the model's; ``identify`` starts from PTER with the machine's link lengths.
 """
 
 import argparse
@@ -95,7 +95,7 @@ def draw_recorder(rng: np.random.Generator) -> Recorder:
 
 
 def identified(number: int) -> tuple[list[Outcome], float, float]:
-    """Return what came of each number of a machine, the share of windows not explained, and the processor's time [s]."""
+    """Return what came of each number of a machine, the share of windows not explained, and the time taken [s]."""
     rng = np.random.default_rng([SEED, number])
     machine, recorder = draw_machine(rng), draw_recorder(rng)
     log = record_log(machine, recorder=recorder, seed=number)
@@ -143,9 +143,9 @@ def table(all_outcomes: list[list[Outcome]], shares: list[float], seconds: list[
     lines.append("")
     lines.append(
         f"On {clean} of {len(all_outcomes)} machines every identified number is within 5 %. The model explains "
-        f"{sum(each <= MOST for each in shares)} of the logs; {100 * max(shares):.0f} % of the windows of a log are not "
-        f"explained at most. An identification took "
-        f"{np.median(seconds):.0f} s of a core in the middle and {max(seconds):.0f} s at most."
+        f"{sum(each <= MOST for each in shares)} of the logs; {100 * max(shares):.0f} % of the windows of the worst "
+        f"one are not explained. An identification took {np.median(seconds):.0f} s of a core in the middle and "
+        f"{max(seconds):.0f} s at most."
     )
     return "\n".join(lines)
 

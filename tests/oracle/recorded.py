@@ -31,8 +31,8 @@ HAND = (800.0, 30.0)
 class Recorded:
     """A machine: lengths, inertias, coupling, slope of T_k, T_s/T_k, lag, and what the package's model may not have.
 
-    ``growth`` is that of T_k per slip [s/rad], ``stribeck`` the slip within which T_s falls to T_k [rad/s], ``link`` the
-    stiffness of the links [N·m/rad], 0 for rigid ones.
+    ``growth`` is that of T_k per slip [s/rad], ``stribeck`` the slip within which T_s falls to T_k [rad/s], and
+    ``link`` the stiffness of the links [N·m/rad], 0 for rigid ones.
     """
 
     lengths: tuple[float, float] = (0.5645, 0.4454)
@@ -58,7 +58,6 @@ def record(machine: Recorded, levels=(4.0, 8.0, 12.0, 16.0), seed: int = 0, inte
     volts = np.zeros((rows, 4))
     engaged = (place >= 0) & (times + 0.5 * interval - free - place * (on + off) < on)
     volts[engaged, place[engaged] % 4] = np.array(levels)[place[engaged] // 4]
-    flexible = machine.link > 0.0
     numbers = np.array(
         [
             *(*machine.lengths, *machine.inertias, machine.coupling, machine.slope, machine.ratio),
@@ -66,7 +65,7 @@ def record(machine: Recorded, levels=(4.0, 8.0, 12.0, 16.0), seed: int = 0, inte
         ]
     )
     phases = rng.uniform(0.0, 2.0 * math.pi, 2)
-    theta, force = _run(numbers, flexible, volts, phases, round(interval / STEP))
+    theta, force = _run(numbers, volts, phases, round(interval / STEP))
     step = 2.0 * math.pi / 16384
     return Log(
         interval=interval,
@@ -78,80 +77,80 @@ def record(machine: Recorded, levels=(4.0, 8.0, 12.0, 16.0), seed: int = 0, inte
 
 
 @numba.njit
-def _slid(slip, held, slope_ratio, growth, stribeck):
+def _slid(slip, held, ratio, growth, stribeck):
     """Torque of a sliding contact over T_k at no slip."""
     speed = abs(slip)
-    extra = (slope_ratio - 1.0) * math.exp(-speed / stribeck) if stribeck > 0.0 else 0.0
+    extra = (ratio - 1.0) * math.exp(-speed / stribeck) if stribeck > 0.0 else 0.0
     return held * (1.0 + growth * speed + extra)
 
 
 @numba.njit
-def _run(numbers, flexible, volts, phases, per_row):
+def _contact(i, slip, held, most, bent, way):
+    """Torque against the slip of a contact; ``bent`` is its spring, ``way`` the direction of its slip, 0 if held."""
+    if way[i] != 0.0 and slip * way[i] <= 0.0:
+        way[i], bent[i] = 0.0, way[i] * held / SPRING
+    if way[i] == 0.0:
+        bent[i] += STEP * slip
+        if SPRING * abs(bent[i]) > most:
+            way[i] = 1.0 if bent[i] > 0.0 else -1.0
+    return SPRING * bent[i] + DAMPER * slip if way[i] == 0.0 else way[i] * held
+
+
+@numba.njit
+def _hand(numbers, t, arm, speed, phases, middle):
+    """Force of the hand on the tip."""
+    l_a, l_b = numbers[0], numbers[1]
+    ramp = 0.12 * min(t, 1.0)
+    x = l_a * math.cos(arm[0]) + l_b * math.cos(arm[1])
+    y = l_a * math.sin(arm[0]) + l_b * math.sin(arm[1])
+    v_x = -l_a * math.sin(arm[0]) * speed[0] - l_b * math.sin(arm[1]) * speed[1]
+    v_y = l_a * math.cos(arm[0]) * speed[0] + l_b * math.cos(arm[1]) * speed[1]
+    to_x = middle[0] + ramp * math.sin(2.0 * math.pi * 0.83 * t + phases[0])
+    to_y = middle[1] + ramp * math.sin(2.0 * math.pi * 1.27 * t + phases[1])
+    return HAND[0] * (to_x - x) - HAND[1] * v_x, HAND[0] * (to_y - y) - HAND[1] * v_y
+
+
+@numba.njit
+def _run(numbers, volts, phases, per_row):
     l_a, l_b, m_a, m_b, c, slope, ratio, tau, dry_a, dry_b, visc_a, visc_b, growth, stribeck, link = numbers
     rows = len(volts)
     theta, force = np.empty((rows, 2)), np.empty((rows, 2))
     axis = np.array([0.5 * math.pi - 0.85, 0.5 * math.pi + 0.6])
     arm, axis_speed, arm_speed = axis.copy(), np.zeros(2), np.zeros(2)
-    middle_x = l_a * math.cos(axis[0]) + l_b * math.cos(axis[1])
-    middle_y = l_a * math.sin(axis[0]) + l_b * math.sin(axis[1])
+    middle = l_a * math.cos(axis[0]) + l_b * math.cos(axis[1]), l_a * math.sin(axis[0]) + l_b * math.sin(axis[1])
     weight = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]])
-    limit = np.zeros(6)
+    limit, bent, way = np.zeros(6), np.zeros(6), np.zeros(6)
     limit[4], limit[5] = dry_a, dry_b
-    bent, way = np.zeros(6), np.zeros(6)  # way: 0 where a contact holds, else the direction of its slip
     left = math.exp(-STEP / tau)
-    inertia, bound = np.array([m_a, m_b]), np.array([visc_a, visc_b])
+    inertia, viscous = np.array([m_a, m_b]), np.array([visc_a, visc_b])
+    own = (1.0 - AXIS_SHARE) * inertia if link > 0.0 else inertia
     for k in range(rows * per_row):
-        t, row = k * STEP, k // per_row
-        x = l_a * math.cos(arm[0]) + l_b * math.cos(arm[1])
-        y = l_a * math.sin(arm[0]) + l_b * math.sin(arm[1])
-        v_x = -l_a * math.sin(arm[0]) * arm_speed[0] - l_b * math.sin(arm[1]) * arm_speed[1]
-        v_y = l_a * math.cos(arm[0]) * arm_speed[0] + l_b * math.cos(arm[1]) * arm_speed[1]
-        ramp = 0.12 * min(t, 1.0)
-        f_x = HAND[0] * (middle_x + ramp * math.sin(2.0 * math.pi * 0.83 * t + phases[0]) - x) - HAND[1] * v_x
-        f_y = HAND[0] * (middle_y + ramp * math.sin(2.0 * math.pi * 1.27 * t + phases[1]) - y) - HAND[1] * v_y
+        row = k // per_row
+        f_x, f_y = _hand(numbers, k * STEP, arm, arm_speed, phases, middle)
         if k % per_row == 0:
             theta[row] = axis
             force[row, 0], force[row, 1] = f_x, f_y
-        on_axis = -bound * axis_speed
+        limit[:4] = slope * volts[row] + (limit[:4] - slope * volts[row]) * left
+        on_axis = -viscous * axis_speed
         for i in range(6):
-            if i < 4:
-                limit[i] = slope * volts[row, i] + (limit[i] - slope * volts[row, i]) * left
-            held = limit[i]
-            most = held * (ratio if i < 4 else 1.0)
             slip = weight[i, 0] * axis_speed[0] + weight[i, 1] * axis_speed[1]
-            torque = 0.0
-            if way[i] != 0.0 and slip * way[i] <= 0.0:
-                way[i], bent[i] = 0.0, way[i] * held / SPRING
-            if way[i] == 0.0:
-                bent[i] += STEP * slip
-                torque = SPRING * bent[i] + DAMPER * slip
-                if SPRING * abs(bent[i]) > most:
-                    way[i] = 1.0 if bent[i] > 0.0 else -1.0
-            if way[i] != 0.0:
-                torque = way[i] * (_slid(slip, held, ratio, growth, stribeck) if i < 4 else held)
-            on_axis[0] -= weight[i, 0] * torque
-            on_axis[1] -= weight[i, 1] * torque
+            held = _slid(slip, limit[i], ratio, growth, stribeck) if i < 4 else limit[i]
+            on_axis -= weight[i] * _contact(i, slip, held, limit[i] * (ratio if i < 4 else 1.0), bent, way)
         sin = c * math.sin(arm[0] - arm[1])
-        on_arm = np.array(
-            [
-                l_a * (math.cos(arm[0]) * f_y - math.sin(arm[0]) * f_x) - sin * arm_speed[1] ** 2,
-                l_b * (math.cos(arm[1]) * f_y - math.sin(arm[1]) * f_x) + sin * arm_speed[0] ** 2,
-            ]
-        )
-        own = inertia
-        if flexible:
-            twist = link * (axis - arm) + 0.002 * link * (axis_speed - arm_speed)
-            axis_speed += STEP * (on_axis - twist) / (AXIS_SHARE * inertia)
+        on_a = l_a * (math.cos(arm[0]) * f_y - math.sin(arm[0]) * f_x) - sin * arm_speed[1] ** 2
+        on_b = l_b * (math.cos(arm[1]) * f_y - math.sin(arm[1]) * f_x) + sin * arm_speed[0] ** 2
+        passed = on_axis
+        if link > 0.0:
+            passed = link * (axis - arm) + 0.002 * link * (axis_speed - arm_speed)
+            axis_speed += STEP * (on_axis - passed) / (AXIS_SHARE * inertia)
             axis += STEP * axis_speed
-            on_arm += twist
-            own = (1.0 - AXIS_SHARE) * inertia
-        else:
-            on_arm += on_axis
+        on_a += passed[0]
+        on_b += passed[1]
         m12 = c * math.cos(arm[0] - arm[1])
         det = own[0] * own[1] - m12 * m12
-        arm_speed[0] += STEP * (own[1] * on_arm[0] - m12 * on_arm[1]) / det
-        arm_speed[1] += STEP * (own[0] * on_arm[1] - m12 * on_arm[0]) / det
+        arm_speed[0] += STEP * (own[1] * on_a - m12 * on_b) / det
+        arm_speed[1] += STEP * (own[0] * on_b - m12 * on_a) / det
         arm += STEP * arm_speed
-        if not flexible:
+        if link == 0.0:
             axis[:], axis_speed[:] = arm, arm_speed
     return theta, force

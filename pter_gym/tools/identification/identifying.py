@@ -190,7 +190,7 @@ def _checked(log: Log, start: Machine) -> Motion:
     if log.volts.max() > start.clutch.voltage_max:
         raise ParameterError(
             f"log: voltages must be at most voltage_max of the machine, {start.clutch.voltage_max:g} V, "
-            f"got {log.volts.max():g} V"
+            f"got {log.volts.max():g}: are these volts?"
         )
     motion = smooth(log)
     if np.abs(motion.omega).max() < SLIPPING:
@@ -314,7 +314,7 @@ def _findings(fit: Fit, why: dict[int, str], log: Log, explained: bool) -> list[
                 status="kept" if reason else "identified" if sure else "uncertain",
                 relative=log.force is None and q.name in reasons.SCALED and not reason,
                 reason=reason,
-                remedy=reasons.remedy(q.name) if reason or not sure else "",
+                remedy=reasons.remedy(q.name) if reason or (explained and not sure) else "",
             )
         )
     return found

@@ -23,11 +23,14 @@ FAR = 3.0
 MOST = 0.1
 """Largest share of such windows in a log that the model explains: some breakaways are always a matter of chance."""
 
-BETTER = 0.5
-"""How much less of the load has to be left unexplained if a log is read in another way, for that to be reported."""
+LEFT = 0.02
+"""Share of the load left by the balance of torques, from which other readings of a log are tried."""
 
-LEFT = 0.1
-"""Share of the load that has to be left for another reading to be tried."""
+BETTER = 0.2
+"""What another reading may leave of that, to be reported."""
+
+UNRELATED = 0.5
+"""Share of the load left by all readings, from which forces and motion have nothing to do with each other."""
 
 OTHER_SIZE = 3.0
 """Factor between found inertias and those of the start, from which the unit of the forces is questioned."""
@@ -94,7 +97,8 @@ class Verdict:
         named = {part.quantity: [p for p in self.parts if p.quantity == part.quantity] for part in self.parts}
         telling = max(named.values(), key=lambda group: max(p.share for p in group) - min(p.share for p in group))
         worst, best = (choose(telling, key=lambda p: p.share) for choose in (max, min))
-        return f"The model does not explain the log, so nothing is identified: {off}, {worst}, {best}."
+        where = f", {worst}, {best}" if worst.share - best.share > MOST else ", everywhere"
+        return f"The model does not explain the log, so nothing is identified: {off}{where}."
 
 
 def judge(fit: Fit, log: Log, motion: Motion) -> tuple[Verdict, list[Flags]]:
@@ -117,7 +121,7 @@ def judge(fit: Fit, log: Log, motion: Motion) -> tuple[Verdict, list[Flags]]:
     count = int(used.sum())
     enough = count // BLOCK > len(fit.free)
     explained = enough and share <= MOST
-    hints = (*_oddities(fit, log), *(() if explained else _other_readings(log, fit.shape)))
+    hints = (*_oddities(fit, log), *(() if explained else other_readings(log, fit.shape)))
     return Verdict(count, share, enough, tuple(parts), hints), groups
 
 
@@ -160,18 +164,20 @@ def _oddities(fit: Fit, log: Log) -> Iterator[str]:
         )
 
 
-def _other_readings(log: Log, shape: Shape) -> Iterator[str]:
+def other_readings(log: Log, shape: Shape) -> Iterator[str]:
     """Yield the other reading of a log under which the balance of torques leaves much less, if there is one."""
     usual = balance(log, smooth(log), shape, COARSE)
     if usual is None or usual.left < LEFT:
         return
-    least, said = BETTER * usual.left, ""
+    least, said = usual.left, ""
     for sentence, other in _readings(log):
         tried = balance(other, smooth(other), shape, COARSE)
         if tried is not None and tried.left < least:
             least, said = tried.left, sentence
-    if said:
-        yield f"{said}: then {100 * least:.0f} % of the torques stay unexplained, instead of {100 * usual.left:.0f} %."
+    if least < BETTER * usual.left:
+        yield f"{said}: then {100 * least:.1f} % of the torques stay unexplained, instead of {100 * usual.left:.0f} %."
+    elif least > UNRELATED:
+        yield f"{100 * least:.0f} % of the torques stay unexplained: do forces and angles belong to the same motion?"
 
 
 def _readings(log: Log) -> Iterator[tuple[str, Log]]:
