@@ -17,8 +17,12 @@ from pter_gym.tools.identification.windows import Motion, lagged, smooth, smooth
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-FAR = 3.0
-"""Residual of a window over what the log's noise makes, from which the model does not explain it."""
+FAR = 2.0
+"""Root mean square of a window's residuals over what the log's noise makes, from which the model does not explain it.
+
+Noise of the forces is smooth after two integrals, so a window has as few as three independent residuals, and then 0.7 %
+of the windows are this far off by chance: P(χ² > 3·2²) with three degrees of freedom.
+"""
 
 MOST = 0.1
 """Largest share of such windows in a log that the model explains: some breakaways are always a matter of chance."""
