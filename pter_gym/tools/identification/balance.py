@@ -21,6 +21,7 @@ from pter_gym.tools.identification.windows import ENGAGED, Motion, W, lagged, sm
 
 Array = NDArray[np.float64]
 
+_LINEAR: Any = np.linalg
 _OPTIMIZE: Any = optimize
 
 TIME_CONSTANTS = tuple(np.geomspace(0.02, 0.3, 8))
@@ -82,7 +83,7 @@ def balance(log: Log, motion: Motion, shape: Shape, grid: Sequence[Grid] = FULL)
         size = np.linalg.norm(table, axis=0) + 1e-12
         free = np.array([len(inertial) - 1, len(size) - 1])  # coupling and curvature may be negative
         signed = np.column_stack([table / size, -table[:, free] / size[free], load])
-        triangle: Array = np.linalg.qr(signed, mode="r")
+        triangle: Array = _LINEAR.qr(signed, mode="r")
         positive, left = _OPTIMIZE.nnls(triangle[:, :-1], triangle[:, -1])
         positive[free] -= positive[len(size) :]
         share_left = float(left / max(np.linalg.norm(load), 1e-300)) ** 2
