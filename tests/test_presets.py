@@ -82,3 +82,12 @@ def test_a_missing_clutch_generates_no_torque():
     np.testing.assert_array_equal(found.theta, expected.theta)
     with pytest.raises(ParameterError, match=r"Machine\.clutch_scale must be a tuple of 4 finite numbers ≥ 0"):
         replace(machine, clutch_scale=(1.0, 1.0, 1.0, -0.1))
+
+
+def test_a_file_from_before_friction_of_the_axes_has_none():
+    text = format_preset(PRESET, "title")
+    older = "\n".join(line for line in text.splitlines() if not line.startswith(("dry_", "viscous_")))
+    found = parse_preset(older)
+    assert found.arm == PRESET.arm
+    assert found.provenance["arm.dry_a"] == "chosen: not in the file"
+    assert parse_preset(format_preset(found, "title")) == found
