@@ -41,7 +41,7 @@ def test_every_number_has_to_be_there():
 
 
 ZERO = {
-    "arm": ("coupling",),
+    "arm": ("coupling", "dry_a", "dry_b", "viscous_a", "viscous_b"),
     "clutch": ("knee", "curvature", "scale"),
     "path": ("x", "y", "direction"),
     "hand": ("push", "force_max"),
@@ -82,3 +82,12 @@ def test_a_missing_clutch_generates_no_torque():
     np.testing.assert_array_equal(found.theta, expected.theta)
     with pytest.raises(ParameterError, match=r"Machine\.clutch_scale must be a tuple of 4 finite numbers ≥ 0"):
         replace(machine, clutch_scale=(1.0, 1.0, 1.0, -0.1))
+
+
+def test_a_file_from_before_friction_of_the_axes_has_none():
+    text = format_preset(PRESET, "title")
+    older = "\n".join(line for line in text.splitlines() if not line.startswith(("dry_", "viscous_")))
+    found = parse_preset(older)
+    assert found.arm == PRESET.arm
+    assert found.provenance["arm.dry_a"] == "chosen: not in the file"
+    assert parse_preset(format_preset(found, "title")) == found

@@ -43,6 +43,10 @@ class Linkage(NamedTuple):
     damping: Annotated[float, Entry("N·s/m", "the hand's damping")]
     stiffness: Annotated[float, Entry("N/m", "the hand's stiffness")]
     implicit: Annotated[float, Entry("1", "share of the hand's damping by the velocity after a kick, not before it")]
+    dry_a: Annotated[float, Entry("N·m", "dry friction of axis A against the base")] = 0.0
+    dry_b: Annotated[float, Entry("N·m", "dry friction of axis B against the base")] = 0.0
+    viscous_a: Annotated[float, Entry("N·m·s", "viscous friction of axis A against the base")] = 0.0
+    viscous_b: Annotated[float, Entry("N·m·s", "viscous friction of axis B against the base")] = 0.0
 
 
 class Motion(NamedTuple):

@@ -48,6 +48,20 @@ def torques_on_links(torque: PerClutch) -> tuple[float, float]:
 
 
 @device
+def with_dry(limit: PerClutch, dry_a: float, dry_b: float) -> PerClutch:
+    """Return the torque limits [N·m] of clutches 1 and 2 with the axes' dry friction, which brakes the same slips."""
+    return PerClutch(limit.x1 + dry_a, limit.x2 + dry_b, limit.x3, limit.x4)
+
+
+@device
+def without_dry(torque: PerClutch, limit: PerClutch, dry_a: float, dry_b: float) -> PerClutch:
+    """Return the clutches' own part of torques [N·m] under limits with dry friction: in proportion to the limits."""
+    own1 = torque.x1 * (1.0 - dry_a / limit.x1) if dry_a > 0.0 else torque.x1
+    own2 = torque.x2 * (1.0 - dry_b / limit.x2) if dry_b > 0.0 else torque.x2
+    return PerClutch(own1, own2, torque.x3, torque.x4)
+
+
+@device
 def mode_of(omega_a: float, omega_b: float) -> int:
     """Return the ClutchMode: which slip is exactly zero, ties to the fewest degrees of freedom."""
     mode = 0

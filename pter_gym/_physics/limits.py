@@ -46,9 +46,9 @@ which the series of ``rotated`` is made. The spring of a hand counts as the mean
 of its force: what it has at a control instant, and half of what the arm's way in a control step adds.
 
 The rest is rounding. A 2×2 system loses as many digits as its condition has, so ``LARGEST_CONDITION`` leaves twelve
-of sixteen; the hand's damping, as if all of it were implicit, is part of it. All other numbers are limited in
-``pter_gym.params`` to ``SMALLEST`` and ``LARGEST``, of whose products no number of a substep has more than twenty
-factors.
+of sixteen; the hand's damping, as if all of it were implicit, and the viscous friction of the axes are part of it. The
+latter takes energy only, and so does dry friction. All other numbers are limited in ``pter_gym.params`` to ``SMALLEST``
+and ``LARGEST``, of whose products no number of a substep has more than twenty factors.
 """
 
 import math
@@ -83,6 +83,7 @@ def condition(arm: Linkage, h: float) -> float:
     """Return an upper bound of the condition of the effective mass matrix, infinite where rounding leaves nothing."""
     smallest = smallest_inertia(arm)
     largest = arm.m11 + arm.m22 + h * arm.damping * (arm.length_a**2 + arm.length_b**2)
+    largest += h * (arm.viscous_a + arm.viscous_b)
     return largest / smallest if smallest > 0.0 else math.inf
 
 

@@ -11,7 +11,7 @@ from pter_gym._compiled.compiler import compile_kernel, device, inlined
 from pter_gym._compiled.records import load, rows, store, width, write
 from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch, Torques
-from pter_gym._physics.friction import mode_of, slip_velocities
+from pter_gym._physics.friction import mode_of, slip_velocities, without_dry
 from pter_gym._physics.model import model_of
 from pter_gym._physics.step import Body, Energy, kick_torques, substep_on
 from pter_gym.errors import DivergenceError, ParameterError
@@ -267,6 +267,7 @@ def row_of(body: Any) -> Row:
     q = load(body, BODY.motion, 0)
     torques = load(body, BODY.torques, 0)
     impact, limit = load(body, BODY.impact, 0), load(body, BODY.limit, 0)
+    torque = kick_torques(impact, q.omega_a, q.omega_b, limit, body[BODY.span, 0])
     x, y = tip_position(arm, q)
     v_x, v_y = tip_velocity(arm, q)
     return Row(
@@ -274,7 +275,7 @@ def row_of(body: Any) -> Row:
         omega=PerLink(q.omega_a, q.omega_b),
         tip_position=Vector(x, y),
         tip_velocity=Vector(v_x, v_y),
-        torque=kick_torques(impact, q.omega_a, q.omega_b, limit, body[BODY.span, 0]),
+        torque=without_dry(torque, limit, arm.dry_a, arm.dry_b),
         slip_velocity=slip_velocities(q.omega_a, q.omega_b),
         torque_breakaway=torques.breakaway,
         torque_dynamic=torques.dynamic,

@@ -1,9 +1,9 @@
 """The only place where clutches, arm and friction meet: one substep, drift–kick–drift with friction in the kick.
 
 Arm and lags move freely for half a substep, forces and friction of its middle change the velocity at once, and arm and
-lags move freely for the other half: of second order but for the velocity term V, which is explicit. Where a clutch
-changes between sticking and slipping, the kick is made in parts, each up to the next change, and Karnopp's rule (paper
-Eq. 2) holds in each.
+lags move freely for the other half: of second order but for the explicit velocity term V and the implicit viscous
+friction. Where a clutch changes between sticking and slipping, the kick is made in parts, each up to the next change,
+and Karnopp's rule (paper Eq. 2) holds in each.
 """
 
 from typing import Annotated, Any, NamedTuple
@@ -34,7 +34,15 @@ from pter_gym._physics.clutch import (
     share_before,
     steady_torques,
 )
-from pter_gym._physics.friction import generated_torques, resolve, sign, slip_velocities, torques_on_links
+from pter_gym._physics.friction import (
+    generated_torques,
+    resolve,
+    sign,
+    slip_velocities,
+    torques_on_links,
+    with_dry,
+    without_dry,
+)
 from pter_gym._physics.model import Model
 
 MOST_PARTS = 4
@@ -62,7 +70,7 @@ class Energy(NamedTuple):
     """Energy terms of a substep [J]: ΔK = hand_work − dissipated − numerical_loss + residual."""
 
     hand_work: Annotated[float, Entry("J", "work of the hand")]
-    dissipated: Annotated[float, Entry("J", "energy taken by the clutches")]
+    dissipated: Annotated[float, Entry("J", "energy taken by the clutches and the axes' friction")]
     numerical_loss: Annotated[float, Entry("J", "the integrator's loss")]
     residual: Annotated[float, Entry("J", "the integrator's gain from the turning mass matrix")]
 
@@ -90,8 +98,8 @@ class Body(NamedTuple):
 def free_motion(q: Motion, arm: Linkage, on: Load, h: float) -> Impact:
     """Return the velocity problem of a kick that stands for a time h [s], without clutches.
 
-    The implicit share of the hand's damping adds to the mass matrix, h·b·JᵀJ if it is all of it; the rest and the
-    spring are explicit.
+    What is implicit adds to the mass matrix: the axes' viscous friction, and a share of the hand's damping, h·b·JᵀJ if
+    it is all of it; the rest and the spring are explicit.
     """
     x, y = tip_position(arm, q)
     hand_a, hand_b = joint_torque(
@@ -105,9 +113,9 @@ def free_motion(q: Motion, arm: Linkage, on: Load, h: float) -> Impact:
     m12 = arm.coupling * cos
     implicit = h * arm.implicit * arm.damping
     return Impact(
-        arm.m11 + implicit * arm.length_a * arm.length_a,
+        arm.m11 + implicit * arm.length_a * arm.length_a + h * arm.viscous_a,
         m12 + implicit * arm.length_a * arm.length_b * cos,
-        arm.m22 + implicit * arm.length_b * arm.length_b,
+        arm.m22 + implicit * arm.length_b * arm.length_b + h * arm.viscous_b,
         arm.m11 * q.omega_a + m12 * q.omega_b + h * (hand_a - v_a),
         m12 * q.omega_a + arm.m22 * q.omega_b + h * (hand_b - v_b),
         hand_a,
@@ -165,17 +173,17 @@ def torques_at(q: Motion, arm: Linkage, on: Load, torques: Torques, threshold: f
     accelerations.
     """
     slip = slip_velocities(q.omega_a, q.omega_b)
-    limit = capacities(slip, threshold, torques)
+    limit = with_dry(capacities(slip, threshold, torques), arm.dry_a, arm.dry_b)
     impact = free_motion(q, arm, on, 0.0)
     damper_a, damper_b = damper_torque(arm, q)
-    free_a = impact.hand_a - impact.fictitious_a - arm.implicit * damper_a
-    free_b = impact.hand_b - impact.fictitious_b - arm.implicit * damper_b
+    free_a = impact.hand_a - impact.fictitious_a - arm.implicit * damper_a - arm.viscous_a * q.omega_a
+    free_b = impact.hand_b - impact.fictitious_b - arm.implicit * damper_b - arm.viscous_b * q.omega_b
     slide_a, slide_b = torques_on_links(sliding_torques(slip, limit))
-    m11, m12, m22 = impact.m11, impact.m12, impact.m22
-    alpha_a, alpha_b = resolve(m11, m12, m22, free_a + slide_a, free_b + slide_b, stuck_limits(slip, limit))
-    load_a = m11 * alpha_a + m12 * alpha_b - free_a
-    load_b = m12 * alpha_a + m22 * alpha_b - free_b
-    return generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit)
+    held = stuck_limits(slip, limit)
+    alpha_a, alpha_b = resolve(impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, held)
+    load_a = impact.m11 * alpha_a + impact.m12 * alpha_b - free_a
+    load_b = impact.m12 * alpha_a + impact.m22 * alpha_b - free_b
+    return without_dry(generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit), limit, arm.dry_a, arm.dry_b)
 
 
 @device
@@ -224,7 +232,7 @@ def share_before_change(
 
 @device
 def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tuple[float, float]:
-    """Return Wᵀτ [N·m], what the four clutches together exerted on the links over a kick of a time h [s]."""
+    """Return Wᵀτ [N·m], what clutches and dry friction together exerted on the links over a kick of a time h [s]."""
     return (
         (impact.m11 * omega_a + impact.m12 * omega_b - impact.p_a) / h,
         (impact.m12 * omega_a + impact.m22 * omega_b - impact.p_b) / h,
@@ -233,7 +241,7 @@ def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tup
 
 @device
 def kick_torques(impact: Impact, omega_a: float, omega_b: float, limit: PerClutch, h: float) -> PerClutch:
-    """Return the torque of each clutch on the arm [N·m] over a kick of a time h [s], or over a part of one.
+    """Return the torque of each clutch, with dry friction, on the arm [N·m] over a kick of h [s] or a part of one.
 
     What they exert together is a difference of momenta over h, so the shorter the time, the coarser its rounding.
     """
@@ -259,7 +267,8 @@ def kick_energy(q: Motion, omega: PerLink, arm: Linkage, impact: Impact, limit: 
     m12 = arm.coupling * cos
     return Energy(
         h * (omega_a * impact.hand_a + omega_b * impact.hand_b - arm.implicit * arm.damping * tip_speed_squared),
-        h * (limit.x1 * abs(w.x1) + limit.x2 * abs(w.x2) + limit.x3 * abs(w.x3) + limit.x4 * abs(w.x4)),
+        h * (limit.x1 * abs(w.x1) + limit.x2 * abs(w.x2) + limit.x3 * abs(w.x3) + limit.x4 * abs(w.x4))
+        + h * (arm.viscous_a * omega_a * omega_a + arm.viscous_b * omega_b * omega_b),
         0.5 * (arm.m11 * change_a * change_a + arm.m22 * change_b * change_b) + m12 * change_a * change_b,
         -h * (omega_a * impact.fictitious_a + omega_b * impact.fictitious_b),
     )
@@ -341,16 +350,16 @@ def _parts_on(at: Any, load_on: Any) -> tuple[Any, Any, Any]:
         torques = load(w, at.torques, i)
         threshold = w[at.machine.slip_threshold, i]
         q = load(w, at.motion, i)
-        impact = free_motion(q, load(w, at.machine.arm, i), load_on(w, i), h)
+        arm = load(w, at.machine.arm, i)
+        impact = free_motion(q, arm, load_on(w, i), h)
         before = slip_velocities(q.omega_a, q.omega_b)
-        limit = capacities(before, threshold, torques)
+        limit = with_dry(capacities(before, threshold, torques), arm.dry_a, arm.dry_b)
         omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, impulses(limit, h))
         store(w, at.impact, i, impact)
         store(w, at.omega, i, PerLink(omega_a, omega_b))
         store(w, at.limit, i, limit)
         w[at.span, i] = h
-        change = any_changes(before, slip_velocities(omega_a, omega_b), threshold, torques)
-        w[at.changes, i] = 1.0 if change else 0.0
+        w[at.changes, i] = 1.0 if any_changes(before, slip_velocities(omega_a, omega_b), threshold, torques) else 0.0
 
     @device
     def take(w: Any, i: int) -> None:

@@ -48,9 +48,8 @@ def physical(obs: Any, scales: Any, at: float) -> float:
 @device
 def see_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
     """Return the tip as the observation and the nominal machine tell it."""
-    arm = Linkage(
-        nominal.length_a, nominal.length_b, nominal.inertia_a, nominal.inertia_b, nominal.coupling, 0.0, 0.0, 0.5
-    )
+    m11, m22, m12 = nominal.inertia_a, nominal.inertia_b, nominal.coupling
+    arm = Linkage(nominal.length_a, nominal.length_b, m11, m22, m12, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0)
     q = Motion(
         0.0,  # no law asks for the angles themselves
         0.0,

@@ -37,6 +37,7 @@ class Arm:
     """The five-bar arm as a two-axis mechanism (paper Eqs. 3 and 4).
 
     Angles are absolute; M12 = coupling·cos(θA − θB). Link lengths and inertias are in no source that we could reach.
+    Each axis may have friction against the base, dry + viscous·|ω|, of which the paper's equations have none.
     """
 
     length_a: float = preset("arm", "length_a")
@@ -44,6 +45,10 @@ class Arm:
     inertia_a: float = preset("arm", "inertia_a")
     inertia_b: float = preset("arm", "inertia_b")
     coupling: float = preset("arm", "coupling")
+    dry_a: float = preset("arm", "dry_a")
+    dry_b: float = preset("arm", "dry_b")
+    viscous_a: float = preset("arm", "viscous_a")
+    viscous_b: float = preset("arm", "viscous_b")
 
     def __post_init__(self) -> None:
         """Check that the mass matrix is positive definite in every pose."""
@@ -51,6 +56,8 @@ class Arm:
             require_number(self, name, above=0.0)
         limit = math.sqrt(self.inertia_a * self.inertia_b)
         require_number(self, "coupling", above=-limit, below=limit)
+        for name in ("dry_a", "dry_b", "viscous_a", "viscous_b"):
+            require_number(self, name, at_least=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

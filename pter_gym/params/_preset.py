@@ -5,7 +5,7 @@ fit`` writes such files.
 """
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
@@ -21,20 +21,24 @@ KINDS = ("published", "derived", "fitted", "identified", "chosen")
 Value = float | tuple[float, ...]
 
 
-def number(unit: str, **bounds: float) -> Any:
-    """Declare a number of a preset file with its unit and its bounds; see ``check_number``."""
-    return field(metadata={"unit": unit, "bounds": bounds})
+def number(unit: str, *, default: Any = MISSING, **bounds: float) -> Any:
+    """Declare a number of a preset file: unit, bounds (see ``check_number``), and its value where a file has none."""
+    return field(metadata={"unit": unit, "bounds": bounds}, default=default)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArmValues:
-    """Link lengths and inertias; M12 is the coupling times cos(θA − θB) (paper Eqs. 3 and 4)."""
+    """Links: M12 is the coupling times cos(θA − θB) (paper Eqs. 3 and 4); friction of the axes against the base."""
 
     length_a: float = number("m", above=0.0)
     length_b: float = number("m", above=0.0)
     inertia_a: float = number("kg·m²", above=0.0)
     inertia_b: float = number("kg·m²", above=0.0)
     coupling: float = number("kg·m²")
+    dry_a: float = number("N·m", at_least=0.0, default=0.0)
+    dry_b: float = number("N·m", at_least=0.0, default=0.0)
+    viscous_a: float = number("N·m·s", at_least=0.0, default=0.0)
+    viscous_b: float = number("N·m·s", at_least=0.0, default=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,13 +193,15 @@ def _lines(preset: Preset, title: str) -> Iterator[str]:
             yield f'{item.name} = {{ value = {written}, unit = "{item.metadata["unit"]}", from = "{origin}" }}'
 
 
-def _check_names(found: Mapping[str, object], known: Collection[str], what: str) -> None:
-    """Raise a ParameterError unless the names that are found are the known ones."""
+def _check_names(
+    found: Mapping[str, object], known: Collection[str], what: str, optional: Collection[str] = ()
+) -> None:
+    """Raise a ParameterError unless the names that are found are the known ones; some may be missing."""
     for name in found:
         if name not in known:
             raise ParameterError(f"unknown {what} {name!r}: {unknown_name(what, name, known)}")
     for name in known:
-        if name not in found:
+        if name not in found and name not in optional:
             raise ParameterError(f"{what} {name!r} is missing")
 
 
@@ -204,11 +210,15 @@ def _section(kind: type[Any], section: str, table: object, provenance: dict[str,
         raise ParameterError(f"{section} must be a table")
     items: dict[str, Field[Any]] = {item.name: item for item in fields(kind)}
     entries = cast(dict[str, object], table)
-    _check_names(entries, items, f"field of {section}")
+    optional = {name for name, item in items.items() if item.default is not MISSING}
+    _check_names(entries, items, f"field of {section}", optional)
     values: dict[str, Value] = {}
     for name, item in items.items():
         where = f"{section}.{name}"
-        values[name], provenance[where] = _entry(item, entries[name], where)
+        if name in entries:
+            values[name], provenance[where] = _entry(item, entries[name], where)
+        else:
+            values[name], provenance[where] = cast("Value", item.default), "chosen: not in the file"
     return kind(**values)
 
 

@@ -47,6 +47,7 @@ class Plant:
     damping: float = 0.0
     stiffness: float = 0.0
     target: tuple[float, float] = (0.0, 0.0)
+    viscous: tuple[float, float] = (0.0, 0.0)
 
     def inertia(self, theta: np.ndarray) -> np.ndarray:
         l_a, l_b = self.lengths
@@ -62,7 +63,8 @@ class Plant:
         x -= self.damping * (-ay * omega_a - by * omega_b) + self.stiffness * (ax + bx - self.target[0])
         y -= self.damping * (ax * omega_a + bx * omega_b) + self.stiffness * (ay + by - self.target[1])
         c_sin = (self.coupling + self.mass * l_a * l_b) * math.sin(a - b)
-        return np.array([ax * y - ay * x - c_sin * omega_b**2, bx * y - by * x + c_sin * omega_a**2])
+        free = np.array([ax * y - ay * x - c_sin * omega_b**2, bx * y - by * x + c_sin * omega_a**2])
+        return free - np.multiply(self.viscous, omega)
 
 
 AT_REST, SLIDING = "rest", "sector"

@@ -47,7 +47,7 @@ def draw(seed: int) -> Scenario:
 
 
 def plant(machine: Machine, scenario: Scenario, target=(0.0, 0.0)) -> Plant:
-    """The same machine for the reference; the lag of the normal force is an exponential."""
+    """The same machine for the reference: the lag is an exponential, dry friction a part of clutches 1 and 2."""
     return Plant(
         lengths=(machine.arm.length_a, machine.arm.length_b),
         inertia_a=machine.arm.inertia_a,
@@ -61,10 +61,12 @@ def plant(machine: Machine, scenario: Scenario, target=(0.0, 0.0)) -> Plant:
         damping=machine.hand.damping,
         stiffness=machine.hand.stiffness,
         target=target,
+        viscous=(machine.arm.viscous_a, machine.arm.viscous_b),
     )
 
 
 def _lagged(machine: Machine, curve, scenario: Scenario):
     before = np.array([curve.torque(v) for v in scenario.volts_before])
     after = np.array([curve.torque(v) for v in scenario.volts])
-    return lambda t: after + (before - after) * np.exp(-t / machine.clutch.time_constant)
+    dry = np.array([machine.arm.dry_a, machine.arm.dry_b, 0.0, 0.0])
+    return lambda t: dry + after + (before - after) * np.exp(-t / machine.clutch.time_constant)

@@ -1,14 +1,18 @@
 """A first estimate: the balance of torques as a linear regression, on a grid of what is not linear.
 
-Where all engaged clutches slip one way, the paper's Eqs. 3 and 4 are linear in inertias, slopes and curvature, once
-time constant, delay and knee are chosen. It needs no start, and its noise on accelerations does not matter for one.
+Where all engaged clutches slip one way, the paper's Eqs. 3 and 4 are linear in inertias, friction of the axes, slopes
+and curvature, once time constant, delay and knee are chosen. It needs no start, and its noise on accelerations does not
+matter for one.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.log import Log
@@ -18,6 +22,7 @@ from pter_gym.tools.identification.windows import ENGAGED, Motion, W, lagged, sm
 Array = NDArray[np.float64]
 
 _LINEAR: Any = np.linalg
+_OPTIMIZE: Any = optimize
 
 TIME_CONSTANTS = tuple(np.geomspace(0.02, 0.3, 8))
 DELAYS = (0.0, 0.01, 0.02)
@@ -34,32 +39,57 @@ EVERY = 0.006
 """Time between the rows that are used [s]."""
 
 
+Grid = tuple[float, float, float]
+"""Time constant [s], delay [s], and knee over the highest voltage at which a clutch slipped."""
+
+FULL = tuple(product(TIME_CONSTANTS, DELAYS, KNEES))
+COARSE = tuple(product(TIME_CONSTANTS[1::3], DELAYS[:2], KNEES[1:4:2]))
+
+
+@dataclass(frozen=True)
+class Balance:
+    """The regression that leaves the least: what it leaves over the load, its numbers, which it can tell, and where."""
+
+    left: float
+    found: Array
+    seen: NDArray[np.bool_]
+    grid: Grid
+
+
 def first_estimate(log: Log, motion: Motion, shape: Shape) -> Array:
     """Return coordinates near those of the machine, or those of the start where the log does not suffice."""
-    best = shape.coordinates(shape.start)
+    best = balance(log, motion, shape)
+    return (shape.coordinates(shape.start) if best is None else _coordinates(shape, best, log)).clip(
+        at.LOWEST, shape.highest
+    )
+
+
+def balance(log: Log, motion: Motion, shape: Shape, grid: Sequence[Grid] = FULL) -> Balance | None:
+    """Return the best regression over a grid, without negative inertias, torques or friction; None for too few rows."""
     rows = slipping_rows(log, motion, shape.start.clutch.time_constant)
     if len(rows) < FEWEST:
-        return best
+        return None
     signs = np.sign(motion.omega[rows] @ W.T)
     inertial, load = _inertial(log, motion, shape, rows)
-    least = np.inf
-    for time_constant, delay in product(TIME_CONSTANTS, DELAYS):
+    omega = motion.omega[rows]
+    axes = [_both(values * axis) for values in (np.sign(omega), omega) for axis in ([1.0, 0.0], [0.0, 1.0])]
+    best: Balance | None = None
+    for time_constant, delay, share in grid:
         volts = np.roll(log.volts, round(delay / log.interval), axis=0)
         linear = signs * lagged(log, volts, time_constant)[rows]
-        for share in KNEES:
-            above = signs * lagged(log, np.maximum(volts - share * shape.top, 0.0) ** 2, time_constant)[rows]
-            slopes = [_both(linear[:, [x]] * W[x]) for x in range(4)]
-            table = np.column_stack([*inertial, *slopes, _both(above @ W)])
-            size = np.linalg.norm(table, axis=0) + 1e-12
-            found: Array = _LINEAR.lstsq(table / size, load, rcond=1e-8)[0]
-            misfit = float(np.sum((load - table @ (found / size)) ** 2))
-            if misfit < least:
-                least = misfit
-                seen = size > 1e-6
-                best = _coordinates(
-                    shape, found / size, seen, (time_constant, delay, share * shape.top), log.force is None
-                )
-    return best.clip(at.LOWEST, shape.highest)
+        above = signs * lagged(log, np.maximum(volts - share * shape.top, 0.0) ** 2, time_constant)[rows]
+        slopes = [_both(linear[:, [x]] * W[x]) for x in range(4)]
+        table = np.column_stack([*inertial, *axes, *slopes, _both(above @ W)])
+        size = np.linalg.norm(table, axis=0) + 1e-12
+        free = np.array([len(inertial) - 1, len(size) - 1])  # coupling and curvature may be negative
+        signed = np.column_stack([table / size, -table[:, free] / size[free], load])
+        triangle: Array = _LINEAR.qr(signed, mode="r")
+        positive, left = _OPTIMIZE.nnls(triangle[:, :-1], triangle[:, -1])
+        positive[free] -= positive[len(size) :]
+        share_left = float(left / max(np.linalg.norm(load), 1e-300)) ** 2
+        if best is None or share_left < best.left:
+            best = Balance(share_left, positive[: len(size)] / size, size > 1e-6, (time_constant, delay, share))
+    return best
 
 
 def slipping_rows(log: Log, motion: Motion, time_constant: float) -> NDArray[np.int64]:
@@ -98,20 +128,20 @@ def _inertial(log: Log, motion: Motion, shape: Shape, rows: NDArray[np.int64]) -
     )
 
 
-def _coordinates(
-    shape: Shape, found: Array, seen: NDArray[np.bool_], grid: tuple[float, float, float], scaleless: bool
-) -> Array:
+def _coordinates(shape: Shape, best: Balance, log: Log) -> Array:
     """Return the coordinates of what a regression found; what it cannot have found is that of the start."""
     p = shape.coordinates(shape.start)
-    inertias = np.array([shape.start.arm.inertia_a, *found[:2]]) if scaleless else found[:3]
-    slopes, curvature = found[-5:-1], found[-1]
+    time_constant, delay, share = best.grid
+    found = best.found if log.force is not None else np.array([shape.start.arm.inertia_a, *best.found])
+    inertias, friction, slopes, curvature = found[:3], found[3:7], found[7:11], found[11]
     if min(inertias[:2]) > 0.0:
         p[[at.INERTIA_A, at.INERTIA_B]] = np.log(inertias[:2])
         p[at.COUPLING] = np.clip(inertias[2] / np.sqrt(inertias[0] * inertias[1]), -0.8, 0.8)
+        p[[*at.DRY, *at.VISCOUS]] = friction / inertias[[0, 1, 0, 1]]
     for x, place in enumerate(at.SLOPES):
-        if seen[-5:-1][x] and slopes[x] > 0.0:
+        if best.seen[-5:-1][x] and slopes[x] > 0.0:
             p[place] = np.log(slopes[x])
-    p[at.TIME_CONSTANT], p[at.DELAY], p[at.KNEE] = np.log(grid[0]), grid[1], grid[2]
+    p[at.TIME_CONSTANT], p[at.DELAY], p[at.KNEE] = np.log(time_constant), delay, share * shape.top
     slope = np.exp(p[list(at.SLOPES)]).mean()
-    p[at.EXTRA] = np.clip(curvature / slope, -0.5 / shape.top, 50.0) * (shape.top - grid[2]) ** 2
+    p[at.EXTRA] = np.clip(curvature / slope, -0.5 / shape.top, 50.0) * ((1.0 - share) * shape.top) ** 2
     return p

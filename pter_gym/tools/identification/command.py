@@ -26,8 +26,9 @@ def identify(
 ) -> None:
     """Identify a real machine from a log of it.
 
-    Estimates inertias, torque curves, lag and delay, each with a 95 % interval, and names what the log does not show.
-    Writes preset.toml, which other commands take as --machine, and report.html. docs/identify.md says what to record.
+    Says whether the simulator's model explains the log, estimates inertias, friction, torque curves, lag and delay with
+    95 % intervals, and names what the log does not show. Writes preset.toml, which other commands take as --machine,
+    and report.html. docs/identify.md says what to record.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
 
@@ -55,6 +56,8 @@ def identify(
     with terminal(errors=True).status("drawing"):
         page = report(found)
     write_files_atomic(out, {"preset.toml": text.encode(), "report.html": page.encode()})
+    for sentence in (found.verdict.sentence, *found.verdict.hints):
+        say(sentence)
     terminal().print(findings_table(found))
     for finding in found.findings:
         if finding.reason:

@@ -10,7 +10,7 @@ that grows, and not many errors. To these comes what changes when the log is cut
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from scipy import optimize, stats
 
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.parameters import Shape
-from pter_gym.tools.identification.shooting import predict
+from pter_gym.tools.identification.shooting import Inputs, predict
 from pter_gym.tools.identification.windows import Windows
 
 Array = NDArray[np.float64]
@@ -52,6 +52,9 @@ WEAKEST = 2
 DISTANCES = (-40.0, -12.0, -4.0, 4.0, 12.0, 40.0)
 """How far it looks, over the standard error that independent residuals would have."""
 
+SINGULAR = 1e-12
+"""What keeps the equations of a start solvable where a prediction went astray, over their trace."""
+
 UNSEEN = 1e6
 """Variance of a coordinate that no window shows."""
 
@@ -76,7 +79,7 @@ class Fit:
     weights
         Of the windows.
     spread
-        Covariance of the coordinates by choices that a result should not depend on, shape (12, 12).
+        Covariance of the coordinates by choices that a result should not depend on, shape (16, 16).
     """
 
     windows: Windows
@@ -199,8 +202,9 @@ class Fit:
 
     def _projected(self, by_start: Array, values: Array) -> tuple[Array, Array]:
         """Return values (windows, rows, k) without their part along the derivatives by the start; how large it is."""
-        ridge = np.diag(self.windows.noise**2 / np.square(START_ERRORS))
-        normal = np.einsum("wij,wik->wjk", by_start, by_start) + ridge
+        normal = np.einsum("wij,wik->wjk", by_start, by_start)
+        largest = np.trace(normal, axis1=1, axis2=2)[:, None, None]
+        normal += np.diag(self.windows.noise**2 / np.square(START_ERRORS)) + SINGULAR * largest * np.eye(4)
         along: Array = _LINEAR.solve(normal, np.einsum("wij,wik->wjk", by_start, values))
         return values - np.einsum("wij,wjk->wik", by_start, along), along
 
@@ -247,6 +251,31 @@ class Fit:
         ]
         # the sum, not the mean: so few changes tell their own size badly
         self.spread = np.sum([np.outer(change, change) for change in changes], axis=0)
+
+    def sizes(self) -> Array:
+        """Return the root mean square of each window's residuals [rad], shape (windows,)."""
+        return np.sqrt(np.mean(self._residual(self.p)[0] ** 2, axis=1))
+
+    def moved(self, inputs: Inputs) -> Array:
+        """Return the mean square change [rad²] of each window's angles with other inputs, shape (windows,)."""
+        other = replace(self, windows=replace(self.windows, inputs=inputs))
+        change = other.predicted(self.p, self.starts) - self.predicted(self.p, self.starts)
+        return np.mean(self._projected(self._residual(self.p)[1], change[:, :, None])[0] ** 2, axis=(1, 2))
+
+    def disagree(self, groups: Sequence[NDArray[np.bool_]]) -> None:
+        """Add to the spread how far the coordinates would go if each group of windows were the whole log.
+
+        To first order; the sum, as in ``compare``.
+        """
+        residual = self._scaled(self._residual(self.p)[0])
+        jacobian = self._scaled(self.jacobian(self.p))
+        ridge = np.diag(1.0 / np.square(at.IGNORANCE[self.free]) + 1e-9)
+        changes = np.zeros((len(groups), len(at.NAMES)))
+        for change, group in zip(changes, groups, strict=True):
+            information = np.einsum("wij,wik->jk", jacobian[group], jacobian[group])
+            gradient = np.einsum("wij,wi->j", jacobian[group], residual[group])
+            change[self.free] = -_LINEAR.solve(information + ridge, gradient)
+        self.spread = self.spread + changes.T @ changes
 
     def misfit(self, p: Array) -> float:
         """Return a sum over the windows that no lone window rules."""

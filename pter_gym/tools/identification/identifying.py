@@ -14,6 +14,7 @@ from pter_gym.tools.identification.balance import SLIPPING, first_estimate
 from pter_gym.tools.identification.estimation import Fit, begin
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import Quantity, Shape, quantities
+from pter_gym.tools.identification.verdict import Verdict, judge
 from pter_gym.tools.identification.windows import ENGAGED, OTHERS, Motion, W, cut, holding, lagged, smooth
 
 Array = NDArray[np.float64]
@@ -47,8 +48,8 @@ class Finding:
     before
         Value of the start.
     status
-        ``identified``: within ±5 % of its scale. ``uncertain``: used, with a wider interval. ``kept``: the log does not
-        show it, so it is that of the start.
+        ``identified``: within ±5 % of its scale, by a model that explains the log. ``uncertain``: used, but less sure.
+        ``kept``: the log does not show it, so it is that of the start.
     relative
         Whether it is known only relative to the inertia of link A, as the log has no forces.
     reason, remedy
@@ -91,6 +92,8 @@ class Identification:
         The numbers, in the order of ``quantities``.
     fit
         The windows and how well they are predicted.
+    verdict
+        Whether the model explains the log, and where it does not.
     slipped
         How long each clutch slipped while it was on [s], shape (4,).
     breakaways
@@ -103,6 +106,7 @@ class Identification:
     delay: float
     findings: list[Finding]
     fit: Fit
+    verdict: Verdict
     slipped: Array
     breakaways: NDArray[np.int64]
 
@@ -159,14 +163,18 @@ def identify(
     fit = begin(windows, shape, free, p, step).search()
     fit = _without_unseen(fit, why, before)
     fit.compare([cut(log, motion, float(np.exp(fit.p[at.TIME_CONSTANT])), other) for other in OTHERS])
+    verdict, groups = judge(fit, log, motion)
+    if fit.free and not verdict.explained:
+        fit.disagree(groups)
     on_progress(1.0)
     return Identification(
         log=log,
         start=start,
         machine=fit.shape.machine(fit.p),
         delay=float(fit.p[at.DELAY]),
-        findings=_findings(fit, why, log),
+        findings=_findings(fit, why, log, verdict.explained),
         fit=fit,
+        verdict=verdict,
         slipped=slipped,
         breakaways=breakaways,
     )
@@ -182,7 +190,7 @@ def _checked(log: Log, start: Machine) -> Motion:
     if log.volts.max() > start.clutch.voltage_max:
         raise ParameterError(
             f"log: voltages must be at most voltage_max of the machine, {start.clutch.voltage_max:g} V, "
-            f"got {log.volts.max():g} V"
+            f"got {log.volts.max():g}: are these volts?"
         )
     motion = smooth(log)
     if np.abs(motion.omega).max() < SLIPPING:
@@ -238,6 +246,8 @@ def _hopeless(log: Log, live: tuple[int, ...], breakaways: NDArray[np.int64]) ->
     for x, place in enumerate(at.SLOPES):
         if x not in live:
             why[place] = reasons.NEVER_SLIPPED.format(x + 1)
+    if (log.volts == log.volts[0]).all():
+        why |= dict.fromkeys((at.TIME_CONSTANT, at.DELAY), reasons.NO_STEPS)
     if not live:
         why |= dict.fromkeys((at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY), reasons.NO_CLUTCH)
     return why
@@ -269,7 +279,7 @@ def _is_straight(fit: Fit, error: float) -> bool:
     return not extra > max(2.0 * error, 0.01 * fit.shape.top)
 
 
-def _findings(fit: Fit, why: dict[int, str], log: Log) -> list[Finding]:
+def _findings(fit: Fit, why: dict[int, str], log: Log, explained: bool) -> list[Finding]:
     """Return the numbers with their intervals."""
 
     def numbers(p: Array) -> list[Quantity]:
@@ -280,9 +290,10 @@ def _findings(fit: Fit, why: dict[int, str], log: Log) -> list[Finding]:
     covariance, quantile = fit.covariance() if fit.free else (np.empty((0, 0)), 2.0)
     columns: list[Array] = []
     for i in fit.free:
-        e = 1e-3 * at.STEPS[i]
-        near = [numbers(fit.p + sign * e * np.eye(len(fit.p))[i]) for sign in (1.0, -1.0)]
-        columns.append(np.array([(a.value - b.value) / (2.0 * e) for a, b in zip(*near, strict=True)]))
+        unit = np.eye(len(fit.p))[i]
+        ends = [(fit.p + e * at.STEPS[i] * unit).clip(at.LOWEST, fit.shape.highest) for e in (1e-3, -1e-3)]
+        width = float(ends[0][i] - ends[1][i])
+        columns.append(np.array([(a.value - b.value) / width for a, b in zip(*map(numbers, ends), strict=True)]))
     slopes = np.stack(columns, axis=1) if columns else np.zeros((len(here), 0))
     errors = quantile * np.sqrt(np.maximum(np.einsum("qi,ij,qj->q", slopes, covariance, slopes), 0.0))
     kept = {name: why[i] for name, i in reasons.OWNERS.items() if i in why}
@@ -291,19 +302,19 @@ def _findings(fit: Fit, why: dict[int, str], log: Log) -> list[Finding]:
     if not fit.shape.live:
         kept |= {q.name: reasons.NO_CLUTCH for q in here if q.name.startswith(("torque_", "slope"))}
     found: list[Finding] = []
-    for q, before, error in zip(here, start, errors, strict=True):
-        reason = kept.get(q.name, "")
-        sure = error <= SURE * q.scale
+    for q, before, error, by_free in zip(here, start, errors, slopes, strict=True):
+        reason = kept.get(q.name, "") or ("" if by_free.any() else reasons.UNMOVED)
+        sure = explained and error <= SURE * q.scale
         found.append(
             Finding(
                 quantity=q,
-                low=q.value - (0.0 if reason else float(error)),
+                low=max(q.value - (0.0 if reason else float(error)), q.least),
                 high=q.value + (0.0 if reason else float(error)),
                 before=before.value,
                 status="kept" if reason else "identified" if sure else "uncertain",
                 relative=log.force is None and q.name in reasons.SCALED and not reason,
                 reason=reason,
-                remedy=reasons.remedy(q.name) if reason or not sure else "",
+                remedy=reasons.remedy(q.name) if reason or (explained and not sure) else "",
             )
         )
     return found

@@ -178,7 +178,9 @@ def _raster(file: Path, times: Array) -> tuple[Array, float]:
     interval = float((times[-1] - times[0]) / (len(times) - 1))
     duration = float(times[-1] - times[0])
     if not SHORTEST <= duration <= LONGEST:
-        raise ParameterError(f"{file}: {TIME} must span {SHORTEST:g} to {LONGEST:g} s, got {duration:g} s")
+        raise ParameterError(
+            f"{file}: {TIME} must span {SHORTEST:g} to {LONGEST:g} s, got {duration:g}: are these seconds?"
+        )
     if interval > LONGEST_INTERVAL * (1.0 + 1e-6):
         raise ParameterError(f"{file}: {TIME} must have a row at least each {LONGEST_INTERVAL:g} s, got {interval:g} s")
     off = np.abs(times - times[0] - interval * np.arange(len(times)))

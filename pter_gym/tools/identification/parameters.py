@@ -20,22 +20,28 @@ NAMES = (
     "breakaway_ratio",
     "log_time_constant",
     "delay",
+    "dry_a",
+    "dry_b",
+    "viscous_a",
+    "viscous_b",
 )
 """Coordinates: logarithms of what is positive; the coupling over √(M11·M22); the quadratic segment's share [V] of the
-torque over the slope at the highest voltage; its knee [V]; T_s/T_k; the delay [s]."""
+torque over the slope at the highest voltage; its knee [V]; T_s/T_k; the delay [s]; the friction of each axis over its
+inertia, dry [rad/s²] and viscous [1/s]."""
 
 INERTIA_A, INERTIA_B, COUPLING = 0, 1, 2
 SLOPES = (3, 4, 5, 6)
 EXTRA, KNEE, RATIO, TIME_CONSTANT, DELAY = 7, 8, 9, 10, 11
+DRY, VISCOUS = (12, 13), (14, 15)
 
-STEPS = np.array([0.01] * 7 + [0.1, 0.1, 0.01, 0.02, 0.5e-3])
+STEPS = np.array([0.01] * 7 + [0.1, 0.1, 0.01, 0.02, 0.5e-3] + [0.05, 0.05, 0.02, 0.02])
 """Steps of central differences: about what moves an event by a substep, so that they see through the raster."""
 
-IGNORANCE = np.array([0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, math.inf, 2.0, 0.15, 0.25, 5e-3])
+IGNORANCE = np.array([0.25] * 7 + [math.inf, 2.0, 0.15, 0.25, 5e-3] + [2.0, 2.0, 1.0, 1.0])
 """Largest standard error with which a coordinate counts as seen at all; ``extra`` is judged with the shape."""
 
-LOWEST = np.array([-6.0, -6.0, -0.95, -6.0, -6.0, -6.0, -6.0, -20.0, 0.0, 0.6, math.log(3e-3), -0.01])
-HIGHEST = np.array([5.0, 5.0, 0.95, 6.0, 6.0, 6.0, 6.0, 1e3, 1e3, 4.0, math.log(2.0), 0.1])
+LOWEST = np.array([-6.0, -6.0, -0.95, -6.0, -6.0, -6.0, -6.0, -20.0, 0.0, 0.6, math.log(3e-3), -0.01] + [0.0] * 4)
+HIGHEST = np.array([5.0, 5.0, 0.95, 6.0, 6.0, 6.0, 6.0, 1e3, 1e3, 4.0, math.log(2.0), 0.1] + [100.0] * 4)
 
 CONTROL_PERIOD = 0.01
 """Control step by which delays are judged [s]."""
@@ -91,6 +97,10 @@ class Shape:
             inertia_a=inertia_a,
             inertia_b=inertia_b,
             coupling=float(p[COUPLING]) * math.sqrt(inertia_a * inertia_b),
+            dry_a=float(p[DRY[0]]) * inertia_a,
+            dry_b=float(p[DRY[1]]) * inertia_b,
+            viscous_a=float(p[VISCOUS[0]]) * inertia_a,
+            viscous_b=float(p[VISCOUS[1]]) * inertia_b,
         )
         return replace(self.start, arm=arm, clutch=clutch, clutch_scale=tuple(scale))
 
@@ -111,6 +121,10 @@ class Shape:
                 machine.clutch.breakaway.slope / curve.slope,
                 math.log(machine.clutch.time_constant),
                 delay,
+                arm.dry_a / arm.inertia_a,
+                arm.dry_b / arm.inertia_b,
+                arm.viscous_a / arm.inertia_a,
+                arm.viscous_b / arm.inertia_b,
             ]
         ).clip(LOWEST, self.highest)
 
@@ -138,6 +152,8 @@ class Quantity:
         What the scale is, where it is not the value.
     place
         Section and field of the preset; empty for what follows from them.
+    least
+        The smallest value that there is.
     """
 
     name: str
@@ -147,6 +163,7 @@ class Quantity:
     scale: float
     judged: str = ""
     place: str = ""
+    least: float = -math.inf
 
 
 def quantities(machine: Machine, delay: float, top: float) -> list[Quantity]:
@@ -177,4 +194,14 @@ def quantities(machine: Machine, delay: float, top: float) -> list[Quantity]:
     add(
         "delay", "s", "from voltage to motion", delay, "sensing.delay", max(delay, CONTROL_PERIOD), "of it, or of 10 ms"
     )
+    smallest = curve.torque(0.25 * top)
+    for name, unit, meaning, judged in (
+        ("dry", "N·m", "dry friction of axis {}", "of it, or of torque_25"),
+        ("viscous", "N·m·s", "viscous friction of axis {}", "of it, or of torque_25 at 1 rad/s"),
+    ):
+        for axis in "ab":
+            value = getattr(arm, f"{name}_{axis}")
+            place = f"arm.{name}_{axis}"
+            about = meaning.format(axis.upper())
+            found.append(Quantity(f"{name}_{axis}", unit, about, value, max(value, smallest), judged, place, 0.0))
     return found

@@ -12,6 +12,8 @@ NO_CLUTCH = "no clutch was on while it slipped"
 STRAIGHT = "the torque is straight up to {:.3g} V, the highest voltage at which a clutch slipped"
 NO_JUMP = "the clutches break away without a jump: T_s is at most T_k, and then cannot be seen"
 
+NO_STEPS = "V1 to V4 never change"
+UNMOVED = "the log shows none of the numbers from which it follows"
 FEW_LEVELS = "clutches slipped at fewer than three voltages"
 ONE_ABOVE = "clutches slipped at one voltage above the knee only: several knees fit, and this is one"
 
@@ -23,6 +25,7 @@ _UNSEEN = {
     at.RATIO: "clutches hardly broke away with a jump that the log shows",
     at.TIME_CONSTANT: "no voltage was stepped while a clutch slipped",
     at.DELAY: "no voltage was stepped while a clutch slipped, or the rows are too coarse",
+    **dict.fromkeys((*at.DRY, *at.VISCOUS), "the log hardly shows the friction of this axis"),
 }
 
 OWNERS = MappingProxyType(
@@ -36,11 +39,15 @@ OWNERS = MappingProxyType(
         "breakaway_ratio": at.RATIO,
         "time_constant": at.TIME_CONSTANT,
         "delay": at.DELAY,
+        **dict(zip(("dry_a", "dry_b", "viscous_a", "viscous_b"), (*at.DRY, *at.VISCOUS), strict=True)),
     }
 )
 """The coordinate without which a number is not known."""
 
-SCALED = ("inertia_b", "coupling", "torque_25", "torque_50", "torque_75", "torque_100", "slope", "curvature")
+SCALED = (
+    *("inertia_b", "coupling", "torque_25", "torque_50", "torque_75", "torque_100", "slope", "curvature"),
+    *("dry_a", "dry_b", "viscous_a", "viscous_b"),
+)
 """Numbers that are proportional to the inertia of link A where no force is known."""
 
 _REMEDIES = {
@@ -53,6 +60,8 @@ _REMEDIES = {
     "curvature": "let a clutch slip at several voltages, up to the highest at which you can still pull it",
     "breakaway": "hold still with a clutch on, then pull harder until it gives, and repeat; record the forces",
     "time": "switch each clutch on and off while it slips",
+    "dry": "let the arm turn slowly and fast with all clutches off, and record the forces",
+    "viscous": "let the arm turn slowly and fast with all clutches off, and record the forces",
     "delay": "switch each clutch on and off while it slips; record at least 200 rows per second",
 }
 

@@ -108,8 +108,16 @@ def smooth(log: Log) -> Motion:
     theta = _SIGNAL.savgol_filter(log.theta, width, 2, axis=0)
     omega = _SIGNAL.savgol_filter(log.theta, width, 2, deriv=1, delta=log.interval, axis=0)
     alpha = _SIGNAL.savgol_filter(log.theta, 2 * width - 1, 3, deriv=2, delta=log.interval, axis=0)
-    noise = float(np.median(np.abs(log.theta - theta)) / 0.6745)
-    return Motion(theta, omega, alpha, max(noise, 1e-7), half)
+    return Motion(theta, omega, alpha, _noise(log.theta, theta), half)
+
+
+def _noise(measured: Array, smoothed: Array) -> float:
+    """Return the standard deviation of the angles' noise [rad], which is not what motion adds, nor below a raster's."""
+    rough = np.diff(measured, 3, axis=0) / np.sqrt(20.0)
+    spread = min(float(np.median(np.abs(values))) / 0.6745 for values in (measured - smoothed, rough))
+    steps = np.abs(np.diff(measured, axis=0))
+    raster = float(steps[steps > 0.0].min()) if steps.any() else 0.0
+    return max(spread, raster / np.sqrt(12.0), 1e-7)
 
 
 def smooth_force(log: Log, cutoff: float = CUTOFF) -> Array:

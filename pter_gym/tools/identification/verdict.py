@@ -1,0 +1,210 @@
+"""Whether the model explains a log, where it does not, and what may be wrong with the log."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.tools.identification.balance import COARSE, balance
+from pter_gym.tools.identification.estimation import BLOCK, Fit
+from pter_gym.tools.identification.log import Log
+from pter_gym.tools.identification.parameters import Shape
+from pter_gym.tools.identification.shooting import make_inputs
+from pter_gym.tools.identification.windows import Motion, lagged, smooth, smooth_force
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+FAR = 2.0
+"""Root mean square of a window's residuals over what the log's noise makes, from which the model does not explain it.
+
+Noise of the forces is smooth after two integrals, so a window has as few as three independent residuals, and then 0.7 %
+of the windows are this far off by chance: P(χ² > 3·2²) with three degrees of freedom.
+"""
+
+MOST = 0.1
+"""Largest share of such windows in a log that the model explains: some breakaways are always a matter of chance."""
+
+LEFT = 0.02
+"""Share of the load left by the balance of torques, from which other readings of a log are tried."""
+
+BETTER = 0.2
+"""What another reading may leave of that, to be reported."""
+
+UNRELATED = 0.5
+"""Share of the load left by all readings, from which forces and motion have nothing to do with each other."""
+
+OTHER_SIZE = 3.0
+"""Factor between found inertias and those of the start, from which the unit of the forces is questioned."""
+
+SHIFTS = (-0.1, -0.05, -0.02, 0.02, 0.05, 0.1)
+"""Delays of the forces that are tried [s]."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """The windows in which a quantity is within a range: how many there are, and the share that is not explained."""
+
+    quantity: str
+    unit: str
+    low: float
+    high: float
+    windows: int
+    share: float
+
+    def __str__(self) -> str:
+        """Return share and range in words."""
+        return f"{100 * self.share:.0f} % where {self.quantity} is {self.low:.2g} to {self.high:.2g} {self.unit}"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether the model explains a log.
+
+    Attributes
+    ----------
+    windows
+        How many windows are used.
+    share
+        Share of them whose residuals are more than ``FAR`` times what the log's noise makes.
+    enough
+        Whether there are more independent stretches than numbers to identify.
+    parts
+        The same share by speed, voltage and position, in thirds.
+    hints
+        Sentences on what may be wrong with the log.
+    """
+
+    windows: int
+    share: float
+    enough: bool
+    parts: tuple[Part, ...]
+    hints: tuple[str, ...]
+
+    @property
+    def explained(self) -> bool:
+        """Whether numbers may count as identified."""
+        return self.enough and self.share <= MOST
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words."""
+        if not self.enough:
+            return (
+                f"Nothing is identified: {self.windows} usable windows are too few for so many numbers; record longer."
+            )
+        off = f"in {100 * self.share:.0f} % of {self.windows} windows, angles are further off than {FAR:g} × noise"
+        if self.explained:
+            return f"The model explains the log: {off}."
+        named = {part.quantity: [p for p in self.parts if p.quantity == part.quantity] for part in self.parts}
+        telling = max(named.values(), key=lambda group: max(p.share for p in group) - min(p.share for p in group))
+        worst, best = (choose(telling, key=lambda p: p.share) for choose in (max, min))
+        where = f", {worst}, {best}" if worst.share - best.share > MOST else ", everywhere"
+        return f"The model does not explain the log, so nothing is identified: {off}{where}."
+
+
+def judge(fit: Fit, log: Log, motion: Motion) -> tuple[Verdict, list[Flags]]:
+    """Return the verdict on a fit, and the windows of each of its parts."""
+    windows = fit.windows
+    used = windows.used
+    far = fit.sizes() > FAR * np.sqrt(windows.noise**2 + _unavoidable(fit, log))
+    share = float(far[used].mean()) if used.any() else 1.0
+    parts: list[Part] = []
+    groups: list[Flags] = []
+    for quantity, unit, values in _quantities(fit, log, motion):
+        edges = np.unique(np.quantile(values[used], (0.0, 1 / 3, 2 / 3, 1.0))) if used.any() else np.zeros(1)
+        place = np.searchsorted(edges[1:-1], values, side="right")
+        for k in range(len(edges) - 1):
+            inside = used & (place == k)
+            if inside.any():
+                span = values[inside]
+                parts.append(Part(quantity, unit, span.min(), span.max(), int(inside.sum()), float(far[inside].mean())))
+                groups.append(inside)
+    count = int(used.sum())
+    enough = count // BLOCK > len(fit.free)
+    explained = enough and share <= MOST
+    hints = (*_oddities(fit, log), *(() if explained else other_readings(log, fit.shape)))
+    return Verdict(count, share, enough, tuple(parts), hints), groups
+
+
+def _unavoidable(fit: Fit, log: Log) -> Array:
+    """Return the mean square [rad²] by which noise of the forces and the model's step move each window's angles."""
+    inputs = fit.windows.inputs
+    finer = make_inputs(log.interval, log.volts, smooth_force(log), 0.5 * inputs.step)
+    moved = fit.moved(finer)
+    if log.force is not None:
+        noise = np.median(np.abs(np.diff(log.force, 2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
+        rng = np.random.default_rng(0)
+        for _ in range(2):
+            shaken = replace(log, force=log.force + noise * rng.standard_normal(log.force.shape))
+            moved += 0.5 * fit.moved(make_inputs(log.interval, log.volts, smooth_force(shaken), inputs.step))
+    return moved
+
+
+def _quantities(fit: Fit, log: Log, motion: Motion) -> Iterator[tuple[str, str, Array]]:
+    """Yield what windows are sorted by: name, unit, and the value of each window."""
+    rows = fit.windows.first[:, None] + np.arange(fit.windows.length + 1)
+    behind = lagged(log, log.volts, fit.shape.machine(fit.p).clutch.time_constant)
+    yield "the speed of the faster link", "rad/s", np.abs(motion.omega[rows]).max(axis=(1, 2))
+    yield "the highest voltage behind the lag", "V", behind[rows].max(axis=(1, 2))
+    yield "theta_A", "rad", log.theta[rows, 0].mean(axis=1)
+    yield "theta_B", "rad", log.theta[rows, 1].mean(axis=1)
+
+
+def _oddities(fit: Fit, log: Log) -> Iterator[str]:
+    """Yield what is odd about a log, whatever the model says."""
+    if (log.volts == log.volts[0]).all():
+        yield "V1 to V4 never change: switch the clutches on and off, one at a time."
+    if 0.0 < log.volts.max() <= 1.0:
+        yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares of the largest voltage?"
+    found, start = fit.shape.machine(fit.p).arm, fit.shape.start.arm
+    ratios = (found.inertia_a / start.inertia_a, found.inertia_b / start.inertia_b)
+    if log.force is not None and (min(ratios) > OTHER_SIZE or max(ratios) < 1.0 / OTHER_SIZE):
+        yield (
+            f"Both inertias are {ratios[0]:.2g} and {ratios[1]:.2g} times those of the start: "
+            "are F_x and F_y in newtons, and the lengths in metres?"
+        )
+
+
+def other_readings(log: Log, shape: Shape) -> Iterator[str]:
+    """Yield the other reading of a log under which the balance of torques leaves much less, if there is one."""
+    usual = balance(log, smooth(log), shape, COARSE)
+    if usual is None or usual.left < LEFT:
+        return
+    least, said = usual.left, ""
+    for sentence, other in _readings(log):
+        tried = balance(other, smooth(other), shape, COARSE)
+        if tried is not None and tried.left < least:
+            least, said = tried.left, sentence
+    if least < BETTER * usual.left:
+        yield f"{said}: then {100 * least:.1f} % of the torques stay unexplained, instead of {100 * usual.left:.0f} %."
+    elif least > UNRELATED:
+        yield f"{100 * least:.0f} % of the torques stay unexplained: do forces and angles belong to the same motion?"
+
+
+def _readings(log: Log) -> Iterator[tuple[str, Log]]:
+    """Yield other ways to read a log, each with what it would mean."""
+    yield "theta_A and theta_B seem to be swapped", replace(log, theta=log.theta[:, ::-1])
+    relative = np.column_stack([log.theta[:, 0], log.theta.sum(axis=1)])
+    yield "theta_B seems to be measured from link A, not from the x axis", replace(log, theta=relative)
+    yield "theta_A and theta_B seem to be in degrees", replace(log, theta=np.radians(log.theta))
+    for x, y in combinations(range(4), 2):
+        order = [y if k == x else x if k == y else k for k in range(4)]
+        yield f"V{x + 1} and V{y + 1} seem to be swapped", replace(log, volts=log.volts[:, order])
+    force = log.force
+    if force is None:
+        return
+    changes: list[tuple[str, Callable[[], Array]]] = [
+        ("F_x and F_y seem to have the wrong sign: they are those of the hand on the tip", lambda: -force),
+        ("F_x seems to have the wrong sign", lambda: force * [-1.0, 1.0]),
+        ("F_y seems to have the wrong sign, or both angles", lambda: force * [1.0, -1.0]),
+        ("F_x and F_y seem to be swapped", lambda: force[:, ::-1]),
+    ]
+    for sentence, change in changes:
+        yield sentence, replace(log, force=change())
+    for shift in SHIFTS:
+        when = f"{1e3 * abs(shift):.0f} ms {'late' if shift > 0.0 else 'early'}"
+        moved = np.roll(force, -round(shift / log.interval), axis=0)
+        yield f"F_x and F_y seem to be recorded about {when}", replace(log, force=moved)

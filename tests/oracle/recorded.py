@@ -1,0 +1,156 @@
+"""Logs of machines that the package's model may not know, from an integrator of its own.
+
+Clutches and bearings are stiff springs with a damper that give way: a spring that is asked for more than the breakaway
+torque slips, with a torque that may depend on the slip, until the slip turns round. Steps of 20 µs; nothing is shared
+with the package but the format of a log. Links may be flexible: the clutches and encoders are on the axes, which have a
+share of the inertia, and the hand is on the links, with a torsion spring between.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from pter_gym.tools.identification import Log
+
+STEP = 2e-5
+SPRING, DAMPER = 4e5, 300.0
+"""Of a friction contact that holds [N·m/rad, N·m·s/rad]: 20 N·m bend it by 50 µrad, and it settles within 1 ms."""
+
+AXIS_SHARE = 0.4
+"""Of the inertia, on the axis' side of a flexible link."""
+
+HAND = (800.0, 30.0)
+"""Stiffness and damping of the person's hand [N/m, N·s/m]."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A machine: lengths, inertias, coupling, slope of T_k, T_s/T_k, lag, and what the package's model may not have.
+
+    ``growth`` is that of T_k per slip [s/rad], ``stribeck`` the slip within which T_s falls to T_k [rad/s], and
+    ``link`` the stiffness of the links [N·m/rad], 0 for rigid ones.
+    """
+
+    lengths: tuple[float, float] = (0.5645, 0.4454)
+    inertias: tuple[float, float] = (0.5, 0.8)
+    coupling: float = 0.05
+    slope: float = 0.9
+    ratio: float = 1.22
+    time_constant: float = 0.08
+    dry: tuple[float, float] = (0.0, 0.0)
+    viscous: tuple[float, float] = (0.0, 0.0)
+    growth: float = 0.0
+    stribeck: float = 0.0
+    link: float = 0.0
+
+
+def record(machine: Recorded, levels=(4.0, 8.0, 12.0, 16.0), seed: int = 0, interval: float = 2e-3) -> Log:
+    """The log of the experiment of docs/identify.md, 14-bit encoders and 0.3 N of noise."""
+    rng = np.random.default_rng([seed, 9])
+    free, on, off = 4.0, 0.9, 0.25
+    rows = round((free + 4 * len(levels) * (on + off)) / interval)
+    times = interval * np.arange(rows)
+    place = np.floor((times + 0.5 * interval - free) / (on + off)).astype(int)
+    volts = np.zeros((rows, 4))
+    engaged = (place >= 0) & (times + 0.5 * interval - free - place * (on + off) < on)
+    volts[engaged, place[engaged] % 4] = np.array(levels)[place[engaged] // 4]
+    numbers = np.array(
+        [
+            *(*machine.lengths, *machine.inertias, machine.coupling, machine.slope, machine.ratio),
+            *(machine.time_constant, *machine.dry, *machine.viscous, machine.growth, machine.stribeck, machine.link),
+        ]
+    )
+    phases = rng.uniform(0.0, 2.0 * math.pi, 2)
+    theta, force = _run(numbers, volts, phases, round(interval / STEP))
+    step = 2.0 * math.pi / 16384
+    return Log(
+        interval=interval,
+        volts=volts,
+        theta=step * np.round(theta / step),
+        force=force + 0.3 * rng.standard_normal((rows, 2)),
+        name="recorded",
+    )
+
+
+@numba.njit
+def _slid(slip, held, ratio, growth, stribeck):
+    """Torque of a sliding contact over T_k at no slip."""
+    speed = abs(slip)
+    extra = (ratio - 1.0) * math.exp(-speed / stribeck) if stribeck > 0.0 else 0.0
+    return held * (1.0 + growth * speed + extra)
+
+
+@numba.njit
+def _contact(i, slip, held, most, bent, way):
+    """Torque against the slip of a contact; ``bent`` is its spring, ``way`` the direction of its slip, 0 if held."""
+    if way[i] != 0.0 and slip * way[i] <= 0.0:
+        way[i], bent[i] = 0.0, way[i] * held / SPRING
+    if way[i] == 0.0:
+        bent[i] += STEP * slip
+        if SPRING * abs(bent[i]) > most:
+            way[i] = 1.0 if bent[i] > 0.0 else -1.0
+    return SPRING * bent[i] + DAMPER * slip if way[i] == 0.0 else way[i] * held
+
+
+@numba.njit
+def _hand(numbers, t, arm, speed, phases, middle):
+    """Force of the hand on the tip."""
+    l_a, l_b = numbers[0], numbers[1]
+    ramp = 0.12 * min(t, 1.0)
+    x = l_a * math.cos(arm[0]) + l_b * math.cos(arm[1])
+    y = l_a * math.sin(arm[0]) + l_b * math.sin(arm[1])
+    v_x = -l_a * math.sin(arm[0]) * speed[0] - l_b * math.sin(arm[1]) * speed[1]
+    v_y = l_a * math.cos(arm[0]) * speed[0] + l_b * math.cos(arm[1]) * speed[1]
+    to_x = middle[0] + ramp * math.sin(2.0 * math.pi * 0.83 * t + phases[0])
+    to_y = middle[1] + ramp * math.sin(2.0 * math.pi * 1.27 * t + phases[1])
+    return HAND[0] * (to_x - x) - HAND[1] * v_x, HAND[0] * (to_y - y) - HAND[1] * v_y
+
+
+@numba.njit
+def _run(numbers, volts, phases, per_row):
+    l_a, l_b, m_a, m_b, c, slope, ratio, tau, dry_a, dry_b, visc_a, visc_b, growth, stribeck, link = numbers
+    rows = len(volts)
+    theta, force = np.empty((rows, 2)), np.empty((rows, 2))
+    axis = np.array([0.5 * math.pi - 0.85, 0.5 * math.pi + 0.6])
+    arm, axis_speed, arm_speed = axis.copy(), np.zeros(2), np.zeros(2)
+    middle = l_a * math.cos(axis[0]) + l_b * math.cos(axis[1]), l_a * math.sin(axis[0]) + l_b * math.sin(axis[1])
+    weight = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]])
+    limit, bent, way = np.zeros(6), np.zeros(6), np.zeros(6)
+    limit[4], limit[5] = dry_a, dry_b
+    left = math.exp(-STEP / tau)
+    inertia, viscous = np.array([m_a, m_b]), np.array([visc_a, visc_b])
+    own = (1.0 - AXIS_SHARE) * inertia if link > 0.0 else inertia
+    for k in range(rows * per_row):
+        row = k // per_row
+        f_x, f_y = _hand(numbers, k * STEP, arm, arm_speed, phases, middle)
+        if k % per_row == 0:
+            theta[row] = axis
+            force[row, 0], force[row, 1] = f_x, f_y
+        limit[:4] = slope * volts[row] + (limit[:4] - slope * volts[row]) * left
+        on_axis = -viscous * axis_speed
+        for i in range(6):
+            slip = weight[i, 0] * axis_speed[0] + weight[i, 1] * axis_speed[1]
+            held = _slid(slip, limit[i], ratio, growth, stribeck) if i < 4 else limit[i]
+            on_axis -= weight[i] * _contact(i, slip, held, limit[i] * (ratio if i < 4 else 1.0), bent, way)
+        sin = c * math.sin(arm[0] - arm[1])
+        on_a = l_a * (math.cos(arm[0]) * f_y - math.sin(arm[0]) * f_x) - sin * arm_speed[1] ** 2
+        on_b = l_b * (math.cos(arm[1]) * f_y - math.sin(arm[1]) * f_x) + sin * arm_speed[0] ** 2
+        passed = on_axis
+        if link > 0.0:
+            passed = link * (axis - arm) + 0.002 * link * (axis_speed - arm_speed)
+            axis_speed += STEP * (on_axis - passed) / (AXIS_SHARE * inertia)
+            axis += STEP * axis_speed
+        on_a += passed[0]
+        on_b += passed[1]
+        m12 = c * math.cos(arm[0] - arm[1])
+        det = own[0] * own[1] - m12 * m12
+        arm_speed[0] += STEP * (own[1] * on_a - m12 * on_b) / det
+        arm_speed[1] += STEP * (own[0] * on_b - m12 * on_a) / det
+        arm += STEP * arm_speed
+        if link == 0.0:
+            axis[:], axis_speed[:] = arm, arm_speed
+    return theta, force

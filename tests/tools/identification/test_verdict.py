@@ -1,0 +1,216 @@
+"""What ``identify`` says where it cannot know: machines that break its model, and logs that are not what they seem.
+
+The logs of real machines come from an integrator of the tests' own, tests/oracle/recorded.py.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from oracle.recorded import Recorded, record
+from pter_gym._commands.main import main
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.tools.identification import Experiment, Identification, Log, Recorder, identify, record_log, write_log
+from pter_gym.tools.identification.parameters import Shape
+from pter_gym.tools.identification.verdict import other_readings
+from pter_gym.tools.identification.windows import smooth
+
+RUBBING = Recorded(dry=(0.4, 0.3), viscous=(0.2, 0.1))
+
+BROKEN = {
+    "torque that grows with the slip": Recorded(growth=0.15),
+    "Stribeck": Recorded(stribeck=0.3),
+    "flexible links": Recorded(link=5000.0),
+}
+
+
+def states(found: Identification) -> set[str]:
+    return {finding.status for finding in found.findings}
+
+
+def true_values(machine: Recorded) -> dict[str, float]:
+    return {
+        "inertia_a": machine.inertias[0],
+        "inertia_b": machine.inertias[1],
+        "coupling": machine.coupling,
+        "slope": machine.slope,
+        "time_constant": machine.time_constant,
+        "delay": 0.0,
+        **{f"scale_{x}": 1.0 for x in range(1, 5)},
+        **dict(zip(("dry_a", "dry_b"), machine.dry, strict=True)),
+        **dict(zip(("viscous_a", "viscous_b"), machine.viscous, strict=True)),
+    }
+
+
+# --- machines ---
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("machine", [Recorded(), RUBBING], ids=["no friction of the axes", "friction of the axes"])
+def test_a_machine_of_the_models_kind_is_explained(machine: Recorded):
+    """Each number is within 2 % of its scale, which is what the stiff springs of the generator may change."""
+    found = identify(record(machine), BASELINE)
+    assert found.verdict.explained
+    assert found.verdict.sentence.startswith("The model explains the log")
+    assert found.verdict.hints == ()
+    told = {finding.quantity.name: finding for finding in found.findings}
+    for name, true in true_values(machine).items():
+        assert abs(told[name].quantity.value - true) <= 0.02 * told[name].quantity.scale, name
+        assert told[name].status == "identified" or name == "delay"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("machine", BROKEN.values(), ids=BROKEN)
+def test_a_machine_of_another_kind_is_not(machine: Recorded):
+    """Nothing is identified, and the true slope, which the model cannot have, is within its interval."""
+    found = identify(record(machine), BASELINE)
+    assert not found.verdict.explained
+    assert "identified" not in states(found)
+    slope = next(finding for finding in found.findings if finding.quantity.name == "slope")
+    assert slope.low <= machine.slope <= slope.high
+
+
+@pytest.mark.slow
+def test_what_is_not_explained_is_said_first_and_nothing_is_identified(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    write_log(record(Recorded(growth=0.3), levels=(10.0,)), "log.csv")
+    assert main(["identify", "log.csv", "--out", "mine"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("The model does not explain the log")
+    assert " identified" not in said.partition("\n")[2]
+    report = Path("mine/report.html").read_text("utf-8")
+    assert report.index("The model does not explain the log") < report.index("<h2>")
+    for line in Path("mine/preset.toml").read_text("utf-8").splitlines():
+        assert "identified:" not in line or "uncertain, 95 % interval" in line
+
+
+# --- logs ---
+
+SHORT = Experiment(levels=(6.0, 14.0), on=0.7, off=0.2, free=3.0)
+
+
+@cache
+def good() -> Log:
+    arm = replace(BASELINE.arm, inertia_a=0.7, inertia_b=0.6, coupling=0.1)
+    return record_log(replace(BASELINE, arm=arm), SHORT, Recorder(delay=0.006))
+
+
+def forces(change: Callable[[np.ndarray], np.ndarray]) -> Log:
+    force = good().force
+    assert force is not None
+    return replace(good(), force=change(force))
+
+
+READINGS: dict[str, tuple[str, Callable[[], Log]]] = {
+    "force signs": ("F_x and F_y seem to have the wrong sign", lambda: forces(lambda f: -f)),
+    "one sign": ("F_x seems to have the wrong sign", lambda: forces(lambda f: f * [-1.0, 1.0])),
+    "swapped forces": ("F_x and F_y seem to be swapped", lambda: forces(lambda f: f[:, ::-1])),
+    "late forces": ("recorded about 50 ms late", lambda: forces(lambda f: np.roll(f, 25, axis=0))),
+    "swapped angles": (
+        "theta_A and theta_B seem to be swapped",
+        lambda: replace(good(), theta=good().theta[:, ::-1]),
+    ),
+    "relative angle": (
+        "theta_B seems to be measured from link A",
+        lambda: replace(good(), theta=good().theta - np.outer(good().theta[:, 0], [0.0, 1.0])),
+    ),
+    "degrees": ("seem to be in degrees", lambda: replace(good(), theta=np.degrees(good().theta))),
+    "swapped voltages": ("V2 and V3 seem to be swapped", lambda: replace(good(), volts=good().volts[:, [0, 2, 1, 3]])),
+    "noise for forces": (
+        "do forces and angles belong to the same motion",
+        lambda: forces(lambda f: np.random.default_rng(0).normal(0.0, 20.0, f.shape)),
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("said", "make"), READINGS.values(), ids=READINGS)
+def test_a_log_that_is_read_wrongly_is_named(said: str, make: Callable[[], Log]):
+    (hint,) = other_readings(make(), Shape(BASELINE, 14.0))
+    assert said in hint
+
+
+@pytest.mark.slow
+def test_a_good_log_is_read_as_it_is():
+    assert list(other_readings(good(), Shape(BASELINE, 14.0))) == []
+
+
+def sines() -> Log:
+    times = good().times[:, None]
+    theta = np.array([0.7, 2.2]) + 0.3 * np.sin(times * [3.0, 4.1])
+    return replace(forces(lambda f: np.random.default_rng(0).normal(0.0, 20.0, f.shape)), theta=theta)
+
+
+def wandering() -> Log:
+    steps = np.random.default_rng(1).normal(0.0, 2e-3, good().theta.shape)
+    return replace(sines(), theta=np.array([0.7, 2.2]) + np.cumsum(steps, axis=0))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("make", [sines, wandering, READINGS["relative angle"][1], READINGS["late forces"][1]])
+def test_nonsense_ends_in_a_verdict(make: Callable[[], Log]):
+    found = identify(make(), BASELINE)
+    assert not found.verdict.explained
+    assert found.verdict.hints
+    assert "identified" not in states(found)
+
+
+@pytest.mark.long
+def test_without_steps_of_the_voltage_lag_and_delay_are_kept():
+    found = identify(replace(good(), volts=np.full_like(good().volts, 12.0)), BASELINE)
+    told = {finding.quantity.name: finding for finding in found.findings}
+    assert told["time_constant"].status == told["delay"].status == "kept"
+    assert told["delay"].reason == "V1 to V4 never change"
+    assert any("V1 to V4 never change" in hint for hint in found.verdict.hints)
+
+
+@pytest.mark.slow
+def test_what_no_free_number_moves_is_kept_and_few_rows_are_too_few():
+    """Four seconds without clutches show inertias at best, and not enough for them."""
+    log = good()
+    assert log.force is not None
+    rows = slice(0, 1450)
+    found = identify(replace(log, volts=log.volts[rows], theta=log.theta[rows], force=log.force[rows]), BASELINE)
+    for finding in found.findings:
+        assert (finding.low == finding.high == finding.quantity.value) == (finding.status == "kept")
+        assert bool(finding.reason) == (finding.status == "kept")
+        if finding.quantity.name.startswith("torque_"):
+            assert finding.status == "kept"
+            assert finding.quantity.value == pytest.approx(finding.before)
+    fewer = slice(0, 600)
+    few = identify(replace(log, volts=log.volts[fewer], theta=log.theta[fewer], force=log.force[fewer]), BASELINE)
+    assert not few.verdict.enough
+    assert "too few" in few.verdict.sentence
+    assert "identified" not in states(few)
+
+
+def test_units_are_asked_for():
+    with pytest.raises(ParameterError, match="are these volts"):
+        identify(replace(good(), volts=1e3 * good().volts), BASELINE)
+
+
+# --- noise ---
+
+
+@pytest.mark.parametrize("noise", [1e-4, 2e-2])
+def test_white_noise_is_measured(noise: float):
+    """Together with that of the log's encoders; the median of 4,000 numbers tells it to 2 %, smoothing takes 3 %."""
+    theta = good().theta + noise * np.random.default_rng(2).standard_normal(good().theta.shape)
+    expected = np.hypot(noise, Recorder().angle_resolution / np.sqrt(12.0))
+    assert smooth(replace(good(), theta=theta)).noise == pytest.approx(expected, rel=0.05)
+
+
+def test_an_encoder_at_rest_has_its_steps_noise_and_wandering_is_none():
+    step = 1e-3
+    theta = step * np.round(np.tile([[0.7, 2.2]], (3000, 1)) / step)
+    theta[2900:] += step
+    still = replace(good(), theta=theta, volts=np.zeros((3000, 4)), force=np.zeros((3000, 2)))
+    assert smooth(still).noise == pytest.approx(step / np.sqrt(12.0))
+    assert smooth(wandering()).noise < 1.2 * 2e-3 * np.sqrt(6.0 / 20.0)
