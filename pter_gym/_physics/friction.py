@@ -54,11 +54,14 @@ def with_dry(limit: PerClutch, dry_a: float, dry_b: float) -> PerClutch:
 
 
 @device
-def without_dry(torque: PerClutch, limit: PerClutch, dry_a: float, dry_b: float) -> PerClutch:
-    """Return the clutches' own part of torques [N·m] under limits with dry friction: in proportion to the limits."""
-    own1 = torque.x1 * (1.0 - dry_a / limit.x1) if dry_a > 0.0 else torque.x1
-    own2 = torque.x2 * (1.0 - dry_b / limit.x2) if dry_b > 0.0 else torque.x2
-    return PerClutch(own1, own2, torque.x3, torque.x4)
+def without_dry(torque: PerClutch, dry_a: float, dry_b: float) -> PerClutch:
+    """Return the clutches' own part of torques [N·m] under limits with dry friction, which holds what it can first."""
+    return PerClutch(
+        torque.x1 - between(torque.x1, -dry_a, dry_a),
+        torque.x2 - between(torque.x2, -dry_b, dry_b),
+        torque.x3,
+        torque.x4,
+    )
 
 
 @device

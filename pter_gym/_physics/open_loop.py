@@ -275,7 +275,7 @@ def row_of(body: Any) -> Row:
         omega=PerLink(q.omega_a, q.omega_b),
         tip_position=Vector(x, y),
         tip_velocity=Vector(v_x, v_y),
-        torque=without_dry(torque, limit, arm.dry_a, arm.dry_b),
+        torque=without_dry(torque, arm.dry_a, arm.dry_b),
         slip_velocity=slip_velocities(q.omega_a, q.omega_b),
         torque_breakaway=torques.breakaway,
         torque_dynamic=torques.dynamic,

@@ -183,7 +183,7 @@ def torques_at(q: Motion, arm: Linkage, on: Load, torques: Torques, threshold: f
     alpha_a, alpha_b = resolve(impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, held)
     load_a = impact.m11 * alpha_a + impact.m12 * alpha_b - free_a
     load_b = impact.m12 * alpha_a + impact.m22 * alpha_b - free_b
-    return without_dry(generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit), limit, arm.dry_a, arm.dry_b)
+    return without_dry(generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit), arm.dry_a, arm.dry_b)
 
 
 @device

@@ -91,8 +91,8 @@ def test_the_clutches_torques_are_their_own():
     assert np.all(way.power <= 0.0)
     together = with_dry(PerClutch(2.0, 0.0, 5.0, 6.0), 0.5, 1.5)
     assert together == (2.5, 1.5, 5.0, 6.0)
-    assert without_dry(PerClutch(-2.5, 0.75, 5.0, 0.1), together, 0.5, 1.5) == (-2.0, 0.0, 5.0, 0.1)
-    assert without_dry(PerClutch(0.0, 0.0, 0.0, 0.0), PerClutch(0.0, 0.0, 0.0, 0.0), 0.0, 0.0) == (0.0,) * 4
+    assert without_dry(PerClutch(-2.5, 0.75, 5.0, 0.1), 0.5, 1.5) == (-2.0, 0.0, 5.0, 0.1)
+    assert without_dry(PerClutch(0.0, 0.0, 0.0, 0.0), 0.0, 0.0) == (0.0,) * 4
 
 
 def test_energies_add_up():
