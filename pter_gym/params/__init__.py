@@ -34,6 +34,7 @@ from pter_gym.params._machine import (
     find_machine,
     is_preset,
     machine_of,
+    paper_machines_of,
     tip_mass,
     with_friction,
 )
@@ -64,6 +65,7 @@ __all__ = [
     "find_machine",
     "is_preset",
     "machine_of",
+    "paper_machines_of",
     "preset",
     "quantity",
     "require",
