@@ -222,20 +222,17 @@ def paper_machines_of(preset: Preset) -> dict[str, Machine]:
     return {name: replace(baseline, clutch=with_friction(baseline.clutch, *each)) for name, each in factors.items()}
 
 
-PAPER_MACHINES = paper_machines_of(PRESET)
-"""The three machines of Table I by name, with the numbers that the package ships."""
+MACHINES = paper_machines_of(PRESET)
+"""Machines that environments and commands know by name; another clutch material is one more entry."""
 
-BASELINE = PAPER_MACHINES["baseline"]
+BASELINE = MACHINES["baseline"]
 """PTER with its present clutches (paper section IV-B.1)."""
 
-DELRIN_EXPERIMENTAL = PAPER_MACHINES["delrin_experimental"]
+DELRIN_EXPERIMENTAL = MACHINES["delrin_experimental"]
 """PTER with Delrin clutches as measured on the testbed (paper section IV-B.2)."""
 
-DELRIN_THEORETICAL = PAPER_MACHINES["delrin_theoretical"]
+DELRIN_THEORETICAL = MACHINES["delrin_theoretical"]
 """PTER with Delrin clutches as in the literature: T_k > T_s (paper section IV-B.2)."""
-
-MACHINES = {**PAPER_MACHINES}
-"""Machines that environments and commands know by name; another clutch material is one more entry."""
 
 
 def is_preset(machine: object) -> bool:

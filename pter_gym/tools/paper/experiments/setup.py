@@ -19,7 +19,10 @@ TIME_CONSTANTS = tuple(round(0.01 * k, 2) for k in range(1, 21))
 """Time constants of the clutches in the test runs [s]. Those of the paper are lost with its figures."""
 
 STUDY = load_preset(Path(__file__).parents[1] / "study.toml")
-"""The numbers of the experiments, as ``pter fit`` found them. Scenarios have those of ``presets/pter.toml``."""
+"""The numbers of the experiments, as ``pter fit`` finds them. Scenarios have those of ``presets/pter.toml``."""
+
+PAPER_MACHINES = paper_machines_of(STUDY)
+"""The three machines of Table I by name, as the experiments have them."""
 
 
 def values_of(section: Any) -> dict[str, Any]:
@@ -42,7 +45,7 @@ class Setup:
     """Machines, task and controller of the paper's experiments, and the choices that its text leaves open."""
 
     machines: Mapping[str, Machine] = quantity(
-        "1", "see Machine; by name, the baseline first", default_factory=lambda: paper_machines_of(STUDY)
+        "1", "see Machine; by name, the baseline first", default_factory=lambda: dict(PAPER_MACHINES)
     )
     task: PathFollowing = quantity("1", "see PathFollowing", default_factory=lambda: task_of(STUDY))
     controller: TorqueFeedback = quantity("1", "see TorqueFeedback", default_factory=lambda: controller_of(STUDY))

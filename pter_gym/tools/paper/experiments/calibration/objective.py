@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym.errors import ParameterError
 from pter_gym.params import TIME_CONSTANT
 from pter_gym.params._preset import Preset
+from pter_gym.tasks.path_following import check_machine
 from pter_gym.tools.paper.experiments.calibration.readings import setup_of
 from pter_gym.tools.paper.experiments.calibration.simulation import Case, RunScores, run_cases
 from pter_gym.tools.paper.experiments.feedback import BEST_GAIN
@@ -72,10 +74,13 @@ def misfit(presets: Sequence[Preset], trends: float) -> Array:
 
     The root mean square of the logarithmic deviations from Table I, plus the part of the worst one beyond ``AIM``, plus
     the fraction of runs that do not complete, plus the penalties for Figs. 7 and 8, with the weight ``trends``, and
-    Fig. 10. Candidates that are far off are looked at in less detail.
+    Fig. 10. Candidates far off are looked at in less detail, and those that the environment refuses not at all.
     """
     setups = [setup_of(preset) for preset in presets]
-    total = quality_of(setups, SCREEN).spread + HOPELESS
+    total = np.full(len(setups), 2.0 * HOPELESS)
+    able = [k for k, setup in enumerate(setups) if is_accepted(setup)]
+    if able:
+        total[able] = quality_of([setups[k] for k in able], SCREEN).spread + HOPELESS
     near = np.flatnonzero(total < HOPELESS + 0.35)
     if not len(near):
         return total
@@ -87,6 +92,15 @@ def misfit(presets: Sequence[Preset], trends: float) -> Array:
     if len(good):
         total[good] += FEEDBACK * _feedback([setups[k] for k in good]) - POOR
     return total
+
+
+def is_accepted(setup: Setup) -> bool:
+    """Tell whether the arm can do the task with its substep, which does not depend on the clutches."""
+    try:
+        check_machine(setup.task, setup.baseline)
+    except ParameterError:
+        return False
+    return True
 
 
 def quality_of(setups: Sequence[Setup], time_constants: Sequence[float] = TIME_CONSTANTS) -> Quality:
