@@ -1,4 +1,4 @@
-"""How the numbers of the paper's study were found, and what else would do: tables of docs/calibration.md.
+"""How the numbers of the paper's study were found, and what else would do: docs/calibration.md and reproduction.md.
 
     for w in 0 0.1 0.3 1; do pter fit --trends $w --out FOLDER/$w.toml; done      # half an hour of two cores
     python docs/make/calibration.py FOLDER
@@ -16,8 +16,9 @@ from pages import put_block, signed, table
 
 from pter_gym.params._preset import PRESET, Preset, load_preset
 from pter_gym.tools.paper.experiments.calibration import READINGS, SPACE, TARGET, quality_of, setup_of, table_of
-from pter_gym.tools.paper.experiments.claims import COLUMNS, NAMES
+from pter_gym.tools.paper.experiments.claims import COLUMNS, NAMES, STATEMENTS, check
 from pter_gym.tools.paper.experiments.setup import STUDY, values_of
+from pter_gym.tools.paper.experiments.study import Study
 
 PAGE = "docs/calibration.md"
 SHOWN = {
@@ -101,6 +102,25 @@ def space() -> str:
     return table(["number", "unit", "range", "reason"], rows, "---")
 
 
+def elsewhere(presets: dict[str, Preset]) -> str:
+    """What the claims that nothing was put in for come out as on other machines."""
+    statements = [each for each in STATEMENTS if each.how == "prediction"]
+    statements += [
+        claim.statement for claim in check(Study()) if not claim.holds and claim.statement.how != "prediction"
+    ]
+    sets = {
+        "shipped": STUDY,
+        **{name: each for name, each in presets.items() if each != STUDY},
+        "the scenarios'": PRESET,
+    }
+    found = [check(Study(setup_of(preset)), statements) for preset in sets.values()]
+    rows = [
+        [s.id, s.condition, *(f"{signed(f'{row[k].value:.3g}')}{'' if row[k].holds else ' †'}" for row in found)]
+        for k, s in enumerate(statements)
+    ]
+    return table(["Claim", "holds if", *sets], rows)
+
+
 def main(fits: tyro.conf.Positional[Path], /, *, write: bool = True) -> None:
     """Fill the tables of the page from the presets in a folder."""
     presets = {
@@ -116,6 +136,7 @@ def main(fits: tyro.conf.Positional[Path], /, *, write: bool = True) -> None:
     }
     for name, content in made.items():
         put_block(PAGE, name, content, write=write)
+    put_block("docs/reproduction.md", "elsewhere", elsewhere(presets), write=write)
 
 
 if __name__ == "__main__":

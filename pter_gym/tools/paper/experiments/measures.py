@@ -80,7 +80,7 @@ def velocity_share(study: Study) -> float:
     test = study.single_dof.tests[0]
     run = test.trajectory
     _, v2 = velocity_torque(linkage(study.single_dof.machine), motion(run.theta[-1], run.omega[-1]))
-    return v2 / float(test.locked_torque[-1])
+    return relative(v2, float(test.locked_torque[-1]))
 
 
 def first_order_deviation(study: Study) -> float:

@@ -75,8 +75,9 @@ EQ5_PEAK = 0.6173
 
 TABLE_VOLTS = (0.0, 4.0, 10.0, 17.0, 24.0)
 
-ORIGINS = PRESET.provenance | {
-    "delrin.mu_dynamic_present": "fitted: above 0.35 of Delrin, at most the published static one"
+ORIGINS = {
+    **PRESET.provenance,
+    "delrin.mu_dynamic_present": "fitted: above 0.35 of Delrin, at most the published static one",
 }
 
 DIGITS = 4
