@@ -6,7 +6,7 @@ from pter_gym._commands.arguments import check_file
 from pter_gym._internal.terminal import say
 
 
-def fit(seed: int = 0, budget: int = 30_000, trends: float = 0.3, out: Path = Path("pter-preset.toml")) -> None:
+def fit(seed: int = 0, budget: int = 20_000, trends: float = 0.3, out: Path = Path("pter-preset.toml")) -> None:
     """Search for values that the paper does not print.
 
     They are found by its Table I and its trends, and written as a preset.

@@ -18,7 +18,7 @@ from pter_gym.tasks.path_following._specification import sin_elbow
 from pter_gym.tools.paper.experiments import calibration
 from pter_gym.tools.paper.experiments.calibration import HAND_MAX, SPACE, Reading, decode, setup_of
 from pter_gym.tools.paper.experiments.calibration.objective import is_accepted, misfit
-from pter_gym.tools.paper.experiments.calibration.search import Strategy
+from pter_gym.tools.paper.experiments.calibration.search import adapted
 from pter_gym.tools.paper.experiments.claims import TABLE_TOLERANCE
 from pter_gym.tools.paper.experiments.setup import STUDY
 
@@ -112,10 +112,11 @@ def test_the_search_finds_the_lowest_point_of_a_valley():
     turned, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(len(SPACE),) * 2))
     scale = 10.0 ** np.linspace(0.0, 1.0, len(SPACE))
     center = np.full(len(SPACE), 0.4)
-    search = Strategy(lambda x: (((x - center) @ turned * scale) ** 2).sum(axis=1), np.random.default_rng(0), 150)
-    search.advance(12_000)
-    assert search.best < 1e-3
-    assert np.abs(search.found - center).max() < 0.02
+    value, found = adapted(
+        lambda x: (((x - center) @ turned * scale) ** 2).sum(axis=1), np.random.default_rng(0), 12_000
+    )
+    assert value < 1e-3
+    assert np.abs(found - center).max() < 0.02
 
 
 @pytest.mark.parametrize(

@@ -50,15 +50,12 @@ class Quality:
     trends
         Rank correlations with the time constant, (K, 4): error, path length, speed, peak acceleration. The first three
         should be 1, the last −1.
-    theory_worst
-        Largest error of theoretical Delrin over the time constants, relative to another material's, (K,).
     incomplete
         Fraction of the runs that do not reach the end of the path, (K,).
     """
 
     table: Array
     trends: Array
-    theory_worst: Array
     incomplete: Array
 
     @property
@@ -76,9 +73,8 @@ def misfit(presets: Sequence[Preset], trends: float) -> Array:
     """Return the objective of presets, shape (K,): smaller is better, 0 is perfect.
 
     The root mean square of the logarithmic deviations from Table I, plus the part of the worst one beyond ``AIM``, plus
-    the fraction of runs that do not complete, plus the penalties for what the paper says of all time constants, with
-    the weight ``trends``, and for Figs. 10 and 11. Candidates far off are looked at in less detail, and those that the
-    environment refuses not at all.
+    the fraction of runs that do not complete, plus the penalties for Figs. 7 and 8, with the weight ``trends``, and
+    Fig. 10. Candidates far off are looked at in less detail, and those that the environment refuses not at all.
     """
     setups = [setup_of(preset) for preset in presets]
     total = np.full(len(setups), 2.0 * HOPELESS)
@@ -91,8 +87,7 @@ def misfit(presets: Sequence[Preset], trends: float) -> Array:
     found = quality_of([setups[k] for k in near])
     worst = np.abs(found.deviation).max(axis=(1, 2))
     short = np.maximum(0.0, 0.97 - found.trends * (1.0, 1.0, 1.0, -1.0)).mean(axis=1)
-    beyond = np.maximum(0.0, found.theory_worst - 0.93)
-    total[near] = found.spread + np.maximum(0.0, worst - AIM) + trends * (short + beyond) + POOR
+    total[near] = found.spread + np.maximum(0.0, worst - AIM) + trends * short + POOR
     good: list[int] = near[total[near] < POOR + 0.6].tolist()
     if good:
         total[good] += FEEDBACK * _feedback([setups[k] for k in good]) - POOR
@@ -113,12 +108,12 @@ def quality_of(setups: Sequence[Setup], time_constants: Sequence[float] = TIME_C
     out = runs_of(setups, time_constants)
     shape = len(setups), len(PAPER_TABLE), len(time_constants)
     entries = np.stack([out.error, out.speed, out.acceleration], axis=-1).reshape(*shape, 3)
-    present = [values.reshape(shape)[:, 0] for values in (out.error, out.path_length, out.speed, out.peak)]
-    *others, theory = np.maximum(out.error.reshape(shape), 1e-9).transpose(1, 0, 2)
+    series = [
+        values.reshape(shape)[:, 0] for values in (out.error, out.path_length, out.speed, out.peak)
+    ]  # of the present clutches
     return Quality(
         table=np.maximum(entries.mean(axis=2), 1e-3),
-        trends=np.array([[rank_correlation(time_constants, each[k]) for each in present] for k in range(len(setups))]),
-        theory_worst=np.max([theory / other for other in others], axis=(0, 2)),
+        trends=np.array([[rank_correlation(time_constants, each[k]) for each in series] for k in range(len(setups))]),
         incomplete=(~out.completed).reshape(len(setups), -1).mean(axis=1),
     )
 
@@ -130,7 +125,7 @@ def runs_of(setups: Sequence[Setup], time_constants: Sequence[float]) -> RunScor
 
 
 def _feedback(setups: Sequence[Setup]) -> Array:
-    """Return the penalty for Figs. 10 and 11: a clear fall up to 0.06, plateau and growing saturation above 0.1."""
+    """Return the penalty for what Fig. 10 shows: fall up to 0.06, plateau and growing saturation above 0.1."""
     out = run_cases([Case(s.baseline, TIME_CONSTANT, s, gain / INCH_POUND) for s in setups for gain in GAINS])
     gains = np.array(GAINS)
     low, high, best = gains <= BEST_GAIN, gains >= PLATEAU_FROM, GAINS.index(BEST_GAIN)
@@ -141,7 +136,6 @@ def _feedback(setups: Sequence[Setup]) -> Array:
         mean = error[high].mean()
         found.append(
             0.5 * max(0.0, 0.97 + rank_correlation(gains[low], error[low]))
-            + 3.0 * max(0.0, float(error[best] / max(error[0], 1e-9)) - 0.87)
             + 2.0 * max(0.0, float(np.abs(error[high] / mean - 1.0).max()) - 0.06)
             + 0.3 * max(0.0, 0.97 - rank_correlation(gains[high], saturated[high]))
             + 3.0 * max(0.0, float(saturated[best]) - SATURATED)
