@@ -1,6 +1,6 @@
 """How the numbers of the paper's study were found, and what else would do: docs/calibration.md and reproduction.md.
 
-    for w in 0 0.1 0.3 1; do pter fit --trends $w --out FOLDER/$w.toml; done      # half an hour of two cores
+    for w in 0 0.1 0.3 1; do pter fit --trends $w --out FOLDER/$w.toml; done      # half an hour of one core
     python docs/make/calibration.py FOLDER
 
 Every preset in FOLDER is a row of the front and counts in the ranges of the values.
@@ -69,7 +69,8 @@ def front(presets: dict[str, Preset]) -> str:
             ]
         )
     return table(
-        ["Search", "Table I, worst entry", "root mean square", "correlations", "substep 0.25 ms moves up to"], rows
+        ["Search", "Table I, worst entry", "root mean square", "correlations", "a tenth of the substep moves up to"],
+        rows,
     )
 
 
