@@ -31,9 +31,9 @@ def main(part: str) -> None:
         plans = Privileged(Free(), Settings(samples=8, rounds=1, elite=1, horizon=10))
         record_episode(plans, BASELINE, PathFollowing(), 0, 1)
         if find_spec("pter_gym.tools.paper"):
-            from pter_gym.tools.paper.experiments.calibration import Case, at, run_cases, setup_of
+            from pter_gym.tools.paper.experiments.calibration import Case, run_cases, setup_of
 
-            run_cases([Case(at(BASELINE, TIME_CONSTANT), setup_of(PRESET))])
+            run_cases([Case(BASELINE, TIME_CONSTANT, setup_of(PRESET))])
         run_extending()  # after the others: laws share what they have compiled
         compile_law()
     else:

@@ -1,12 +1,14 @@
 """Tables of what the code declares: observation, reward, task, world, gains, scores, the standard test."""
 
+import json
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import MISSING, Field, fields
 from itertools import islice
 from pathlib import Path
 from typing import Any, get_args
 
-from pages import table, text_table
+from pages import IMAGES, table, text_table
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import layout_of, leaves, parts, width
@@ -121,6 +123,17 @@ def standard_test() -> str:
         rows.append([code(name), *numbers.split(), "yes" if score.completed else "no", f"{score.duration_s:.2f}"])
     head = ["path error [mm]", "mean speed [m/s]", "peak tip acceleration [m/s²]", "at the end of the path", "time [s]"]
     return table(["Policy", *head], rows)
+
+
+def claims() -> str:
+    """How many claims of the paper are met, and how, in the run that the page of its figures shows."""
+    stored = json.loads((IMAGES / "paper" / "claims.json").read_text("utf-8"))
+    count = Counter(each["kind"] for each in stored)
+    return (
+        f"`pter reproduce` makes the paper's figures and table, and checks {len(stored)} of its claims:\n"
+        f"{count['prediction']} are met by prediction, {count['calibration']} by calibration and "
+        f"{count['construction']} by construction; {count['not met']} are [not met](docs/reproduction.md).\n"
+    )
 
 
 def script(path: Path) -> str:

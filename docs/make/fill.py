@@ -66,6 +66,7 @@ DECLARED = (
     Table(ENVIRONMENT, "gains", declared.gains),
     Table("docs/scoring.md", "scores of an episode", declared.scores),
     Table("docs/reproduction.md", "standard test", declared.standard_test),
+    Table("README.md", "claims", declared.claims),
     *(
         Table("docs/your-algorithm.md", path.stem, partial(declared.script, path))
         for path in sorted(STOCK.glob("*.py"))

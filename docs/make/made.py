@@ -27,8 +27,8 @@ from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Repeat, Shared, Tuple, Uniform, Vary
 from pter_gym.tools.paper.reproduce.figures import PRODUCTS
+from pter_gym.tools.paper.reproduce.report import SIGNS
 
-SIGNS = {"reproduced": "✓", "calibrated": "≈", "not met": "✗"}
 MADE: dict[str, Callable[..., str]] = {}
 
 

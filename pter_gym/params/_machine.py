@@ -6,7 +6,7 @@ paper does not print are in one file, ``presets/pter.toml``.
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Literal, cast, get_args
 
 from pter_gym.errors import ParameterError, nearest
@@ -187,8 +187,8 @@ def tip_mass(arm: Arm) -> float:
 DYNAMIC_CURVE = TorqueCurve(slope=PRESET.clutch.slope, knee=PRESET.clutch.knee, curvature=PRESET.clutch.curvature)
 """Dynamic torque of the present clutches (fitted)."""
 
-MU_DYNAMIC_PRESENT = MU_STATIC_PRESENT / PRESET.clutch.breakaway_ratio
-"""Dynamic friction coefficient of the present clutches: derived from the published static one."""
+MU_DYNAMIC_PRESENT = PRESET.delrin.mu_dynamic_present
+"""Dynamic friction coefficient of the present clutches, which the paper does not print."""
 
 PRESENT_CLUTCH = Clutch(breakaway=DYNAMIC_CURVE.scaled(PRESET.clutch.breakaway_ratio), dynamic=DYNAMIC_CURVE)
 
@@ -204,34 +204,6 @@ def with_friction(clutch: Clutch, breakaway: float, dynamic: float) -> Clutch:
     )
 
 
-BASELINE = Machine(clutch=PRESENT_CLUTCH)
-"""PTER with its present clutches (paper section IV-B.1)."""
-
-DELRIN_EXPERIMENTAL = Machine(
-    clutch=with_friction(
-        PRESENT_CLUTCH,
-        PRESET.delrin.dynamic_scale * PRESET.delrin.breakaway_ratio / PRESET.clutch.breakaway_ratio,
-        PRESET.delrin.dynamic_scale,
-    )
-)
-"""PTER with Delrin clutches as measured on the testbed (paper section IV-B.2)."""
-
-DELRIN_THEORETICAL = Machine(
-    clutch=with_friction(PRESENT_CLUTCH, MU_STATIC_DELRIN / MU_STATIC_PRESENT, MU_DYNAMIC_DELRIN / MU_DYNAMIC_PRESENT)
-)
-"""PTER with Delrin clutches as in the literature: T_k > T_s (paper section IV-B.2)."""
-
-PAPER_MACHINES = {
-    "baseline": BASELINE,
-    "delrin_experimental": DELRIN_EXPERIMENTAL,
-    "delrin_theoretical": DELRIN_THEORETICAL,
-}
-"""The three machines of Table I by name: those of the study of 1999."""
-
-MACHINES = {**PAPER_MACHINES}
-"""Machines that environments and commands know by name; another clutch material is one more entry."""
-
-
 def machine_of(preset: Preset) -> Machine:
     """Return the machine of a preset, with its present clutches."""
     values = preset.clutch
@@ -243,6 +215,31 @@ def machine_of(preset: Preset) -> Machine:
         voltage_max=values.voltage_max,
     )
     return Machine(arm=Arm(**vars(preset.arm)), clutch=clutch, clutch_scale=values.scale)
+
+
+def paper_machines_of(preset: Preset) -> dict[str, Machine]:
+    """Return the three machines of Table I by name: the present clutches, Delrin as measured and as published."""
+    baseline, delrin = machine_of(preset), preset.delrin
+    scale = delrin.dynamic_scale
+    factors = {
+        "baseline": (1.0, 1.0),
+        "delrin_experimental": (scale * delrin.breakaway_ratio / preset.clutch.breakaway_ratio, scale),
+        "delrin_theoretical": (MU_STATIC_DELRIN / MU_STATIC_PRESENT, MU_DYNAMIC_DELRIN / delrin.mu_dynamic_present),
+    }
+    return {name: replace(baseline, clutch=with_friction(baseline.clutch, *each)) for name, each in factors.items()}
+
+
+MACHINES = paper_machines_of(PRESET)
+"""Machines that environments and commands know by name; another clutch material is one more entry."""
+
+BASELINE = MACHINES["baseline"]
+"""PTER with its present clutches (paper section IV-B.1)."""
+
+DELRIN_EXPERIMENTAL = MACHINES["delrin_experimental"]
+"""PTER with Delrin clutches as measured on the testbed (paper section IV-B.2)."""
+
+DELRIN_THEORETICAL = MACHINES["delrin_theoretical"]
+"""PTER with Delrin clutches as in the literature: T_k > T_s (paper section IV-B.2)."""
 
 
 def is_preset(machine: object) -> bool:

@@ -56,10 +56,11 @@ class ClutchValues:
 
 @dataclass(frozen=True, kw_only=True)
 class DelrinValues:
-    """Delrin as measured on the testbed, relative to the present clutches (paper section IV-B.2)."""
+    """Delrin as measured on the testbed, and what the published coefficients scale (paper section IV-B.2)."""
 
     dynamic_scale: float = number("1", above=0.0)
     breakaway_ratio: float = number("1", above=0.0)
+    mu_dynamic_present: float = number("1", above=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -171,6 +171,6 @@ def jobs(work: Path) -> dict[str, Job]:
         ),
         "benchmark": Job(command("benchmark", "--scenario", "standard", *few, "--out", "FOLDER"), benchmarked, digests),
         "record": writer("record", *few_steps, "--out", "FOLDER"),
-        "fit": writer("fit", "--budget", "300", "--held-out", "--out", "FOLDER/preset.toml"),
+        "fit": writer("fit", "--budget", "1000", "--out", "FOLDER/preset.toml"),
         "reproduce": writer("reproduce", "fig3", "--out", "FOLDER"),
     }

@@ -88,7 +88,7 @@ REFUSED = {
     "tune impedance --pace slw": ("--pace", "'slow'"),
     "tune impedance --out gains.json": ("--out", "must end in .toml"),
     "fit --out preset.json": ("--out", "must end in .toml"),
-    "fit --budget 3": ("--budget", "≥ 300"),
+    "fit --budget 3": ("--budget", "≥ 1000"),
     "fit --seed -1": ("--seed", "≥ 0"),
     "record --scenario standad": ("--scenario", "'standard'"),
     "record --level expart": ("--level", "'expert'"),

@@ -69,7 +69,7 @@ def test_claims_keep_their_contract(files):
         assert {"id", "section", "claim", "measured", "unit", "condition", "holds", "kind"} <= set(claim)
         assert isinstance(claim["holds"], bool)
         assert isinstance(claim["measured"], float)
-        assert claim["kind"] in ("reproduced", "calibrated", "not met")
+        assert claim["kind"] in ("prediction", "calibration", "construction", "not met")
 
 
 def test_data_of_a_figure_are_its_experiment(files, study):
@@ -103,7 +103,7 @@ def test_one_figure_writes_its_files_alone(tmp_path, capsys):
         "table1.csv",
         "table1.json",
     }
-    assert "calibrated" in capsys.readouterr().out
+    assert "calibration" in capsys.readouterr().out
 
 
 def test_everything_is_written_and_named(tmp_path, capsys, monkeypatch, everything):

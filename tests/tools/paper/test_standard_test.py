@@ -6,14 +6,23 @@ import pytest
 
 from pter_gym.benchmark import run_standard_test
 from pter_gym.benchmark._measures import column, vector
-from pter_gym.controllers import Impedance, TorqueFeedback
+from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, DELRIN_THEORETICAL, PAPER_MACHINES
-from pter_gym.tools.paper.experiments import Setup, gain_sweep, line_following, table1, time_constant_sweep
+from pter_gym.tools.paper.experiments import (
+    PAPER_MACHINES,
+    Setup,
+    gain_sweep,
+    line_following,
+    table1,
+    time_constant_sweep,
+)
 from pter_gym.tools.paper.experiments.time_constants import PAPER_TABLE, TableRow, peak_torque, with_equal_peaks
 from pter_gym.units import INCH_POUND
 
 TAUS = [0.03, 0.105]
+BASELINE, DELRIN_THEORETICAL = PAPER_MACHINES["baseline"], PAPER_MACHINES["delrin_theoretical"]
+CONTROLLER = Setup().controller
+IMPEDANCE = Impedance(**{item.name: getattr(CONTROLLER, item.name) for item in fields(Impedance)})
 
 
 def test_a_sweep_is_the_benchmark_on_each_machine():
@@ -21,8 +30,7 @@ def test_a_sweep_is_the_benchmark_on_each_machine():
     sweeps = time_constant_sweep(setup, TAUS)
     assert list(sweeps) == list(PAPER_MACHINES)
     for name, machine in PAPER_MACHINES.items():
-        controller = Impedance(**{item.name: getattr(setup.controller, item.name) for item in fields(Impedance)})
-        runs = run_standard_test({"": controller}, machine=machine, task=setup.task, time_constants=TAUS).runs[""]
+        runs = run_standard_test({"": IMPEDANCE}, machine=machine, task=setup.task, time_constants=TAUS).runs[""]
         assert sweeps[name].position_error.tolist() == [run.score.mean_error_m for run in runs]
         assert sweeps[name].tip_speed.tolist() == [run.score.mean_speed_m_s for run in runs]
         assert sweeps[name].tip_acceleration.tolist() == [run.score.mean_acceleration_m_s2 for run in runs]
@@ -39,9 +47,8 @@ def test_at_least_fifteen_time_constants_and_twenty_gains(study):
 
 
 def test_table_1_averages_the_runs():
-    setup = Setup(time_constants=(0.03, 0.105))
-    sweeps = time_constant_sweep(setup, TAUS)
-    table = table1(setup)
+    sweeps = time_constant_sweep(Setup(time_constants=tuple(TAUS)))
+    table = table1(sweeps)
     assert list(table) == list(PAPER_TABLE)
     for name, row in table.items():
         assert row.position_error == pytest.approx(sweeps[name].position_error.mean())
@@ -59,7 +66,7 @@ def test_which_table_the_controller_of_a_delrin_machine_has():
 
 def test_which_average_the_position_error_is():
     over_time, over_path = (time_constant_sweep(Setup(error_average=way), TAUS) for way in ("time", "path"))
-    runs = run_standard_test({"": Impedance()}, time_constants=TAUS, task=Setup().task).runs[""]
+    runs = run_standard_test({"": IMPEDANCE}, machine=BASELINE, time_constants=TAUS, task=Setup().task).runs[""]
     assert over_time["baseline"].position_error.tolist() == [run.score.mean_error_m for run in runs]
     assert over_path["baseline"].position_error.tolist() == [run.score.path_average_error_m for run in runs]
 
@@ -77,8 +84,8 @@ def test_equal_peaks_change_the_size_of_the_torques_alone():
 
 def test_gain_zero_is_impedance_control_and_the_gain_has_the_papers_unit():
     sweep = gain_sweep(gains=[0.0, 0.06])
-    controllers = {"": Impedance(), "feedback": TorqueFeedback(feedback=0.06 / INCH_POUND)}
-    runs = run_standard_test(controllers, time_constants=[0.105], task=Setup().task).runs
+    controllers = {"": IMPEDANCE, "feedback": replace(CONTROLLER, feedback=0.06 / INCH_POUND)}
+    runs = run_standard_test(controllers, machine=BASELINE, time_constants=[0.105], task=Setup().task).runs
     assert sweep.position_error.tolist() == [run[0].score.mean_error_m for run in runs.values()]
 
 
@@ -133,7 +140,8 @@ def test_a_gain_or_a_time_constant_out_of_range_is_refused():
 @pytest.fixture(scope="module")
 def refined() -> dict[str, TableRow]:
     """Table I with substeps of 0.1 ms and the same control period."""
-    return table1(Setup(machines={name: replace(machine, substep=1e-4) for name, machine in PAPER_MACHINES.items()}))
+    machines = {name: replace(machine, substep=1e-4) for name, machine in PAPER_MACHINES.items()}
+    return table1(time_constant_sweep(Setup(machines=machines)))
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from pter_gym.tools.paper.experiments.claims import STATEMENTS, Claim, Statement
 from pter_gym.tools.paper.experiments.feedback import gain_sweep, line_following
 from pter_gym.tools.paper.experiments.holding import holding
 from pter_gym.tools.paper.experiments.reversal import reversals
-from pter_gym.tools.paper.experiments.setup import Setup
+from pter_gym.tools.paper.experiments.setup import PAPER_MACHINES, STUDY, Setup
 from pter_gym.tools.paper.experiments.single_dof import single_dof
 from pter_gym.tools.paper.experiments.step_response import step_response
 from pter_gym.tools.paper.experiments.study import Study
@@ -12,7 +12,9 @@ from pter_gym.tools.paper.experiments.time_constants import table1, time_constan
 from pter_gym.tools.paper.experiments.torque_curves import torque_curves
 
 __all__ = [
+    "PAPER_MACHINES",
     "STATEMENTS",
+    "STUDY",
     "Claim",
     "Setup",
     "Statement",

@@ -1,8 +1,15 @@
 """Every sentence of the paper that can be checked, with what we measure and what would make it hold.
 
-``claims.toml`` is the one place for texts and thresholds. Three words are used with care: a claim that holds is
-*calibrated* where a number was fitted to it or put into the model, and *reproduced* only where it was not; otherwise it
-is *not met*.
+``claims.toml`` is the one place for texts and thresholds, and says how each claim comes to hold:
+
+*prediction*
+    Nothing was fitted to it or put into the model for it: other admissible values could fail it.
+*calibration*
+    Numbers were fitted so that it holds. It is no evidence.
+*construction*
+    It follows from the equations or from values put into the model, so every admissible machine meets it.
+
+A claim that does not hold is *not met*, however it was meant to.
 """
 
 import math
@@ -15,7 +22,8 @@ from typing import Any, Literal
 from pter_gym.tools.paper.experiments import measures
 from pter_gym.tools.paper.experiments.study import Study
 
-Kind = Literal["reproduced", "calibrated", "not met"]
+How = Literal["prediction", "calibration", "construction"]
+Kind = Literal["prediction", "calibration", "construction", "not met"]
 
 TABLE_TOLERANCE = 0.10
 """Relative tolerance of the entries of Table I."""
@@ -55,8 +63,8 @@ class Statement:
         Unit of the number; 1 for a ratio.
     at_least, at_most
         Between these the claim holds.
-    given
-        Whether a number was fitted to this claim or put into the model, so its holding is no evidence.
+    how
+        How it comes to hold, if it does.
     note
         What a reader should know.
     reason
@@ -69,11 +77,11 @@ class Statement:
     claim: str
     measured: str
     measure: str
+    how: How
     of: dict[str, Any] = field(default_factory=dict[str, Any])
     unit: str = "1"
     at_least: float = -math.inf
     at_most: float = math.inf
-    given: bool = False
     note: str = ""
     reason: str = ""
 
@@ -114,9 +122,7 @@ class Claim:
     @property
     def kind(self) -> Kind:
         """The verdict."""
-        if not self.holds:
-            return "not met"
-        return "calibrated" if self.statement.given else "reproduced"
+        return self.statement.how if self.holds else "not met"
 
     def as_json(self) -> dict[str, object]:
         """Return one entry of ``claims.json``."""

@@ -80,7 +80,7 @@ def velocity_share(study: Study) -> float:
     test = study.single_dof.tests[0]
     run = test.trajectory
     _, v2 = velocity_torque(linkage(study.single_dof.machine), motion(run.theta[-1], run.omega[-1]))
-    return v2 / float(test.locked_torque[-1])
+    return relative(v2, float(test.locked_torque[-1]))
 
 
 def first_order_deviation(study: Study) -> float:
@@ -179,9 +179,16 @@ def table_ratio(study: Study, model: str, other: str, column: int) -> float:
     return table_entry(study, model, column) / table_entry(study, other, column)
 
 
-def equal_peak_ratio(study: Study, model: str, column: int) -> float:
-    """Entry of Table I with the baseline's peak torque, relative to the entry as it is."""
-    return paper_units(study.table1_equal_peak[model])[column] / table_entry(study, model, column)
+def worst_error_ratio(study: Study, model: str, other: str) -> float:
+    """Largest position error over the time constants, relative to that of another machine at the same one."""
+    return float((study.sweeps[model].position_error / study.sweeps[other].position_error).max())
+
+
+def peak_share(study: Study, model: str, column: int) -> float:
+    """Share of an entry's excess over the baseline's that is gone with the baseline's peak torque."""
+    entry = table_entry(study, model, column)
+    gone = entry - paper_units(study.table1_equal_peak[model])[column]
+    return relative(gone, entry - table_entry(study, BASELINE, column))
 
 
 def jump(study: Study, model: str) -> float:
@@ -220,12 +227,6 @@ def error_fall(study: Study) -> float:
     return rank_correlation(sweep.gain[chosen], sweep.position_error[chosen])
 
 
-def error_at_best_gain(study: Study) -> float:
-    """Error at the best gain relative to that without feedback."""
-    error = study.gain_sweep.position_error
-    return float(error[gain_range(study, BEST_GAIN, BEST_GAIN)][0] / error[gain_range(study, 0.0, 0.0)][0])
-
-
 def plateau_width(study: Study) -> float:
     """Largest deviation of the error from its mean above the gain of saturation, relative to that mean."""
     error = study.gain_sweep.position_error[gain_range(study, PLATEAU_FROM)]
@@ -243,11 +244,11 @@ def saturation_trend(study: Study) -> float:
     return rank_correlation(sweep.gain[chosen], sweep.saturated[chosen])
 
 
-def best_gain_optimality(study: Study) -> float:
-    """Error at the best gain relative to the smallest error of any gain without significant saturation."""
+def best_gain(study: Study) -> float:
+    """Gain with the smallest error of those without significant saturation [V/(in·lbf)]; NaN if there is none."""
     sweep = study.gain_sweep
-    at_best = float(sweep.position_error[gain_range(study, BEST_GAIN, BEST_GAIN)][0])
-    return at_best / float(sweep.position_error[sweep.saturated <= SATURATED].min(initial=math.inf))
+    free = sweep.saturated <= SATURATED
+    return float(sweep.gain[free][sweep.position_error[free].argmin()]) if free.any() else math.nan
 
 
 def line_following_ratio(study: Study) -> float:

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
-from pter_gym.params import BASELINE, BREAKAWAY_SMALL_VOLTAGE, PAPER_MACHINES, Machine
+from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE, Machine
 from pter_gym.tools.paper.experiments.pose import POSE, resolved, tip_force
+from pter_gym.tools.paper.experiments.setup import PAPER_MACHINES
 
 Array = NDArray[np.float64]
 
@@ -97,7 +98,7 @@ def reversals(machines: Mapping[str, Machine] = PAPER_MACHINES, volts: float | N
     volts
         Voltage of clutch 1 [V]; by default the one with the breakaway torque of Fig. 4 on the first machine.
     """
-    first = next(iter(machines.values()), BASELINE)
+    first = next(iter(machines.values()))
     applied = first.clutch.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE) if volts is None else volts
     holding = max(
         max(machine.clutch.breakaway.torque(applied), machine.clutch.dynamic.torque(applied))

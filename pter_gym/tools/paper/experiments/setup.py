@@ -1,17 +1,43 @@
 """What the paper's experiments run on: three machines, one task, one controller, and how runs are averaged."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Literal, cast, get_args
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Literal, cast, get_args
 
-from pter_gym.benchmark._standard import TIME_CONSTANTS
 from pter_gym.benchmark.metrics import Score
 from pter_gym.controllers import TorqueFeedback
-from pter_gym.hands import MultiSineHand
-from pter_gym.params import PAPER_MACHINES, Machine, quantity, require, require_flag, require_numbers
+from pter_gym.hands import MultiSineHand, eq5
+from pter_gym.params import Machine, paper_machines_of, quantity, require, require_flag, require_numbers
+from pter_gym.params._preset import Preset, load_preset
+from pter_gym.paths import Line
 from pter_gym.tasks.path_following import PathFollowing
 
 ErrorAverage = Literal["time", "path"]
+
+TIME_CONSTANTS = tuple(round(0.01 * k, 2) for k in range(1, 21))
+"""Time constants of the clutches in the test runs [s]. Those of the paper are lost with its figures."""
+
+STUDY = load_preset(Path(__file__).parents[1] / "study.toml")
+"""The numbers of the experiments, as ``pter fit`` finds them. Scenarios have those of ``presets/pter.toml``."""
+
+PAPER_MACHINES = paper_machines_of(STUDY)
+"""The three machines of Table I by name, as the experiments have them."""
+
+
+def values_of(section: Any) -> dict[str, Any]:
+    """Return the numbers of a section of a preset by their names."""
+    return {item.name: getattr(section, item.name) for item in fields(section)}
+
+
+def task_of(preset: Preset) -> PathFollowing:
+    """Return the standard test of a preset."""
+    return PathFollowing(path=Line(**values_of(preset.path)), hand=eq5(preset.hand.force_max, preset.hand.push))
+
+
+def controller_of(preset: Preset) -> TorqueFeedback:
+    """Return the controller of a preset."""
+    return TorqueFeedback(**values_of(preset.controller))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,13 +47,15 @@ class Setup:
     machines: Mapping[str, Machine] = quantity(
         "1", "see Machine; by name, the baseline first", default_factory=lambda: dict(PAPER_MACHINES)
     )
-    task: PathFollowing = quantity("1", "see PathFollowing", default=PathFollowing())
-    controller: TorqueFeedback = quantity("1", "see TorqueFeedback", default=TorqueFeedback())
+    task: PathFollowing = quantity("1", "see PathFollowing", default_factory=lambda: task_of(STUDY))
+    controller: TorqueFeedback = quantity("1", "see TorqueFeedback", default_factory=lambda: controller_of(STUDY))
     own_table: bool = quantity(
         "1", "chosen: whether the controller of a Delrin machine has that machine's torque table", default=False
     )
     error_average: ErrorAverage = quantity("1", "chosen: average |error| over time or over the path", default="time")
-    time_constants: tuple[float, ...] = quantity("s", "chosen: the runs that Table I averages", default=TIME_CONSTANTS)
+    time_constants: tuple[float, ...] = quantity(
+        "s", "chosen: the test runs, which Figs. 7 and 8 show and Table I averages", default=TIME_CONSTANTS
+    )
 
     def __post_init__(self) -> None:
         """Check the choices; machines, task and controller have checked themselves."""

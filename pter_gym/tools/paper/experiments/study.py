@@ -59,12 +59,12 @@ class Study:
     @cached_property
     def table1(self) -> dict[str, TableRow]:
         """Table I."""
-        return table1(self.setup)
+        return table1(self.sweeps)
 
     @cached_property
     def table1_equal_peak(self) -> dict[str, TableRow]:
         """Table I if every material reached the baseline's largest torque."""
-        return table1(with_equal_peaks(self.setup))
+        return table1(time_constant_sweep(with_equal_peaks(self.setup)))
 
     @cached_property
     def reversals(self) -> Reversals:

@@ -1,6 +1,6 @@
 """The standard test over the clutch time constant (paper sections IV-C.1 and IV-C.2: Figs. 7 and 8, Table I)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,9 +13,6 @@ from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.paper.experiments.setup import Setup
 
 Array = NDArray[np.float64]
-
-TIME_CONSTANTS = tuple(np.linspace(0.01, 0.2, 20).tolist())
-"""Time constants of Figs. 7 and 8 [s]. Those of the paper are lost with its figures."""
 
 PAPER_TABLE = {
     "baseline": (1.794, 19.69, 64.74),
@@ -61,9 +58,7 @@ class TableRow:
     tip_acceleration: float
 
 
-def time_constant_sweep(
-    setup: Setup | None = None, time_constants: Sequence[float] = TIME_CONSTANTS
-) -> dict[str, Sweep]:
+def time_constant_sweep(setup: Setup | None = None, time_constants: Sequence[float] | None = None) -> dict[str, Sweep]:
     """Run the standard test with plain impedance control at each time constant, on each machine.
 
     Parameters
@@ -71,7 +66,7 @@ def time_constant_sweep(
     setup
         Machines, task and controller; those of the package by default.
     time_constants
-        Of the clutches [s].
+        Of the clutches [s]; those of the setup by default.
 
     Returns
     -------
@@ -79,17 +74,17 @@ def time_constant_sweep(
         By the machine's name.
     """
     setup = Setup() if setup is None else setup
-    return {name: _sweep(setup, machine, time_constants) for name, machine in setup.machines.items()}
+    chosen = setup.time_constants if time_constants is None else time_constants
+    return {name: _sweep(setup, machine, chosen) for name, machine in setup.machines.items()}
 
 
-def table1(setup: Setup | None = None) -> dict[str, TableRow]:
-    """Return Table I: averages over the runs at ``setup.time_constants``, by the machine's name."""
-    setup = Setup() if setup is None else setup
+def table1(sweeps: Mapping[str, Sweep]) -> dict[str, TableRow]:
+    """Return Table I: averages over all runs of each machine, by the machine's name."""
     return {
         name: TableRow(
             float(sweep.position_error.mean()), float(sweep.tip_speed.mean()), float(sweep.tip_acceleration.mean())
         )
-        for name, sweep in time_constant_sweep(setup, setup.time_constants).items()
+        for name, sweep in sweeps.items()
     }
 
 

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._physics.open_loop import initial_state, simulate
-from pter_gym.params import PAPER_MACHINES, Machine
+from pter_gym.params import Machine
 from pter_gym.tools.paper.experiments.pose import POSE, resolved
+from pter_gym.tools.paper.experiments.setup import PAPER_MACHINES
 
 Array = NDArray[np.float64]
 

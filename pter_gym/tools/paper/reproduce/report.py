@@ -15,10 +15,11 @@ from pter_gym.tools.paper.experiments.claims import Claim, Kind
 from pter_gym.tools.paper.experiments.setup import Setup
 from pter_gym.tools.paper.reproduce.figures import CHAPTERS
 
-SIGNS: dict[Kind, str] = {"reproduced": "✓", "calibrated": "≈", "not met": "✗"}
+SIGNS: dict[Kind, str] = {"prediction": "✓", "calibration": "≈", "construction": "=", "not met": "✗"}
 MEANINGS: dict[Kind, str] = {
-    "reproduced": "it holds in our simulation, and no number was fitted to it",
-    "calibrated": "it holds, but a number was fitted to it or put into the model, so that it is no evidence",
+    "prediction": "it holds, nothing was fitted to it, and other machines could fail it",
+    "calibration": "it holds because numbers were fitted to it, so it is no evidence",
+    "construction": "it follows from the equations or from values put into the model, so every machine would meet it",
     "not met": "it does not hold in our simulation",
 }
 

@@ -8,33 +8,17 @@ from numpy.typing import NDArray
 
 from pter_gym.benchmark._measures import column, low_pass, vector
 from pter_gym.benchmark._recorded import START_UP
-from pter_gym.benchmark._standard import TIME_CONSTANTS, Run
-from pter_gym.controllers import TorqueFeedback
-from pter_gym.hands import eq5
-from pter_gym.params import (
-    MU_DYNAMIC_DELRIN,
-    MU_STATIC_DELRIN,
-    MU_STATIC_PRESENT,
-    Arm,
-    Clutch,
-    Lag,
-    Machine,
-    TorqueCurve,
-    with_friction,
-)
-from pter_gym.params._preset import ArmValues, ControllerValues, PathValues, Preset
-from pter_gym.paths import Line
-from pter_gym.tasks.path_following import PathFollowing
-from pter_gym.tools.paper.experiments.setup import ErrorAverage, Setup
-from pter_gym.tools.paper.experiments.time_constants import PAPER_TABLE, standard_runs
+from pter_gym.benchmark._standard import TIME_CONSTANTS as SIX
+from pter_gym.benchmark._standard import Run
+from pter_gym.params import MU_STATIC_PRESENT, Lag, paper_machines_of
+from pter_gym.params._preset import Preset
+from pter_gym.tools.paper.experiments.setup import TIME_CONSTANTS, ErrorAverage, Setup, controller_of, task_of
+from pter_gym.tools.paper.experiments.time_constants import standard_runs
 from pter_gym.units import INCH
 
 Array = NDArray[np.float64]
 
 DelrinRule = Literal["coefficients", "static"]
-
-SUBSTEP = 1e-3
-"""Substep of the machines [s]: the usual one is too long for some arms of the search space."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,14 +36,16 @@ class Reading:
     start_up
         Time at the start that accelerations leave out [s].
     delrin_rule
-        Theoretical Delrin scales T_k by its μk over the present clutches' μk (``"coefficients"``), or over their μs,
-        the only one that is printed (``"static"``).
+        Theoretical Delrin scales T_k by its μk over the present clutches' μk, which is fitted (``"coefficients"``), or
+        over their μs, the only one that is printed (``"static"``).
     own_table
         Whether a Delrin machine's controller has that machine's torque table.
     tip_space
         Whether torques are allocated for tip force rather than joint torque.
     lag
         What lags behind the voltage.
+    time_constants
+        Of the runs that Table I averages [s]: those of Figs. 7 and 8, or the six of ``pter benchmark``.
     """
 
     error_average: ErrorAverage = "time"
@@ -70,6 +56,7 @@ class Reading:
     own_table: bool = False
     tip_space: bool = False
     lag: Lag = "normal_force"
+    time_constants: tuple[float, ...] = TIME_CONSTANTS
 
 
 READINGS: dict[str, Reading] = {
@@ -82,6 +69,7 @@ READINGS: dict[str, Reading] = {
     "Delrin with its own torque table": Reading(own_table=True),
     "allocation in tip space": Reading(tip_space=True),
     "lag of the voltage": Reading(lag="voltage"),
+    "averages over six time constants": Reading(time_constants=SIX),
 }
 """The named options, each with one choice changed."""
 
@@ -89,39 +77,18 @@ READINGS: dict[str, Reading] = {
 def setup_of(preset: Preset, reading: Reading | None = None) -> Setup:
     """Return the machines, the task and the controller of a preset under a reading of the paper."""
     reading = Reading() if reading is None else reading
-    arm = Arm(**{name: getattr(preset.arm, name) for name in ArmValues.__dataclass_fields__})
-    dynamic = TorqueCurve(slope=preset.clutch.slope, knee=preset.clutch.knee, curvature=preset.clutch.curvature)
-    ratio = preset.clutch.breakaway_ratio
-    present = Clutch(
-        breakaway=dynamic.scaled(ratio),
-        dynamic=dynamic,
-        time_constant=preset.clutch.time_constant,
-        voltage_max=preset.clutch.voltage_max,
-        lag=reading.lag,
-    )
-    mu_dynamic = MU_STATIC_PRESENT / ratio if reading.delrin_rule == "coefficients" else MU_STATIC_PRESENT
-    scale = preset.delrin.dynamic_scale
-    clutches = (
-        present,
-        with_friction(present, scale * preset.delrin.breakaway_ratio / ratio, scale),
-        with_friction(present, MU_STATIC_DELRIN / MU_STATIC_PRESENT, MU_DYNAMIC_DELRIN / mu_dynamic),
-    )
+    if reading.delrin_rule == "static":
+        preset = replace(preset, delrin=replace(preset.delrin, mu_dynamic_present=MU_STATIC_PRESENT))
     return Setup(
         machines={
-            name: Machine(arm=arm, clutch=clutch, substep=SUBSTEP)
-            for name, clutch in zip(PAPER_TABLE, clutches, strict=True)
+            name: replace(machine, clutch=replace(machine.clutch, lag=reading.lag))
+            for name, machine in paper_machines_of(preset).items()
         },
-        task=PathFollowing(
-            path=Line(**{name: getattr(preset.path, name) for name in PathValues.__dataclass_fields__}),
-            hand=eq5(preset.hand.force_max, preset.hand.push),
-            control_period=reading.control_period,
-        ),
-        controller=TorqueFeedback(
-            tip_space=reading.tip_space,
-            **{name: getattr(preset.controller, name) for name in ControllerValues.__dataclass_fields__},
-        ),
+        task=replace(task_of(preset), control_period=reading.control_period),
+        controller=replace(controller_of(preset), tip_space=reading.tip_space),
         own_table=reading.own_table,
         error_average=reading.error_average,
+        time_constants=reading.time_constants,
     )
 
 
@@ -131,7 +98,7 @@ def table_of(preset: Preset, reading: Reading | None = None, parts: int = 1) -> 
     setup = setup_of(preset, reading)
     rows: list[Array] = []
     for machine in setup.machines.values():
-        runs = standard_runs(setup, replace(machine, substep=machine.substep / parts), 0.0, TIME_CONSTANTS)
+        runs = standard_runs(setup, replace(machine, substep=machine.substep / parts), 0.0, setup.time_constants)
         rows.append(np.mean([_entries(run, setup, reading) for run in runs], axis=0))
     return np.array(rows)
 

@@ -37,6 +37,9 @@ class Free:
     logarithmic: bool = False
 
 
+LEAST_RATIO = 1.12
+"""Least T_s/T_k of clutches that stick and slip."""
+
 SPACE: tuple[Free, ...] = (
     Free("length_a", "m", 0.3, 0.66, "PTER's links were of the order of half a metre"),
     Free("length_b", "m", 0.3, 0.66, "PTER's links were of the order of half a metre"),
@@ -46,9 +49,10 @@ SPACE: tuple[Free, ...] = (
     Free("small_voltage", "V", 4.0, 8.0, "where breakaway is 63.5 in·lbf: a small voltage, not below the tests"),
     Free("knee", "V", 8.0, 22.0, "the linear segment holds the small voltages"),
     Free("top_torque", "N·m", 15.0, 70.0, "dynamic torque at 24 V of clutches of this kind"),
-    Free("breakaway_ratio", "1", 1.12, 1.5, "T_s/T_k: Fig. 9 shows a clear jump"),
-    Free("delrin_ratio", "1", 1.12, 1.24, "T_s/T_k: Fig. 9 shows a jump similar to the present clutches'"),
+    Free("breakaway_ratio", "1", LEAST_RATIO, 1.5, "T_s/T_k: Fig. 9 shows a clear jump"),
+    Free("delrin_jump", "1", 0.65, 1.6, "T_s/T_k − 1 over the present clutches': Fig. 9 shows similar jumps"),
     Free("delrin_scale", "1", 0.5, 0.95, "experimental Delrin has less friction than the present clutches"),
+    Free("mu_dynamic", "1", 0.37, 0.45, "of the present clutches: above Delrin's 0.35, at most the published μs"),
     Free("path_height", "1", 0.0, 0.8, "between the inner and the outer limit of reach, |sin(θA − θB)| ≥ 0.4"),
     Free("path_length", "m", 0.4, 1.2, "across the workspace of such an arm"),
     Free("path_offset", "1", -1.0, 1.0, "of the path's centre, within the reach"),
@@ -70,6 +74,11 @@ EQ5_PEAK = 0.6173
 """Largest |Fn|/Fmax of Eq. 5."""
 
 TABLE_VOLTS = (0.0, 4.0, 10.0, 17.0, 24.0)
+
+ORIGINS = {
+    **PRESET.provenance,
+    "delrin.mu_dynamic_present": "fitted: above 0.35 of Delrin, at most the published static one",
+}
 
 DIGITS = 4
 """Significant digits of a candidate: what is written is what was evaluated."""
@@ -105,7 +114,9 @@ def decode(point: Array) -> Preset:
             scale=(1.0,) * 4,
         ),
         delrin=DelrinValues(
-            dynamic_scale=rounded(values["delrin_scale"]), breakaway_ratio=rounded(values["delrin_ratio"])
+            dynamic_scale=rounded(values["delrin_scale"]),
+            breakaway_ratio=rounded(max(LEAST_RATIO, 1.0 + values["delrin_jump"] * (values["breakaway_ratio"] - 1.0))),
+            mu_dynamic_present=rounded(values["mu_dynamic"]),
         ),
         path=PathValues(x=line.x, y=line.y, direction=line.direction, length=line.length),
         hand=HandValues(push=rounded(values["push"]), force_max=rounded(values["disturbance"] * room)),
@@ -118,7 +129,7 @@ def decode(point: Array) -> Preset:
             feedback=BEST_GAIN / INCH_POUND,
         ),
         sensing=SensingValues(delay=0.0),
-        provenance=PRESET.provenance,
+        provenance=ORIGINS,
     )
 
 
