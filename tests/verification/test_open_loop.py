@@ -78,6 +78,33 @@ def test_a_spring_brings_the_tip_to_its_target() -> None:
     np.testing.assert_allclose(motion.tip_position[-1], target, atol=1e-3)
 
 
+FORCES = np.array([[20.0, 5.0], [-3.0, 8.0], [0.0, -30.0], [12.0, 0.0]])
+
+
+def test_a_force_works_along_its_own_direction() -> None:
+    moving = initial_state(BASELINE, (0.4, 2.0), (1.0, 2.0))
+    motion = simulate(BASELINE, moving, np.zeros((4, 4)), FORCES)
+    power = np.sum(FORCES * motion.tip_velocity, axis=1)  # half a drift after the work
+    turned = 0.5 * BASELINE.substep * np.abs(motion.omega).sum(axis=1)
+    most = np.linalg.norm(FORCES, axis=1) * np.linalg.norm(motion.tip_velocity, axis=1)
+    assert np.all(np.abs(motion.hand_work / BASELINE.substep - power) <= 2.0 * turned * most)
+
+
+def test_energies_add_up() -> None:
+    motion = simulate(BASELINE, START, np.tile((1.0, 0.0, 2.0, 0.0), (4, 1)), FORCES)
+    lost = motion.dissipated + motion.numerical_loss - motion.residual
+    gained = np.diff(motion.kinetic_energy, prepend=0.0)
+    assert gained == pytest.approx(motion.hand_work - lost, abs=1e-14)
+
+
+def test_voltages_lag_in_closed_form() -> None:
+    machine = replace(BASELINE, clutch=replace(BASELINE.clutch, lag="voltage"))
+    start = initial_state(machine, (0.4, 2.0))
+    end = simulate(machine, start, (10.0, 0.0, 5.0, 24.0), (0.0, 0.0), duration=0.02).final
+    risen = 1.0 - np.exp(-0.02 / machine.clutch.time_constant)
+    assert end.lagged_volts == pytest.approx(risen * np.array([10.0, 0.0, 5.0, 24.0]), rel=1e-12)
+
+
 @pytest.mark.parametrize("part", ["theta", "omega", "torque_breakaway", "torque_dynamic", "lagged_volts"])
 def test_a_bad_state_is_named(part: str) -> None:
     broken = replace(START, **{part: np.full(7, 1.0)})

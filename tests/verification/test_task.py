@@ -96,7 +96,7 @@ def test_sines_turn_and_keep_their_length_by_complex_numbers(seed: int):
 
 
 def test_an_intent_gathers_speed_with_the_least_jerk():
-    assert [intent_speed(t, 0.5, 2.0) for t in (0.0, 0.125, 0.25, 0.5, 9.0)] == [0.0, 0.3125, 1.0, 2.0, 2.0]
+    assert [intent_speed(t, 0.5, 2.0) for t in (0.0, 0.125, 0.25, 0.5, 0.75, 9.0)] == [0.0, 0.3125, 1.0, 2.0, 2.0, 2.0]
 
 
 def test_a_hand_that_does_nothing_by_itself():
