@@ -95,6 +95,30 @@ def test_sines_turn_and_keep_their_length_by_complex_numbers(seed: int):
     assert sum_of_sines(PerSine(*amplitudes.tolist()), sines) == pytest.approx(amplitudes @ vectors.imag)
 
 
+def test_a_task_is_accepted_if_all_its_starts_are_within_reach():
+    rng, outcomes = np.random.default_rng(4), list[bool]()
+    spread = np.linspace(-1.0, 1.0, 201)
+    while outcomes.count(True) < 15 or outcomes.count(False) < 15:
+        x, y, direction, offset = rng.uniform((-0.6, 0.1, -3.0, 0.03), (0.6, 1.0, 3.0, 0.09))
+        path = Arc(x=x, y=y, direction=direction, radius=0.7, angle=0.1)
+        try:
+            check_machine(PathFollowing(path=path, error_max=0.1, truncation_error=0.1), BASELINE)
+        except ParameterError:
+            continue
+        left = np.array([-math.sin(direction), math.cos(direction)])
+        starts = np.array([x, y]) + offset * spread[:, None] * left
+        least = float(sin_elbow(BASELINE.arm.length_a, BASELINE.arm.length_b, starts).min())
+        task = PathFollowing(path=path, error_max=0.1, truncation_error=0.1, start_offset=offset)
+        if abs(least - task.singularity_margin) < 1e-3:  # between two of those that are looked at
+            continue
+        outcomes.append(least > task.singularity_margin)
+        if outcomes[-1]:
+            check_machine(task, BASELINE)
+        else:
+            with pytest.raises(ParameterError, match="start_offset"):
+                check_machine(task, BASELINE)
+
+
 def test_an_intent_gathers_speed_with_the_least_jerk():
     assert [intent_speed(t, 0.5, 2.0) for t in (0.0, 0.125, 0.25, 0.5, 0.75, 9.0)] == [0.0, 0.3125, 1.0, 2.0, 2.0, 2.0]
 
