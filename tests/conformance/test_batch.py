@@ -12,7 +12,7 @@ import pytest
 
 import pter_gym  # noqa: F401  (registers the environment)
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.world import FLAG, SKIP, Readings
+from pter_gym._engine.world import FLAG, SAME_STEP, SKIP, Readings
 from pter_gym.controllers import Random, TorqueFeedback
 from pter_gym.controllers._base import Policy
 from pter_gym.hands import MultiSineHand
@@ -174,3 +174,13 @@ def test_a_control_period_has_equal_substeps_no_longer_than_the_machines() -> No
         mine, theirs = odd.step(row), even.step(row)
         assert mine.obs.tobytes() == theirs.obs.tobytes()
         assert mine.telemetry[0].tobytes() == theirs.telemetry[0].tobytes()
+
+
+def test_an_episode_that_ends_in_the_same_step_leaves_its_last_observation() -> None:
+    plain, same = (Batch(BASELINE, PathFollowing(), 2, max_steps=2) for _ in range(2))
+    for batch in (plain, same):
+        batch.reset([3, 4])
+    for _ in range(2):
+        ended, begun = plain.step(np.full((2, 4), 1.0)), same.step(np.full((2, 4), 1.0), SAME_STEP)
+    np.testing.assert_array_equal(begun.final_obs, ended.obs)
+    assert not np.array_equal(begun.obs, ended.obs)

@@ -1,5 +1,6 @@
 """The functions of the task and the hand, each against a formula written otherwise; borders of what is accepted."""
 
+import cmath
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,6 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pter_gym._compiled.records import load, store
+from pter_gym._engine.starts import place, spread
+from pter_gym._engine.world import ROW, ROWS
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, tip_position
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.limits import MOST_SUBSTEPS, largest_energy, largest_travel
@@ -117,6 +121,16 @@ def test_a_task_is_accepted_if_all_its_starts_are_within_reach():
         else:
             with pytest.raises(ParameterError, match="start_offset"):
                 check_machine(task, BASELINE)
+
+
+def test_a_start_is_as_far_to_either_side_as_drawn():
+    assert [spread(draw, 0.2) for draw in (0.0, 0.25, 0.5, 1.0)] == pytest.approx([-0.2, -0.1, 0.0, 0.2])
+    arm, angle = model_of(BASELINE).arm, 0.3
+    world = np.zeros((ROWS, 1))
+    store(world, ROW.machine.arm, 0, arm)
+    place(world, 0, Vector(0.1, 0.5), UnitVector(math.cos(angle), math.sin(angle)), 0.02)
+    start = complex(*tip_position(arm, load(world, ROW.motion, 0)))
+    assert start == pytest.approx(complex(0.1, 0.5) + 0.02j * cmath.exp(1j * angle))
 
 
 def test_an_intent_gathers_speed_with_the_least_jerk():
