@@ -37,7 +37,7 @@ class Arm:
     """The five-bar arm as a two-axis mechanism (paper Eqs. 3 and 4).
 
     Angles are absolute; M12 = coupling·cos(θA − θB). Link lengths and inertias are in no source that we could reach.
-    Each axis may have friction against the base, dry + viscous·|ω|, of which the paper's equations have none.
+    Each axis may have dry and viscous friction against the base, of which the paper's equations have none.
     """
 
     length_a: float = preset("arm", "length_a")
