@@ -189,3 +189,8 @@ def test_what_no_float64_holds_is_no_number(value: object) -> None:
 def test_what_would_take_seconds_is_refused_before_it_is_parsed(parse: Callable[[str], object], text: str) -> None:
     with pytest.raises(ValueError, match=r"lists and objects|dots"):
         parse(text)
+
+
+def test_blanks_after_commas_do_not_count(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time, x\n0, 1\n")
+    assert read_columns(tmp_path / "a.csv", ("x",))["x"].tolist() == [1.0]

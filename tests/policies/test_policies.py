@@ -36,7 +36,7 @@ from pter_gym.policies import (
     write_policy,
 )
 from pter_gym.policies._cards import fields_of
-from pter_gym.policies._files import MOST_CARD, MOST_WEIGHTS
+from pter_gym.policies._files import MOST_CARD, MOST_WEIGHTS, check_name
 from pter_gym.policies._interface import LIMIT, available, seen_without
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import observation_layout
@@ -452,3 +452,13 @@ def test_a_policy_that_sets_the_voltages_needs_numpy_and_safetensors_alone(folde
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert not set(result.stdout.split()) & {"torch", "stable_baselines3", "numba", "scipy", "matplotlib", "pickle5"}
+
+
+def test_layers_have_at_least_one_unit_and_at_most_as_many_as_a_card_allows() -> None:
+    assert make_card(hidden=(1, 1024)).hidden == (1, 1024)
+    for hidden in ((0,), (1025,)):
+        with pytest.raises(ParameterError):
+            make_card(hidden=hidden)
+    check_name("a" * 180)
+    with pytest.raises(ParameterError, match="180"):
+        check_name("a" * 181)

@@ -216,3 +216,17 @@ def test_bad_csv_paths_are_refused(tmp_path: File, text: str, message: str) -> N
         read_path(file)
     with pytest.raises(ParameterError, match="cannot be read"):
         read_path(tmp_path / "missing.csv")
+
+
+@pytest.mark.parametrize("far", [1000.5, -1000.5])
+def test_paths_lie_within_a_kilometre(far: float) -> None:
+    near = Polyline(points=((0.0, 0.0), (math.copysign(1000.0, far), 0.0)))
+    assert near.length == 1000.0
+    for make in (
+        lambda: Polyline(points=((0.0, 0.0), (far, 0.0))),
+        lambda: Polyline(points=((0.0, far), (0.0, 0.0))),
+        lambda: Circle(center_x=far),
+        lambda: Circle(center_y=far),
+    ):
+        with pytest.raises(ParameterError):
+            make()
