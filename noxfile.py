@@ -206,7 +206,7 @@ def plain(session: nox.Session) -> None:
 def ray(session: nox.Session) -> None:
     """Ray, which needs one release of Gymnasium, and the environment's tests under that release."""
     lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines(keepends=True)
-    versions = session.cache_dir / "ray.txt"  # a folder for temporary files in the environment is one that Ray refuses
+    versions = session.cache_dir / "ray.txt"  # not create_tmp(): Ray refuses a TMPDIR inside an environment
     versions.write_text("".join(line for line in lines if not line.startswith("gymnasium==")), "utf-8")
     asked = ("-c", str(versions), "-r", str(ROOT / "agents" / "at_scale" / "requirements.txt"))
     pytest_in_copy(session, "-m", CORE, *OLD_GYMNASIUM, "tests/conformance", pins=asked)

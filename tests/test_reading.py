@@ -191,6 +191,6 @@ def test_what_would_take_seconds_is_refused_before_it_is_parsed(parse: Callable[
         parse(text)
 
 
-def test_blanks_after_commas_do_not_count(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("time, x\n0, 1\n")
+def test_blanks_before_quotes_do_not_count(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text('time, "x"\n0, "1"\n')
     assert read_columns(tmp_path / "a.csv", ("x",))["x"].tolist() == [1.0]
