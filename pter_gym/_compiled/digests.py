@@ -42,16 +42,26 @@ _UNREADABLE = ("IMPORT_NAME", "LOAD_BUILD_CLASS")
 
 
 def digest_of(function: Callable[..., Any]) -> str | None:
+    """Return a hash of a function, compiled or not, of all that it reads and of the package's sources.
+
+    It is None where ``content_digest`` is.
+    """
+    content = content_digest(function)
+    return content and hashlib.sha256(f"{_SOURCES_DIGEST}\n{content}".encode()).hexdigest()
+
+
+def content_digest(function: Callable[..., Any]) -> str | None:
     """Return a hash of a function, compiled or not, and all that it reads, or None if that cannot be determined.
 
-    That is so where it reads an object, a list, or a module that is neither a library's nor of ``ROOMS``.
+    That is so where it reads an object, a list, or a module that is neither a library's nor of ``ROOMS``. What is of a
+    library or of ``ROOMS`` counts by its name alone.
     """
     content = _Content()
     try:
         texts = content.of_all(function)
     except _UnknownError:
         return None
-    return hashlib.sha256("\n".join((_SOURCES_DIGEST, *texts)).encode()).hexdigest()
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()
 
 
 def files_of(function: Callable[..., Any]) -> set[str]:

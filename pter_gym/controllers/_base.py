@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.compiler import compile_kernel, digest_of
+from pter_gym._compiled.compiler import compile_kernel, content_digest
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.law import Memory, empty_memory
 from pter_gym.controllers._laws import built_in
@@ -227,8 +227,8 @@ class Policy(BoundPolicy):
 
     @property
     def fingerprint(self) -> str | None:
-        """SHA-256 of gains and law; None if the law reads something that has no digest."""
-        digest = digest_of(self.law)
+        """SHA-256 of gains and law, a law of the package by its name; None if it reads something without a digest."""
+        digest = content_digest(self.law)
         return digest and sha256(self.gains.tobytes() + digest.encode()).hexdigest()
 
     def reset(self) -> None:

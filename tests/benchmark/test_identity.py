@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from documents import ROOT
+from pter_gym._compiled import digests
 from pter_gym._compiled.layout import Layout
 from pter_gym.benchmark import PerSeed, find_policy, fresh_seed, run_scenario
 from pter_gym.benchmark import _runs as runs_module
@@ -153,6 +154,14 @@ def test_nobody_can_tell_what_a_callable_does() -> None:
 
 def test_a_law_that_reads_another_value_is_another_policy() -> None:
     assert content_of(Mine(of_tuple(0.0))) != content_of(Mine(of_tuple(12.0))) == content_of(Mine(of_tuple(12.0)))
+
+
+def test_prose_in_the_sources_of_a_law_does_not_make_it_another_policy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the sources do counts for all policies alike, in the digest of the code."""
+    policies = (Impedance(), Mine(holding))
+    before = [content_of(policy) for policy in policies]
+    monkeypatch.setattr(digests, "_SOURCES_DIGEST", "of sources with another comment")
+    assert [content_of(policy) for policy in policies] == before
 
 
 def test_what_is_judged_is_what_acts() -> None:
