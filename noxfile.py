@@ -194,14 +194,6 @@ def lowest(session: nox.Session) -> None:
     pytest_in_copy(session, "-m", CORE, *OLD_GYMNASIUM, pins=("-c", str(versions)))
 
 
-@nox.session(venv_backend="none", tags=["long"])
-def plain(session: nox.Session) -> None:
-    """What is otherwise compiled, as plain Python, under coverage."""
-    python = str(workshop(session) / "python")
-    leg = ("--legs", "plain", "--least", "0")
-    session.run(python, "-m", "tests.campaigns.covered", *leg, env=reported(session), external=True)
-
-
 @nox.session(tags=["long"])
 def ray(session: nox.Session) -> None:
     """Ray, which needs one release of Gymnasium, and the environment's tests under that release."""

@@ -14,22 +14,22 @@ NETWORK = {"class_name": "MLPModel", "hidden_dims": [64, 64], "activation": "tan
 
 
 def settings(horizon: int) -> dict:
-    spread = {"class_name": "GaussianDistribution", "init_std": 0.5}
-    algorithm = {"class_name": "PPO", "num_mini_batches": 8, "learning_rate": 1e-3, "entropy_coef": 0.0}
+    spread = {"class_name": "GaussianDistribution", "init_std": 1.0}
+    learning = {"schedule": "fixed", "learning_rate": 1e-3, "num_mini_batches": 8, "entropy_coef": 0.0}
     return {
         "num_steps_per_env": horizon,
         "save_interval": 1000,
         "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
         "actor": {**NETWORK, "distribution_cfg": spread},
         "critic": NETWORK,
-        "algorithm": algorithm,
+        "algorithm": {"class_name": "PPO", **learning},
     }
 
 
-def train(seed: int = 0, steps: int = 1_500_000, worlds: int = 256, horizon: int = 64):
+def train(seed: int = 0, steps: int = 600_000, worlds: int = 32, horizon: int = 256):
     torch.manual_seed(seed), torch.set_num_threads(1)
     options = {"action_unit": "normalised", "autoreset_mode": "SAME_STEP", "telemetry": False}
-    envs = TransformReward(gymnasium.make_vec("PTER/Standard-v0", worlds, **options), lambda pay: 0.01 * pay)
+    envs = TransformReward(gymnasium.make_vec("PTER/Standard-v0", worlds, **options), lambda pay: 0.03 * pay)
     runner = OnPolicyRunner(RslRlVecEnv(envs, seed), settings(horizon))
     runner.learn(steps // (worlds * horizon))
     act = runner.get_inference_policy()
