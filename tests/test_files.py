@@ -111,6 +111,16 @@ def test_only_leftovers_are_removed(tmp_path: Path):
     assert sorted(names(tmp_path)) == [".mine.tmp", "0123456789abcdef.tmp", "result"]
 
 
+def test_a_leftover_that_is_gone_meanwhile_is_no_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Such as the file of an export into the folder, which has got its name."""
+
+    def listed(folder: Path, _: str) -> list[Path]:
+        return [folder / ".0123456789abcdef.tmp"]
+
+    monkeypatch.setattr(Path, "glob", listed)
+    remove_leftovers(tmp_path)
+
+
 # --- before the work ---
 
 BAD_NAMES = ["", b"file", 5, "a\0b", "n" * 300, f"{'n' * 300}/file", "ü" * 128, "a\ud800"]

@@ -9,7 +9,7 @@ import pytest
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.errors import ParameterError
 from pter_gym.params import machine_of
-from pter_gym.params._preset import PRESET, SECTIONS, format_preset, parse_preset
+from pter_gym.params._preset import PRESET, SECTIONS, format_preset, parse_preset, preset
 
 TEXT = format_preset(PRESET, "for tests")
 
@@ -33,6 +33,20 @@ def with_value(section: str, name: str, value: str) -> str:
 def test_every_section_has_to_be_there(section: str):
     with pytest.raises(ParameterError, match=f"section '{section}' is missing"):
         parse_preset(without(section))
+
+
+def test_a_number_alone_says_neither_unit_nor_origin():
+    with pytest.raises(ParameterError, match=r"arm\.coupling must be a table with value, unit and from"):
+        parse_preset(re.sub(r"(?m)^coupling = .*", "coupling = 0.1", TEXT))
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "unit"), [("arm", "coupling", "kg·m²"), ("clutch", "knee", "V"), ("hand", "push", "N")]
+)
+def test_a_parameter_has_value_unit_and_origin_of_the_file(section: str, name: str, unit: str):
+    found = preset(section, name)
+    assert found.default == getattr(getattr(PRESET, section), name)
+    assert dict(found.metadata) == {"unit": unit, "provenance": PRESET.provenance[f"{section}.{name}"]}
 
 
 def test_every_number_has_to_be_there():

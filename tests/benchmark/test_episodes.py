@@ -3,6 +3,7 @@
 import gzip
 import hashlib
 import json
+import math
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -49,6 +50,28 @@ def test_what_was_stored_is_read_and_the_same_episodes_are_the_same_bytes(tmp_pa
     store_episodes("earlier", [BASELINE], [PathFollowing()], [3], ["a"], version=1, folder=path.parent)
     assert list(json.loads((path.parent / CHECKSUMS).read_text())) == ["earlier", "mine"]
     assert scenarios(path.parent) == ("earlier", "mine")
+    (path.parent / CHECKSUMS).write_text('{"mine": "", "earlier": ""}')
+    assert scenarios(path.parent) == ("earlier", "mine")
+
+
+def test_the_bytes_do_not_depend_on_how_a_version_of_python_names_the_system(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compress, expected = gzip.compress, store(tmp_path).read_bytes()
+
+    def unknown_system(data: bytes, **options: Any) -> bytes:
+        packed = compress(data, **options)
+        return packed[:9] + b"\xff" + packed[10:]
+
+    monkeypatch.setattr(gzip, "compress", unknown_system)
+    assert store(tmp_path).read_bytes() == expected
+
+
+def test_what_no_reader_accepts_is_not_written(tmp_path: Path) -> None:
+    seeds: list[Any] = [math.nan]
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        store_episodes("mine", [BASELINE], [PathFollowing()], seeds, ["a"], version=1, folder=tmp_path)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow

@@ -40,12 +40,12 @@ def test_an_unfinished_stretch_has_at_least_the_error_of_one_that_was_not_begun(
 
 
 def test_smoothness_by_hand():
-    period, jump = 0.5, 2.0
-    speed = np.array([[1.0], [2.0], [9.0]])
-    acceleration = np.array([[[0.0, 0.0]], [[jump, jump]], [[50.0, 0.0]]])
-    counted = np.array([[True], [True], [False]])
+    period, jump = 0.5, 3.0
+    speed = np.array([[7.0], [0.25], [0.5], [9.0]])
+    acceleration = np.array([[[20.0, 0.0]], [[0.0, 0.0]], [[jump, jump]], [[50.0, 0.0]]])
+    counted = np.array([[False], [True], [True], [False]])
     jerk = (2 * period) ** 3 * (2 * jump**2) / period
-    assert smoothness(speed, acceleration, counted, period) == pytest.approx(-math.log(jerk / 2.0**2))
+    assert smoothness(speed, acceleration, counted, period) == pytest.approx(-math.log(jerk / 0.5**2))
     assert smoothness(0.0 * speed, acceleration, counted, period) == 0.0
     assert smoothness(speed, 0.0 * acceleration, counted, period) == 0.0  # ln 1: no jerk counts as D = 1
 

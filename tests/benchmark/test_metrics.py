@@ -83,6 +83,13 @@ def test_a_way_beside_the_path_counts_however_short_its_time() -> None:
     assert found.segment_pace_error == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("at", [40, 41, 59, 60])
+def test_a_moment_beside_the_path_counts_in_one_segment(at: int) -> None:
+    """Also at either end of it."""
+    found = score(travel(np.linspace(0.0, 1.0, 201), normal_error=np.where(np.arange(201) == at, 0.1, 0.0)), METRE)
+    assert found.path_error_m == pytest.approx(0.1 / 20 / 10)
+
+
 @pytest.mark.parametrize("pace", [0.8, 1.0, 1.25])
 def test_a_constant_error_costs_more_off_the_pace(pace: float) -> None:
     s = 0.5 * pace * PERIOD * np.arange(round(200 / pace) + 2)

@@ -1,12 +1,13 @@
 """Which scores decide on ranks, and how the scores of many episodes come into a standing."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from benchmark.handmade import METRE, padded, travel
-from pter_gym.benchmark._runs import Conditions, ScenarioRun
+from pter_gym.benchmark._runs import Conditions, Planning, ScenarioRun
 from pter_gym.benchmark.leaderboard import COLUMNS, FULL, leaderboards, rank
 from pter_gym.benchmark.metrics import METRICS, SCORES, Scores, score_episodes
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, reason_below
@@ -91,6 +92,14 @@ def test_every_reason_is_given() -> None:
     late = with_error("x", 0.02, completed=False, mean_pace_error=0.5, segment_pace_error=0.6)
     reason = rank([late]).standings[0].reason or ""
     assert [part in reason for part in ("arrives in 0 %", "too slow", "50 % off", "60 % off")] == 4 * [True]
+
+
+def test_a_policy_that_knows_the_future_is_marked_and_has_no_rank() -> None:
+    plain = with_error("plans", 0.02)
+    bound, honest = (replace(plain, planning=Planning(privileged, 0.1, 8, 1.0)) for privileged in (True, False))
+    found = [rank([run]).standings[0] for run in (plain, honest, bound)]
+    assert [standing.label for standing in found] == ["plans", "plans", "plans (privileged)"]
+    assert [standing.rank for standing in found] == [1, 1, None]
 
 
 def test_training_seeds_share_a_line_and_are_a_stratum() -> None:

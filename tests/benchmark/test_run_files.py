@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +99,26 @@ def test_a_run_is_what_was_written(folder: ResultsFolder) -> None:
     assert left_out(folder) == {}
 
 
+def test_a_run_is_found_under_just_its_conditions(folder: ResultsFolder) -> None:
+    run = made_up("agent", 1)
+    found = folder.find(run.conditions)
+    assert found is not None
+    assert found.conditions == run.conditions
+    for other in ({"identity": "2" * 64}, {"version": "0"}, {"seed": 2}):
+        assert folder.find(replace(run.conditions, **other)) is None
+    unknown = replace(run.conditions, identity=None)
+    folder.add(replace(run, conditions=unknown))
+    assert folder.find(unknown) is None, "nobody knows whether it is the same policy"
+
+
+def test_further_training_seeds_of_an_earlier_policy_are_deleted(folder: ResultsFolder) -> None:
+    kept = {path.name for path in (folder.path / "runs").iterdir()}
+    for seed in (2, 3, 4):
+        folder.add(made_up("agent", seed))
+    folder.end_seeds(made_up("agent", 2).conditions)
+    assert {path.name for path in (folder.path / "runs").iterdir()} == kept
+
+
 def test_an_edited_file_is_left_out(folder: ResultsFolder) -> None:
     path = of(folder, "standard-brisk-bound-5")
     rewrite(path, lambda content: content["planning"].update(privileged=False), seal=False)
@@ -168,6 +189,18 @@ def test_the_ends_of_the_ranges_are_accepted(edit: Callable[[Content], object], 
     assert left_out(folder) == {}
 
 
+def test_no_run_has_more_episodes_than_its_scenario(folder: ResultsFolder) -> None:
+    most = len(stored_strata("standard")[1])
+
+    def change(content: Content) -> None:
+        content["conditions"].update(episodes=most + 1)
+        content["scores"] = {name: (values * most)[: most + 1] for name, values in content["scores"].items()}
+
+    path = of(folder, f"standard-brisk-free-{most + 1}")
+    rewrite(of(folder, FREE), change, seal=True, to=path)
+    assert left_out(folder) == {path.name: f"episodes must be within [1, {most}], got {most + 1}"}
+
+
 JUNK: dict[str, tuple[bytes, str]] = {
     "a brace": (b"{", "it is not JSON"),
     "a list": (b"[]", "list indices"),
@@ -204,6 +237,10 @@ def test_a_copy_is_not_a_further_training_seed(folder: ResultsFolder) -> None:
     rewrite(path, at(seed=1), seal=True, to=copy)
     assert left_out(folder) == {copy.name: "it is the policy of seed 0"}
     assert folder.summarise() == (before,)
+    of(folder, "torn").write_bytes(b"{")
+    found = folder.read().left_out
+    assert found == tuple(sorted(found))
+    assert [each.file for each in found] == [copy.name, "torn.json"]
 
 
 def test_a_renamed_file_is_left_out(folder: ResultsFolder) -> None:

@@ -30,6 +30,7 @@ from pter_gym.policies import (
     Card,
     Input,
     Interface,
+    Network,
     Neural,
     read_policy,
     shipped_policies,
@@ -194,7 +195,9 @@ def test_a_squashed_policy_has_tanh_behind_its_last_layer(folder: Path, tmp_path
     write_policy(card, make_tensors(card), "", tmp_path)
     plain, squashed = (read_policy(name, tmp_path).network for name in ("tested", "squashed"))
     rows = np.random.default_rng(0).normal(size=(7, 3))
-    np.testing.assert_array_equal(squashed(rows, np.zeros((7, 0)))[0], np.tanh(plain(rows, np.zeros((7, 0)))[0]))
+    linear, _ = Network(plain.weights, plain.biases)(rows, np.zeros((7, 0)))
+    np.testing.assert_array_equal(plain(rows, np.zeros((7, 0)))[0], linear)
+    np.testing.assert_array_equal(squashed(rows, np.zeros((7, 0)))[0], np.tanh(linear))
 
 
 def remembered(tensors: dict[str, np.ndarray], inputs: np.ndarray) -> list[float]:
@@ -243,6 +246,26 @@ def test_what_was_written_is_read(folder: Path) -> None:
     assert shipped_policies(folder) == ("tested",)
     for k, weight in enumerate(policy.network.weights):
         assert weight.astype(np.float32).tobytes() == make_tensors(policy.card)[f"layer_{k}.weight"].tobytes()
+
+
+def test_policies_of_a_folder_come_by_name(tmp_path: Path) -> None:
+    for name in "fbhdaceg":
+        (tmp_path / f"{name}.json").touch()
+    assert shipped_policies(tmp_path) == tuple("abcdefgh")
+
+
+def test_people_can_read_what_a_card_is_about(tmp_path: Path) -> None:
+    card = make_card(about={"by": "Jürgen"})
+    path = write_policy(card, make_tensors(card), "", tmp_path)
+    assert "Jürgen" in path.read_text(encoding="utf-8")
+    assert read_policy("tested", tmp_path).card.about == {"by": "Jürgen"}
+
+
+def test_the_most_inputs_and_layers_are_accepted(tmp_path: Path) -> None:
+    card = make_card(hidden=8 * (1,), interface=Interface(inputs=256 * INPUTS[:1], reach=12.0))
+    write_policy(card, make_tensors(card), "", tmp_path)
+    found = read_policy("tested", tmp_path).card
+    assert (found.hidden, found.interface) == (card.hidden, card.interface)
 
 
 def test_the_identity_follows_what_acts_and_nothing_else(folder: Path) -> None:
@@ -321,6 +344,13 @@ BROKEN: dict[str, tuple[Break, str]] = {
         lambda card: card["observation"][1].update(more=1),
         "observation must hold objects with name, unit and scale",
     ),
+    "an entry of no scale": (lambda card: card["observation"][0].update(scale=0), "scale > 0, got"),
+    "too many entries": (lambda card: card.update(observation=257 * card["observation"][:1]), "at most 256"),
+    "too many inputs": (
+        lambda card: card["interface"].update(inputs=257 * card["interface"]["inputs"][:1]),
+        "at most 256",
+    ),
+    "layers in a number": (_set(hidden=5), "hidden must be a list of at most 8, got 5"),
     "about in a list": (_set(about=[]), "about"),
 }
 
