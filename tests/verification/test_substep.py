@@ -659,8 +659,8 @@ def test_a_load_is_shared_as_the_multipliers_say_that_it_was_made_from(seed: int
     for number in range(400):
         high = rng.exponential(1.0, 4) * rng.integers(0, 4, 4).clip(max=1)
         low = -high if number % 2 else np.minimum(rng.normal(size=4), high)
-        slipping = rng.random(4) < 0.3 * (number % 3)
-        low, high = np.where(slipping, high, low) * 10.0 ** (number % 19 - 9), high * 10.0 ** (number % 19 - 9)
+        slipping, exerted = rng.random(4) < 0.3 * (number % 3), rng.choice([-1.0, 1.0], 4) * high
+        low, high = np.where(slipping, exerted, (low, high)) * 10.0 ** (number % 19 - 9)
         multipliers = rng.normal(scale=np.abs(high).sum() * rng.choice([0.2, 1.0, 5.0]), size=2)
         torque = np.clip(w @ multipliers, low, high)
         found = share(*(w.T @ torque).tolist(), PerClutch(*low.tolist()), PerClutch(*high.tolist()))
