@@ -73,7 +73,6 @@ TESTS = [
     "tests/test_*.py",
     *(f"tests/{room}/test_*.py" for room in ("benchmark", "compiled", "conformance", "policies", "properties")),
     "tests/verification/test_*.py",
-    "tests/oracle/test_*.py",
 ]
 """Test files that may notice one."""
 
