@@ -343,6 +343,7 @@ def main(
     budget: float = 40.0,
     work: Path = Path("pter-mutation"),
     least: float = 0.95,
+    again: bool = False,
     write: bool = False,
 ) -> int:
     """Run a campaign, print its table and what survived, and return 1 if too many did.
@@ -357,6 +358,7 @@ def main(
         budget: Of the tests of one fault, likewise.
         work: Folder for copies and what was found.
         least: Share that must be killed.
+        again: Try only what the last run in the work folder did not kill: tests or entries were added since.
         write: Put the table into docs/robustness.md.
     """
     os.environ.update(NUMBA_DISABLE_JIT="1", OMP_NUM_THREADS="1", MPLBACKEND="Agg")
@@ -370,12 +372,18 @@ def main(
 
     equal = known_equal()
     mutants = [mutant for mutants in drawn.values() for mutant in mutants]
+    last = json.loads((campaign.work / "outcomes.json").read_text("utf-8")) if again else []
+    killed_by = {
+        each["mutant"]: each["by"] for each in last if each["outcome"] == "killed" and each["mutant"] not in equal
+    }
     texts = {test: (ROOT / test).read_text("utf-8") for test in files}
-    chosen = [(mutant, choose(mutant, cases, budget, texts)) for mutant in mutants if mutant.name not in equal]
+    left = [mutant for mutant in mutants if mutant.name not in equal and mutant.name not in killed_by]
+    chosen = [(mutant, choose(mutant, cases, budget, texts)) for mutant in left]
     unchanged = [(replace(each, source=(ROOT / each.file).read_text("utf-8")), found) for each, found in chosen[:3]]
     if any(outcome.outcome == "killed" for outcome in campaign.try_all(unchanged)):
         sys.exit("tests fail without a fault")
     outcomes = [Outcome(mutant, "equal") for mutant in mutants if mutant.name in equal] + campaign.try_all(chosen)
+    outcomes += [Outcome(each, "killed", killed_by[each.name]) for each in mutants if each.name in killed_by]
 
     lost = [outcome for outcome in outcomes if outcome.outcome in ("survived", "unreached")]
     killed = sum(outcome.outcome == "killed" for outcome in outcomes)

@@ -22,6 +22,7 @@ from pter_gym._physics.limits import (
     largest_energy,
     largest_force,
     largest_motion,
+    largest_travel,
     smallest_inertia,
 )
 from pter_gym._physics.model import model_of
@@ -85,7 +86,7 @@ def test_a_condition_of_just_ten_thousand_is_accepted():
 
 
 @pytest.mark.parametrize("coupling", [0.05, -0.3, 0.5])
-@pytest.mark.parametrize(("h", "period"), [(1e-3, 0.01), (0.01, 0.05), (0.2, 3.0)])
+@pytest.mark.parametrize(("h", "period"), [(1e-3, 1e-3), (1e-3, 0.01), (0.01, 0.05), (0.2, 3.0)])
 def test_the_formulas_of_the_derivation(coupling: float, h: float, period: float):
     arm = Linkage(
         length_a=0.4, length_b=0.7, m11=0.6, m22=0.5, coupling=coupling, damping=7.0, stiffness=30.0, implicit=0.5
@@ -149,6 +150,8 @@ def test_the_shares_of_the_derivation(arm: Linkage, h: float, count: int) -> Non
     pull = largest_force(arm, h, period) * math.hypot(0.5, 0.4) / math.sqrt(smallest)
     assert h * pull <= most / 10.0 * (1.0 + 1e-9)
     assert 1.04 * pull * lengthened <= 0.67 * most * (1.0 + 1e-9)
+    speed = 1.04 * most / math.sqrt(smallest)
+    assert largest_travel(arm, h, period) == pytest.approx(period * speed * math.hypot(0.5, 0.4))
     for share in (0.0, 0.5, 1.0):
         start = math.sqrt(2.0 * largest_energy(arm, h, period, share * largest_force(arm, h, period)))
         assert start == pytest.approx(0.7 * most - 1.04 * share * pull * lengthened)

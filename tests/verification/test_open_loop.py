@@ -61,9 +61,11 @@ def test_bad_inputs_are_named(inputs: tuple[Any, ...], keywords: dict[str, Any],
 HELD = replace(BASELINE, hand=Hand(mass=1.0, damping=10.0, stiffness=300.0))
 
 
-def test_a_spring_needs_a_target() -> None:
+@pytest.mark.parametrize("stiffness", [0.5, 300.0])
+def test_a_spring_needs_a_target(stiffness: float) -> None:
+    held = replace(HELD, hand=replace(HELD.hand, stiffness=stiffness))
     with pytest.raises(ParameterError, match="hand_target"):
-        simulate(HELD, START, (0.0,) * 4, (0.0, 0.0), duration=0.1)
+        simulate(held, START, (0.0,) * 4, (0.0, 0.0), duration=0.1)
 
 
 def test_links_have_no_torque_of_their_own_unless_it_is_given() -> None:

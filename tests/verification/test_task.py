@@ -452,6 +452,12 @@ def test_a_sine_may_be_as_fast_as_a_tenth_of_the_substeps_rate():
     check_machine(PathFollowing(hand=RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))), BASELINE)
 
 
+@pytest.mark.parametrize("field", ["path", "hand", "starts", "sensing"])
+def test_a_part_of_another_kind_is_refused(field: str) -> None:
+    with pytest.raises(ParameterError, match=f"{field} must be"):
+        PathFollowing(**{field: 3})  # type: ignore[arg-type]
+
+
 def test_an_episode_may_begin_as_fast_as_the_integrator_can_hold():
     machine = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.4, length_b=0.6), substep=1e-2)
     arm = model_of(machine).arm
