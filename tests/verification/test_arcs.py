@@ -15,6 +15,7 @@ from pter_gym.paths._arcs import (
     LARGEST_TURN,
     SEGMENT,
     ArcSegment,
+    _distance_from_arc,
     arc_between,
     biarc,
     chain,
@@ -99,6 +100,17 @@ def test_an_arc_is_fitted_by_two_however_its_parameter_runs(radius: float):
     table = fit_arcs(curve, [0.0, 1.0]).table
     assert table[:, SEGMENT.curvature] == pytest.approx([1.0 / radius] * 2)
     assert table[:, SEGMENT.length].sum() == pytest.approx(0.05 * math.pi)
+
+
+@pytest.mark.parametrize("curvature", [0.0, 1.5, -2.0])
+@pytest.mark.parametrize("off", [0.2, -0.3])
+def test_how_far_a_point_is_from_an_arc(curvature: float, off: float):
+    begin, heading, place = 0.3 - 0.8j, cmath.rect(1.0, 2.2), 0.45
+    turned = cmath.exp(1j * curvature * place)
+    foot = begin + heading * ((turned - 1.0) / (1j * curvature) if curvature else place)
+    arc = (begin, heading, curvature, 0.7)
+    assert _distance_from_arc(arc, foot + off * 1j * heading * turned) == pytest.approx(abs(off))
+    assert _distance_from_arc(arc, begin - 1e-3 * heading) == math.inf
 
 
 @pytest.mark.parametrize("place", [0.2, 0.5, 0.8])
