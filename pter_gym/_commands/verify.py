@@ -5,7 +5,7 @@ from typing import Annotated
 
 import tyro
 
-from pter_gym._commands.arguments import import_from_here, split
+from pter_gym._commands.arguments import split
 from pter_gym._internal.terminal import progress_bar, say
 
 
@@ -33,7 +33,6 @@ def verify(
     from pter_gym.benchmark import verify as run_again
     from pter_gym.benchmark._naming import is_code
 
-    import_from_here()
     known = {name: find_policy(name, seed) for name in split(policies) if is_code(name)}
     with progress_bar() as progress:
         task = progress.add_task("verify", total=None)

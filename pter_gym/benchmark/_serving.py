@@ -75,17 +75,13 @@ def _fault(error: str, message: str) -> bytes:
     return json.dumps([error, message[:LONGEST].encode("utf-8", "backslashreplace").decode()]).encode()
 
 
-def main(descriptor: int, name: str) -> None:
-    """Find a policy and answer messages until there are no more."""
-    host = Host(name)
-    with socket.socket(fileno=descriptor) as own, own.makefile("rwb") as stream:
+def main() -> None:
+    """Find the policy that the second argument names and answer messages through the first until there are no more."""
+    host = Host(sys.argv[2])
+    with socket.socket(fileno=int(sys.argv[1])) as own, own.makefile("rwb") as stream:
         stream.write(packed(host.find))
         stream.flush()
         while len(data := stream.read(HEADER.size)) == HEADER.size:
             kind, size = HEADER.unpack(data)
             stream.write(packed(host.answer, kind, stream.read(size)))
             stream.flush()
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]), sys.argv[2])

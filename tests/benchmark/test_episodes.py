@@ -23,7 +23,7 @@ from pter_gym.scenarios import PACES, SCENARIOS, Scenario
 from pter_gym.scenarios._evaluation_draws import FRESH, evaluation_draws
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
-PINNED_SEEDS, PINNED_PHASE = (4215971544462223395, 7145062265811555858), 2.012818905321554
+PINNED_SEEDS, PINNED_PHASE = (4215971544462223395, 7145062265811555858), 1.929293725323279
 """Of the first fresh episodes of one seed: results that name a seed mean the same episodes for ever."""
 
 SOME = ["standard", *(pytest.param(n, marks=pytest.mark.long) for n in SCENARIOS if n != "standard")]

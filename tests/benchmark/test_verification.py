@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pter_gym._commands import main as cli
-from pter_gym.benchmark import PerSeed, ResultsFolder, Verdict, fresh_seed, run_scenario, verify
+from pter_gym.benchmark import PerSeed, ResultsFolder, Verdict, run_scenario, verify
 from pter_gym.benchmark import _verification as verification_module
 from pter_gym.benchmark._run_files import HASH, file_hash
 from pter_gym.benchmark._verification import SAME
@@ -162,7 +162,7 @@ def test_code_is_imported_only_if_it_is_named(
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     results = ResultsFolder(tmp_path)
-    for fresh in (None, fresh_seed("standard", ["free", "locked"])):
+    for fresh in (None, "derived"):
         run_scenario("standard", ["free", "locked"], ["brisk"], episodes=2, fresh=fresh, results=results)
     results.summarise()
     assert cli.main(["verify", str(tmp_path)]) == 0
