@@ -196,8 +196,8 @@ class Isolated(BoundPolicy):
         return PolicyError(f"policy {self.name!r} {why}")
 
 
-START = "import sys; sys.path[:] = sys.argv[3:]; from pter_gym.benchmark._serving import main; main()"
-"""What its process runs; the present folder is the last of the path, and Python's own start imports nothing from it."""
+START = "import sys; sys.path[:] = sys.argv[3:-1]; from pter_gym.benchmark._serving import main; main()"
+"""What its process runs: the present folder, the last argument, joins the path when the policy is looked up."""
 
 
 def _start(name: str) -> tuple["subprocess.Popen[bytes]", socket.socket, str]:

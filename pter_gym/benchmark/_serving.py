@@ -78,6 +78,7 @@ def _fault(error: str, message: str) -> bytes:
 def main() -> None:
     """Find the policy that the second argument names and answer messages through the first until there are no more."""
     host = Host(sys.argv[2])
+    sys.path.append(sys.argv[-1])
     with socket.socket(fileno=int(sys.argv[1])) as own, own.makefile("rwb") as stream:
         stream.write(packed(host.find))
         stream.flush()
