@@ -51,9 +51,10 @@ def received(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ],
 )
 def test_nothing_in_the_present_folder_runs_but_a_policy_that_is_named(command: Sequence[str], received: Path) -> None:
+    ran = received / "ran"
+    ran.unlink(missing_ok=True)
     pter = [sys.executable, "-P", "-m", "pter_gym._commands.main"]
     done = subprocess.run([*pter, *command], cwd=received, capture_output=True, text=True, check=False)
-    ran = received / "ran"
     assert not ran.exists(), ran.read_text()
     assert done.returncode == 0, done.stdout + done.stderr
     assert not (received / "compiled").exists(), "numba would unpickle what it finds there"
