@@ -15,7 +15,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import FLAG, SAME_STEP, SKIP, Readings
 from pter_gym.controllers import Random, TorqueFeedback
 from pter_gym.controllers._base import Policy
-from pter_gym.hands import MultiSineHand
+from pter_gym.hands import MultiSineHand, RecordedForces
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import MAX_DELAY, TELEMETRY, PathFollowing
@@ -184,3 +184,19 @@ def test_an_episode_that_ends_in_the_same_step_leaves_its_last_observation() -> 
         ended, begun = plain.step(np.full((2, 4), 1.0)), same.step(np.full((2, 4), 1.0), SAME_STEP)
     np.testing.assert_array_equal(begun.final_obs, ended.obs)
     assert not np.array_equal(begun.obs, ended.obs)
+
+
+def test_an_arrival_is_told_by_ones() -> None:
+    batch = Batch(BASELINE, PathFollowing(path=Line(x=-0.1, y=0.55, length=1e-3), arrival=0.2))
+    batch.reset([0])
+    row = batch.step(np.zeros((1, 4))).telemetry[0, 0]
+    assert (row[TELEMETRY.index("terminated")], row[TELEMETRY.index("is_success")]) == (1.0, 1.0)
+
+
+def test_recorded_forces_are_felt_at_their_instants_and_the_last_ones_ever_after() -> None:
+    hand = RecordedForces(times=(0.0, 0.01, 0.02), along=(1.0, 3.0, -2.0), across=(0.0, 5.0, 1.0))
+    batch = Batch(BASELINE, PathFollowing(path=Line(x=-0.2, y=0.55, direction=0.0, length=0.4), hand=hand))
+    batch.reset([0])
+    rows = np.array([batch.step(np.zeros((1, 4))).telemetry[0, 0] for _ in range(4)])
+    felt = rows[:, [TELEMETRY.index("force_x"), TELEMETRY.index("force_y")]]
+    np.testing.assert_allclose(felt, [[3.0, 5.0], [-2.0, 1.0], [-2.0, 1.0], [-2.0, 1.0]], rtol=1e-9)

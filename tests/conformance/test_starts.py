@@ -12,7 +12,9 @@ from pter_gym._engine.world import ROW
 from pter_gym.benchmark.episodes import load_episodes, scenarios
 from pter_gym.envs.scenario import TRUNCATION_ERROR, training_draws
 from pter_gym.errors import ParameterError, ResetNeededError
+from pter_gym.hands import HumanArm
 from pter_gym.params import BASELINE
+from pter_gym.paths import Line
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import (
     AT_REST,
@@ -71,12 +73,25 @@ def test_settled_clutches_hold_what_they_would_after_a_long_time() -> None:
     task = PathFollowing(starts=GRIPPED)
     batch = Batch(BASELINE, task, 16)
     volts = batch.reset(range(16))[1][:, [*COLUMN.volts]]
+    assert volts.any(axis=1).all()
     gripped = batch.truth()
     still = Batch(replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=1e-6)), PathFollowing(), 16)
     still.reset(range(16))
     still.step(volts)
     first, last = ROW.torques.breakaway.x1, ROW.torques.dynamic.x4 + 1
     np.testing.assert_allclose(gripped[:, first:last], still.truth()[:, first:last], rtol=1e-12)
+
+
+def test_a_moving_start_is_within_a_narrow_workspace_with_the_intent_at_the_tip() -> None:
+    path = Line(x=-0.1, y=0.5, direction=0.0, length=0.2)
+    task = PathFollowing(path=path, hand=HumanArm(), error_max=0.03, starts=MOVING)
+    batch = Batch(BASELINE, task, 16)
+    row = batch.reset(range(16))[1]
+    assert 0.0 < np.abs(row[:, COLUMN.normal_error]).max() <= 0.03 < MOVING.offset
+    ahead = batch.truth()[:, ROW.intent] - row[:, COLUMN.arc_length]
+    assert (ahead >= -1e-12).all()
+    assert (ahead <= task.pace * task.control_period).all()
+    assert row[:, COLUMN.arc_length].max() > 0.1
 
 
 def test_shares_are_kept_and_each_seed_begins_the_same_way() -> None:

@@ -2,6 +2,7 @@
 
 import cmath
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from pter_gym.paths._arcs import (
     biarc,
     chain,
     end_of,
+    fit_arcs,
     heading_through,
     mirrored,
     parts_of,
@@ -86,6 +88,39 @@ def test_two_arcs_join_two_headings(seed: int):
     joint, heading = end_of(*first)
     assert (second[0], second[1]) == pytest.approx((joint, heading))
     assert end_of(*second) == pytest.approx((end, headings[1]))
+
+
+@pytest.mark.parametrize("radius", [0.1, -0.1])
+def test_an_arc_is_fitted_by_two_however_its_parameter_runs(radius: float):
+    def curve(t: float) -> tuple[complex, complex]:
+        angle = 0.5 * math.pi * math.expm1(12.0 * t) / math.expm1(12.0)  # a sixth of the way is 6 µm
+        return on(0.2 + 0.5j, radius, math.copysign(angle, radius))
+
+    table = fit_arcs(curve, [0.0, 1.0]).table
+    assert table[:, SEGMENT.curvature] == pytest.approx([1.0 / radius] * 2)
+    assert table[:, SEGMENT.length].sum() == pytest.approx(0.05 * math.pi)
+
+
+@pytest.mark.parametrize("place", [0.2, 0.5, 0.8])
+def test_a_bump_is_followed_wherever_it_is(place: float):
+    def curve(t: float) -> tuple[complex, complex]:
+        bump = 0.01 * math.exp(-(((t - place) / 0.06) ** 2))
+        return complex(t, bump), complex(1.0, -2.0 * (t - place) / 0.06**2 * bump)
+
+    assert fit_arcs(curve, [0.0, 1.0]).at(np.linspace(0.0, 1.0, 401))[1].max() == pytest.approx(0.01, 1e-3)
+
+
+def test_a_sine_is_as_symmetrical_as_its_curve():
+    """By pairs of arcs between its zeros and crests; a quarter of a gentle one takes one pair."""
+    lengths = Sine(amplitude=0.03, periods=3.0).arcs.table[:, SEGMENT.length].reshape(12, -1)
+    for quarter, following in pairwise(lengths):
+        assert quarter[::-1] == pytest.approx(following, rel=1e-9)
+    assert len(Sine(amplitude=1e-4, periods=0.25).arcs.table) == 2
+
+
+def test_points_of_a_path_are_sampled_from_its_start_to_its_end():
+    line = Line(x=0.1, y=0.2, direction=0.5 * math.pi, length=0.4)
+    assert line.sampled(3) == pytest.approx(np.array([[0.1, 0.2], [0.1, 0.4], [0.1, 0.6]]))
 
 
 def test_how_many_parts_an_arc_is_cut_into():

@@ -472,6 +472,15 @@ def test_the_first_of_several_changes_divides_a_kick(parts: list[Part]):
     ]
 
 
+@pytest.mark.parametrize(("share", "count"), [(0.5, 2), (1.0 - 1e-9, 1), (1.0, 1)])
+def test_a_clutch_that_stops_as_the_kick_ends_does_not_divide_it(parts: list[Part], share: float, count: int):
+    limit = NONE._replace(x1=SOLO.m11 * SPEED / (share * H))
+    body = body_with(at(0.3, 1.2, SPEED, 0.0), Torques(limit, limit), Load(*(0.0,) * 6), BAND, SOLO)
+    KICK(body, 1, H)
+    assert len(parts) == count
+    assert seen(body).motion.omega_a == pytest.approx(0.0, abs=1e-17)
+
+
 def test_a_slip_that_never_ceases_to_slide():
     """Those that pass zero exert all they have against the slip of before; the others are solved for as ever."""
     for seed in range(200):
@@ -597,10 +606,12 @@ def smallest_inertia(machine: Machine) -> float:
     return float(np.linalg.eigvalsh([[arm.inertia_a, arm.coupling], [arm.coupling, arm.inertia_b]])[0])
 
 
+@pytest.mark.parametrize("light", [1.0, 0.01])
 @pytest.mark.parametrize("damping", [0.0, 1.0, 30.0, 1e3, 1e5, 1e7])
-def test_half_of_the_damping_is_implicit_or_so_much_that_no_motion_alternates(damping: float):
+def test_half_of_the_damping_is_implicit_or_so_much_that_no_motion_alternates(damping: float, light: float):
     """The share before a kick takes at most the momentum along the slowest motion: h·(1 − s)·b·(lA² + lB²) ≤ μ."""
-    machine = replace(BASELINE, hand=Hand(damping=damping))
+    inertias = {name: light * getattr(BASELINE.arm, name) for name in ("inertia_a", "inertia_b", "coupling")}
+    machine = replace(BASELINE, hand=Hand(damping=damping), arm=replace(BASELINE.arm, **inertias))
     before = (1.0 - implicit_share(machine)) * machine.substep * damping
     before *= machine.arm.length_a**2 + machine.arm.length_b**2
     smallest = smallest_inertia(machine)
@@ -648,8 +659,8 @@ def test_a_load_is_shared_as_the_multipliers_say_that_it_was_made_from(seed: int
     for number in range(400):
         high = rng.exponential(1.0, 4) * rng.integers(0, 4, 4).clip(max=1)
         low = -high if number % 2 else np.minimum(rng.normal(size=4), high)
-        slipping = rng.random(4) < 0.3 * (number % 3)
-        low, high = np.where(slipping, high, low) * 10.0 ** (number % 19 - 9), high * 10.0 ** (number % 19 - 9)
+        slipping, exerted = rng.random(4) < 0.3 * (number % 3), rng.choice([-1.0, 1.0], 4) * high
+        low, high = np.where(slipping, exerted, (low, high)) * 10.0 ** (number % 19 - 9)
         multipliers = rng.normal(scale=np.abs(high).sum() * rng.choice([0.2, 1.0, 5.0]), size=2)
         torque = np.clip(w @ multipliers, low, high)
         found = share(*(w.T @ torque).tolist(), PerClutch(*low.tolist()), PerClutch(*high.tolist()))
@@ -663,6 +674,35 @@ def test_a_load_is_shared_where_two_limits_meet():
     torque = PerClutch(0.0, b, -0.006, a + b)
     load = (torque.x1 + torque.x3 + torque.x4, torque.x2 - torque.x3 + torque.x4)
     assert share(*load, PerClutch(*(-each for each in high)), high) == pytest.approx(torque, abs=1e-11)
+
+
+def test_loads_of_whole_numbers_are_shared():
+    for multipliers, low, high in (
+        ((-2.0 / 3.0, 0.0), (-1.0, 2.0, -1.0, -1.0), (1.0, 2.0, 1.0, 1.0)),
+        ((3.0, -2.0), (-1.0, -2.0, 0.0, -1.0), (1.0, 2.0, 0.0, 1.0)),
+    ):
+        torque = np.clip(W @ multipliers, low, high)
+        load = np.round(W.T @ torque)
+        assert share(*load.tolist(), PerClutch(*low), PerClutch(*high)) == pytest.approx(torque, abs=1e-11)
+
+
+@pytest.mark.parametrize("condition", [1e2, 1e5])
+def test_the_torques_of_a_kick_make_its_load_whatever_the_rounding(condition: float):
+    """The load is known to the rounding of momenta over a short time, and is not lost between limits all the same."""
+    rng = np.random.default_rng([6, int(condition)])
+    for _ in range(500):
+        m11, m22 = np.exp(rng.uniform(-1.0, 1.0, 2)).tolist()
+        m12 = float(rng.choice([-1.0, 1.0])) * math.sqrt(m11 * m22 * (1.0 - 1.0 / condition))
+        h, capacity = 10.0 ** rng.uniform(-6.0, -2.0), rng.exponential(5.0, 4) * rng.integers(0, 4, 4).clip(max=1)
+        made_for = np.array(LINES[rng.integers(4)]) * rng.choice([0.0, 1.0]) * 10.0 ** rng.uniform(-3.0, 1.0)
+        slips, held = W @ made_for, rng.uniform(-1.0, 1.0, 4) * rng.choice([0.0, 0.9])
+        torque = capacity * np.where(slips == 0.0, held, np.sign(slips))
+        p = np.array([[m11, m12], [m12, m22]]) @ made_for + h * W.T @ torque
+        impact, limit = step.Impact(m11, m12, m22, *p.tolist(), 0.0, 0.0, 0.0, 0.0), PerClutch(*capacity.tolist())
+        omega = resolve(m11, m12, m22, *p.tolist(), step.impulses(limit, h))
+        rounding = 8 * UNIT * (m11 + m22) ** 2 / (m11 * m22 - m12**2) * (np.abs(p).sum() / h + capacity.sum())
+        found = W.T @ step.kick_torques(impact, *omega, limit, h)
+        assert found == pytest.approx(np.array(step.clutch_load(impact, *omega, h)), abs=rounding)
 
 
 @pytest.mark.parametrize(("slip", "low", "high"), [(-0.5, 2.0, 2.0), (0.0, -2.0, 2.0), (0.5, -2.0, -2.0)])

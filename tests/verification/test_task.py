@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from pter_gym._compiled.records import load, store
+from pter_gym._engine.hand import hand_force
+from pter_gym._engine.sensing import gaussians, take_reading
 from pter_gym._engine.starts import place, spread
-from pter_gym._engine.world import ROW, ROWS
-from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, tip_position
+from pter_gym._engine.world import ROW, ROWS, Target
+from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.limits import MOST_SUBSTEPS, largest_energy, largest_travel
 from pter_gym._physics.model import model_of
@@ -22,9 +24,19 @@ from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.hands._model import NO_FORCE, PerSine, Sines, advance_sines, intent_speed, renew_sines, sum_of_sines
 from pter_gym.params import BASELINE, PRESENT_CLUTCH, Clutch, Hand, TorqueCurve
 from pter_gym.paths import Arc, Line
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensing, Starts, check_machine
+from pter_gym.tasks.path_following import (
+    TELEMETRY,
+    PathFollowing,
+    Reason,
+    RewardWeights,
+    Sensing,
+    Starts,
+    check_machine,
+    observation_layout,
+    reason_of,
+)
 from pter_gym.tasks.path_following._allowance import ALLOWANCE, in_start_up, start_up_allowance
-from pter_gym.tasks.path_following._context import context_of, told_of
+from pter_gym.tasks.path_following._context import SensingModel, context_of, told_of
 from pter_gym.tasks.path_following._observation import observation
 from pter_gym.tasks.path_following._reward import Outcome, Terms, pace_cost, pace_share, reward_terms, total
 from pter_gym.tasks.path_following._situation import (
@@ -131,6 +143,35 @@ def test_a_start_is_as_far_to_either_side_as_drawn():
     place(world, 0, Vector(0.1, 0.5), UnitVector(math.cos(angle), math.sin(angle)), 0.02)
     start = complex(*tip_position(arm, load(world, ROW.motion, 0)))
     assert start == pytest.approx(complex(0.1, 0.5) + 0.02j * cmath.exp(1j * angle))
+
+
+@pytest.mark.parametrize("seed", DRAWS)
+def test_a_hand_pushes_pulls_to_its_target_and_plays_what_was_recorded(seed: int):
+    arm = model_of(replace(BASELINE, hand=Hand(mass=1.0, damping=4.0, stiffness=10.0))).arm
+    q = motion_at(arm, 0.1, 0.5)._replace(omega_a=0.3, omega_b=-0.2)
+    target, velocity, recorded = (vector(seed + k) for k in (0, 10, 20))
+    world, angle = np.zeros((ROWS, 1)), float(seed)
+    store(world, ROW.machine.arm, 0, arm)
+    store(world, ROW.motion, 0, q)
+    store(world, ROW.foot.heading, 0, unit(angle))
+    store(world, ROW.target, 0, Target(*(Vector(v.real, v.imag) for v in (target, velocity))))
+    store(world, ROW.drive.force, 0, PathVector(recorded.real, recorded.imag))
+    world[ROW.hand.push] = 5.0
+    pull = 10.0 * (target - complex(*tip_position(arm, q))) + 4.0 * (velocity - complex(*tip_velocity(arm, q)))
+    force = 5.0 + recorded + pull * cmath.exp(-1j * angle)
+    assert hand_force(world, 0) == pytest.approx((force.real, force.imag))
+
+
+def test_each_reading_has_noise_of_its_own():
+    world, seed, episode = np.zeros((ROWS, 1)), np.uint64(3), np.uint64(4)
+    store(world, ROW.task.sensing, 0, SensingModel(0.0, 0.5, 2.0, 3.0, 0.0, 0.0))
+    store(world, ROW.foot.heading, 0, unit(0.0))
+    world[ROW.step] = 6.0
+    take_reading(world, 0, seed, episode)
+    reading, draws = load(world, ROW.readings.now, 0), [gaussians(seed, episode, k) for k in (12, 13)]
+    noise = [*np.array(reading.omega) / 0.5, *np.array(reading.force) / 3.0, *np.array(reading.torque) / 2.0]
+    assert noise == pytest.approx([*draws[0], *draws[1]])
+    assert len({abs(draw) for draw in noise}) == 8
 
 
 def test_an_intent_gathers_speed_with_the_least_jerk():
@@ -290,6 +331,37 @@ def test_what_is_told_of_machine_and_task():
     assert context.task.sensing.is_ideal == 1.0
     assert context_of(replace(task, sensing=Sensing(delay=1)), machine, (0, 0), (0, 0)).task.sensing.is_ideal == 0.0
     assert context.told.hand_push == context.hand.push == 0.0
+
+
+def test_scales_are_those_that_trained_policies_have_seen():
+    layout = observation_layout(BASELINE, "force")
+    expected = {"omega": 0.5, "normal": 0.01, "near": 0.01, "curvature": 5.0, "speed": 0.2, "pace": 0.2}
+    expected |= {"pace_error": 1.0, "volts": 24.0, "torque": 20.0, "force": 50.0}
+    scales = [expected.get(name, expected.get(name.split("_")[0], 1.0)) for name in layout.names]
+    assert layout.scales.tolist() == pytest.approx(scales)
+
+
+def test_there_are_no_other_sensors():
+    with pytest.raises(ParameterError, match="sensors must be one of encoders, torque, force, got 'eyes'"):
+        observation_layout(BASELINE, "eyes")  # pyright: ignore[reportArgumentType]
+
+
+LAST_ROWS: dict[Reason | None, dict[str, float]] = {
+    None: {"terminated": 0.0, "normal_error": 9.0},
+    Reason.ARRIVED: {"is_success": 1.0, "arc_length": 0.5},
+    Reason.MISSED: {"arc_length": 0.5, "normal_error": 0.15},
+    Reason.STRAYED: {"arc_length": 0.2, "normal_error": -0.21},
+    Reason.SINGULAR: {"arc_length": 0.2, "normal_error": 0.19},
+    Reason.TOO_FAST: {"kinetic_energy": 1e9, "arc_length": 0.5},
+}
+
+
+@pytest.mark.parametrize("reason", LAST_ROWS)
+def test_the_last_row_of_an_episode_tells_why_it_ended(reason: Reason | None):
+    row = np.zeros(len(TELEMETRY))
+    for name, value in {"terminated": 1.0, **LAST_ROWS[reason]}.items():
+        row[TELEMETRY.index(name)] = value
+    assert reason_of(row, BASELINE, PathFollowing(path=Line(length=0.5), error_max=0.2)) == reason
 
 
 def test_telemetry_is_in_si():
