@@ -22,11 +22,10 @@ LONGEST = 4000
 class Host:
     """A policy, and what it is bound to."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
-
     def find(self) -> bytes:
-        """Find the policy and return the sensors that it needs."""
+        """Find the policy, also in the folder that is the last argument, and return the sensors that it needs."""
+        self.name = sys.argv[2]
+        sys.path.append(sys.argv[-1])
         self.policy = find_policy(self.name)
         return json.dumps(sensors_of(self.policy)).encode()
 
@@ -77,8 +76,7 @@ def _fault(error: str, message: str) -> bytes:
 
 def main() -> None:
     """Find the policy that the second argument names and answer messages through the first until there are no more."""
-    host = Host(sys.argv[2])
-    sys.path.append(sys.argv[-1])
+    host = Host()
     with socket.socket(fileno=int(sys.argv[1])) as own, own.makefile("rwb") as stream:
         stream.write(packed(host.find))
         stream.flush()

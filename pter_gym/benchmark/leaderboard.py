@@ -135,7 +135,7 @@ def table(board: Leaderboard) -> Table:
 
 def seed_text(fresh: int | str) -> str:
     """Say which fresh episodes were run."""
-    return "other ones for each policy" if fresh == DERIVED else f"seed {fresh}"
+    return "drawn for each policy" if fresh == DERIVED else f"seed {fresh}"
 
 
 def plain_table(title: str, headers: Iterable[str], **options: Any) -> Table:
