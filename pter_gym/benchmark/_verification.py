@@ -123,12 +123,10 @@ def _policy_of(run: ScenarioRun, policies: Policies, seed: int) -> AnyPolicy:
 def _compare(run: ScenarioRun, policy: AnyPolicy, batches: Batches, num_threads: int) -> str:
     """Run a run again and return the first difference in words, or ``SAME``."""
     at, bound = run.conditions, bind_once(policy)
-    for what, said, found in (
-        ("episodes", at.data, batches.episodes.checksum),
-        ("policy", at.identity, bound.identity),
-    ):
-        if said != found:
-            return f"other {what}: the file says {said}, this is {found}"
+    if at.data != batches.episodes.checksum:
+        return f"other episodes: the file says {at.data}, these are {batches.episodes.checksum}"
+    if at.identity and bound.identity and at.identity != bound.identity:
+        return f"other policy: the file says {at.identity}, this is {bound.identity}"
     scores, samples, planning = evaluate(bound, batches, num_threads)
     for name, values in scores.items():
         for k in np.flatnonzero(run.scores[name] != values)[:1]:
