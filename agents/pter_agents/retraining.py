@@ -9,7 +9,6 @@ from pter_agents.worlds import ALL, MIXED
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._internal.reading import reading
 from pter_gym.benchmark import Leaderboard, examine, find_policy, leaderboards, run_scenario
-from pter_gym.benchmark._evaluation import fresh_seed
 from pter_gym.errors import ParameterError
 from pter_gym.policies import Neural, read_policy
 
@@ -82,7 +81,7 @@ def compare(shipped: Neural, again: Neural, episodes: int | None = None) -> Sequ
     policies = {each.card.name: each for each in (shipped, again)}
     boards: list[Leaderboard] = []
     for each in scenarios_of(arguments_of(shipped.card.about)):
-        boards += leaderboards(run_scenario(each, policies, episodes=episodes, fresh=fresh_seed(each, policies)))
+        boards += leaderboards(run_scenario(each, policies, episodes=episodes, fresh="derived"))
     return boards
 
 

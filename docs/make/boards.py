@@ -13,9 +13,9 @@ from pages import BELOW, joined, signed, table
 
 from pter_gym.benchmark import ResultsFolder
 from pter_gym.benchmark._runs import ScenarioRun
-from pter_gym.benchmark.leaderboard import rank
+from pter_gym.benchmark.leaderboard import rank, seed_text
 from pter_gym.benchmark.ranking import PRIVILEGED
-from pter_gym.benchmark.statistics import difference_interval
+from pter_gym.benchmark.statistics import unpaired_interval
 from pter_gym.policies import shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS
 
@@ -46,7 +46,7 @@ def boards(results: Path, scenario: str) -> dict[str, Board]:
 
 def episodes_text(board: Board) -> str:
     """Say which episodes a leaderboard has."""
-    kind = "stored episodes" if board["fresh"] is None else f"fresh episodes, seed {board['fresh']}"
+    kind = "stored episodes" if board["fresh"] is None else f"fresh episodes, {seed_text(board['fresh'])}"
     return f"{board['episodes']:,} {kind}"
 
 
@@ -181,7 +181,7 @@ def gaps(results: Path, scenario: str) -> str:
 
 
 def against_tuned(results: Path) -> str:
-    """The learned policy beside the best tuned law of each scenario at each pace, on the same fresh episodes."""
+    """The learned policy beside the best tuned law of each scenario at each pace, each on fresh episodes of its own."""
     groups: dict[tuple[str, str], list[ScenarioRun]] = {each: [] for each in product(SCENARIOS, PACES)}
     for run in ResultsFolder(results).runs():
         if run.conditions.fresh is not None:
@@ -194,7 +194,7 @@ def against_tuned(results: Path) -> str:
         law = rank([run for run in runs if run.conditions.policy.endswith("-tuned")]).standings[0]
         mine = rank([found[LEARNED]]).standings[0]
         both = [found[name].scores["path_error_m"] for name in (LEARNED, law.policy)]
-        difference = difference_interval(*both, strata=found[LEARNED].strata)
+        difference = unpaired_interval(*both, strata=(found[LEARNED].strata, found[law.policy].strata))
         errors = [1000 * each.scores["path_error_m"].value for each in (law, mine)]
         peaks = [each.scores["peak_acceleration_m_s2"].value for each in (mine, law)]
         value, low, high = (signed(f"{1000 * number:+z.1f}") for number in difference)

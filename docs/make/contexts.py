@@ -19,7 +19,7 @@ from pages import put_block, signed
 from scipy.stats import rankdata, spearmanr
 
 from pter_gym.benchmark import PACES, find_policy
-from pter_gym.benchmark._evaluation import Batches, evaluate
+from pter_gym.benchmark._evaluation import Batches, bind_once, evaluate
 from pter_gym.benchmark.episodes import Episodes
 from pter_gym.hands import EQ5_FREQUENCIES, NORMAL, RELAXED, TENSE, HumanArm
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Machine
@@ -106,7 +106,7 @@ def run(policy: str, scenario: str, pace: str, draws: int) -> tuple[Episodes, Sc
     machines, tasks = zip(*pairs, strict=True)
     resets = tuple(range(FIRST_RESET, FIRST_RESET + draws))
     batches = Batches(Episodes(scenario, "", machines, tasks, resets, ("drawn",) * draws))
-    return batches.episodes, evaluate(batches.bind(find_policy(policy, scenario=scenario)), batches, 1)[0]
+    return batches.episodes, evaluate(bind_once(find_policy(policy, scenario=scenario)), batches, 1)[0]
 
 
 def groups(values: list[str] | list[float]) -> Groups:

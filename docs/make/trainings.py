@@ -26,7 +26,6 @@ from pter_agents.training import PROGRESS, RUN, Arguments, RunFolder, check_same
 from pter_agents.training import train as train_run
 from pter_agents.worlds import ALL, MIXED
 from pter_gym.benchmark import Leaderboard, leaderboards, run_scenario
-from pter_gym.benchmark._evaluation import fresh_seed
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.statistics import bootstrap_interval, mean
 from pter_gym.policies import read_policy
@@ -177,7 +176,7 @@ def seeds(
     train: bool = True,
     write: bool = True,
 ) -> None:
-    """One policy from several seeds, on fresh episodes whose seed follows from all of them."""
+    """One policy from several seeds, each on fresh episodes whose seed follows from it."""
     found: dict[str, Path] = {}
     for seed in range(seeds):
         folder, settings = runs / f"{algorithm}-{scenario}-{seed}", load_settings(algorithm)
@@ -187,11 +186,10 @@ def seeds(
             export_run(folder, runs / "policies", name=folder.name)
     policies = {name: read_policy(name, runs / "policies") for name in found}
     scenarios = MIXED if scenario == ALL else (scenario,)
-    fresh = {each: fresh_seed(each, policies) for each in scenarios}
-    boards = {each: leaderboards(run_scenario(each, policies, fresh=seed)) for each, seed in fresh.items()}
+    boards = {each: leaderboards(run_scenario(each, policies, fresh="derived")) for each in scenarios}
     ordered = sorted(found, key=lambda name: by_validation(found[name]))
     middle = ordered[(len(ordered) - 1) // 2]
-    told = ", ".join(f"{own[0].episodes} of `{each}` from seed {fresh[each]}" for each, own in boards.items())
+    told = ", ".join(f"{own[0].episodes} of `{each}`" for each, own in boards.items())
     head = (
         f"`pter train {algorithm} --scenario {scenario} --steps {steps}`: path errors in mm at {', '.join(PACES)} pace "
         f"on fresh episodes, {told}. In brackets: no rank. *Validation*: the geometric mean of the three path errors "

@@ -1,7 +1,6 @@
 """What the commands share about their arguments: lists in one text, files to write, modules, and errors."""
 
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_type_hints
@@ -52,12 +51,6 @@ def check_file(out: Path, suffix: str) -> None:
     if out.suffix != suffix:
         raise ParameterError(f"out must end in {suffix}, which is what is written, got {str(out)!r}")
     check_target("out", out)
-
-
-def import_from_here() -> None:
-    """Let ``package.module:attribute`` name what is in the present folder, as Python does for its scripts."""
-    if (here := str(Path.cwd())) not in sys.path:
-        sys.path.insert(0, here)
 
 
 MachineName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]

@@ -11,7 +11,7 @@ import tyro
 from rich.markup import escape
 from rich.table import Table
 
-from pter_gym._commands.arguments import import_from_here, numbers, split
+from pter_gym._commands.arguments import numbers, split
 from pter_gym._internal.plugins import PICTURES, registered
 from pter_gym._internal.terminal import make_folder, progress_bar, say, terminal
 from pter_gym.errors import ParameterError
@@ -53,8 +53,9 @@ def benchmark(
         scenario: Scenario whose stored evaluation episodes are run; the paper's standard test by default.
         paces: Commanded paces of a scenario, separated by commas.
         episodes: How many of the scenario's episodes to run; all by default. Ranks from fewer than 200 are provisional.
-        fresh: Seed of fresh episodes, as many as the stored ones, or derived: it follows from the content of all
-            policies, the code and the scenario, so nobody can tune to it. By default the stored episodes are run.
+        fresh: Seed of fresh episodes, as many as the stored ones; policies that are code ride them isolated, and once.
+            Or derived: each policy has episodes of its own, whose seed follows from its content, the code and the
+            scenario, so nobody can tune to them. By default the stored episodes are run.
         machine: Clutch material of the standard test, or the preset of a machine of your own.
         time_constants: Time constants of the standard test's clutches [s], separated by commas; one episode each.
         seed: Seed of the standard test's episodes, and of random and predictive policies, at least 0.
@@ -85,7 +86,6 @@ def standard_test(names: list[str], machine: str, seconds: list[float], seed: in
     from pter_gym.scenarios._own_machine import as_sensed, find_own
     from pter_gym.tasks.path_following import PathFollowing
 
-    import_from_here()
     chosen = {name: find_policy(name, seed, scenario=None) for name in names}
     own = find_own(machine)
     goal = as_sensed(PathFollowing(), own)
@@ -127,7 +127,8 @@ def scenario_benchmark(
     from pter_gym.benchmark.leaderboard import table
 
     results = ResultsFolder(out)
-    import_from_here()
+    ridden = fresh_number(fresh)
+    isolated = isolated or isinstance(ridden, int)
     with ExitStack() as processes, progress_bar() as progress:
 
         def find(name: str) -> "AnyPolicy":
@@ -142,7 +143,7 @@ def scenario_benchmark(
             policies,
             paces,
             episodes=episodes,
-            fresh=fresh_number(fresh, scenario, policies),
+            fresh=ridden,
             results=results,
             on_progress=lambda _: progress.advance(task),
         )
@@ -160,14 +161,10 @@ def scenario_benchmark(
         say(f"wrote {path}")
 
 
-def fresh_number(text: str | None, scenario: str, policies: "Mapping[str, AnyPolicy]") -> int | None:
-    """Return the seed of fresh episodes: a number, or the one that follows from the policies; None for the stored."""
-    from pter_gym.benchmark import fresh_seed
-
-    if text is None:
-        return None
-    if text == "derived":
-        return fresh_seed(scenario, policies)
+def fresh_number(text: str | None) -> int | str | None:
+    """Return the seed of fresh episodes, ``derived`` as it is, and None for the stored ones."""
+    if text is None or text == "derived":
+        return text
     if not (text.isascii() and text.isdigit() and len(text) <= 20):
         raise ParameterError(f"fresh must be a whole number within [0, 2⁶⁴) or the word derived, got {text!r}")
     return int(text)

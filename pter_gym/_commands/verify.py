@@ -1,11 +1,12 @@
 """``pter verify``: whether scores really are those of the policies that they name."""
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from pter_gym._commands.arguments import import_from_here, split
+from pter_gym._commands.arguments import split
 from pter_gym._internal.terminal import progress_bar, say
 
 
@@ -20,7 +21,7 @@ def verify(
     measured time per decision is not compared.
 
     Built-in and exported policies are found by name, as in `pter benchmark`. Code that the results name is
-    imported only if it is given here; `pter_gym.benchmark.verify` takes other callables.
+    imported only if it is given here, in a process of its own; `pter_gym.benchmark.verify` takes other callables.
 
     Example: pter verify pter-benchmark
 
@@ -29,13 +30,12 @@ def verify(
         policies: Policies as package.module:attribute that may be imported, separated by commas.
         seed: Seed of random and predictive policies, at least 0.
     """
-    from pter_gym.benchmark import ResultsFolder, find_policy
+    from pter_gym.benchmark import Isolated, ResultsFolder
     from pter_gym.benchmark import verify as run_again
     from pter_gym.benchmark._naming import is_code
 
-    import_from_here()
-    known = {name: find_policy(name, seed) for name in split(policies) if is_code(name)}
-    with progress_bar() as progress:
+    with ExitStack() as processes, progress_bar() as progress:
+        known = {name: processes.enter_context(Isolated(name)) for name in split(policies) if is_code(name)}
         task = progress.add_task("verify", total=None)
         verdicts = run_again(
             ResultsFolder(results), known, seed=seed, on_progress=lambda file: progress.update(task, description=file)

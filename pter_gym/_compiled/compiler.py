@@ -31,6 +31,10 @@ WITHOUT_ARRAYS: Any = {**_INLINED, **_WITHOUT_WRAPPERS, "_nrt": False}
 _KERNEL: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": pipeline.Kernel}
 
 _NUMBA: Any = config
+_NUMBA._config_fname = (
+    ""  # numba would read from the present folder, say, where to find code; anybody may have filled that
+)
+_NUMBA.reload_config()
 
 
 class Device(CPUDispatcher):

@@ -16,7 +16,7 @@ from pter_gym.benchmark._from_sb3 import from_actions, from_sb3
 from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
-    from pter_gym.benchmark._evaluation import PerSeed, fresh_seed, run_scenario
+    from pter_gym.benchmark._evaluation import PerSeed, run_scenario
     from pter_gym.benchmark._examination import Assessment, Examination, examine
     from pter_gym.benchmark._isolation import Isolated
     from pter_gym.benchmark._naming import find_policy
@@ -40,7 +40,6 @@ __all__ = [
     "Verdict",
     "examine",
     "find_policy",
-    "fresh_seed",
     "from_actions",
     "from_sb3",
     "leaderboards",
@@ -55,7 +54,7 @@ __all__ = [
 __getattr__, __dir__ = lazy_names(
     __name__,
     {
-        "pter_gym.benchmark._evaluation": ("PerSeed", "fresh_seed", "run_scenario"),
+        "pter_gym.benchmark._evaluation": ("PerSeed", "run_scenario"),
         "pter_gym.benchmark._examination": ("Assessment", "Examination", "examine"),
         "pter_gym.benchmark._isolation": ("Isolated",),
         "pter_gym.benchmark.leaderboard": ("Leaderboard", "leaderboards", "print_boards"),

@@ -13,7 +13,8 @@ from pter_gym._engine.batch import Batch
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath
 from pter_gym._version import __version__
-from pter_gym.benchmark._identity import derived_seed, identity_of
+from pter_gym.benchmark._identity import identity_of
+from pter_gym.benchmark._isolation import Isolated
 from pter_gym.benchmark._measures import column, vector
 from pter_gym.benchmark._naming import find_policy, is_built_in, text_of
 from pter_gym.benchmark._results import ResultsFolder
@@ -25,9 +26,10 @@ from pter_gym.benchmark._runs import (
     ScenarioRun,
     check_name,
     code_digest,
+    derived_seed,
     sample_numbers,
 )
-from pter_gym.benchmark.episodes import Episodes, check_fresh, find_episodes
+from pter_gym.benchmark.episodes import DERIVED, Episodes, check_fresh, find_episodes
 from pter_gym.benchmark.metrics import SCORES, Scores, score_episodes
 from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
 from pter_gym.controllers import BoundPolicy, Controller, bind
@@ -63,7 +65,7 @@ def run_scenario(
     paces: Sequence[str] = tuple(PACES),
     *,
     episodes: int | None = None,
-    fresh: int | None = None,
+    fresh: int | str | None = None,
     results: ResultsFolder | FilePath | None = None,
     num_threads: int = 2,
     on_progress: Callable[[str], None] = lambda _: None,
@@ -83,10 +85,12 @@ def run_scenario(
     episodes
         How many of the episodes to run, from the first on; all by default.
     fresh
-        Seed within [0, 2⁶⁴) of fresh episodes, see ``fresh_seed``; the stored ones by default.
+        Seed within [0, 2⁶⁴) of fresh episodes; or ``"derived"``: each policy has episodes of its own, whose seed
+        follows from its content, the code and the scenario. The stored ones by default.
     results
         A folder of results or its path. Finished runs are stored there, and taken from there if they exist already.
-        The content of a callable cannot be determined, so it is run again each time.
+        The content of a callable cannot be determined, so it is run again each time. ``Isolated`` policies use up the
+        seed that they ride: the folder keeps a note of it, and no other may ride its episodes.
     num_threads
         Threads that share the episodes of a compiled law; the scores do not depend on it.
     on_progress
@@ -95,66 +99,66 @@ def run_scenario(
     Raises
     ------
     ParameterError
-        If there is no such scenario, policy or pace, or there are fewer episodes.
+        If there is no such scenario, policy or pace, there are fewer episodes, a seed is used up, or one is to be
+        derived from a policy whose content cannot be determined.
     DataError
         If the stored episodes were changed.
     """
     named = _named(policies, scenario)
-    fresh = None if fresh is None else check_fresh(fresh)
-    sets = {pace: find_episodes(scenario, pace, fresh) for pace in names_in("paces", paces)}
-    sets = {pace: full if episodes is None else full.first(episodes) for pace, full in sets.items()}
+    fresh = check_fresh(fresh)
+    everyone = [(name, bound) for name, seeds in named.items() for bound in seeds]
+    if fresh == DERIVED:
+        for name, bound in everyone:
+            derived_seed(name, bound.identity, scenario)
+    sets = {pace: _episodes(scenario, pace, fresh, episodes) for pace in names_in("paces", paces)}
     folder = ResultsFolder(results) if results is not None and not isinstance(results, ResultsFolder) else results
     if folder:
         folder.make()
+        if isinstance(fresh, int) and any(issubclass(bound.kind, Isolated) for _, bound in everyone):
+            folder.use_up(scenario, fresh)
     runs: list[ScenarioRun] = []
-    for pace, chosen in sets.items():
-        batches = Batches(chosen)
-        for name, policy in named.items():
-            seeds = each_seed(policy)
-            for seed, trained in enumerate(seeds):
-                bound = batches.bind(trained)
-                identity = identity_of(trained, bound.policy)
-                _check_built_in(name, identity)
+    for pace, shared in sets.items():
+        batches = Batches(shared)
+        for name, seeds in named.items():
+            for seed, bound in enumerate(seeds):
                 at = Conditions(
                     scenario=scenario,
                     pace=pace,
                     policy=name,
                     seed=seed,
-                    episodes=len(chosen),
-                    data=chosen.checksum,
-                    identity=identity,
+                    episodes=len(shared),
+                    data=shared.checksum,
+                    identity=bound.identity,
                     version=__version__,
                     code=code_digest(),
                     fresh=fresh,
                 )
-                found = folder and folder.find(at)
-                made = found or ScenarioRun(at, chosen.strata, *evaluate(bound, batches, num_threads))
-                if folder and not found:
-                    folder.add(made)
-                runs.append(made)
+                if fresh == DERIVED:
+                    batches = Batches(_episodes(scenario, pace, at.fresh_seed, episodes))
+                    at = replace(at, data=batches.episodes.checksum)
+                runs.append(_run(at, bound, batches, folder, num_threads))
             if folder:
                 folder.end_seeds(replace(runs[-1].conditions, seed=len(seeds)))
             on_progress(f"{name}, {pace}")
     return tuple(runs)
 
 
-def fresh_seed(scenario: str, policies: Policies) -> int:
-    """Return the seed of fresh episodes that follows from what is judged: all policies, the code and the scenario.
+def _episodes(scenario: str, pace: str, fresh: int | str | None, count: int | None) -> Episodes:
+    """Return so many episodes, all by default; the stored ones stand for those that each policy has for itself."""
+    full = find_episodes(scenario, pace, None if isinstance(fresh, str) else fresh)
+    return full if count is None else full.first(count)
 
-    Parameters
-    ----------
-    scenario, policies
-        As in ``run_scenario``; all that are compared on the episodes.
 
-    Raises
-    ------
-    ParameterError
-        If there is no such policy, or its content cannot be determined, as for a plain callable; the message names it.
-    """
-    identities = {
-        name: [_identity(each) for each in each_seed(policy)] for name, policy in _named(policies, scenario).items()
-    }
-    return derived_seed(identities, code_digest(), scenario)
+def _run(
+    at: Conditions, bound: "Bound", batches: "Batches", folder: ResultsFolder | None, num_threads: int
+) -> ScenarioRun:
+    """Return a run, from the folder if it is there already, and keep it there otherwise."""
+    if folder and (found := folder.find(at)):
+        return found
+    made = ScenarioRun(at, batches.episodes.strata, *evaluate(bound, batches, num_threads))
+    if folder:
+        folder.add(made)
+    return made
 
 
 def each_seed(policy: AnyPolicy | PerSeed) -> tuple[AnyPolicy, ...]:
@@ -162,42 +166,41 @@ def each_seed(policy: AnyPolicy | PerSeed) -> tuple[AnyPolicy, ...]:
     return policy.policies if isinstance(policy, PerSeed) else (policy,)
 
 
-def _named(policies: Policies, scenario: str) -> Mapping[str, AnyPolicy | PerSeed]:
-    """Return policies by name, or raise a ParameterError that names one that cannot be judged under its name."""
+def _named(policies: Policies, scenario: str) -> dict[str, list["Bound"]]:
+    """Return policies by name, bound, or raise a ParameterError that names one that cannot be judged under its name."""
     if not policies:
         raise ParameterError("policies must hold at least one name")
     if not isinstance(policies, Mapping):
         names = [text_of(name) for name in names_in("policies", policies)]
         for name in names:
             check_name(name)
-        return {name: find_policy(name, scenario=scenario) for name in names}
+        policies = {name: find_policy(name, scenario=scenario) for name in names}
     for name, policy in policies.items():
         check_name(name)
         for each in each_seed(policy):
             if not isinstance(each, Controller) and not callable(each):
                 raise ParameterError(f"policies must have a method bind or be callable, {name!r} is {each!r:.200}")
-            if is_built_in(name):
-                _check_built_in(name, _identity(each))
-    return policies
-
-
-def _identity(policy: AnyPolicy) -> str | None:
-    """Return what a policy is, bound to the nominal machine and to the sensors that it asks for."""
-    return identity_of(policy, bind(policy, BASELINE, observation_layout(BASELINE, sensors_of(policy))))
-
-
-def _check_built_in(name: str, identity: str | None) -> None:
-    """Raise a ParameterError if a policy that may be anything has the name of a built-in one."""
-    if identity is None and is_built_in(name):
-        raise ParameterError(f"policies must have names of their own for callables, {name!r} is a built-in policy")
+    named = {name: [bind_once(each) for each in each_seed(policy)] for name, policy in policies.items()}
+    for name, seeds in named.items():
+        if is_built_in(name) and any(bound.identity is None for bound in seeds):
+            raise ParameterError(f"policies must have names of their own for callables, {name!r} is a built-in policy")
+    return named
 
 
 class Bound(NamedTuple):
-    """A policy as it acts, what its observations hold, and what was bound."""
+    """A policy as it acts, its identity, what its observations hold, and what was bound."""
 
     policy: BoundPolicy
+    identity: str | None
     sensors: Sensors
     kind: type
+
+
+def bind_once(policy: AnyPolicy) -> Bound:
+    """Return a policy bound to the nominal machine and the sensors that it asks for; what is judged is what acts."""
+    sensors = sensors_of(policy)
+    acting = bind(policy, BASELINE, observation_layout(BASELINE, sensors))
+    return Bound(acting, identity_of(policy, acting), sensors, type(policy))
 
 
 class Part(NamedTuple):
@@ -220,11 +223,6 @@ class Batches:
     def _make(self, number: int, sensors: Sensors) -> Batch:
         chunk = self.chunks[number]
         return Batch(self.episodes.machines[chunk], self.episodes.tasks[chunk], sensors=sensors)
-
-    def bind(self, policy: AnyPolicy) -> Bound:
-        """Return a policy that can act in any of the batches; it is bound once, so what is judged is what acts."""
-        sensors = sensors_of(policy)
-        return Bound(bind(policy, BASELINE, self.batch(0, sensors).layout), sensors, type(policy))
 
     def run(self, number: int, bound: Bound) -> Part:
         """Return what comes out of one batch."""

@@ -8,15 +8,16 @@ from rich.markup import escape
 from rich.table import Table
 
 from pter_gym.benchmark._runs import ScenarioRun, join_seeds
-from pter_gym.benchmark.leaderboard import plain_table
+from pter_gym.benchmark.leaderboard import plain_table, seed_text
 from pter_gym.benchmark.statistics import Interval, bootstrap_interval, unpaired_interval
 from pter_gym.scenarios import PACES
 
 Key = tuple[str, str, str, int]
+Fresh = int | str
 
 
 class Gap(NamedTuple):
-    """Path errors [m] of one policy on stored episodes and on the fresh ones of a seed, and stored less fresh.
+    """Path errors [m] of one policy on stored episodes and on fresh ones, and stored less fresh.
 
     The gap is below zero where the stored ones flatter.
     """
@@ -24,7 +25,7 @@ class Gap(NamedTuple):
     scenario: str
     pace: str
     policy: str
-    fresh: int
+    fresh: Fresh
     stored_m: Interval
     fresh_m: Interval
     gap_m: Interval
@@ -40,7 +41,7 @@ def find_gaps(runs: Sequence[ScenarioRun]) -> tuple[Gap, ...]:
     A policy's training seeds count as one; runs are of the same policy if their identities are known and the same.
     """
     stored: dict[Key, list[ScenarioRun]] = {}
-    fresh: dict[tuple[Key, int], list[ScenarioRun]] = {}
+    fresh: dict[tuple[Key, Fresh], list[ScenarioRun]] = {}
     for run in runs:
         at = run.conditions
         key = (at.scenario, at.pace, at.policy, at.episodes)
@@ -61,7 +62,7 @@ def find_gaps(runs: Sequence[ScenarioRun]) -> tuple[Gap, ...]:
         gap_m = unpaired_interval(old, new, strata=(before.strata, after.strata))
         gaps.append(Gap(at.scenario, at.pace, at.policy, seed, stored_m, fresh_m, gap_m))
     return tuple(
-        sorted(gaps, key=lambda gap: (gap.scenario, gap.fresh, PACES[gap.pace], gap.fresh_m.value, gap.policy))
+        sorted(gaps, key=lambda gap: (gap.scenario, str(gap.fresh), PACES[gap.pace], gap.fresh_m.value, gap.policy))
     )
 
 
@@ -69,7 +70,7 @@ def gap_tables(gaps: Sequence[Gap]) -> list[Table]:
     """Return what ``find_gaps`` found for a terminal of 80 columns, in mm: a table for each scenario and seed."""
     tables: list[Table] = []
     for (scenario, seed), members in groupby(gaps, lambda gap: (gap.scenario, gap.fresh)):
-        title = f"{scenario}: path error \\[mm], stored less fresh of seed {seed}"
+        title = f"{scenario}: path error \\[mm], stored less fresh, {seed_text(seed)}"
         tables.append(plain_table(title, ["pace", "policy", "stored", "fresh", "gap"]))
         for gap in members:
             errors = [f"{1000 * value:.1f}" for value in (gap.stored_m.value, gap.fresh_m.value)]

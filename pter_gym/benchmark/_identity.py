@@ -7,7 +7,7 @@ That of other callables cannot be determined, so they have no identity.
 import hashlib
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from types import MappingProxyType
 from typing import Any, cast
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.controllers import BoundPolicy
 from pter_gym.controllers._base import Policy
-from pter_gym.errors import ParameterError
 from pter_gym.policies._cards import Card
 
 PROSE: Mapping[type, tuple[str, ...]] = MappingProxyType({Card: ("name", "about", "weights_sha256")})
@@ -44,33 +43,6 @@ def identity_of(policy: AnyPolicy, bound: BoundPolicy) -> str | None:
         return _sha256(["law", bound.fingerprint, _plain(bound.layout)]) if bound.fingerprint else None
     except _UnknownError:
         return None
-
-
-def derived_seed(identities: Mapping[str, Iterable[str | None]], code: str, scenario: str) -> int:
-    """Return the seed of fresh episodes that follows from what is judged on them, so that nobody can tune to them.
-
-    It is the first 8 bytes of a SHA-256 over the content of all policies, the code and the scenario.
-
-    Parameters
-    ----------
-    identities
-        Of the policies, by name; of one with several training seeds, those of all of them.
-    code, scenario
-        The digest of the code that decides scores, and the name of the scenario.
-
-    Raises
-    ------
-    ParameterError
-        If the content of a policy cannot be known; the message names the policy.
-    """
-    for name, each in identities.items():
-        if None in each:
-            raise ParameterError(
-                f"fresh must be a whole number for {name!r}: what that callable does cannot be known, so no seed can "
-                "follow from it"
-            )
-    known = {cast(str, identity) for each in identities.values() for identity in each}
-    return int(_sha256([sorted(known), code, scenario])[:16], 16)
 
 
 def _plain(value: object) -> object:

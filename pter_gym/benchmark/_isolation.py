@@ -14,6 +14,8 @@ import weakref
 from contextlib import suppress
 from enum import IntEnum
 from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
 from typing import Any, Self, cast, get_args
 
 import numpy as np
@@ -65,7 +67,8 @@ HEADER = struct.Struct("<2I")
 class Isolated(BoundPolicy):
     """Someone else's code as a policy in a process of its own: it knows only what it is sent.
 
-    The process is a fresh interpreter. It gets the nominal machine and the layout of the observations, then
+    The process is a fresh interpreter. Its working folder, home and folder for temporary files are one folder of its
+    own, which is removed at the end. It gets the nominal machine and the layout of the observations, then
     observations, and returns volts. It ends with ``close``, at the end of a ``with`` block, with a PolicyError, or when
     it is no longer referred to. It acts for one machine and layout at a time: ``bind`` replaces them.
 
@@ -92,9 +95,9 @@ class Isolated(BoundPolicy):
         if not (is_finite(timeout) and 0.0 < timeout <= LONGEST):
             raise ParameterError(f"timeout must lie within (0, {LONGEST:g}] s, got {timeout!r}")
         self.name, self.timeout = name, timeout
-        self.process, self._socket = _start(name)
+        self.process, self._socket, folder = _start(name)
         self._stream = self._socket.makefile("rwb")
-        self.close = weakref.finalize(self, _end, self.process, self._socket, self._stream)
+        self.close = weakref.finalize(self, _end, self.process, self._socket, self._stream, folder)
         try:
             self.sensors: Sensors = self._parsed(self._answer())
             if self.sensors not in get_args(Sensors):
@@ -193,32 +196,41 @@ class Isolated(BoundPolicy):
         return PolicyError(f"policy {self.name!r} {why}")
 
 
-def _start(name: str) -> tuple["subprocess.Popen[bytes]", socket.socket]:
-    """Start a process that serves a policy, and return it with the socket to it."""
+START = "import sys; sys.path[:] = sys.argv[3:-1]; from pter_gym.benchmark._serving import main; main()"
+"""What its process runs: the present folder, the last argument, joins the path when the policy is looked up."""
+
+
+def _start(name: str) -> tuple["subprocess.Popen[bytes]", socket.socket, str]:
+    """Start a process that serves a policy, and return it with the socket to it and a folder of its own."""
     if os.name != "posix":
         raise PolicyError("isolated policies need Linux or macOS")
-    own, theirs = socket.socketpair()
+    folder, (own, theirs) = mkdtemp(prefix="pter-"), socket.socketpair()
+    path = [str(Path(place).absolute()) for place in (*sys.path, ".")]
+    rest = {key: value for key, value in os.environ.items() if not key.startswith("XDG_")}
     try:
         with theirs:
             process = subprocess.Popen(
-                [sys.executable, "-m", "pter_gym.benchmark._serving", str(theirs.fileno()), name],
+                [sys.executable, "-I", "-c", START, str(theirs.fileno()), name, *path],
                 stdin=subprocess.DEVNULL,
                 stdout=2,
                 pass_fds=(theirs.fileno(),),
                 start_new_session=True,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(path or str(Path.cwd()) for path in sys.path)},
+                cwd=folder,
+                env=rest | dict.fromkeys(("HOME", "PWD", "TEMP", "TMP", "TMPDIR"), folder),
             )
     except OSError as error:
         own.close()
+        rmtree(folder)
         raise PolicyError(f"policy {name!r}: its process cannot be started: {error}") from error
-    return process, own
+    return process, own, folder
 
 
-def _end(process: "subprocess.Popen[bytes]", own: socket.socket, stream: Any) -> None:
-    """End a process and those that it has started, and wait for it."""
+def _end(process: "subprocess.Popen[bytes]", own: socket.socket, stream: Any, folder: str) -> None:
+    """End a process and those that it has started, wait for it, and remove its folder."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     own.close()
     with suppress(OSError):  # what was not sent
         stream.close()
+    rmtree(folder, ignore_errors=True)

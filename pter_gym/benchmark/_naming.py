@@ -2,6 +2,7 @@
 
 import os
 import re
+import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, cast
@@ -40,7 +41,8 @@ def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard"
         - a planner, ``predictive`` or ``predictive-honest``;
         - a trained policy of the package, such as ``residual``, or the path of an exported one;
         - ``package.module:attribute``: a controller or a callable from observations to volts. A class is called
-          without arguments to make one. The module is imported into this process.
+          without arguments to make one. The module is imported into this process, and looked up in the present folder
+          if it is nowhere else: from then on, that is the last place of ``sys.path``.
     seed
         Seed of the random policy and of planners.
     scenario
@@ -105,6 +107,8 @@ def _import(name: str) -> Any:
         raise ParameterError(
             f"policies: there is no {name!r}: code must be written as package.module:attribute, in letters, digits, _"
         )
+    if (here := str(Path.cwd())) not in sys.path:
+        sys.path.append(here)
     try:
         found = EntryPoint(name, name, "").load()
     except (ImportError, AttributeError) as error:

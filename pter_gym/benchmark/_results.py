@@ -14,11 +14,11 @@ from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.locks import locked
 from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark._gaps import find_gaps
-from pter_gym.benchmark._run_files import read_run, run_path, write_run
+from pter_gym.benchmark._run_files import episodes_suffix, read_run, run_path, write_run
 from pter_gym.benchmark._runs import Conditions, ScenarioRun, without_copies
 from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
 from pter_gym.benchmark.statistics import LEVEL, RESAMPLES, SEED
-from pter_gym.errors import DataError
+from pter_gym.errors import DataError, ParameterError
 
 SUMMARY = "benchmark.json"
 LOCK = ".lock"
@@ -71,8 +71,25 @@ class ResultsFolder:
         return self.path / SUMMARY
 
     def make(self) -> None:
-        """Make the folder if need be, or raise a ParameterError if it cannot be written to."""
+        """Make the folder if need be, or raise a ParameterError if nothing can be written to it, or only elsewhere."""
+        self._refuse_links("*", "runs/*")
         make_folder(self.path / "runs")
+
+    def _refuse_links(self, *patterns: str) -> None:
+        """Raise a ParameterError where a link would have something written to another place."""
+        for each in (path for pattern in patterns for path in self.path.glob(pattern) if path.is_symlink()):
+            raise ParameterError(f"results must be in a folder without symbolic links, {str(each)!r} is one")
+
+    def use_up(self, scenario: str, fresh: int) -> None:
+        """Note that code of others begins to ride the episodes of a seed; raise a ParameterError if any has before."""
+        (self.path / "used").mkdir(exist_ok=True)
+        try:
+            (self.path / "used" / f"{scenario}{episodes_suffix(fresh)}").touch(exist_ok=False)
+        except FileExistsError:
+            raise ParameterError(
+                f"fresh must be a seed of {scenario!r} that no isolated policy has ridden, even in a run that failed; "
+                f"{fresh} is used up in {str(self.path)!r}"
+            ) from None
 
     def find(self, conditions: Conditions) -> ScenarioRun | None:
         """Return the finished run under just these conditions, or None; there is none without an identity."""
@@ -112,6 +129,7 @@ class ResultsFolder:
 
     def summarise(self) -> tuple[Leaderboard, ...]:
         """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
+        self._refuse_links("*")
         with locked(self.path / LOCK):
             contents = self.read()
             write_text_atomic(self.summary, json.dumps(contents.as_json(), indent=2, allow_nan=False) + "\n")

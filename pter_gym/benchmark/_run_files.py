@@ -29,7 +29,7 @@ from pter_gym.benchmark._runs import (
     code_digest,
     sample_numbers,
 )
-from pter_gym.benchmark.episodes import SEEDS, stored_strata
+from pter_gym.benchmark.episodes import DERIVED, check_fresh, stored_checksum, strata_of
 from pter_gym.benchmark.metrics import METRICS
 from pter_gym.scenarios import find_pace
 
@@ -40,9 +40,14 @@ HASH = "sha256"
 def run_path(folder: FilePath, conditions: Conditions) -> Path:
     """Return the file of a run in a folder of results."""
     name = "-".join((conditions.scenario, conditions.pace, conditions.policy, str(conditions.episodes)))
-    name += "" if conditions.fresh is None else f"-fresh{conditions.fresh}"
+    name += episodes_suffix(conditions.fresh)
     name += f"-seed{conditions.seed}" if conditions.seed else ""
     return find_path("folder", folder) / "runs" / f"{quote(name, safe=' ')}.json"
+
+
+def episodes_suffix(fresh: int | str | None) -> str:
+    """Return how the names of files tell which episodes were run."""
+    return "" if fresh is None else f"-{DERIVED}" if fresh == DERIVED else f"-fresh{fresh}"
 
 
 def write_run(folder: FilePath, run: ScenarioRun) -> None:
@@ -81,9 +86,10 @@ def read_run(path: FilePath) -> ScenarioRun:
         expected = run_path(path.parents[1], at).name
         _require(expected == path.name, f"its name is not that of its run, which is {expected}")
         _require(at.code == code_digest(), f"it is of other code, version {at.version}")
-        checksum, strata = stored_strata(at.scenario)  # fresh episodes have the same strata
         if at.fresh is None:
-            _require(at.data == checksum, "it is of other episodes than those that are stored")
+            found = stored_checksum(at.scenario)
+            _require(at.data == found, "it is of other episodes than those that are stored")
+        strata = strata_of(at.scenario, at.pace, at.fresh_seed)
         _check_range("episodes", at.episodes, 1, len(strata))
         strata = strata[: at.episodes]
         return ScenarioRun(
@@ -112,7 +118,7 @@ def _conditions(content: Mapping[str, Any]) -> Conditions:
     check_name(at.policy)
     find_pace(at.pace)
     _check_range("seed", at.seed, 0)
-    _check_range("fresh", at.fresh or 0, 0, SEEDS - 1)
+    check_fresh(at.fresh)
     return at
 
 

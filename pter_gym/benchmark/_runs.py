@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._internal.sources import meaning_of
+from pter_gym.benchmark.episodes import DERIVED
 from pter_gym.benchmark.metrics import SCORES, Scores
 from pter_gym.errors import ParameterError
 from pter_gym.policies._files import LONGEST_NAME
@@ -113,7 +114,7 @@ class Conditions:
     code
         SHA-256 of the code that decides scores.
     fresh
-        Seed of fresh episodes; None for the stored ones.
+        Seed of fresh episodes, or ``derived``; None for the stored ones.
     """
 
     scenario: str
@@ -125,13 +126,25 @@ class Conditions:
     identity: str | None
     version: str
     code: str
-    fresh: int | None = None
+    fresh: int | str | None = None
 
     @property
     def config_hash(self) -> str:
         """Hash of all of them but the policy."""
         parts = {name: part for name, part in asdict(self).items() if name not in ("policy", "seed", "identity")}
-        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+        return _sha256({**parts, "data": self.shared_data})
+
+    @property
+    def shared_data(self) -> str | None:
+        """SHA-256 of the episodes that all policies ride; None where each has its own."""
+        return None if self.fresh == DERIVED else self.data
+
+    @property
+    def fresh_seed(self) -> int | None:
+        """Seed of the fresh episodes, None for the stored ones."""
+        if not isinstance(self.fresh, str):
+            return self.fresh
+        return derived_seed(self.policy, self.identity, self.scenario)
 
 
 @dataclass(frozen=True)
@@ -157,6 +170,28 @@ class ScenarioRun:
     scores: Scores
     samples: tuple[Sample, ...]
     planning: Planning | None = None
+
+
+def derived_seed(policy: str, identity: str | None, scenario: str) -> int:
+    """Return the seed of a policy's own fresh episodes, which follows from it alone, so that nobody can tune to them.
+
+    It is the first 8 bytes of a SHA-256 over the content of the policy, the code that decides scores and the scenario.
+
+    Raises
+    ------
+    ParameterError
+        If the content of the policy cannot be known; the message names the policy.
+    """
+    if identity is None:
+        raise ParameterError(
+            f"fresh must be a whole number for {policy!r}: what that callable does cannot be known, so no seed can "
+            "follow from it"
+        )
+    return int(_sha256([identity, code_digest(), scenario])[:16], 16)
+
+
+def _sha256(parts: object) -> str:
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 def check_name(name: object) -> None:

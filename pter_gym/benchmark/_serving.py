@@ -22,11 +22,10 @@ LONGEST = 4000
 class Host:
     """A policy, and what it is bound to."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
-
     def find(self) -> bytes:
-        """Find the policy and return the sensors that it needs."""
+        """Find the policy, also in the folder that is the last argument, and return the sensors that it needs."""
+        self.name = sys.argv[2]
+        sys.path.append(sys.argv[-1])
         self.policy = find_policy(self.name)
         return json.dumps(sensors_of(self.policy)).encode()
 
@@ -75,17 +74,13 @@ def _fault(error: str, message: str) -> bytes:
     return json.dumps([error, message[:LONGEST].encode("utf-8", "backslashreplace").decode()]).encode()
 
 
-def main(descriptor: int, name: str) -> None:
-    """Find a policy and answer messages until there are no more."""
-    host = Host(name)
-    with socket.socket(fileno=descriptor) as own, own.makefile("rwb") as stream:
+def main() -> None:
+    """Find the policy that the second argument names and answer messages through the first until there are no more."""
+    host = Host()
+    with socket.socket(fileno=int(sys.argv[1])) as own, own.makefile("rwb") as stream:
         stream.write(packed(host.find))
         stream.flush()
         while len(data := stream.read(HEADER.size)) == HEADER.size:
             kind, size = HEADER.unpack(data)
             stream.write(packed(host.answer, kind, stream.read(size)))
             stream.flush()
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]), sys.argv[2])

@@ -10,8 +10,7 @@ import numpy as np
 
 from pter_gym._internal.files import FilePath
 from pter_gym._internal.reading import parse_json, read_bytes
-from pter_gym.benchmark._evaluation import Batches, PerSeed, each_seed, evaluate
-from pter_gym.benchmark._identity import identity_of
+from pter_gym.benchmark._evaluation import Batches, PerSeed, bind_once, each_seed, evaluate
 from pter_gym.benchmark._naming import find_policy, is_code
 from pter_gym.benchmark._results import Contents, ResultsFolder
 from pter_gym.benchmark._run_files import run_path
@@ -108,7 +107,7 @@ def verify(
 
 def _episodes_of(run: ScenarioRun) -> tuple[str, str, int, int]:
     at = run.conditions
-    return at.scenario, at.pace, at.episodes, -1 if at.fresh is None else at.fresh
+    return at.scenario, at.pace, at.episodes, -1 if at.fresh_seed is None else at.fresh_seed
 
 
 def _policy_of(run: ScenarioRun, policies: Policies, seed: int) -> AnyPolicy:
@@ -123,13 +122,11 @@ def _policy_of(run: ScenarioRun, policies: Policies, seed: int) -> AnyPolicy:
 
 def _compare(run: ScenarioRun, policy: AnyPolicy, batches: Batches, num_threads: int) -> str:
     """Run a run again and return the first difference in words, or ``SAME``."""
-    at, bound = run.conditions, batches.bind(policy)
-    for what, said, found in (
-        ("episodes", at.data, batches.episodes.checksum),
-        ("policy", at.identity, identity_of(policy, bound.policy)),
-    ):
-        if said != found:
-            return f"other {what}: the file says {said}, this is {found}"
+    at, bound = run.conditions, bind_once(policy)
+    if at.data != batches.episodes.checksum:
+        return f"other episodes: the file says {at.data}, these are {batches.episodes.checksum}"
+    if at.identity and bound.identity and at.identity != bound.identity:
+        return f"other policy: the file says {at.identity}, this is {bound.identity}"
     scores, samples, planning = evaluate(bound, batches, num_threads)
     for name, values in scores.items():
         for k in np.flatnonzero(run.scores[name] != values)[:1]:

@@ -22,7 +22,7 @@ from pter_gym._internal.reading import MOST_JSON, inflate, parse_json, read_byte
 from pter_gym.errors import DataError, ParameterError, unknown_name
 from pter_gym.params import Machine
 from pter_gym.scenarios import find_pace, find_scenario
-from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
+from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds, fresh_strata
 from pter_gym.tasks import path_following
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -35,6 +35,9 @@ T = TypeVar("T")
 
 SEEDS = 2**64
 """Seeds of fresh episodes are smaller."""
+
+DERIVED = "derived"
+"""In place of a seed: each policy has fresh episodes of its own, whose seed follows from the policy."""
 
 _OPERATING_SYSTEM, _UNIX = 9, 3
 """Place of a byte in the header of gzip, and its value in the shipped files (RFC 1952)."""
@@ -104,31 +107,34 @@ def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Epi
     return _stored(scenario, folder).at_pace(speed)
 
 
-def stored_strata(scenario: str, *, folder: FilePath = FOLDER) -> tuple[str, tuple[str, ...]]:
-    """Return the checksum of a scenario's stored episodes and their strata; raises as ``load_episodes``."""
-    stored = _stored(scenario, folder)
-    return stored.checksum, stored.strata
+def stored_checksum(scenario: str) -> str:
+    """Return the checksum of a scenario's stored episodes; raises as ``load_episodes``."""
+    return _stored(scenario, FOLDER).checksum
+
+
+def strata_of(scenario: str, pace: str, fresh: int | None) -> tuple[str, ...]:
+    """Return the strata of ``find_episodes`` without drawing the episodes."""
+    strata = _stored(scenario, FOLDER).strata
+    return strata if fresh is None else fresh_strata(find_scenario(scenario), strata, (fresh, pace))
 
 
 def find_episodes(scenario: str, pace: str, fresh: int | None = None) -> Episodes:
     """Return the stored evaluation episodes of a scenario at a pace, or the fresh ones of a seed within [0, 2⁶⁴).
 
-    Fresh ones are as many as the stored ones, with the same strata at the same places; each pace has draws of its own.
+    Fresh ones are as many as the stored ones of each stratum, in an order that the seed gives; each pace has draws of
+    its own.
     Raises as ``load_episodes``, and a ParameterError if the seed is out of range.
     """
     if fresh is None:
         return load_episodes(scenario, pace)
     speed = find_pace(pace)
     find_scenario(scenario)
-    return _draw(scenario, check_fresh(fresh), pace).at_pace(speed)
+    return _draw(scenario, _seed(fresh), pace).at_pace(speed)
 
 
-def check_fresh(seed: Any) -> int:
-    """Return the seed of fresh episodes, or raise a ParameterError."""
-    number = whole_number("fresh", seed, at_least=0)
-    if number >= SEEDS:
-        raise ParameterError(f"fresh must be a whole number within [0, 2⁶⁴), got {seed!r}")
-    return number
+def check_fresh(fresh: Any) -> int | str | None:
+    """Return which episodes are meant: those of a seed, ``DERIVED`` or stored ones; or raise a ParameterError."""
+    return fresh if fresh is None or (isinstance(fresh, str) and fresh == DERIVED) else _seed(fresh)
 
 
 def store_episodes(
@@ -188,6 +194,13 @@ def _encode(scenario: str, version: int, draws: Iterable[tuple[Machine, PathFoll
     plain = [json.loads(part) for part in parts]
     content = {"scenario": scenario, "version": version, "parts": plain, "episodes": entries}
     return json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
+
+
+def _seed(fresh: Any) -> int:
+    number = whole_number("fresh", fresh, at_least=0)
+    if number >= SEEDS:
+        raise ParameterError(f"fresh must be a whole number within [0, 2⁶⁴), got {fresh!r}")
+    return number
 
 
 def _checksums(folder: Path) -> dict[str, str]:

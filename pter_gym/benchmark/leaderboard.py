@@ -10,6 +10,7 @@ from rich.table import Table
 from pter_gym._internal.terminal import terminal
 from pter_gym._version import __version__
 from pter_gym.benchmark._runs import ScenarioRun
+from pter_gym.benchmark.episodes import DERIVED
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, Standing, find_standings
 from pter_gym.scenarios import PACES
 
@@ -41,29 +42,29 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Leaderboard:
-    """The policies on the same episodes at one pace, the best first, those below the line last.
+    """The policies on one set of episodes at one pace, the best first, those below the line last.
 
     Attributes
     ----------
     scenario, pace
         Names.
     episodes, data
-        How many of the episodes were run, and the SHA-256 of all of them.
+        How many of the episodes were run, and the SHA-256 of all of them; None where each policy has its own.
     config_hash
         SHA-256 of all that the scores depend on, apart from the policies.
     standings
         One per policy.
     fresh
-        Seed of fresh episodes; None for the stored ones.
+        Seed of fresh episodes, or ``derived``; None for the stored ones.
     """
 
     scenario: str
     pace: str
     episodes: int
-    data: str
+    data: str | None
     config_hash: str
     standings: tuple[Standing, ...]
-    fresh: int | None = None
+    fresh: int | str | None = None
 
     @property
     def provisional(self) -> bool:
@@ -74,7 +75,7 @@ class Leaderboard:
         """Tell whether a run, at whatever pace, had the same episodes."""
         at = run.conditions
         mine = (self.scenario, self.episodes, self.data, self.fresh)
-        return mine == (at.scenario, at.episodes, at.data, at.fresh)
+        return mine == (at.scenario, at.episodes, at.shared_data, at.fresh)
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``benchmark.json`` holds of this leaderboard, in SI."""
@@ -94,24 +95,25 @@ class Leaderboard:
 
 def leaderboards(runs: Sequence[ScenarioRun]) -> tuple[Leaderboard, ...]:
     """Return a leaderboard for each scenario, pace and set of episodes among runs of the same code."""
-    groups: dict[tuple[str, float, int, int, str], list[ScenarioRun]] = {}
+    groups: dict[tuple[str, float, int, str, str], list[ScenarioRun]] = {}
     for run in runs:
         at = run.conditions
-        seed = -1 if at.fresh is None else at.fresh
-        groups.setdefault((at.scenario, PACES[at.pace], at.episodes, seed, at.data), []).append(run)
+        fresh = "" if at.fresh is None else str(at.fresh)
+        groups.setdefault((at.scenario, PACES[at.pace], at.episodes, fresh, at.shared_data or ""), []).append(run)
     return tuple(rank(groups[place]) for place in sorted(groups))
 
 
 def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
-    """Return the leaderboard of runs on the same episodes at the same pace; a policy's training seeds count as one."""
+    """Return the leaderboard of runs on one set of episodes at one pace; a policy's training seeds count as one."""
     at = runs[0].conditions
-    return Leaderboard(at.scenario, at.pace, at.episodes, at.data, at.config_hash, find_standings(runs), at.fresh)
+    standings = find_standings(runs)
+    return Leaderboard(at.scenario, at.pace, at.episodes, at.shared_data, at.config_hash, standings, at.fresh)
 
 
 def table(board: Leaderboard) -> Table:
     """Return a leaderboard for a terminal of 80 columns: intervals of 95 %, and below it why others have no rank."""
     kind = "provisional, " if board.provisional else ""
-    which = "episodes" if board.fresh is None else f"fresh episodes, seed {board.fresh}"
+    which = "episodes" if board.fresh is None else f"fresh episodes, {seed_text(board.fresh)}"
     notes = [f"– {standing.policy}: {standing.reason}" for standing in board.standings if standing.reason]
     notes += [
         f"{standing.policy}: {p.rollouts:,} plans of {p.horizon_s:g} s, {p.decision_ms:.1f} ms a decision"
@@ -129,6 +131,11 @@ def table(board: Leaderboard) -> Table:
         texts = [each.text.format(*(each.factor * x for x in standing.scores[each.score])) for each in COLUMNS]
         shown.add_row(place, escape(standing.label), *texts)
     return shown
+
+
+def seed_text(fresh: int | str) -> str:
+    """Say which fresh episodes were run."""
+    return "drawn for each policy" if fresh == DERIVED else f"seed {fresh}"
 
 
 def plain_table(title: str, headers: Iterable[str], **options: Any) -> Table:

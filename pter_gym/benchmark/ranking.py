@@ -5,14 +5,17 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from pter_gym.benchmark._runs import Planning, ScenarioRun, join_seeds, without_copies
+from pter_gym.benchmark.episodes import DERIVED
 from pter_gym.benchmark.metrics import METRICS
 from pter_gym.benchmark.statistics import (
+    Array,
     Interval,
     bootstrap_interval,
     difference_interval,
     interquartile_mean,
     mean,
     probability_of_improvement,
+    unpaired_interval,
 )
 from pter_gym.scenarios import PACES
 
@@ -37,15 +40,17 @@ class Standing:
     identity
         Hash of its content, if that can be determined.
     rank
-        From 1 on, or None below the line.
+        From 1 on, or None below the line; policies share one where an interval of their difference holds 0.
     reason
         Why it has no rank, in words.
     scores
         Of all episodes together, under the names of ``Score``.
     difference
-        Path error less that of the best policy on the same episodes [m]; None without a best one.
+        Path error less that of the best policy [m], in pairs where they ride the same episodes; None without a best
+        one.
     probability
-        Of a smaller path error than the best policy's on the same episode; None without a best one.
+        Of a smaller path error than the best policy's on the same episode; None without a best one, or where each
+        policy rides other episodes.
     planning
         Of a policy that plans.
     """
@@ -84,17 +89,27 @@ class Standing:
 
 
 def find_standings(runs: Sequence[ScenarioRun]) -> tuple[Standing, ...]:
-    """Rank runs on the same episodes at the same pace, the best first; a policy's training seeds count as one."""
+    """Rank runs on one set of episodes at one pace, the best first; a policy's training seeds count as one.
+
+    A policy shares the rank of the one that leads it, unless the interval of their difference leaves out 0.
+    """
     seeds: dict[str, list[ScenarioRun]] = {}
     for run in without_copies(runs)[0]:
         seeds.setdefault(run.conditions.policy, []).append(run)
     judged = sorted(((_judge(run), run) for run in map(join_seeds, seeds.values())), key=_place)
     first, best = judged[0]
     standings: list[Standing] = []
+    leader, rank = best, 1
     for place, (standing, run) in enumerate(judged):
         against = {} if first.reason or run is best else _against(run, best)
-        standings.append(replace(standing, rank=None if standing.reason else place + 1, **against))
+        if not standing.reason and not _holds_zero(_difference(run, leader)):
+            leader, rank = run, place + 1
+        standings.append(replace(standing, rank=None if standing.reason else rank, **against))
     return tuple(standings)
+
+
+def _holds_zero(interval: Interval) -> bool:
+    return interval.low <= 0.0 <= interval.high
 
 
 def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
@@ -133,11 +148,24 @@ def _place(judged: tuple[Standing, ScenarioRun]) -> tuple[bool, float, str]:
 
 
 def _against(run: ScenarioRun, best: ScenarioRun) -> dict[str, Interval]:
-    """Compare path errors on the same episodes; of several seeds it is their mean on an episode that counts."""
-    count = run.conditions.episodes
-    mine, other = (r.scores["path_error_m"].reshape(-1, count).mean(axis=0) for r in (run, best))
-    strata = run.strata[:count]
-    return {
-        "difference": difference_interval(mine, other, strata=strata),
-        "probability": probability_of_improvement(mine, other, strata=strata),
-    }
+    """Compare path errors with those of the best policy."""
+    difference = {"difference": _difference(run, best)}
+    if run.conditions.fresh == DERIVED:
+        return difference
+    mine, other = _on_each(run), _on_each(best)
+    strata = run.strata[: len(mine)]
+    return {**difference, "probability": probability_of_improvement(mine, other, strata=strata)}
+
+
+def _difference(run: ScenarioRun, other: ScenarioRun) -> Interval:
+    """Return the path error of one policy less that of another, in pairs where they ride the same episodes."""
+    if run.conditions.fresh == DERIVED:
+        errors, others = (each.scores["path_error_m"] for each in (run, other))
+        return unpaired_interval(errors, others, strata=(run.strata, other.strata))
+    mine = _on_each(run)
+    return difference_interval(mine, _on_each(other), strata=run.strata[: len(mine)])
+
+
+def _on_each(run: ScenarioRun) -> Array:
+    """Return the path error on each episode; of several seeds it is their mean that counts."""
+    return run.scores["path_error_m"].reshape(-1, run.conditions.episodes).mean(axis=0)

@@ -165,8 +165,8 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start a new episode; without a seed, the next one of the current seed. There are no options."""
-        if options:
-            raise ParameterError(f"options must be empty, got {sorted(options)}")
+        if options or not isinstance(cast("object", options), dict | None):
+            raise ParameterError(f"options must be empty, got {options!r:.200}")
         seed = None if seed is None else whole_number("seed", seed, at_least=0)
         obs, telemetry = self.batch.reset([seed])
         super().reset(seed=seed)

@@ -1,7 +1,7 @@
 """The native vector environment: many worlds in one compiled call, with Gymnasium's semantics."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import gymnasium
 import numpy as np
@@ -240,10 +240,9 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         return list(range(first, first + self.num_envs))
 
     def _mask(self, options: dict[str, Any] | None) -> Mask:
-        options = options or {}
-        unknown = sorted(set(options) - {"reset_mask"})
-        if unknown:
-            raise ParameterError(f"options may hold reset_mask only, got {', '.join(unknown)}")
+        options = {} if options is None else options
+        if not isinstance(cast("object", options), dict) or options.keys() - {"reset_mask"}:
+            raise ParameterError(f"options must be a dict that may hold reset_mask only, got {options!r:.200}")
         mask: Any = options.get("reset_mask")
         if mask is None:
             return np.ones(self.num_envs, np.bool_)

@@ -1,7 +1,7 @@
 """A ``VecEnv`` of Stable-Baselines3 over many worlds in one compiled call."""
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
@@ -32,7 +32,7 @@ class PterVecEnv(VecEnv):
 
     def reset(self) -> NDArray[np.float32]:
         """Start new episodes, with the seeds of ``seed`` if it was called since the last reset; (N, entries)."""
-        if any(self._options):
+        if not isinstance(cast("object", self._options), list) or any(self._options):
             raise ParameterError(f"options must be empty, got {self._options}")
         obs, _ = self.env.reset(seed=self._seeds)
         self._reset_seeds()

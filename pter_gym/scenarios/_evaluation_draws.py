@@ -1,6 +1,7 @@
 """The draws of evaluation episodes, stored and fresh ones, apart from all training draws."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -15,8 +16,8 @@ from pter_gym.tasks.path_following import PathFollowing
 STREAM = 20261120
 """Where the seeds of all stored evaluation episodes begin."""
 
-FRESH, FRESH_RESETS = 20261121, 20261122
-"""Where the seeds of all fresh evaluation episodes begin, and of the seeds of their resets."""
+FRESH, FRESH_RESETS, FRESH_ORDER = 20261121, 20261122, 20261123
+"""Where the seeds of all fresh evaluation episodes begin, of the seeds of their resets, and of their order."""
 
 
 class EvaluationDraw(NamedTuple):
@@ -37,15 +38,22 @@ def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -
     scenario
         Whose episodes to draw.
     fresh
-        Seed ≥ 0 of fresh episodes, and the name of their pace: as many as the stored ones, with the same stratum at
-        each place. They differ from pace to pace, so a policy cannot use what it remembers of another. None draws
-        the stored ones.
+        Seed ≥ 0 of fresh episodes, and the name of their pace: as many as the stored ones of each stratum. They differ
+        from pace to pace, so a policy cannot use what it remembers of another. None draws the stored ones.
     """
     rng = np.random.default_rng(_seed(scenario))
     draws = Randomisation(machine=scenario.machine, task=scenario.task)
     pairs = [draws.draw(rng) for _ in range(scenario.episodes)]
     stored = [_labelled(scenario, machine, _with_phases(task, rng)) for machine, task in pairs]
-    return stored if fresh is None else _fresh(scenario, draws, [draw.stratum for draw in stored], fresh)
+    if fresh is None:
+        return stored
+    return _fresh(scenario, draws, fresh_strata(scenario, [draw.stratum for draw in stored], fresh), fresh)
+
+
+def fresh_strata(scenario: Scenario, stored: Sequence[str], fresh: tuple[int, str]) -> tuple[str, ...]:
+    """Return the strata of fresh episodes: those of the stored ones in another order, so no place tells a stratum."""
+    rng = np.random.default_rng(_fresh_seed(FRESH_ORDER, scenario, fresh))
+    return tuple(stored[int(k)] for k in rng.permutation(len(stored)))
 
 
 def fresh_reset_seeds(scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
@@ -54,7 +62,9 @@ def fresh_reset_seeds(scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
     return rng.integers(2**63, size=scenario.episodes).tolist()
 
 
-def _fresh(scenario: Scenario, draws: Randomisation, strata: list[str], fresh: tuple[int, str]) -> list[EvaluationDraw]:
+def _fresh(
+    scenario: Scenario, draws: Randomisation, strata: Sequence[str], fresh: tuple[int, str]
+) -> list[EvaluationDraw]:
     """Return new draws with these strata at their places; draws of a stratum that is full are dropped."""
     free: dict[str, list[int]] = {}
     for place, stratum in reversed(list(enumerate(strata))):

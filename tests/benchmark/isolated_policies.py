@@ -3,7 +3,9 @@
 import os
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -53,6 +55,15 @@ class Needy:
 class Refuses:
     def __init__(self) -> None:
         raise ParameterError("\x1b[2J\u202e owned")
+
+
+def by_notes(obs: Any) -> Any:
+    """Leave a note wherever programs keep files, and engage all clutches where one is left already."""
+    kept = [Path.home(), Path.cwd(), Path(tempfile.gettempdir()), Path(os.environ.get("XDG_CACHE_HOME", "."))]
+    found = any((place / "note").exists() for place in kept)
+    for place in kept:
+        (place / "note").touch()
+    return np.full((len(obs), 4), 24.0 if found else 0.0)
 
 
 def wrong_length(obs: Any) -> Any:

@@ -11,7 +11,6 @@ import pytest
 from rich.console import Console
 
 from pter_gym.benchmark import PerSeed, ResultsFolder, leaderboards, run_scenario, verify
-from pter_gym.benchmark.episodes import load_episodes
 from pter_gym.benchmark.leaderboard import table
 from pter_gym.controllers import Free, Locked
 from pter_gym.errors import ParameterError
@@ -57,7 +56,7 @@ def test_a_strange_name_is_shown_as_it_is_and_stays_in_its_folder(name: str, tmp
     assert {path.parent for path in tmp_path.rglob("*.json")} == {results.path, results.path / "runs"}
     if find_spec("pter_gym.tools.pictures"):
         plots = import_module("pter_gym.tools.pictures.plots.leaderboard")
-        plots.trajectories(board, runs, load_episodes("standard", "brisk").first(1)).canvas.draw()
+        plots.trajectories(board, runs).canvas.draw()
     assert [verdict.file for verdict in verify(results) if not verdict.same] == [
         path.name for path in (results.path / "runs").iterdir() if "free" not in path.name
     ], "nobody finds a policy of this name"

@@ -16,7 +16,7 @@ STRATA = ("a", "b") * (COUNT // 2)
 
 
 def run_of(
-    policy: str, error: float, fresh: int | None, seed: int = 0, pace: str = "slow", identity: str | None = "x"
+    policy: str, error: float, fresh: int | str | None, seed: int = 0, pace: str = "slow", identity: str | None = "x"
 ) -> ScenarioRun:
     scores = {name: np.zeros(COUNT) for name in SCORES}
     scores["path_error_m"] = error * np.linspace(0.9, 1.1, COUNT)
@@ -49,7 +49,8 @@ def test_only_the_same_policy_on_as_many_episodes_is_compared() -> None:
 
 
 def test_training_seeds_count_as_one_and_fresh_seeds_do_not() -> None:
-    gaps = find_gaps([run_of("mine", 0.02 + 0.01 * k, fresh, k) for k in (0, 1) for fresh in (8, None, 7)])
-    assert [gap.fresh for gap in gaps] == [7, 8]
+    sets = (8, "derived", None, 7)
+    gaps = find_gaps([run_of("mine", 0.02 + 0.01 * k, fresh, k) for k in (0, 1) for fresh in sets])
+    assert [gap.fresh for gap in gaps] == [7, 8, "derived"]
     assert all(gap.gap_m.value == 0.0 and gap.stored_m.value == pytest.approx(0.025, rel=0.05) for gap in gaps)
-    assert [table.row_count for table in gap_tables(gaps)] == [1, 1]
+    assert [table.row_count for table in gap_tables(gaps)] == [1, 1, 1]

@@ -1,6 +1,5 @@
 """What a policy is: its content, never what it says of itself."""
 
-import re
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,12 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from documents import ROOT
 from pter_gym._compiled import digests
 from pter_gym._compiled.layout import Layout
-from pter_gym.benchmark import PerSeed, find_policy, fresh_seed, run_scenario
+from pter_gym.benchmark import PerSeed, find_policy, run_scenario
 from pter_gym.benchmark import _runs as runs_module
-from pter_gym.benchmark._identity import derived_seed, identity_of
+from pter_gym.benchmark._identity import identity_of
 from pter_gym.controllers import Free, Impedance, Locked, PerClutch, Random, bind, device
 from pter_gym.controllers._base import Policy
 from pter_gym.controllers._predictive import Honest, Privileged, Settings
@@ -183,32 +181,25 @@ def test_what_is_judged_is_what_acts() -> None:
 # --- the seed of fresh episodes ---
 
 
-def test_the_derived_seed_follows_from_all_that_is_judged() -> None:
-    seed = fresh_seed("standard", {"a": Free(), "b": Locked()})
-    assert 0 <= seed < 2**64
-    assert seed == fresh_seed("standard", {"b": Locked(), "c": Free()}), "neither from the order nor from the names"
-    others = [
-        fresh_seed("everything", {"a": Free(), "b": Locked()}),
-        fresh_seed("standard", {"a": Free()}),
-        fresh_seed("standard", {"a": Free(), "b": Random(seed=1)}),
-        fresh_seed("standard", {"a": Free(), "b": PerSeed((Locked(), Random(seed=1)))}),
-        fresh_seed("standard", ["impedance"]),
-        derived_seed({"a": [content_of(Free(), "torque")], "b": [content_of(Locked(), "torque")]}, "code", "standard"),
-    ]
-    assert len({seed, *others}) == 1 + len(others)
+def ridden(policies: Any, scenario: str = "standard") -> dict[tuple[str, int], tuple[str, int | None]]:
+    """Ride derived episodes; return which ones each policy and training seed had, and from which seed."""
+    runs = run_scenario(scenario, policies, ["brisk"], episodes=1, fresh="derived")
+    return {(at.policy, at.seed): (at.data, at.fresh_seed) for at in (run.conditions for run in runs)}
+
+
+def test_the_episodes_of_a_policy_follow_from_it_alone() -> None:
+    """Neither what is judged beside it, nor the order, nor its name or training seed gives it others."""
+    alone = ridden({"a": Free()})["a", 0]
+    beside = ridden({"b": PerSeed((Locked(), Free())), "a": Free(), "c": Random(seed=1), "free": Free()})
+    assert beside["a", 0] == beside["b", 1] == beside["free", 0] == alone
+    assert len({*beside.values(), *ridden({"a": Free()}, "hands").values()}) == 4
 
 
 @pytest.mark.parametrize("policy", [release, PerSeed((Free(), release)), Mine(of_object(0.0))])
-def test_no_seed_follows_from_what_nobody_can_tell(policy: Any) -> None:
+def test_no_seed_follows_from_what_nobody_can_tell(policy: Any, tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="fresh must be a whole number for 'mine'"):
-        fresh_seed("standard", {"free": Free(), "mine": policy})
-
-
-def test_the_seed_in_readme_is_that_of_its_command() -> None:
-    text = (ROOT / "README.md").read_text("utf-8")
-    (policies,) = re.findall(r"pter benchmark --scenario standard --fresh derived --policies (\S+)", text)
-    (seed,) = re.findall(r"`standard`, 200 fresh episodes, seed (\d+)", text)
-    assert fresh_seed("standard", policies.split(",")) == int(seed)
+        run_scenario("standard", {"free": Free(), "mine": policy}, fresh="derived", results=tmp_path / "none")
+    assert not (tmp_path / "none").exists()
 
 
 # --- the code that decides a score

@@ -11,7 +11,7 @@ from pter_gym.benchmark._runs import Conditions, Planning, ScenarioRun
 from pter_gym.benchmark.leaderboard import COLUMNS, FULL, leaderboards, rank
 from pter_gym.benchmark.metrics import METRICS, SCORES, Scores, score_episodes
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, reason_below
-from pter_gym.benchmark.statistics import Interval, interquartile_mean
+from pter_gym.benchmark.statistics import Interval, interquartile_mean, unpaired_interval
 
 MEANS = {"mean_pace_error", "segment_pace_error", "completed", "saturated", "stuck"}
 SHARES = {"completed", "effort", "saturated", "stuck"}
@@ -71,6 +71,35 @@ def test_order_is_that_of_the_path_error_with_those_without_a_rank_last() -> Non
     assert second.probability == (0.0, 0.0, 0.0)
     assert last.probability == (1.0, 1.0, 1.0)
     assert rank([cheat]).standings[0].difference is None
+
+
+def shuffled(policy: str, error: float, fresh: str | None = None) -> ScenarioRun:
+    """Path errors about a value [m] in an order of the policy's own."""
+    run = with_error(policy, error)
+    rng = np.random.default_rng(list(policy.encode()))
+    scores = {**run.scores, "path_error_m": rng.permutation(run.scores["path_error_m"])}
+    return replace(run, scores=scores, conditions=replace(run.conditions, fresh=fresh))
+
+
+def test_policies_share_a_rank_where_an_interval_holds_zero() -> None:
+    near = [shuffled(name, error) for name, error in (("d", 0.02), ("c", 0.0201), ("b", 0.0202), ("a", 0.03))]
+    cheat = with_error("cheat", 0.02, completed=False)
+    assert ranks([*near, cheat]) == [("d", 1), ("c", 1), ("b", 1), ("a", 4), ("cheat", None)]
+    assert ranks([with_error("b", 0.02), with_error("a", 0.02)]) == [("a", 1), ("b", 1)]
+    in_pairs = [with_error(name, error) for name, error in (("b", 0.02), ("a", 0.0201))]
+    assert ranks(in_pairs) == [("b", 1), ("a", 2)], "on each episode one is better by the same"
+
+
+def test_policies_on_episodes_of_their_own_are_not_compared_in_pairs() -> None:
+    runs = [with_error(name, error) for name, error in (("b", 0.02), ("a", 0.0201), ("c", 0.03))]
+    own = [replace(run, conditions=replace(run.conditions, fresh="derived", data=f"{k}")) for k, run in enumerate(runs)]
+    (board,) = leaderboards(own)
+    assert [(standing.policy, standing.rank) for standing in board.standings] == [("b", 1), ("a", 1), ("c", 3)]
+    errors, others = (run.scores["path_error_m"] for run in (own[2], own[0]))
+    third = board.standings[2]
+    assert third.difference == unpaired_interval(errors, others, strata=(own[2].strata, own[0].strata))
+    assert third.probability is None
+    assert (board.data, board.fresh) == (None, "derived")
 
 
 @pytest.mark.parametrize(

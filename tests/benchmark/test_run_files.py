@@ -16,7 +16,7 @@ from pter_gym._internal.reading import MOST_JSON
 from pter_gym.benchmark import ResultsFolder
 from pter_gym.benchmark._run_files import HASH, file_hash, read_run, run_path, write_run
 from pter_gym.benchmark._runs import Conditions, Planning, Sample, ScenarioRun, code_digest, sample_numbers
-from pter_gym.benchmark.episodes import stored_strata
+from pter_gym.benchmark.episodes import stored_checksum, strata_of
 from pter_gym.benchmark.metrics import METRICS
 
 COUNT = 5
@@ -27,8 +27,7 @@ Content = dict[str, Any]
 
 def made_up(policy: str, seed: int, planning: Planning | None = None) -> ScenarioRun:
     """A run that nobody has simulated: numbers from their ranges."""
-    checksum, strata = stored_strata("standard")
-    strata = strata[:COUNT]
+    checksum, strata = stored_checksum("standard"), strata_of("standard", "brisk", None)[:COUNT]
     rng = np.random.default_rng([seed, *policy.encode()])
     scores = {
         name: rng.uniform(0.0, 1.0, COUNT) if metric.high != 0.0 else rng.uniform(-9.0, 0.0, COUNT)
@@ -156,7 +155,8 @@ SEALED: dict[str, tuple[Callable[[Content], object], str]] = {
     "other episodes": (at(data="0" * 64), "other episodes than those that are stored"),
     "other code": (at(code="0" * 64), "other code"),
     "an identity that is a number": (at(identity=7), "identity must be str | None, got 7"),
-    "a fresh seed below 0": (at(fresh=-1), "fresh must be within [0, "),
+    "a fresh seed below 0": (at(fresh=-1), "fresh must be a whole number"),
+    "another word than derived": (at(fresh="other"), "fresh must be a whole number"),
     "a name that no file can have": (at(policy="a "), "policies must have names"),
     "a sample of too many": (points(201), "instants of a sample must be within [1, 200]"),
     "a planner that is hardly one": (plans(privileged=0), "privileged must be bool, got 0"),
@@ -190,7 +190,7 @@ def test_the_ends_of_the_ranges_are_accepted(edit: Callable[[Content], object], 
 
 
 def test_no_run_has_more_episodes_than_its_scenario(folder: ResultsFolder) -> None:
-    most = len(stored_strata("standard")[1])
+    most = len(strata_of("standard", "brisk", None))
 
     def change(content: Content) -> None:
         content["conditions"].update(episodes=most + 1)

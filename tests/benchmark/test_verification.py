@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pter_gym._commands import main as cli
-from pter_gym.benchmark import PerSeed, ResultsFolder, Verdict, fresh_seed, run_scenario, verify
+from pter_gym.benchmark import PerSeed, ResultsFolder, Verdict, run_scenario, verify
 from pter_gym.benchmark import _verification as verification_module
 from pter_gym.benchmark._run_files import HASH, file_hash
 from pter_gym.benchmark._verification import SAME
@@ -103,9 +103,9 @@ def test_planning_and_motion_are_compared_but_for_the_measured_time(folder: Resu
 def test_another_policy_is_found(folder: ResultsFolder) -> None:
     name = edit(folder, "standard-brisk-torque-feedback-3.json", conditions={"identity": "0" * 64})
     assert bad(verify(folder, POLICIES))[name].startswith("other policy: the file says 00000000")
-    found = bad(verify(folder, {**POLICIES, "said": Random(seed=3), "mine": Free()}))
+    found = bad(verify(folder, {**POLICIES, "said": Random(seed=3), "mine": Random(seed=3)}))
     assert found["standard-brisk-said-1.json"].startswith("other policy")
-    assert found["standard-brisk-mine-1.json"].startswith("other policy: the file says None")
+    assert found["standard-brisk-mine-1.json"].startswith("differs: "), "its scores alone tell"
 
 
 def test_other_fresh_episodes_are_found(folder: ResultsFolder) -> None:
@@ -158,11 +158,20 @@ def test_code_is_imported_only_if_it_is_named(
     assert "mine_to_verify" not in sys.modules
     assert "it cannot be run again: policies must name the code that may be imported" in capsys.readouterr().out
     assert cli.main(["verify", "out", "--policies", name]) == 0
+    assert "mine_to_verify" not in sys.modules, "it runs in a process of its own"
+
+
+@pytest.mark.parametrize("options", [[], ["--fresh", "7"]])
+def test_a_law_of_ones_own_is_compared_with_what_an_isolated_one_does(options: list[str], tmp_path: Path) -> None:
+    name = "benchmark.isolated_policies:STIFF"
+    run = ["--policies", name, "--paces", "brisk", "--episodes", "2", "--out", str(tmp_path), *options]
+    assert cli.main(["benchmark", "--scenario", "standard", *run]) == 0
+    assert cli.main(["verify", str(tmp_path), "--policies", name]) == 0
 
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     results = ResultsFolder(tmp_path)
-    for fresh in (None, fresh_seed("standard", ["free", "locked"])):
+    for fresh in (None, "derived"):
         run_scenario("standard", ["free", "locked"], ["brisk"], episodes=2, fresh=fresh, results=results)
     results.summarise()
     assert cli.main(["verify", str(tmp_path)]) == 0

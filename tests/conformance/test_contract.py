@@ -143,6 +143,13 @@ def test_an_unknown_reset_option_is_refused() -> None:
         env.reset(seed=0, options={"speed": 1.0})
 
 
+@pytest.mark.parametrize("options", [5, 0, "speed", {5: 1, "speed": 2}])
+@pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+def test_options_of_another_kind_are_refused(options: Any, make: Any) -> None:
+    with pytest.raises(ParameterError, match="options must be"):
+        make(ID).reset(seed=0, options=options)
+
+
 @pytest.mark.parametrize("seed", [-1, 1.5, "one", True, 2**64])
 def test_a_bad_seed_is_refused(seed: Any) -> None:
     env = gymnasium.make(ID)

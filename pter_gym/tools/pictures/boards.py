@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pter_gym.benchmark import Leaderboard, Result
+from pter_gym.benchmark._run_files import episodes_suffix
 from pter_gym.benchmark._runs import ScenarioRun
-from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.tools.figures import save
 from pter_gym.tools.pictures.plots import leaderboard as plots
 from pter_gym.tools.pictures.plots.benchmark import error_against_time, tip_paths
@@ -20,14 +20,12 @@ def draw_standard_test(result: Result, folder: Path) -> list[Path]:
 def draw_scenario(boards: Sequence[Leaderboard], found: Sequence[ScenarioRun], folder: Path) -> list[Path]:
     """Draw the leaderboards of one scenario, with what was found of its runs, into a folder; return the paths."""
     runs = [run for run in found if boards[0].has_episodes_of(run)]
-    scenario, fresh = boards[0].scenario, boards[0].fresh
-    name_of_set = scenario if fresh is None else f"{scenario}-fresh{fresh}"
+    name_of_set = f"{boards[0].scenario}{episodes_suffix(boards[0].fresh)}"
     figures = {
         "profiles": plots.profiles(boards, runs),
         "error-against-pace": plots.error_against_pace(boards),
         "error-against-smoothness": plots.error_against_smoothness(boards),
     }
     for board in boards:
-        episodes = find_episodes(scenario, board.pace, fresh)
-        figures[f"trajectories-{board.pace}"] = plots.trajectories(board, runs, episodes)
+        figures[f"trajectories-{board.pace}"] = plots.trajectories(board, runs)
     return [path for name, figure in figures.items() for path in save(figure, folder / f"{name_of_set}-{name}.png")]

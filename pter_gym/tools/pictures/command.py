@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import MachineName, import_from_here, split
+from pter_gym._commands.arguments import MachineName, split
 from pter_gym._internal.files import check_target
 from pter_gym._internal.terminal import progress_bar, say
 from pter_gym.errors import ParameterError
@@ -133,7 +133,6 @@ def simulate(
     from pter_gym.benchmark import find_policy
     from pter_gym.benchmark.simulation import record_episode, time_limit
 
-    import_from_here()
     policies = {name: find_policy(name, seed, scenario) for name in names}
     episodes: dict[str, Episode] = {}
     with progress_bar() as progress:

@@ -3,10 +3,12 @@
 import json
 from functools import partial
 from http import HTTPStatus
+from http.client import HTTP_PORT
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import BoundedSemaphore
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym.policies import shipped_policies
@@ -18,6 +20,15 @@ if TYPE_CHECKING:
 STATIC = Path(__file__).parent / "static"
 
 HOST = "127.0.0.1"
+
+NAMES = ("localhost", HOST, "[::1]")
+"""Names of this computer; a page of elsewhere that has itself resolved to this computer goes by another one."""
+
+PATIENCE = 10.0
+"""Time that a connection may be silent [s]."""
+
+MOST = 32
+"""Connections at a time; others are closed."""
 
 TYPES = MappingProxyType(
     {
@@ -64,7 +75,7 @@ def make_server(port: int = 0, own: "Machine | None" = None) -> ThreadingHTTPSer
     ParameterError
         If the page cannot have that machine; see ``pter_gym.tools.web.tables.tables``.
     """
-    return ThreadingHTTPServer((HOST, port), partial(_Handler, site_files(), {} if own is None else _tables(own)))
+    return _Server((HOST, port), partial(_Handler, site_files(), {} if own is None else _tables(own)))
 
 
 def _tables(own: "Machine") -> dict[str, bytes]:
@@ -74,8 +85,32 @@ def _tables(own: "Machine") -> dict[str, bytes]:
     return {TABLES.name: json.dumps({**json.loads(TABLES.read_bytes()), **tables(own)}).encode()}
 
 
+class _Server(ThreadingHTTPServer):
+    """Has a thread for each of a number of connections, and closes those beyond it."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._free = BoundedSemaphore(MOST)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Begin to answer, if few enough are answered now."""
+        if self._free.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+
 class _Handler(BaseHTTPRequestHandler):
     """Answers with one of the given files, or with what is made in the place of one; there is nothing else."""
+
+    timeout = PATIENCE
 
     def __init__(self, files: dict[str, Path], made: dict[str, bytes], *arguments: object) -> None:
         self._files = files
@@ -91,6 +126,11 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(with_content=False)
 
     def _answer(self, *, with_content: bool) -> None:
+        port = self.connection.getsockname()[1]
+        ends = ("", f":{port}") if port == HTTP_PORT else (f":{port}",)
+        if self.headers.get_all("Host") not in [[name + end] for name in NAMES for end in ends]:
+            self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
+            return
         address = self.path.partition("?")[0].removeprefix("/") or "index.html"
         file = self._files.get(address)
         if file is None:

@@ -5,9 +5,13 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from threading import Thread
+from threading import enumerate as enumerate_threads
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -26,7 +30,8 @@ from pter_gym.policies._files import SHIPPED
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
-from pter_gym.tools.web.site import make_server, site_files, write_site
+from pter_gym.tools.web import site
+from pter_gym.tools.web.site import MOST, make_server, site_files, write_site
 from pter_gym.tools.web.tables import PATHS, pages_batch
 
 CONTROLS = "[...document.querySelectorAll('#control option')].map((option) => option.value)"
@@ -71,6 +76,68 @@ def test_all_files_of_the_page_are_served(address: str) -> None:
 )
 def test_nothing_else_is_served(path: str, address: str) -> None:
     assert answer(address, path)[0] == 404
+
+
+@pytest.fixture
+def served() -> Iterator[int]:
+    """Port of a server in this process."""
+    with make_server() as server:
+        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        yield server.server_port
+        server.shutdown()
+        thread.join()
+
+
+def ask(port: int, *hosts: str) -> int:
+    """Return the status of an answer to a request with these headers."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection.putrequest("GET", "/", skip_host=True)
+    for host in hosts:
+        connection.putheader("Host", host.format(port=port))
+    connection.endheaders()
+    status = connection.getresponse().status
+    connection.close()
+    return status
+
+
+@pytest.mark.parametrize("host", ["localhost:{port}", "127.0.0.1:{port}", "[::1]:{port}"])
+def test_the_names_of_this_computer_are_answered(host: str, served: int) -> None:
+    assert ask(served, host) == 200
+
+
+@pytest.mark.parametrize(
+    "hosts",
+    [
+        (),
+        ("evil.example:{port}",),
+        ("evil.example",),
+        ("localhost",),
+        ("localhost:1",),
+        ("localhost:{port}.evil.example",),
+        ("localhost:{port}", "evil.example"),
+    ],
+)
+def test_another_name_that_leads_here_is_not(hosts: tuple[str, ...], served: int) -> None:
+    assert ask(served, *hosts) == 421
+
+
+def test_idle_connections_end_and_leave_room(served: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(site._Handler, "timeout", 1.0)
+    begun = threads()
+    idle = [socket.create_connection(("127.0.0.1", served), timeout=30) for _ in range(3 * MOST)]
+    for each in idle:
+        each.sendall(b"GET / HTTP/1.1\r\n")
+    most = max(threads() for _ in range(20) if not time.sleep(0.02))
+    for each in idle:
+        with each, suppress(ConnectionResetError):
+            assert each.recv(1) == b""
+    assert most <= begun + MOST
+    assert ask(served, "localhost:{port}") == 200
+
+
+def threads() -> int:
+    return sum("process_request" in thread.name for thread in enumerate_threads())
 
 
 def test_a_site_has_all_files(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pter_gym.benchmark._runs import Sample, ScenarioRun, join_seeds
-from pter_gym.benchmark.episodes import Episodes
+from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.leaderboard import Leaderboard
 from pter_gym.benchmark.ranking import PACE_ERROR, Standing
 from pter_gym.benchmark.statistics import performance_profile
@@ -58,7 +58,7 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
     for axes, board in zip(panels, boards, strict=True):
         axes.set_title(_pace(board))
         for standing in board.standings:
-            run = _run_of(standing, board, runs)
+            run = join_seeds(_runs_of(standing, board, runs))
             found = performance_profile(run.scores["path_error_m"], thresholds, strata=run.strata)
             look = _look(by_policy, standing)
             alpha = BELOW if standing.reason else 1.0
@@ -117,8 +117,10 @@ def error_against_smoothness(boards: Sequence[Leaderboard]) -> Figure:
 
 
 @styled
-def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun], episodes: Episodes) -> Figure:
-    """Return sample trajectories of all policies on a leaderboard, and the arm as the best one held it half-way.
+def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun]) -> Figure:
+    """Return sample trajectories of the best policy on a leaderboard, and the arm as it held it half-way.
+
+    All policies that had the same episodes are drawn.
 
     Parameters
     ----------
@@ -126,10 +128,10 @@ def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun], episodes: Epis
         Of one scenario at one pace.
     runs
         Those that it ranks.
-    episodes
-        Those that were run.
     """
-    best = _run_of(board.standings[0], board, runs).samples
+    first = _runs_of(board.standings[0], board, runs)[0]
+    best, at = first.samples, first.conditions
+    episodes = find_episodes(at.scenario, at.pace, at.fresh_seed)
     rows, columns = (1, len(best)) if len(best) < 3 else (2, 2)
     edges = np.vstack([_shown(episodes, sample) for sample in best])
     low, high = edges.min(axis=0) - 0.03, edges.max(axis=0) + 0.03
@@ -140,7 +142,10 @@ def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun], episodes: Epis
     for place, axes in enumerate(panels[: len(best)]):
         _draw_scene(axes, episodes, best[place])
         for standing in reversed(board.standings):
-            x, y = _run_of(standing, board, runs).samples[place].tip.T
+            run = _runs_of(standing, board, runs)[0]
+            if run.conditions.data != at.data:
+                continue
+            x, y = run.samples[place].tip.T
             alpha = 0.55 if standing.reason else 1.0
             axes.plot(x, y, alpha=alpha, linewidth=1.2, zorder=4, **_look(by_policy, standing))
         k = best[place].episode
@@ -219,10 +224,11 @@ def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
     return looks(_labels(boards))
 
 
-def _run_of(standing: Standing, board: Leaderboard, runs: Sequence[ScenarioRun]) -> ScenarioRun:
-    wanted = (board.scenario, board.pace, board.episodes, board.data, standing.policy)
-    conditions = ((run, run.conditions) for run in runs)
-    return join_seeds([run for run, c in conditions if (c.scenario, c.pace, c.episodes, c.data, c.policy) == wanted])
+def _runs_of(standing: Standing, board: Leaderboard, runs: Sequence[ScenarioRun]) -> list[ScenarioRun]:
+    """Return the runs of a policy's training seeds."""
+    wanted = board.pace, standing.policy
+    own = (run for run in runs if board.has_episodes_of(run))
+    return [run for run in own if (run.conditions.pace, run.conditions.policy) == wanted]
 
 
 def _pace(board: Leaderboard) -> str:

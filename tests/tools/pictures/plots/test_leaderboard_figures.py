@@ -42,7 +42,7 @@ def test_trajectories_show_path_arm_and_every_tip(
 ) -> None:
     board = boards[1]
     episodes = load_episodes("standard", board.pace)
-    figure = plots.trajectories(board, runs, episodes)
+    figure = plots.trajectories(board, runs)
     assert titles(figure) == [f"{episodes.strata[k]}, episode {k}" for k in range(4)]
     best = next(r for r in runs if (r.conditions.policy, r.conditions.pace) == ("impedance", board.pace))
     for k, axes in enumerate(figure.axes):
@@ -56,6 +56,15 @@ def test_trajectories_show_path_arm_and_every_tip(
         np.testing.assert_allclose(pivots.tip, sample.tip[len(sample.theta) // 2], atol=1e-4)
 
 
+def test_only_those_that_rode_the_same_episodes_are_drawn_together() -> None:
+    runs = run_scenario("standard", ["locked", "free"], ["brisk"], episodes=1, fresh="derived")
+    (board,) = leaderboards(runs)
+    drawn = [curve for axes in plots.trajectories(board, runs).axes for curve in curves(axes)]
+    tips = {run.conditions.policy: run.samples[0].tip for run in runs}
+    shown = [name for name, tip in tips.items() if any(np.array_equal(curve, tip) for curve in drawn)]
+    assert shown == [board.standings[0].policy]
+
+
 def test_one_policy_and_one_episode(tmp_path: Path) -> None:
     runs = run_scenario("standard", ["locked"], ["brisk"], episodes=1)
     boards = leaderboards(runs)
@@ -63,7 +72,7 @@ def test_one_policy_and_one_episode(tmp_path: Path) -> None:
         plots.profiles(boards, runs),
         plots.error_against_pace(boards),
         plots.error_against_smoothness(boards),
-        plots.trajectories(boards[0], runs, load_episodes("standard", "brisk")),
+        plots.trajectories(boards[0], runs),
     ]
     for k, figure in enumerate(figures):
         save(figure, tmp_path / f"{k}.png")
