@@ -23,8 +23,8 @@ COMPLETION = 0.99
 """Smallest fraction of completed episodes of a policy with a rank."""
 
 LOST = 0.05
-"""Path error [m] of the worst twentieth of the episodes from which on a policy ranks behind those with less. So one that
-is off by as much in one of twenty episodes, or more, stands below all that never are."""
+"""Path error [m] of the worst twentieth of the episodes from which on a policy ranks behind those with less. If it is
+off by as much in one of twenty episodes, or more, it stands below all that never are."""
 
 PACE_ERROR = 0.15
 """Largest pace errors of a policy with a rank, as means over the episodes."""
@@ -100,8 +100,8 @@ class Standing:
 def find_standings(runs: Sequence[ScenarioRun]) -> tuple[Standing, ...]:
     """Rank runs on one set of episodes at one pace, the best first; a policy's training seeds count as one.
 
-    A policy shares the rank of the one that leads it, unless the interval of their difference leaves out 0, or only one of
-    them is ``lost``.
+    A policy shares the rank of the one that leads it, unless the interval of their difference leaves out 0, or only
+    one of them is ``lost``.
     """
     seeds: dict[str, list[ScenarioRun]] = {}
     for run in without_copies(runs)[0]:

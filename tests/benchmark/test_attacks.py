@@ -290,7 +290,7 @@ def test_who_leaves_the_path_in_some_episodes_stands_below_who_never_does() -> N
     for name, (error, count) in TAILS.items():
 
         def aside(self: Changed, obs: Observations, error: float = error, count: int = count) -> Array:
-            return np.where((np.arange(len(obs)) < count) & ~beyond(0.95)(self, obs), error, 0.0)
+            return np.where((np.arange(len(obs)) < count) & ~beyond(0.8)(self, obs), error, 0.0)
 
         found[name] = score_episodes(course.telemetry(tells(error=aside)(honest)), course.tasks)
     at = Conditions("standard", "brisk", "", 0, 100, "", None, "", "")
