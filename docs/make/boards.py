@@ -24,6 +24,13 @@ LEFT_OUT = ("free", "locked", "random")
 PLANNER = "predictive"
 LEARNED = "residual"
 MEANS = ("completed", "mean_pace_error", "segment_pace_error")
+ERRORS = {
+    "Worst twentieth": "worst_path_error_m",
+    "Without the first tenth": "later_path_error_m",
+    "Time average": "mean_error_m",
+    "RMS over length": "rms_error_m",
+}
+"""Errors that a leaderboard shows beside the path error, by their titles."""
 SEEDED = re.compile(r"(?P<name>.+)-(?P<seed>\d+)")
 
 
@@ -54,6 +61,11 @@ def interval(scores: Board) -> str:
     """Path error in mm with its interval."""
     low, value, high = (1000 * scores["path_error_m"][key] for key in ("low", "value", "high"))
     return f"{value:.1f} ({low:.1f} … {high:.1f})"
+
+
+def millimetres(scores: Board, name: str) -> str:
+    """An error in mm."""
+    return f"{1000 * scores[name]['value']:.1f}"
 
 
 def percent(scores: Board, style: str) -> list[str]:
@@ -125,24 +137,42 @@ def predictive(results: Path) -> str:
 
 def leaderboard(results: Path, scenario: str) -> str:
     """All leaderboards of a scenario, and why some policies have no rank."""
-    header = ["", "Policy", "Path error [mm]", "Arrives [%]", "Mean pace off [%]", "Segments off [%]"]
+    header = ["", "Policy", "Path error [mm]", *(f"{title} [mm]" for title in ERRORS)]
+    header += ["Arrives [%]", "Mean pace off [%]", "Segments off [%]"]
     parts: list[str] = []
     for pace, board in boards(results, scenario).items():
         rows = [
             [
                 "–" if scores["rank"] is None else str(scores["rank"]),
-                f"`{name}`",
+                f"`{policy}`",
                 joined(interval(scores)),
+                *(millimetres(scores, name) for name in ERRORS.values()),
                 *percent(scores, ".3g .3g .3g"),
                 f"{scores['rms_acceleration_m_s2']['value']:.2f}",
             ]
-            for name, scores in board["policies"].items()
+            for policy, scores in board["policies"].items()
         ]
         text = f"## {pace.capitalize()}: {board['pace_m_s']:g} m/s\n\n{episodes_text(board)}:\n\n"
         text += table([*header, "RMS acceleration [m/s²]"], rows).replace("|---:|---:|---:|", "|---|---|---:|", 1)
         below = [f"- `{name}` {scores['reason']}.\n" for name, scores in board["policies"].items() if scores["reason"]]
         parts.append(text + ("\nBelow the line:\n\n" + "".join(below) if below else ""))
     return "\n".join(parts)
+
+
+def first_by(results: Path) -> str:
+    """Which policy with a rank has the smallest path error, and which the smallest of each of the other errors."""
+    rows: list[list[str]] = []
+    for scenario in SCENARIOS:
+        for pace, board in boards(results, scenario).items():
+            ranked = {name: scores for name, scores in board["policies"].items() if scores["rank"] is not None}
+            firsts = [
+                (min(ranked, key=lambda policy: ranked[policy][error]["value"]), error)
+                for error in ("path_error_m", *ERRORS.values())
+                if ranked
+            ]
+            cells = [joined(f"`{name}` {millimetres(ranked[name], error)}") for name, error in firsts]
+            rows.append([f"`{scenario}`", pace, *(cells or ["–"] * (1 + len(ERRORS)))])
+    return table(["Scenario", "Pace", "Path error", *ERRORS], rows, "---")
 
 
 def suite(results: Path) -> str:

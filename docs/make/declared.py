@@ -100,14 +100,11 @@ def gains() -> str:
 
 
 def scores() -> str:
-    """Every score of an episode with its unit and meaning, and what counts of many episodes."""
+    """Every score of an episode with its unit and meaning."""
     from pter_gym.benchmark.metrics import METRICS
 
-    rows = (
-        [code(name), each.unit, each.meaning, "mean" if each.mean else "interquartile mean"]
-        for name, each in METRICS.items()
-    )
-    return text_table(["Score", "Unit", "Meaning", "Of many episodes"], rows)
+    rows = ([code(name), each.unit, each.meaning] for name, each in METRICS.items())
+    return text_table(["Score", "Unit", "Meaning"], rows)
 
 
 def standard_test() -> str:

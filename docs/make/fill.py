@@ -91,6 +91,7 @@ OF_FOLDER = {
         Table(CLASSICAL, "board: standard", boards.by_tuning),
         Table(CLASSICAL, "board: everything", partial(boards.classical, scenario="everything", details=True)),
         Table("docs/agents.md", "against tuned", boards.against_tuned),
+        Table("docs/scoring.md", "first by", boards.first_by),
     ),
     "planned": (Table(CLASSICAL, "predictive", boards.predictive),),
     "stock": (Table("docs/your-algorithm.md", "results", boards.by_seed),),

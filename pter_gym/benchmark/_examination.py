@@ -46,7 +46,7 @@ class Assessment(NamedTuple):
     Attributes
     ----------
     path_error_m
-        Interquartile mean of the path error.
+        Interquartile mean of the path error: what searches make small, while ranks count all episodes.
     completed, mean_pace_error, segment_pace_error
         Means.
     """

@@ -81,9 +81,17 @@ class Travel:
 
     def path_average(self) -> Array:
         """Return the path average of the path error [m]."""
-        whole: Array = self.marks.find(self.way_integral)[-1]
+        return self._average_on_path(self.way_integral, self.worst)
+
+    def rms_error(self) -> Array:
+        """Return the root of the path average of the squared path error [m]."""
+        return np.sqrt(self._average_on_path(way_integral(self.furthest, self.errors**2), self.worst**2))
+
+    def _average_on_path(self, integral: Array, missed: Array) -> Array:
+        """Return an integral over the path (T + 2, N) by its length, with a value for what was not reached."""
+        whole: Array = self.marks.find(integral)[-1]
         missing = np.maximum(self.length - self.furthest[-1], 0.0)
-        return np.where(np.isfinite(whole), whole, self.way_integral[-1] + missing * self.worst) / self.length
+        return np.where(np.isfinite(whole), whole, integral[-1] + missing * missed) / self.length
 
     @cached_property
     def lost_at_start(self) -> Array:
@@ -115,7 +123,7 @@ class Travel:
         return np.diff(self.passed, axis=0) / self.needed
 
     def segment_errors(self) -> Array:
-        """Return the path errors of the segments [m], (SEGMENTS, N); policies rank by their mean.
+        """Return the path errors of the segments [m], (SEGMENTS, N).
 
         Each is the larger of the averages of |e| over the time and over the length of the segment, times its
         ``pace_factor``. A segment that was not finished counts with ``worst``, and as if it took its time at least.
@@ -128,6 +136,17 @@ class Travel:
         larger = np.maximum(in_time, on_way * SEGMENTS / self.length)
         ratios = np.where(self.finished, self.relative_times, np.maximum(self.relative_times, 1.0))
         return np.where(self.finished, larger, self.worst) * pace_factor(ratios)
+
+    def path_error(self) -> Array:
+        """Return the mean of the segments' path errors [m], by which policies rank.
+
+        It is at most ``worst``: an episode in which a policy is lost counts as one, however long it was stuck.
+        """
+        return np.minimum(self.segment_errors().mean(axis=0), self.worst)
+
+    def later_path_error(self) -> Array:
+        """Return the path error without the first segment [m]."""
+        return np.minimum(self.segment_errors()[1:].mean(axis=0), self.worst)
 
     def mean_pace_error(self) -> Array:
         """Return the pace error of the whole path."""

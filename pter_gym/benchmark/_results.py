@@ -15,7 +15,7 @@ from pter_gym._internal.locks import locked
 from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark._gaps import find_gaps
 from pter_gym.benchmark._run_files import episodes_suffix, read_run, run_path, write_run
-from pter_gym.benchmark._runs import Conditions, ScenarioRun, without_copies
+from pter_gym.benchmark._runs import Conditions, ScenarioRun, code_digest, without_copies
 from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
 from pter_gym.benchmark.statistics import LEVEL, RESAMPLES, SEED
 from pter_gym.errors import DataError, ParameterError
@@ -43,6 +43,7 @@ class Contents(NamedTuple):
     def as_json(self) -> dict[str, Any]:
         """Return what ``benchmark.json`` holds, in SI."""
         return {
+            "code": code_digest(),
             "bootstrap": {"level": LEVEL, "resamples": RESAMPLES, "seed": SEED},
             "leaderboards": [board.as_json() for board in leaderboards(self.runs)],
             "gaps": [gap.as_json() for gap in find_gaps(self.runs)],

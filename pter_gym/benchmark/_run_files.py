@@ -27,6 +27,7 @@ from pter_gym.benchmark._runs import (
     ScenarioRun,
     check_name,
     code_digest,
+    other_score,
     sample_numbers,
 )
 from pter_gym.benchmark.episodes import DERIVED, check_fresh, stored_checksum, strata_of
@@ -85,7 +86,7 @@ def read_run(path: FilePath) -> ScenarioRun:
         at = _conditions(content["conditions"])
         expected = run_path(path.parents[1], at).name
         _require(expected == path.name, f"its name is not that of its run, which is {expected}")
-        _require(at.code == code_digest(), f"it is of other code, version {at.version}")
+        _require(at.code == code_digest(), other_score(at.code))
         if at.fresh is None:
             found = stored_checksum(at.scenario)
             _require(at.data == found, "it is of other episodes than those that are stored")

@@ -248,6 +248,11 @@ def sample_numbers(strata: Sequence[str]) -> list[int]:
     return sorted(list(dict.fromkeys([*first_of_each, *range(len(strata))]))[:SAMPLES])
 
 
+def other_score(code: object) -> str:
+    """Say in words that a file is not of the score that this code gives, but of one with another digest."""
+    return f"it is of an older score, or of other code: {code!s:.12} instead of {code_digest():.12}"
+
+
 @cache
 def code_digest() -> str:
     """Return a SHA-256 of the code that decides a score: with other code, an earlier run is not the same run.

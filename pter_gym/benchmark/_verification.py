@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from pter_gym.benchmark._evaluation import Batches, PerSeed, bind_once, each_see
 from pter_gym.benchmark._naming import find_policy, is_code
 from pter_gym.benchmark._results import Contents, ResultsFolder
 from pter_gym.benchmark._run_files import run_path
-from pter_gym.benchmark._runs import ScenarioRun
+from pter_gym.benchmark._runs import ScenarioRun, other_score
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.errors import ParameterError, PterError
@@ -146,5 +146,8 @@ def compare_summary(results: ResultsFolder, contents: Contents) -> str:
     except (OSError, ValueError) as error:
         return f"it cannot be read: {error}"
     expected = json.loads(json.dumps(contents.as_json()))
-    differ = [name for name in expected if not isinstance(found, dict) or found.get(name) != expected[name]]
+    there = cast("dict[str, Any]", found if isinstance(found, dict) else {})
+    if there.get("code") != expected["code"]:
+        return other_score(there.get("code", "unknown"))
+    differ = [name for name in expected if there.get(name) != expected[name]]
     return f"differs from what the runs give: {', '.join(differ)}" if differ else SAME

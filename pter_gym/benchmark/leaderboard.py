@@ -31,11 +31,12 @@ class Column(NamedTuple):
 
 COLUMNS = (
     Column("path_error_m", "path error\n\\[mm]", 1000.0, "{:.1f} ({:.1f}…{:.1f})"),
+    Column("worst_path_error_m", "worst\n1/20\n\\[mm]", 1000.0, "{:.1f}"),
+    Column("later_path_error_m", "after\n1/10\n\\[mm]", 1000.0, "{:.1f}"),
+    Column("rms_error_m", "rms\n\n\\[mm]", 1000.0, "{:.1f}"),
     Column("completed", "at the\nend\n\\[%]", 100.0, "{:.3g}"),
     Column("mean_pace_error", "mean\npace\n\\[±%]", 100.0, "{:.3g}"),
-    Column("segment_pace_error", "segment\npace\n\\[±%]", 100.0, "{:.3g}"),
-    Column("rms_acceleration_m_s2", "rms acc.\n\\[m/s²]", 1.0, "{:.2f}"),
-    Column("smoothness", "smooth-\nness", 1.0, "{:.1f}"),
+    Column("segment_pace_error", "segm.\npace\n\\[±%]", 100.0, "{:.3g}"),
 )
 """The columns of the table after rank and policy."""
 

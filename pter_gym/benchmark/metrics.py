@@ -32,8 +32,6 @@ class Metric(NamedTuple):
     from_travel
         Whether ``find`` needs no more than ``Travel``, as those do that decide on ranks; otherwise it takes
         ``Recorded``.
-    mean
-        Whether the mean over the episodes counts and not their interquartile mean.
     low, high
         Smallest and largest value that it can have, None where there is no bound.
     """
@@ -42,15 +40,12 @@ class Metric(NamedTuple):
     meaning: str
     find: Callable[[Any], Values]
     from_travel: bool = False
-    mean: bool = False
     low: float | None = 0.0
     high: float | None = None
 
 
-def _of_travel(
-    unit: str, meaning: str, find: Callable[[Travel], Values], *, mean: bool = False, high: float | None = None
-) -> Any:
-    return field(metadata={"metric": Metric(unit, meaning, find, True, mean, high=high)})
+def _of_travel(unit: str, meaning: str, find: Callable[[Travel], Values], *, high: float | None = None) -> Any:
+    return field(metadata={"metric": Metric(unit, meaning, find, True, high=high)})
 
 
 def _of_record(
@@ -58,11 +53,10 @@ def _of_record(
     meaning: str,
     find: Callable[[Recorded], Values],
     *,
-    mean: bool = False,
     low: float | None = 0.0,
     high: float | None = None,
 ) -> Any:
-    return field(metadata={"metric": Metric(unit, meaning, find, False, mean, low, high)})
+    return field(metadata={"metric": Metric(unit, meaning, find, False, low, high)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,15 +69,17 @@ class Score:
     path_error_m: float = _of_travel(
         "m",
         f"mean over ten segments of the larger of ∫|e|dt/t and ∫|e|ds/(L/10), times r^{PRICE:g} if r = t·v/(L/10) > 1, "
-        f"else {1.0 + PRICE:g} − {PRICE:g}r",
-        lambda e: e.segment_errors().mean(axis=0),
+        f"else {1.0 + PRICE:g} − {PRICE:g}r; at most the largest |e| or the workspace's bound, whichever is larger",
+        Travel.path_error,
     )
+    later_path_error_m: float = _of_travel(
+        "m", "the same without the first segment; ranks do not use it", Travel.later_path_error
+    )
+    rms_error_m: float = _of_travel("m", "√(∫e²ds/L); ranks do not use it", Travel.rms_error)
     mean_error_m: float = _of_travel("m", "time average of |e|; ranks do not use it", Travel.mean_error)
     path_average_error_m: float = _of_travel("m", "path average ∫|e|ds/L; ranks do not use it", Travel.path_average)
-    mean_pace_error: float = _of_travel("1", "|T·v/L − 1| with the commanded pace v", Travel.mean_pace_error, mean=True)
-    segment_pace_error: float = _of_travel(
-        "1", "mean of |t·v/(L/10) − 1| over ten segments", Travel.segment_pace_error, mean=True
-    )
+    mean_pace_error: float = _of_travel("1", "|T·v/L − 1| with the commanded pace v", Travel.mean_pace_error)
+    segment_pace_error: float = _of_travel("1", "mean of |t·v/(L/10) − 1| over ten segments", Travel.segment_pace_error)
     mean_pace_m_s: float = _of_travel("m/s", "mean speed along the path", Travel.mean_pace)
     mean_speed_m_s: float = _of_record("m/s", "time average of the tip's speed", lambda e: e.mean(e.speed))
     mean_acceleration_m_s2: float = _of_record("m/s²", "time average", lambda e: e.mean_of(e.acceleration))
@@ -102,19 +98,18 @@ class Score:
         "1", "−ln of the dimensionless jerk; larger is smoother", Recorded.smoothness, low=None, high=0.0
     )
     path_length_m: float = _of_record("m", "way of the tip", Recorded.way)
-    completed: bool = _of_travel("1", "the end of the path was reached", Travel.completed, mean=True, high=1.0)
+    completed: bool = _of_travel("1", "the end of the path was reached", Travel.completed, high=1.0)
     duration_s: float = _of_travel("s", "length of the episode", lambda e: e.end)
     effort: float = _of_record("1", "mean of (V/V_max)² over time and clutches", Recorded.effort, high=1.0)
     dissipated_j: float = _of_record("J", "energy taken by the clutches", lambda e: e.total("dissipated"))
     hand_work_j: float = _of_record("J", "work of the hand", lambda e: e.total("hand_work"), low=None)
     saturated: float = _of_record(
-        "1", "fraction of the time with a clutch at its largest voltage", Recorded.saturated, mean=True, high=1.0
+        "1", "fraction of the time with a clutch at its largest voltage", Recorded.saturated, high=1.0
     )
     stuck: float = _of_record(
         "1",
         "fraction of the time at zero degrees of freedom",
         lambda e: e.mean(column(e.steps, "mode") == ClutchMode.ZERO_DOF),
-        mean=True,
         high=1.0,
     )
 

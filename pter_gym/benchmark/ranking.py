@@ -1,4 +1,4 @@
-"""Where ranks are decided: policies by path error, if they arrive and keep the pace."""
+"""Where ranks are decided: policies by mean path error, if they arrive and keep the pace, those that get lost last."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -6,21 +6,25 @@ from typing import Any
 
 from pter_gym.benchmark._runs import Planning, ScenarioRun, join_seeds, without_copies
 from pter_gym.benchmark.episodes import DERIVED
-from pter_gym.benchmark.metrics import METRICS
+from pter_gym.benchmark.metrics import Scores
 from pter_gym.benchmark.statistics import (
     Array,
     Interval,
+    Strata,
     bootstrap_interval,
     difference_interval,
-    interquartile_mean,
-    mean,
     probability_of_improvement,
     unpaired_interval,
+    worst_twentieth,
 )
 from pter_gym.scenarios import PACES
 
 COMPLETION = 0.99
 """Smallest fraction of completed episodes of a policy with a rank."""
+
+LOST = 0.05
+"""Path error [m] of the worst twentieth of the episodes from which on a policy ranks behind those with less. If it is
+off by as much in one of twenty episodes, or more, it stands below all that never are."""
 
 PACE_ERROR = 0.15
 """Largest pace errors of a policy with a rank, as means over the episodes."""
@@ -44,7 +48,7 @@ class Standing:
     reason
         Why it has no rank, in words.
     scores
-        Of all episodes together, under the names of ``Score``.
+        Of all episodes together, as ``summarise`` returns them.
     difference
         Path error less that of the best policy [m], in pairs where they ride the same episodes; None without a best
         one.
@@ -63,6 +67,11 @@ class Standing:
     difference: Interval | None = None
     probability: Interval | None = None
     planning: Planning | None = None
+
+    @property
+    def lost(self) -> bool:
+        """Whether it is so far off in the worst twentieth of the episodes that it ranks behind those that are not."""
+        return self.scores["worst_path_error_m"].value >= LOST
 
     @property
     def privileged(self) -> bool:
@@ -91,7 +100,8 @@ class Standing:
 def find_standings(runs: Sequence[ScenarioRun]) -> tuple[Standing, ...]:
     """Rank runs on one set of episodes at one pace, the best first; a policy's training seeds count as one.
 
-    A policy shares the rank of the one that leads it, unless the interval of their difference leaves out 0.
+    A policy shares the rank of the one that leads it, unless the interval of their difference leaves out 0, or only
+    one of them is ``lost``.
     """
     seeds: dict[str, list[ScenarioRun]] = {}
     for run in without_copies(runs)[0]:
@@ -99,17 +109,24 @@ def find_standings(runs: Sequence[ScenarioRun]) -> tuple[Standing, ...]:
     judged = sorted(((_judge(run), run) for run in map(join_seeds, seeds.values())), key=_place)
     first, best = judged[0]
     standings: list[Standing] = []
-    leader, rank = best, 1
+    leader, rank = judged[0], 1
     for place, (standing, run) in enumerate(judged):
         against = {} if first.reason or run is best else _against(run, best)
-        if not standing.reason and not _holds_zero(_difference(run, leader)):
-            leader, rank = run, place + 1
+        apart = standing.lost != leader[0].lost or not _holds_zero(_difference(run, leader[1]))
+        if apart and not standing.reason:
+            leader, rank = (standing, run), place + 1
         standings.append(replace(standing, rank=None if standing.reason else rank, **against))
     return tuple(standings)
 
 
 def _holds_zero(interval: Interval) -> bool:
     return interval.low <= 0.0 <= interval.high
+
+
+def summarise(scores: Scores, strata: Strata = None) -> dict[str, Interval]:
+    """Return the mean of each score over the episodes, and ``worst_path_error_m``, that of the worst twentieth."""
+    means = {name: bootstrap_interval(values, strata=strata) for name, values in scores.items()}
+    return {**means, "worst_path_error_m": bootstrap_interval(scores["path_error_m"], worst_twentieth, strata=strata)}
 
 
 def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
@@ -132,19 +149,16 @@ def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
 
 def _judge(run: ScenarioRun) -> Standing:
     """Return what a policy scored, and why it has no rank if it has none; the rank comes later."""
-    scores = {
-        name: bootstrap_interval(run.scores[name], mean if metric.mean else interquartile_mean, strata=run.strata)
-        for name, metric in METRICS.items()
-    }
+    scores = summarise(run.scores, run.strata)
     at = run.conditions
     privileged = PRIVILEGED if run.planning and run.planning.privileged else None
     reasons = [reason for reason in (privileged, reason_below(scores, PACES[at.pace])) if reason]
     return Standing(at.policy, at.identity, None, "; ".join(reasons) or None, scores, planning=run.planning)
 
 
-def _place(judged: tuple[Standing, ScenarioRun]) -> tuple[bool, float, str]:
+def _place(judged: tuple[Standing, ScenarioRun]) -> tuple[bool, bool, float, str]:
     standing, _ = judged
-    return standing.reason is not None, standing.scores["path_error_m"].value, standing.policy
+    return standing.reason is not None, standing.lost, standing.scores["path_error_m"].value, standing.policy
 
 
 def _against(run: ScenarioRun, best: ScenarioRun) -> dict[str, Interval]:

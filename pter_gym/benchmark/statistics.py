@@ -1,13 +1,15 @@
-"""What many episodes say together: interquartile means, bootstrap intervals, profiles, and comparisons of two policies.
+"""What many episodes say together: means, bootstrap intervals, profiles, and comparisons of two policies.
 
-The measures are those of Agarwal, Schwarzer, Castro, Courville and Bellemare, "Deep reinforcement learning at the edge
-of the statistical precipice", NeurIPS 2021. Here two policies meet the same episodes, so they are compared in pairs.
+Intervals, profiles and comparisons are those of Agarwal, Schwarzer, Castro, Courville and Bellemare, "Deep
+reinforcement learning at the edge of the statistical precipice", NeurIPS 2021. Here two policies meet the same
+episodes, so they are compared in pairs.
 
 All intervals are stratified percentile bootstraps: ``strata`` holds one label per episode, and episodes are drawn again
 within their stratum; by default there is one. Training seeds are a further stratum: label each value by both, as in
 ``strata=[(stratum, seed), …]``. A ``Statistic`` goes from values (…, N) to (…).
 """
 
+import math
 from collections.abc import Callable, Hashable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
@@ -38,30 +40,35 @@ class Interval(NamedTuple):
     high: float
 
 
-def interquartile_mean(values: ArrayLike) -> Array:
-    """Return the mean of the middle half, over the last axis: ⌊n/4⌋ values are left out at each end."""
-    ordered = np.sort(np.asarray(values, np.float64), axis=-1)
-    cut = ordered.shape[-1] // 4
-    return ordered[..., cut : ordered.shape[-1] - cut].mean(axis=-1)
-
-
 def mean(values: ArrayLike) -> Array:
     """Return the mean over the last axis."""
     return np.asarray(values, np.float64).mean(axis=-1)
 
 
-def bootstrap_interval(
-    values: ArrayLike, statistic: Statistic = interquartile_mean, *, strata: Strata = None
-) -> Interval:
+def worst_twentieth(values: ArrayLike) -> Array:
+    """Return the mean of the largest twentieth, over the last axis: of ⌈n/20⌉ values."""
+    ordered = np.sort(np.asarray(values, np.float64), axis=-1)
+    return ordered[..., -math.ceil(ordered.shape[-1] / 20) :].mean(axis=-1)
+
+
+def interquartile_mean(values: ArrayLike) -> Array:
+    """Return the mean of the middle half, over the last axis: ⌊n/4⌋ values are left out at each end.
+
+    Searches on training draws make it small. Ranks do not use it, since it does not see the worst quarter.
+    """
+    ordered = np.sort(np.asarray(values, np.float64), axis=-1)
+    cut = ordered.shape[-1] // 4
+    return ordered[..., cut : ordered.shape[-1] - cut].mean(axis=-1)
+
+
+def bootstrap_interval(values: ArrayLike, statistic: Statistic = mean, *, strata: Strata = None) -> Interval:
     """Return a statistic of episodes, shape (N,), with its interval."""
     values = np.asarray(values, np.float64)
     chosen = resample(len(values), strata)
     return _interval(statistic(values), statistic(values[chosen]))
 
 
-def difference_interval(
-    a: ArrayLike, b: ArrayLike, statistic: Statistic = interquartile_mean, *, strata: Strata = None
-) -> Interval:
+def difference_interval(a: ArrayLike, b: ArrayLike, statistic: Statistic = mean, *, strata: Strata = None) -> Interval:
     """Return statistic(a) − statistic(b) of two policies on the same episodes, shape (N,) each."""
     a, b = _paired(a, b)
     chosen = resample(len(a), strata)
@@ -69,7 +76,7 @@ def difference_interval(
 
 
 def unpaired_interval(
-    a: ArrayLike, b: ArrayLike, statistic: Statistic = interquartile_mean, *, strata: Pair = (None, None)
+    a: ArrayLike, b: ArrayLike, statistic: Statistic = mean, *, strata: Pair = (None, None)
 ) -> Interval:
     """Return statistic(a) − statistic(b) on different episodes, shapes (N,) and (M,), each drawn by itself.
 
@@ -83,7 +90,7 @@ def unpaired_interval(
 def probability_of_improvement(a: ArrayLike, b: ArrayLike, *, strata: Strata = None) -> Interval:
     """Return the fraction of episodes in which a's error is smaller than b's, shape (N,) each; ties count half."""
     a, b = _paired(a, b)
-    return bootstrap_interval(0.5 * ((a < b).astype(np.float64) + (a <= b)), mean, strata=strata)
+    return bootstrap_interval(0.5 * ((a < b).astype(np.float64) + (a <= b)), strata=strata)
 
 
 class Profile(NamedTuple):

@@ -5,6 +5,7 @@ An attack takes an honest policy to one that makes something of a hole; a furthe
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -15,11 +16,13 @@ from numpy.typing import NDArray
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark._measures import SEGMENTS
-from pter_gym.benchmark._recorded import Recorded
-from pter_gym.benchmark.metrics import METRICS, Scores, score_episodes
-from pter_gym.benchmark.ranking import reason_below
+from pter_gym.benchmark._recorded import Recorded, pace_factor
+from pter_gym.benchmark._runs import Conditions, ScenarioRun
+from pter_gym.benchmark.leaderboard import rank
+from pter_gym.benchmark.metrics import Scores, score_episodes
+from pter_gym.benchmark.ranking import reason_below, summarise
 from pter_gym.benchmark.simulation import run, time_limit
-from pter_gym.benchmark.statistics import Interval, difference_interval, interquartile_mean, mean
+from pter_gym.benchmark.statistics import difference_interval
 from pter_gym.controllers import BoundPolicy, bind
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
@@ -173,6 +176,7 @@ def worst(self: Changed, obs: Observations) -> NDArray[np.bool_]:
 
 ATTACKS: dict[str, Attack] = {
     "lingers in the first tenth": rides(within(0, 0.3)),
+    "rides the first tenth at 0.8": rides(within(0, 0.8)),
     **{f"rides at {pace}": rides(lambda _, __, pace=pace: pace) for pace in (0.88, 0.95, 1.05)},
     "lingers where it is hard": rides(within(SEGMENTS, 0.4)),
     "rushes where it is hard": rides(within(SEGMENTS, 1.5)),
@@ -242,17 +246,18 @@ class Course:
         """Return the path errors of an attack and of the honest policy.
 
         Where the honest one is more than 5 % off the pace and the attack is not so far, the attack rides better and not
-        only looks so: such a segment counts as that of the honest policy, if it is better.
+        only looks so: such a segment counts as that of the honest policy, if it is better. And what the honest one pays
+        for riding fast is no gain of the attack.
         """
         mine, other = self.recorded(rows), self.recorded(honest)
         off, others_off = (np.abs(each.relative_times - 1.0) for each in (mine, other))
-        errors, others = mine.segment_errors(), other.segment_errors()
+        errors = mine.segment_errors()
+        others = other.segment_errors() / pace_factor(np.minimum(other.relative_times, 1.0))
         rides_better = (others_off > 0.05) & (off < others_off)
         return np.where(rides_better, np.maximum(errors, others), errors).mean(axis=0), others.mean(axis=0)
 
     def ranked(self, scores: Scores) -> bool:
-        means = {name: float((mean if METRICS[name].mean else interquartile_mean)(scores[name])) for name in scores}
-        return reason_below({name: Interval(*3 * [value]) for name, value in means.items()}, self.pace) is None
+        return reason_below(summarise(scores), self.pace) is None
 
 
 @pytest.mark.parametrize(("scenario", "pace", "name"), ATTACKED)
@@ -266,5 +271,31 @@ def test_no_attack_ranks_above_the_honest_policy(scenario: str, pace: str, name:
         telemetry = course.telemetry(ATTACKS[attack](attacked))
         errors, honest = course.path_errors(telemetry, rows)
         if course.ranked(score_episodes(telemetry, course.tasks)) and difference_interval(errors, honest).high < 0.0:
-            gains[attack] = interquartile_mean(errors) / interquartile_mean(honest)
+            gains[attack] = errors.mean() / honest.mean()
     assert gains == {}, "path error over that of the honest policy"
+
+
+TAILS = {"100 mm off in 23": (0.1, 23), "100 mm off in 5": (0.1, 5), "200 mm off in 5": (0.2, 5)}
+"""How far beside the path `residual` is made to ride, and in how many of a hundred episodes."""
+
+
+def test_who_leaves_the_path_in_some_episodes_stands_below_who_never_does() -> None:
+    course = Course("standard", "brisk", 100)
+    bound = {
+        name: bind(find_policy(name, scenario="standard"), BASELINE, course.batch.layout)
+        for name in ("residual", "single-dof-tuned", "velocity-ratio-tuned")
+    }
+    found = {name: score_episodes(course.telemetry(policy), course.tasks) for name, policy in bound.items()}
+    honest = Attacked(bound["residual"], 1, np.zeros(100, np.bool_))
+    for name, (error, count) in TAILS.items():
+
+        def aside(self: Changed, obs: Observations, error: float = error, count: int = count) -> Array:
+            return np.where((np.arange(len(obs)) < count) & ~beyond(0.8)(self, obs), error, 0.0)
+
+        found[name] = score_episodes(course.telemetry(tells(error=aside)(honest)), course.tasks)
+    at = Conditions("standard", "brisk", "", 0, 100, "", None, "", "")
+    runs = [ScenarioRun(replace(at, policy=name), ("line",) * 100, scores, ()) for name, scores in found.items()]
+    standings = {standing.policy: standing for standing in rank(runs).standings}
+    assert [standings[name].rank for name in bound] == [1, 2, 3]
+    assert all(scores["completed"].all() for scores in found.values())
+    assert min(standings[name].rank or 9 for name in TAILS) > 3

@@ -34,7 +34,8 @@ def test_constant_error_at_constant_speed() -> None:
     rows[-1, TELEMETRY.index("is_success")] = 1.0
     found = score(rows, replace(TASK, pace=LENGTH / (steps * PERIOD)))
     expected = {
-        **dict.fromkeys(("path_error_m", "path_average_error_m", "mean_error_m"), 0.02),
+        **dict.fromkeys(("path_error_m", "later_path_error_m", "mean_error_m"), 0.02),
+        **dict.fromkeys(("rms_error_m", "path_average_error_m"), 0.02),
         "mean_speed_m_s": 0.5,
         "path_length_m": LENGTH,
         "duration_s": 0.98,
@@ -119,6 +120,25 @@ def test_who_waits_on_the_path_gains_nothing(at: int, steps: int, seed: int) -> 
 def test_what_is_not_finished_counts_as_the_bound_for_all_the_time_that_it_took() -> None:
     found = score(travel(np.minimum(0.5 * PERIOD * np.arange(141), 0.5)), METRE)
     assert found.path_error_m == pytest.approx(0.25 * (2.0**2 + 4.0) / 10)
+
+
+def test_an_episode_counts_as_lost_once_however_long_it_is_stuck() -> None:
+    """At the start, half-way, and further off than the workspace reaches."""
+    errors = np.where(np.arange(1400) == 100, 0.3, 0.0)
+    for end, error, lost in ((0.0, 0.0, 0.25), (0.5, 0.0, 0.25), (0.5, errors, 0.3)):
+        found = score(travel(np.minimum(0.5 * PERIOD * np.arange(1400), end), normal_error=error), METRE)
+        assert (found.path_error_m, found.later_path_error_m) == (lost, lost)
+
+
+def test_an_error_in_the_first_tenth_is_left_out_and_squares_count() -> None:
+    """0.1 m off in the first tenth, half of that in the last."""
+    s = np.linspace(0.0, 1.0, 201)
+    found = score(travel(s, normal_error=np.where(s <= 0.1, 0.1, np.where(s > 0.9, 0.05, 0.0))), METRE)
+    assert found.path_error_m == pytest.approx(0.015)
+    assert found.later_path_error_m == pytest.approx(0.05 / 9)
+    assert found.rms_error_m == pytest.approx(np.sqrt(0.1 * 0.1**2 + 0.1 * 0.05**2))
+    half = score(travel(np.linspace(0.0, 0.5, 101), normal_error=0.1), METRE)
+    assert half.rms_error_m == pytest.approx(np.sqrt(0.5 * 0.1**2 + 0.5 * 0.25**2))
 
 
 # --- pace ---
@@ -258,7 +278,8 @@ def wanderings(draw: st.DrawFn) -> Array:
 def test_properties(episodes: list[Array], random: object) -> None:
     found = score_episodes(padded(episodes), [METRE] * len(episodes))
     assert all(np.isfinite(values).all() for values in found.values())
-    assert (found["path_error_m"] >= found["path_average_error_m"] * (1.0 - 1e-12)).all()
+    for larger in ("path_error_m", "rms_error_m"):
+        assert (found[larger] >= found["path_average_error_m"] * (1.0 - 1e-12)).all()
     for name, metric in METRICS.items():
         assert metric.low is None or (found[name] >= metric.low).all(), name
         assert metric.high is None or (found[name] <= metric.high).all(), name

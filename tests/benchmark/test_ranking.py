@@ -1,22 +1,25 @@
 """Which scores decide on ranks, and how the scores of many episodes come into a standing."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from benchmark.handmade import METRE, padded, travel
 from pter_gym.benchmark._runs import Conditions, Planning, ScenarioRun
 from pter_gym.benchmark.leaderboard import COLUMNS, FULL, leaderboards, rank
 from pter_gym.benchmark.metrics import METRICS, SCORES, Scores, score_episodes
-from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, reason_below
-from pter_gym.benchmark.statistics import Interval, interquartile_mean, unpaired_interval
+from pter_gym.benchmark.ranking import COMPLETION, LOST, PACE_ERROR, reason_below
+from pter_gym.benchmark.statistics import Interval, unpaired_interval
 
-MEANS = {"mean_pace_error", "segment_pace_error", "completed", "saturated", "stuck"}
 SHARES = {"completed", "effort", "saturated", "stuck"}
 OF_TRAVEL = {
-    *("path_error_m", "mean_error_m", "path_average_error_m", "mean_pace_error", "segment_pace_error"),
+    *("path_error_m", "later_path_error_m", "rms_error_m", "mean_error_m", "path_average_error_m"),
+    *("mean_pace_error", "segment_pace_error"),
     *("mean_pace_m_s", "completed", "duration_s"),
 }
 
@@ -43,22 +46,23 @@ def test_what_each_score_is() -> None:
     def named(**wanted: object) -> set[str]:
         return {n for n, metric in METRICS.items() if all(getattr(metric, k) == v for k, v in wanted.items())}
 
-    assert named(mean=True) == MEANS
     assert named(from_travel=True) == OF_TRAVEL
     assert named(high=1.0) == SHARES
     assert named(low=None) == {"smoothness", "hand_work_j"}
     assert named(high=0.0) == {"smoothness"}
-    assert METRICS.keys() >= {column.score for column in COLUMNS}
+    assert METRICS.keys() | {"worst_path_error_m"} >= {column.score for column in COLUMNS}
 
 
-def test_a_standing_has_means_of_shares_and_interquartile_means_of_the_rest() -> None:
+def test_a_standing_has_means_and_the_mean_of_the_worst_twentieth() -> None:
     rng = np.random.default_rng(0)
     rides = [travel(np.linspace(0.0, 1.0, n), normal_error=rng.uniform(0.0, 0.1)) for n in rng.integers(150, 260, 40)]
     scores = score_episodes(padded(rides), [METRE] * len(rides))
     (found,) = rank([run_of("mine", scores)]).standings
     for name, values in scores.items():
-        expected = values.mean() if name in MEANS else interquartile_mean(values)
-        assert found.scores[name].value == pytest.approx(float(expected)), name
+        assert found.scores[name].value == pytest.approx(float(values.mean())), name
+    worst = found.scores["worst_path_error_m"]
+    assert worst.value == pytest.approx(np.sort(scores["path_error_m"])[-2:].mean())
+    assert worst.low < worst.value <= worst.high
 
 
 def test_order_is_that_of_the_path_error_with_those_without_a_rank_last() -> None:
@@ -115,6 +119,20 @@ def test_limits_are_inclusive(name: str, limit: float, beyond: float) -> None:
     for value, allowed in ((limit, True), (limit + beyond, False)):
         scores = {key: Interval(x, x, x) for key, x in {**fine, name: value}.items()}
         assert (reason_below(scores, 0.25) is None) == allowed
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.data())
+def test_who_is_lost_in_one_of_twenty_episodes_stands_below_who_never_is(data: st.DataObject) -> None:
+    """However small its mean is, and though they may not differ clearly; lost is off by ``LOST`` or more."""
+    count = data.draw(st.integers(1, 60))
+    lost = data.draw(st.integers(math.ceil(count / 20), count))
+    never, often = np.full(count, np.nextafter(LOST, 0.0)), np.zeros(count)
+    often[:lost] = LOST
+    runs = [with_error(name, 0.0, count) for name in ("often", "never")]
+    for run, errors in zip(runs, (often, never), strict=True):
+        run.scores["path_error_m"] = errors
+    assert ranks(runs) == [("never", 1), ("often", 2)]
 
 
 def test_every_reason_is_given() -> None:

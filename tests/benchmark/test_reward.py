@@ -13,7 +13,6 @@ from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark.metrics import score_episodes
 from pter_gym.benchmark.simulation import run
-from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.controllers import bind
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
@@ -80,7 +79,7 @@ def policies(course: Course) -> dict[str, Any]:
 def judge(policy: Any, course: Course) -> Judged:
     rows = course.telemetry(policy)
     scores = score_episodes(rows, course.tasks)
-    error = float(interquartile_mean(scores["path_error_m"]))
+    error = float(scores["path_error_m"].mean())
     return Judged(error, course.ranked(scores), tuple(returns(rows, discount) for discount in DISCOUNTS))
 
 

@@ -8,6 +8,7 @@ from scipy import stats
 
 from pter_gym.benchmark.statistics import (
     SEED,
+    Statistic,
     bootstrap_interval,
     difference_interval,
     interquartile_mean,
@@ -16,6 +17,7 @@ from pter_gym.benchmark.statistics import (
     probability_of_improvement,
     resample,
     unpaired_interval,
+    worst_twentieth,
 )
 
 VALUES = np.random.default_rng(3).gamma(2.0, 0.02, 200)
@@ -29,25 +31,32 @@ def test_interquartile_mean_is_scipys_trimmed_mean(values: list[float]) -> None:
     assert interquartile_mean(values) == pytest.approx(stats.trim_mean(values, 0.25), rel=1e-12, abs=1e-9)
 
 
-def test_interval_is_scipys() -> None:
-    ours = bootstrap_interval(VALUES)
+@pytest.mark.parametrize(("count", "expected"), [(1, 0.0), (20, 19.0), (21, 19.5), (40, 38.5), (199, 193.5)])
+def test_worst_twentieth_is_a_mean_of_the_largest(count: int, expected: float) -> None:
+    values = np.random.default_rng(0).permutation(float(count) * np.arange(count)) / count
+    assert worst_twentieth([values, 2.0 * values]) == pytest.approx([expected, 2.0 * expected])
+
+
+@pytest.mark.parametrize("statistic", [mean, interquartile_mean])
+def test_interval_is_scipys(statistic: Statistic) -> None:
+    ours = bootstrap_interval(VALUES, statistic)
     theirs = stats.bootstrap(
-        (VALUES,), interquartile_mean, n_resamples=20_000, method="percentile", rng=np.random.default_rng(1)
+        (VALUES,), statistic, n_resamples=20_000, method="percentile", rng=np.random.default_rng(1)
     ).confidence_interval
     width = theirs.high - theirs.low
-    assert ours.value == interquartile_mean(VALUES)
+    assert ours.value == statistic(VALUES)
     assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=0.05 * width)
 
 
 def test_intervals_are_percentiles_of_seeded_samples() -> None:
     means = VALUES[resample(200, STRATA)].mean(axis=-1)
     assert len(means) == 2000
-    found = bootstrap_interval(VALUES, mean, strata=STRATA)
+    found = bootstrap_interval(VALUES, strata=STRATA)
     assert (found.low, found.high) == pytest.approx(tuple(np.percentile(means, (2.5, 97.5))), rel=1e-12)
     a, b = np.arange(7.0), np.arange(9.0) ** 2
     samples = mean(a[resample(7, None)]) - mean(b[resample(9, None, seed=SEED + 1)])
     expected = (a.mean() - b.mean(), *np.percentile(samples, (2.5, 97.5)))
-    assert unpaired_interval(a, b, mean) == pytest.approx(expected)
+    assert unpaired_interval(a, b) == pytest.approx(expected)
 
 
 def test_intervals_cover_as_often_as_they_say() -> None:
@@ -63,12 +72,12 @@ def test_intervals_cover_as_often_as_they_say() -> None:
 def test_strata_are_drawn_among_themselves() -> None:
     chosen, labels = resample(200, STRATA, resamples=50), np.array(STRATA)
     assert (labels[chosen] == labels).all()
-    assert bootstrap_interval(BETWEEN, mean, strata=STRATA) == (25.0, 25.0, 25.0)
-    assert bootstrap_interval(BETWEEN, mean).high > 25.0
+    assert bootstrap_interval(BETWEEN, strata=STRATA) == (25.0, 25.0, 25.0)
+    assert bootstrap_interval(BETWEEN).high > 25.0
     seeds = [seed for seed in range(5) for _ in range(40)]
-    assert bootstrap_interval(seeds, mean, strata=list(zip(STRATA, seeds, strict=True))) == (2.0, 2.0, 2.0)
-    assert unpaired_interval(BETWEEN, BETWEEN[:100], mean, strata=(STRATA, STRATA[:100])) == (0.0, 0.0, 0.0)
-    assert unpaired_interval(BETWEEN, BETWEEN[:100], mean, strata=(STRATA, None)).high > 0.0
+    assert bootstrap_interval(seeds, strata=list(zip(STRATA, seeds, strict=True))) == (2.0, 2.0, 2.0)
+    assert unpaired_interval(BETWEEN, BETWEEN[:100], strata=(STRATA, STRATA[:100])) == (0.0, 0.0, 0.0)
+    assert unpaired_interval(BETWEEN, BETWEEN[:100], strata=(STRATA, None)).high > 0.0
     assert difference_interval(VALUES + 0.01, VALUES) == pytest.approx((0.01, 0.01, 0.01))
 
 
@@ -86,7 +95,7 @@ def test_profile() -> None:
     thresholds = [0.0, 0.25, 0.5, 1.0]
     found = performance_profile(errors, thresholds)
     for k, threshold in enumerate(thresholds):
-        expected = bootstrap_interval(errors <= threshold, mean)
+        expected = bootstrap_interval(errors <= threshold)
         assert (found.fraction[k], found.low[k], found.high[k]) == pytest.approx(expected, abs=1e-12)
 
 

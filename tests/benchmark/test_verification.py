@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pter_gym._commands import main as cli
-from pter_gym.benchmark import PerSeed, ResultsFolder, Verdict, run_scenario, verify
+from pter_gym.benchmark import PerSeed, ResultsFolder, Verdict, _results, _run_files, _runs, run_scenario, verify
 from pter_gym.benchmark import _verification as verification_module
 from pter_gym.benchmark._run_files import HASH, file_hash
 from pter_gym.benchmark._verification import SAME
@@ -125,12 +125,21 @@ def test_what_cannot_be_run_again_is_told(folder: ResultsFolder) -> None:
     }
 
 
+def test_a_folder_of_an_older_score_is_told_as_one(folder: ResultsFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    digest = _runs.code_digest()[:12]
+    for module in (_runs, _run_files, _results):
+        monkeypatch.setattr(module, "code_digest", lambda: "f" * 64)
+    found = bad(verify(folder, POLICIES))
+    files = {path.name for path in folder.path.rglob("*.json")}
+    assert found == dict.fromkeys(files, f"it is of an older score, or of other code: {digest} instead of {'f' * 12}")
+
+
 def test_a_summary_that_is_edited_is_found(folder: ResultsFolder) -> None:
     content = json.loads(folder.summary.read_text())
     content["leaderboards"][0]["policies"].popitem()
     for damage, finding in (
         (json.dumps(content), "differs from what the runs give: leaderboards"),
-        ("[]", "differs from what the runs give: bootstrap"),
+        ("[]", "it is of an older score, or of other code: unknown instead of"),
         ("{", "it cannot be read"),
     ):
         folder.summary.write_text(damage)

@@ -1,9 +1,11 @@
 """Tables of the pages: what the code declares is up to date, and results become the cells that they should."""
 
+import itertools
 import re
 from pathlib import Path
 from typing import get_args
 
+import boards
 import declared
 import fill
 import pages
@@ -11,6 +13,7 @@ import pytest
 
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.params import BASELINE
+from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tasks.path_following import Sensors, observation_layout
 
 
@@ -29,6 +32,34 @@ def test_a_table_says_what_the_code_declares(table: fill.Table) -> None:
 @pytest.mark.parametrize("table", [table for each in fill.OF_FOLDER.values() for table in each])
 def test_a_page_has_the_table(table: fill.Table) -> None:
     assert pages.read_block(pages.ROOT / table.page, table.name)
+
+
+def test_who_is_first_depends_on_the_error_and_only_ranks_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def scored(rank: int | None, **errors: float) -> dict[str, object]:
+        every = dict.fromkeys(("path_error_m", *boards.ERRORS.values()), 0.02) | errors
+        return {"rank": rank, **{name: {"value": value} for name, value in every.items()}}
+
+    policies = {
+        "a": scored(1, path_error_m=0.01),
+        "b": scored(2, rms_error_m=0.01),
+        "c": scored(None, path_error_m=0.0),
+    }
+    found = [
+        {
+            "scenario": scenario,
+            "pace": pace,
+            "fresh": 1,
+            "episodes": 200,
+            "policies": policies if pace != "slow" else {},
+        }
+        for scenario, pace in itertools.product(SCENARIOS, PACES)
+    ]
+    monkeypatch.setattr(boards, "summary", lambda _: {"leaderboards": found})
+    rows = [re.findall(r"[`–]\w*`?(?:\xa0[\d.]+)?", line) for line in boards.first_by(tmp_path).splitlines()[2:]]
+    assert len(rows) == len(found)
+    assert [row[1:] for row in rows[:2]] == [5 * ["–"], ["`a`\xa010.0", *3 * ["`a`\xa020.0"], "`b`\xa010.0"]]
 
 
 def test_the_docstring_of_the_environment_names_every_entry_of_the_observation() -> None:

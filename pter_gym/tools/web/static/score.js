@@ -35,7 +35,7 @@ export function score(rows, task, rules) {
     return Math.max(overTime, overWay) * paceFactor(ratio, price);
   });
   return {
-    path_error_m: mean(segmentErrors),
+    path_error_m: Math.min(mean(segmentErrors), worst),
     mean_pace_error: paceError(mean(ratios), finished.at(-1)),
     segment_pace_error: mean(ratios.map((ratio, k) => paceError(ratio, finished[k]))),
     completed: rows.slice(1).some((row) => row.is_success === 1),
