@@ -40,7 +40,7 @@ def test_an_unfinished_stretch_has_at_least_the_error_of_one_that_was_not_begun(
 
 
 def test_smoothness_by_hand():
-    period, jump = 0.5, 3.0
+    period, jump = 0.4, 3.0
     speed = np.array([[7.0], [0.25], [0.5], [9.0]])
     acceleration = np.array([[[20.0, 0.0]], [[0.0, 0.0]], [[jump, jump]], [[50.0, 0.0]]])
     counted = np.array([[False], [True], [True], [False]])
