@@ -25,7 +25,7 @@ OF_ALL_TOOLS = "tests/meta/test_docs.py"
 
 def without(tools: list[str], folder: Path) -> Path:
     """Copy the checkout to a folder without some tools."""
-    skipped = shutil.ignore_patterns(".*", "__pycache__", "_build", "images", "pter-*", "*.egg-info")
+    skipped = shutil.ignore_patterns(".*", "__pycache__", "_build", "pter-*", "*.egg-info")
     for name in ("pter_gym", "agents", "tests", "docs", "notebooks"):
         shutil.copytree(ROOT / name, folder / name, ignore=skipped)
     for path in (*ROOT.glob("*.md"), *ROOT.glob("*.toml"), *ROOT.glob("*.txt"), ROOT / "CITATION.cff"):
