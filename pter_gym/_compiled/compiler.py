@@ -31,9 +31,8 @@ WITHOUT_ARRAYS: Any = {**_INLINED, **_WITHOUT_WRAPPERS, "_nrt": False}
 _KERNEL: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": pipeline.Kernel}
 
 _NUMBA: Any = config
-_NUMBA._config_fname = (
-    ""  # numba would read from the present folder, say, where to find code; anybody may have filled that
-)
+# numba reads a file of settings from the present folder, which may be somebody else's: where to keep code, for instance
+_NUMBA._config_fname = ""
 _NUMBA.reload_config()
 
 

@@ -1,8 +1,8 @@
 """What many episodes say together: means, bootstrap intervals, profiles, and comparisons of two policies.
 
 Intervals, profiles and comparisons are those of Agarwal, Schwarzer, Castro, Courville and Bellemare, "Deep
-reinforcement learning at the edge of the statistical precipice", NeurIPS 2021. Here two policies meet the same
-episodes, so they are compared in pairs.
+reinforcement learning at the edge of the statistical precipice", NeurIPS 2021. Where two policies ride the same
+episodes, they are compared in pairs.
 
 All intervals are stratified percentile bootstraps: ``strata`` holds one label per episode, and episodes are drawn again
 within their stratum; by default there is one. Training seeds are a further stratum: label each value by both, as in
