@@ -144,6 +144,7 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     outcome = Outcome(
         at=at,
         advance=w[ROW.advance, i],
+        reached=w[ROW.reached, i],
         path_length=length,
         pace=pace,
         pace_ratio=w[ROW.pace_ratio, i],

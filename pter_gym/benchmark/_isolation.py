@@ -196,7 +196,12 @@ class Isolated(BoundPolicy):
         return PolicyError(f"policy {self.name!r} {why}")
 
 
-START = "import sys; sys.path[:] = sys.argv[3:-1]; from pter_gym.benchmark._serving import main; main()"
+START = """
+import sys
+descriptor, name, *sys.path[:], folder = sys.argv[1:]
+from pter_gym.benchmark._serving import main
+main(int(descriptor), name, folder)
+"""
 """What its process runs: the present folder, the last argument, joins the path when the policy is looked up."""
 
 

@@ -20,12 +20,14 @@ LONGEST = 4000
 
 
 class Host:
-    """A policy, and what it is bound to."""
+    """A policy by its name, and what it is bound to."""
 
-    def find(self) -> bytes:
-        """Find the policy, also in the folder that is the last argument, and return the sensors that it needs."""
-        self.name = sys.argv[2]
-        sys.path.append(sys.argv[-1])
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def find(self, folder: str) -> bytes:
+        """Find the policy, also among the modules of a folder, and return the sensors that it needs."""
+        sys.path.append(folder)
         self.policy = find_policy(self.name)
         return json.dumps(sensors_of(self.policy)).encode()
 
@@ -74,11 +76,11 @@ def _fault(error: str, message: str) -> bytes:
     return json.dumps([error, message[:LONGEST].encode("utf-8", "backslashreplace").decode()]).encode()
 
 
-def main() -> None:
-    """Find the policy that the second argument names and answer messages through the first until there are no more."""
-    host = Host()
-    with socket.socket(fileno=int(sys.argv[1])) as own, own.makefile("rwb") as stream:
-        stream.write(packed(host.find))
+def main(descriptor: int, name: str, folder: str) -> None:
+    """Find a policy, also among the modules of a folder, and answer messages through a socket until there are none."""
+    host = Host(name)
+    with socket.socket(fileno=descriptor) as own, own.makefile("rwb") as stream:
+        stream.write(packed(host.find, folder))
         stream.flush()
         while len(data := stream.read(HEADER.size)) == HEADER.size:
             kind, size = HEADER.unpack(data)

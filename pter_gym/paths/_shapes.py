@@ -133,7 +133,7 @@ class Sine(Path):
                 axis * complex(1.0, self.amplitude * wave * math.cos(angle)),
             )
 
-        return _fitted(self, curve, np.linspace(0.0, self.extent, max(2, math.ceil(4.0 * self.periods) + 1)).tolist())
+        return _fitted(self, curve, np.linspace(0.0, self.extent, math.ceil(4.0 * self.periods) + 1).tolist())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -176,7 +176,7 @@ def worst(self: Changed, obs: Observations) -> NDArray[np.bool_]:
 
 ATTACKS: dict[str, Attack] = {
     "lingers in the first tenth": rides(within(0, 0.3)),
-    "rides the first tenth at 0.8": rides(within(0, 0.8)),
+    **{f"rides the first tenth at {pace}": rides(within(0, pace)) for pace in (0.7, 0.8, 0.9)},
     **{f"rides at {pace}": rides(lambda _, __, pace=pace: pace) for pace in (0.88, 0.95, 1.05)},
     "lingers where it is hard": rides(within(SEGMENTS, 0.4)),
     "rushes where it is hard": rides(within(SEGMENTS, 1.5)),

@@ -150,7 +150,7 @@ NEAR = PathFollowing(truncation_error=0.1)
 
 def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
     free = np.zeros(4)
-    for reward in (RewardWeights(), RewardWeights(failure=1000.0)):
+    for reward in (RewardWeights(), RewardWeights(failure=0.0)):
         near: Any = gymnasium.make("PTER/PathFollowing-v0", task=replace(NEAR, reward=reward)).unwrapped
         wide: Any = gymnasium.make("PTER/PathFollowing-v0", task=PathFollowing(reward=reward)).unwrapped
         near.reset(seed=0), wide.reset(seed=0)

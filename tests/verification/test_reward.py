@@ -17,6 +17,7 @@ from pter_gym.tasks.path_following._reward import (
     PACE_WINDOW,
     PERFECT,
     PRECISION_WIDTH,
+    REST,
     RewardWeights,
 )
 
@@ -38,7 +39,7 @@ def expected(rows: np.ndarray, task: PathFollowing) -> dict[str, list[float]]:
         distance = abs(after[COLUMN.normal_error])
         terms["tracking"].append(weight.tracking * new * share * math.exp(-distance / ERROR_WIDTH))
         terms["precision"].append(weight.precision * new * share * math.exp(-distance / PRECISION_WIDTH))
-        off = 1.0 - max(mean, 0.0) if mean < 1.0 else min(mean, FASTEST) - 1.0
+        off = REST * (1.0 - max(mean, 0.0)) if mean < 1.0 else min(mean, FASTEST) - 1.0
         terms["pace"].append(-weight.pace * off * PERIOD * pace / length)
     return terms
 
@@ -70,6 +71,6 @@ def test_who_waits_at_the_start_pays_from_the_end_of_the_allowance_on() -> None:
     costs = [batch.step(np.full((1, 4), 24.0)).telemetry[0, 0, cost] for _ in range(40)]
     excused = math.floor((ALLOWANCE + 0.01 * task.path.length / task.pace) / PERIOD)
     assert costs[:excused] == excused * [0.0]
-    standstill = -0.1 * PERFECT * PERIOD * task.pace / task.path.length
+    standstill = -0.1 * PERFECT * REST * PERIOD * task.pace / task.path.length
     mean = np.exp(-PERIOD / PACE_WINDOW * np.arange(1, 1 + 40 - excused))
     np.testing.assert_allclose(costs[excused:], standstill * (1.0 - mean), rtol=1e-9)

@@ -218,7 +218,7 @@ def test_the_strongest_force_that_a_hand_can_have(hand: Any, force: float):
 def test_what_a_pace_earns_and_costs():
     ratios = (-1.0, 0.0, 0.5, 1.0, 2.0, 60.0)
     assert [pace_share(ratio) for ratio in ratios] == pytest.approx([0.0, 0.0, 0.125, 1.0, 1 / 16, 60.0**-4])
-    assert [pace_cost(ratio) for ratio in ratios] == [1.0, 1.0, 0.5, 0.0, 1.0, 49.0]
+    assert [pace_cost(ratio) for ratio in ratios] == [5.0, 5.0, 2.5, 0.0, 1.0, 49.0]
 
 
 @pytest.mark.parametrize("failed", [False, True])
@@ -228,6 +228,7 @@ def test_each_term_is_what_its_weight_says(failed: bool):
     seen = Outcome(
         at=at,
         advance=0.2,
+        reached=0.6,
         path_length=0.8,
         pace=0.5,
         pace_ratio=0.5,
@@ -244,10 +245,10 @@ def test_each_term_is_what_its_weight_says(failed: bool):
     expected = none._replace(
         tracking=300.0 * 0.25 * 0.125 * math.exp(-0.03 / 0.06),
         precision=700.0 * 0.25 * 0.125 * math.exp(-0.03 / 0.006),
-        pace=-40.0 * 0.5 * 0.01 * 0.5 / 0.8,
+        pace=-40.0 * 2.5 * 0.01 * 0.5 / 0.8,
         acceleration=-5.0 * 0.01 * 4.0 / 10.0,
         effort=-6.0 * 0.01 * (1.0 + 4.0 + 9.0 + 16.0) / 4.0 / 400.0,
-        failure=-7.0 if failed else 0.0,
+        failure=-7.0 * 0.75 if failed else 0.0,
     )
     assert terms == pytest.approx(expected)
     assert total(terms) == pytest.approx(sum(expected))
@@ -255,7 +256,11 @@ def test_each_term_is_what_its_weight_says(failed: bool):
 
 def test_weights_of_the_reward_as_they_come():
     weights = {name: getattr(RewardWeights(), name) for name in Terms._fields}
-    assert {name: weight for name, weight in weights.items() if weight != 0.0} == {"tracking": 1000.0, "pace": 100.0}
+    assert {name: weight for name, weight in weights.items() if weight != 0.0} == {
+        "tracking": 1000.0,
+        "pace": 100.0,
+        "failure": 1000.0,
+    }
 
 
 def test_the_allowance_is_what_half_of_the_tips_inertia_loses_and_two_time_constants():

@@ -31,6 +31,10 @@ FASTEST = 50.0
 PERFECT = 1000.0
 """What the whole path at the commanded pace and without error pays."""
 
+REST = 5.0
+"""What rest costs over what twice the pace costs: an episode lasts two path times longer than a ride at the commanded
+pace, and who rests so long loses ``PERFECT``, so whoever stops for ever, however late, has earned nothing."""
+
 ACCELERATION_UNIT = 10.0
 
 
@@ -43,6 +47,8 @@ class Outcome(NamedTuple):
         Where the tip is with respect to the path.
     advance
         How far the tip came beyond the largest arc length before [m].
+    reached
+        The largest arc length so far [m].
     path_length
         Of the path [m].
     pace
@@ -61,6 +67,7 @@ class Outcome(NamedTuple):
 
     at: Situation
     advance: float
+    reached: float
     path_length: float
     pace: float
     pace_ratio: float
@@ -111,10 +118,10 @@ def paid(weight: float, seen: Outcome, width: float) -> float:
 
 @device
 def pace_cost(ratio: float) -> float:
-    """Return what a pace costs, from its ratio to the commanded one: its distance from 1."""
+    """Return what a pace costs, from its ratio to the commanded one: its distance from 1, times ``REST`` below."""
     slower = ratio if ratio > 0.0 else 0.0
     faster = ratio if ratio < FASTEST else FASTEST
-    return 1.0 - slower if ratio < 1.0 else faster - 1.0
+    return REST * (1.0 - slower) if ratio < 1.0 else faster - 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +142,7 @@ class RewardWeights:
     )
     pace: float = term(
         "1",
-        "chosen: at rest, for the time that the path takes at the commanded pace",
+        f"chosen: at twice the commanded pace, in one path time; {REST:g} times as much at rest",
         lambda weight, seen, period: -weight * pace_cost(seen.pace_ratio) * seen.pace * period / seen.path_length,
         default=0.1 * PERFECT,
     )
@@ -153,9 +160,9 @@ class RewardWeights:
     )
     failure: float = term(
         "1",
-        "chosen: once, on leaving the workspace or missing the end of the path",
-        lambda weight, seen, period: -weight if seen.failed else 0.0,  # noqa: ARG005
-        default=0.0,
+        "chosen: on leaving the workspace or missing the end of the path, times the part of it that was reached",
+        lambda weight, seen, period: -weight * seen.reached / seen.path_length if seen.failed else 0.0,  # noqa: ARG005
+        default=PERFECT,
     )
 
     def __post_init__(self) -> None:

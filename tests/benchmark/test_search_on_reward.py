@@ -1,0 +1,96 @@
+"""What a search for reward alone finds, by another way than an agent's: it does not out-earn who rides better."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from benchmark.test_attacks import Course
+from benchmark.test_attacks_on_reward import returns
+from benchmark.test_reward import CLEARLY, judge, policies, sight
+from pter_gym._engine.batch import Batch
+from pter_gym.benchmark import PACES
+from pter_gym.benchmark.metrics import score_episodes
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.simulation import run, time_limit
+from pter_gym.params import BASELINE
+from pter_gym.scenarios import find_scenario
+from pter_gym.tasks.path_following import observation_layout
+
+cmaes = pytest.importorskip("cmaes")
+
+CANDIDATES = 2000
+POPULATION = 20
+EPISODES = 8
+"""Training draws on which each candidate rides."""
+
+HIDDEN = 8
+JUDGED = 50
+"""Other training draws, on which the best candidate is compared with the policies."""
+
+Array = NDArray[np.float64]
+ENTRIES = len(observation_layout(BASELINE, "torque"))
+WEIGHTS = (ENTRIES + 1) * HIDDEN + (HIDDEN + 1) * 4
+
+
+class Networks:
+    """Networks of one hidden layer, each for so many worlds in turn; their actions are normalised."""
+
+    def __init__(self, weights: Array, worlds: int) -> None:
+        count = len(weights)
+        first, second = np.split(weights, [(ENTRIES + 1) * HIDDEN], axis=1)
+        self._first = first.reshape(count, ENTRIES + 1, HIDDEN)
+        self._second = second.reshape(count, HIDDEN + 1, 4)
+        self._worlds = worlds
+
+    def __call__(self, obs: NDArray[np.float32]) -> Array:
+        seen = obs[:, :ENTRIES].reshape(len(self._first), self._worlds, ENTRIES)
+        hidden = np.tanh(seen @ self._first[:, :-1] + self._first[:, -1:])
+        action = np.tanh(hidden @ self._second[:, :-1] + self._second[:, -1:])
+        return BASELINE.clutch.voltage_max * (0.5 * (action + 1.0)).reshape(len(obs), 4) ** 2
+
+
+def searched(course: Course, discount: float, seed: int) -> Array:
+    """Return the candidate with the highest return of a search by CMA-ES (Hansen, arXiv 1604.00772)."""
+    draws = find_scenario(course.scenario).randomisation(course.pace, contexts=EPISODES, seed=seed).pairs()
+    machines, tasks = (list(each) * POPULATION for each in zip(*draws, strict=True))
+    batch, limits = Batch(machines, tasks), [time_limit(task) for task in tasks]
+    search = cmaes.CMA(np.zeros(WEIGHTS), 0.3, seed=seed, population_size=POPULATION)
+    best, highest = np.zeros(WEIGHTS), -np.inf
+    for _ in range(CANDIDATES // POPULATION):
+        points = np.array([search.ask() for _ in range(POPULATION)])
+        rows = run(batch, Networks(points, EPISODES), list(range(len(limits))), limits).telemetry
+        found = [returns(part, discount) for part in np.split(rows, POPULATION, axis=1)]
+        search.tell([(point, -value) for point, value in zip(points, found, strict=True)])
+        if max(found) > highest:
+            best, highest = points[np.argmax(found)], max(found)
+    return best
+
+
+def rides_clearly_worse(course: Course, rows: Array, best: float) -> bool:
+    """Tell whether episodes would have no rank if the limits were twice as wide, or have a clearly larger error."""
+    scores = score_episodes(rows, course.tasks)
+    off = max(float(scores[name].mean()) for name in ("mean_pace_error", "segment_pace_error"))
+    missed = 1.0 - float(scores["completed"].mean())
+    error = float(scores["path_error_m"].mean())
+    return off > CLEARLY * PACE_ERROR or missed > CLEARLY * (1.0 - COMPLETION) or error > CLEARLY * best
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("pace", PACES)
+@pytest.mark.parametrize("scenario", ["standard", "tremor", "everything"])
+def test_what_a_search_for_reward_finds_returns_less_than_who_rides_clearly_better(scenario: str, pace: str) -> None:
+    course = Course(scenario, pace, JUDGED, 991)
+    discounts = (1.0, sight(course))
+    honest = {name: judge(policy, course) for name, policy in policies(course).items()}
+    rows = course.telemetry(Networks(searched(course, discounts[1], seed=5)[None], JUDGED))
+    found = [returns(rows, discount) for discount in discounts]
+    assert found[0] > honest["locked"].returned(1.0), "the search found nothing"
+    ranked = {name: each for name, each in honest.items() if each.ranks}
+    more = [
+        name
+        for name, each in ranked.items()
+        if rides_clearly_worse(course, rows, each.error)
+        if any(each.returned(discount) <= mine for discount, mine in zip(discounts, found, strict=True))
+    ]
+    assert more == [], found
+    assert found[0] < max(each.returned(1.0) for each in ranked.values())
