@@ -217,7 +217,7 @@ def against_tuned(results: Path) -> str:
         if run.conditions.fresh is not None:
             groups[run.conditions.scenario, run.conditions.pace].append(run)
     rows: list[list[str]] = []
-    kinds = ("Larger path error", "An interval that holds 0", "Higher peak acceleration")
+    kinds = ("Larger path error", "An interval that holds 0", "No rank", "Higher peak acceleration")
     exceptions: dict[str, list[str]] = {kind: [] for kind in kinds}
     for (scenario, pace), runs in groups.items():
         found = {run.conditions.policy: run for run in runs}
@@ -243,7 +243,8 @@ def against_tuned(results: Path) -> str:
             ]
         )
         where = f"`{scenario}` {pace}"
-        holds = (difference.low > 0.0, difference.low <= 0.0 <= difference.high, peaks[0] > peaks[1])
+        shares = difference.low <= 0.0 <= difference.high
+        holds = (difference.low > 0.0, shares, not mine.rank, peaks[0] > peaks[1])
         for kind, holding in zip(kinds, holds, strict=True):
             exceptions[kind] += [where] if holding else []
     header = ["Scenario", "Pace", "Best tuned law", "Its error [mm]", f"`{LEARNED}` [mm]", "Share [%]"]

@@ -34,8 +34,8 @@ AGREEING = 0.97
 """Smallest share of the pairs in which the reward agrees. Laws that stick and slip earn less than they score."""
 
 SHORT_SIGHTED = ("slow", 0.99)
-"""Pace and discount with which an agent does not see a game whole: within a second, a tenth of the path, who is going to
-ride beside it is not beside yet, and a free arm is still where its hand holds it."""
+"""Pace and discount with which an agent does not see a game whole: within a second, a tenth of the path, who is going
+to ride beside it is not beside yet, and a free arm is still where its hand holds it."""
 
 GAMES: dict[str, Attack] = {
     "rushes": rides(lambda *_: 4.0),

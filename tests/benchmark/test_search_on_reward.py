@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmark.test_attacks import Course
-from benchmark.test_attacks_on_reward import returns
+from benchmark.test_attacks_on_reward import discounted, returns
 from benchmark.test_reward import CLEARLY, judge, policies, sight
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES
@@ -14,7 +14,7 @@ from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
-from pter_gym.tasks.path_following import observation_layout
+from pter_gym.tasks.path_following import COLUMN, observation_layout
 
 cmaes = pytest.importorskip("cmaes")
 
@@ -58,8 +58,9 @@ def searched(course: Course, discount: float, seed: int) -> Array:
     best, highest = np.zeros(WEIGHTS), -np.inf
     for _ in range(CANDIDATES // POPULATION):
         points = np.array([search.ask() for _ in range(POPULATION)])
-        rows = run(batch, Networks(points, EPISODES), list(range(len(limits))), limits).telemetry
-        found = [returns(part, discount) for part in np.split(rows, POPULATION, axis=1)]
+        episodes = run(batch, Networks(points, EPISODES), range(len(limits)), limits, columns=[COLUMN.reward])
+        rewards = np.nan_to_num(episodes.telemetry[1:, :, 0])
+        found = [discounted(part, discount) for part in np.split(rewards, POPULATION, axis=1)]
         search.tell([(point, -value) for point, value in zip(points, found, strict=True)])
         if max(found) > highest:
             best, highest = points[np.argmax(found)], max(found)
