@@ -3,25 +3,36 @@
     python -m tests.campaigns.identification --machines 100 --processes 2 --write    the table into docs/identify.md
     python -m tests.campaigns.identification --machines 3 --first 7                  machines 7, 8 and 9 alone
 
+An hour on two cores; with ``--journal FILE`` a campaign goes on where it was stopped.
+
 Machine number k is drawn from the seed and k: inertias, coupling, torque curve, T_s/T_k, the clutches' own factors,
 time constant, delay, friction of the axes, encoders and the noise of the force. Its log is that of the experiment,
 simulated with a substep finer than the model's; ``identify`` starts from PTER with the machine's link lengths.
 """
 
 import argparse
+import hashlib
+import json
 import math
 import multiprocessing
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+import pter_gym
 from pter_gym.params import BASELINE, Arm, Clutch, Machine, TorqueCurve
 from pter_gym.tools.identification import Identification, Recorder, identify, quantities, record_log
 from pter_gym.tools.identification.verdict import MOST
+
+PACKAGE = Path(pter_gym.__file__).parent
+
+DECIDING = ("params", "_compiled", "_physics", "tools/identification")
+"""Rooms of the package whose sources a journal is of."""
 
 PAGE = Path(__file__).parents[2] / "docs" / "identify.md"
 
@@ -55,6 +66,14 @@ class Outcome:
     error: float
     half: float
     inside: bool
+
+
+class Result(NamedTuple):
+    """What came of each number of a machine, the share of windows not explained, and the time taken [s]."""
+
+    outcomes: list[Outcome]
+    left: float
+    seconds: float
 
 
 def draw_machine(rng: np.random.Generator) -> Machine:
@@ -94,15 +113,15 @@ def draw_recorder(rng: np.random.Generator) -> Recorder:
     )
 
 
-def identified(number: int) -> tuple[list[Outcome], float, float]:
-    """Return what came of each number of a machine, the share of windows not explained, and the time taken [s]."""
+def identified(number: int) -> Result:
+    """Identify a machine by its number."""
     rng = np.random.default_rng([SEED, number])
     machine, recorder = draw_machine(rng), draw_recorder(rng)
     log = record_log(machine, recorder=recorder, seed=number)
     start = replace(BASELINE, arm=replace(BASELINE.arm, length_a=machine.arm.length_a, length_b=machine.arm.length_b))
     began = time.process_time()
     found = identify(log, start)
-    return outcomes(found, machine, recorder.delay), found.verdict.share, time.process_time() - began
+    return Result(outcomes(found, machine, recorder.delay), found.verdict.share, time.process_time() - began)
 
 
 def outcomes(found: Identification, machine: Machine, delay: float) -> list[Outcome]:
@@ -121,8 +140,9 @@ def outcomes(found: Identification, machine: Machine, delay: float) -> list[Outc
     ]
 
 
-def table(all_outcomes: list[list[Outcome]], shares: list[float], seconds: list[float]) -> str:
+def table(results: list[Result]) -> str:
     """Return the outcomes of all machines as Markdown."""
+    all_outcomes, shares, seconds = map(list, zip(*results, strict=True))
     told = [outcome for each in all_outcomes for outcome in each]
     lines = [
         "| Number | identified | error ≤ 5 % | median error | largest error | interval holds | uncertain | kept |",
@@ -150,6 +170,30 @@ def table(all_outcomes: list[list[Outcome]], shares: list[float], seconds: list[
     return "\n".join(lines)
 
 
+def sources() -> str:
+    """Return a digest of the sources that decide, this one among them."""
+    files = [Path(__file__), *(file for room in DECIDING for file in sorted((PACKAGE / room).rglob("*.py")))]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+class Journal:
+    """Machines that were identified before, by the same sources; a line of JSON for each."""
+
+    def __init__(self, file: Path | None) -> None:
+        self._file, self._sources = file, sources()
+        lines = file.read_text("utf-8").splitlines() if file is not None and file.exists() else []
+        kept = [each for each in map(json.loads, lines) if each["sources"] == self._sources]
+        self.known = {each["machine"]: Result([Outcome(**o) for o in each["outcomes"]], *each["told"]) for each in kept}
+
+    def add(self, number: int, result: "Result") -> None:
+        self.known[number] = result
+        if self._file is not None:
+            outcomes = [asdict(each) for each in result.outcomes]
+            line = {"sources": self._sources, "machine": number, "outcomes": outcomes, "told": result[1:]}
+            with self._file.open("a", encoding="utf-8") as stream:
+                stream.write(json.dumps(line) + "\n")
+
+
 def share(flags: list[bool]) -> str:
     """Return a share in percent."""
     return f"{100 * sum(flags) / len(flags):.0f} %" if flags else "–"
@@ -162,20 +206,18 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--write", action="store_true", help="write the table into docs/identify.md")
     parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--journal", type=Path, help="file that keeps each machine's outcome")
     arguments = parser.parse_args()
     numbers = range(arguments.first, arguments.first + arguments.machines)
-    results: list[list[Outcome]] = []
-    shares: list[float] = []
-    seconds: list[float] = []
+    journal = Journal(arguments.journal)
+    missing = [number for number in numbers if number not in journal.known]
     with multiprocessing.get_context("spawn").Pool(arguments.processes) as pool:
-        for number, (found, left, taken) in zip(numbers, pool.imap(identified, numbers), strict=True):
-            results.append(found)
-            shares.append(left)
-            seconds.append(taken)
-            wrong = [f"{o.name} {100 * o.error:+.2f} ± {100 * o.half:.2f} % {o.status}" for o in found if not o.inside]
+        for number, result in zip(missing, pool.imap(identified, missing), strict=True):
+            journal.add(number, result)
+            wrong = [f"{o.name} {100 * o.error:+.2f} ± {100 * o.half:.2f} %" for o in result.outcomes if not o.inside]
             told = "; ".join(wrong) or "inside all intervals"
-            print(f"machine {number}, {taken:.0f} s, {100 * left:.0f} % not explained: {told}", flush=True)
-    text = table(results, shares, seconds)
+            print(f"machine {number}, {result.seconds:.0f} s, {result.left:.0%} not explained: {told}", flush=True)
+    text = table([journal.known[number] for number in numbers])
     print(text)
     if arguments.write:
         sys.path.insert(0, str(PAGE.parent / "make"))
