@@ -5,8 +5,9 @@ window's start is estimated together with the machine: to first order it is proj
 derivatives, which leaves a small dense problem in the machine's coordinates for SciPy's least squares. Then the starts
 are mended, windows that fit badly get less weight, and the search goes on.
 
-Intervals come from the sums of each window's gradients (a sandwich): neighbouring residuals of one window are one error
-that grows, and not many errors. To these comes what changes when the log is cut, filtered and simulated in another way.
+Intervals come from a jackknife, to first order: how far the coordinates would go without each pair of neighbouring
+windows. Residuals of one window are one error that grows, and not many errors. To these comes what changes when the log
+is cut, filtered and simulated in another way.
 """
 
 from collections.abc import Callable, Sequence
@@ -111,6 +112,7 @@ class Fit:
             moving = self.windows.used & (np.abs(self.windows.ways).sum(axis=(1, 2)) > 0.0)
             usual = max(float(np.median(size[moving])) if moving.any() else 0.0, 1e-12)
             self.weights = self.windows.used * np.minimum(1.0, BAD * usual / np.maximum(size, 1e-12))
+            self.weights /= 1.0 + self.shaken() / usual**2
             self._known.clear()
         return self
 
@@ -227,22 +229,27 @@ class Fit:
         """Return the covariance of the free coordinates, and by what quantile its roots become a 95 % interval."""
         residual = self._scaled(self._residual(self.p)[0])
         jacobian = self._scaled(self.jacobian(self.p))
-        information = np.einsum("wij,wik->jk", jacobian, jacobian)
         gradients = np.einsum("wij,wi->wj", jacobian, residual)
-        sums = np.add.reduceat(gradients, np.arange(0, len(gradients), BLOCK), axis=0)
-        blocks = int((np.abs(sums).sum(axis=1) > 0.0).sum())
-        left = max(blocks - len(self.free), 1)
+        squares = np.einsum("wij,wik->wjk", jacobian, jacobian)
+        first = np.arange(0, len(gradients), BLOCK)
+        sums, parts = np.add.reduceat(gradients, first), np.add.reduceat(squares, first)
+        information = parts.sum(axis=0)
+        told = np.abs(sums).sum(axis=1) > 0.0
+        blocks = int(told.sum())
         size = np.sqrt(np.maximum(np.diag(information), 1e-30))
         scale = np.outer(size, size)
+        # how far the coordinates would go without each block; a direction that one block alone shows goes far
+        without = (information - parts[told]) / scale + SINGULAR * np.eye(len(size))
+        changes = _LINEAR.solve(without, (sums[told] / size)[:, :, None])[:, :, 0] / size
+        robust: Array = changes.T @ changes
         inverse: Array = _LINEAR.pinv(information / scale, rcond=1e-10, hermitian=True) / scale
-        robust: Array = inverse @ (sums.T @ sums) @ inverse * (blocks / left)
         spread = np.sum(residual**2) / max(self.weights.sum() * residual.shape[1], 1.0)
         naive = inverse * spread
         unseen = np.diag(information) * at.STEPS[self.free] ** 2 < 1.0
         robust[np.diag_indices_from(robust)] = np.maximum(np.diag(robust), np.diag(naive))
         robust += self.spread[np.ix_(self.free, self.free)]
         robust[unseen, unseen] = UNSEEN
-        return robust, float(_STATS.t.ppf(0.975, left))
+        return robust, float(_STATS.t.ppf(0.975, max(blocks - len(self.free), 1)))
 
     def compare(self, others: Sequence[Windows]) -> None:
         """Find the spread: search on with the log cut in other ways."""
@@ -255,6 +262,11 @@ class Fit:
     def sizes(self) -> Array:
         """Return the root mean square of each window's residuals [rad], shape (windows,)."""
         return np.sqrt(np.mean(self._residual(self.p)[0] ** 2, axis=1))
+
+    def shaken(self) -> Array:
+        """Return the mean square [rad²] by which noise of the forces moves each window's angles, shape (windows,)."""
+        moved = [self.moved(inputs) for inputs in self.windows.shaken]
+        return np.mean(moved, axis=0) if moved else np.zeros(len(self.starts))
 
     def moved(self, inputs: Inputs) -> Array:
         """Return the mean square change [rad²] of each window's angles with other inputs, shape (windows,)."""

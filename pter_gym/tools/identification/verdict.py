@@ -134,13 +134,7 @@ def _unavoidable(fit: Fit, log: Log) -> Array:
     inputs = fit.windows.inputs
     finer = make_inputs(log.interval, log.volts, smooth_force(log), 0.5 * inputs.step)
     moved = fit.moved(finer)
-    if log.force is not None:
-        noise = np.median(np.abs(np.diff(log.force, 2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
-        rng = np.random.default_rng(0)
-        for _ in range(2):
-            shaken = replace(log, force=log.force + noise * rng.standard_normal(log.force.shape))
-            moved += 0.5 * fit.moved(make_inputs(log.interval, log.volts, smooth_force(shaken), inputs.step))
-    return moved
+    return moved + fit.shaken()
 
 
 def _quantities(fit: Fit, log: Log, motion: Motion) -> Iterator[tuple[str, str, Array]]:

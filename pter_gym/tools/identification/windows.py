@@ -1,6 +1,7 @@
 """A log cut into windows: what each begins with, which clutches hold then, and what the angles were."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,11 +22,15 @@ WITH_FORCES = 0.2
 WITHOUT_FORCES = 0.06
 """Length of a window where the arm coasts until clutches stop it [s]."""
 
-CUTOFF = 60.0
-"""Cutoff frequency of the forces [Hz]: above what a hand does. A lone peak of noise would break a clutch away."""
+CUTOFF = 200.0
+"""Cutoff frequency of the forces [Hz]: a log of up to 500 rows a second is not filtered. A filter cuts off the hand's
+peaks, so that clutches break away too late; 120 Hz makes the breakaway torque 0.1 % too small."""
 
 SMOOTHING = 0.024
 """Half the length of the smoothing of the angles [s], which gives the velocities at the starts of windows."""
+
+SHAKES = 4
+"""How often noise is added to the forces, to see which windows it rules."""
 
 ENGAGED = 0.3
 """Voltage behind the lag from which a clutch can hold [V]."""
@@ -54,7 +59,7 @@ class Cutting:
 
 
 USUAL = Cutting()
-OTHERS = (Cutting(0.55, 2.0 * CUTOFF, 0.5 * LONGEST_SUBSTEP), Cutting(1.4, 0.6 * CUTOFF, LONGEST_SUBSTEP))
+OTHERS = (Cutting(0.55, 2.0 * CUTOFF, 0.5 * LONGEST_SUBSTEP), Cutting(1.4, 0.5 * CUTOFF, LONGEST_SUBSTEP))
 """Others as good: what they change in a result is part of its error."""
 
 
@@ -89,6 +94,8 @@ class Windows:
         Whether a window is used: it is not where nobody can tell from the angles whether a clutch holds as it begins.
     inputs, noise
         Of the model; standard deviation of the angles [rad].
+    shaken
+        Inputs with more noise of the forces, as much as they have: what they change, no fit can tell.
     """
 
     length: int
@@ -99,6 +106,7 @@ class Windows:
     used: NDArray[np.bool_]
     inputs: Inputs
     noise: float
+    shaken: tuple[Inputs, ...]
 
 
 def smooth(log: Log) -> Motion:
@@ -165,9 +173,24 @@ def cut(log: Log, motion: Motion, time_constant: float, cutting: Cutting = USUAL
         starts=np.concatenate([motion.theta[first], omega], axis=1),
         ways=ways,
         used=used,
-        inputs=make_inputs(log.interval, log.volts, smooth_force(log, cutting.cutoff), cutting.substep),
+        inputs=_inputs(log, cutting),
         noise=motion.noise,
+        shaken=tuple(_inputs(each, cutting) for each in shaken_logs(log)),
     )
+
+
+def _inputs(log: Log, cutting: Cutting) -> Inputs:
+    return make_inputs(log.interval, log.volts, smooth_force(log, cutting.cutoff), cutting.substep)
+
+
+def shaken_logs(log: Log) -> Iterator[Log]:
+    """Yield the log with as much noise added to its forces as they have; nothing if it has none."""
+    if log.force is None:
+        return
+    noise = np.median(np.abs(np.diff(log.force, 2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
+    rng = np.random.default_rng(0)
+    for _ in range(SHAKES):
+        yield replace(log, force=log.force + noise * rng.standard_normal(log.force.shape))
 
 
 def holding(
