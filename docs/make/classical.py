@@ -22,7 +22,6 @@ from pter_gym.benchmark._standard import TIME_CONSTANTS
 from pter_gym.benchmark.metrics import score_episodes
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.simulation import sensors_of, simulate, time_limit
-from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.benchmark.tuned import TUNED, find_tuned
 from pter_gym.hands import HumanArm
 from pter_gym.params import BASELINE, Machine
@@ -72,7 +71,7 @@ def use_of(policy: str, pace: str) -> list[str]:
     saturated = (volts >= SATURATED * BASELINE.clutch.voltage_max).any(axis=1)
     at_rest = mode == ClutchMode.ZERO_DOF
     one_stuck = (mode != ClutchMode.TWO_DOF) & ~at_rest
-    error = interquartile_mean(score_episodes(telemetry, [drawn_task(pace)] * DRAWS)["path_error_m"])
+    error = score_episodes(telemetry, [drawn_task(pace)] * DRAWS)["path_error_m"].mean()
     return [
         f"`{policy}`",
         f"{1000 * float(error):.1f}",
@@ -87,7 +86,7 @@ def separation() -> str:
     """What the laws do with the clutches."""
     header = ["Law", "path error [mm]", "signed error [mm]", "volts, clutches 1 to 4", "saturated [%]"]
     header += ["one stuck [%]", "at rest [%]", "stuck, clutches 1 to 4 [%]"]
-    parts = [f"{NOTE} Path error: interquartile mean; the others are means over time.\n"]
+    parts = [f"{NOTE} Means over episodes; the last five over time.\n"]
     for pace, speed in PACES.items():
         rows = [use_of(name, pace) for name in LAWS]
         parts.append(f"{pace.capitalize()} pace, {speed:g} m/s:\n\n{table(header, rows)}")
@@ -114,7 +113,7 @@ def error_on(machine: Machine, policy: str, pace: str) -> str:
     scores = score_episodes(telemetry, [task] * DRAWS)
     keeps = scores["completed"].mean() >= COMPLETION
     keeps &= max(scores[name].mean() for name in ("mean_pace_error", "segment_pace_error")) <= PACE_ERROR
-    return f"{1000 * float(interquartile_mean(scores['path_error_m'])):.1f}{'' if keeps else f' {BELOW}'}"
+    return f"{1000 * float(scores['path_error_m'].mean()):.1f}{'' if keeps else f' {BELOW}'}"
 
 
 def sweep(machines: Mapping[str, Machine], title: str) -> str:

@@ -11,7 +11,6 @@ from pter_gym.benchmark._recorded import Travel
 from pter_gym.benchmark.metrics import Scores, ranked_scores
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit
-from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.controllers import bind
 from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios._own_machine import AnyMachine
@@ -45,10 +44,8 @@ class Assessment(NamedTuple):
 
     Attributes
     ----------
-    path_error_m
-        Interquartile mean of the path error: what searches make small, while ranks count all episodes.
-    completed, mean_pace_error, segment_pace_error
-        Means.
+    path_error_m, completed, mean_pace_error, segment_pace_error
+        Means of the scores, which ranks are by.
     """
 
     path_error_m: float
@@ -98,10 +95,7 @@ class Examination:
     def judge(self, policy: AnyPolicy) -> Assessment:
         """Return what counts of a policy's scores."""
         scores = self.scores(policy)
-        return Assessment(
-            float(interquartile_mean(scores["path_error_m"])),
-            *(float(scores[name].mean()) for name in Assessment._fields[1:]),
-        )
+        return Assessment(*(float(scores[name].mean()) for name in Assessment._fields))
 
     def scores(self, policy: AnyPolicy) -> Scores:
         """Return the ranked scores of a policy on all draws, as the benchmark has them."""

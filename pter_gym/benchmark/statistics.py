@@ -51,16 +51,6 @@ def worst_twentieth(values: ArrayLike) -> Array:
     return ordered[..., -math.ceil(ordered.shape[-1] / 20) :].mean(axis=-1)
 
 
-def interquartile_mean(values: ArrayLike) -> Array:
-    """Return the mean of the middle half, over the last axis: ⌊n/4⌋ values are left out at each end.
-
-    Searches on training draws make it small. Ranks do not use it, since it does not see the worst quarter.
-    """
-    ordered = np.sort(np.asarray(values, np.float64), axis=-1)
-    cut = ordered.shape[-1] // 4
-    return ordered[..., cut : ordered.shape[-1] - cut].mean(axis=-1)
-
-
 def bootstrap_interval(values: ArrayLike, statistic: Statistic = mean, *, strata: Strata = None) -> Interval:
     """Return a statistic of episodes, shape (N,), with its interval."""
     values = np.asarray(values, np.float64)

@@ -11,7 +11,6 @@ from pter_gym.benchmark.statistics import (
     Statistic,
     bootstrap_interval,
     difference_interval,
-    interquartile_mean,
     mean,
     performance_profile,
     probability_of_improvement,
@@ -26,18 +25,13 @@ BETWEEN = np.where(np.array(STRATA) == "line", 100.0, 0.0)
 """Values that differ between strata only."""
 
 
-@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=50))
-def test_interquartile_mean_is_scipys_trimmed_mean(values: list[float]) -> None:
-    assert interquartile_mean(values) == pytest.approx(stats.trim_mean(values, 0.25), rel=1e-12, abs=1e-9)
-
-
 @pytest.mark.parametrize(("count", "expected"), [(1, 0.0), (20, 19.0), (21, 19.5), (40, 38.5), (199, 193.5)])
 def test_worst_twentieth_is_a_mean_of_the_largest(count: int, expected: float) -> None:
     values = np.random.default_rng(0).permutation(float(count) * np.arange(count)) / count
     assert worst_twentieth([values, 2.0 * values]) == pytest.approx([expected, 2.0 * expected])
 
 
-@pytest.mark.parametrize("statistic", [mean, interquartile_mean])
+@pytest.mark.parametrize("statistic", [mean, worst_twentieth])
 def test_interval_is_scipys(statistic: Statistic) -> None:
     ours = bootstrap_interval(VALUES, statistic)
     theirs = stats.bootstrap(

@@ -15,8 +15,7 @@ from pter_gym.tools.tuning.search import TunedGains
 HEADING = (
     "Gains of controllers in SI, found by `pter tune` on training draws. Each entry holds the command that made it,",
     "how many gains were tried from how many starts, the training draws of each trial, and the scores on as many draws",
-    "that the search had not seen: interquartile mean of the path error [m], means of the others. Gains that were not",
-    "searched have the defaults of the entry.",
+    "that the search had not seen, as means. Gains that were not searched have the defaults of the entry.",
 )
 
 
