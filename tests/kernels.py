@@ -36,6 +36,10 @@ def main(part: str) -> None:
             run_cases([Case(BASELINE, TIME_CONSTANT, setup_of(PRESET))])
         run_extending()  # after the others: laws share what they have compiled
         compile_law()
+        if find_spec("jax"):
+            from pter_gym._engine.xla import register_calls
+
+            register_calls()
     else:
         obs, _ = batch.reset([0])
         policy(obs)

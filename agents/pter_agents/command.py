@@ -41,7 +41,7 @@ def train(
 
     Args:
         pace: Commanded pace, or all of them.
-        steps: Control steps of all worlds together.
+        steps: Decisions in all worlds together, each held for frame_skip control steps.
         seed: Seed of weights, worlds, draws and actions, at least 0.
         out: Folder of the run, created if necessary; it must not hold another run.
         resume: Continue from the newest checkpoint in the folder; only the steps may differ from before.

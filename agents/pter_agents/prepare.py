@@ -64,6 +64,7 @@ def make_interface(
         history=settings.history,
         averages=settings.averages,
         normalised=settings.normalised,
+        frame_skip=settings.frame_skip,
     )
     return replace(plain, inputs=tuple(sample_inputs(plain, settings, draws, seed, nominal)))
 
@@ -72,7 +73,7 @@ def sample_inputs(
     plain: Interface, settings: TrainingSettings, draws: Randomisation | Mixture, seed: int, nominal: Machine
 ) -> Sequence[Input]:
     """Return the inputs, with the mean and the deviation of each under random actions."""
-    worlds = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
+    worlds = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors, settings.frame_skip)
     layout = worlds.observation_layout
     bound = plain.bind(nominal, layout)
     residual = plain.base is not None
@@ -100,7 +101,7 @@ def sample_truth(settings: TrainingSettings, draws: Randomisation | Mixture, see
     settings, draws, seed
         As in ``make_interface``.
     """
-    worlds = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors)
+    worlds = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors, settings.frame_skip)
     rng = np.random.default_rng(seed)
     most = worlds.batch.machine.clutch.voltage_max
     worlds.reset(seed=seed)

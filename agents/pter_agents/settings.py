@@ -46,10 +46,13 @@ class TrainingSettings(RewardWeights):
     privileged
         Whether the value network sees the whole truth about a world beside what the policy sees: its state, and the
         numbers of its machine and task.
+    frame_skip
+        Control steps for which a decision is held, in training and by the policy. Steps below, histories, averages,
+        discounts and the exploration's persistence are of decisions.
     worlds, steps
-        Worlds that are simulated at once, and control steps of each between two updates.
+        Worlds that are simulated at once, and steps of each between two updates.
     episode
-        Control steps after which a training episode is truncated.
+        Steps after which a training episode is truncated.
     starts
         How training episodes begin, one of ``pter_gym.tasks.path_following.STARTS``.
     truncation
@@ -76,6 +79,7 @@ class TrainingSettings(RewardWeights):
     starts: str
     truncation: float
     contexts: int
+    frame_skip: int = 1
 
     def __post_init__(self) -> None:
         """Check each field by itself."""
@@ -86,7 +90,7 @@ class TrainingSettings(RewardWeights):
             require_number(self, name, above=0.0)
         require_number(self, "start", at_least=-1.0, at_most=1.0)
         require_whole(self, "delay", at_least=0, below=MAX_DELAY + 1)
-        for name in ("worlds", "steps", "episode", "contexts"):
+        for name in ("worlds", "steps", "episode", "contexts", "frame_skip"):
             require_whole(self, name)
         for name in ("privileged", "normalised"):
             require_flag(self, name)

@@ -56,7 +56,7 @@ class Arguments:
     scenario, pace
         Names; both may be ``"all"``.
     steps
-        Control steps of all worlds together; rounded up to whole rollouts.
+        Decisions in all worlds together; rounded up to whole rollouts.
     seed
         Seed ≥ 0 of weights, worlds, training draws and actions.
     settings
@@ -338,7 +338,10 @@ def make_parts(arguments: Arguments, draws: Randomisation | Mixture, interface: 
     count = settings.worlds // parts
     return [
         TrainingWorlds(
-            make_worlds(draws, count, settings.episode, settings.sensors), interface, truth, arguments.nominal
+            make_worlds(draws, count, settings.episode, settings.sensors, settings.frame_skip),
+            interface,
+            truth,
+            arguments.nominal,
         )
         for _ in range(parts)
     ]

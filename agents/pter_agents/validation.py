@@ -10,7 +10,6 @@ from pter_agents.worlds import draws_for
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import score_episodes
 from pter_gym.benchmark.simulation import simulate, time_limit
-from pter_gym.benchmark.statistics import interquartile_mean
 from pter_gym.policies import Net, NeuralPolicy
 from pter_gym.policies._interface import BoundInterface
 from pter_gym.scenarios._own_machine import OwnMachine
@@ -65,7 +64,7 @@ class Validation:
             self._batches[pace] = Batch(machines, tasks, sensors=sensors)
 
     def scores(self, net: Net, interface: BoundInterface) -> Scores:
-        """Return scores for each pace: the interquartile path error, the means of what a rank needs, and acceleration.
+        """Return the mean scores for each pace.
 
         Parameters
         ----------
@@ -80,8 +79,5 @@ class Validation:
             seeds = list(range(FIRST_RESET, FIRST_RESET + len(tasks)))
             telemetry = simulate(batch, NeuralPolicy(interface, net), seeds, max(map(time_limit, tasks)))
             values = score_episodes(telemetry, tasks)
-            found[pace] = {
-                "path_error_m": float(interquartile_mean(values["path_error_m"])),
-                **{name: float(values[name].mean()) for name in SCORES[1:]},
-            }
+            found[pace] = {name: float(values[name].mean()) for name in SCORES}
         return found

@@ -83,7 +83,7 @@ def all_paces() -> tuple[float, ...]:
 
 
 def make_worlds(
-    draws: Randomisation | Mixture, count: int, episode: int, sensors: Sensors = "torque"
+    draws: Randomisation | Mixture, count: int, episode: int, sensors: Sensors = "torque", frame_skip: int = 1
 ) -> PathFollowingVectorEnv:
     """Return worlds that take voltages and begin again in the step in which they end.
 
@@ -94,15 +94,18 @@ def make_worlds(
     count
         Number of worlds.
     episode
-        Control steps after which an episode is truncated.
+        Steps after which an episode is truncated.
     sensors
         What they measure.
+    frame_skip
+        Control steps of a step.
     """
     return PathFollowingVectorEnv(
         count,
         randomisation=draws,
         max_episode_steps=episode,
         sensors=sensors,
+        frame_skip=frame_skip,
         autoreset_mode=AutoresetMode.SAME_STEP,
         telemetry=False,
         num_threads=1,
@@ -118,7 +121,7 @@ class Truth(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Result of a control step of N worlds.
+    """Result of a step of N worlds.
 
     Attributes
     ----------
@@ -182,7 +185,7 @@ class TrainingWorlds:
         return self._see(self.env.reset(seed=seed)[0])
 
     def step(self, outputs: Rows) -> Step:
-        """Advance all worlds by one control period with the network's outputs (N, 4)."""
+        """Advance all worlds by one decision, the network's outputs (N, 4)."""
         obs, rewards, terminated, truncated, infos = self.env.step(self.interface.volts(self._base, outputs))
         done = terminated | truncated
         ended = np.flatnonzero(done)

@@ -51,6 +51,8 @@ def compile_apart(kernel: Any, *, stored: bool) -> None:
     compile_here = kernel.compile
 
     def compile_there(signature: Any) -> Any:
+        if cast(Any, global_compiler_lock).is_locked():  # within what calls it, whose thread waits for no other
+            return compile_here(signature)
         job = _Job(Event(), Event())
         thread = ThreadPoolExecutor(1, thread_name_prefix="pter-compiler")
         try:

@@ -13,6 +13,7 @@ from pter_gym._engine.law import empty_memory
 from pter_gym._engine.threads import Threads
 from pter_gym._engine.world import CONFIG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
 from pter_gym._engine.worlds import WorldArrays, number_drawing, number_of_pairs
+from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following._context import TOLD
@@ -72,6 +73,9 @@ class Batch(WorldArrays):
         Whether the observation ends with what is told of machine and task.
     action_unit
         ``"volt"``: actions within [0, voltage_max]; ``"normalised"``: a within [−1, 1] for voltage_max·((a + 1)/2)².
+    frame_skip
+        Control steps for which an action is held. Rewards add up, and what else a step returns is of the last of them;
+        an episode that ends earlier ends the step of its world.
     max_steps
         Control steps after which an episode is truncated; none by default.
     telemetry
@@ -106,6 +110,7 @@ class Batch(WorldArrays):
         sensors: Sensors = "torque",
         observe_context: bool = False,
         action_unit: ActionUnit = "volt",
+        frame_skip: int = 1,
         max_steps: int | None = None,
         telemetry: bool = True,
         num_threads: int = 1,
@@ -125,6 +130,7 @@ class Batch(WorldArrays):
         self.layout = observation_layout(self.machine, sensors, TOLD if observe_context else None)
         voltage_max = self.machine.clutch.voltage_max
         self.action_low, self.action_high = (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
+        self.frame_skip = whole_number("frame_skip", frame_skip)
         self._config = np.array([*flat(self._shared(observe_context, max_steps)), *self.layout.scales])
         super().__init__(listed_machines, listed_tasks, drawing)
         self._actions = np.empty((self.num_worlds, 4))
@@ -156,6 +162,7 @@ class Batch(WorldArrays):
             substep=held_machine(self.task, self.machine).substep,
             substeps=substeps(self.task, self.machine),
             limit=NO_LIMIT if max_steps is None else max_steps,
+            frame_skip=self.frame_skip,
             has_law=0.0,
             entries=entries,
             inverse_scale=read(inverse, SEEN, 0),
@@ -190,7 +197,7 @@ class Batch(WorldArrays):
         return obs, telemetry.reshape(-1, COLUMNS)
 
     def step(self, actions: ArrayLike, ended: int = REFUSE) -> Returns:
-        """Advance all worlds by one control period.
+        """Advance all worlds by ``frame_skip`` control periods.
 
         Parameters
         ----------
@@ -208,7 +215,7 @@ class Batch(WorldArrays):
         ResetNeededError
             If a world was never reset, or its episode has ended with ``REFUSE`` or ``SAME_STEP``; no world has moved.
         """
-        self._take(actions, self._actions.shape)
+        self._actions[...] = checked_actions(actions, self._actions.shape)
         n = self.num_worlds
         obs = np.empty((n, len(self.layout)), np.float32)
         rewards = np.empty(n)
@@ -243,7 +250,7 @@ class Batch(WorldArrays):
         reward, terminated, truncated, success
             As Python has them.
         """
-        self._take(action, (4,))
+        self._actions[...] = checked_actions(action, (4,))
         obs = np.empty(self._shape, np.float32)
         telemetry = np.empty((1, 1, COLUMNS))
         rewards, flags = self._alone
@@ -368,18 +375,6 @@ class Batch(WorldArrays):
         """Stop the threads, if there are any."""
         self._threads.close()
 
-    def _take(self, actions: ArrayLike, shape: tuple[int, ...]) -> None:
-        """Copy actions of a shape to where the kernel reads them."""
-        try:
-            array = np.asarray(actions)
-        except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that is not plain CPU memory
-            raise ActionError(f"action must be an array of numbers: {error}") from None
-        if array.shape != shape:
-            raise ActionError(f"action must have the shape {shape}, got {array.shape}")
-        if array.dtype.kind not in "fiu":
-            raise ActionError(f"action must hold real numbers, got dtype {array.dtype}")
-        self._actions[...] = array
-
     def _row(self, world: int) -> Any:
         """Return what is stored of a world, (rows,)."""
         width = self._worlds.shape[2]
@@ -392,3 +387,16 @@ class Batch(WorldArrays):
             f"action of world {world} must be finite and within [{self.action_low:g}, {self.action_high:g}], "
             f"got {self._actions[world].tolist()}"
         )
+
+
+def checked_actions(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return actions as an array of real numbers of a shape, or raise an ActionError."""
+    try:
+        array = np.asarray(actions)
+    except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that is not plain CPU memory
+        raise ActionError(f"action must be an array of numbers: {error}") from None
+    if array.shape != shape:
+        raise ActionError(f"action must have the shape {shape}, got {array.shape}")
+    if array.dtype.kind not in "fiu":
+        raise ActionError(f"action must hold real numbers, got dtype {array.dtype}")
+    return array

@@ -5,7 +5,15 @@ from typing import Any
 import numpy as np
 from numba import cuda as numba_cuda
 
-from pter_gym._engine.episode import conclude_step, end_step, fetch_world, put_back, start_episode, take_context
+from pter_gym._engine.episode import (
+    conclude_step,
+    end_step,
+    fetch_world,
+    has_begun,
+    put_back,
+    start_episode,
+    take_context,
+)
 from pter_gym._engine.sensing import see, write_observation
 from pter_gym._engine.step import given_volts, is_refused, move_worlds, take_command
 from pter_gym._engine.world import BASIC_ROWS, CONFIG, ROW, ROWS, Arrays
@@ -33,7 +41,7 @@ def advance(
     ended: int,
     refused: Any,
 ) -> None:
-    """Run one control step of all worlds; the arguments are those of ``pter_gym._engine.kernels.advance_kernel``.
+    """Hold an action of all worlds; the arguments are those of ``pter_gym._engine.kernels.advance_kernel``.
 
     The number of the first world whose step is refused goes to ``refused``; that world stays where it is.
     """
@@ -50,11 +58,19 @@ def advance(
         return
     take_context(w, 0, constants)
     with_extras = worlds.shape[1] > BASIC_ROWS
-    if w[ROW.alive, 0] != 0.0:
-        take_command(w, 0, given_volts(actions, world, low, high, w[ROW.machine.voltage_max, 0]))
-        move_worlds(w, 1, config, with_extras)
-    conclude_step(w, 1, 1, words, world, config, constants, with_extras)
+    earned = 0.0
+    for _ in range(int(config[CONFIG.frame_skip])):
+        if w[ROW.alive, 0] != 0.0:
+            take_command(w, 0, given_volts(actions, world, low, high, w[ROW.machine.voltage_max, 0]))
+            move_worlds(w, 1, config, with_extras)
+        conclude_step(w, 1, 1, words, world, config, constants, with_extras)
+        earned += w[ROW.reward, 0]
+        if w[ROW.alive, 0] == 0.0:
+            break
+    rode = has_begun(w, 0)
     end_step(w, 0, world, a, 0, ended)
+    if rode:
+        rewards[world] = earned
     put_back(w, 0, worlds, world)
 
 

@@ -97,8 +97,9 @@ def _take_contexts(w: Any, width: int, constants: Any, present: float) -> float:
     for i in range(width):
         others += 1 if w[ROW.context_at, i] != first else 0
     if others > 0:
-        for i in range(width):
-            take_context(w, i, constants)
+        for row in range(CONSTANT_ROWS):
+            for i in range(width):  # one row of all lanes at a time: to write rows is faster than to write columns
+                w[STORED_ROWS + row, i] = constants[np.uint64(w[ROW.context_at, i]) + np.uint64(row)]
         return -1.0
     if first != present:
         begin = int(first)
@@ -145,8 +146,12 @@ def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high:
 
 
 @device
-def _close(w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: int) -> None:
-    """End a control step of a block, write back the worlds that ended, and begin to fetch the next block."""
+def _close(w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: int, k: int, held: int) -> None:
+    """End a control step of a block, write back the worlds that ended, and begin to fetch the next block.
+
+    It is step ``k`` of the ``held`` ones of an action, whose rewards add up. A world that ends earlier than the last of
+    them, or begins a new episode, is done: it is written back, and runs along in its lane like one that has ended.
+    """
     width = worlds.shape[2]
     begin = b * width
     conclude_step(w, width, lanes, a.words, begin, a.config, a.constants, worlds.shape[1] > BASIC_ROWS)
@@ -155,9 +160,17 @@ def _close(w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: in
         for row in range(i, rows, lanes):
             for lane in range(0, width, LINE):
                 prefetch(worlds, b + 1, row, lane)
-        end_step(w, i, begin + i, a, t, ended)
-        if has_begun(w, i) and w[ROW.alive, i] == 0.0:
+        rode = has_begun(w, i)
+        earned = w[ROW.reward, i] + (a.rewards[begin + i] if k > 0 else 0.0)
+        over = w[ROW.alive, i] == 0.0 if rode else k == 0
+        if over or (rode and k + 1 == held):
+            end_step(w, i, begin + i, a, t, ended)
+        if rode:
+            a.rewards[begin + i] = earned
+        begins = w[ROW.alive, i] != 0.0
+        if over and (held > 1 if begins else rode):
             put_back(w, i, worlds, begin + i)
+            w[ROW.alive, i] = 0.0
 
 
 def _build_advance(digest: str) -> Any:
@@ -183,6 +196,7 @@ def _build_advance(digest: str) -> Any:
         scales = config[CONFIG_WIDTH : CONFIG_WIDTH + obs.shape[1]]
         gains = config[CONFIG_WIDTH + obs.shape[1] :]
         has_law = config[CONFIG.has_law] != 0.0
+        held = 1 if has_law else int(config[CONFIG.frame_skip])
         looks = (not has_law) and first == 0 and (last == 0 or last == worlds.shape[0])
         refused = _first_refused(worlds, given, low - slack, high + slack, ended) if looks else -1
         if refused >= 0:
@@ -196,9 +210,10 @@ def _build_advance(digest: str) -> Any:
             lanes = min(width, obs.shape[0] - begin)
             _gather(w, worlds, b)
             present = _take_contexts(w, width, constants, present)
-            for t in range(steps):
+            for step in range(steps * held):
                 if not _goes_on(w, lanes, ended):
                     break
+                t, k = divmod(step, held)
                 if has_law:
                     for i in range(lanes):
                         if w[ROW.alive, i] != 0.0:
@@ -211,7 +226,7 @@ def _build_advance(digest: str) -> Any:
                 else:
                     _begin_given(w, lanes, given, begin, low, high)
                 move_worlds(w, width, config, worlds.shape[1] > BASIC_ROWS)
-                _close(w, worlds, b, lanes, a, t, ended)
+                _close(w, worlds, b, lanes, a, t, ended, k, held)
             _scatter_alive(w, lanes, worlds, b)
             present = _after_resets(w, lanes, present)
         return -1
@@ -244,9 +259,9 @@ def advance_kernel(inlined: Any = no_law) -> Any:
     """Return the compiled ``advance`` with a control law inside.
 
     ``advance(worlds, words, given, obs, final_obs, rewards, flags, telemetry, config, constants, ended, steps, first,
-    last)`` runs ``steps`` control steps of the worlds in the blocks first … last − 1. ``worlds`` has the shape
-    (B, BASIC_ROWS or STORED_ROWS, lanes), ``ended`` is REFUSE, SKIP, NEXT_STEP or SAME_STEP, and ``Arrays`` describes
-    what is not described here.
+    last)`` runs ``steps`` steps of the worlds in the blocks first … last − 1: control steps of a law, or ``frame_skip``
+    of them with one action. ``worlds`` has the shape (B, BASIC_ROWS or STORED_ROWS, lanes), ``ended`` is REFUSE, SKIP,
+    NEXT_STEP or SAME_STEP, and ``Arrays`` describes what is not described here.
 
     ``given`` holds the actions (N, 4), or where the voltages come from the law its memory (N, M). A call for all blocks
     or for none looks at the actions of all worlds first; the number of the first that is refused is returned before

@@ -142,6 +142,7 @@ class Config(NamedTuple):
     substep: Annotated[float, Entry("s", "step of the integrator")]
     substeps: Annotated[float, Entry("1", "substeps in a control step")]
     limit: Annotated[float, Entry("1", "control steps after which an episode is truncated")]
+    frame_skip: Annotated[float, Entry("1", "control steps for which a given action is held")]
     has_law: Annotated[float, Entry("1", "1 for voltages from a law, 0 for given ones")]
     entries: Annotated[float, Entry("1", "entries of an observation before those of the context")]
     inverse_scale: Annotated[Observation, Entry("", "inverse scale of an entry")]

@@ -9,6 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
+from pter_gym._internal.checks import whole_number
 from pter_gym.controllers import BoundPolicy
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine
@@ -19,7 +20,7 @@ Observations = NDArray[np.float32]
 Normalise = Callable[[Observations], Observations]
 
 
-def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelPolicy":
+def from_sb3(model: Any, vec_normalize: Any = None, frame_skip: int | None = None) -> "ModelPolicy":
     """Return a policy that runs a model in ``run_scenario``: deterministic, with recurrent states kept for each world.
 
     Parameters
@@ -30,14 +31,21 @@ def from_sb3(model: Any, vec_normalize: Any = None) -> "ModelPolicy":
     vec_normalize
         What normalised the observations in training: a ``VecNormalize``, or Gymnasium's ``NormalizeObservation``. By
         default the ``VecNormalize`` that the model still has, if any. Its statistics are used and not changed.
+    frame_skip
+        Control steps for which its actions were held in training, and are held; by default those of the environment
+        that the model still has, or 1.
 
     Raises
     ------
     ParameterError
-        If observations or actions of the model are not those of an environment of this package.
+        If observations or actions of the model are not those of an environment of this package, or ``frame_skip`` is
+        not a whole number ≥ 1.
     """
     own = getattr(model, "get_vec_normalize_env", lambda: None)
-    return ModelPolicy(model, _normalising(own() if vec_normalize is None else vec_normalize))
+    held = _frame_skip_of(getattr(model, "env", None)) if frame_skip is None else frame_skip
+    return ModelPolicy(
+        model, _normalising(own() if vec_normalize is None else vec_normalize), whole_number("frame_skip", held)
+    )
 
 
 def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
@@ -50,7 +58,8 @@ def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
         Its actions are clipped to the action space; they are normalised where the lower bound is negative, and volts
         otherwise.
     env
-        The environment whose observations and actions these are: one of this package, or anything with its spaces.
+        The environment whose observations and actions these are: one of this package, whose ``frame_skip`` counts too,
+        or anything with its spaces.
 
     Raises
     ------
@@ -65,7 +74,7 @@ def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
     spaces_of = {
         name: getattr(env, f"single_{name}", getattr(env, name, None)) for name in ("observation_space", "action_space")
     }
-    return from_sb3(SimpleNamespace(predict=predict, **spaces_of))
+    return from_sb3(SimpleNamespace(predict=predict, env=env, **spaces_of))
 
 
 class ModelPolicy(BoundPolicy):
@@ -77,6 +86,10 @@ class ModelPolicy(BoundPolicy):
         With ``predict``.
     normalise
         Turns observations into what the model was trained on.
+    frame_skip
+        Control steps for which an action is held.
+    voltage_max
+        Largest voltage [V].
 
     Attributes
     ----------
@@ -84,13 +97,16 @@ class ModelPolicy(BoundPolicy):
         What the observations must hold.
     """
 
-    def __init__(self, model: Any, normalise: Normalise, voltage_max: float = BASELINE.clutch.voltage_max) -> None:
+    def __init__(
+        self, model: Any, normalise: Normalise, frame_skip: int, voltage_max: float = BASELINE.clutch.voltage_max
+    ) -> None:
         self.sensors, self.layout = _observed_by(model)
         space = getattr(model, "action_space", None)
         if not isinstance(space, spaces.Box) or space.shape != (4,) or not space.is_bounded():
             raise ParameterError(f"model.action_space must be a Box of 4 entries with bounds, got {space}")
         self._low, self._high = space.low.astype(np.float64), space.high.astype(np.float64)
         self._model, self._normalise, self._voltage_max = model, normalise, voltage_max
+        self.frame_skip = frame_skip
         self.reset()
 
     def bind(self, machine: Machine, layout: Layout) -> "ModelPolicy":
@@ -105,7 +121,7 @@ class ModelPolicy(BoundPolicy):
             raise ParameterError(
                 f"observations must have the {len(self.layout)} entries of the model, got {len(layout)}"
             )
-        bound = ModelPolicy(self._model, self._normalise, machine.clutch.voltage_max)
+        bound = ModelPolicy(self._model, self._normalise, self.frame_skip, machine.clutch.voltage_max)
         bound.layout = layout
         return bound
 
@@ -138,6 +154,15 @@ def _observed_by(model: Any) -> tuple[Sensors, Layout]:
             return sensors, layout
     known = " or ".join(f"{len(layout)} ({sensors})" for sensors, layout in layouts.items())
     raise ParameterError(f"model.observation_space must be a Box of {known} entries, got {space}")
+
+
+def _frame_skip_of(env: Any) -> int:
+    """Return for how many control steps an environment holds its actions, 1 if it does not tell."""
+    inner = getattr(env, "unwrapped", env)
+    try:
+        return inner.get_attr("frame_skip")[0] if hasattr(inner, "get_attr") else inner.frame_skip
+    except AttributeError:
+        return 1
 
 
 def _normalising(wrapper: Any) -> Normalise:

@@ -8,7 +8,7 @@ import hashlib
 import json
 import sys
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import Field, fields, is_dataclass
 from types import MappingProxyType
 from typing import Any, cast
 
@@ -19,9 +19,14 @@ from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.controllers import BoundPolicy
 from pter_gym.controllers._base import Policy
 from pter_gym.policies._cards import Card
+from pter_gym.policies._interface import Interface
 
 PROSE: Mapping[type, tuple[str, ...]] = MappingProxyType({Card: ("name", "about", "weights_sha256")})
 """Fields that describe a policy and do not change what it does."""
+
+
+ADDED: Mapping[type, tuple[str, ...]] = MappingProxyType({Interface: ("frame_skip",)})
+"""Fields that came later: with their defaults they do not count, so what is older stays what it was."""
 
 
 class _UnknownError(Exception):
@@ -62,8 +67,15 @@ def _plain(value: object) -> object:
             return ["array", array.dtype.str, list(array.shape), hashlib.sha256(array.tobytes()).hexdigest()]
     if not is_dataclass(kind) or not _is_ours(kind):
         raise _UnknownError
-    names = [field.name for field in fields(kind) if field.name not in PROSE.get(kind, ())]
+    left_out = {*PROSE.get(kind, ())}
+    left_out |= {field.name for field in fields(kind) if _is_added(kind, field, getattr(value, field.name))}
+    names = [field.name for field in fields(kind) if field.name not in left_out]
     return [f"{kind.__module__}.{kind.__qualname__}", {name: _plain(getattr(value, name)) for name in names}]
+
+
+def _is_added(kind: type, field: Field[Any], value: object) -> bool:
+    """Tell whether a field came later and has its default."""
+    return field.name in ADDED.get(kind, ()) and value == field.default
 
 
 def _is_ours(kind: type) -> bool:

@@ -49,6 +49,8 @@ CODEC = Codec([*dataclasses_in(params), Layout, Field])
 FAULTS = {kind.__name__: kind for kind in (ActionError, ParameterError)}
 """Errors of a policy that leave its process running, by name; any other is a PolicyError and ends it."""
 
+NONSENSE = "has sent something that is not an answer"
+
 
 class Kind(IntEnum):
     """What a message is."""
@@ -56,7 +58,7 @@ class Kind(IntEnum):
     BIND = 0  # machine and layout, as JSON
     RESET = 1
     DECIDE = 2  # observations, float32 (N, entries)
-    DONE = 3  # volts, float32 (N, 4), for observations; JSON otherwise
+    DONE = 3  # the sensors' name; frame_skip as uint32; nothing; volts, float32 (N, 4)
     FAULT = 4  # the name of an error, and its message, as JSON
 
 
@@ -99,9 +101,9 @@ class Isolated(BoundPolicy):
         self._stream = self._socket.makefile("rwb")
         self.close = weakref.finalize(self, _end, self.process, self._socket, self._stream, folder)
         try:
-            self.sensors: Sensors = self._parsed(self._answer())
+            self.sensors = cast("Sensors", self._answer().decode("latin-1"))
             if self.sensors not in get_args(Sensors):
-                raise self._wrong()
+                raise self._failed(NONSENSE)
             self.bind(BASELINE, observation_layout(BASELINE, self.sensors))
         except BaseException:
             self.close()
@@ -116,8 +118,8 @@ class Isolated(BoundPolicy):
             If it cannot be bound to these.
         """
         told = {"machine": CODEC.to_plain(machine), "layout": CODEC.to_plain(layout)}
-        self._ask(Kind.BIND, json.dumps(told).encode())
-        self.layout = layout
+        held = self._ask(Kind.BIND, json.dumps(told).encode(), 4)
+        self.layout, self.frame_skip = layout, max(1, int.from_bytes(held, "little"))
         return self
 
     def reset(self) -> None:
@@ -160,35 +162,25 @@ class Isolated(BoundPolicy):
             kind, found = HEADER.unpack(self._stream.read(HEADER.size))
             fits = found == size if size is not None and kind == Kind.DONE else found <= MOST_TEXT
             if kind not in (Kind.DONE, Kind.FAULT) or not fits:
-                raise self._wrong()
+                raise ValueError
             content = self._stream.read(found)
             if len(content) < found:
                 raise EOFError
+            if kind == Kind.DONE:
+                return content
+            error, told = map(str, parse_json(content, MOST_TEXT))
         except TimeoutError:
             raise self._failed(f"must answer within {self.timeout:g} s, and did not") from None
+        except (ValueError, TypeError):
+            raise self._failed(NONSENSE) from None
         except (OSError, EOFError, struct.error):
             self.close()
             raise self._failed(f"has ended its process, with exit status {self.process.returncode}") from None
         except BaseException:  # an answer may still be on its way
             self.close()
             raise
-        if kind == Kind.DONE:
-            return content
-        match self._parsed(content):
-            case [str(error), str(told)]:
-                told = "".join(char if char.isprintable() else ascii(char)[1:-1] for char in told)
-                raise FAULTS[error](told) if error in FAULTS else self._failed(told)
-            case _:
-                raise self._wrong()
-
-    def _parsed(self, content: bytes) -> Any:
-        try:
-            return parse_json(content, MOST_TEXT)
-        except ValueError:
-            raise self._wrong() from None
-
-    def _wrong(self) -> PolicyError:
-        return self._failed("has sent something that is not an answer")
+        told = "".join(char if char.isprintable() else ascii(char)[1:-1] for char in told)
+        raise FAULTS[error](told) if error in FAULTS else self._failed(told)
 
     def _failed(self, why: str) -> PolicyError:
         """End the process and return the error to raise."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pter_gym._engine.batch import checked_actions
 from pter_gym.benchmark._isolation import CODEC, HEADER, Kind
 from pter_gym.benchmark._naming import find_policy
 from pter_gym.benchmark.simulation import sensors_of
@@ -29,7 +30,7 @@ class Host:
         """Find the policy, also among the modules of a folder, and return the sensors that it needs."""
         sys.path.append(folder)
         self.policy = find_policy(self.name)
-        return json.dumps(sensors_of(self.policy)).encode()
+        return sensors_of(self.policy).encode()
 
     def answer(self, kind: int, content: bytes) -> bytes:
         """Return the content of the answer to a message."""
@@ -43,20 +44,12 @@ class Host:
         self.bound, self.most = bind(self.policy, machine, CODEC.from_plain(told["layout"])), machine.clutch.voltage_max
         if self.bound.plans is not None:
             raise ParameterError(f"policies: {self.name!r} plans in the simulated worlds and cannot be isolated")
-        return b""
+        return self.bound.frame_skip.to_bytes(4, "little")
 
     def _decide(self, content: bytes) -> bytes:
         """Return voltages, float32 (N, 4); those of a compiled law are clipped to the range, as in a kernel."""
         seen = np.frombuffer(bytearray(content), "<f4").reshape(-1, len(self.bound.layout))
-        decided = self.bound.act(seen)
-        try:
-            volts: Any = np.asarray(decided)
-        except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that is not plain CPU memory
-            raise ActionError(f"action must be an array of numbers: {error}") from None
-        if volts.dtype.kind not in "fiu":
-            raise ActionError(f"action must hold real numbers, got dtype {volts.dtype}")
-        if volts.shape != (len(seen), 4):
-            raise ActionError(f"action must have the shape {(len(seen), 4)}, got {volts.shape}")
+        volts = checked_actions(self.bound.act(seen), (len(seen), 4))
         return (np.clip(volts, 0.0, self.most) if isinstance(self.bound, Policy) else volts).astype("<f4").tobytes()
 
 

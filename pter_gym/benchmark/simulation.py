@@ -60,6 +60,7 @@ class Rollout:
         self._rows = [first[None][..., self._columns]]
         self._memory = batch.empty_memory()
         self._decisions: list[tuple[float, int]] = []
+        self._volts: Any = None
 
     def begin(self, policy: BoundPolicy) -> None:
         """Tell a policy that new episodes begin; only one that plans is told the worlds."""
@@ -72,19 +73,20 @@ class Rollout:
             policy.reset_in(self.batch)
 
     def advance(self, policy: BoundPolicy, steps: int) -> None:
-        """Go on by one control step, or with a compiled law, which runs inside the kernel, by so many at once."""
-        if isinstance(policy, Policy):
+        """Go on by one control step; by so many with a compiled law that decides at each, inside the kernel."""
+        if isinstance(policy, Policy) and policy.frame_skip == 1:
             self._keep(*self.batch.rollout(self.obs, policy.law, policy.gains, steps, self._memory))
         else:
             self.step(policy)
 
     def step(self, policy: BoundPolicy) -> None:
-        """Go on by one control step with what a policy decides; it sees as many entries as its layout has."""
-        obs = self.obs[:, : len(policy.layout)].copy()
-        begin = time.thread_time()
-        volts = policy.act(obs)
-        self._decisions.append((time.thread_time() - begin, int((~self.ended).sum())))
-        returns = self.batch.step(volts, SKIP)
+        """Go on by one control step with what a policy has decided; it sees as many entries as its layout has."""
+        if self.steps % policy.frame_skip == 0:
+            obs = self.obs[:, : len(policy.layout)].copy()
+            begin = time.thread_time()
+            self._volts = policy.act(obs)
+            self._decisions.append((time.thread_time() - begin, int((~self.ended).sum())))
+        returns = self.batch.step(self._volts, SKIP)
         self.seen.append(returns.obs)
         self._keep(returns.obs, returns.telemetry)
 

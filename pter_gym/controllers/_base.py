@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pter_gym._compiled.compiler import compile_kernel, content_digest
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.law import Memory, empty_memory
+from pter_gym._internal.checks import whole_number
 from pter_gym.controllers._laws import built_in
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
@@ -57,9 +58,12 @@ class BoundPolicy(ABC):
         SHA-256 of all that determines what it does, where that is known.
     plans
         How it plans, if it does.
+    frame_skip
+        Control steps for which what it decides is held: what it was trained with.
     """
 
     layout: Layout
+    frame_skip: int = 1
     compiled: bool = False
     plans: Plans | None = None
 
@@ -142,10 +146,11 @@ class Controller(Protocol):
 
 
 class PlainPolicy(BoundPolicy):
-    """A callable from observations to volts as a policy; its own ``reset`` and ``forget`` are called if it has them."""
+    """A callable from observations to volts as a policy, with its ``reset``, ``forget`` and ``frame_skip`` if any."""
 
     def __init__(self, function: Callable[[Observations], Any], layout: Layout) -> None:
         self.layout = layout
+        self.frame_skip = whole_number("frame_skip", getattr(function, "frame_skip", 1))
         self._function = function
 
     def reset(self) -> None:

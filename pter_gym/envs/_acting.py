@@ -32,7 +32,7 @@ class Decision(NamedTuple):
 class ActingPolicy:
     """A policy in one environment: ``policy(observation) -> action``; ``pter_gym.load_policy`` makes one.
 
-    Call it once at each control step, with the latest observation. It reads the clock of the worlds to notice new
+    Call it once at each step of the environment, with the latest observation. It reads the worlds' clock to notice new
     episodes, whether after ``env.reset`` or where the worlds of a vector environment reset at different times. It
     forgets what it remembers of an episode that has ended, and refuses to act after steps that it has not seen.
 
@@ -48,7 +48,7 @@ class ActingPolicy:
     ------
     ParameterError
         If the environment is not one of this package with its worlds in this process, a wrapper changes observations
-        or actions, or the policy needs something that the observations lack.
+        or actions, or the policy needs something that the observations lack, or another ``frame_skip``.
     """
 
     def __init__(self, policy: Controller | Callable[[Observations], Any], env: Any) -> None:
@@ -59,9 +59,13 @@ class ActingPolicy:
         self._shape = (len(first.layout),) if self._single else (self._worlds, len(first.layout))
         self._voltage_max = first.machine.clutch.voltage_max
         self._normalised = first.action_low < 0.0
+        self._skip = first.frame_skip
         self._acting = bind(policy, nominal_machine(self._batches), first.layout)
         if self._acting.plans is not None and len(self._batches) > 1:
             raise ParameterError("env must simulate all worlds in one call for a policy that plans, as make_vec does")
+        held = self._acting.frame_skip
+        if held not in (1, self._skip):
+            raise ParameterError(f"env must have the frame_skip of the policy, {held}, got {self._skip}")
         self._last: Decision | None = None
 
     def reset(self) -> None:
@@ -108,7 +112,7 @@ class ActingPolicy:
         """Forget episodes that have ended, or raise a ResetNeededError if the policy has missed steps."""
         begun = np.ones(self._worlds, np.bool_) if self._last is None else clock[:, 2] == 0
         if self._last is not None:
-            missed = ~begun & (clock != self._last.clock + np.array([0, 0, 1], np.uint64)).any(axis=1)
+            missed = ~begun & (clock != self._last.clock + np.array([0, 0, self._skip], np.uint64)).any(axis=1)
             if missed.any():
                 world = missed.argmax()
                 raise ResetNeededError(

@@ -79,7 +79,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
         return obs, {}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Advance all worlds by one control period, without waiting for the device.
+        """Advance all worlds by ``frame_skip`` control periods, without waiting for the device.
 
         Parameters
         ----------

@@ -88,9 +88,9 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     `pter_gym.tasks.path_following.reason_of` says why an episode has ended.
 
     ### Truncation
-    After 1000 control steps, by Gymnasium's `TimeLimit`; or when the tip is further than `task.truncation_error` from
-    the path, or that far behind its start. By default that is beyond any workspace, so the workspace ends the episode
-    first.
+    After 1000 steps of the environment, by Gymnasium's `TimeLimit`; or when the tip is further than
+    `task.truncation_error` from the path, or that far behind its start. By default that is beyond any workspace, so the
+    workspace ends the episode first.
 
     ## Arguments
     - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
@@ -101,6 +101,8 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
       drift of the clutches, what the hand adds). The telemetry always includes it.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
     - `action_unit`: `"volt"` (default) or `"normalised"`.
+    - `frame_skip`: control steps (of 10 ms) for which an action is held, 1 by default. The rewards of these steps
+      add up, and observation and `info` are those of the last of them. An episode that ends within them ends the step.
     - `render_mode`: `"human"` (needs the extra `render`) or `"rgb_array"`.
     - `width`, `height`: size of the pictures, 840 × 600 pixels by default.
 
@@ -118,6 +120,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         action_unit: ActionUnit = "volt",
         randomisation: "Randomisation | Mixture | None" = None,
         observe_context: bool = False,
+        frame_skip: int = 1,
         render_mode: RenderMode | None = None,
         width: int = 840,
         height: int = 600,
@@ -133,13 +136,19 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             sensors=sensors,
             action_unit=action_unit,
             observe_context=observe_context,
+            frame_skip=frame_skip,
         )
-        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.batch.task.control_period)}
+        self.metadata = {**self.metadata, "render_fps": frames_per_second(self.batch)}
         self.render_mode = render_mode
         self.action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
         self.observation_space = spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32)
         self._viewer: Any = None if render_mode is None else self._make_viewer(width, height)
         self._rows: list[NDArray[np.float64]] = []
+
+    @property
+    def frame_skip(self) -> int:
+        """Control steps for which an action is held."""
+        return self.batch.frame_skip
 
     @property
     def observation_layout(self) -> Layout:
@@ -178,7 +187,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return obs[0], {"telemetry": telemetry[0], "is_success": False}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Advance by one control period.
+        """Advance by ``frame_skip`` control periods.
 
         Raises
         ------
@@ -220,6 +229,11 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def _draw(self) -> NDArray[np.uint8] | None:
         rows: Any = np.array(self._rows)
         return self._viewer.draw(rows[-1], rows[:, [*COLUMN.tip]])
+
+
+def frames_per_second(batch: Batch) -> int:
+    """Return how many steps of an environment make a second, at least 1."""
+    return max(1, round(1.0 / (batch.frame_skip * batch.task.control_period)))
 
 
 def find_pairs(

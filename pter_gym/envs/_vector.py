@@ -16,7 +16,7 @@ from pter_gym._engine.batch import ActionUnit, Array, Batch, Observations, Retur
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.computer import available_cores, available_memory
 from pter_gym._internal.plugins import load_artist
-from pter_gym.envs._single import find_pairs
+from pter_gym.envs._single import find_pairs, frames_per_second
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
@@ -49,12 +49,13 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         N.
     machine, task
         One for all worlds, or a sequence with one for each; see ``PathFollowingEnv``.
-    sensors, action_unit, randomisation, observe_context
+    sensors, action_unit, randomisation, observe_context, frame_skip
         See ``PathFollowingEnv``.
     autoreset_mode
         When a world whose episode has ended is reset; an ``AutoresetMode`` or its value.
     max_episode_steps
-        Control steps after which an episode is truncated; None for no limit.
+        Steps of the environment, of ``frame_skip`` control steps each, after which an episode is truncated; None for no
+        limit.
     telemetry
         Whether ``infos`` holds telemetry.
     render_mode
@@ -82,6 +83,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         action_unit: ActionUnit = "volt",
         randomisation: "Randomisation | Mixture | None" = None,
         observe_context: bool = False,
+        frame_skip: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = 1000,
         telemetry: bool = True,
@@ -104,13 +106,16 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
             sensors=sensors,
             action_unit=action_unit,
             observe_context=observe_context,
-            max_steps=None if max_episode_steps is None else whole_number("max_episode_steps", max_episode_steps),
+            frame_skip=frame_skip,
+            max_steps=None
+            if max_episode_steps is None
+            else whole_number("frame_skip", frame_skip) * whole_number("max_episode_steps", max_episode_steps),
             telemetry=telemetry or render_mode is not None,
             num_threads=available_cores() if num_threads is None else whole_number("num_threads", num_threads),
         )
         self.metadata = {
             "render_modes": ["rgb_array"],
-            "render_fps": round(1.0 / self.batch.task.control_period),
+            "render_fps": frames_per_second(self.batch),
             "autoreset_mode": self.autoreset_mode,
         }
         self._viewer = self._make_viewer(width, height) if render_mode else None
@@ -120,6 +125,11 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         self.single_observation_space = spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+
+    @property
+    def frame_skip(self) -> int:
+        """Control steps for which an action is held."""
+        return self.batch.frame_skip
 
     @property
     def observation_layout(self) -> Layout:
@@ -156,7 +166,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         return obs, self._infos(chosen, telemetry, np.zeros(self.num_envs, np.bool_))
 
     def step(self, actions: Any) -> tuple[Observations, Array, Mask, Mask, dict[str, Any]]:
-        """Advance all worlds by one control period.
+        """Advance all worlds by ``frame_skip`` control periods.
 
         Raises
         ------
@@ -215,8 +225,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         success = infos["is_success"]
         infos["is_success"] = success & ~ended
         final_obs = np.full(self.num_envs, None, object)
-        for index, row in zip(np.flatnonzero(ended).tolist(), returns.final_obs[ended], strict=True):
-            final_obs[index] = row
+        final_obs[ended] = np.fromiter(returns.final_obs[ended], object, ended.sum())
         telemetry = returns.telemetry[1:].reshape(-1, COLUMNS)
         if len(telemetry):
             telemetry = np.where(ended[:, None], telemetry, 0.0)

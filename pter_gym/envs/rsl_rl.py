@@ -69,7 +69,7 @@ class RslRlVecEnv(VecEnv):
         return self._obs
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, dict[str, Any]]:
-        """Advance all worlds by one control period; actions are (N, 4)."""
+        """Advance all worlds by ``frame_skip`` control periods; actions are (N, 4)."""
         clipped = actions.detach().clamp(self._low, self._high)
         given = clipped if self.device.type == "cuda" else clipped.numpy()
         obs, rewards, *flags, _ = self.env.step(given)

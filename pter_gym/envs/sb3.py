@@ -45,7 +45,7 @@ class PterVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Advance all worlds by one control period."""
+        """Advance all worlds by ``frame_skip`` control periods."""
         obs, rewards, terminated, truncated, infos = self.env.step(self._actions)
         done = terminated | truncated
         listed: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
@@ -98,8 +98,8 @@ def make_sb3_vec_env(num_envs: int, *, action_unit: Any = "normalised", **keywor
     action_unit
         ``"normalised"``, which suits Stable-Baselines3, or ``"volt"``.
     **keywords
-        Of ``PathFollowingVectorEnv``: ``machine``, ``task``, ``sensors``, ``max_episode_steps``, ``num_threads``,
-        ``render_mode``.
+        Of ``PathFollowingVectorEnv``: ``machine``, ``task``, ``sensors``, ``frame_skip``, ``max_episode_steps``,
+        ``num_threads``, ``render_mode``.
     """
     return PterVecEnv(
         PathFollowingVectorEnv(

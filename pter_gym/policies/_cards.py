@@ -23,6 +23,9 @@ OUTPUTS = 4
 MOST_INPUTS, MOST_UNITS, MOST_LAYERS, MOST_LSTM = 256, 1024, 8, 512
 """Largest sizes of a network: inputs, units of a layer, layers, units of an LSTM."""
 
+ADDED = ("frame_skip",)
+"""Fields that older cards lack, which mean their defaults there."""
+
 Fields = tuple[tuple[str, str, float], ...]
 
 
@@ -194,12 +197,12 @@ def _entry(content: Any) -> tuple[str, str, float]:
 
 
 def _fields(kind: type[Any], content: dict[str, Any]) -> dict[str, Any]:
-    """Return an object, or raise a ValueError unless it has exactly the fields of a dataclass."""
+    """Return an object, or raise a ValueError unless it has the fields of a dataclass and no others."""
     known = [item.name for item in fields(kind)]
     for name in content:
         if name not in known:
             raise unknown_name(f"fields of {kind.__name__}", name, known)
-    if missing := [name for name in known if name not in content]:
+    if missing := [name for name in known if name not in content and name not in ADDED]:
         raise ValueError(f"{kind.__name__} must have {', '.join(known)}; {', '.join(missing)} is missing")
     return content
 

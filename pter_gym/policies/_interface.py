@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import Machine, require, require_flag, require_kind, require_number
+from pter_gym.params import Machine, require, require_flag, require_kind, require_number, require_whole
 from pter_gym.policies._stored_gains import gains_of, make_guided
 
 if TYPE_CHECKING:
@@ -119,6 +119,8 @@ class Interface:
     normalised
         Whether the outputs a are the environments' normalised actions, for voltage_max·((a + 1)/2)². They correct no
         base then and have no reach.
+    frame_skip
+        Control steps for which a decision is held; history and averages count decisions then.
     """
 
     inputs: tuple[Input, ...]
@@ -127,6 +129,7 @@ class Interface:
     history: tuple[int, ...] = ()
     averages: tuple[int, ...] = ()
     normalised: bool = False
+    frame_skip: int = 1
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -136,6 +139,7 @@ class Interface:
         )
         require(len(self.inputs) > 0, self, "inputs", self.inputs, "at least one input")
         require_number(self, "reach", above=0.0)
+        require_whole(self, "frame_skip")
         for name, longest in (("history", LONGEST), ("averages", SLOWEST)):
             steps: tuple[int, ...] = getattr(self, name)
             rising = all(low < high for low, high in pairwise((0, *steps, longest + 1)))
@@ -166,6 +170,7 @@ class BoundInterface:
         self.size = interface.size
         self.reach = interface.reach
         self.normalised = interface.normalised
+        self.frame_skip = interface.frame_skip
         self.voltage_max = machine.clutch.voltage_max
         self.base = None if interface.base is None else interface.base.schedule().bind(machine, layout)
         names = available(layout, residual=self.base is not None)

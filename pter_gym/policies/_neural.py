@@ -69,9 +69,15 @@ class NeuralPolicy:
         What the network sees and does.
     network
         From inputs to outputs.
+
+    Attributes
+    ----------
+    frame_skip
+        Control steps for which a decision is to be held.
     """
 
     def __init__(self, interface: BoundInterface, network: Net) -> None:
+        self.frame_skip = interface.frame_skip
         self._interface = interface
         self._network = network
         self._begin(0)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import pter_gym
+from pter_gym.benchmark import from_sb3
 from pter_gym.errors import ActionError, ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
@@ -174,3 +175,23 @@ def test_a_trained_policy_acts_in_it_and_notices_new_episodes() -> None:
     assert began >= 2
     with pytest.raises(ParameterError, match="its wrapper VecNormalize changes them"):
         pter_gym.load_policy("residual", vec_env.VecNormalize(env))
+
+
+@pytest.mark.parametrize("kind", ["batch", "dummy"])
+def test_models_of_stable_baselines_bring_that_of_their_environment(kind: str) -> None:
+    from stable_baselines3.common.env_util import make_vec_env
+
+    from pter_gym.envs.sb3 import make_sb3_vec_env
+
+    keywords: dict[str, Any] = {"frame_skip": 4, "action_unit": "normalised"}
+    made = {
+        "batch": lambda: make_sb3_vec_env(2, **keywords),
+        "dummy": lambda: make_vec_env("PTER/Standard-v0", 2, env_kwargs=keywords),
+    }[kind]()
+    model = algorithms.PPO("MlpPolicy", made, n_steps=8, batch_size=8, device="cpu")
+    assert from_sb3(model).frame_skip == 4
+    assert from_sb3(model, frame_skip=2).frame_skip == 2
+    with pytest.raises(ParameterError, match="frame_skip must be a whole number ≥ 1"):
+        from_sb3(model, frame_skip=0)
+    with pytest.raises(ParameterError, match="env must have the frame_skip of the policy, 4, got 1"):
+        pter_gym.load_policy(from_sb3(model), gymnasium.make("PTER/PathFollowing-v0"))

@@ -28,10 +28,13 @@ STOCK = Path(__file__).parents[2] / "agents" / "stock"
 SCRIPTS = sorted(STOCK.glob("*.py"))
 TINY: dict[str, dict[str, Any]] = {
     "cleanrl_ppo": {"steps": 256, "n": 2, "horizon": 64},
+    "jax_ppo": {"steps": 512, "worlds": 16, "horizon": 16},
     "sb3_ppo": {"steps": 64, "worlds": 2},
     "sb3_sac": {"steps": 240, "worlds": 2},
     "sb3_tqc": {"steps": 240, "worlds": 2},
 }
+
+NEEDS = {"jax_ppo": ("jax",), "sb3_tqc": ("sb3_contrib",)}
 
 NEAR_START = 0.25
 """Of the path; an arm that goes no further is stuck."""
@@ -40,8 +43,8 @@ NEAR_START = 0.25
 @pytest.mark.slow
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_a_script_trains_and_scores(script: Path, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    if script.stem == "sb3_tqc":
-        pytest.importorskip("sb3_contrib")
+    for needed in NEEDS.get(script.stem, ()):
+        pytest.importorskip(needed)
     module = load_script(script)
     monkeypatch.setattr(module, "run_scenario", partial(module.run_scenario, paces=["brisk"], episodes=2))
     module.train(**TINY[script.stem], seed=3, out=tmp_path)

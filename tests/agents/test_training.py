@@ -12,9 +12,11 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
+import pter_gym
 from pter_gym.benchmark import episodes, run_scenario
 from pter_gym.errors import DataError, DependencyError, ParameterError, StorageError
 from pter_gym.params import BASELINE
@@ -509,6 +511,20 @@ def test_an_exported_policy_acts_like_the_run(algorithm: str, tmp_path: Path) ->
     assert (policy.card.interface.base is None) == (ALGORITHMS[algorithm].action == "the clutch voltages")
     text = (tmp_path / "out" / "mine.md").read_text(encoding="utf-8")
     assert policy.card.about["command"] in text
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "residual"])
+def test_a_policy_is_trained_and_acts_with_decisions_that_are_held(algorithm: str, tmp_path: Path) -> None:
+    given = arguments(algorithm, rollouts=2, frame_skip=3)
+    training.train(given, tmp_path / "run")
+    _, difference = exporting.export_run(tmp_path / "run", tmp_path / "out", name="mine")
+    assert difference <= exporting.SAME
+    env: Any = gymnasium.make("PTER/Standard-v0", frame_skip=3)
+    policy = pter_gym.load_policy(tmp_path / "out" / "mine.json", env)
+    obs, _ = env.reset(seed=0)
+    env.step(policy(obs))
+    with pytest.raises(ParameterError, match="env must have the frame_skip of the policy, 3, got 1"):
+        pter_gym.load_policy(tmp_path / "out" / "mine.json", gymnasium.make("PTER/Standard-v0"))
 
 
 def test_a_policy_that_acts_otherwise_is_not_exported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

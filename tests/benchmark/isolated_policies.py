@@ -20,9 +20,10 @@ PLANNER = Honest(Free())
 
 
 class Counting:
-    """More voltage with each decision since the reset; prints, as programs do."""
+    """More voltage with each decision since the reset, held for three control steps; prints, as programs do."""
 
     sensors = "force"
+    frame_skip = 3
 
     def __init__(self) -> None:
         self.decisions = -1000

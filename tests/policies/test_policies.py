@@ -283,6 +283,24 @@ def test_the_identity_follows_what_acts_and_nothing_else(folder: Path) -> None:
     assert (known[0] == known[1], known[0] == known[2]) == (True, False)
 
 
+def test_a_card_says_how_long_a_decision_is_held_and_an_older_one_does_not(tmp_path: Path) -> None:
+    card = make_card(interface=Interface(inputs=INPUTS, reach=12.0, frame_skip=3))
+    write_policy(card, make_tensors(card), "# tested\n", tmp_path)
+    policy = read_policy("tested", tmp_path)
+    assert bind(policy, BASELINE, LAYOUT).frame_skip == 3
+    path = tmp_path / "tested.json"
+    content = json.loads(path.read_text("utf-8"))
+    del content["interface"]["frame_skip"]
+    path.write_text(json.dumps(content), "utf-8")
+    older = read_policy("tested", tmp_path)
+    assert bind(older, BASELINE, LAYOUT).frame_skip == 1
+    assert content_of(older) != content_of(policy)
+    content["interface"]["frame_skip"] = 0
+    path.write_text(json.dumps(content), "utf-8")
+    with pytest.raises(DataError, match="frame_skip must be"):
+        read_policy("tested", tmp_path)
+
+
 def test_other_observations_are_refused_with_both_named(folder: Path) -> None:
     policy = read_policy("tested", folder)
     with pytest.raises(ParameterError, match=r"torque_4 \[20 N·m\]; these have cos_a \[1 1\].*\]$"):

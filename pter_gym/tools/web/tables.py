@@ -174,6 +174,7 @@ def network(name: str, nominal: Machine, layout: Layout) -> dict[str, Any]:
         "history": interface.history,
         "averages": interface.averages,
         "normalised": interface.normalised,
+        "frame_skip": interface.frame_skip,
         "base": None if interface.base is None else gains(interface.base.schedule(), nominal, layout),
         "voltage_max": card.voltage_max,
         "squashed": card.squashed,

@@ -187,6 +187,10 @@ def test_networks_answer_as_in_python(name: str, page: Any, recorded: Any) -> No
     np.testing.assert_allclose(found, expected, rtol=2.0**-22, atol=1e-5)
     assert (found == expected).mean() > 0.999
     assert np.ptp(found, axis=0).min() > 1.0
+    held = np.array(page["answers"][f"{name}: held"])
+    assert page["answers"][f"{name}: decisions"] == -(-len(recorded) // 3)
+    np.testing.assert_array_equal(held, np.repeat(held[::3], 3, axis=0)[: len(held)])
+    np.testing.assert_array_equal(held[0], page["answers"][name][0])
 
 
 @needs_node

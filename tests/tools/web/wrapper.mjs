@@ -77,7 +77,12 @@ async function answers() {
     const outputs = policy.outputs.bind(policy);
     policy.outputs = (inputs) => made[made.push(outputs(inputs)) - 1];
     found[name] = observations.map((observation) => [...policy.act(observation)]);
-    found[`${name}: outputs`] = made;
+    found[`${name}: outputs`] = [...made];
+    policy.reset();
+    policy.card = { ...policy.card, frame_skip: 3 };
+    made.length = 0;
+    found[`${name}: held`] = observations.map((observation) => [...policy.act(observation)]);
+    found[`${name}: decisions`] = made.length;
   }
   return found;
 }

@@ -42,10 +42,17 @@ export class Network {
     this.base?.reset();
     this.seen = [];
     this.means = [];
+    this.steps = 0;
   }
 
-  /** Return the voltages [V] for an observation, float32. */
+  /** Return the voltages [V] for an observation, float32: decided now, or held. */
   act(observation) {
+    if (this.steps++ % this.card.frame_skip === 0) this.held = this.decide(observation);
+    return this.held;
+  }
+
+  /** Return what the network decides, voltages [V], float32. */
+  decide(observation) {
     const corrected = this.base ? this.base.act(observation) : new Array(4).fill(0.5 * this.card.voltage_max);
     const outputs = this.outputs(this.inputs(observation, corrected));
     return Float32Array.from(outputs, (output, clutch) => this.volts(limited(output, -1, 1), corrected[clutch]));

@@ -1,0 +1,244 @@
+"""The block kernels as calls of XLA's foreign-function interface: a world is a row, and no Python runs in a step.
+
+A handler gets XLA's call frame, a C structure whose fields are machine words: the version of the interface's header is
+in ``jaxlib``. Everything it is given lies in memory that XLA keeps: it reads blocks of rows, runs the kernels on them
+and writes them back. A row is opaque, pairs of 32-bit words, so JAX needs no 64-bit types for it.
+"""
+
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jax
+import jaxlib
+import numba
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+
+from pter_gym._compiled.compiler import compile_kernel
+from pter_gym._engine.kernels import advance_kernel, reset_kernel
+from pter_gym._engine.world import FLAG, FLAGS, LANES, SAME_STEP
+
+TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
+
+STEP, RESET = "pter_step", "pter_reset"
+"""Names of the calls."""
+
+# words of XLA_FFI_CallFrame, XLA_FFI_Buffer and XLA_FFI_Metadata_Extension
+_EXTENSION, _ARGUMENTS, _RESULTS = 1, 9, 14
+_DATA, _RANK, _DIMENSIONS = 3, 4, 5
+_TYPE, _METADATA = 1, 3
+_METADATA_TYPE = 1
+_VERSION, _TRAITS = 3, 4
+
+_numba: Any = numba
+_njit: Any = numba.njit(nogil=True, error_model="numpy")
+
+advance: Any = None
+start: Any = None
+version = 0
+"""What the kernels below call, and the version of the interface; ``compile_kernel`` binds these names."""
+
+
+def _pointer(kind: Any) -> Any:
+    """Return a compiled function from an address to a pointer."""
+
+    @intrinsic
+    def to(typing: Any, address: Any) -> Any:  # noqa: ARG001
+        pointer = types.CPointer(kind)
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
+            return builder.inttoptr(arguments[0], context.get_value_type(pointer))
+
+        return pointer(types.int64), generate
+
+    return to
+
+
+_whole, _double, _single = _pointer(types.int64), _pointer(types.float64), _pointer(types.float32)
+_unsigned, _flag = _pointer(types.uint64), _pointer(types.boolean)
+
+
+@_njit
+def _data(buffers: int, number: int) -> int:
+    """Return the address of a buffer's data."""
+    return _whole(_whole(buffers)[number])[_DATA]
+
+
+@_njit
+def _dimension(buffers: int, number: int, axis: int) -> int:
+    """Return a dimension of a buffer; axes count from the end as in Python."""
+    buffer = _whole(_whole(buffers)[number])
+    return _whole(buffer[_DIMENSIONS])[axis if axis >= 0 else buffer[_RANK] + axis]
+
+
+@_njit
+def _doubles(buffers: int, number: int) -> Any:
+    """Return a buffer of 32-bit words as numbers of 64 bits."""
+    return _numba.carray(_double(_data(buffers, number)), (_dimension(buffers, number, 0) // 2,))
+
+
+@_njit
+def _singles(buffers: int, number: int, n: int, width: int) -> Any:
+    """Return a buffer as numbers of 32 bits, (n, width)."""
+    return _numba.carray(_single(_data(buffers, number)), (n, width))
+
+
+@_njit
+def _flags(buffers: int, number: int, n: int) -> Any:
+    """Return a buffer as flags, (n, FLAGS)."""
+    return _numba.carray(_flag(_data(buffers, number)), (n, FLAGS))
+
+
+@_njit
+def _gather(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
+    """Read the worlds from ``first`` on into a block: rows to lanes."""
+    stored = _numba.carray(_double(rows), ((first + len(words)) * block.shape[1],))
+    counts = _numba.carray(_unsigned(seeds), ((first + len(words)) * 2,))
+    for i in range(len(words)):
+        for row in range(block.shape[1]):
+            block[0, row, i] = stored[(first + i) * block.shape[1] + row]
+        words[i, 0] = counts[2 * (first + i)]
+        words[i, 1] = counts[2 * (first + i) + 1]
+
+
+@_njit
+def _scatter(block: Any, words: Any, rows: int, seeds: int, first: int) -> None:
+    """Write a block back: lanes to rows."""
+    stored = _numba.carray(_double(rows), ((first + len(words)) * block.shape[1],))
+    counts = _numba.carray(_unsigned(seeds), ((first + len(words)) * 2,))
+    for i in range(len(words)):
+        for row in range(block.shape[1]):
+            stored[(first + i) * block.shape[1] + row] = block[0, row, i]
+        counts[2 * (first + i)] = words[i, 0]
+        counts[2 * (first + i) + 1] = words[i, 1]
+
+
+@_njit
+def _opened(address: int, version: int) -> tuple[int, int]:
+    """Return the addresses of arguments and results; none where XLA only asks for the version, which it is told."""
+    frame = _whole(address)
+    if frame[_EXTENSION] != 0:
+        extension = _whole(frame[_EXTENSION])
+        if (extension[_TYPE] & 0xFFFFFFFF) == _METADATA_TYPE:
+            metadata = _whole(extension[_METADATA])
+            metadata[_VERSION] = version
+            metadata[_TRAITS] = 0
+            return 0, 0
+    return frame[_ARGUMENTS], frame[_RESULTS]
+
+
+def _build_step(digest: str) -> Any:
+    """Return what advances worlds.
+
+    Its arguments are worlds, seeds and episodes, actions, config and constants; its results worlds, seeds and episodes,
+    observations, last observations, rewards and flags.
+    """
+
+    def step(address: int) -> int:
+        _ = digest
+        arguments, results = _opened(address, version)
+        if results == 0:
+            return 0
+        config, constants = _doubles(arguments, 3), _doubles(arguments, 4)
+        n, rows = _dimension(arguments, 0, 0), _dimension(arguments, 0, -1) // 2
+        entries = _dimension(results, 2, -1)
+        actions = _singles(arguments, 2, n, 4)
+        obs, last_obs = _singles(results, 2, n, entries), _singles(results, 3, n, entries)
+        rewards = _singles(results, 4, n, 1)
+        flags = _flags(results, 5, n)
+        block = np.zeros((1, rows, LANES))
+        words, given = np.empty((LANES, 2), np.uint64), np.empty((LANES, 4))
+        earned, told, telemetry = np.empty(LANES), np.empty((FLAGS, LANES), np.bool_), np.empty((0, LANES, 1))
+        ended, steps, first_block = np.int64(SAME_STEP), np.int64(1), np.int64(0)
+        for first in range(0, n, LANES):
+            lanes = min(LANES, n - first)
+            _gather(block, words[:lanes], _data(arguments, 0), _data(arguments, 1), first)
+            for i in range(lanes):
+                for clutch in range(4):
+                    given[i, clutch] = actions[first + i, clutch]
+            seen, last = obs[first : first + lanes], last_obs[first : first + lanes]
+            mine = words[:lanes]
+            advance(
+                block,
+                mine,
+                given[:lanes],
+                seen,
+                last,
+                earned[:lanes],
+                told,
+                telemetry,
+                config,
+                constants,
+                ended,
+                steps,
+                first_block,
+                steps,
+            )
+            _scatter(block, mine, _data(results, 0), _data(results, 1), first)
+            for i in range(lanes):
+                rewards[first + i, 0] = earned[i]
+                for flag in range(FLAGS):
+                    flags[first + i, flag] = told[flag, i]
+                if not (told[TERMINATED, i] or told[TRUNCATED, i]):
+                    for entry in range(entries):
+                        last[i, entry] = seen[i, entry]
+        return 0
+
+    return step
+
+
+def _build_reset(digest: str) -> Any:
+    """Return what starts worlds.
+
+    Its arguments are worlds that have not begun, seeds and episodes, config and constants; its results worlds, seeds
+    and episodes, and observations.
+    """
+
+    def reset(address: int) -> int:
+        _ = digest
+        arguments, results = _opened(address, version)
+        if results == 0:
+            return 0
+        config, constants = _doubles(arguments, 2), _doubles(arguments, 3)
+        n, rows = _dimension(arguments, 0, 0), _dimension(arguments, 0, -1) // 2
+        obs = _singles(results, 2, n, _dimension(results, 2, -1))
+        block = np.zeros((1, rows, LANES))
+        words, chosen = np.empty((LANES, 2), np.uint64), np.ones(LANES, np.bool_)
+        telemetry = np.empty((0, LANES, 1))
+        for first in range(0, n, LANES):
+            lanes = min(LANES, n - first)
+            _gather(block, words[:lanes], _data(arguments, 0), _data(arguments, 1), first)
+            seen = obs[first : first + lanes]
+            start(block, words[:lanes], chosen[:lanes], seen, telemetry, config, constants)
+            _scatter(block, words[:lanes], _data(results, 0), _data(results, 1), first)
+        return 0
+
+    return reset
+
+
+def _installed_version() -> int:
+    """Return the version of the interface that the installed jaxlib speaks, as a word."""
+    header = Path(jaxlib.__file__).parent / "include/xla/ffi/api/c_api.h"
+    text = header.read_text("utf-8")
+    major, minor = (int(re.findall(rf"#define XLA_FFI_API_{part} (\d+)", text)[0]) for part in ("MAJOR", "MINOR"))
+    return major | minor << 32
+
+
+@cache
+def register_calls() -> tuple[Any, ...]:
+    """Compile both calls and register them, once; return them, as they must live as long as the process."""
+    spoken = _installed_version()
+    kernels: dict[str, Any] = {
+        STEP: compile_kernel(_build_step, advance=advance_kernel(), version=spoken),
+        RESET: compile_kernel(_build_reset, start=reset_kernel(), version=spoken),
+    }
+    for name, kernel in kernels.items():
+        signature = (types.int64,)
+        kernel.compile(signature)
+        compiled = kernel.overloads[signature]
+        address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
+        jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), platform="cpu")
+    return tuple(kernels.values())

@@ -1,0 +1,252 @@
+"""The worlds as pure functions of JAX, in the style of gymnax 1.0, on the same compiled kernel.
+
+``reset`` and ``step`` are of one world; ``jax.vmap`` makes them those of many, in one call of the kernel, and
+``jax.jit`` and ``jax.lax.scan`` take them as they are. A world with seed s goes through the same episodes, bit for bit,
+as one of ``gymnasium.make_vec`` with that seed.
+"""
+
+from typing import Any, NamedTuple, cast
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from pter_gym.errors import ParameterError, needs_extra
+
+try:
+    import jax
+    from jax import numpy as jnp
+    from jax.custom_batching import custom_vmap
+
+    from pter_gym._engine.xla import RESET, STEP, register_calls
+except ImportError as error:
+    raise ImportError(str(needs_extra("pter_gym.envs.jax", "jax"))) from error
+
+from pter_gym._compiled.layout import Layout
+from pter_gym._engine.world import CONFIG_WIDTH, FLAG, FLAGS
+from pter_gym.envs._vector import PathFollowingVectorEnv
+
+
+class EnvState(NamedTuple):
+    """What changes in a world: opaque words, which may be stored and copied.
+
+    Attributes
+    ----------
+    world
+        Motion, clutches, hand and place on the path, uint32 (W,).
+    episode
+        Seed and episode count, uint32 (4,).
+    """
+
+    world: jax.Array
+    episode: jax.Array
+
+
+class EnvParams(NamedTuple):
+    """What worlds share: opaque words.
+
+    Attributes
+    ----------
+    config
+        Bounds, steps and scales, uint32 (C,).
+    constants
+        The machines and tasks that a world draws from, uint32 (K,).
+    """
+
+    config: jax.Array
+    constants: jax.Array
+
+
+Info = dict[str, jax.Array]
+
+
+class JaxEnv:
+    """Pure functions of one world; make one with ``make``.
+
+    Attributes
+    ----------
+    env
+        One world of the same kind for Gymnasium, which ``pter_gym.benchmark.from_actions`` takes.
+    observation_layout
+        Names, units and scales of the observation's entries.
+    frame_skip
+        Control steps for which an action is held.
+    default_params
+        What its worlds share.
+    """
+
+    name = "PathFollowing"
+    num_actions = 4
+
+    def __init__(self, env: PathFollowingVectorEnv) -> None:
+        self.env = env
+        self.observation_layout: Layout = env.observation_layout
+        self.frame_skip = env.frame_skip
+        arrays = env.batch.device_arrays()
+        self.default_params = EnvParams(_words(arrays["config"]), _words(arrays["constants"]))
+        self._empty = _words(arrays["worlds"][0, :, 0])
+
+    def reset(self, key: jax.Array, params: EnvParams | None = None) -> tuple[jax.Array, EnvState]:
+        """Return the first observation, float32 (len(observation_layout),), and the state of a world.
+
+        Its seed follows from the key, and its later episodes from its seed.
+        """
+        return self.reset_to_seed(jax.random.bits(key, (2,), jnp.uint32), params)
+
+    def reset_to_seed(
+        self, seed: int | jax.Array | NDArray[Any], params: EnvParams | None = None
+    ) -> tuple[jax.Array, EnvState]:
+        """Return what ``gymnasium.make_vec`` has of a world after a reset with a seed.
+
+        Parameters
+        ----------
+        seed
+            A whole number from 0 to 2³² − 1, or the two halves of a longer one, the lower first, uint32 (2,).
+        params
+            What worlds share; ``default_params`` by default.
+        """
+        low, high = jnp.broadcast_to(jnp.asarray(seed, jnp.uint32), (2,)) if jnp.ndim(seed) else (seed, 0)
+        episode = jnp.stack([jnp.asarray(each, jnp.uint32) for each in (low, high, 0, 0)])
+        world, episode, obs = _one(_reset, (self._empty, episode), self._shared(params))
+        return obs, EnvState(world, episode)
+
+    def step(
+        self, key: jax.Array | None, state: EnvState, action: jax.Array, params: EnvParams | None = None
+    ) -> tuple[jax.Array, EnvState, jax.Array, jax.Array, jax.Array, Info]:
+        """Advance a world by ``frame_skip`` control periods; one whose episode ends begins the next one.
+
+        Parameters
+        ----------
+        key
+            Not used: what is drawn follows from the world's seed and its episode count.
+        state
+            The world.
+        action
+            Four numbers; those outside of ``action_space`` are clipped. If one is not a finite number, the clutches
+            get no voltage, and observation and reward are NaN.
+        params
+            What worlds share; ``default_params`` by default.
+
+        Returns
+        -------
+        observation, state
+            After a reset where the episode has ended.
+        reward
+            float32 ().
+        terminated, truncated
+            bool ().
+        info
+            ``terminated`` and ``truncated`` too, ``is_success``, and ``final_observation``: before such a reset.
+        """
+        del key
+        space = self.action_space()
+        action = jnp.asarray(action, jnp.float32)
+        known = jnp.isfinite(action).all()
+        given = jnp.where(known, jnp.clip(action, space.low, space.high), space.low)
+        world, episode, obs, final, reward, flags = _one(_step, (*state, given), self._shared(params))
+        obs, final, reward = (jnp.where(known, each, jnp.nan) for each in (obs, final, reward))
+        terminated, truncated, success = (flags[each] for each in FLAG)
+        told = {"terminated": terminated, "truncated": truncated, "is_success": success, "final_observation": final}
+        return obs, EnvState(world, episode), reward, terminated, truncated, told
+
+    def action_space(self, params: EnvParams | None = None) -> spaces.Box:  # noqa: ARG002  (as gymnax has it)
+        """Return the space of an action, as Gymnasium has it."""
+        return cast(spaces.Box, self.env.single_action_space)
+
+    def observation_space(self, params: EnvParams | None = None) -> spaces.Box:  # noqa: ARG002
+        """Return the space of an observation, as Gymnasium has it."""
+        return cast(spaces.Box, self.env.single_observation_space)
+
+    def _shared(self, params: EnvParams | None) -> EnvParams:
+        return self.default_params if params is None else params
+
+
+def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv, EnvParams]:
+    """Return an environment of an id, and what its worlds share.
+
+    Parameters
+    ----------
+    env_id
+        An id of ``PTER``, as ``gymnasium.make`` takes it.
+    **keywords
+        As there: those of the scenario, and ``sensors``, ``action_unit``, ``observe_context``, ``frame_skip`` and
+        ``max_episode_steps``.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is out of range, or JAX would run this on something else than a CPU.
+    """
+    if jax.default_backend() != "cpu":
+        raise ParameterError(
+            f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu; on a GPU, "
+            "gymnasium.make_vec(…, device='cuda') steps worlds for torch"
+        )
+    fixed: dict[str, Any] = {"autoreset_mode": "SAME_STEP", "telemetry": False, "num_threads": 1, "num_envs": 1}
+    for name in (*fixed, "render_mode", "device"):
+        if name in keywords:
+            raise ParameterError(f"{name} must not be given: JAX has its own way")
+    if not env_id.startswith("PTER/"):
+        raise ParameterError(f"env_id must be an id of PTER, got {env_id!r}")
+    register_calls()
+    made = JaxEnv(cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped))
+    return made, made.default_params
+
+
+def _words(numbers: NDArray[Any]) -> jax.Array:
+    """Return numbers of 64 bits as words of 32."""
+    return jnp.asarray(np.ascontiguousarray(numbers).view(np.uint32))
+
+
+def _many(run: Any) -> Any:
+    """Return a function of many worlds whose ``vmap`` is the same function of more of them.
+
+    Its arguments are a tuple of arrays that worlds have of their own, in their first axis, and what they share.
+    """
+    call = custom_vmap(run)
+
+    @call.def_vmap
+    def _(size: int, mapped: Any, own: Any, shared: Any) -> Any:
+        if any(mapped[1]):
+            raise ParameterError("params must not be mapped: all worlds of one call share them")
+        each = zip(own, mapped[0], strict=True)
+        spread = [x if has_axis else jnp.broadcast_to(x, (size, *x.shape)) for x, has_axis in each]
+        found = call(tuple(x.reshape(-1, *x.shape[2:]) for x in spread), shared)
+        return tuple(x.reshape(size, -1, *x.shape[1:]) for x in found), (True,) * len(found)
+
+    return call
+
+
+def _one(call: Any, own: Any, shared: EnvParams) -> Any:
+    """Return the results of one world."""
+    return (x[0] for x in call(tuple(x[None] for x in own), shared))
+
+
+def _results(own: Any, shared: EnvParams) -> Any:
+    """Return the shapes of worlds, seeds and episodes, and observations."""
+    entries = (shared.config.size - 2 * CONFIG_WIDTH) // 2
+    return *map(_like, own[:2]), jax.ShapeDtypeStruct((len(own[0]), entries), jnp.float32)
+
+
+@_many
+def _reset(own: Any, shared: EnvParams) -> Any:
+    return _called(RESET, _results(own, shared), own, shared)
+
+
+@_many
+def _step(own: Any, shared: EnvParams) -> Any:
+    *state, obs = _results(own, shared)
+    rewards = jax.ShapeDtypeStruct((len(own[0]),), jnp.float32)
+    flags = jax.ShapeDtypeStruct((len(own[0]), FLAGS), jnp.bool_)
+    in_place = {0: 0, 1: 1}
+    return _called(STEP, (*state, obs, obs, rewards, flags), own, shared, input_output_aliases=in_place)
+
+
+def _called(name: str, results: Any, own: Any, shared: EnvParams, **options: Any) -> tuple[jax.Array, ...]:
+    ffi: Any = jax.ffi
+    return tuple(ffi.ffi_call(name, results, **options)(*own, *shared))
+
+
+def _like(array: jax.Array) -> Any:
+    return jax.ShapeDtypeStruct(array.shape, array.dtype)

@@ -1,0 +1,169 @@
+"""The door for JAX: the bits of ``make_vec`` under ``jit``, ``vmap`` and ``scan``, and what it refuses."""
+
+from functools import partial
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from pter_gym.errors import ParameterError
+from pter_gym.paths import Sine
+from pter_gym.tasks.path_following import PathFollowing
+
+jax = pytest.importorskip("jax")
+jnp = jax.numpy
+
+from pter_gym.envs.jax import EnvParams, EnvState, make  # noqa: E402  (needs JAX)
+
+WORLDS = 45
+"""Two blocks, the second one not full."""
+
+KINDS: dict[str, dict[str, Any]] = {
+    "standard": {"env_id": "PTER/Standard-v0", "action_unit": "normalised"},
+    "held": {"env_id": "PTER/Standard-v0", "frame_skip": 3, "observe_context": True},
+    "all that is stored": {"env_id": "PTER/Everything-v0", "pace": "brisk", "sensors": "force"},
+    "one task": {"task": PathFollowing(path=Sine(), truncation_error=0.05), "max_episode_steps": 60},
+}
+
+
+def vector(env_id: str = "PTER/PathFollowing-v0", num_envs: int = WORLDS, **keywords: Any) -> Any:
+    return gymnasium.make_vec(env_id, num_envs, autoreset_mode="SAME_STEP", telemetry=False, **keywords)
+
+
+def many(env: Any) -> Any:
+    return jax.vmap(env.step, in_axes=(None, 0, 0, None))
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["32 bits", "64 bits"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_worlds_have_the_bits_of_the_vector_environment(kind: str, wide: bool) -> None:
+    with jax.enable_x64(wide):
+        env, params = make(**KINDS[kind])
+        worlds = vector(**KINDS[kind])
+        space, rng = worlds.single_action_space, np.random.default_rng(4)
+        low, high = space.low[0], space.low[0] + 0.6 * (space.high[0] - space.low[0])
+        actions = rng.uniform(low, high, (150, WORLDS, 4)).astype(np.float32)
+        obs, state = jax.vmap(env.reset_to_seed)(7 + np.arange(WORLDS))
+        np.testing.assert_array_equal(obs, worlds.reset(seed=7)[0])
+
+        def step(state: Any, action: Any) -> Any:
+            obs, state, *rest = many(env)(None, state, action, params)
+            return state, (obs, *rest)
+
+        _, found = jax.jit(partial(jax.lax.scan, step))(state, actions)
+        ended = 0
+        for t, action in enumerate(actions):
+            obs, rewards, terminated, truncated, infos = worlds.step(action)
+            np.testing.assert_array_equal(found[0][t], obs)
+            np.testing.assert_array_equal(found[1][t], rewards.astype(np.float32))
+            np.testing.assert_array_equal(found[2][t], terminated)
+            np.testing.assert_array_equal(found[3][t], truncated)
+            told = {name: each[t] for name, each in found[4].items()}
+            done = terminated | truncated
+            np.testing.assert_array_equal(told["terminated"] | told["truncated"], done)
+            np.testing.assert_array_equal(told["final_observation"][~done], obs[~done])
+            for world in np.flatnonzero(done):
+                np.testing.assert_array_equal(told["final_observation"][world], infos["final_obs"][world])
+                assert told["is_success"][world] == infos["final_info"]["is_success"][world]
+            ended += int(done.sum())
+        assert ended > WORLDS
+
+
+def test_one_world_is_a_row_of_many_and_vmap_may_be_nested() -> None:
+    env, params = make("PTER/Hands-v0")
+    keys = jax.random.split(jax.random.key(3), 6)
+    actions = jnp.linspace(0.0, 8.0, 24).reshape(6, 4)
+    ones = [env.step(None, env.reset(key)[1], action) for key, action in zip(keys, actions, strict=True)]
+    flat = many(env)(None, jax.vmap(env.reset)(keys)[1], actions, params)
+    grid = jax.vmap(many(env), in_axes=(None, 0, 0, None))
+    states = jax.vmap(jax.vmap(env.reset))(keys.reshape(2, 3))[1]
+    nested = grid(None, states, actions.reshape(2, 3, 4), params)
+    for k, one in enumerate(ones):
+        for a, b, c in zip(*map(jax.tree.leaves, (one, flat, nested)), strict=True):
+            np.testing.assert_array_equal(a, b[k])
+            np.testing.assert_array_equal(a, c[k // 3, k % 3])
+
+
+def test_many_actions_may_be_tried_from_one_state() -> None:
+    env, _ = make("PTER/Standard-v0")
+    _, state = env.reset(jax.random.key(1))
+    actions = jnp.linspace(0.0, 24.0, 12).reshape(3, 4)
+    tried = jax.vmap(env.step, in_axes=(None, None, 0))(None, state, actions)
+    for k, action in enumerate(actions):
+        for one, row in zip(*map(jax.tree.leaves, (env.step(None, state, action), tried)), strict=True):
+            np.testing.assert_array_equal(one, row[k])
+
+
+def test_a_long_seed_is_given_in_halves() -> None:
+    env, _ = make()
+    seed = 3 + (5 << 32)
+    obs, state = env.reset_to_seed(np.array([3, 5], np.uint32))
+    np.testing.assert_array_equal(obs, vector(num_envs=1).reset(seed=[seed])[0][0])
+    np.testing.assert_array_equal(state.episode, [3, 5, 0, 0])
+    keys = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), 8))[1].episode
+    assert len({tuple(each) for each in np.asarray(keys)[:, :2].tolist()}) == 8
+
+
+def test_states_are_updated_in_place_when_they_are_donated() -> None:
+    env, params = make("PTER/Standard-v0")
+    _, state = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), 256))
+    where = state.world.unsafe_buffer_pointer()
+    step = jax.jit(lambda state, action: many(env)(None, state, action, params)[1], donate_argnums=0)
+    after = step(state, jnp.zeros((256, 4)))
+    assert state.world.is_deleted()
+    assert after.world.unsafe_buffer_pointer() == where
+
+
+def test_actions_beyond_the_bounds_are_clipped_and_others_are_told() -> None:
+    env, _ = make("PTER/Standard-v0", action_unit="normalised")
+    _, state = env.reset(jax.random.key(2))
+    wild, tame = (env.step(None, state, jnp.full(4, value)) for value in (50.0, 1.0))
+    for one, other in zip(*map(jax.tree.leaves, (wild, tame)), strict=True):
+        np.testing.assert_array_equal(one, other)
+    obs, after, reward, *_ = env.step(None, state, jnp.array([0.0, jnp.nan, 0.0, 0.0]))
+    assert np.isnan(obs).all()
+    assert np.isnan(reward)
+    free = env.step(None, state, jnp.full(4, -1.0))[1]
+    np.testing.assert_array_equal(after.world, free.world)
+
+
+def test_what_worlds_share_is_an_argument() -> None:
+    env, params = make("PTER/Standard-v0")
+    other, changed = make("PTER/Standard-v0", context_seed=1)
+    key, action = jax.random.key(5), jnp.zeros(4)
+    _, state = env.reset(key, changed)
+    np.testing.assert_array_equal(env.step(key, state, action, changed)[0], other.step(key, state, action)[0])
+    stacked: Any = jax.tree.map(lambda *each: jnp.stack(each), params, changed)
+    assert isinstance(stacked, EnvParams)
+    with pytest.raises(ParameterError, match="params must not be mapped"):
+        jax.vmap(env.step, in_axes=(None, None, None, 0))(key, state, action, stacked)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"env_id": "CartPole-v1"}, "env_id must be an id of PTER"),
+        ({"env_id": "PTER/Standard-v0", "num_envs": 3}, "num_envs must not be given"),
+        ({"env_id": "PTER/Standard-v0", "frame_skip": 0}, "frame_skip must be a whole number ≥ 1"),
+        ({"device": "cuda"}, "device must not be given"),
+    ],
+)
+def test_bad_arguments_are_refused(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        make(**wrong)
+
+
+def test_other_platforms_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    with pytest.raises(ParameterError, match="JAX's platform must be cpu, got gpu"):
+        make()
+
+
+def test_a_state_is_a_tree_of_two_arrays() -> None:
+    env, params = make()
+    obs, state = env.reset(jax.random.key(0), params)
+    assert isinstance(state, EnvState)
+    assert env.observation_space(params).contains(np.asarray(obs))
+    assert env.action_space(params).shape == (env.num_actions,)
+    assert obs.shape == (len(env.observation_layout),)
