@@ -30,8 +30,9 @@ SEED = 991
 CLEARLY = 2.0
 """Ratio of path errors beyond which scores differ clearly."""
 
-AGREEING = 0.97
-"""Smallest share of the pairs in which the reward agrees. Laws that stick and slip earn less than they score."""
+AGREEING = 0.96
+"""Smallest share of the pairs in which the reward agrees. Laws that stick and slip earn less than they score: on
+``paths``, ``single-dof-tuned`` less than ``torque-feedback-tuned``, which rides smoothly 11 mm beside the path."""
 
 SHORT_SIGHTED = ("slow", 0.99)
 """Pace and discount with which an agent does not see a game whole: within a second, a tenth of the path, who is going
