@@ -5,7 +5,7 @@ An algorithm NAME is NAME.toml beside this file: under ``algorithm`` what its po
 torch until an algorithm's module is asked for.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, asdict, dataclass, fields
 from importlib import import_module
 from pathlib import Path
@@ -84,16 +84,12 @@ class Learner:
     smoke
         Values of a smoke run, in addition to ``SMOKE``.
     make_model
-        Makes an untrained model from hyper-parameters, worlds in ``parts`` parts of the same size, the control steps of
-        the whole training, and a seed.
-    parts
-        Parts of the worlds.
+        Makes an untrained model from hyper-parameters, worlds, the control steps of the whole training, and a seed.
     """
 
     settings: "type[TrainingSettings]"
     smoke: Mapping[str, Any]
-    make_model: "Callable[[Any, Sequence[TrainingWorlds], int, int], Model]"
-    parts: int
+    make_model: "Callable[[Any, TrainingWorlds, int, int], Model]"
 
 
 class Algorithm(NamedTuple):

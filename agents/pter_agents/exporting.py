@@ -16,7 +16,7 @@ from pter_agents.algorithms import Model, load_settings, smoke_settings
 from pter_agents.checkpoints import load_checkpoint, steps_of
 from pter_agents.networks import Actor
 from pter_agents.settings import PLAIN
-from pter_agents.training import Arguments, RunFolder, make_draws, make_model, make_parts
+from pter_agents.training import Arguments, RunFolder, make_draws, make_model, make_training_worlds
 from pter_agents.worlds import ALL, TrainingWorlds
 from pter_gym import __version__
 from pter_gym._internal.files import FilePath, find_path
@@ -66,11 +66,11 @@ def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tupl
     make_folder(out)
     settings = arguments.settings
     few = replace(arguments, settings=smoke_settings(arguments.algorithm, settings, contexts=settings.contexts))
-    parts = make_parts(few, make_draws(few), interface)
-    model = make_model(few, parts)
+    worlds = make_training_worlds(few, make_draws(few), interface)
+    model = make_model(few, worlds)
     try:
         steps = load_newest(model, folder)
-        actor, worlds = model.actor(), parts[0]
+        actor = model.actor()
         card = Card(
             name=name,
             observation=fields_of(worlds.env.observation_layout),
@@ -88,8 +88,7 @@ def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tupl
             difference = compare(actor.exact(), worlds, arguments.nominal, name, Path(trial))
     finally:
         model.close()
-        for part in parts:
-            part.close()
+        worlds.close()
     if not difference <= SAME:
         raise DataError(f"the exported policy differs from the run's by {difference:.1e} of the largest voltage")
     return write_policy(*files, out), difference

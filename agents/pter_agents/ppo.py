@@ -1,33 +1,57 @@
-"""Proximal policy optimisation (Schulman et al., arXiv:1707.06347) on both cores, with exploration that lasts.
+"""Proximal policy optimisation (Schulman et al., arXiv:1707.06347) in one compiled call, with exploration that lasts.
 
-The worlds are two parts, and a thread has each: it collects their rollout, and the gradients of its half of each
-minibatch. The halves are added in a fixed order, so the result is the same on any number of cores.
+The worlds are two parts, and a device of JAX, which is a core, has each: it collects their rollout, and the gradients of
+its half of each minibatch. Their sum is the same in either order, so the result is the same on any number of cores.
 
 Noise that is new at each control step hardly passes the clutches' lag. So it is autoregressive: n = ρ·n' + σ·ε with a
 standard normal ε. Given n' the action a has mean μ + ρ·n' and deviation σ, with which its likelihood is exact.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+import os
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
 
+os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")  # small networks are slower with more threads
+
+import jax
 import numpy as np
+import optax
 import torch
+from jax import lax
+from jax import numpy as jnp
+from jax.sharding import NamedSharding
+from jax.sharding import PartitionSpec as Spec
 from torch import nn
 
 from pter_agents.algorithms import Learner, State
+from pter_agents.jax_worlds import JaxWorlds, Shared
+from pter_agents.jax_worlds import State as WorldsState
 from pter_agents.networks import Actor, ActorCritic
 from pter_agents.settings import TrainingSettings
-from pter_agents.worlds import Mask, Rows, TrainingWorlds
+from pter_agents.worlds import TrainingWorlds
 from pter_gym.params import require, require_number, require_whole
 
 PARTS = 2
 """Parts of the worlds; the results depend on their number, not on the number of cores."""
 
-P = TypeVar("P")
-T = TypeVar("T")
+PART = "part"
+"""Name of the axis of the parts."""
+
+with suppress(RuntimeError):  # JAX has run already, with the devices that it has
+    jax.config.update("jax_num_cpu_devices", PARTS)
+
+if not jax.config.jax_compilation_cache_dir:
+    jax.config.update(
+        "jax_compilation_cache_dir", str(Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "pter_gym")
+    )
+
+Layers = list[tuple[jax.Array, jax.Array]]
+"""Weights (inputs, outputs) and biases of linear layers with tanh between them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,68 +135,69 @@ class Samples(NamedTuple):
         Of generalised advantage estimation.
     """
 
-    inputs: torch.Tensor
-    targets: torch.Tensor
-    drawn: torch.Tensor
-    advantages: torch.Tensor
-    returns: torch.Tensor
+    inputs: jax.Array
+    targets: jax.Array
+    drawn: jax.Array
+    advantages: jax.Array
+    returns: jax.Array
 
 
-class Part:
-    """A part of the worlds, its exploration, and its rollouts."""
+class Weights(NamedTuple):
+    """Of the networks of policy and value."""
 
-    def __init__(self, settings: PPOSettings, worlds: TrainingWorlds, seed: int, number: int) -> None:
-        self._settings = settings
-        self.worlds = worlds
-        self.rng = np.random.default_rng((seed, number))
-        self._noise = np.zeros((worlds.count, 4), np.float32)
-        self._inputs = worlds.reset(seed * settings.worlds + number * worlds.count)
+    policy: Layers
+    value: Layers
 
-    @torch.no_grad()
-    def collect(self, networks: ActorCritic, deviation: float) -> Samples:
-        """Follow the policy with noise for a rollout and return the samples."""
-        s = self._settings
-        shape = (s.steps, self.worlds.count)
-        inputs = np.empty((*shape, self.worlds.size), np.float32)
-        targets, drawn = np.empty((*shape, 4), np.float32), np.empty((*shape, 4), np.float32)
-        rewards, values = np.empty(shape, np.float32), np.empty((s.steps + 1, self.worlds.count), np.float32)
-        ends, finals = np.zeros(shape, np.bool_), np.zeros(shape, np.float32)
-        for t in range(s.steps):
-            seen = torch.from_numpy(self._inputs)
-            means = networks.act(seen).numpy()
-            values[t] = networks.worth(seen).numpy()
-            inputs[t] = self._inputs
-            drawn[t] = self.rng.standard_normal(drawn[t].shape, np.float32)
-            targets[t] = means + deviation * drawn[t]
-            left = s.persistence * self._noise
-            self._noise = left + deviation * drawn[t]
-            step = self.worlds.step(means + self._noise)
-            rewards[t] = s.reward_scale * step.rewards
-            self._inputs = step.inputs
-            if len(step.ended):
-                ends[t, step.ended] = True
-                worth = networks.worth(torch.from_numpy(step.last)).numpy()
-                finals[t, step.ended] = np.where(step.terminated[step.ended], 0.0, worth)
-                self._noise[step.ended] = 0.0
-        values[s.steps] = networks.worth(torch.from_numpy(self._inputs)).numpy()
-        advantages = estimate(rewards, values, ends, finals, s.discount, s.trace)
-        rows = (inputs, targets, drawn, advantages, advantages + values[:-1])
-        return Samples(*(torch.from_numpy(each.reshape(-1, *each.shape[2:])) for each in rows))
+    def act(self, inputs: jax.Array) -> jax.Array:
+        """Return the mean actions, (…, 4); the policy sees the first inputs."""
+        return _apply(self.policy, inputs[..., : len(self.policy[0][0])])
 
-    def get_state(self) -> State:
-        """Return all that changes."""
-        own = {"noise": self._noise, "inputs": self._inputs, "rng": self.rng.bit_generator.state}
-        return {**own, "worlds": self.worlds.get_state()}
-
-    def set_state(self, state: State) -> None:
-        """Go on where ``get_state`` was called."""
-        self.worlds.set_state(state["worlds"])
-        self._noise[:] = state["noise"]
-        self._inputs[:] = state["inputs"]
-        self.rng.bit_generator.state = state["rng"]
+    def worth(self, inputs: jax.Array) -> jax.Array:
+        """Return the values of states, (…,)."""
+        return _apply(self.value, inputs)[..., 0]
 
 
-def estimate(rewards: Rows, values: Rows, ends: Mask, finals: Rows, discount: float, trace: float) -> Rows:
+class Going(NamedTuple):
+    """What goes on from rollout to rollout; the first axis of everything is that of the worlds.
+
+    Attributes
+    ----------
+    worlds
+        Of the worlds.
+    noise
+        Of the exploration.
+    returns
+        Of the episodes so far.
+    """
+
+    worlds: WorldsState
+    noise: jax.Array
+    returns: jax.Array
+
+
+class Rollout(NamedTuple):
+    """Of each step and world, (T, N, …); ``finals`` are values of last states, 0 where an episode was terminated."""
+
+    inputs: jax.Array
+    targets: jax.Array
+    drawn: jax.Array
+    rewards: jax.Array
+    ends: jax.Array
+    finals: jax.Array
+    finished: jax.Array
+
+
+class Told(NamedTuple):
+    """For the logs: the mean loss, and number and sum of the returns of episodes that ended."""
+
+    loss: jax.Array
+    episodes: jax.Array
+    returns: jax.Array
+
+
+def estimate(
+    rewards: jax.Array, values: jax.Array, ends: jax.Array, finals: jax.Array, discount: float, trace: float
+) -> jax.Array:
     """Return generalised advantages (T, N), Schulman et al., arXiv:1506.02438.
 
     Parameters
@@ -186,15 +211,78 @@ def estimate(rewards: Rows, values: Rows, ends: Mask, finals: Rows, discount: fl
     discount, trace
         γ and λ.
     """
-    advantages = np.empty_like(rewards)
-    following = np.zeros(rewards.shape[1], np.float32)
-    for t in reversed(range(len(rewards))):
-        after = values[t + 1].copy()
-        after[ends[t]] = finals[t, ends[t]]
-        following[ends[t]] = 0.0
-        following = rewards[t] - values[t] + np.float32(discount) * (after + np.float32(trace) * following)
-        advantages[t] = following
-    return advantages
+    after = jnp.where(ends, finals, values[1:])
+    missed = rewards + discount * after - values[:-1]
+    kept = jnp.where(ends, 0.0, discount * trace)
+
+    def back(following: jax.Array, row: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        found = row[0] + row[1] * following
+        return found, found
+
+    return lax.scan(back, jnp.zeros_like(missed[0]), (missed, kept), reverse=True)[1]
+
+
+def loss_of(weights: Weights, samples: Samples, deviation: Any, clip: float, value_weight: float) -> jax.Array:
+    """Return the clipped surrogate's loss and that of the value, as in Stable-Baselines3, without an entropy bonus."""
+    drawn = (samples.targets - weights.act(samples.inputs)) / deviation
+    ratio = jnp.exp(0.5 * (jnp.square(samples.drawn) - jnp.square(drawn)).sum(1))
+    gain = jnp.minimum(samples.advantages * ratio, samples.advantages * jnp.clip(ratio, 1.0 - clip, 1.0 + clip))
+    missed = jnp.square(weights.worth(samples.inputs) - samples.returns)
+    return value_weight * missed.mean() - gain.mean()
+
+
+def optimiser(max_gradient: float) -> optax.GradientTransformation:
+    """Return Adam without its learning rate, of gradients whose norm is limited."""
+    return optax.chain(optax.clip_by_global_norm(max_gradient), optax.scale_by_adam(eps=1e-5))
+
+
+def collect(
+    s: PPOSettings, worlds: JaxWorlds, shared: Shared, weights: Weights, going: Going, drawn: jax.Array, deviation: Any
+) -> tuple[Going, Rollout]:
+    """Follow the policy with noise, ε being ``drawn`` (T, N, 4), and return what goes on and the rollout."""
+
+    def act(going: Going, drawn: jax.Array) -> tuple[Going, Rollout]:
+        inputs = worlds.inputs(going.worlds)
+        means = weights.act(inputs)
+        noise = s.persistence * going.noise + deviation * drawn
+        after, step = worlds.step(shared, going.worlds, means + noise)
+        ends = step.terminated | step.truncated
+        worth = lax.cond(
+            ends.any(),
+            lambda: weights.worth(worlds.last_inputs(shared, going.worlds, step.last_obs)),
+            lambda: jnp.zeros(len(ends)),
+        )
+        returns = going.returns + step.rewards
+        going = Going(after, jnp.where(ends[:, None], 0.0, noise), jnp.where(ends, 0.0, returns))
+        finals = jnp.where(ends & ~step.terminated, worth, 0.0)
+        finished = jnp.where(ends, returns, 0.0)
+        return going, Rollout(
+            inputs, means + deviation * drawn, drawn, s.reward_scale * step.rewards, ends, finals, finished
+        )
+
+    return lax.scan(act, going, drawn)
+
+
+def samples_of(s: PPOSettings, worlds: JaxWorlds, weights: Weights, going: Going, rows: Rollout) -> Samples:
+    """Return the samples of a rollout, whose advantages have mean 0 and deviation 1 over all parts."""
+    values = jnp.concatenate([weights.worth(rows.inputs), weights.worth(worlds.inputs(going.worlds))[None]])
+    advantages = estimate(rows.rewards, values, rows.ends, rows.finals, s.discount, s.trace)
+    count = advantages.size * PARTS
+    mean = lax.psum(advantages.sum(), PART) / count
+    deviation = jnp.sqrt(lax.psum(jnp.square(advantages - mean).sum(), PART) / (count - 1))
+    even = (advantages - mean) / (deviation + 1e-8)
+    every = Samples(rows.inputs, rows.targets, rows.drawn, even, advantages + values[:-1])
+    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), every)
+
+
+def descend(
+    s: PPOSettings, weights: Weights, adam: Any, samples: Samples, deviation: Any, rate: Any
+) -> tuple[Weights, Any, jax.Array]:
+    """Make a gradient step with the shares of all parts and return the mean loss."""
+    loss, gradient = jax.value_and_grad(loss_of)(weights, samples, deviation, s.clip, s.value_weight)
+    loss, gradient = lax.pmean((loss, gradient), PART)
+    change, adam = optimiser(s.max_gradient).update(gradient, adam)
+    return jax.tree.map(lambda w, d: w - rate * d, weights, change), adam, loss
 
 
 class PPO:
@@ -204,28 +292,41 @@ class PPO:
     ----------
     settings
         Hyper-parameters.
-    parts
-        The worlds, in parts of the same size.
+    worlds
+        To learn in.
     total
         Control steps of the training.
     seed
         Of weights, worlds and noise.
     """
 
-    def __init__(self, settings: PPOSettings, parts: Sequence[TrainingWorlds], total: int, seed: int) -> None:
+    def __init__(self, settings: PPOSettings, worlds: TrainingWorlds, total: int, seed: int) -> None:
         self._settings = settings
         self._total = total
         self.steps = 0
         self.rollout = settings.worlds * settings.steps
         torch.manual_seed(seed)
-        first = parts[0]
         self.networks = ActorCritic(
-            first.interface.size, first.size, settings.hidden, settings.value_hidden, settings.start
+            worlds.interface.size, worlds.size, settings.hidden, settings.value_hidden, settings.start
         )
-        self._weights = list(self.networks.parameters())
-        self._adam = torch.optim.Adam(self._weights, lr=settings.learning_rate, eps=1e-5, fused=True)
-        self._threads = ThreadPoolExecutor(PARTS, initializer=torch.set_num_threads, initargs=(1,))
-        self._parts = [Part(settings, worlds, seed, number) for number, worlds in enumerate(parts)]
+        mesh = jax.make_mesh((PARTS,), (PART,), axis_types=(jax.sharding.AxisType.Auto,))
+        self._whole, self._split = NamedSharding(mesh, Spec()), NamedSharding(mesh, Spec(PART))
+        self._weights = self._taken()
+        self._adam: Any = jax.device_put(optimiser(settings.max_gradient).init(self._weights), self._whole)
+        self._worlds = JaxWorlds(worlds)
+        self._shared = jax.device_put(self._worlds.shared, self._whole)
+        self._first = seed * settings.worlds
+        self._rngs = [np.random.default_rng((seed, number)) for number in range(PARTS)]
+        self._going: Going | None = None
+        whole, split = Spec(), Spec(PART)
+        over = partial(jax.shard_map, mesh=mesh, check_vma=False)
+        self._begin = jax.jit(over(self._reset, in_specs=(whole, split), out_specs=split))
+        learn = over(
+            self._learn,
+            in_specs=(whole, whole, whole, split, split, split, whole, whole),
+            out_specs=(whole, whole, split, whole),
+        )
+        self._advance = jax.jit(learn, donate_argnums=(1, 2, 3))
 
     def advance(self) -> dict[str, float]:
         """Collect a rollout, learn from it, and return values for the logs.
@@ -238,93 +339,142 @@ class PPO:
         s = self._settings
         done = self.steps / self._total
         deviation, rate = s.deviation_at(done), s.learning_rate_at(done)
-        self._adam.param_groups[0]["lr"] = rate
-        samples = with_even_advantages(self._each(lambda part: part.collect(self.networks, deviation), self._parts))
-        losses = [self._learn(samples, deviation) for _ in range(s.epochs)]
+        going = self._begin(self._shared, self._seeds()) if self._going is None else self._going
+        self._weights, self._adam, self._going, told = self._advance(
+            self._shared, self._weights, self._adam, going, *self._draw(), np.float32(deviation), np.float32(rate)
+        )
         self.steps += self.rollout
-        loss = float(np.mean(losses))
-        if not (math.isfinite(loss) and all(bool(torch.isfinite(weight).all()) for weight in self._weights)):
+        loss, episodes, returns = map(float, told)
+        if not math.isfinite(loss) or not all(np.isfinite(part).all() for part in jax.tree.leaves(self._weights)):
             raise FloatingPointError("a loss or a weight is not finite")
-        returns = [value for part in self._parts for value in part.worlds.finished]
-        for part in self._parts:
-            part.worlds.finished.clear()
         logged = {"train/loss": loss, "train/learning_rate": rate, "train/deviation": deviation}
-        return {**logged, **({"rollout/mean_return": float(np.mean(returns))} if returns else {})}
+        return {**logged, **({"rollout/mean_return": returns / episodes} if episodes else {})}
 
-    def _learn(self, samples: Sequence[Samples], deviation: float) -> float:
-        """Use each sample once and return the mean loss."""
-        share = self._settings.minibatch // PARTS
-        orders = [torch.from_numpy(part.rng.permutation(len(samples[0].inputs))) for part in self._parts]
-        losses: list[float] = []
-        for first in range(0, len(orders[0]), share):
-            chosen = [
-                Samples(*(rows[order[first : first + share]] for rows in part))
-                for part, order in zip(samples, orders, strict=True)
-            ]
-            found = self._each(lambda part: self._gradient(part, deviation), chosen)
-            for weight, *halves in zip(self._weights, *(gradients for _, gradients in found), strict=True):
-                weight.grad = sum(halves[1:], halves[0]) / PARTS
-            nn.utils.clip_grad_norm_(self._weights, self._settings.max_gradient)
-            self._adam.step()
-            losses.append(sum(loss for loss, _ in found) / PARTS)
-        return float(np.mean(losses))
+    def _seeds(self) -> Any:
+        """Return the two halves of each world's seed."""
+        seeds = self._first + np.arange(self._settings.worlds, dtype=np.uint64)
+        return jax.device_put(seeds.view(np.uint32).reshape(-1, 2), self._split)
 
-    def _gradient(self, samples: Samples, deviation: float) -> tuple[float, tuple[torch.Tensor, ...]]:
-        """Return the loss of some samples and its gradient."""
+    def _draw(self) -> tuple[Any, Any]:
+        """Return the ε of a rollout, and the samples of each epoch and minibatch, for each part."""
         s = self._settings
-        loss = loss_of(self.networks, samples, deviation, s.clip, s.value_weight)
-        return float(loss.detach()), torch.autograd.grad(loss, self._weights)
+        mine = s.worlds // PARTS
+        drawn = [rng.standard_normal((s.steps, mine, 4), np.float32) for rng in self._rngs]
+        orders = [[rng.permutation(s.steps * mine).astype(np.int32) for _ in range(s.epochs)] for rng in self._rngs]
+        shares = np.array(orders).reshape(PARTS, -1, s.minibatch // PARTS)
+        return jax.device_put((np.array(drawn), shares), self._split)
 
-    def _each(self, do: Callable[[P], T], over: Iterable[P]) -> list[T]:
-        """Return the results of a function, called in a thread for each part."""
-        return list(self._threads.map(do, over))
+    def _reset(self, shared: Shared, seeds: jax.Array) -> Going:
+        worlds = self._worlds.reset(shared, seeds)
+        return Going(worlds, jnp.zeros((len(seeds), 4)), jnp.zeros(len(seeds)))
+
+    def _learn(
+        self,
+        shared: Shared,
+        weights: Weights,
+        adam: Any,
+        going: Going,
+        drawn: jax.Array,
+        orders: jax.Array,
+        deviation: jax.Array,
+        rate: jax.Array,
+    ) -> tuple[Weights, Any, Going, Told]:
+        """Collect and learn in one part."""
+        s = self._settings
+        going, rows = collect(s, self._worlds, shared, weights, going, drawn[0], deviation)
+        samples = samples_of(s, self._worlds, weights, going, rows)
+
+        def one(kept: Any, chosen: jax.Array) -> tuple[Any, jax.Array]:
+            *after, loss = descend(s, *kept, jax.tree.map(lambda x: x[chosen], samples), deviation, rate)
+            return tuple(after), loss
+
+        (weights, adam), losses = lax.scan(one, (weights, adam), orders[0])
+        told = Told(losses.mean(), *lax.psum((rows.ends.sum(), rows.finished.sum()), PART))
+        return weights, adam, going, told
 
     def actor(self) -> Actor:
         """Return the policy's mean action."""
+        self._give()
         return Actor(self.networks.policy)
 
     def get_state(self) -> State:
         """Return all that a training's future depends on."""
+        self._give()
+        going = self._begin(self._shared, self._seeds()) if self._going is None else self._going
         return {
             "steps": self.steps,
             "networks": self.networks.state_dict(),
-            "adam": self._adam.state_dict(),
-            "parts": [part.get_state() for part in self._parts],
+            "adam": _arrays(self._adam),
+            "going": _arrays(going),
+            "rngs": [rng.bit_generator.state for rng in self._rngs],
         }
 
     def set_state(self, state: State) -> None:
         """Go on where ``get_state`` was called."""
         self.set_weights(state)
-        self._adam.load_state_dict(state["adam"])
+        self._adam = jax.device_put(_like(self._adam, state["adam"]), self._whole)
+        going = jax.eval_shape(self._begin, self._shared, self._seeds())
+        self._going = jax.device_put(_like(going, state["going"]), self._split)
         self.steps = state["steps"]
-        for part, kept in zip(self._parts, state["parts"], strict=True):
-            part.set_state(kept)
+        for rng, kept in zip(self._rngs, state["rngs"], strict=True):
+            rng.bit_generator.state = kept
 
     def set_weights(self, state: State) -> None:
         """Take the networks of a state."""
         self.networks.load_state_dict(state["networks"])
+        self._weights = self._taken()
 
     def close(self) -> None:
-        """Stop the threads."""
-        self._threads.shutdown()
+        """Nothing to stop."""
+
+    def _taken(self) -> Weights:
+        """Return the weights of torch's networks."""
+        both = [
+            [(np.array(each.weight.detach()).T, np.array(each.bias.detach())) for each in _linear(part)]
+            for part in (self.networks.policy, self.networks.value)
+        ]
+        return jax.device_put(Weights(*both), self._whole)
+
+    @torch.no_grad()
+    def _give(self) -> None:
+        """Bring the weights to torch's networks."""
+        for part, layers in zip((self.networks.policy, self.networks.value), self._weights, strict=True):
+            for each, (weight, bias) in zip(_linear(part), layers, strict=True):
+                each.weight.copy_(torch.from_numpy(np.array(weight).T))
+                each.bias.copy_(torch.from_numpy(np.array(bias)))
 
 
-def with_even_advantages(samples: Sequence[Samples]) -> list[Samples]:
-    """Return samples whose advantages have mean 0 and deviation 1 over all parts."""
-    every = torch.cat([part.advantages for part in samples])
-    mean, deviation = every.mean(), every.std()
-    return [part._replace(advantages=(part.advantages - mean) / (deviation + 1e-8)) for part in samples]
+def _linear(layers: nn.Sequential) -> list[nn.Linear]:
+    return [layer for layer in layers if isinstance(layer, nn.Linear)]
 
 
-def loss_of(
-    networks: ActorCritic, samples: Samples, deviation: float, clip: float, value_weight: float
-) -> torch.Tensor:
-    """Return the clipped surrogate's loss and that of the value, as in Stable-Baselines3, without an entropy bonus."""
-    drawn = (samples.targets - networks.act(samples.inputs)) / deviation
-    ratio = torch.exp(0.5 * (samples.drawn.square() - drawn.square()).sum(1))
-    gain = torch.minimum(samples.advantages * ratio, samples.advantages * ratio.clamp(1.0 - clip, 1.0 + clip))
-    missed = (networks.worth(samples.inputs) - samples.returns).square()
-    return value_weight * missed.mean() - gain.mean()
+def _apply(layers: Layers, values: jax.Array) -> jax.Array:
+    for weight, bias in layers[:-1]:
+        values = jnp.tanh(values @ weight + bias)
+    weight, bias = layers[-1]
+    return values @ weight + bias
 
 
-LEARNER = Learner(settings=PPOSettings, smoke={"minibatch": 512, "epochs": 2}, make_model=PPO, parts=PARTS)
+def _arrays(tree: Any) -> list[Any]:
+    """Return the arrays of a tree, words as whole numbers with a sign, as torch has them."""
+    found = [np.asarray(leaf) for leaf in jax.tree.leaves(tree)]
+    return [each.view(np.int32) if each.dtype == np.uint32 else each for each in found]
+
+
+def _like(tree: Any, given: list[Any]) -> Any:
+    """Return arrays of ``_arrays`` as a tree.
+
+    Raises
+    ------
+    ValueError
+        If they are of another one.
+    """
+    leaves, kind = jax.tree.flatten(tree)
+    found = [np.asarray(part).view(leaf.dtype) for leaf, part in zip(leaves, given, strict=True)]
+    for leaf, part in zip(leaves, found, strict=True):
+        if leaf.shape != part.shape:
+            raise ValueError(f"it holds an array of {part.shape} in place of {leaf.shape}")
+    return jax.tree.unflatten(kind, found)
+
+
+LEARNER = Learner(settings=PPOSettings, smoke={"minibatch": 512, "epochs": 2}, make_model=PPO)

@@ -1,7 +1,6 @@
 """Proximal policy optimisation of sb3-contrib with an LSTM in the policy, and one in the value network."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,8 +61,7 @@ class RecurrentSettings(StableSettings):
 class Recurrent(Stable):
     """Proximal policy optimisation with an LSTM; parameters as in ``Learner``."""
 
-    def __init__(self, settings: RecurrentSettings, parts: Sequence[TrainingWorlds], total: int, seed: int) -> None:  # noqa: ARG002
-        (worlds,) = parts
+    def __init__(self, settings: RecurrentSettings, worlds: TrainingWorlds, total: int, seed: int) -> None:  # noqa: ARG002
         algorithm: Any = RecurrentPPO(
             "MlpLstmPolicy",
             StableWorlds(worlds, seed * settings.worlds, settings.reward_scale),
@@ -103,4 +101,4 @@ class Recurrent(Stable):
         self.algorithm._last_lstm_states = RNNStates(*state["memory"])
 
 
-LEARNER = Learner(settings=RecurrentSettings, smoke={"minibatch": 512, "epochs": 1}, make_model=Recurrent, parts=1)
+LEARNER = Learner(settings=RecurrentSettings, smoke={"minibatch": 512, "epochs": 1}, make_model=Recurrent)

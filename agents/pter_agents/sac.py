@@ -1,7 +1,6 @@
 """Soft actor-critic (Haarnoja et al., arXiv:1812.05905) of Stable-Baselines3: many worlds, few gradient steps."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,8 +57,8 @@ class OffPolicy(Stable):
     ----------
     settings
         Hyper-parameters.
-    parts
-        The worlds, in one part.
+    worlds
+        To learn in.
     seed
         Of weights, worlds and noise.
     kind
@@ -69,9 +68,8 @@ class OffPolicy(Stable):
     """
 
     def __init__(
-        self, settings: SACSettings, parts: Sequence[TrainingWorlds], seed: int, kind: type[Any], **options: Any
+        self, settings: SACSettings, worlds: TrainingWorlds, seed: int, kind: type[Any], **options: Any
     ) -> None:
-        (worlds,) = parts
         algorithm = kind(
             "MlpPolicy",
             StableWorlds(worlds, seed * settings.worlds, settings.reward_scale),
@@ -117,9 +115,9 @@ class OffPolicy(Stable):
         self.algorithm.log_ent_coef.data.copy_(state["entropy"])
 
 
-def make_sac(settings: SACSettings, parts: Sequence[TrainingWorlds], total: int, seed: int) -> OffPolicy:  # noqa: ARG001
+def make_sac(settings: SACSettings, worlds: TrainingWorlds, total: int, seed: int) -> OffPolicy:  # noqa: ARG001
     """Return an untrained model, see ``Learner``."""
-    return OffPolicy(settings, parts, seed, SAC)
+    return OffPolicy(settings, worlds, seed, SAC)
 
 
-LEARNER = Learner(settings=SACSettings, smoke={"buffer": 8192, "updates": 8}, make_model=make_sac, parts=1)
+LEARNER = Learner(settings=SACSettings, smoke={"buffer": 8192, "updates": 8}, make_model=make_sac)

@@ -2,7 +2,6 @@
 estimates quantiles of the return, and drops the largest ones against overestimation.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sb3_contrib import TQC
@@ -35,9 +34,9 @@ class TQCSettings(SACSettings):
         require(whole, self, "dropped", self.dropped, f"a whole number from 0 to {QUANTILES - 1}")
 
 
-def make_tqc(settings: TQCSettings, parts: Sequence[TrainingWorlds], total: int, seed: int) -> OffPolicy:  # noqa: ARG001
+def make_tqc(settings: TQCSettings, worlds: TrainingWorlds, total: int, seed: int) -> OffPolicy:  # noqa: ARG001
     """Return an untrained model, see ``Learner``."""
-    return OffPolicy(settings, parts, seed, TQC, top_quantiles_to_drop_per_net=settings.dropped)
+    return OffPolicy(settings, worlds, seed, TQC, top_quantiles_to_drop_per_net=settings.dropped)
 
 
-LEARNER = Learner(settings=TQCSettings, smoke={"buffer": 8192, "updates": 8}, make_model=make_tqc, parts=1)
+LEARNER = Learner(settings=TQCSettings, smoke={"buffer": 8192, "updates": 8}, make_model=make_tqc)

@@ -1,7 +1,7 @@
 """Train a policy on the batch engine, in a folder of its own."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -280,8 +280,8 @@ def train(
             folder.begin(arguments, interface)
         remove_leftovers(folder.path)
         finished = folder.scores()
-        parts = make_parts(arguments, draws, interface)
-        model = make_model(arguments, parts)
+        worlds = make_training_worlds(arguments, draws, interface)
+        model = make_model(arguments, worlds)
         try:
             newest = folder.newest() if resume else None
             if newest is not None:
@@ -289,7 +289,7 @@ def train(
             on_progress(model.steps)
             if newest is not None and model.steps >= arguments.steps and model.steps in finished:
                 return newest
-            return _learn(arguments, model, Watch(arguments, model, parts[0].interface, folder), on_progress)
+            return _learn(arguments, model, Watch(arguments, model, worlds.interface, folder), on_progress)
         except FloatingPointError as error:
             raise TrainingDivergedError(
                 f"training stopped after {model.steps} steps: {error}; the last good checkpoint is {folder.newest()}"
@@ -301,8 +301,7 @@ def train(
             ) from error
         finally:
             model.close()
-            for worlds in parts:
-                worlds.close()
+            worlds.close()
 
 
 def _learn(arguments: Arguments, model: Model, watch: Watch, on_progress: Callable[[int], None]) -> Path:
@@ -331,26 +330,20 @@ def make_draws(arguments: Arguments, contexts: int | None = None) -> Randomisati
     )
 
 
-def make_parts(arguments: Arguments, draws: Randomisation | Mixture, interface: Interface) -> list[TrainingWorlds]:
-    """Return worlds as the networks meet them, in as many parts as the algorithm wants."""
-    settings, parts = arguments.settings, arguments.learner.parts
+def make_training_worlds(
+    arguments: Arguments, draws: Randomisation | Mixture, interface: Interface
+) -> TrainingWorlds:
+    """Return worlds as the networks meet them."""
+    settings = arguments.settings
     truth = sample_truth(settings, draws, arguments.seed) if settings.privileged else None
-    count = settings.worlds // parts
-    return [
-        TrainingWorlds(
-            make_worlds(draws, count, settings.episode, settings.sensors, settings.frame_skip),
-            interface,
-            truth,
-            arguments.nominal,
-        )
-        for _ in range(parts)
-    ]
+    worlds = make_worlds(draws, settings.worlds, settings.episode, settings.sensors, settings.frame_skip)
+    return TrainingWorlds(worlds, interface, truth, arguments.nominal)
 
 
-def make_model(arguments: Arguments, parts: Sequence[TrainingWorlds]) -> Model:
+def make_model(arguments: Arguments, worlds: TrainingWorlds) -> Model:
     """Return an untrained model; seeds torch."""
     torch.set_num_threads(1)  # networks as small as these are slower with more
-    return arguments.learner.make_model(arguments.settings, parts, arguments.steps, arguments.seed)
+    return arguments.learner.make_model(arguments.settings, worlds, arguments.steps, arguments.seed)
 
 
 def check_same(known: Arguments, given: Arguments) -> None:

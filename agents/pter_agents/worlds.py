@@ -172,7 +172,7 @@ class TrainingWorlds:
         self.size = interface.size + (0 if truth is None else len(truth.center))
         self._past = self.interface.begin(self.count)
         self._base = np.zeros((self.count, 4))
-        self._truth = truth
+        self.truth = truth
         self._known = np.zeros((self.count, self.size - interface.size))
         self._returns = np.zeros(self.count)
         self.finished: list[float] = []
@@ -219,7 +219,7 @@ class TrainingWorlds:
 
     def _see(self, obs: Any) -> Rows:
         inputs, self._base = self.interface.see(obs, self._past)
-        if self._truth is not None:
-            known = (self.env.batch.truth()[:, self._truth.entries] - self._truth.center) / self._truth.scale
+        if self.truth is not None:
+            known = (self.env.batch.truth()[:, self.truth.entries] - self.truth.center) / self.truth.scale
             self._known = known.clip(-LIMIT, LIMIT)
         return np.hstack([inputs, self._known]).astype(np.float32)

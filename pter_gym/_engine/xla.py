@@ -6,6 +6,7 @@ and writes them back. A row is opaque, pairs of 32-bit words, so JAX needs no 64
 """
 
 import re
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,13 @@ import jax
 import jaxlib
 import numba
 import numpy as np
+from jax import lax
+from jax import numpy as jnp
 from numba import types
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
-from pter_gym._compiled.compiler import compile_kernel
+from pter_gym._compiled.compiler import compile_kernel, content_digest
 from pter_gym._engine.kernels import advance_kernel, reset_kernel
 from pter_gym._engine.world import FLAG, FLAGS, LANES, SAME_STEP
 
@@ -38,6 +42,7 @@ _njit: Any = numba.njit(nogil=True, error_model="numpy")
 
 advance: Any = None
 start: Any = None
+law: Any = None
 version = 0
 """What the kernels below call, and the version of the interface; ``compile_kernel`` binds these names."""
 
@@ -219,6 +224,37 @@ def _build_reset(digest: str) -> Any:
     return reset
 
 
+def _build_law(digest: str) -> Any:
+    """Return what follows a controller's law.
+
+    Its arguments are observations, scales and gains, and what the law keeps of each world; its results voltages [V],
+    and what it keeps after that.
+    """
+
+    def follow(address: int) -> int:
+        _ = digest
+        arguments, results = _opened(address, version)
+        if results == 0:
+            return 0
+        n, width = _dimension(arguments, 3, 0), _dimension(arguments, 3, -1) // 2
+        obs = _singles(arguments, 0, n, _dimension(arguments, 0, -1))
+        scales, gains = _doubles(arguments, 1), _doubles(arguments, 2)
+        before = _numba.carray(_double(_data(arguments, 3)), (n, width))
+        volts = _singles(results, 0, n, 4)
+        memory = _numba.carray(_double(_data(results, 1)), (n, width))
+        for world in range(n):
+            for entry in range(width):
+                memory[world, entry] = before[world, entry]
+            wanted = law(obs[world], scales, gains, memory[world])
+            volts[world, 0] = wanted.x1
+            volts[world, 1] = wanted.x2
+            volts[world, 2] = wanted.x3
+            volts[world, 3] = wanted.x4
+        return 0
+
+    return follow
+
+
 def _installed_version() -> int:
     """Return the version of the interface that the installed jaxlib speaks, as a word."""
     header = Path(jaxlib.__file__).parent / "include/xla/ffi/api/c_api.h"
@@ -236,9 +272,55 @@ def register_calls() -> tuple[Any, ...]:
         RESET: compile_kernel(_build_reset, start=reset_kernel(), version=spoken),
     }
     for name, kernel in kernels.items():
-        signature = (types.int64,)
-        kernel.compile(signature)
-        compiled = kernel.overloads[signature]
-        address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
-        jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), platform="cpu")
+        _register(name, kernel)
     return tuple(kernels.values())
+
+
+@cache
+def register_law(law: Callable[..., Any]) -> tuple[str, Any]:
+    """Compile the call of a controller's law and register it, once; return its name, and what must live as long."""
+    kernel = compile_kernel(_build_law, law=law, version=_installed_version())
+    name = f"pter_law_{content_digest(law)}"
+    _register(name, kernel)
+    return name, kernel
+
+
+def call_law(name: str, obs: jax.Array, scales: jax.Array, gains: jax.Array, memory: jax.Array) -> Any:
+    """Return the voltages [V] of a law, float32 (N, 4), and its memory after them.
+
+    Parameters
+    ----------
+    name
+        From ``register_law``.
+    obs
+        Observations, float32 (N, entries).
+    scales, gains
+        Of the observation's layout and of the law, as ``words_of`` makes them.
+    memory
+        What the law keeps of each world, as words (N, M).
+    """
+    results = jax.ShapeDtypeStruct((len(obs), 4), jnp.float32), jax.ShapeDtypeStruct(memory.shape, memory.dtype)
+    ffi: Any = jax.ffi
+    return ffi.ffi_call(name, results)(obs, scales, gains, memory)
+
+
+def words_of(numbers: NDArray[Any]) -> jax.Array:
+    """Return numbers of 64 bits as words of 32."""
+    return jnp.asarray(np.ascontiguousarray(numbers).view(np.uint32))
+
+
+def rounded(words: jax.Array) -> jax.Array:
+    """Return words of float64 (…, 2 n) as float32 (…, n), rounded toward zero; what is too small for one is 0."""
+    low, high = words[..., ::2], words[..., 1::2]
+    exponent = ((high >> 20) & 0x7FF).astype(jnp.int32) - (1023 - 127)
+    size = jnp.clip(exponent, 0, 254).astype(jnp.uint32) << 23 | (high & 0xFFFFF) << 3 | low >> 29
+    return lax.bitcast_convert_type((high >> 31) << 31 | jnp.where(exponent > 0, size, 0), jnp.float32)
+
+
+def _register(name: str, kernel: Any) -> None:
+    """Compile a handler and tell XLA its address."""
+    signature = (types.int64,)
+    kernel.compile(signature)
+    compiled = kernel.overloads[signature]
+    address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
+    jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), platform="cpu")

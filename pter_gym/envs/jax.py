@@ -19,7 +19,7 @@ try:
     from jax import numpy as jnp
     from jax.custom_batching import custom_vmap
 
-    from pter_gym._engine.xla import RESET, STEP, register_calls
+    from pter_gym._engine.xla import RESET, STEP, register_calls, words_of
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.envs.jax", "jax"))) from error
 
@@ -80,12 +80,18 @@ class JaxEnv:
     num_actions = 4
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
+        if jax.default_backend() != "cpu":
+            raise ParameterError(
+                f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu; on a GPU, "
+                "gymnasium.make_vec(…, device='cuda') steps worlds for torch"
+            )
+        register_calls()
         self.env = env
         self.observation_layout: Layout = env.observation_layout
         self.frame_skip = env.frame_skip
         arrays = env.batch.device_arrays()
-        self.default_params = EnvParams(_words(arrays["config"]), _words(arrays["constants"]))
-        self._empty = _words(arrays["worlds"][0, :, 0])
+        self.default_params = EnvParams(words_of(arrays["config"]), words_of(arrays["constants"]))
+        self._empty = words_of(arrays["worlds"][0, :, 0])
 
     def reset(self, key: jax.Array, params: EnvParams | None = None) -> tuple[jax.Array, EnvState]:
         """Return the first observation, float32 (len(observation_layout),), and the state of a world.
@@ -178,25 +184,14 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
     ParameterError
         If an argument is out of range, or JAX would run this on something else than a CPU.
     """
-    if jax.default_backend() != "cpu":
-        raise ParameterError(
-            f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu; on a GPU, "
-            "gymnasium.make_vec(…, device='cuda') steps worlds for torch"
-        )
     fixed: dict[str, Any] = {"autoreset_mode": "SAME_STEP", "telemetry": False, "num_threads": 1, "num_envs": 1}
     for name in (*fixed, "render_mode", "device"):
         if name in keywords:
             raise ParameterError(f"{name} must not be given: JAX has its own way")
     if not env_id.startswith("PTER/"):
         raise ParameterError(f"env_id must be an id of PTER, got {env_id!r}")
-    register_calls()
     made = JaxEnv(cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped))
     return made, made.default_params
-
-
-def _words(numbers: NDArray[Any]) -> jax.Array:
-    """Return numbers of 64 bits as words of 32."""
-    return jnp.asarray(np.ascontiguousarray(numbers).view(np.uint32))
 
 
 def _many(run: Any) -> Any:

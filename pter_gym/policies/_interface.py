@@ -163,7 +163,13 @@ class Interface:
 
 
 class BoundInterface:
-    """An interface that is bound to a machine and a layout of observations."""
+    """An interface that is bound to a machine and a layout of observations.
+
+    Attributes
+    ----------
+    columns, center, scale
+        Of each input: its number among the quantities, and what it is shifted and scaled by.
+    """
 
     def __init__(self, interface: Interface, machine: Machine, layout: Layout) -> None:
         self.layout = layout
@@ -177,16 +183,15 @@ class BoundInterface:
         for each in interface.inputs:
             if each.name not in names:
                 raise unknown_name("inputs", each.name, names)
-        self._scales = layout.scales
-        self._columns = [names.index(each.name) for each in interface.inputs]
-        self._center = np.array([each.center for each in interface.inputs])
-        self._scale = np.array([each.scale for each in interface.inputs])
-        self._past = interface.history, interface.averages
+        self.columns = [names.index(each.name) for each in interface.inputs]
+        self.center = np.array([each.center for each in interface.inputs])
+        self.scale = np.array([each.scale for each in interface.inputs])
+        self.history, self.averages = interface.history, interface.averages
 
     def begin(self, worlds: int) -> "Past":
         """Return the empty past of so many worlds."""
         blank = np.zeros((worlds, 0)) if self.base is None else self.base.empty_memory(worlds)
-        return Past(blank, len(self._columns), *self._past)
+        return Past(blank, len(self.columns), self.history, self.averages)
 
     def see(self, obs: NDArray[np.float32], past: "Past") -> tuple[Array, Array]:
         """Return what the network sees and the voltages that it corrects.
@@ -214,8 +219,8 @@ class BoundInterface:
         base = np.full((len(rows), 4), 0.5 * self.voltage_max)
         if self.base is not None:
             base = self.base.volts(rows, past.law_memory()).astype(np.float64)
-        values = quantities(rows * self._scales, base, self.layout, residual=self.base is not None)
-        present = np.clip((values[:, self._columns] - self._center) / self._scale, -LIMIT, LIMIT)
+        values = quantities(rows * self.layout.scales, base, self.layout, residual=self.base is not None)
+        present = np.clip((values[:, self.columns] - self.center) / self.scale, -LIMIT, LIMIT)
         return past.add(present), base
 
     def volts(self, base: Array, outputs: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -283,7 +288,7 @@ class Past:
             mine[:] = state[name]
 
 
-def squared(linear: Array, voltage_max: float) -> Array:
+def squared(linear: Any, voltage_max: float) -> Any:
     """Return the voltages [V] of normalised actions, from their share of the bounds times the largest voltage [V].
 
     Bit for bit as the kernel's ``scaled_volts``, without numba.
@@ -327,13 +332,13 @@ def _covers(each: str, name: str, names: Sequence[str]) -> bool:
     return name == each if each in names else name.startswith(f"{each}_")
 
 
-def quantities(physical: Array, base: Array, layout: Layout, *, residual: bool) -> Array:
+def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> Any:
     """Return all quantities that a network can see, in their units, (N, names).
 
     Parameters
     ----------
     physical
-        Observations in their units, (N, entries).
+        Observations in their units, (N, entries); an array of NumPy or of another library with its array interface.
     base
         Voltages of the base controller [V], (N, 4).
     layout
@@ -343,9 +348,10 @@ def quantities(physical: Array, base: Array, layout: Layout, *, residual: bool) 
     """
     known = dict(zip(layout.names, physical.T, strict=True))
     cos, sin = known["heading_cos"], known["heading_sin"]
-    derived: list[Array] = []
+    derived: list[Any] = []
     for link in ("a", "b"):
         cos_link, sin_link = known[f"cos_{link}"], known[f"sin_{link}"]
         derived += [cos * cos_link + sin * sin_link, sin * cos_link - cos * sin_link]
-    columns = [physical, np.stack(derived, axis=1)]
-    return np.concatenate([*columns, base] if residual else columns, axis=1)
+    library = physical.__array_namespace__()
+    columns = [physical, library.stack(derived, axis=1)]
+    return library.concat([*columns, base] if residual else columns, axis=1)

@@ -1,6 +1,5 @@
 """Another algorithm, as somebody would add one: its hyper-parameters and its model, a plain policy gradient."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,9 +27,9 @@ class AdvantageSettings(TrainingSettings):
 class PolicyGradient:
     """The gradient of one control step's reward, less its value, after each."""
 
-    def __init__(self, settings: AdvantageSettings, parts: Sequence[TrainingWorlds], total: int, seed: int) -> None:
+    def __init__(self, settings: AdvantageSettings, worlds: TrainingWorlds, total: int, seed: int) -> None:
         torch.manual_seed(seed)
-        (self._worlds,) = parts
+        self._worlds = worlds
         self.steps, self.rollout = 0, settings.worlds * settings.steps
         self._length = settings.steps
         sizes = self._worlds.interface.size, self._worlds.size
@@ -76,4 +75,4 @@ class PolicyGradient:
         pass
 
 
-LEARNER = Learner(settings=AdvantageSettings, smoke={}, make_model=PolicyGradient, parts=1)
+LEARNER = Learner(settings=AdvantageSettings, smoke={}, make_model=PolicyGradient)

@@ -161,7 +161,7 @@ def _runs(folder: Path) -> list[Format]:
     """Return the files of a training run; its model is made again for each reading, as a resume does."""
     from pter_agents.algorithms import load_settings, smoke_settings
     from pter_agents.checkpoints import load_checkpoint, save_checkpoint
-    from pter_agents.training import PROGRESS, RUN, Arguments, RunFolder, make_draws, make_model, make_parts
+    from pter_agents.training import PROGRESS, RUN, Arguments, RunFolder, make_draws, make_model, make_training_worlds
 
     interface = read_policy("ppo-standard").card.interface
     small = {"worlds": 8, "steps": 8, "contexts": 4, "minibatch": 32, "epochs": 1, "hidden": (8,), "value_hidden": (8,)}
@@ -175,7 +175,7 @@ def _runs(folder: Path) -> list[Format]:
     names = ("path_error_m", "completed", "mean_pace_error", "segment_pace_error", "peak_acceleration_m_s2")
     rows = {str(64 * k): {pace: dict.fromkeys(names, 0.25) for pace in ("slow", "brisk")} for k in range(1, 5)}
     (place / PROGRESS).write_text(json.dumps(rows, indent=1) + "\n")
-    parts = make_parts(arguments, make_draws(arguments), interface)
+    parts = make_training_worlds(arguments, make_draws(arguments), interface)
     models: list[Any] = [make_model(arguments, parts)]
     models[0].advance()
     checkpoint = save_checkpoint(models[0], place)

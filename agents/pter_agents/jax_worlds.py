@@ -1,0 +1,195 @@
+"""``TrainingWorlds`` as pure functions of JAX, for a training that is one compiled call.
+
+What differs between trainings is in ``Shared`` and not in the code, so one compilation serves them all.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jax import numpy as jnp
+
+from pter_agents.worlds import TrainingWorlds
+from pter_gym._engine.world import ROW
+from pter_gym._engine.xla import call_law, register_law, rounded, words_of
+from pter_gym.envs.jax import EnvParams, EnvState, JaxEnv
+from pter_gym.policies._interface import LIMIT, quantities, squared
+from pter_gym.tasks.path_following._context import CONTEXT
+
+CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
+
+
+class Scaled(NamedTuple):
+    """Which entries are seen, (K,), and the centres and scales of their inputs."""
+
+    entries: jax.Array
+    center: jax.Array
+    scale: jax.Array
+
+
+class Shared(NamedTuple):
+    """What the worlds of a training share.
+
+    Attributes
+    ----------
+    params
+        Of the environment.
+    obs_scales
+        Units of the observation's entries.
+    constants
+        Those of ``params``, float32.
+    present, truth
+        What the policy sees, and what only the value network sees.
+    law
+        Scales and gains of the base controller's law, as words.
+    blank
+        The law's memory at the start of an episode, as words (M,).
+    shares
+        Of the present in the averages, (A,).
+    """
+
+    params: EnvParams
+    obs_scales: jax.Array
+    constants: jax.Array
+    present: Scaled
+    truth: Scaled
+    law: tuple[jax.Array, jax.Array]
+    blank: jax.Array
+    shares: jax.Array
+
+
+class State(NamedTuple):
+    """What changes; the first axis of everything is that of the worlds.
+
+    Attributes
+    ----------
+    env
+        Of the environment.
+    rows, means
+        What the policy saw at each of the last steps, the latest first, and the averages.
+    memory
+        Of the base controller's law.
+    base
+        Its voltages [V].
+    known
+        What only the value network sees now.
+    """
+
+    env: EnvState
+    rows: jax.Array
+    means: jax.Array
+    memory: jax.Array
+    base: jax.Array
+    known: jax.Array
+
+
+class Step(NamedTuple):
+    """Result of a step of N worlds; ``last_obs`` is the observation before a reset."""
+
+    rewards: jax.Array
+    terminated: jax.Array
+    truncated: jax.Array
+    last_obs: jax.Array
+
+
+class JaxWorlds:
+    """Worlds as the networks of a policy meet them.
+
+    Attributes
+    ----------
+    shared
+        What the functions are given beside the state.
+    """
+
+    def __init__(self, worlds: TrainingWorlds) -> None:
+        interface, env, truth = worlds.interface, worlds.env, worlds.truth
+        self._env = JaxEnv(env)
+        self._layout = env.observation_layout
+        self._interface = interface
+        self._ages = np.array((0, *interface.history))
+        base = interface.base
+        self._law = None if base is None else register_law(base.law)[0]
+        blank = np.zeros((1, 0)) if base is None else base.empty_memory(1)
+        known = [np.zeros(0)] * 3 if truth is None else [*truth]
+        self.shared = Shared(
+            self._env.default_params,
+            jnp.asarray(self._layout.scales, jnp.float32),
+            jnp.asarray(env.batch.device_arrays()["constants"], jnp.float32),
+            _scaled(interface.columns, interface.center, interface.scale),
+            _scaled(*known),
+            (words_of(self._layout.scales), words_of(np.zeros(0) if base is None else base.gains)),
+            words_of(blank[0]),
+            jnp.asarray(1.0 / np.array(interface.averages), jnp.float32),
+        )
+
+    def reset(self, shared: Shared, seeds: jax.Array) -> State:
+        """Return worlds that begin, from the two halves of the seed of each, uint32 (N, 2)."""
+        obs, env = jax.vmap(self._env.reset_to_seed, (0, None))(seeds, shared.params)
+        count, inputs = len(obs), len(shared.present.entries)
+        state = State(
+            env,
+            jnp.zeros((count, int(self._ages[-1]) + 1, inputs)),
+            jnp.zeros((count, len(shared.shares), inputs)),
+            jnp.broadcast_to(shared.blank, (count, *shared.blank.shape)),
+            jnp.zeros((count, 4)),
+            self._truth(shared, env.world),
+        )
+        return self._see(shared, state, obs, jnp.ones(count, bool))
+
+    def step(self, shared: Shared, state: State, outputs: jax.Array) -> tuple[State, Step]:
+        """Advance all worlds by one decision, the network's outputs (N, 4)."""
+        step = jax.vmap(self._env.step, (None, 0, 0, None))
+        given = self._volts(state.base, outputs)
+        obs, env, rewards, terminated, truncated, told = step(None, state.env, given, shared.params)
+        state = state._replace(env=env, known=self._truth(shared, env.world))
+        after = self._see(shared, state, obs, terminated | truncated)
+        return after, Step(rewards, terminated, truncated, told["final_observation"])
+
+    def inputs(self, state: State) -> jax.Array:
+        """Return what the networks see now, (N, size): the policy first, then what only the value network sees."""
+        seen = jnp.concatenate([state.rows[:, self._ages], state.means], axis=1)
+        return jnp.concatenate([seen.reshape(len(seen), -1), state.known], axis=1)
+
+    def last_inputs(self, shared: Shared, before: State, obs: jax.Array) -> jax.Array:
+        """Return what the networks would see of a last observation, from the state one step earlier."""
+        return self.inputs(self._see(shared, before, obs, jnp.zeros(len(obs), bool)))
+
+    def _see(self, shared: Shared, state: State, obs: jax.Array, fresh: jax.Array) -> State:
+        """Add an observation to the past; a world that begins is as if it had always seen it."""
+        here = fresh[:, None]
+        base, memory = jnp.full((len(obs), 4), 0.5 * self._interface.voltage_max), state.memory
+        if self._law is not None:
+            base, memory = call_law(self._law, obs, *shared.law, jnp.where(here, shared.blank, memory))
+        seen = quantities(obs * shared.obs_scales, base, self._layout, residual=self._law is not None)
+        present = _scale(seen[:, shared.present.entries], shared.present)[:, None]
+        rows = jnp.concatenate([present, state.rows[:, :-1]], axis=1)
+        means = state.means + shared.shares[:, None] * (present - state.means)
+        each = here[..., None]
+        return state._replace(
+            rows=jnp.where(each, present, rows), means=jnp.where(each, present, means), memory=memory, base=base
+        )
+
+    def _volts(self, base: jax.Array, outputs: jax.Array) -> jax.Array:
+        most, limited = self._interface.voltage_max, jnp.clip(outputs, -1.0, 1.0)
+        if self._interface.normalised:
+            return squared((limited + 1.0) * (most / 2.0), most)
+        return jnp.clip(base + self._interface.reach * limited, 0.0, most)
+
+    def _truth(self, shared: Shared, world: jax.Array) -> jax.Array:
+        """Return the entries of ``Batch.truth``, scaled."""
+        rows = world.shape[1] // 2
+        entries = shared.truth.entries
+        own = jnp.minimum(entries, rows - 1)
+        state = rounded(jnp.stack([world[:, 2 * own], world[:, 2 * own + 1]], axis=-1).reshape(len(world), -1))
+        at = rounded(world[:, 2 * CONTEXT_AT : 2 * CONTEXT_AT + 2]).astype(jnp.int32)
+        number = jnp.maximum(entries - rows, 0)
+        context = shared.constants[at + number + (number >= ENERGY_MAX)]
+        return _scale(jnp.where(entries < rows, state, context), shared.truth)
+
+
+def _scaled(entries: Any, center: Any, scale: Any) -> Scaled:
+    return Scaled(jnp.asarray(entries, jnp.int32), jnp.asarray(center, jnp.float32), jnp.asarray(scale, jnp.float32))
+
+
+def _scale(values: jax.Array, to: Scaled) -> jax.Array:
+    return jnp.clip((values - to.center) / to.scale, -LIMIT, LIMIT)
