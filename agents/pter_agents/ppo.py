@@ -457,7 +457,7 @@ def _apply(layers: Layers, values: jax.Array) -> jax.Array:
 
 def _arrays(tree: Any) -> list[Any]:
     """Return the arrays of a tree, words as whole numbers with a sign, as torch has them."""
-    found = [np.asarray(leaf) for leaf in jax.tree.leaves(tree)]
+    found = [np.array(leaf) for leaf in jax.tree.leaves(tree)]
     return [each.view(np.int32) if each.dtype == np.uint32 else each for each in found]
 
 

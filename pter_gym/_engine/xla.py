@@ -86,6 +86,13 @@ def _doubles(buffers: int, number: int) -> Any:
 
 
 @_njit
+def _double_rows(buffers: int, number: int) -> Any:
+    """Return a buffer of 32-bit words as rows of numbers of 64 bits."""
+    shape = _dimension(buffers, number, 0), _dimension(buffers, number, -1) // 2
+    return _numba.carray(_double(_data(buffers, number)), shape)
+
+
+@_njit
 def _singles(buffers: int, number: int, n: int, width: int) -> Any:
     """Return a buffer as numbers of 32 bits, (n, width)."""
     return _numba.carray(_single(_data(buffers, number)), (n, width))
@@ -236,15 +243,12 @@ def _build_law(digest: str) -> Any:
         arguments, results = _opened(address, version)
         if results == 0:
             return 0
-        n, width = _dimension(arguments, 3, 0), _dimension(arguments, 3, -1) // 2
-        obs = _singles(arguments, 0, n, _dimension(arguments, 0, -1))
+        n = _dimension(arguments, 0, 0)
+        obs, volts = _singles(arguments, 0, n, _dimension(arguments, 0, -1)), _singles(results, 0, n, 4)
         scales, gains = _doubles(arguments, 1), _doubles(arguments, 2)
-        before = _numba.carray(_double(_data(arguments, 3)), (n, width))
-        volts = _singles(results, 0, n, 4)
-        memory = _numba.carray(_double(_data(results, 1)), (n, width))
+        before, memory = _double_rows(arguments, 3), _double_rows(results, 1)
         for world in range(n):
-            for entry in range(width):
-                memory[world, entry] = before[world, entry]
+            memory[world] = before[world]
             wanted = law(obs[world], scales, gains, memory[world])
             volts[world, 0] = wanted.x1
             volts[world, 1] = wanted.x2
