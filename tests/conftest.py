@@ -9,6 +9,8 @@ hypothesis.settings.register_profile("gate", deadline=None)  # no test judges ho
 hypothesis.settings.load_profile("gate")
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy: else each worker's linear algebra waits for all cores
 
+os.environ.setdefault("JAX_NUM_CPU_DEVICES", "2")  # those of pter_agents.ppo, for whatever uses JAX first
+
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionstart(session: pytest.Session) -> None:

@@ -1,7 +1,7 @@
 """Proximal policy optimisation (Schulman et al., arXiv:1707.06347) in one compiled call, with exploration that lasts.
 
-The worlds are two parts, and a device of JAX, which is a core, has each: it collects their rollout, and the gradients of
-its half of each minibatch. Their sum is the same in either order, so the result is the same on any number of cores.
+The worlds are two parts, and a device of JAX, which is a core, has each: it collects their rollout, and the gradients
+of its half of each minibatch. Their sum is the same in either order, so the result is the same on any number of cores.
 
 Noise that is new at each control step hardly passes the clutches' lag. So it is autoregressive: n = ρ·n' + σ·ε with a
 standard normal ε. Given n' the action a has mean μ + ρ·n' and deviation σ, with which its likelihood is exact.
@@ -9,7 +9,6 @@ standard normal ε. Given n' the action a has mean μ + ρ·n' and deviation σ,
 
 import math
 import os
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -34,6 +33,7 @@ from pter_agents.jax_worlds import State as WorldsState
 from pter_agents.networks import Actor, ActorCritic
 from pter_agents.settings import TrainingSettings
 from pter_agents.worlds import TrainingWorlds
+from pter_gym.errors import ParameterError
 from pter_gym.params import require, require_number, require_whole
 
 PARTS = 2
@@ -267,7 +267,7 @@ def samples_of(s: PPOSettings, worlds: JaxWorlds, weights: Weights, going: Going
     """Return the samples of a rollout, whose advantages have mean 0 and deviation 1 over all parts."""
     values = jnp.concatenate([weights.worth(rows.inputs), weights.worth(worlds.inputs(going.worlds))[None]])
     advantages = estimate(rows.rewards, values, rows.ends, rows.finals, s.discount, s.trace)
-    count = advantages.size * PARTS
+    count = lax.psum(advantages.size, PART)
     mean = lax.psum(advantages.sum(), PART) / count
     deviation = jnp.sqrt(lax.psum(jnp.square(advantages - mean).sum(), PART) / (count - 1))
     even = (advantages - mean) / (deviation + 1e-8)
@@ -298,6 +298,11 @@ class PPO:
         Control steps of the training.
     seed
         Of weights, worlds and noise.
+
+    Raises
+    ------
+    ParameterError
+        If JAX runs already, with fewer devices than there are parts.
     """
 
     def __init__(self, settings: PPOSettings, worlds: TrainingWorlds, total: int, seed: int) -> None:
@@ -309,6 +314,11 @@ class PPO:
         self.networks = ActorCritic(
             worlds.interface.size, worlds.size, settings.hidden, settings.value_hidden, settings.start
         )
+        if jax.device_count() < PARTS:
+            raise ParameterError(
+                f"JAX must have {PARTS} devices, got {jax.device_count()}: import pter_agents.ppo before it runs "
+                f"anything, or set JAX_NUM_CPU_DEVICES={PARTS}"
+            )
         mesh = jax.make_mesh((PARTS,), (PART,), axis_types=(jax.sharding.AxisType.Auto,))
         self._whole, self._split = NamedSharding(mesh, Spec()), NamedSharding(mesh, Spec(PART))
         self._weights = self._taken()
@@ -430,7 +440,7 @@ class PPO:
     def _taken(self) -> Weights:
         """Return the weights of torch's networks."""
         both = [
-            [(np.array(each.weight.detach()).T, np.array(each.bias.detach())) for each in _linear(part)]
+            [(each.weight.detach().numpy().T.copy(), each.bias.detach().numpy().copy()) for each in _linear(part)]
             for part in (self.networks.policy, self.networks.value)
         ]
         return jax.device_put(Weights(*both), self._whole)

@@ -330,9 +330,7 @@ def make_draws(arguments: Arguments, contexts: int | None = None) -> Randomisati
     )
 
 
-def make_training_worlds(
-    arguments: Arguments, draws: Randomisation | Mixture, interface: Interface
-) -> TrainingWorlds:
+def make_training_worlds(arguments: Arguments, draws: Randomisation | Mixture, interface: Interface) -> TrainingWorlds:
     """Return worlds as the networks meet them."""
     settings = arguments.settings
     truth = sample_truth(settings, draws, arguments.seed) if settings.privileged else None

@@ -8,7 +8,6 @@ as one of ``gymnasium.make_vec`` with that seed.
 from typing import Any, NamedTuple, cast
 
 import gymnasium
-import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 

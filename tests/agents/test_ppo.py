@@ -1,5 +1,8 @@
 """The loop of our own: its gradients are Stable-Baselines3's, its likelihood is exact, its noise lasts."""
 
+import os
+import subprocess
+import sys
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -10,14 +13,20 @@ pytestmark = pytest.mark.agents
 
 torch = pytest.importorskip("torch")
 algorithms = pytest.importorskip("stable_baselines3")
+jax = pytest.importorskip("jax")
 
 from gymnasium import spaces  # noqa: E402
+from jax import numpy as jnp  # noqa: E402
 from stable_baselines3.common.buffers import RolloutBuffer  # noqa: E402
 from stable_baselines3.common.logger import Logger  # noqa: E402
 
 from pter_agents import prepare, training  # noqa: E402
 from pter_agents.algorithms import load_settings, settings_from  # noqa: E402
-from pter_agents.ppo import PARTS, PPO, Samples, estimate, loss_of, with_even_advantages  # noqa: E402
+from pter_agents.jax_worlds import JaxWorlds  # noqa: E402
+from pter_agents.ppo import PART, PPO, Samples, collect, descend, estimate, loss_of, samples_of  # noqa: E402
+
+LARGEST = 100.0
+"""Above all numbers that are seen, in their units: torques in N·m."""
 
 SMALL = {"worlds": 16, "steps": 32, "minibatch": 512, "epochs": 1, "contexts": 4, "episode": 25}
 
@@ -29,7 +38,7 @@ def make(**changes: Any) -> PPO:
     )
     draws = training.make_draws(given)
     interface = prepare.make_interface(settings, "standard", draws, 2)
-    model: Any = training.make_model(given, training.make_parts(given, draws, interface))
+    model: Any = training.make_model(given, training.make_training_worlds(given, draws, interface))
     return model
 
 
@@ -58,8 +67,7 @@ def theirs(model: PPO, settings: Any) -> Any:
     policy = found.policy
     with torch.no_grad():
         policy.log_std.fill_(float(np.log(settings.deviation)))
-        ours = [*model.networks.parameters()]
-        for target, source in zip(layers_of(policy), ours, strict=True):
+        for target, source in zip(layers_of(policy), model.networks.parameters(), strict=True):
             target.copy_(source)
     policy.log_std.requires_grad_(False)
     found.set_logger(Logger(None, []))
@@ -72,49 +80,79 @@ def layers_of(policy: Any) -> list[Any]:
     return [weight for body, head in both for part in (body, head) for weight in part.parameters()]
 
 
+def collected(model: PPO, deviation: float) -> Samples:
+    """Samples of a rollout of all worlds as one part."""
+    settings: Any = model._settings
+    shared = model._worlds.shared
+
+    def rollout(going: Any, drawn: Any) -> Samples:
+        going, rows = collect(settings, model._worlds, shared, model._weights, going, drawn, deviation)
+        return samples_of(settings, model._worlds, model._weights, going, rows)
+
+    drawn, _ = model._draw()
+    each = jnp.concatenate([*np.asarray(drawn)], axis=1)[None]
+    going = model._reset(shared, jnp.asarray(model._seeds()))
+    found = jax.jit(jax.vmap(rollout, axis_name=PART))(jax.tree.map(lambda x: x[None], going), each)
+    return jax.tree.map(lambda x: x[0], found)
+
+
+def log_likelihood(model: PPO, samples: Samples, deviation: float) -> Any:
+    off = (samples.targets - model._weights.act(samples.inputs)) / deviation
+    return (-0.5 * jnp.square(off) - np.log(deviation) - 0.5 * np.log(2.0 * np.pi)).sum(1)
+
+
+def as_theirs(weights: Any) -> list[Any]:
+    """Ours, or their gradients, as torch has them."""
+    return [torch.from_numpy(np.array(each.T)) for layers in weights for layer in layers for each in layer]
+
+
 def test_a_gradient_step_is_that_of_stable_baselines() -> None:
     model = make(persistence=0.0, privileged=False)
     settings: Any = model._settings
     other = theirs(model, settings)
-    collected = [part.collect(model.networks, settings.deviation) for part in model._parts]
-    samples = with_even_advantages(collected)
-    every = Samples(*(torch.cat(rows) for rows in zip(*samples, strict=True)))
+    samples = collected(model, settings.deviation)
     buffer: Any = other.rollout_buffer
-    with torch.no_grad():
-        values = model.networks.worth(every.inputs)
-        likelihood = torch.distributions.Normal(model.networks.act(every.inputs), settings.deviation)
-        logs = likelihood.log_prob(every.targets).sum(1)
     for name, rows in {
-        "observations": every.inputs,
-        "actions": every.targets,
-        "advantages": every.advantages,
-        "returns": every.returns,
-        "values": values,
-        "log_probs": logs,
+        "observations": samples.inputs,
+        "actions": samples.targets,
+        "advantages": samples.advantages,
+        "returns": samples.returns,
+        "values": model._weights.worth(samples.inputs),
+        "log_probs": log_likelihood(model, samples, settings.deviation),
     }.items():
-        getattr(buffer, name)[:] = rows.numpy()[:, None]
+        getattr(buffer, name)[:] = np.asarray(rows)[:, None]
     buffer.full = True
-    before = [weight.detach().clone() for weight in model._weights]
     other.train()
-    model._adam.param_groups[0]["lr"] = settings.learning_rate
-    model._learn(samples, settings.deviation)
-    moved = max(float((a - b).detach().abs().max()) for a, b in zip(model._weights, before, strict=True))
-    assert moved == pytest.approx(settings.learning_rate, rel=0.01), "Adam's first step is the learning rate"
-    largest = max(float(weight.grad.abs().max()) for weight in model._weights)
-    for ours, their in zip(model._weights, layers_of(other.policy), strict=True):
-        assert torch.allclose(ours.grad, their.grad, rtol=0.0, atol=1e-5 * largest), "clipped gradients"
-    model.close()
+    gradient = jax.grad(loss_of)(model._weights, samples, settings.deviation, settings.clip, settings.value_weight)
+    norm = np.sqrt(sum(float(jnp.square(each).sum()) for each in jax.tree.leaves(gradient)))
+    clipped = jax.tree.map(lambda x: x * min(1.0, settings.max_gradient / norm), gradient)
+    largest = max(float(jnp.abs(each).max()) for each in jax.tree.leaves(clipped))
+    for ours, their in zip(as_theirs(clipped), layers_of(other.policy), strict=True):
+        assert torch.allclose(ours, their.grad, rtol=0.0, atol=1e-5 * largest), "clipped gradients"
+
+    def step(samples: Samples) -> Any:
+        return descend(settings, model._weights, model._adam, samples, settings.deviation, settings.learning_rate)
+
+    after, _, _ = jax.vmap(step, axis_name=PART)(jax.tree.map(lambda x: x[None], samples))
+    for ours, their in zip(as_theirs(jax.tree.map(lambda x: x[0], after)), layers_of(other.policy), strict=True):
+        assert torch.allclose(ours, their, rtol=0.0, atol=0.02 * settings.learning_rate), "Adam's first step"
 
 
 def test_gradients_of_halves_add_up_to_that_of_the_whole() -> None:
     model = make()
-    samples = with_even_advantages([part.collect(model.networks, 0.3) for part in model._parts])
-    every = Samples(*(torch.cat(rows) for rows in zip(*samples, strict=True)))
-    _, whole = model._gradient(every, 0.3)
-    halves = [model._gradient(part, 0.3)[1] for part in samples]
-    for weight, *parts in zip(whole, *halves, strict=True):
-        assert torch.allclose(weight, sum(parts[1:], parts[0]) / PARTS, atol=1e-6)
-    model.close()
+    settings: Any = model._settings
+    samples = collected(model, 0.3)
+
+    def moments(samples: Samples) -> Any:
+        return descend(settings, model._weights, model._adam, samples, 0.3, 1e-3)[1]
+
+    found = [
+        jax.vmap(moments, axis_name=PART)(jax.tree.map(lambda x, n=parts: x.reshape(n, -1, *x.shape[1:]), samples))
+        for parts in (1, 2)
+    ]
+    for whole, halves in zip(*map(jax.tree.leaves, found), strict=True):
+        np.testing.assert_allclose(halves[0], whole[0], atol=1e-6)
+        np.testing.assert_array_equal(halves[0], halves[1])
 
 
 def test_advantages_are_those_of_stable_baselines() -> None:
@@ -130,8 +168,7 @@ def test_advantages_are_those_of_stable_baselines() -> None:
     buffer.values[:] = values[:-1]
     buffer.episode_starts[1:] = ends[:-1]
     buffer.compute_returns_and_advantage(torch.as_tensor(values[-1], dtype=torch.float32), ends[-1])
-    single = [np.asarray(each, np.float32) for each in (rewards, values)]
-    found = estimate(*single, ends, finals.astype(np.float32), discount, 0.9)
+    found = estimate(*map(jnp.asarray, (rewards, values, ends, finals)), discount, 0.9)
     np.testing.assert_allclose(found, buffer.advantages, rtol=1e-5, atol=1e-5)
 
 
@@ -139,38 +176,74 @@ def test_advantages_are_those_of_stable_baselines() -> None:
 def test_the_likelihood_given_the_noise_before_is_exact(persistence: float) -> None:
     """The ratio is that of the densities of the actions given what was left of the noise, and 1 for the same policy."""
     model = make(persistence=persistence)
-    part = model._parts[0]
-    samples = part.collect(model.networks, 0.3)
-    ones = samples._replace(advantages=torch.ones_like(samples.advantages))
-    with torch.no_grad():
-        assert float(loss_of(model.networks, ones, 0.3, 0.2, 0.0)) == pytest.approx(-1.0, abs=1e-5)
-        before = torch.distributions.Normal(model.networks.act(samples.inputs), 0.3).log_prob(samples.targets).sum(1)
-        model.networks.policy[-1].bias += 0.02
-        after = torch.distributions.Normal(model.networks.act(samples.inputs), 0.3).log_prob(samples.targets).sum(1)
-        ratio = torch.exp(after - before)
-        found = float(loss_of(model.networks, ones, 0.3, 0.2, 0.0))
-    expected = -torch.minimum(ratio, ratio.clamp(0.8, 1.2)).mean()
-    assert found == pytest.approx(float(expected), rel=1e-4)
-    model.close()
+    samples = collected(model, 0.3)
+    ones = samples._replace(advantages=jnp.ones_like(samples.advantages))
+    assert float(loss_of(model._weights, ones, 0.3, 0.2, 0.0)) == pytest.approx(-1.0, abs=1e-5)
+    before = log_likelihood(model, samples, 0.3)
+    *first, (weight, bias) = model._weights.policy
+    model._weights = model._weights._replace(policy=[*first, (weight, bias + 0.02)])
+    ratio = jnp.exp(log_likelihood(model, samples, 0.3) - before)
+    expected = -jnp.minimum(ratio, jnp.clip(ratio, 0.8, 1.2)).mean()
+    assert float(loss_of(model._weights, ones, 0.3, 0.2, 0.0)) == pytest.approx(float(expected), rel=1e-4)
 
 
 def test_the_noise_lasts_and_starts_again_with_an_episode(monkeypatch: pytest.MonkeyPatch) -> None:
     model = make(persistence=0.85, worlds=512, steps=24, minibatch=12288, episode=12)
-    part = model._parts[0]
+    model._weights = jax.tree.map(jnp.zeros_like, model._weights)
     given: list[np.ndarray] = []
-    step = part.worlds.step
-    monkeypatch.setattr(part.worlds, "step", lambda outputs: given.append(outputs.copy()) or step(outputs))
-    with torch.no_grad():
-        for weight in model.networks.policy.parameters():
-            weight.zero_()
-    part.collect(model.networks, 0.3)
+    step = model._worlds.step
+
+    def seen(shared: Any, state: Any, outputs: Any) -> Any:
+        jax.debug.callback(lambda each: given.append(np.asarray(each)), outputs, ordered=False)
+        return step(shared, state, outputs)
+
+    monkeypatch.setattr(model._worlds, "step", seen)
+    jax.block_until_ready(collected(model, 0.3))
+    jax.effects_barrier()
     noise = np.array(given)
     lasting = (noise[1:] * noise[:-1]).mean(axis=(1, 2)) / (noise[:-1] ** 2).mean(axis=(1, 2))
     assert lasting[:10] == pytest.approx(0.85, abs=0.08)
     assert lasting[11] == pytest.approx(0.0, abs=0.08), "all episodes ended there"
     assert noise[0].std() == pytest.approx(0.3, abs=0.02)
     assert noise[11].std() == pytest.approx(0.3 * np.sqrt((1 - 0.85**24) / (1 - 0.85**2)), rel=0.05)
-    model.close()
+
+
+@pytest.mark.parametrize(("algorithm", "scenario", "held"), [("ppo", "everything", 3), ("residual", "everything", 1)])
+def test_its_worlds_are_those_of_the_other_algorithms(algorithm: str, scenario: str, held: int) -> None:
+    """But for the rounding of float32, at the size of an input's centre over its scale."""
+    small = {**SMALL, "contexts": 32, "episode": 60, "frame_skip": held}
+    settings = settings_from(algorithm, {**asdict(load_settings(algorithm)), **small})
+    given = training.Arguments(
+        algorithm=algorithm, scenario=scenario, pace="all", steps=1000, seed=2, settings=settings
+    )
+    draws = training.make_draws(given)
+    worlds = training.make_training_worlds(given, draws, prepare.make_interface(settings, scenario, draws, 2))
+    ours = JaxWorlds(worlds)
+    shared = ours.shared
+    of_policy = (LARGEST + np.abs(shared.present.center)) / shared.present.scale
+    copies = 1 + len(settings.history) + len(settings.averages)
+    of_value = (LARGEST + np.abs(shared.truth.center)) / shared.truth.scale
+    tolerance = 2.0**-21 * np.concatenate([*[of_policy] * copies, of_value])
+    step, inputs, last_inputs = jax.jit(ours.step), jax.jit(ours.inputs), jax.jit(ours.last_inputs)
+    seeds = (np.arange(16, dtype=np.uint64) + 5).view(np.uint32).reshape(-1, 2)
+    state = jax.jit(ours.reset)(shared, seeds)
+    first = worlds.reset(5)
+    assert (np.abs(inputs(state) - first) <= tolerance).all()
+    rng = np.random.default_rng(0)
+    ended = 0
+    for _ in range(130):
+        actions = rng.uniform(-1.2, 1.2, (16, 4)).astype(np.float32)
+        expected, before = worlds.step(actions), state
+        state, found = step(shared, state, actions)
+        np.testing.assert_allclose(found.rewards, expected.rewards, rtol=1e-4, atol=1e-4)
+        np.testing.assert_array_equal(found.terminated, expected.terminated)
+        np.testing.assert_array_equal(found.truncated, expected.truncated)
+        assert (np.abs(inputs(state) - expected.inputs) <= tolerance).all()
+        last = np.asarray(last_inputs(shared, before, found.last_obs))[expected.ended]
+        assert (np.abs(last - expected.last) <= tolerance).all()
+        ended += len(expected.ended)
+    assert ended >= 32
+    worlds.close()
 
 
 def test_deviation_and_learning_rate_fall_as_they_are_told() -> None:
@@ -184,18 +257,25 @@ def test_deviation_and_learning_rate_fall_as_they_are_told() -> None:
     assert replace(settings, exploring=1.0).deviation_at(0.99) == 0.4
 
 
-def test_the_result_does_not_depend_on_the_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    def one_after_the_other(_: PPO, do: Any, over: Any) -> list[Any]:
-        return [do(each) for each in over]
+ALONE = """
+import os, sys
+if sys.argv[1] == "one":
+    os.sched_setaffinity(0, list(os.sched_getaffinity(0))[:1])
+sys.path[:0] = sys.argv[2:]
+from agents.test_ppo import make
+from pter_agents.ppo import _arrays
+model = make()
+for _ in range(3):
+    model.advance()
+print(hash(tuple(each.tobytes() for each in _arrays(model._weights))))
+"""
 
-    def trained() -> list[np.ndarray]:
-        model = make()
-        for _ in range(3):
-            model.advance()
-        model.close()
-        return [weight.detach().numpy().copy() for weight in model._weights]
 
-    threaded = trained()
-    monkeypatch.setattr(PPO, "_each", one_after_the_other)
-    for one, other in zip(trained(), threaded, strict=True):
-        assert one.tobytes() == other.tobytes()
+@pytest.mark.slow
+def test_the_result_does_not_depend_on_the_cores() -> None:
+    environment = {**os.environ, "PYTHONHASHSEED": "0"}
+    one, every = (
+        subprocess.check_output([sys.executable, "-c", ALONE, cores, *sys.path], env=environment)
+        for cores in ("one", "every")
+    )
+    assert one == every

@@ -31,8 +31,8 @@ def make(algorithm: str, **changes: Any) -> tuple[Any, Any]:
         algorithm=algorithm, scenario="standard", pace="all", steps=1000, seed=2, settings=settings
     )
     draws = training.make_draws(given)
-    parts = training.make_parts(given, draws, prepare.make_interface(settings, "standard", draws, 2))
-    return training.make_model(given, parts), parts[0]
+    worlds = training.make_training_worlds(given, draws, prepare.make_interface(settings, "standard", draws, 2))
+    return training.make_model(given, worlds), worlds
 
 
 def test_they_are_shown_the_worlds() -> None:

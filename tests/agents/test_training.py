@@ -27,7 +27,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
 from pter_agents import checkpoints as stored  # noqa: E402
-from pter_agents import command, exporting, prepare, retraining, training, worlds  # noqa: E402
+from pter_agents import command, exporting, ppo, prepare, retraining, training, worlds  # noqa: E402
 from pter_agents.algorithms import ALGORITHMS, FOLDER, load_settings, settings_from  # noqa: E402
 from pter_agents.errors import TrainingDivergedError  # noqa: E402
 from pter_gym.params._preset import PRESET, format_preset  # noqa: E402
@@ -166,9 +166,8 @@ def test_only_the_value_network_sees_what_is_true() -> None:
     given = replace(arguments(privileged=True), scenario="everything")
     draws = training.make_draws(given, 8)
     interface = prepare.make_interface(given.settings, "everything", draws, 3)
-    parts = training.make_parts(given, draws, interface)
-    model: Any = training.make_model(given, parts)
-    seen = parts[0]
+    seen = training.make_training_worlds(given, draws, interface)
+    model: Any = training.make_model(given, seen)
     first = torch.as_tensor(seen.reset(1))
     truth = seen.env.batch.truth()
     assert interface.size + 20 < first.shape[1] < interface.size + truth.shape[1], "what never varies is left out"
@@ -463,33 +462,39 @@ def test_a_damaged_checkpoint_is_refused(damage: str, tmp_path: Path, monkeypatc
 @pytest.mark.parametrize(
     ("algorithm", "where", "call"),
     [
-        ("residual", "loss", 35),
-        ("residual", "gradient", 11),
+        ("residual", "loss", 2),
+        ("residual", "gradient", 2),
         ("sac", "loss", 18),
     ],
 )
 def test_a_number_that_is_not_finite_stops_the_training(
     algorithm: str, where: str, call: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    step = worlds.TrainingWorlds.step
     calls: list[int] = []
 
-    def broken(self: Any, outputs: Any) -> Any:
-        found = step(self, outputs)
+    def spoiled(found: Any) -> Any:
         calls.append(1)
-        return found._replace(rewards=found.rewards * (np.nan if len(calls) == call else 1.0))
+        return found * (np.nan if len(calls) == call else 1.0)
 
-    def spoil(*given: Any, **options: Any) -> Any:
-        calls.append(1)
-        if len(calls) == call:
-            for weight in given[0]:
-                weight.grad *= torch.nan
-                break
+    if algorithm == "sac":
+        step = worlds.TrainingWorlds.step
 
-    if where == "loss":
+        def broken(self: Any, outputs: Any) -> Any:
+            found = step(self, outputs)
+            return found._replace(rewards=spoiled(found.rewards))
+
         monkeypatch.setattr(worlds.TrainingWorlds, "step", broken)
+    elif where == "loss":
+        draw = ppo.PPO._draw
+
+        def drawn(self: Any) -> Any:
+            noise, orders = draw(self)
+            return spoiled(noise), orders
+
+        monkeypatch.setattr(ppo.PPO, "_draw", drawn)
     else:
-        monkeypatch.setattr(torch.nn.utils, "clip_grad_norm_", lambda given, _: spoil(list(given)))
+        rate = ppo.PPOSettings.learning_rate_at
+        monkeypatch.setattr(ppo.PPOSettings, "learning_rate_at", lambda self, done: spoiled(rate(self, done)))
     with pytest.raises(TrainingDivergedError, match=r"last good checkpoint is .*checkpoint-(256|128)\.ckpt"):
         training.train(arguments(algorithm), tmp_path)
     for path in stored.checkpoints(tmp_path):

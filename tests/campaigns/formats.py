@@ -175,14 +175,14 @@ def _runs(folder: Path) -> list[Format]:
     names = ("path_error_m", "completed", "mean_pace_error", "segment_pace_error", "peak_acceleration_m_s2")
     rows = {str(64 * k): {pace: dict.fromkeys(names, 0.25) for pace in ("slow", "brisk")} for k in range(1, 5)}
     (place / PROGRESS).write_text(json.dumps(rows, indent=1) + "\n")
-    parts = make_training_worlds(arguments, make_draws(arguments), interface)
-    models: list[Any] = [make_model(arguments, parts)]
+    worlds = make_training_worlds(arguments, make_draws(arguments), interface)
+    models: list[Any] = [make_model(arguments, worlds)]
     models[0].advance()
     checkpoint = save_checkpoint(models[0], place)
 
     def fresh() -> None:
         models.pop().close()
-        models.append(make_model(arguments, parts))
+        models.append(make_model(arguments, worlds))
 
     return [
         Format("run", place / RUN, run.read),

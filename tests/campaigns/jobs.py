@@ -3,10 +3,9 @@
 import hashlib
 import sys
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 JOURNAL, GAINS, TRIALS = "a #?%b.db", "gains.toml", 5
 """Of the search for gains: its files and its trials."""
@@ -55,21 +54,12 @@ def command(*words: str) -> Callable[[Path], int]:
     return work
 
 
-class OneThread(ThreadPoolExecutor):
-    """One thread in place of more: where two of a forked process are the first to use torch, it may crash."""
-
-    def __init__(self, _: int, **rest: Any) -> None:
-        """Take what several threads would."""
-        super().__init__(1, **rest)
-
-
 def train(folder: Path) -> int:
     """Train for six rollouts, with a checkpoint after each."""
-    from pter_agents import ppo, prepare, training
+    from pter_agents import prepare, training
     from pter_agents.algorithms import load_settings, settings_from
     from pter_gym.errors import PterError
 
-    ppo.ThreadPoolExecutor = OneThread
     prepare.SAMPLE_WORLDS, prepare.SAMPLE_STEPS = 16, 20
     small = {"worlds": 16, "steps": 8, "contexts": 4, "hidden": [8], "value_hidden": [8], "episode": 20}
     arguments = training.Arguments(
