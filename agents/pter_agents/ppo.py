@@ -1,3 +1,4 @@
+# pyright: basic
 """Proximal policy optimisation (Schulman et al., arXiv:1707.06347) in one compiled call, with exploration that lasts.
 
 The worlds are two parts, and a device of JAX, which is a core, has each: it collects their rollout, and the gradients
@@ -45,7 +46,7 @@ PART = "part"
 with suppress(RuntimeError):  # JAX has run already, with the devices that it has
     jax.config.update("jax_num_cpu_devices", PARTS)
 
-if not jax.config.jax_compilation_cache_dir:
+if not getattr(jax.config, "jax_compilation_cache_dir"):  # noqa: B009  (pyright does not know it)
     jax.config.update(
         "jax_compilation_cache_dir", str(Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "pter_gym")
     )
@@ -279,8 +280,8 @@ def descend(
     s: PPOSettings, weights: Weights, adam: Any, samples: Samples, deviation: Any, rate: Any
 ) -> tuple[Weights, Any, jax.Array]:
     """Make a gradient step with the shares of all parts and return the mean loss."""
-    loss, gradient = jax.value_and_grad(loss_of)(weights, samples, deviation, s.clip, s.value_weight)
-    loss, gradient = lax.pmean((loss, gradient), PART)
+    found: Any = jax.value_and_grad(loss_of)(weights, samples, deviation, s.clip, s.value_weight)
+    loss, gradient = lax.pmean(found, PART)
     change, adam = optimiser(s.max_gradient).update(gradient, adam)
     return jax.tree.map(lambda w, d: w - rate * d, weights, change), adam, loss
 
@@ -395,8 +396,10 @@ class PPO:
         samples = samples_of(s, self._worlds, weights, going, rows)
 
         def one(kept: Any, chosen: jax.Array) -> tuple[Any, jax.Array]:
-            *after, loss = descend(s, *kept, jax.tree.map(lambda x: x[chosen], samples), deviation, rate)
-            return tuple(after), loss
+            weights, adam = kept
+            mine = jax.tree.map(lambda x: x[chosen], samples)
+            weights, adam, loss = descend(s, weights, adam, mine, deviation, rate)
+            return (weights, adam), loss
 
         (weights, adam), losses = lax.scan(one, (weights, adam), orders[0])
         told = Told(losses.mean(), *lax.psum((rows.ends.sum(), rows.finished.sum()), PART))
@@ -439,7 +442,7 @@ class PPO:
 
     def _taken(self) -> Weights:
         """Return the weights of torch's networks."""
-        both = [
+        both: list[Any] = [
             [(each.weight.detach().numpy().T.copy(), each.bias.detach().numpy().copy()) for each in _linear(part)]
             for part in (self.networks.policy, self.networks.value)
         ]
