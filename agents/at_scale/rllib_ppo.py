@@ -10,7 +10,7 @@ from pter_gym.benchmark import ResultsFolder, find_policy, from_actions, print_b
 
 
 def make_config(seed: int, worlds: int = 16) -> PPOConfig:
-    keywords = {"action_unit": "normalised", "frame_skip": 3, "telemetry": False}
+    keywords = {"telemetry": False}
     config = PPOConfig().environment("pter_gym:PTER/Standard-v0", env_config=keywords)
     config.env_runners(num_env_runners=0, num_envs_per_env_runner=worlds, gym_env_vectorize_mode="vector_entry_point")
     # the default of vf_clip_param, 10, stops a critic of returns as large as these

@@ -26,6 +26,7 @@ from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark import PACES
 from pter_gym.errors import ParameterError, StorageError, unknown_name
 from pter_gym.params import BASELINE, Machine, require_kind, require_whole
+from pter_gym.policies import NeuralPolicy
 from pter_gym.policies._cards import read_interface
 from pter_gym.policies._interface import BoundInterface, Interface
 from pter_gym.scenarios import SCENARIOS
@@ -229,7 +230,7 @@ class Watch:
 
     def validate(self) -> None:
         """Write the scores on validation episodes to the logs and to a file."""
-        scores = self._validation.scores(self._model.actor(), self._interface)
+        scores = self._validation.scores(NeuralPolicy(self._interface, self._model.actor()))
         self.log({f"validation/{pace}_{name}": value for pace, row in scores.items() for name, value in row.items()})
         kept = {steps: row for steps, row in self._folder.scores().items() if steps < self._model.steps}
         kept[self._model.steps] = scores

@@ -9,9 +9,7 @@ from typing import Any
 from pter_agents.worlds import draws_for
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import score_episodes
-from pter_gym.benchmark.simulation import simulate, time_limit
-from pter_gym.policies import Net, NeuralPolicy
-from pter_gym.policies._interface import BoundInterface
+from pter_gym.benchmark.simulation import AnyPolicy, simulate, time_limit
 from pter_gym.scenarios._own_machine import OwnMachine
 from pter_gym.tasks.path_following import Sensors
 
@@ -63,21 +61,13 @@ class Validation:
             self._tasks[pace] = tasks
             self._batches[pace] = Batch(machines, tasks, sensors=sensors)
 
-    def scores(self, net: Net, interface: BoundInterface) -> Scores:
-        """Return the mean scores for each pace.
-
-        Parameters
-        ----------
-        net
-            From inputs to outputs.
-        interface
-            What it sees and does.
-        """
+    def scores(self, policy: AnyPolicy) -> Scores:
+        """Return a policy's mean scores for each pace."""
         found: Scores = {}
         for pace, batch in self._batches.items():
             tasks = self._tasks[pace]
             seeds = list(range(FIRST_RESET, FIRST_RESET + len(tasks)))
-            telemetry = simulate(batch, NeuralPolicy(interface, net), seeds, max(map(time_limit, tasks)))
+            telemetry = simulate(batch, policy, seeds, max(map(time_limit, tasks)))
             values = score_episodes(telemetry, tasks)
             found[pace] = {name: float(values[name].mean()) for name in SCORES}
         return found

@@ -21,7 +21,7 @@ def network(inputs: int, outputs: int, gain: float) -> nn.Sequential:
 
 def train(seed: int = 0, steps: int = 5_000_000, n: int = 16, horizon: int = 2048, out: Path = Path("stock")) -> None:
     torch.manual_seed(seed), torch.set_num_threads(1)
-    seen = NormalizeObservation(gymnasium.make_vec("PTER/Standard-v0", n, action_unit="normalised", telemetry=False))
+    seen = NormalizeObservation(gymnasium.make_vec("PTER/Standard-v0", n, telemetry=False))
     envs, (size,) = NormalizeReward(seen, gamma=0.99), seen.single_observation_space.shape
     actor, critic, spread = network(size, 4, 0.01), network(size, 1, 1.0), nn.Parameter(torch.zeros(4))
     weights = [*actor.parameters(), *critic.parameters(), spread]

@@ -135,7 +135,7 @@ def train(
     frame_skip: int = 3,
     out: Path = Path("stock"),
 ) -> None:
-    env, params = make("PTER/Standard-v0", action_unit="normalised", frame_skip=frame_skip)
+    env, params = make("PTER/Standard-v0", frame_skip=frame_skip)
     settings = {"steps": steps, "worlds": worlds, "horizon": horizon, "minibatches": 8, "epochs": 10, "rate": 1e-3}
     layers = jax.jit(partial(learn, env, **settings))(params, seed)
     layers = jax.tree.map(np.asarray, layers)

@@ -13,8 +13,7 @@ from pter_gym.benchmark import ResultsFolder, find_policy, from_sb3, print_board
 
 def train(seed: int = 0, steps: int = 300_000, worlds: int = 4, out: Path = Path("stock")) -> None:
     torch.set_num_threads(1)
-    keywords = {"action_unit": "normalised"}
-    venv = make_vec_env("PTER/Standard-v0", n_envs=worlds, seed=seed, env_kwargs=keywords)
+    venv = make_vec_env("PTER/Standard-v0", n_envs=worlds, seed=seed)
     venv = VecNormalize(venv, norm_reward=False)
     model = SAC("MlpPolicy", venv, seed=seed, device="cpu").learn(steps)
     policies = {f"sb3-sac-{seed}": from_sb3(model, venv), "torque-feedback": find_policy("torque-feedback")}

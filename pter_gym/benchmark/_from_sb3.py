@@ -97,6 +97,8 @@ class ModelPolicy(BoundPolicy):
         What the observations must hold.
     """
 
+    any_frame_skip = False
+
     def __init__(
         self, model: Any, normalise: Normalise, frame_skip: int, voltage_max: float = BASELINE.clutch.voltage_max
     ) -> None:

@@ -60,10 +60,13 @@ class BoundPolicy(ABC):
         How it plans, if it does.
     frame_skip
         Control steps for which what it decides is held: what it was trained with.
+    any_frame_skip
+        Whether it may also decide at other times, as a law may that was not trained.
     """
 
     layout: Layout
     frame_skip: int = 1
+    any_frame_skip: bool = True
     compiled: bool = False
     plans: Plans | None = None
 
@@ -151,6 +154,7 @@ class PlainPolicy(BoundPolicy):
     def __init__(self, function: Callable[[Observations], Any], layout: Layout) -> None:
         self.layout = layout
         self.frame_skip = whole_number("frame_skip", getattr(function, "frame_skip", 1))
+        self.any_frame_skip = not hasattr(function, "frame_skip")
         self._function = function
 
     def reset(self) -> None:

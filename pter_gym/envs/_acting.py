@@ -64,7 +64,7 @@ class ActingPolicy:
         if self._acting.plans is not None and len(self._batches) > 1:
             raise ParameterError("env must simulate all worlds in one call for a policy that plans, as make_vec does")
         held = self._acting.frame_skip
-        if held not in (1, self._skip):
+        if held != self._skip and not (held == 1 and self._acting.any_frame_skip):
             raise ParameterError(f"env must have the frame_skip of the policy, {held}, got {self._skip}")
         self._last: Decision | None = None
 

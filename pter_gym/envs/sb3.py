@@ -1,6 +1,7 @@
 """A ``VecEnv`` of Stable-Baselines3 over many worlds in one compiled call."""
 
 from collections.abc import Iterable
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -15,6 +16,7 @@ except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.envs.sb3", "agents"))) from error
 
 from pter_gym.envs._vector import PathFollowingVectorEnv
+from pter_gym.envs.scenario import make_vec
 
 Indices = int | Iterable[int] | None
 
@@ -88,21 +90,27 @@ class PterVecEnv(VecEnv):
         return [False for _ in self._get_indices(indices)]
 
 
-def make_sb3_vec_env(num_envs: int, *, action_unit: Any = "normalised", **keywords: Any) -> PterVecEnv:
+def make_sb3_vec_env(
+    num_envs: int, *, scenario: str | None = None, action_unit: Any = "normalised", **keywords: Any
+) -> PterVecEnv:
     """Return N worlds as a ``VecEnv`` of Stable-Baselines3.
 
     Parameters
     ----------
     num_envs
         N.
+    scenario
+        Name of the one whose environment they are, ``"standard"`` being ``PTER/Standard-v0``; by default they are
+        ``PTER/PathFollowing-v0``.
     action_unit
         ``"normalised"``, which suits Stable-Baselines3, or ``"volt"``.
     **keywords
         Of ``PathFollowingVectorEnv``: ``machine``, ``task``, ``sensors``, ``frame_skip``, ``max_episode_steps``,
-        ``num_threads``, ``render_mode``.
+        ``num_threads``, ``render_mode``; with a scenario also those of ``pter_gym.envs.scenario.training_draws``.
     """
+    make = PathFollowingVectorEnv if scenario is None else partial(make_vec, scenario=scenario)
     return PterVecEnv(
-        PathFollowingVectorEnv(
+        make(
             num_envs,
             action_unit=action_unit,
             autoreset_mode=AutoresetMode.SAME_STEP,

@@ -14,6 +14,10 @@ from pter_gym.tasks.path_following import STARTS, RewardWeights, Starts
 OWN = ("task", "randomisation")
 """Arguments of ``PTER/PathFollowing-v0`` that a scenario brings itself."""
 
+FRAME_SKIP = 3
+"""Control steps for which the environments of scenarios hold an action: noise that is new at each decision then gets
+through the clutches' lag, so that stock algorithms explore."""
+
 TRUNCATION_ERROR = 0.1
 """Distance from the path [m] at which a training episode is truncated, as there is nothing to learn beyond."""
 
@@ -74,7 +78,11 @@ def training_draws(
 
 
 def make_env(scenario: str, **keywords: Any) -> PathFollowingEnv:
-    """Return the environment of a scenario; keywords are those of ``training_draws`` and of ``PathFollowingEnv``."""
+    """Return the environment of a scenario.
+
+    Keywords are those of ``training_draws`` and of ``PathFollowingEnv``; actions are normalised and held for
+    ``FRAME_SKIP`` control steps by default.
+    """
     drawn, rest = _split(scenario, keywords)
     return PathFollowingEnv(randomisation=drawn, **rest)
 
@@ -95,4 +103,5 @@ def _split(scenario: str, keywords: dict[str, Any]) -> tuple[Randomisation, dict
             )
     known = training_draws.__annotations__.keys() & keywords.keys()
     drawn = training_draws(scenario, **{name: keywords[name] for name in known})
-    return drawn, {name: value for name, value in keywords.items() if name not in known}
+    rest = {name: value for name, value in keywords.items() if name not in known}
+    return drawn, {"action_unit": "normalised", "frame_skip": FRAME_SKIP, **rest}

@@ -26,11 +26,14 @@ class Job(NamedTuple):
         What is finished in a folder, by name; raises unless all that is there is whole.
     results
         What must be the same at the end, by name. What is finished under such a name is so at once.
+    forkable
+        Whether a process that has done it may fork: not with JAX, whose threads hold locks.
     """
 
     work: Callable[[Path], int]
     finished: Callable[[Path], Kept]
     results: Callable[[Path], Kept]
+    forkable: bool = True
 
 
 def digests(folder: Path, pattern: str = "**/*") -> Digests:
@@ -150,7 +153,7 @@ def jobs(work: Path) -> dict[str, Job]:
     few = ("--policies", "locked,impedance", "--paces", "brisk", "--episodes", "4")
     few_steps = ("--scenario", "standard", "--level", "random", "--steps", "300")
     return {
-        "train": Job(train, trained, digests),
+        "train": Job(train, trained, digests, forkable=False),
         "export": Job(
             command("export", str(work / "run"), "--name", "mine", "--out", "FOLDER/policies"), exported, digests
         ),

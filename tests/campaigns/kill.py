@@ -181,10 +181,14 @@ class Campaign:
     faults: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Do the job undisturbed, twice: once here, which loads and compiles all, and once to see how long it takes."""
+        """Do the job undisturbed, twice: once to load and compile all, and once to see how long it takes."""
         first = self.folder()
-        with redirect_stdout(io.StringIO()):
-            assert self.job.work(first) == 0
+        if self.job.forkable:
+            with redirect_stdout(io.StringIO()):
+                assert self.job.work(first) == 0
+        else:
+            end = await_end(fork(partial(self.job.work, first)))
+            assert end.status == 0, end.text[-3000:]
         self.wanted = self.job.results(first)
         await_threads()
         second, begun = self.folder(), time.monotonic()
@@ -283,7 +287,7 @@ def run(kills: int, fills: int | None, crowds: int, names: Iterable[str], seed: 
     every = jobs(work)
     names = list(names) or list(every)
     if "export" in names:
-        assert train(work) == 0
+        assert await_end(fork(partial(train, work))).status == 0
     found: dict[str, Campaign] = {}
     for place, name in enumerate(names):
         campaign = found[name] = Campaign(name, every[name], random.Random(f"{seed} {name}"), work)

@@ -116,8 +116,8 @@ def test_a_single_environment_holds_its_action(skip: int) -> None:
 
 
 def test_ids_of_scenarios_hold_theirs_too() -> None:
-    single: Any = gymnasium.make("PTER/Standard-v0", frame_skip=3, action_unit="normalised")
-    vector: Any = gymnasium.make_vec("PTER/Standard-v0", num_envs=1, frame_skip=3, action_unit="normalised")
+    single: Any = gymnasium.make("PTER/Standard-v0")
+    vector: Any = gymnasium.make_vec("PTER/Standard-v0", num_envs=1)
     first, _ = single.reset(seed=2)
     np.testing.assert_array_equal(vector.reset(seed=2)[0][0], first)
     action = np.full(4, -0.5, np.float32)

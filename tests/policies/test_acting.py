@@ -51,7 +51,8 @@ def written(name: str, folder: Path) -> str:
 
 
 def make(**keywords: Any) -> Any:
-    return gymnasium.make("PTER/Standard-v0", pace="medium", contexts=8, **keywords)
+    plain = {"action_unit": "volt", "frame_skip": 1}
+    return gymnasium.make("PTER/Standard-v0", pace="medium", contexts=8, **plain | keywords)
 
 
 def play(env: Any, policy: Callable[[Any], Any], seed: int, steps: int = 25) -> np.ndarray:
@@ -117,7 +118,7 @@ def test_worlds_that_begin_at_different_times_are_forgotten_one_by_one(
 def test_actions_are_in_the_unit_of_the_environment() -> None:
     observations, volts = find_observations(8), {}
     for unit in ("volt", "normalised"):
-        env = gymnasium.make_vec("PTER/Standard-v0", 8, contexts=8, action_unit=unit)
+        env = gymnasium.make_vec("PTER/Standard-v0", 8, contexts=8, action_unit=unit, frame_skip=1)
         env.reset(seed=0)
         action = pter_gym.load_policy("residual", env)(observations)
         assert env.action_space.contains(action)

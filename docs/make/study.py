@@ -1,0 +1,273 @@
+"""What stock algorithms learn, and what exploration does: docs/stock-algorithms.md. Needs the extra `agents`.
+
+    python docs/make/study.py                trains what is missing, one run on each core, then makes the page
+    python docs/make/study.py --minutes 60   stops beginning new runs after an hour; the next call goes on
+    python docs/make/study.py --no-train     makes the page of what there is
+
+A run is a line of docs/make/study.jsonl. Policies are scored on training-side draws; seconds are of one core's processor
+time, scoring left out.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from queue import Queue
+from threading import Lock
+from time import monotonic, process_time
+from typing import Any, NamedTuple
+
+import tyro
+
+from pter_gym._internal.files import write_text_atomic
+
+RUNS = Path(__file__).with_suffix(".jsonl")
+
+DRAWS = 64
+"""Training-side draws at each pace on which a policy is scored."""
+
+LOOKS = 12
+"""Scores of a run, evenly over what it is given."""
+
+PERIODS = (1, 2, 3, 5, 8)
+SEEDS = range(100, 110)
+"""Nothing was tuned with them."""
+
+FAST_DECISIONS = 3_000_000
+SECONDS = 150.0
+"""Processor time of a run with a library."""
+
+PPO_SETTINGS = {"n_steps": 64, "batch_size": 1024}
+FEW, MANY = 8, 64
+"""Worlds of algorithms that learn off and on their policy."""
+
+
+class Run(NamedTuple):
+    """A training.
+
+    Attributes
+    ----------
+    part
+        Of the study: ``"noise"``, ``"ends"`` or ``"stock"``.
+    algorithm
+        Its name.
+    noise
+        What it explores with: white, AR(1), repeated or gSDE; empty as its library has it.
+    period
+        Control steps for which an action is held.
+    scenario, seed
+        What it learns.
+    """
+
+    part: str
+    algorithm: str
+    noise: str
+    period: int
+    scenario: str
+    seed: int
+
+
+def planned(period: int) -> Iterator[Run]:
+    """Return all runs, what matters most first; the algorithms of libraries hold actions for a period."""
+    for seed in SEEDS[:5]:
+        yield Run("ends", "PPO", "white", period, "standard", seed)
+    for seeds in (SEEDS[:5], SEEDS[5:]):
+        for seed, each, noise in product(seeds, PERIODS, ("white", "AR(1)", "repeated")):
+            yield Run("noise", "fast PPO", noise, each, "standard", seed)
+    for seed in SEEDS[:5]:
+        yield from (Run("ends", "PPO", noise, 1, "standard", seed) for noise in ("white", "gSDE"))
+        yield Run("ends", "PPO", "gSDE", period, "standard", seed)
+    for seed, scenario in product(SEEDS[:5], ("standard", "everything")):
+        yield from (Run("stock", name, "", period, scenario, seed) for name in ("PPO", *STOCK))
+
+
+class Curve:
+    """Scores of a policy while it learns, and how long it has learnt."""
+
+    def __init__(self, run: Run) -> None:
+        from pter_agents.validation import Validation
+        from pter_gym.scenarios import PACES
+
+        self.rows: list[dict[str, Any]] = []
+        self._validation = Validation(run.scenario, tuple(PACES), DRAWS)
+        self._begun = process_time()
+
+    @property
+    def seconds(self) -> float:
+        """Processor time so far, without that of scoring."""
+        return process_time() - self._begun
+
+    def look(self, decisions: int, policy: Any) -> None:
+        """Score a policy."""
+        before = process_time()
+        scores = self._validation.scores(policy)
+        rounded = {pace: {name: float(f"{value:.4g}") for name, value in row.items()} for pace, row in scores.items()}
+        self.rows.append({"decisions": decisions, "seconds": round(before - self._begun, 2), **rounded})
+        self._begun += process_time() - before
+
+
+def held(values: Any, rng: Any) -> Any:
+    """Return noise (T, N, 4) of which each world holds a value for 1 to 16 steps, n with a probability ∝ n⁻²."""
+    import numpy as np
+
+    shares = 1.0 / np.arange(1, 17) ** 2.0
+    for world in range(values.shape[1]):
+        begin = 0
+        while begin < len(values):
+            end = begin + rng.choice(16, p=shares / shares.sum()) + 1
+            values[begin:end, world] = values[begin, world]
+            begin = end
+    return values
+
+
+def train_fast(run: Run, curve: Curve) -> None:
+    """Train with `pter train ppo`'s loop, the value network not privileged."""
+    import jax
+    import numpy as np
+
+    from pter_agents import training
+    from pter_agents.algorithms import load_settings
+    from pter_agents.ppo import PPO
+    from pter_agents.prepare import make_interface
+    from pter_gym.policies import NeuralPolicy
+
+    class Repeated(PPO):
+        def _draw(self) -> Any:
+            drawn, orders = super()._draw()
+            return jax.device_put(np.array([*map(held, np.array(drawn), self._rngs)]), self._split), orders
+
+    usual: Any = load_settings("ppo")
+    changes: dict[str, Any] = {"privileged": False, "frame_skip": run.period, "episode": -(-1000 // run.period)}
+    changes["discount"] = usual.discount**run.period
+    if run.noise != "AR(1)":  # with the stationary deviation of AR(1)
+        lasting = (1.0 - usual.persistence**2) ** -0.5
+        changes |= {"persistence": 0.0, "deviation": lasting * usual.deviation}
+        changes["deviation_end"] = lasting * usual.deviation_end
+    settings = replace(usual, **changes)
+    given = training.Arguments(
+        algorithm="ppo", scenario=run.scenario, pace="all", steps=FAST_DECISIONS, seed=run.seed, settings=settings
+    )
+    draws = training.make_draws(given)
+    worlds = training.make_training_worlds(given, draws, make_interface(settings, run.scenario, draws, run.seed))
+    model = (Repeated if run.noise == "repeated" else PPO)(settings, worlds, FAST_DECISIONS, run.seed)
+    while model.steps < FAST_DECISIONS:
+        model.advance()
+        if model.steps >= FAST_DECISIONS * (len(curve.rows) + 1) / LOOKS:
+            curve.look(model.steps, NeuralPolicy(worlds.interface, model.actor()))
+
+
+def _library(module: str, name: str, worlds: int = FEW, **keywords: Any) -> Callable[[Any, int], Any]:
+    """Return what makes a model of a library with its defaults, but for some keywords."""
+
+    def make(environment: Callable[[int], Any], seed: int) -> Any:
+        from importlib import import_module
+
+        kind = getattr(import_module(module), name)
+        policy = "MlpLstmPolicy" if name == "RecurrentPPO" else "MlpPolicy"
+        return kind(policy, environment(worlds), seed=seed, device="cpu", **keywords)
+
+    return make
+
+
+STOCK = {
+    "A2C": _library("stable_baselines3", "A2C", MANY),
+    "TRPO": _library("sb3_contrib", "TRPO", MANY, n_steps=64),
+    "RecurrentPPO": _library("sb3_contrib", "RecurrentPPO", MANY, **PPO_SETTINGS),
+    "SAC": _library("stable_baselines3", "SAC"),
+    "TD3": _library("stable_baselines3", "TD3"),
+    "TQC": _library("sb3_contrib", "TQC"),
+    "CrossQ": _library("sb3_contrib", "CrossQ"),
+    "ARS": _library("sb3_contrib", "ARS", MANY),
+}
+"""Algorithms of libraries beside Stable-Baselines3's PPO, each with its defaults; worlds and rollouts are chosen."""
+
+
+def train_library(run: Run, curve: Curve) -> None:
+    """Train with a library for ``SECONDS``."""
+    import torch
+    from stable_baselines3.common.callbacks import BaseCallback
+
+    from pter_gym.benchmark import from_sb3
+    from pter_gym.envs.sb3 import make_sb3_vec_env
+
+    torch.set_num_threads(1)
+
+    class Look(BaseCallback):
+        def _on_step(self) -> bool:
+            if curve.seconds >= SECONDS * (len(curve.rows) + 1) / LOOKS:
+                curve.look(self.num_timesteps, from_sb3(self.model, frame_skip=run.period))
+            return len(curve.rows) < LOOKS
+
+    sde = {"use_sde": True, "sde_sample_freq": 8, "policy_kwargs": {"log_std_init": -1.0}} if run.noise == "gSDE" else {}
+    if run.period == 1:
+        sde["gamma"] = 0.995
+    makers = {"PPO": _library("stable_baselines3", "PPO", MANY, **PPO_SETTINGS, **sde), **STOCK}
+
+    def environment(worlds: int) -> Any:
+        own = {"context_seed": run.seed, "frame_skip": run.period, "num_threads": 1}
+        return make_sb3_vec_env(worlds, scenario=run.scenario, **own)
+
+    makers[run.algorithm](environment, run.seed).learn(10**9, callback=Look())
+
+
+def one(run: Run) -> list[dict[str, Any]]:
+    """Train, and return the scores on the way."""
+    curve = Curve(run)
+    (train_fast if run.part == "noise" else train_library)(run, curve)
+    return curve.rows
+
+
+def known() -> dict[Run, list[dict[str, Any]]]:
+    """Return the runs that are finished."""
+    lines = RUNS.read_text("utf-8").splitlines() if RUNS.exists() else []
+    return {Run(*run): curve for run, curve in map(json.loads, lines)}
+
+
+def train(period: int, minutes: float) -> None:
+    """Train what is missing, each run in a process of its own on a core of its own."""
+    cores: Queue[int] = Queue()
+    for core in os.sched_getaffinity(0):
+        cores.put(core)
+    last, lock, done = monotonic() + 60.0 * minutes, Lock(), known()
+
+    def attempt(run: Run) -> None:
+        if monotonic() > last:
+            return
+        core = cores.get()
+        words = ["taskset", "-c", str(core), sys.executable, __file__, "--only", json.dumps(run)]
+        quiet = {**os.environ, "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        found = subprocess.run(words, env=quiet, capture_output=True, text=True, check=False)
+        cores.put(core)
+        if found.returncode:
+            print(f"{run}: {found.stderr[-2000:]}", flush=True)
+            return
+        with lock:
+            done[run] = json.loads(found.stdout.splitlines()[-1])
+            write_text_atomic(RUNS, "".join(f"{json.dumps([each, done[each]])}\n" for each in sorted(done)))
+        end = done[run][-1]
+        errors = ", ".join(f"{1000 * end[pace]['path_error_m']:.1f}" for pace in ("slow", "medium", "brisk"))
+        print(*run, f"{end['decisions']} decisions, {end['seconds']} s:", errors, flush=True)
+
+    with ThreadPoolExecutor(cores.qsize()) as pool:
+        list(pool.map(attempt, (run for run in planned(period) if run not in done)))
+
+
+def main(period: int = 3, minutes: float = 600.0, only: str = "", no_train: bool = False) -> None:
+    """Train what is missing, and make the page; ``only`` is for the processes that train."""
+    if only:
+        print(json.dumps(one(Run(*json.loads(only)))))
+        return
+    if not no_train:
+        train(period, minutes)
+    from study_page import make
+
+    make(known())
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
