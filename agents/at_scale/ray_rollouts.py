@@ -13,7 +13,8 @@ import pter_gym
 @ray.remote(num_cpus=1)
 class Worker:
     def __init__(self, worlds: int, policy: str) -> None:
-        self.envs = gymnasium.make_vec("pter_gym:PTER/Standard-v0", worlds, telemetry=False, num_threads=1)
+        options = {"frame_skip": 1, "telemetry": False, "num_threads": 1}
+        self.envs = gymnasium.make_vec("pter_gym:PTER/Standard-v0", worlds, **options)
         self.policy = pter_gym.load_policy(policy, self.envs)
         self.envs.step(self.policy(self.envs.reset(seed=0)[0]))  # kernels load before the clock runs
 

@@ -57,7 +57,7 @@ $rows
 import gymnasium
 import pter_gym
 
-env = gymnasium.make("$id", pace="medium")
+env = gymnasium.make("$id", pace="medium", frame_skip=$frame_skip)
 policy = pter_gym.load_policy("path/to/this/folder", env)
 observation, info = env.reset(seed=0)
 action = policy(observation)
@@ -101,7 +101,7 @@ def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -
     text = written.read_text("utf-8") if written.is_file() else f"# {name}\n"
     parts = {f"{name}{ending}": (source / f"{name}{ending}").read_bytes() for ending in (WEIGHTS, CARD)}
     parts[FILM] = _film(name, neural, scenario)
-    parts[README] = model_card(name, text, scenario, leaderboards(runs)).encode()
+    parts[README] = model_card(name, text, scenario, leaderboards(runs), neural.card.interface.frame_skip).encode()
     write_files_atomic(where, parts)
     return where
 
@@ -112,7 +112,7 @@ def scenario_of(trained_on: Any) -> Scenario:
     return found[0] if found else SCENARIOS["everything"]
 
 
-def model_card(name: str, text: str, scenario: Scenario, boards: Sequence[Leaderboard]) -> str:
+def model_card(name: str, text: str, scenario: Scenario, boards: Sequence[Leaderboard], frame_skip: int = 1) -> str:
     """Return a policy's card: what the hub reads, what was written at the export, the scores, and how to use it."""
     metrics: list[dict[str, Any]] = []
     rows: list[str] = []
@@ -135,6 +135,7 @@ def model_card(name: str, text: str, scenario: Scenario, boards: Sequence[Leader
     result = {"task": task, "dataset": {"type": scenario.id, "name": scenario.id}, "metrics": metrics}
     return CARD_TEXT.substitute(
         id=scenario.id,
+        frame_skip=frame_skip,
         index=json.dumps([{"name": name, "results": [result]}]),
         text=text.rstrip(),
         episodes=boards[0].episodes,

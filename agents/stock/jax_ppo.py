@@ -128,14 +128,9 @@ def moments(seen, values):
 
 
 def train(
-    seed: int = 0,
-    steps: int = 5_000_000,
-    worlds: int = 256,
-    horizon: int = 64,
-    frame_skip: int = 3,
-    out: Path = Path("stock"),
+    seed: int = 0, steps: int = 5_000_000, worlds: int = 256, horizon: int = 64, out: Path = Path("stock")
 ) -> None:
-    env, params = make("PTER/Standard-v0", frame_skip=frame_skip)
+    env, params = make("PTER/Standard-v0")
     settings = {"steps": steps, "worlds": worlds, "horizon": horizon, "minibatches": 8, "epochs": 10, "rate": 1e-3}
     layers = jax.jit(partial(learn, env, **settings))(params, seed)
     layers = jax.tree.map(np.asarray, layers)

@@ -4,8 +4,8 @@
     python docs/make/study.py --minutes 60   stops beginning new runs after an hour; the next call goes on
     python docs/make/study.py --no-train     makes the page of what there is
 
-A run is a line of docs/make/study.jsonl. Policies are scored on training-side draws; seconds are of one core's processor
-time, scoring left out.
+A run is a line of docs/make/study.jsonl. Policies are scored on training-side draws; seconds are those of one core,
+scoring left out.
 """
 
 import json
@@ -35,8 +35,12 @@ LOOKS = 12
 """Scores of a run, evenly over what it is given."""
 
 PERIODS = (1, 2, 3, 5, 8)
+EXPLORATIONS = ("white", "AR(1)", "repeated")
 SEEDS = range(100, 110)
 """Nothing was tuned with them."""
+
+TRACE = 0.983
+"""λ for a control step; that of libraries, 0.95, is its third power."""
 
 FAST_DECISIONS = 3_000_000
 SECONDS = 150.0
@@ -53,7 +57,8 @@ class Run(NamedTuple):
     Attributes
     ----------
     part
-        Of the study: ``"noise"``, ``"ends"`` or ``"stock"``.
+        Of the study: ``"noise"`` with λ per control step, ``"sight"`` with λ per decision, ``"ends"`` with
+        Stable-Baselines3, or ``"stock"``.
     algorithm
         Its name.
     noise
@@ -71,13 +76,20 @@ class Run(NamedTuple):
     scenario: str
     seed: int
 
+    @property
+    def trace(self) -> float:
+        """Return λ for a decision: by control steps, or the usual one of libraries."""
+        return TRACE**self.period if self.part == "noise" else 0.95
+
 
 def planned(period: int) -> Iterator[Run]:
     """Return all runs, what matters most first; the algorithms of libraries hold actions for a period."""
     for seed in SEEDS[:5]:
         yield Run("ends", "PPO", "white", period, "standard", seed)
+    for seed, each, noise in product(SEEDS[:3], PERIODS, EXPLORATIONS):
+        yield Run("sight", "fast PPO", noise, each, "standard", seed)
     for seeds in (SEEDS[:5], SEEDS[5:]):
-        for seed, each, noise in product(seeds, PERIODS, ("white", "AR(1)", "repeated")):
+        for seed, each, noise in product(seeds, PERIODS, EXPLORATIONS):
             yield Run("noise", "fast PPO", noise, each, "standard", seed)
     for seed in SEEDS[:5]:
         yield from (Run("ends", "PPO", noise, 1, "standard", seed) for noise in ("white", "gSDE"))
@@ -143,7 +155,7 @@ def train_fast(run: Run, curve: Curve) -> None:
 
     usual: Any = load_settings("ppo")
     changes: dict[str, Any] = {"privileged": False, "frame_skip": run.period, "episode": -(-1000 // run.period)}
-    changes["discount"] = usual.discount**run.period
+    changes |= {"discount": usual.discount**run.period, "trace": run.trace}
     if run.noise != "AR(1)":  # with the stationary deviation of AR(1)
         lasting = (1.0 - usual.persistence**2) ** -0.5
         changes |= {"persistence": 0.0, "deviation": lasting * usual.deviation}
@@ -203,14 +215,16 @@ def train_library(run: Run, curve: Curve) -> None:
                 curve.look(self.num_timesteps, from_sb3(self.model, frame_skip=run.period))
             return len(curve.rows) < LOOKS
 
-    sde = {"use_sde": True, "sde_sample_freq": 8, "policy_kwargs": {"log_std_init": -1.0}} if run.noise == "gSDE" else {}
+    sde = (
+        {"use_sde": True, "sde_sample_freq": 8, "policy_kwargs": {"log_std_init": -1.0}} if run.noise == "gSDE" else {}
+    )
     if run.period == 1:
         sde["gamma"] = 0.995
     makers = {"PPO": _library("stable_baselines3", "PPO", MANY, **PPO_SETTINGS, **sde), **STOCK}
 
     def environment(worlds: int) -> Any:
-        own = {"context_seed": run.seed, "frame_skip": run.period, "num_threads": 1}
-        return make_sb3_vec_env(worlds, scenario=run.scenario, **own)
+        given = {"context_seed": run.seed, "frame_skip": run.period, "num_threads": 1}
+        return make_sb3_vec_env(worlds, scenario=run.scenario, **given)
 
     makers[run.algorithm](environment, run.seed).learn(10**9, callback=Look())
 
@@ -218,7 +232,7 @@ def train_library(run: Run, curve: Curve) -> None:
 def one(run: Run) -> list[dict[str, Any]]:
     """Train, and return the scores on the way."""
     curve = Curve(run)
-    (train_fast if run.part == "noise" else train_library)(run, curve)
+    (train_fast if run.algorithm == "fast PPO" else train_library)(run, curve)
     return curve.rows
 
 

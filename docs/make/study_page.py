@@ -102,7 +102,7 @@ def learning_curves(curves: Curves, scenario: str) -> Figure:
 
 def make(curves: Curves) -> None:
     """Write the page's tables and its figures."""
-    for part in ("noise", "ends"):
+    for part in ("noise", "sight", "ends"):
         write_block(PAGE, part, noise_table(curves, part))
     for scenario in ("standard", "everything"):
         if any(run.part == "stock" and run.scenario == scenario for run in curves):

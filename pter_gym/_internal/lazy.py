@@ -28,6 +28,6 @@ def lazy_names(
         return value
 
     def names() -> list[str]:
-        return sorted({*vars(sys.modules[package]), *home_of})
+        return sorted(getattr(sys.modules[package], "__all__", home_of))
 
     return find, names

@@ -31,7 +31,7 @@ def test_the_folder_is_whole_and_a_policy_of_its_path(tmp_path: Path, monkeypatc
     assert files == {"README.md", f"{NAME}.json", f"{NAME}.safetensors", "replay.mp4"}
     for ending in (".json", ".safetensors"):
         assert (folder / f"{NAME}{ending}").read_bytes() == (SHIPPED / f"{NAME}{ending}").read_bytes()
-    env = gymnasium.make("PTER/Standard-v0")
+    env = gymnasium.make("PTER/Standard-v0", frame_skip=1)
     observation, _ = env.reset(seed=0)
     mine, shipped = (pter_gym.load_policy(policy, env)(observation) for policy in (folder, NAME))
     assert mine.tobytes() == shipped.tobytes()

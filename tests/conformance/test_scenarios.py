@@ -39,7 +39,7 @@ def test_gymnasiums_checker_has_nothing_to_say(scenario: Any) -> None:
 
 @pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=lambda scenario: scenario.name)
 def test_a_row_of_a_batch_lives_the_episodes_of_a_single_environment(scenario: Any) -> None:
-    options: dict[str, Any] = {"contexts": 16, "observe_context": True, "sensors": "force"}
+    options: dict[str, Any] = {"contexts": 16, "observe_context": True, "sensors": "force", "action_unit": "volt"}
     many: Any = gymnasium.make_vec(scenario.id, num_envs=70, autoreset_mode="SameStep", num_threads=2, **options)
     alone = gymnasium.make(scenario.id, **options)
     rng = np.random.default_rng(5)

@@ -56,7 +56,7 @@ class Episode(NamedTuple):
 
 def environment_of(scenario: str, seed: int = 0) -> tuple[str, dict[str, Any]]:
     """Return the id of a data set's environment and its arguments."""
-    return find_scenario(scenario).id, {"action_unit": "normalised", "context_seed": seed}
+    return find_scenario(scenario).id, {"frame_skip": 1, "context_seed": seed}
 
 
 def record_episodes(
