@@ -59,7 +59,7 @@ def test_many_worlds_give_a_picture_each():
     assert env.metadata["render_fps"] == 100
 
 
-@pytest.mark.parametrize(("name", "drawn"), [(ID, {}), ("PTER/Everything-v0", {"contexts": 3})])
+@pytest.mark.parametrize(("name", "drawn"), [(ID, {}), ("PTER/Everything-v0", {"contexts": 3, "action_unit": "volt"})])
 def test_a_world_among_many_looks_as_it_does_alone(name: str, drawn: dict[str, Any]):
     """With its own machine, task and trail, in each episode."""
     many = make_vec(2, name, max_episode_steps=4, **drawn)
