@@ -33,10 +33,10 @@ def train(
 ):
     torch.set_num_threads(1)
     if door == "native":
-        options = {"autoreset_mode": "SAME_STEP", "telemetry": False}
+        options = {"frame_skip": 1, "autoreset_mode": "SAME_STEP", "telemetry": False}
         venv = PterVecEnv(gymnasium.make_vec(ID, worlds, **options))
     else:
-        venv = make_vec_env(ID, worlds, seed=seed)
+        venv = make_vec_env(ID, worlds, seed=seed, env_kwargs={"frame_skip": 1})
     made, enough, settings = ALGORITHMS[algorithm]
     venv = VecNormalize(venv, gamma=settings.get("gamma", 0.99))
     return from_sb3(made("MlpPolicy", venv, seed=seed, device="cpu", **settings).learn(steps or enough), venv)
