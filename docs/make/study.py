@@ -37,7 +37,7 @@ LOOKS = 12
 PERIODS = (1, 2, 3, 5, 8)
 EXPLORATIONS = ("white", "AR(1)", "repeated")
 SEEDS = range(100, 110)
-"""Nothing was tuned with them."""
+"""Only the period of the scenarios was chosen with them."""
 
 TRACE = 0.983
 """λ for a control step; that of libraries, 0.95, is its third power."""
