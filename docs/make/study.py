@@ -10,10 +10,12 @@ scoring left out.
 
 import json
 import os
+import runpy
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -27,6 +29,7 @@ import tyro
 from pter_gym._internal.files import write_text_atomic
 
 RUNS = Path(__file__).with_suffix(".jsonl")
+STOCK_SCRIPTS = Path(__file__).parents[2] / "agents" / "stock"
 
 DRAWS = 64
 """Training-side draws at each pace on which a policy is scored."""
@@ -38,13 +41,20 @@ PERIODS = (1, 2, 3, 5, 8)
 EXPLORATIONS = ("white", "AR(1)", "repeated")
 SEEDS = range(100, 110)
 """Only the period of the scenarios was chosen with them."""
+UNTUNED = range(110, 115)
+"""README's arguments were chosen with other seeds, 10 to 16."""
 
 TRACE = 0.983
 """λ for a control step; that of libraries, 0.95, is its third power."""
 
+PERSISTENCE = 0.85
+"""Of AR(1) noise, from decision to decision."""
+DEVIATIONS = (0.3, 0.06)
+"""Of what is new of it at the beginning and at the end."""
+
 FAST_DECISIONS = 3_000_000
-SECONDS = 150.0
-"""Processor time of a run with a library."""
+SECONDS = {"ends": 150.0, "readme": 250.0, "standard": 60.0, "everything": 40.0}
+"""Processor time of a run with a library, by the part of the study or the scenario."""
 
 PPO_SETTINGS = {"n_steps": 64, "batch_size": 1024}
 FEW, MANY = 8, 64
@@ -58,7 +68,7 @@ class Run(NamedTuple):
     ----------
     part
         Of the study: ``"noise"`` with λ per control step, ``"sight"`` with λ per decision, ``"ends"`` with
-        Stable-Baselines3, or ``"stock"``.
+        Stable-Baselines3, ``"readme"`` with README's arguments, or ``"stock"``.
     algorithm
         Its name.
     noise
@@ -81,11 +91,24 @@ class Run(NamedTuple):
         """Return λ for a decision: by control steps, or the usual one of libraries."""
         return TRACE**self.period if self.part == "noise" else 0.95
 
+    @property
+    def budget(self) -> float:
+        """Processor time of a run with a library [s]."""
+        return SECONDS[self.part if self.part in SECONDS else self.scenario]
+
 
 def planned(period: int) -> Iterator[Run]:
     """Return all runs, what matters most first; the algorithms of libraries hold actions for a period."""
     for seed in SEEDS[:5]:
         yield Run("ends", "PPO", "white", period, "standard", seed)
+    for seed in UNTUNED:
+        yield Run("readme", "PPO", "white", period, "standard", seed)
+    for scenario, seed in product(("standard", "everything"), SEEDS[:5]):
+        yield from (Run("stock", name, "", period, scenario, seed) for name in STOCK)
+        if scenario == "standard":
+            yield from (Run("stock", name, "", period, scenario, seed) for name in SCRIPTS)
+        else:
+            yield Run("stock", "PPO", "", period, scenario, seed)
     for seed, each, noise in product(SEEDS[:3], PERIODS, EXPLORATIONS):
         yield Run("sight", "fast PPO", noise, each, "standard", seed)
     for seeds in (SEEDS[:5], SEEDS[5:]):
@@ -94,8 +117,6 @@ def planned(period: int) -> Iterator[Run]:
     for seed in SEEDS[:5]:
         yield from (Run("ends", "PPO", noise, 1, "standard", seed) for noise in ("white", "gSDE"))
         yield Run("ends", "PPO", "gSDE", period, "standard", seed)
-    for seed, scenario in product(SEEDS[:5], ("standard", "everything")):
-        yield from (Run("stock", name, "", period, scenario, seed) for name in ("PPO", *STOCK))
 
 
 class Curve:
@@ -153,14 +174,13 @@ def train_fast(run: Run, curve: Curve) -> None:
             drawn, orders = super()._draw()
             return jax.device_put(np.array([*map(held, np.array(drawn), self._rngs)]), self._split), orders
 
-    usual: Any = load_settings("ppo")
     changes: dict[str, Any] = {"privileged": False, "frame_skip": run.period, "episode": -(-1000 // run.period)}
-    changes |= {"discount": usual.discount**run.period, "trace": run.trace}
-    if run.noise != "AR(1)":  # with the stationary deviation of AR(1)
-        lasting = (1.0 - usual.persistence**2) ** -0.5
-        changes |= {"persistence": 0.0, "deviation": lasting * usual.deviation}
-        changes["deviation_end"] = lasting * usual.deviation_end
-    settings = replace(usual, **changes)
+    changes |= {"discount": 0.995**run.period, "trace": run.trace, "exploring": 0.3}
+    lasts = run.noise == "AR(1)"
+    factor = 1.0 if lasts else (1.0 - PERSISTENCE**2) ** -0.5  # the same stationary deviation
+    changes |= {"deviation": factor * DEVIATIONS[0], "deviation_end": factor * DEVIATIONS[1]}
+    changes["persistence"] = PERSISTENCE if lasts else 0.0
+    settings = replace(load_settings("ppo"), **changes)
     given = training.Arguments(
         algorithm="ppo", scenario=run.scenario, pace="all", steps=FAST_DECISIONS, seed=run.seed, settings=settings
     )
@@ -194,13 +214,17 @@ STOCK = {
     "TD3": _library("stable_baselines3", "TD3"),
     "TQC": _library("sb3_contrib", "TQC"),
     "CrossQ": _library("sb3_contrib", "CrossQ"),
-    "ARS": _library("sb3_contrib", "ARS", MANY),
+    "ARS": _library("sb3_contrib", "ARS", 1),
 }
 """Algorithms of libraries beside Stable-Baselines3's PPO, each with its defaults; worlds and rollouts are chosen."""
 
 
+class Spent(Exception):
+    """A run has had its time. ARS asks no callback whether to go on."""
+
+
 def train_library(run: Run, curve: Curve) -> None:
-    """Train with a library for ``SECONDS``."""
+    """Train with a library for the run's budget."""
     import torch
     from stable_baselines3.common.callbacks import BaseCallback
 
@@ -211,28 +235,53 @@ def train_library(run: Run, curve: Curve) -> None:
 
     class Look(BaseCallback):
         def _on_step(self) -> bool:
-            if curve.seconds >= SECONDS * (len(curve.rows) + 1) / LOOKS:
-                curve.look(self.num_timesteps, from_sb3(self.model, frame_skip=run.period))
-            return len(curve.rows) < LOOKS
+            return True
 
-    sde = (
-        {"use_sde": True, "sde_sample_freq": 8, "policy_kwargs": {"log_std_init": -1.0}} if run.noise == "gSDE" else {}
-    )
-    if run.period == 1:
-        sde["gamma"] = 0.995
-    makers = {"PPO": _library("stable_baselines3", "PPO", MANY, **PPO_SETTINGS, **sde), **STOCK}
+        def _on_rollout_end(self) -> None:
+            if curve.seconds >= run.budget * (len(curve.rows) + 1) / LOOKS:
+                curve.look(self.num_timesteps, from_sb3(self.model, frame_skip=run.period))
+            if len(curve.rows) == LOOKS:
+                raise Spent
+
+    changes: dict[str, Any] = {"gamma": 0.995} if run.period == 1 else {}
+    if run.part == "readme":
+        changes["gae_lambda"] = 0.98
+    if run.noise == "gSDE":
+        changes |= {"use_sde": True, "sde_sample_freq": 8, "policy_kwargs": {"log_std_init": -1.0}}
+    makers = {"PPO": _library("stable_baselines3", "PPO", MANY, **PPO_SETTINGS, **changes), **STOCK}
 
     def environment(worlds: int) -> Any:
         given = {"context_seed": run.seed, "frame_skip": run.period, "num_threads": 1}
         return make_sb3_vec_env(worlds, scenario=run.scenario, **given)
 
-    makers[run.algorithm](environment, run.seed).learn(10**9, callback=Look())
+    with suppress(Spent):
+        makers[run.algorithm](environment, run.seed).learn(10**9, callback=Look())
+
+
+SCRIPTS = {"cleanrl_ppo.py": 1_000_000, "jax_ppo.py": 2_000_000}
+"""Scripts of agents/stock, and their decisions in about the time of the libraries."""
+
+
+def train_script(run: Run, curve: Curve) -> None:
+    """Run a script of agents/stock, and score the policy that it would take to the leaderboard."""
+    train: Any = runpy.run_path(str(STOCK_SCRIPTS / run.algorithm))["train"]
+    steps = SCRIPTS[run.algorithm]
+
+    def look(_: str, policies: dict[str, Any], **__: Any) -> None:
+        curve.look(steps, next(iter(policies.values())))
+
+    def print_boards(_: object) -> None:
+        """Nothing."""
+
+    train.__globals__.update(run_scenario=look, print_boards=print_boards)
+    train(seed=run.seed, steps=steps)
 
 
 def one(run: Run) -> list[dict[str, Any]]:
     """Train, and return the scores on the way."""
     curve = Curve(run)
-    (train_fast if run.algorithm == "fast PPO" else train_library)(run, curve)
+    how = train_script if run.algorithm in SCRIPTS else train_fast if run.algorithm == "fast PPO" else train_library
+    how(run, curve)
     return curve.rows
 
 

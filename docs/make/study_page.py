@@ -87,6 +87,8 @@ def learning_curves(curves: Curves, scenario: str) -> Figure:
     left, right = figure.subplots(1, 2, sharey=True)
     for name, look in looks(mine).items():
         length = min(map(len, mine[name]))
+        if length == 1:  # a script that is scored at its end alone
+            continue
         error = np.array([[1000.0 * row["medium"]["path_error_m"] for row in curve[:length]] for curve in mine[name]])
         low, middle, high = np.percentile(error, [25.0, 50.0, 75.0], axis=0)
         for axes, quantity in ((left, "decisions"), (right, "seconds")):
