@@ -34,7 +34,7 @@ STOCK_SCRIPTS = Path(__file__).parents[2] / "agents" / "stock"
 DRAWS = 64
 """Training-side draws at each pace on which a policy is scored."""
 
-LOOKS = 12
+LOOKS = {"standard": 12, "everything": 6}
 """Scores of a run, evenly over what it is given."""
 
 PERIODS = (1, 2, 3, 5, 8)
@@ -53,7 +53,7 @@ DEVIATIONS = (0.3, 0.06)
 """Of what is new of it at the beginning and at the end."""
 
 FAST_DECISIONS = 3_000_000
-SECONDS = {"ends": 150.0, "readme": 250.0, "standard": 60.0, "everything": 40.0}
+SECONDS = {"ends": 150.0, "readme": 250.0, "standard": 60.0, "everything": 30.0}
 """Processor time of a run with a library, by the part of the study or the scenario."""
 
 PPO_SETTINGS = {"n_steps": 64, "batch_size": 1024}
@@ -189,7 +189,7 @@ def train_fast(run: Run, curve: Curve) -> None:
     model = (Repeated if run.noise == "repeated" else PPO)(settings, worlds, FAST_DECISIONS, run.seed)
     while model.steps < FAST_DECISIONS:
         model.advance()
-        if model.steps >= FAST_DECISIONS * (len(curve.rows) + 1) / LOOKS:
+        if model.steps >= FAST_DECISIONS * (len(curve.rows) + 1) / LOOKS[run.scenario]:
             curve.look(model.steps, NeuralPolicy(worlds.interface, model.actor()))
 
 
@@ -238,9 +238,9 @@ def train_library(run: Run, curve: Curve) -> None:
             return True
 
         def _on_rollout_end(self) -> None:
-            if curve.seconds >= run.budget * (len(curve.rows) + 1) / LOOKS:
+            if curve.seconds >= run.budget * (len(curve.rows) + 1) / LOOKS[run.scenario]:
                 curve.look(self.num_timesteps, from_sb3(self.model, frame_skip=run.period))
-            if len(curve.rows) == LOOKS:
+            if len(curve.rows) == LOOKS[run.scenario]:
                 raise Spent
 
     changes: dict[str, Any] = {"gamma": 0.995} if run.period == 1 else {}

@@ -14,6 +14,9 @@ from pter_gym.tools.figures import WIDTH, label, legend_of, looks, save, styled
 
 PAGE = DOCS / "stock-algorithms.md"
 
+PERIOD = 3
+"""Control steps for which the environments of scenarios hold an action."""
+
 FOUND = 0.6
 """An error below this share of the one beside the path that a stuck clutch leaves, 25 mm, needs the manoeuvre."""
 
@@ -67,12 +70,26 @@ def noise_table(curves: Curves, part: str) -> str:
     return table(["Exploration", "Period", *ENDS], rows, "---")
 
 
-def stock_table(curves: Curves, scenario: str) -> str:
-    """Return the table of the libraries' algorithms."""
+def libraries(curves: Curves, scenario: str) -> dict[str, list[Sequence[Row]]]:
+    """Return the curves of each algorithm of a library; PPO on `standard` is that of the study's other parts."""
     runs = grouped(curves, "stock", lambda run: (run.scenario, run.algorithm))
     mine = {name: each for (of, name), each in runs.items() if of == scenario}
+    if scenario == "standard":
+        mine |= grouped({run: curves[run] for run in curves if run.noise == "white"}, "ends", period_of)
+        mine |= grouped(curves, "readme", lambda _: "PPO, λ = 0.98")
+    return mine
+
+
+def period_of(run: Any) -> str:
+    """Return the name of a run of Stable-Baselines3's PPO."""
+    return "PPO" if run.period == PERIOD else f"PPO, period {run.period}"
+
+
+def stock_table(curves: Curves, scenario: str) -> str:
+    """Return the table of the libraries' algorithms."""
+    mine = libraries(curves, scenario)
     order = sorted(mine, key=lambda name: median(curve[-1]["medium"]["path_error_m"] for curve in mine[name]))
-    return table(["Algorithm", *ENDS], [summary([f"`{name}`"], mine[name]) for name in order], "---")
+    return table(["Algorithm", *ENDS], [summary([name], mine[name]) for name in order], "---")
 
 
 ENDS = ("Path error [mm]", "Manoeuvre and ranks", "Medium pace by seed [mm]", "Decisions", "Core")
@@ -81,8 +98,7 @@ ENDS = ("Path error [mm]", "Manoeuvre and ranks", "Medium pace by seed [mm]", "D
 @styled
 def learning_curves(curves: Curves, scenario: str) -> Figure:
     """Return path errors at the medium pace over decisions and over seconds: medians and interquartile bands."""
-    runs = grouped(curves, "stock", lambda run: (run.scenario, run.algorithm))
-    mine = {name: each for (of, name), each in runs.items() if of == scenario}
+    mine = libraries(curves, scenario)
     figure = Figure(figsize=(WIDTH, 3.4))
     left, right = figure.subplots(1, 2, sharey=True)
     for name, look in looks(mine).items():
@@ -104,7 +120,7 @@ def learning_curves(curves: Curves, scenario: str) -> Figure:
 
 def make(curves: Curves) -> None:
     """Write the page's tables and its figures."""
-    for part in ("noise", "sight", "ends"):
+    for part in ("noise", "sight", "ends", "readme"):
         write_block(PAGE, part, noise_table(curves, part))
     for scenario in ("standard", "everything"):
         if any(run.part == "stock" and run.scenario == scenario for run in curves):
