@@ -26,7 +26,7 @@ from pter_gym._engine.episode import (
 from pter_gym._engine.law import no_law
 from pter_gym._engine.recording import record_reset
 from pter_gym._engine.sensing import see, write_observation
-from pter_gym._engine.step import are_finite, given_volts, is_refused, move_worlds, take_command
+from pter_gym._engine.step import are_finite, given_volts, is_refused, move_declared, move_worlds, take_command
 from pter_gym._engine.world import (
     BASIC_ROWS,
     COMMAND_ROWS,
@@ -254,9 +254,8 @@ def _build_reset(digest: str) -> Any:
     return reset
 
 
-@cache
-def advance_kernel(inlined: Any = no_law) -> Any:
-    """Return the compiled ``advance`` with a control law inside.
+def advance_kernel(inlined: Any = no_law, *, declared: bool = False) -> Any:
+    """Return the compiled ``advance`` with a control law inside, for the paper's clutches or ``declared`` others.
 
     ``advance(worlds, words, given, obs, final_obs, rewards, flags, telemetry, config, constants, ended, steps, first,
     last)`` runs ``steps`` steps of the worlds in the blocks first … last − 1: control steps of a law, or ``frame_skip``
@@ -270,7 +269,12 @@ def advance_kernel(inlined: Any = no_law) -> Any:
     Where a law returns a voltage that is not finite, the number of its world is returned. That world's command then
     holds the voltages, and other worlds have moved.
     """
-    return compile_kernel(_build_advance, law=inlined)
+    return _advance_kernel(inlined, move_declared if declared else move_worlds)
+
+
+@cache
+def _advance_kernel(inlined: Any, move: Any) -> Any:
+    return compile_kernel(_build_advance, law=inlined, move_worlds=move)
 
 
 @cache
