@@ -138,7 +138,7 @@ def told_of(task: PathFollowing, machine: Machine, push: float) -> Told:
     """Return what is told of a task on a machine whose hand pushes with a force [N]."""
     clutch, hand = machine.clutch, held_machine(task, machine).hand
     top = clutch.voltage_max
-    scale = math.fsum(machine.clutch_scale) / len(machine.clutch_scale)
+    scale = math.fsum(machine.slot_scale) / len(machine.clutches)
     return Told(
         time_constant=clutch.time_constant,
         breakaway_factor=scale * clutch.breakaway.torque(top) / PRESENT_CLUTCH.breakaway.torque(top),
