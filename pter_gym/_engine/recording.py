@@ -37,7 +37,7 @@ def record_pose(w: Any, i: int, row: Any, time: float, constants: Any) -> None:
     row[COLUMN.normal_error] = w[ROW.foot.normal_error, i]
     row[COLUMN.context] = (context_at - w[ROW.draws_from, i]) / CONTEXT_WIDTH
     own = load(w, ROW.machine.arrangement, i)
-    papers = own.count == 0.0
+    papers = own.number == 0.0
     row[COLUMN.mode] = mode_of(q.omega_a, q.omega_b) if papers else mode_of(q.omega_a, q.omega_b, own)
     row[COLUMN.kinetic_energy] = kinetic_energy(arm, q)
     write(row, COLUMN.volts, load(w, ROW.command, i))
@@ -58,7 +58,7 @@ def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: floa
     record_pose(w, i, row, w[ROW.step, i] * period, constants)
     q = load(w, ROW.motion, i)
     own = load(w, ROW.machine.arrangement, i)
-    papers = own.count == 0.0
+    papers = own.number == 0.0
     slip = slip_velocities(q.omega_a, q.omega_b) if papers else slip_velocities(q.omega_a, q.omega_b, own)
     torque = load(w, ROW.torque, i)
     write(row, COLUMN.acceleration, tip_acceleration(w, i, period))

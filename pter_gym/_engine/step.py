@@ -124,9 +124,27 @@ def load_on(w: Any, i: int) -> Load:
     return Load(force.x, force.y, 0.0, 0.0, to.x, to.y)
 
 
+_papers, _declared = arrangements_in(ROW)
+_aim, _drift, _ = substep_on(ROW, load_on, _papers)
+
+
+@device
+def drift_worlds(w: Any, lanes: int, h: float, whole: bool, aims: bool, guides: bool) -> None:
+    """Let worlds drift for half a substep or a whole one, towards new steady torques if ``aims``."""
+    if aims:
+        for i in range(lanes):
+            _aim(w, i, whole)
+    for i in range(lanes):
+        _drift(w, i, h, whole)
+    for i in range(lanes):
+        move_hand(w, i, h, whole, guides)
+    for i in range(lanes):
+        push_tip(w, i, guides)
+
+
 def _mover(own_in: Any) -> Any:
     """Return what moves worlds whose clutches ``own_in`` tells, see ``arrangements_in``."""
-    aim, drift, kick = substep_on(ROW, load_on, own_in)
+    _, _, kick = substep_on(ROW, load_on, own_in)
 
     @device
     def sense_torques(w: Any, i: int) -> None:
@@ -149,16 +167,7 @@ def _mover(own_in: Any) -> Any:
         for i in range(lanes):
             drift_torques(w, i, h * count)
         for k in range(count + 1):
-            whole = (k > 0) & (k < count)
-            if lags_voltage | (k == 0):
-                for i in range(lanes):
-                    aim(w, i, whole)
-            for i in range(lanes):
-                drift(w, i, h, whole)
-            for i in range(lanes):
-                move_hand(w, i, h, whole, guides)
-            for i in range(lanes):
-                push_tip(w, i, guides)
+            drift_worlds(w, lanes, h, (k > 0) & (k < count), lags_voltage | (k == 0), guides)
             if k < count:
                 kick(w, lanes, h)
         for i in range(lanes):
@@ -167,5 +176,5 @@ def _mover(own_in: Any) -> Any:
     return move
 
 
-move_worlds, move_declared = map(_mover, arrangements_in(ROW))
+move_worlds, move_declared = _mover(_papers), _mover(_declared)
 """What moves worlds with the paper's clutches, and with others."""

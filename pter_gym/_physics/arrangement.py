@@ -1,4 +1,4 @@
-"""Joint dry friction for any W: what ``pter_gym._physics.friction`` does for the paper's, with rows that are numbers."""
+"""Joint dry friction for any W: what ``pter_gym._physics.friction`` does for the paper's, with numbers for rows."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -21,7 +21,7 @@ class Arrangement(NamedTuple):
     a: Annotated[PerClutch, Entry("1", "slip velocity over that of link A")]
     b: Annotated[PerClutch, Entry("1", "slip velocity over that of link B")]
     dry: Annotated[PerClutch, Entry("N·m", "dry friction of the axis that slips with it")]
-    count: Annotated[float, Entry("1", "number of clutches, in the first slots; 0 for the paper's four")]
+    number: Annotated[float, Entry("1", "number of clutches, in the first slots; 0 for the paper's four")]
 
 
 class OnLine(NamedTuple):
@@ -206,9 +206,7 @@ def share_any(
         distance = distance if missed <= slack else FAR * min(missed, 1.0)
         if (edge != least[x]) & (distance < nearest):
             nearest = distance
-            best = PerClutch(
-                at.x1 + t * along.x1, at.x2 + t * along.x2, at.x3 + t * along.x3, at.x4 + t * along.x4
-            )
+            best = PerClutch(at.x1 + t * along.x1, at.x2 + t * along.x2, at.x3 + t * along.x3, at.x4 + t * along.x4)
     return PerClutch(
         between(best.x1, low.x1, high.x1),
         between(best.x2, low.x2, high.x2),

@@ -95,7 +95,7 @@ def mode_of(omega_a: float, omega_b: float, own: Arrangement | None = None) -> i
     if own is not None:
         slip = slip_velocities(omega_a, omega_b, own)
         for x in range(3, -1, -1):
-            mode = x + 1 if (slip[x] == 0.0) & (x < own.count) else mode
+            mode = x + 1 if (slip[x] == 0.0) & (x < own.number) else mode
         return 5 if (omega_a == 0.0) & (omega_b == 0.0) else mode
     mode = 1 if omega_a == 0.0 else mode
     mode = 2 if omega_b == 0.0 else mode

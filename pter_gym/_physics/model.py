@@ -65,8 +65,8 @@ def arrangement_of(machine: Machine) -> Arrangement:
         if friction > 0.0:
             dry[rows.index(brake.row)] = friction
     a, b = zip(*rows, strict=True)
-    count = 0.0 if machine.has_paper_clutches else float(len(machine.clutches))
-    return Arrangement(PerClutch(*a), PerClutch(*b), PerClutch(*dry), count)
+    number = 0.0 if machine.has_paper_clutches else float(len(machine.clutches))
+    return Arrangement(PerClutch(*a), PerClutch(*b), PerClutch(*dry), number)
 
 
 def own_arrangement(machine: Machine) -> Arrangement | None:

@@ -7,6 +7,7 @@ paper does not print are in one file, ``presets/pter.toml``.
 
 import math
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from typing import Literal, cast, get_args
 
 from pter_gym.errors import ParameterError, nearest
@@ -229,12 +230,16 @@ class Machine:
 
     def _check_clutches(self) -> None:
         """Check that names differ, that the slots hold motion in every direction, and where dry friction acts."""
-        found, accepted = self.clutches, f"a tuple of 1 to {SLOTS} Connections with different names"
-        require(isinstance(found, tuple) and 0 < len(found) <= SLOTS, self, "clutches", found, accepted)
-        require(all(isinstance(each, Connection) for each in found), self, "clutches", found, accepted)
+        require_kind(self, "clutches", tuple)
+        found, accepted = self.clutches, f"1 to {SLOTS} Connections with different names"
+        declared = all(isinstance(each, Connection) for each in cast("tuple[object, ...]", found))
+        require(declared and 0 < len(found) <= SLOTS, self, "clutches", found, accepted)
         require(len({each.name for each in found}) == len(found), self, "clutches", found, accepted)
         rows = self.slot_rows
         require(len({*rows}) > 1, self, "clutches", found, f"of at least two different rows, if there are {SLOTS}")
+        ratios = sorted({b for a, b in rows if a != 0.0})
+        apart = all(high - low >= 0.01 * max(abs(low), abs(high)) for low, high in pairwise(ratios))
+        require(apart, self, "clutches", found, "of rows that are equal or differ by 1 % at least")
         for name, brake in (("dry_a", BRAKE_A), ("dry_b", BRAKE_B)):
             there = getattr(self.arm, name) == 0.0 or brake.row in rows
             accepted = f"0 where {SLOTS} clutches leave no slot to a brake ({brake.name})"
@@ -339,7 +344,12 @@ ARRANGEMENTS = {
     "brakes-and-inverter": (BRAKE_A, BRAKE_B, INVERTED),
     "couplings-1-2": (BRAKE_A, BRAKE_B, replace(COUPLED, row=(1.0, -0.5)), replace(INVERTED, row=(1.0, 0.5))),
     "couplings-2-1": (BRAKE_A, BRAKE_B, replace(COUPLED, row=(1.0, -2.0)), replace(INVERTED, row=(1.0, 2.0))),
-    "double-brakes": (BRAKE_A, BRAKE_B, replace(BRAKE_A, name="A to ground, 2"), replace(BRAKE_B, name="B to ground, 2")),
+    "double-brakes": (
+        BRAKE_A,
+        BRAKE_B,
+        replace(BRAKE_A, name="A to ground, 2"),
+        replace(BRAKE_B, name="B to ground, 2"),
+    ),
 }
 """Clutches other than the paper's, by name. None of these machines was ever built: PTER has ``PAPER_CLUTCHES``.
 

@@ -136,7 +136,8 @@ def identify(
     Raises
     ------
     ParameterError
-        If the start has other clutches than the paper's, the log has neither forces nor ``free``, a voltage exceeds the largest of the start, or nothing moves.
+        If the start has other clutches than the paper's, the log has neither forces nor ``free``, a voltage exceeds the
+        largest of the start, or nothing moves.
     """
     start = find_machine(start)
     require_paper_clutches(start, "no others can be identified")
