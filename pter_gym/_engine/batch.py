@@ -345,10 +345,7 @@ class Batch(WorldArrays):
     def device_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that a kernel on another device needs: worlds, words, config, constants, who has begun.
 
-        Raises
-        ------
-        ParameterError
-            If the machines have other clutches than the paper's, for which there is no such kernel.
+        There is no such kernel for other clutches than the paper's, which raise a ParameterError.
         """
         require_paper_clutches(self.machine, "JAX and CUDA kernels are made for them")
         return {**self._changing, "config": self._config, "constants": self._constants}

@@ -11,7 +11,7 @@ from pter_gym._engine.world import CONFIG, REFUSE, ROW, SAME_STEP
 from pter_gym._physics.arm import Load, Vector, tip_velocity
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
-from pter_gym._physics.step import Energy, arrangements_in, count_nonzero, substep_on, torques_at
+from pter_gym._physics.step import Energy, count_nonzero, declared_in, papers, substep_on, torques_at
 from pter_gym.hands._model import advance_sines, renew_sines, sum_of_sines
 from pter_gym.tasks.path_following._situation import PathVector, to_world
 
@@ -124,8 +124,7 @@ def load_on(w: Any, i: int) -> Load:
     return Load(force.x, force.y, 0.0, 0.0, to.x, to.y)
 
 
-_papers, _declared = arrangements_in(ROW)
-_aim, _drift, _ = substep_on(ROW, load_on, _papers)
+_aim, _drift, _ = substep_on(ROW, load_on)
 
 
 @device
@@ -143,7 +142,7 @@ def drift_worlds(w: Any, lanes: int, h: float, whole: bool, aims: bool, guides: 
 
 
 def _mover(own_in: Any) -> Any:
-    """Return what moves worlds whose clutches ``own_in`` tells, see ``arrangements_in``."""
+    """Return what moves worlds whose clutches ``own_in`` tells; see ``substep_on``."""
     _, _, kick = substep_on(ROW, load_on, own_in)
 
     @device
@@ -176,5 +175,5 @@ def _mover(own_in: Any) -> Any:
     return move
 
 
-move_worlds, move_declared = _mover(_papers), _mover(_declared)
+move_worlds, move_declared = _mover(papers), _mover(declared_in(ROW))
 """What moves worlds with the paper's clutches, and with others."""

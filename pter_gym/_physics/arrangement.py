@@ -12,10 +12,10 @@ FAR = 1e300
 
 
 class Arrangement(NamedTuple):
-    """W of a machine: a row (a, b) for each slot.
+    """W of a machine: a row (a, b) for each slot, which is (1, b) or (0, 1).
 
-    Rows are (1, b) or (0, 1). So (−b·s, a·s) is on a slot's line for every speed s: its slip a·ω_a + b·ω_b is exactly
-    zero there, in floating point too. A slot without a clutch has a row, and no torque but dry friction's.
+    So (−b·s, a·s) is on a slot's line for every speed s: its slip a·ω_a + b·ω_b is exactly zero there, in floating
+    point too. A slot without a clutch has a row, and no torque but dry friction's.
     """
 
     a: Annotated[PerClutch, Entry("1", "slip velocity over that of link A")]
@@ -24,19 +24,14 @@ class Arrangement(NamedTuple):
     number: Annotated[float, Entry("1", "number of clutches, in the first slots; 0 for the paper's four")]
 
 
-class OnLine(NamedTuple):
-    """The minimum on a clutch's line, at (−b·speed, a·speed).
+Own = Arrangement | None
+"""The arrangement of a machine, None for the paper's."""
 
-    Attributes
-    ----------
-    moves
-        Whether it is not at rest.
-    turn
-        1 or −1: the sign of its speed, if it moves.
-    speed
-        In rad/s.
-    side
-        Sign of the clutch's slip in the solution; 0 where the solution is this minimum. Valid if it moves.
+
+class OnLine(NamedTuple):
+    """The minimum on a clutch's line, (−b, a)·speed [rad/s]: whether it moves, and the sign of its speed if so.
+
+    ``side`` is the sign of the clutch's slip in the solution, 0 where the solution is this minimum; valid if it moves.
     """
 
     moves: bool
@@ -66,6 +61,25 @@ def side(multiplier: float, capacity: float) -> float:
 
 
 @device
+def combined(x: PerClutch, u: float, y: PerClutch, v: float) -> PerClutch:
+    """Return u·x + v·y, for each clutch."""
+    return PerClutch(u * x.x1 + v * y.x1, u * x.x2 + v * y.x2, u * x.x3 + v * y.x3, u * x.x4 + v * y.x4)
+
+
+@device
+def dot(x: PerClutch, y: PerClutch) -> float:
+    """Return Σ x·y over the clutches."""
+    return x.x1 * y.x1 + x.x2 * y.x2 + x.x3 * y.x3 + x.x4 * y.x4
+
+
+@device
+def within(x: PerClutch, low: PerClutch, high: PerClutch) -> PerClutch:
+    """Return x limited to [low, high], for each clutch."""
+    x1, x2 = between(x.x1, low.x1, high.x1), between(x.x2, low.x2, high.x2)
+    return PerClutch(x1, x2, between(x.x3, low.x3, high.x3), between(x.x4, low.x4, high.x4))
+
+
+@device
 def cross(own: Arrangement, x: int, y: int) -> float:
     """Return the slip of slot y at the speed 1 on the line of slot x, exactly zero for equal rows."""
     return own.a[x] * own.b[y] - own.b[x] * own.a[y]
@@ -79,18 +93,18 @@ def on_line(
     a, b = own.a[x], own.b[x]
     q = a * p_b - b * p_a
     turn = sign(q)
-    reach, held, taken_a, taken_b = 0.0, 0.0, 0.0, 0.0
+    reach, held, left_a, left_b = 0.0, 0.0, p_a, p_b
     for y in range(4):
         slip = cross(own, x, y)
         impulse = turn * side(slip, 0.0) * c[y]
         reach += c[y] * abs(slip)
         held += c[y] if slip == 0.0 else 0.0
-        taken_a += impulse * own.a[y]
-        taken_b += impulse * own.b[y]
+        left_a -= impulse * own.a[y]
+        left_b -= impulse * own.b[y]
     push_a = a * m12 - b * m11
     push_b = a * m22 - b * m12
     speed = turn * (abs(q) - reach) / (a * push_b - b * push_a)
-    left = a * (p_a - taken_a - speed * push_a) + b * (p_b - taken_b - speed * push_b)
+    left = a * (left_a - speed * push_a) + b * (left_b - speed * push_b)
     return OnLine(abs(q) > reach, turn, speed, side(left / (a * a + b * b), held))
 
 
@@ -150,27 +164,22 @@ def least_torques(load_a: float, load_b: float, fixed: int, torque: float, own: 
     inverse = 1.0 / det if det > 0.0 else math.nan
     u = (g22 * load_a - g12 * load_b) * inverse
     v = (g11 * load_b - g12 * load_a) * inverse
-    return PerClutch(
-        torque if fixed == 0 else own.a.x1 * u + own.b.x1 * v,
-        torque if fixed == 1 else own.a.x2 * u + own.b.x2 * v,
-        torque if fixed == 2 else own.a.x3 * u + own.b.x3 * v,
-        torque if fixed == 3 else own.a.x4 * u + own.b.x4 * v,
-    )
+    return replaced(combined(own.a, u, own.b, v), fixed, torque)
+
+
+@device
+def replaced(x: PerClutch, slot: int, value: float) -> PerClutch:
+    """Return x with another value for one slot; −1 for none."""
+    x1, x2 = value if slot == 0 else x.x1, value if slot == 1 else x.x2
+    return PerClutch(x1, x2, value if slot == 2 else x.x3, value if slot == 3 else x.x4)
 
 
 @device
 def opposed(fixed: int, own: Arrangement) -> PerClutch:
     """Return torques of all slots but one that together load no link."""
-    i = 1 if fixed == 0 else 0
-    j = 1 if fixed > 1 else 2
-    k = 2 if fixed == 3 else 3
+    i, j, k = (1 if fixed == 0 else 0), (1 if fixed > 1 else 2), (2 if fixed == 3 else 3)
     n_i, n_j, n_k = cross(own, j, k), -cross(own, i, k), cross(own, i, j)
-    return PerClutch(
-        0.0 if fixed == 0 else n_i,
-        0.0 if fixed == 1 else (n_i if i == 1 else n_j),
-        0.0 if fixed == 2 else (n_j if j == 2 else n_k),
-        0.0 if fixed == 3 else n_k,
-    )
+    return replaced(PerClutch(n_i, n_i if i == 1 else n_j, n_j if j == 2 else n_k, n_k), fixed, 0.0)
 
 
 @device
@@ -194,22 +203,13 @@ def share_any(
         first, last = -FAR, FAR
         for y in range(4):
             if along[y] != 0.0:
-                to_low = (low[y] - at[y]) / along[y]
-                to_high = (high[y] - at[y]) / along[y]
+                to_low, to_high = (low[y] - at[y]) / along[y], (high[y] - at[y]) / along[y]
                 first, last = max(first, min(to_low, to_high)), min(last, max(to_low, to_high))
-        t = between(0.0, first, last) if first <= last else 0.5 * (first + last)
-        distance, missed = 0.0, 0.0
+        found = combined(at, 1.0, along, between(0.0, first, last) if first <= last else 0.5 * (first + last))
+        missed, shift = 0.0, combined(found, 1.0, least, -1.0)
         for y in range(4):
-            found = at[y] + t * along[y]
-            missed = max(missed, low[y] - found, found - high[y])
-            distance += (found - least[y]) * (found - least[y])
-        distance = distance if missed <= slack else FAR * min(missed, 1.0)
-        if (edge != least[x]) & (distance < nearest):
-            nearest = distance
-            best = PerClutch(at.x1 + t * along.x1, at.x2 + t * along.x2, at.x3 + t * along.x3, at.x4 + t * along.x4)
-    return PerClutch(
-        between(best.x1, low.x1, high.x1),
-        between(best.x2, low.x2, high.x2),
-        between(best.x3, low.x3, high.x3),
-        between(best.x4, low.x4, high.x4),
-    )
+            missed = max(missed, low[y] - found[y], found[y] - high[y])
+        distance = dot(shift, shift) if missed <= slack else FAR * min(missed, 1.0)
+        closer = (edge != least[x]) & (distance < nearest)
+        best, nearest = (found, distance) if closer else (best, nearest)
+    return within(best, low, high)

@@ -12,7 +12,7 @@ eight sectors (its two-DOF mode). Line x has the direction d_x with W_x·d_x = 0
 from enum import IntEnum
 
 from pter_gym._compiled.compiler import device
-from pter_gym._physics.arrangement import FAR, Arrangement, between, resolve_any, share_any, side, sign
+from pter_gym._physics.arrangement import FAR, Own, between, combined, dot, resolve_any, share_any, side, sign, within
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.params import PAPER_CLUTCHES
 
@@ -35,51 +35,34 @@ class ClutchMode(IntEnum):
 
 
 @device
-def slip_velocities(omega_a: float, omega_b: float, own: Arrangement | None = None) -> PerClutch:
+def slip_velocities(omega_a: float, omega_b: float, own: Own = None) -> PerClutch:
     """Return W·ω [rad/s], the slip velocity of each clutch."""
     if own is not None:
-        a, b = own.a, own.b
-        return PerClutch(
-            a.x1 * omega_a + b.x1 * omega_b,
-            a.x2 * omega_a + b.x2 * omega_b,
-            a.x3 * omega_a + b.x3 * omega_b,
-            a.x4 * omega_a + b.x4 * omega_b,
-        )
+        return combined(own.a, omega_a, own.b, omega_b)
     return PerClutch(omega_a, omega_b, omega_a - omega_b, omega_a + omega_b)
 
 
 @device
-def torques_on_links(torque: PerClutch, own: Arrangement | None = None) -> tuple[float, float]:
+def torques_on_links(torque: PerClutch, own: Own = None) -> tuple[float, float]:
     """Return Wᵀτ [N·m], what torques of the clutches make together on each link."""
     if own is not None:
-        a, b, t = own.a, own.b, torque
-        return (
-            a.x1 * t.x1 + a.x2 * t.x2 + a.x3 * t.x3 + a.x4 * t.x4,
-            b.x1 * t.x1 + b.x2 * t.x2 + b.x3 * t.x3 + b.x4 * t.x4,
-        )
+        return dot(own.a, torque), dot(own.b, torque)
     return torque.x1 + torque.x3 + torque.x4, torque.x2 - torque.x3 + torque.x4
 
 
 @device
-def with_dry(limit: PerClutch, dry_a: float, dry_b: float, own: Arrangement | None = None) -> PerClutch:
+def with_dry(limit: PerClutch, dry_a: float, dry_b: float, own: Own = None) -> PerClutch:
     """Return the torque limits [N·m] of clutches 1 and 2 with the axes' dry friction, which brakes the same slips."""
     if own is not None:
-        dry = own.dry
-        return PerClutch(limit.x1 + dry.x1, limit.x2 + dry.x2, limit.x3 + dry.x3, limit.x4 + dry.x4)
+        return combined(limit, 1.0, own.dry, 1.0)
     return PerClutch(limit.x1 + dry_a, limit.x2 + dry_b, limit.x3, limit.x4)
 
 
 @device
-def without_dry(torque: PerClutch, dry_a: float, dry_b: float, own: Arrangement | None = None) -> PerClutch:
+def without_dry(torque: PerClutch, dry_a: float, dry_b: float, own: Own = None) -> PerClutch:
     """Return the clutches' own part of torques [N·m] under limits with dry friction, which holds what it can first."""
     if own is not None:
-        dry = own.dry
-        return PerClutch(
-            torque.x1 - between(torque.x1, -dry.x1, dry.x1),
-            torque.x2 - between(torque.x2, -dry.x2, dry.x2),
-            torque.x3 - between(torque.x3, -dry.x3, dry.x3),
-            torque.x4 - between(torque.x4, -dry.x4, dry.x4),
-        )
+        return combined(torque, 1.0, within(torque, combined(own.dry, -1.0, own.dry, 0.0), own.dry), -1.0)
     return PerClutch(
         torque.x1 - between(torque.x1, -dry_a, dry_a),
         torque.x2 - between(torque.x2, -dry_b, dry_b),
@@ -89,7 +72,7 @@ def without_dry(torque: PerClutch, dry_a: float, dry_b: float, own: Arrangement 
 
 
 @device
-def mode_of(omega_a: float, omega_b: float, own: Arrangement | None = None) -> int:
+def mode_of(omega_a: float, omega_b: float, own: Own = None) -> int:
     """Return the ClutchMode: which slip is exactly zero, ties to the fewest degrees of freedom and the first clutch."""
     mode = 0
     if own is not None:
@@ -119,7 +102,7 @@ def rest_sides(
 
 @device
 def resolve(
-    m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch, own: Arrangement | None = None
+    m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch, own: Own = None
 ) -> tuple[float, float]:
     """Return the angular velocities [rad/s] after friction. Exact, without iteration or branch.
 
@@ -223,12 +206,7 @@ def nearer(
 
 @device
 def share(
-    load_a: float,
-    load_b: float,
-    low: PerClutch,
-    high: PerClutch,
-    rounding: float = 0.0,
-    own: Arrangement | None = None,
+    load_a: float, load_b: float, low: PerClutch, high: PerClutch, rounding: float = 0.0, own: Own = None
 ) -> PerClutch:
     """Return the four torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high; the load must be reachable.
 
@@ -312,7 +290,7 @@ def generated_torques(
     load_b: float,
     limit: PerClutch,
     rounding: float = 0.0,
-    own: Arrangement | None = None,
+    own: Own = None,
 ) -> PerClutch:
     """Return the torque of each clutch on the arm [N·m], given what all four exert on the two links, to a rounding.
 

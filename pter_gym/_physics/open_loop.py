@@ -13,7 +13,7 @@ from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy,
 from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.friction import mode_of, slip_velocities, without_dry
 from pter_gym._physics.model import model_of
-from pter_gym._physics.step import Body, Energy, arrangements_in, kick_torques, substep_on
+from pter_gym._physics.step import Body, Energy, declared_in, kick_torques, papers, substep_on
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine, find_machine
 
@@ -245,7 +245,7 @@ def _load_on(body: Any, i: int) -> Load:
 
 
 def _functions(own_in: Any) -> tuple[Any, Any]:
-    """Return ``advance`` and ``row_of`` for machines whose clutches ``own_in`` tells, see ``arrangements_in``."""
+    """Return ``advance`` and ``row_of`` for machines whose clutches ``own_in`` tells; see ``substep_on``."""
     aim, drift, kick = substep_on(BODY, _load_on, own_in)
 
     @device
@@ -288,7 +288,7 @@ def _functions(own_in: Any) -> tuple[Any, Any]:
     return advance, row_of
 
 
-(advance, row_of), _DECLARED = map(_functions, arrangements_in(BODY))
+(advance, row_of), _DECLARED = _functions(papers), _functions(declared_in(BODY))
 
 
 def _build(digest: str) -> Any:

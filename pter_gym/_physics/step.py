@@ -22,7 +22,7 @@ from pter_gym._physics.arm import (
     tip_position,
     velocity_torque,
 )
-from pter_gym._physics.arrangement import Arrangement, sign
+from pter_gym._physics.arrangement import Arrangement, Own, sign
 from pter_gym._physics.clutch import (
     PerClutch,
     Torques,
@@ -166,9 +166,7 @@ def stuck_limits(slip: PerClutch, limit: PerClutch) -> PerClutch:
 
 
 @device
-def torques_at(
-    q: Motion, arm: Linkage, on: Load, torques: Torques, threshold: float, own: Arrangement | None = None
-) -> PerClutch:
+def torques_at(q: Motion, arm: Linkage, on: Load, torques: Torques, threshold: float, own: Own = None) -> PerClutch:
     """Return the torque of each clutch on the arm at an instant [N·m].
 
     Clutches that slip exert their limit; stuck ones what keeps them so, if they can, by the friction problem of the
@@ -197,13 +195,7 @@ def passing(before: float, after: float, threshold: float) -> float:
 
 @device
 def slid_velocities(
-    impact: Impact,
-    before: PerClutch,
-    after: PerClutch,
-    limit: PerClutch,
-    threshold: float,
-    h: float,
-    own: Arrangement | None = None,
+    impact: Impact, before: PerClutch, after: PerClutch, limit: PerClutch, threshold: float, h: float, own: Own = None
 ) -> PerClutch:
     """Return the slip velocities [rad/s] after a kick in which clutches whose slip passes zero never cease to slide.
 
@@ -232,7 +224,7 @@ def share_before_change(
     limit: PerClutch,
     threshold: float,
     h: float,
-    own: Arrangement | None = None,
+    own: Own = None,
 ) -> float:
     """Return the share of a kick after which the first clutch changes between sticking and slipping, 1 for none."""
     w = slip_velocities(q.omega_a, q.omega_b, own)
@@ -257,7 +249,7 @@ def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tup
 
 @device
 def kick_torques(
-    impact: Impact, omega_a: float, omega_b: float, limit: PerClutch, h: float, own: Arrangement | None = None
+    impact: Impact, omega_a: float, omega_b: float, limit: PerClutch, h: float, own: Own = None
 ) -> PerClutch:
     """Return the torque of each clutch, with dry friction, on the arm [N·m] over a kick of h [s] or a part of one.
 
@@ -272,13 +264,7 @@ def kick_torques(
 
 @device
 def kick_energy(
-    q: Motion,
-    omega: PerLink,
-    arm: Linkage,
-    impact: Impact,
-    limit: PerClutch,
-    h: float,
-    own: Arrangement | None = None,
+    q: Motion, omega: PerLink, arm: Linkage, impact: Impact, limit: PerClutch, h: float, own: Own = None
 ) -> Energy:
     """Return the energy terms [J] of a kick to new velocities; the damping of the hand counts as the hand's work."""
     omega_a = omega.a
@@ -306,24 +292,22 @@ def turning_energy(before: Motion, after: Motion, arm: Linkage) -> float:
     return arm.coupling * (cos_difference(after) - cos_difference(before)) * before.omega_a * before.omega_b
 
 
-def arrangements_in(at: Any) -> tuple[Any, Any]:
-    """Return two functions of an array and a machine's column: one returns None, the other the machine's arrangement.
+@device
+def papers(w: Any, i: int) -> None:
+    """Return what stands for the paper's clutches: code made with it costs nothing for its generality."""
 
-    Code that is made with the first is for machines with the paper's clutches, and costs nothing for its generality.
-    """
 
-    @device
-    def papers(w: Any, i: int) -> None:  # noqa: ARG001
-        return None
+def declared_in(at: Any) -> Any:
+    """Return a function of an array and a machine's column that returns the machine's ``Arrangement``."""
 
     @device
     def declared(w: Any, i: int) -> Arrangement:
         return load(w, at.machine.arrangement, i)
 
-    return papers, declared
+    return declared
 
 
-def substep_on(at: Any, load_on: Any, own_in: Any) -> tuple[Any, Any, Any]:
+def substep_on(at: Any, load_on: Any, own_in: Any = papers) -> tuple[Any, Any, Any]:
     """Return what makes a substep for machines in the columns of an array: ``aim``, ``drift`` and ``kick``.
 
     A substep is half a drift, a kick and half a drift; between two kicks the halves make a whole one. There are two
@@ -337,7 +321,7 @@ def substep_on(at: Any, load_on: Any, own_in: Any) -> tuple[Any, Any, Any]:
     load_on
         ``load_on(w, i)`` returns the ``Load`` on the arm of machine ``i``.
     own_in
-        ``own_in(w, i)`` returns the ``Arrangement`` of its clutches, or None for the paper's; see ``arrangements_in``.
+        ``papers``, or ``declared_in(at)`` for machines with other clutches than the paper's.
 
     Returns
     -------

@@ -5,7 +5,7 @@ problem too: the metric takes the place of the mass matrix, and what remains unr
 """
 
 from pter_gym._compiled.compiler import device
-from pter_gym._physics.arrangement import Arrangement
+from pter_gym._physics.arrangement import Own
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import resolve, share, slip_velocities, torques_on_links
 
@@ -24,14 +24,7 @@ def passive_high(slip: float, threshold: float, limit: float) -> float:
 
 @device
 def allocate(
-    want_a: float,
-    want_b: float,
-    low: PerClutch,
-    high: PerClutch,
-    m11: float,
-    m12: float,
-    m22: float,
-    own: Arrangement | None = None,
+    want_a: float, want_b: float, low: PerClutch, high: PerClutch, m11: float, m12: float, m22: float, own: Own = None
 ) -> PerClutch:
     """Return the clutch torques within bounds that come closest to the wanted joint torques [N·m].
 

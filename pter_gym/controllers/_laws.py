@@ -14,7 +14,7 @@ from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import read
 from pter_gym._engine.law import MEMORY
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, joint_torque, tip_velocity
-from pter_gym._physics.arrangement import Arrangement
+from pter_gym._physics.arrangement import Own
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between, slip_velocities
 from pter_gym.controllers._allocation import allocate, passive_high, passive_low
@@ -131,7 +131,7 @@ def guide_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 
 @device
-def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, own: Arrangement | None) -> PerClutch:
+def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, own: Own) -> PerClutch:
     """Return the voltages of a guiding law: impedance, single-DOF lines or velocity ratio.
 
     All want a force at the tip (of the latter two only the brake along the path is left); Jᵀ takes it to the joints.
@@ -167,7 +167,7 @@ def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, own: Arrangement | 
 
 @device
 def passive_torques(
-    g: Gains, tip: Tip, slip: PerClutch, nominal: Nominal, want_a: float, want_b: float, own: Arrangement | None = None
+    g: Gains, tip: Tip, slip: PerClutch, nominal: Nominal, want_a: float, want_b: float, own: Own = None
 ) -> PerClutch:
     """Return the clutch torques [N·m] that come closest to the wanted joint torques and only brake."""
     threshold, limit, scale = g.slip_threshold, nominal.torque_limit, nominal.scale
@@ -188,13 +188,7 @@ def passive_torques(
 
 @device
 def allocate_in(
-    g: Gains,
-    tip: Tip,
-    want_a: float,
-    want_b: float,
-    low: PerClutch,
-    high: PerClutch,
-    own: Arrangement | None = None,
+    g: Gains, tip: Tip, want_a: float, want_b: float, low: PerClutch, high: PerClutch, own: Own = None
 ) -> PerClutch:
     """Return the clutch torques [N·m] within bounds that come closest in joint torque, or in tip force."""
     length_a, length_b = tip.arm.length_a, tip.arm.length_b

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from pter_gym._compiled.compiler import device
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, tip_velocity
-from pter_gym._physics.arrangement import Arrangement, sign
+from pter_gym._physics.arrangement import Own, sign
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import COUPLING, LINES
 from pter_gym.controllers._gains import Gains
@@ -101,7 +101,7 @@ def matching(tip: Tip, u_x: float, u_y: float, turn: float, line: tuple[float, f
 
 
 @device
-def line_and_row(k: int, own: Arrangement | None) -> tuple[tuple[float, float], tuple[float, float]]:
+def line_and_row(k: int, own: Own) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the line of a slot, the joint velocities at which it does not slip, and its row of W."""
     if own is not None:
         return (-own.b[k], own.a[k]), (own.a[k], own.b[k])
@@ -110,7 +110,7 @@ def line_and_row(k: int, own: Arrangement | None) -> tuple[tuple[float, float], 
 
 @device
 def steered(
-    g: Gains, tip: Tip, scale: PerClutch, wanted: PerClutch, last: float, own: Arrangement | None = None
+    g: Gains, tip: Tip, scale: PerClutch, wanted: PerClutch, last: float, own: Own = None
 ) -> tuple[PerClutch, float]:
     """Return the clutch torques [N·m] with that of the best line's clutch added, and its number, 0 for none.
 

@@ -157,13 +157,7 @@ def normalised(volts: NDArray[np.floating], voltage_max: float) -> Actions:
 
 
 def nominal_machine(batches: list[Batch]) -> Machine:
-    """Return the machine of some worlds, or the paper's with their clutches if they have several.
-
-    Raises
-    ------
-    ParameterError
-        If the clutches of several machines differ.
-    """
+    """Return the machine of some worlds, or the paper's with their clutches if they have several."""
     machines = {machine for batch in batches for machine, _ in batch.pairs}
     if len(machines) == 1:
         return machines.pop()

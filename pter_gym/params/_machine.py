@@ -140,21 +140,10 @@ class Hand:
 
 @dataclass(frozen=True)
 class Connection:
-    """What a clutch connects.
+    """The name of a clutch, and its row (a, b) of W [1]; a ParameterError if it is of none of these forms.
 
-    Attributes
-    ----------
-    name
-        Its name.
-    row
-        Its row (a, b) of W [1]: it slips at a·ω_A + b·ω_B, and its torque τ acts as a·τ on link A and b·τ on link B.
-        (1, 0) and (0, 1) are brakes; (1, −r) couples axis A to axis B, and (1, r) does so through an inverting gear,
-        for 0.01 ≤ r ≤ 100. A gear of the clutch itself is a matter of its ``clutch_scale``.
-
-    Raises
-    ------
-    ParameterError
-        If the name is empty or the row is of none of these forms.
+    It slips at a·ω_A + b·ω_B, and its torque τ acts as a·τ on link A and b·τ on link B. (1, 0) and (0, 1) are brakes;
+    (1, −r) couples axis A to axis B, and (1, r) does so through an inverting gear, for 0.01 ≤ r ≤ 100.
     """
 
     name: str
@@ -173,13 +162,9 @@ class Connection:
 
 
 BRAKE_A, BRAKE_B = Connection("A to ground", (1.0, 0.0)), Connection("B to ground", (0.0, 1.0))
+COUPLED, INVERTED = Connection("A to B", (1.0, -1.0)), Connection("A to B, inverted", (1.0, 1.0))
 
-PAPER_CLUTCHES = (
-    BRAKE_A,
-    BRAKE_B,
-    Connection("A to B", (1.0, -1.0)),
-    Connection("A to B, inverted", (1.0, 1.0)),
-)
+PAPER_CLUTCHES = (BRAKE_A, BRAKE_B, COUPLED, INVERTED)
 """The clutches of PTER (paper Eqs. 3 and 4)."""
 
 SLOTS = len(PAPER_CLUTCHES)
@@ -335,8 +320,6 @@ DELRIN_EXPERIMENTAL = PAPER_MACHINES["delrin_experimental"]
 
 DELRIN_THEORETICAL = PAPER_MACHINES["delrin_theoretical"]
 """PTER with Delrin clutches as in the literature: T_k > T_s (paper section IV-B.2)."""
-
-COUPLED, INVERTED = PAPER_CLUTCHES[2:]
 
 ARRANGEMENTS = {
     "two-brakes": (BRAKE_A, BRAKE_B),
