@@ -22,7 +22,7 @@ class Model(NamedTuple):
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
     slip_threshold: Annotated[float, Entry("rad/s", "stick band δω")]
     scale: Annotated[PerClutch, Entry("1", "torque, relative to that of the curves")]
-    arrangement: Arrangement
+    arrangement: Annotated[Arrangement, Entry()]
 
 
 def model_of(machine: Machine) -> Model:

@@ -146,8 +146,8 @@ class Connection:
     (1, −r) couples axis A to axis B, and (1, r) does so through an inverting gear, for 0.01 ≤ r ≤ 100.
     """
 
-    name: str
-    row: tuple[float, float]
+    name: str = quantity("1", "chosen")
+    row: tuple[float, float] = quantity("1", "published: Eqs. 3 and 4, for PTER's clutches")
 
     def __post_init__(self) -> None:
         """Check both."""
