@@ -15,7 +15,7 @@ from pter_gym._engine.world import CONFIG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_S
 from pter_gym._engine.worlds import WorldArrays, number_drawing, number_of_pairs
 from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
-from pter_gym.params import Machine, require_paper_clutches
+from pter_gym.params import Machine
 from pter_gym.tasks.path_following._context import TOLD
 from pter_gym.tasks.path_following._observation import ENTRIES, SEEN, Sensors, observation_layout
 from pter_gym.tasks.path_following._specification import PathFollowing, held_machine, substeps
@@ -343,11 +343,7 @@ class Batch(WorldArrays):
         return empty_memory(self.num_worlds)
 
     def device_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays that a kernel on another device needs: worlds, words, config, constants, who has begun.
-
-        There is no such kernel for other clutches than the paper's, which raise a ParameterError.
-        """
-        require_paper_clutches(self.machine, "JAX and CUDA kernels are made for them")
+        """Return the arrays that a kernel on another device needs: worlds, words, config, constants, who has begun."""
         return {**self._changing, "config": self._config, "constants": self._constants}
 
     @property

@@ -261,11 +261,10 @@ def test_machines_that_were_never_built_are_known_by_name() -> None:
     "made",
     [
         lambda: Batch([BASELINE, MACHINES["two-brakes"]], PathFollowing()),
-        lambda: Batch(MACHINES["two-brakes"], PathFollowing(), 1).device_arrays(),
         lambda: read_policy("ppo-standard").bind(MACHINES["two-brakes"], Batch(BASELINE, PathFollowing(), 1).layout),
         lambda: nominal_machine([Batch([MACHINES["two-brakes"], MACHINES["couplings-1-2"]], PathFollowing())]),
     ],
-    ids=["with the paper's in a batch", "on another device", "a policy trained on the paper's", "several nominal ones"],
+    ids=["with the paper's in a batch", "a policy trained on the paper's", "several nominal ones"],
 )
 def test_what_needs_other_clutches_is_refused_by_the_name_of_the_field(made: Any) -> None:
     with pytest.raises(ParameterError, match=r"Machine\.clutches"):
