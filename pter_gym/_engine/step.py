@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 
 from pter_gym._compiled.compiler import device
-from pter_gym._compiled.records import load, store
+from pter_gym._compiled.records import load, read, store
 from pter_gym._engine.world import CONFIG, REFUSE, ROW, SAME_STEP
 from pter_gym._physics.arm import Load, Vector, tip_velocity
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
 from pter_gym._physics.step import Energy, count_nonzero, declared_in, papers, substep_on, torques_at
 from pter_gym.hands._model import advance_sines, renew_sines, sum_of_sines
+from pter_gym.tasks.path_following._context import CONTEXT
 from pter_gym.tasks.path_following._situation import PathVector, to_world
 
 
@@ -177,3 +178,15 @@ def _mover(own_in: Any) -> Any:
 
 move_worlds, move_declared = _mover(papers), _mover(declared_in(ROW))
 """What moves worlds with the paper's clutches, and with others."""
+
+
+@device
+def no_arrangements(w: Any, lanes: int, constants: Any) -> None:
+    """Leave the paper's clutches as they are."""
+
+
+@device
+def take_arrangements(w: Any, lanes: int, constants: Any) -> None:
+    """Read the arrangement of the first ``lanes`` worlds."""
+    for i in range(lanes):
+        store(w, ROW.arrangement, i, read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i])))

@@ -22,7 +22,6 @@ class Model(NamedTuple):
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
     slip_threshold: Annotated[float, Entry("rad/s", "stick band δω")]
     scale: Annotated[PerClutch, Entry("1", "torque, relative to that of the curves")]
-    arrangement: Annotated[Arrangement, Entry()]
 
 
 def model_of(machine: Machine) -> Model:
@@ -54,7 +53,6 @@ def model_of(machine: Machine) -> Model:
         voltage_max=clutch.voltage_max,
         slip_threshold=machine.slip_threshold,
         scale=PerClutch(*machine.slot_scale),
-        arrangement=arrangement_of(machine),
     )
 
 

@@ -12,7 +12,7 @@ from pter_gym._compiled.records import load, rows, store, width, write
 from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.friction import mode_of, slip_velocities, without_dry
-from pter_gym._physics.model import model_of
+from pter_gym._physics.model import arrangement_of, model_of
 from pter_gym._physics.step import Body, Energy, declared_in, kick_torques, papers, substep_on
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine, find_machine
@@ -217,6 +217,7 @@ def body_of(machine: Machine, state: State) -> Array:
     """
     body: Any = np.zeros((BODY_WIDTH, 1))
     store(body, BODY.machine, 0, model_of(machine))
+    store(body, BODY.arrangement, 0, arrangement_of(machine))
     theta_a, theta_b = _vector("state.theta", state.theta, 2)
     omega_a, omega_b = _vector("state.omega", state.omega, 2)
     units = np.cos(theta_a), np.sin(theta_a), np.cos(theta_b), np.sin(theta_b)

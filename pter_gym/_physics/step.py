@@ -92,6 +92,7 @@ class Body(NamedTuple):
     span: float
     changes: float
     energy: Energy
+    arrangement: Arrangement
 
 
 @device
@@ -302,7 +303,7 @@ def declared_in(at: Any) -> Any:
 
     @device
     def declared(w: Any, i: int) -> Arrangement:
-        return load(w, at.machine.arrangement, i)
+        return load(w, at.arrangement, i)
 
     return declared
 
