@@ -3,9 +3,15 @@
 from functools import cache
 from typing import Any
 
-from pter_gym._compiled.compiler import compile_kernel
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._compiled.compiler import compile_kernel, inlined
+from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import ClutchMode, mode_of, resolve, share
+
+Array = NDArray[np.float64]
 
 
 def _build_resolve(digest: str) -> Any:
@@ -59,3 +65,58 @@ def share_torque(
 ) -> PerClutch:
     """Return the four clutch torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high [N·m]."""
     return PerClutch(*_share_kernel()(float(load_a), float(load_b), *map(float, (*low, *high))))
+
+
+@inlined
+def _four(numbers: Any) -> PerClutch:
+    return PerClutch(numbers[0], numbers[1], numbers[2], numbers[3])
+
+
+@inlined
+def _own(w: Any) -> Arrangement:
+    return Arrangement(_four(w[:, 0]), _four(w[:, 1]), PerClutch(0.0, 0.0, 0.0, 0.0), 4.0)
+
+
+def _build_arranged(digest: str) -> Any:
+    def kernel(mass: Any, p: Any, c: Any, w: Any, omega: Any) -> None:
+        _ = digest
+        for i in range(len(p)):
+            m = mass[i]
+            omega[i, 0], omega[i, 1] = resolve(m[0], m[1], m[2], p[i, 0], p[i, 1], _four(c[i]), _own(w[i]))
+
+    return kernel
+
+
+def _build_shared(digest: str) -> Any:
+    def kernel(load: Any, low: Any, high: Any, w: Any, torque: Any) -> None:
+        _ = digest
+        for i in range(len(load)):
+            found = share(load[i, 0], load[i, 1], _four(low[i]), _four(high[i]), 0.0, _own(w[i]))
+            for x in range(4):
+                torque[i, x] = found[x]
+
+    return kernel
+
+
+@cache
+def _arranged_kernel() -> Any:
+    return compile_kernel(_build_arranged, _four=_four, _own=_own)
+
+
+@cache
+def _shared_kernel() -> Any:
+    return compile_kernel(_build_shared, _four=_four, _own=_own)
+
+
+def resolve_arranged(mass: Array, p: Array, c: Array, w: Array) -> Array:
+    """Return velocities (n, 2) for masses (n, 3), momenta (n, 2), capacities (n, 4) and rows of W (n, 4, 2)."""
+    omega = np.empty_like(p)
+    _arranged_kernel()(mass, p, c, w, omega)
+    return omega
+
+
+def share_arranged(load: Array, low: Array, high: Array, w: Array) -> Array:
+    """Return torques (n, 4) for loads (n, 2), bounds (n, 4) and rows of W (n, 4, 2)."""
+    torque = np.empty_like(low)
+    _shared_kernel()(load, low, high, w, torque)
+    return torque

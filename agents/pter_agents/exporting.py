@@ -81,6 +81,7 @@ def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tupl
             about=about_run(arguments, folder, steps),
             squashed=actor.squashed,
             lstm=actor.units,
+            clutches=tuple(each.row for each in arguments.nominal.clutches),
         )
         files = card, tensors_of(actor), model_card(card)
         with TemporaryDirectory() as trial:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._compiled.records import flat, read
 from pter_gym._engine.kernels import advance_kernel, reset_kernel
-from pter_gym._engine.law import empty_memory
+from pter_gym._engine.law import empty_memory, no_law
 from pter_gym._engine.threads import Threads
 from pter_gym._engine.world import CONFIG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
 from pter_gym._engine.worlds import WorldArrays, number_drawing, number_of_pairs
@@ -138,7 +138,7 @@ class Batch(WorldArrays):
         self._final_obs = np.empty((0, len(self.layout)), np.float32)
         self._shape = (self.num_worlds, len(self.layout))
         self._alone = np.empty(1), np.empty((FLAGS, 1), np.bool_)
-        self._advance = advance_kernel()
+        self._advance = self._kernel()
         self._threads = Threads(num_threads)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -148,7 +148,11 @@ class Batch(WorldArrays):
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Become a copy."""
         vars(self).update(state)
-        self._advance = advance_kernel()
+        self._advance = self._kernel()
+
+    def _kernel(self, law: Any = no_law) -> Any:
+        """Return the kernel for the clutches of these worlds, with a law inside."""
+        return advance_kernel(law, declared=not self.machine.has_paper_clutches)
 
     def _shared(self, observe_context: bool, max_steps: int | None) -> Config:
         """Return what all worlds share."""
@@ -327,7 +331,7 @@ class Batch(WorldArrays):
         rewards = np.empty(self.num_worlds)
         flags = np.zeros((FLAGS, self.num_worlds), np.bool_)
         worlds, kept = self._worlds.copy(), memory.copy()
-        refused = self._run(advance_kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
+        refused = self._run(self._kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
         if refused >= 0:
             volts = self._row(refused)[[*ROW.command]]
             self._worlds[:], memory[:] = worlds, kept

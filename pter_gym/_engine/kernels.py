@@ -26,7 +26,16 @@ from pter_gym._engine.episode import (
 from pter_gym._engine.law import no_law
 from pter_gym._engine.recording import record_reset
 from pter_gym._engine.sensing import see, write_observation
-from pter_gym._engine.step import are_finite, given_volts, is_refused, move_worlds, take_command
+from pter_gym._engine.step import (
+    are_finite,
+    given_volts,
+    is_refused,
+    move_declared,
+    move_worlds,
+    no_arrangements,
+    take_arrangements,
+    take_command,
+)
 from pter_gym._engine.world import (
     BASIC_ROWS,
     COMMAND_ROWS,
@@ -44,6 +53,9 @@ from pter_gym._physics.step import count_nonzero
 
 law: Any = no_law
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
+
+arrange: Any = no_arrangements
+"""What it reads of the clutches; bound to ``take_arrangements`` where they are not the paper's."""
 
 
 @inlined
@@ -225,6 +237,7 @@ def _build_advance(digest: str) -> Any:
                             take_command(w, i, volts)
                 else:
                     _begin_given(w, lanes, given, begin, low, high)
+                arrange(w, width, constants)
                 move_worlds(w, width, config, worlds.shape[1] > BASIC_ROWS)
                 _close(w, worlds, b, lanes, a, t, ended, k, held)
             _scatter_alive(w, lanes, worlds, b)
@@ -254,9 +267,8 @@ def _build_reset(digest: str) -> Any:
     return reset
 
 
-@cache
-def advance_kernel(inlined: Any = no_law) -> Any:
-    """Return the compiled ``advance`` with a control law inside.
+def advance_kernel(inlined: Any = no_law, *, declared: bool = False) -> Any:
+    """Return the compiled ``advance`` with a control law inside, for the paper's clutches or ``declared`` others.
 
     ``advance(worlds, words, given, obs, final_obs, rewards, flags, telemetry, config, constants, ended, steps, first,
     last)`` runs ``steps`` steps of the worlds in the blocks first … last − 1: control steps of a law, or ``frame_skip``
@@ -270,7 +282,13 @@ def advance_kernel(inlined: Any = no_law) -> Any:
     Where a law returns a voltage that is not finite, the number of its world is returned. That world's command then
     holds the voltages, and other worlds have moved.
     """
-    return compile_kernel(_build_advance, law=inlined)
+    return _advance_kernel(inlined, declared)
+
+
+@cache
+def _advance_kernel(inlined: Any, declared: bool) -> Any:
+    others: dict[str, Any] = {"move_worlds": move_declared, "arrange": take_arrangements} if declared else {}
+    return compile_kernel(_build_advance, law=inlined, **others)
 
 
 @cache

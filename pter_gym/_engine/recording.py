@@ -36,7 +36,9 @@ def record_pose(w: Any, i: int, row: Any, time: float, constants: Any) -> None:
     row[COLUMN.reached] = w[ROW.reached, i]
     row[COLUMN.normal_error] = w[ROW.foot.normal_error, i]
     row[COLUMN.context] = (context_at - w[ROW.draws_from, i]) / CONTEXT_WIDTH
-    row[COLUMN.mode] = mode_of(q.omega_a, q.omega_b)
+    own = read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i]))
+    papers = own.number == 0.0
+    row[COLUMN.mode] = mode_of(q.omega_a, q.omega_b) if papers else mode_of(q.omega_a, q.omega_b, own)
     row[COLUMN.kinetic_energy] = kinetic_energy(arm, q)
     write(row, COLUMN.volts, load(w, ROW.command, i))
     write(row, COLUMN.told, read(constants, CONTEXT.told, int(context_at)))
@@ -55,7 +57,9 @@ def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: floa
     row = telemetry[t, world]
     record_pose(w, i, row, w[ROW.step, i] * period, constants)
     q = load(w, ROW.motion, i)
-    slip = slip_velocities(q.omega_a, q.omega_b)
+    own = read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i]))
+    papers = own.number == 0.0
+    slip = slip_velocities(q.omega_a, q.omega_b) if papers else slip_velocities(q.omega_a, q.omega_b, own)
     torque = load(w, ROW.torque, i)
     write(row, COLUMN.acceleration, tip_acceleration(w, i, period))
     write(row, COLUMN.force, total_force(w, i))

@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 
 from pter_gym._compiled.compiler import device
-from pter_gym._compiled.records import load, store
+from pter_gym._compiled.records import load, read, store
 from pter_gym._engine.world import CONFIG, REFUSE, ROW, SAME_STEP
 from pter_gym._physics.arm import Load, Vector, tip_velocity
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
-from pter_gym._physics.step import Energy, count_nonzero, substep_on, torques_at
+from pter_gym._physics.step import Energy, count_nonzero, declared_in, papers, substep_on, torques_at
 from pter_gym.hands._model import advance_sines, renew_sines, sum_of_sines
+from pter_gym.tasks.path_following._context import CONTEXT
 from pter_gym.tasks.path_following._situation import PathVector, to_world
 
 
@@ -124,41 +125,68 @@ def load_on(w: Any, i: int) -> Load:
     return Load(force.x, force.y, 0.0, 0.0, to.x, to.y)
 
 
-_aim, _drift, _kick = substep_on(ROW, load_on)
+_aim, _drift, _ = substep_on(ROW, load_on)
 
 
 @device
-def sense_torques(w: Any, i: int) -> None:
-    """Find the torques [N·m] that the clutches generate now, and bring the sines' vectors back to unit length."""
-    q = load(w, ROW.motion, i)
-    arm = load(w, ROW.machine.arm, i)
-    threshold = w[ROW.machine.slip_threshold, i]
-    store(w, ROW.torque, i, torques_at(q, arm, load_on(w, i), load(w, ROW.torques, i), threshold))
-    store(w, ROW.sines, i, renew_sines(load(w, ROW.sines, i)))
+def drift_worlds(w: Any, lanes: int, h: float, whole: bool, aims: bool, guides: bool) -> None:
+    """Let worlds drift for half a substep or a whole one, towards new steady torques if ``aims``."""
+    if aims:
+        for i in range(lanes):
+            _aim(w, i, whole)
+    for i in range(lanes):
+        _drift(w, i, h, whole)
+    for i in range(lanes):
+        move_hand(w, i, h, whole, guides)
+    for i in range(lanes):
+        push_tip(w, i, guides)
+
+
+def _mover(own_in: Any) -> Any:
+    """Return what moves worlds whose clutches ``own_in`` tells; see ``substep_on``."""
+    _, _, kick = substep_on(ROW, load_on, own_in)
+
+    @device
+    def sense_torques(w: Any, i: int) -> None:
+        """Find the torques [N·m] that the clutches generate now, and bring the sines' vectors back to unit length."""
+        q = load(w, ROW.motion, i)
+        arm = load(w, ROW.machine.arm, i)
+        threshold = w[ROW.machine.slip_threshold, i]
+        torques = load(w, ROW.torques, i)
+        store(w, ROW.torque, i, torques_at(q, arm, load_on(w, i), torques, threshold, own_in(w, i)))
+        store(w, ROW.sines, i, renew_sines(load(w, ROW.sines, i)))
+
+    @device
+    def move(w: Any, lanes: int, config: Any, guides: bool) -> None:
+        """Move the worlds in the first ``lanes`` columns, which have taken their commands, through a control step.
+
+        ``guides`` says that hands may have more than a push and sines.
+        """
+        h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
+        lags_voltage = count_nonzero(w, ROW.machine.voltage_decay, lanes) > 0
+        for i in range(lanes):
+            drift_torques(w, i, h * count)
+        for k in range(count + 1):
+            drift_worlds(w, lanes, h, (k > 0) & (k < count), lags_voltage | (k == 0), guides)
+            if k < count:
+                kick(w, lanes, h)
+        for i in range(lanes):
+            sense_torques(w, i)
+
+    return move
+
+
+move_worlds, move_declared = _mover(papers), _mover(declared_in(ROW))
+"""What moves worlds with the paper's clutches, and with others."""
 
 
 @device
-def move_worlds(w: Any, lanes: int, config: Any, guides: bool) -> None:
-    """Move the worlds in the first ``lanes`` columns, which have taken their commands, through a control step.
+def no_arrangements(w: Any, lanes: int, constants: Any) -> None:
+    """Leave the paper's clutches as they are."""
 
-    ``guides`` says that hands may have more than a push and sines.
-    """
-    h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
-    lags_voltage = count_nonzero(w, ROW.machine.voltage_decay, lanes) > 0
+
+@device
+def take_arrangements(w: Any, lanes: int, constants: Any) -> None:
+    """Read the arrangement of the first ``lanes`` worlds."""
     for i in range(lanes):
-        drift_torques(w, i, h * count)
-    for k in range(count + 1):
-        whole = (k > 0) & (k < count)
-        if lags_voltage | (k == 0):
-            for i in range(lanes):
-                _aim(w, i, whole)
-        for i in range(lanes):
-            _drift(w, i, h, whole)
-        for i in range(lanes):
-            move_hand(w, i, h, whole, guides)
-        for i in range(lanes):
-            push_tip(w, i, guides)
-        if k < count:
-            _kick(w, lanes, h)
-    for i in range(lanes):
-        sense_torques(w, i)
+        store(w, ROW.arrangement, i, read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i])))

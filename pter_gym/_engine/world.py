@@ -4,6 +4,7 @@ from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.records import Entry, rows, width
 from pter_gym._physics.arm import Motion, PerLink, Vector
+from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.model import Model
 from pter_gym._physics.step import Energy, Impact
@@ -100,6 +101,7 @@ class World(NamedTuple):
     reward: Annotated[float, Entry("1", "sum of the reward terms")]
     end: Flags
     seen: Observation
+    arrangement: Arrangement  # with other clutches than the paper's
 
 
 ROW = rows(World)

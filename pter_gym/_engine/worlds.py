@@ -88,6 +88,8 @@ def check_shared(pairs: Sequence[Pair]) -> None:
     for machine, task in pairs:
         if (machine.substep, machine.clutch.voltage_max) != (first.substep, first.clutch.voltage_max):
             raise ParameterError("machines of one batch must share substep and clutch.voltage_max")
+        if machine.has_paper_clutches != first.has_paper_clutches:
+            raise ParameterError("Machine.clutches of one batch must all be the paper's, or none")
         if task.control_period != goal.control_period:
             raise ParameterError("tasks of one batch must share control_period")
         check_machine(task, machine)

@@ -27,7 +27,7 @@ from pter_gym._engine.world import FLAG, FLAGS, LANES, SAME_STEP
 
 TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
 
-STEP, RESET = "pter_step", "pter_reset"
+STEP, DECLARED_STEP, RESET = "pter_step", "pter_declared_step", "pter_reset"
 """Names of the calls."""
 
 # words of XLA_FFI_CallFrame, XLA_FFI_Buffer and XLA_FFI_Metadata_Extension
@@ -267,17 +267,23 @@ def _installed_version() -> int:
     return major | minor << 32
 
 
+def register_calls(step: str = STEP) -> tuple[Any, ...]:
+    """Compile a call that steps and that which resets, and register them, once; return them, which must live as long.
+
+    ``DECLARED_STEP`` is for machines with other clutches than the paper's.
+    """
+    return _registered(step), _registered(RESET)
+
+
 @cache
-def register_calls() -> tuple[Any, ...]:
-    """Compile both calls and register them, once; return them, as they must live as long as the process."""
-    spoken = _installed_version()
-    kernels: dict[str, Any] = {
-        STEP: compile_kernel(_build_step, advance=advance_kernel(), version=spoken),
-        RESET: compile_kernel(_build_reset, start=reset_kernel(), version=spoken),
-    }
-    for name, kernel in kernels.items():
-        _register(name, kernel)
-    return tuple(kernels.values())
+def _registered(name: str) -> Any:
+    version = _installed_version()
+    if name == RESET:
+        kernel = compile_kernel(_build_reset, start=reset_kernel(), version=version)
+    else:
+        kernel = compile_kernel(_build_step, advance=advance_kernel(declared=name == DECLARED_STEP), version=version)
+    _register(name, kernel)
+    return kernel
 
 
 @cache

@@ -1,8 +1,9 @@
-"""Joint dry friction of four clutches on two axes, from plain numbers. It knows no arm.
+"""Joint dry friction of up to four clutches on two axes, from plain numbers. It knows no arm.
 
 One substep asks for the velocity that minimises ``½·ωᵀMω − pᵀω + Σ c_x·|W_x·ω|``: implicit Euler with maximum
 dissipation, strictly convex. Here p is the momentum without clutches, c_x the largest impulse of clutch x, and W_x its
-row in W, see ``COUPLING``.
+row in W, see ``COUPLING``. This is the paper's W, which needs no numbers here; functions that depend on it take the
+``Arrangement`` of a machine with other clutches as ``own``.
 
 The four lines W_x·ω = 0 cut the plane into one point (the paper's zero-DOF mode), four lines (its one-DOF modes) and
 eight sectors (its two-DOF mode). Line x has the direction d_x with W_x·d_x = 0, see ``LINES``.
@@ -11,13 +12,11 @@ eight sectors (its two-DOF mode). Line x has the direction d_x with W_x·d_x = 0
 from enum import IntEnum
 
 from pter_gym._compiled.compiler import device
+from pter_gym._physics.arrangement import FAR, Own, between, combined, dot, resolve_any, share_any, side, sign, within
 from pter_gym._physics.clutch import PerClutch
+from pter_gym.params import PAPER_CLUTCHES
 
-_FAR = 1e300
-"""A squared distance beyond any other."""
-
-
-COUPLING = ((1.0, 0.0), (0.0, 1.0), (1.0, -1.0), (1.0, 1.0))
+COUPLING = tuple(each.row for each in PAPER_CLUTCHES)
 """W: how the slip velocity of each clutch follows from the angular velocities of the links (paper Eqs. 3 and 4)."""
 
 LINES = ((0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (1.0, -1.0))
@@ -36,26 +35,34 @@ class ClutchMode(IntEnum):
 
 
 @device
-def slip_velocities(omega_a: float, omega_b: float) -> PerClutch:
+def slip_velocities(omega_a: float, omega_b: float, own: Own = None) -> PerClutch:
     """Return W·ω [rad/s], the slip velocity of each clutch."""
+    if own is not None:
+        return combined(own.a, omega_a, own.b, omega_b)
     return PerClutch(omega_a, omega_b, omega_a - omega_b, omega_a + omega_b)
 
 
 @device
-def torques_on_links(torque: PerClutch) -> tuple[float, float]:
+def torques_on_links(torque: PerClutch, own: Own = None) -> tuple[float, float]:
     """Return Wᵀτ [N·m], what torques of the clutches make together on each link."""
+    if own is not None:
+        return dot(own.a, torque), dot(own.b, torque)
     return torque.x1 + torque.x3 + torque.x4, torque.x2 - torque.x3 + torque.x4
 
 
 @device
-def with_dry(limit: PerClutch, dry_a: float, dry_b: float) -> PerClutch:
+def with_dry(limit: PerClutch, dry_a: float, dry_b: float, own: Own = None) -> PerClutch:
     """Return the torque limits [N·m] of clutches 1 and 2 with the axes' dry friction, which brakes the same slips."""
+    if own is not None:
+        return combined(limit, 1.0, own.dry, 1.0)
     return PerClutch(limit.x1 + dry_a, limit.x2 + dry_b, limit.x3, limit.x4)
 
 
 @device
-def without_dry(torque: PerClutch, dry_a: float, dry_b: float) -> PerClutch:
+def without_dry(torque: PerClutch, dry_a: float, dry_b: float, own: Own = None) -> PerClutch:
     """Return the clutches' own part of torques [N·m] under limits with dry friction, which holds what it can first."""
+    if own is not None:
+        return combined(torque, 1.0, within(torque, combined(own.dry, -1.0, own.dry, 0.0), own.dry), -1.0)
     return PerClutch(
         torque.x1 - between(torque.x1, -dry_a, dry_a),
         torque.x2 - between(torque.x2, -dry_b, dry_b),
@@ -65,27 +72,19 @@ def without_dry(torque: PerClutch, dry_a: float, dry_b: float) -> PerClutch:
 
 
 @device
-def mode_of(omega_a: float, omega_b: float) -> int:
-    """Return the ClutchMode: which slip is exactly zero, ties to the fewest degrees of freedom."""
+def mode_of(omega_a: float, omega_b: float, own: Own = None) -> int:
+    """Return the ClutchMode: which slip is exactly zero, ties to the fewest degrees of freedom and the first clutch."""
     mode = 0
+    if own is not None:
+        slip = slip_velocities(omega_a, omega_b, own)
+        for x in range(3, -1, -1):
+            mode = x + 1 if (slip[x] == 0.0) & (x < own.number) else mode
+        return 5 if (omega_a == 0.0) & (omega_b == 0.0) else mode
     mode = 1 if omega_a == 0.0 else mode
     mode = 2 if omega_b == 0.0 else mode
     mode = 3 if omega_a == omega_b else mode
     mode = 4 if omega_a == -omega_b else mode
     return 5 if (omega_a == 0.0) & (omega_b == 0.0) else mode
-
-
-@device
-def sign(x: float) -> float:
-    """Return 1 for x ≥ 0 and −1 otherwise."""
-    return 1.0 if x >= 0.0 else -1.0
-
-
-@device
-def side(multiplier: float, capacity: float) -> float:
-    """Return on which side of a clutch's line the minimum lies: 0 where that clutch can hold the multiplier."""
-    over = 1.0 if multiplier > capacity else 0.0
-    return -1.0 if multiplier < -capacity else over
 
 
 @device
@@ -102,7 +101,9 @@ def rest_sides(
 
 
 @device
-def resolve(m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch) -> tuple[float, float]:
+def resolve(
+    m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch, own: Own = None
+) -> tuple[float, float]:
     """Return the angular velocities [rad/s] after friction. Exact, without iteration or branch.
 
     Along line x the minimum is a soft threshold, s = max(|p·d| − h(d), 0)/dᵀMd. If clutch x can hold the multiplier
@@ -110,6 +111,8 @@ def resolve(m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerCl
     and four signs name the sector. On a line whose minimum is at rest, any other line's overload tells the side. Where
     rounding puts the sector's solution on the wrong side of a line, it belongs to that line.
     """
+    if own is not None:
+        return resolve_any(m11, m12, m22, p_a, p_b, c, own)
     q1 = p_b
     q2 = p_a
     q3 = p_a + p_b
@@ -164,13 +167,6 @@ def resolve(m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerCl
 
 
 @device
-def between(x: float, low: float, high: float) -> float:
-    """Return x limited to [low, high]."""
-    x = x if x > low else low
-    return x if x < high else high
-
-
-@device
 def largest(x: float, y: float, z: float) -> float:
     """Return the largest of three numbers."""
     x = x if x > y else y
@@ -196,7 +192,7 @@ def along_edge(beyond: float, across: float, low: float, high: float, slack: flo
     shift = across - nearest
     distance = -1.0 if shift == 0.0 else beyond * beyond + shift * shift
     counts = (beyond != 0.0) & (low <= high + slack)
-    return nearest, (distance if counts else _FAR)
+    return nearest, (distance if counts else FAR)
 
 
 @device
@@ -209,7 +205,9 @@ def nearer(
 
 
 @device
-def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch, rounding: float = 0.0) -> PerClutch:
+def share(
+    load_a: float, load_b: float, low: PerClutch, high: PerClutch, rounding: float = 0.0, own: Own = None
+) -> PerClutch:
     """Return the four torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high; the load must be reachable.
 
     A load that is known to a ``rounding`` [N·m] only may be as far out of reach.
@@ -218,6 +216,8 @@ def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch, roundin
     3·|(u, v) − (u0, v0)|² + constant. So the answer is the Euclidean projection of (u0, v0) onto an octagon whose
     edges bound u, v, u + v and u − v.
     """
+    if own is not None:
+        return share_any(load_a, load_b, low, high, rounding, own)
     u0 = (load_a - load_b) / 3.0
     v0 = (load_a + load_b) / 3.0
     sum_low = load_a - high.x1
@@ -264,7 +264,7 @@ def share(load_a: float, load_b: float, low: PerClutch, high: PerClutch, roundin
     )
     u, v, best = nearer(u, v, best, 0.5 * (nearest + edge_diff), 0.5 * (nearest - edge_diff), 0.5 * distance)
 
-    inside = best >= 0.5 * _FAR
+    inside = best >= 0.5 * FAR
     u = between(u0 if inside else u, low.x3, high.x3)
     v = between(v0 if inside else v, low.x4, high.x4)
     return PerClutch(between(load_a - u - v, low.x1, high.x1), between(load_b + u - v, low.x2, high.x2), u, v)
@@ -284,14 +284,20 @@ def upper_bound(slip: float, limit: float) -> float:
 
 @device
 def generated_torques(
-    omega_a: float, omega_b: float, load_a: float, load_b: float, limit: PerClutch, rounding: float = 0.0
+    omega_a: float,
+    omega_b: float,
+    load_a: float,
+    load_b: float,
+    limit: PerClutch,
+    rounding: float = 0.0,
+    own: Own = None,
 ) -> PerClutch:
     """Return the torque of each clutch on the arm [N·m], given what all four exert on the two links, to a rounding.
 
     A slipping clutch generates its limit against the slip. Stuck ones share the rest with the least Σ τ_x², each
     within its limit; where the paper's equations are statically indeterminate (section III-A) this picks one answer.
     """
-    w = slip_velocities(omega_a, omega_b)
+    w = slip_velocities(omega_a, omega_b, own)
     low = PerClutch(
         lower_bound(w.x1, limit.x1),
         lower_bound(w.x2, limit.x2),
@@ -304,4 +310,4 @@ def generated_torques(
         upper_bound(w.x3, limit.x3),
         upper_bound(w.x4, limit.x4),
     )
-    return share(load_a, load_b, low, high, rounding)
+    return share(load_a, load_b, low, high, rounding, own)

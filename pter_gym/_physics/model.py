@@ -4,10 +4,11 @@ from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.records import Entry
 from pter_gym._physics.arm import Linkage
+from pter_gym._physics.arrangement import Arrangement, Own
 from pter_gym._physics.clutch import Curve, PerClutch, lag_left
-from pter_gym.params import Machine
+from pter_gym.params import SLOTS, Machine
 from pter_gym.params import TorqueCurve as CurveParameters
-from pter_gym.params._machine import tip_mass
+from pter_gym.params._machine import BRAKE_A, BRAKE_B, tip_mass
 
 
 class Model(NamedTuple):
@@ -51,8 +52,24 @@ def model_of(machine: Machine) -> Model:
         torque_decay=0.0 if lags_voltage else decay,
         voltage_max=clutch.voltage_max,
         slip_threshold=machine.slip_threshold,
-        scale=PerClutch(*machine.clutch_scale),
+        scale=PerClutch(*machine.slot_scale),
     )
+
+
+def arrangement_of(machine: Machine) -> Arrangement:
+    """Return W of a machine; dry friction is with the first slot that slips as its axis does."""
+    rows, dry = machine.slot_rows, [0.0] * SLOTS
+    for brake, friction in ((BRAKE_A, machine.arm.dry_a), (BRAKE_B, machine.arm.dry_b)):
+        if friction > 0.0:
+            dry[rows.index(brake.row)] = friction
+    a, b = zip(*rows, strict=True)
+    number = 0.0 if machine.has_paper_clutches else float(len(machine.clutches))
+    return Arrangement(PerClutch(*a), PerClutch(*b), PerClutch(*dry), number)
+
+
+def own_arrangement(machine: Machine) -> Own:
+    """Return W of a machine as functions of friction take it: None for the paper's."""
+    return None if machine.has_paper_clutches else arrangement_of(machine)
 
 
 def implicit_share(machine: Machine) -> float:

@@ -12,8 +12,8 @@ from pter_gym._compiled.records import load, rows, store, width, write
 from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.friction import mode_of, slip_velocities, without_dry
-from pter_gym._physics.model import model_of
-from pter_gym._physics.step import Body, Energy, kick_torques, substep_on
+from pter_gym._physics.model import arrangement_of, model_of
+from pter_gym._physics.step import Body, Energy, declared_in, kick_torques, papers, substep_on
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine, find_machine
 
@@ -136,7 +136,7 @@ def initial_state(
     machine = find_machine(machine)
     settled = _volts(machine, volts, 1)[0]
     clutch = machine.clutch
-    scale = np.array(machine.clutch_scale)
+    scale = np.array(machine.slot_scale)
     return State(
         theta=_vector("theta", theta, 2),
         omega=_vector("omega", omega, 2),
@@ -194,7 +194,7 @@ def simulate(
     steps = _steps(machine, duration, volts, hand_force, joint_torque, target)
     body = body_of(machine, state)
     record = np.empty((steps, width(Row)))
-    _kernel()(
+    _kernel(papers=machine.has_paper_clutches)(
         body,
         _volts(machine, volts, steps),
         _rows("hand_force", hand_force, steps, 2),
@@ -217,6 +217,7 @@ def body_of(machine: Machine, state: State) -> Array:
     """
     body: Any = np.zeros((BODY_WIDTH, 1))
     store(body, BODY.machine, 0, model_of(machine))
+    store(body, BODY.arrangement, 0, arrangement_of(machine))
     theta_a, theta_b = _vector("state.theta", state.theta, 2)
     omega_a, omega_b = _vector("state.omega", state.omega, 2)
     units = np.cos(theta_a), np.sin(theta_a), np.cos(theta_b), np.sin(theta_b)
@@ -244,45 +245,51 @@ def _load_on(body: Any, i: int) -> Load:
     return load(body, BODY.load, i)
 
 
-_aim, _drift, _kick = substep_on(BODY, _load_on)
+def _functions(own_in: Any) -> tuple[Any, Any]:
+    """Return ``advance`` and ``row_of`` for machines whose clutches ``own_in`` tells; see ``substep_on``."""
+    aim, drift, kick = substep_on(BODY, _load_on, own_in)
+
+    @device
+    def advance(body: Any, command: PerClutch, on: Load, h: float) -> None:
+        """Advance one machine, from ``body_of``, by a substep of h [s] at a command [V] under a load."""
+        store(body, BODY.command, 0, command)
+        store(body, BODY.load, 0, on)
+        store(body, BODY.energy, 0, Energy(-0.0, -0.0, -0.0, -0.0))  # the sum with −0 keeps the sign of a zero
+        aim(body, 0, False)
+        drift(body, 0, h, False)
+        kick(body, 1, h)
+        aim(body, 0, False)
+        drift(body, 0, h, False)
+
+    @device
+    def row_of(body: Any) -> Row:
+        """Return what to record of a machine after a substep."""
+        arm = load(body, BODY.machine.arm, 0)
+        q = load(body, BODY.motion, 0)
+        torques = load(body, BODY.torques, 0)
+        impact, limit = load(body, BODY.impact, 0), load(body, BODY.limit, 0)
+        own = own_in(body, 0)
+        torque = kick_torques(impact, q.omega_a, q.omega_b, limit, body[BODY.span, 0], own)
+        x, y = tip_position(arm, q)
+        v_x, v_y = tip_velocity(arm, q)
+        return Row(
+            theta=PerLink(q.theta_a, q.theta_b),
+            omega=PerLink(q.omega_a, q.omega_b),
+            tip_position=Vector(x, y),
+            tip_velocity=Vector(v_x, v_y),
+            torque=without_dry(torque, arm.dry_a, arm.dry_b, own),
+            slip_velocity=slip_velocities(q.omega_a, q.omega_b, own),
+            torque_breakaway=torques.breakaway,
+            torque_dynamic=torques.dynamic,
+            mode=mode_of(q.omega_a, q.omega_b, own),
+            kinetic_energy=kinetic_energy(arm, q),
+            energy=load(body, BODY.energy, 0),
+        )
+
+    return advance, row_of
 
 
-@device
-def advance(body: Any, command: PerClutch, on: Load, h: float) -> None:
-    """Advance one machine, from ``body_of``, by a substep of h [s] at a command [V] under a load."""
-    store(body, BODY.command, 0, command)
-    store(body, BODY.load, 0, on)
-    store(body, BODY.energy, 0, Energy(-0.0, -0.0, -0.0, -0.0))  # the sum with −0 keeps the sign of a zero
-    _aim(body, 0, False)
-    _drift(body, 0, h, False)
-    _kick(body, 1, h)
-    _aim(body, 0, False)
-    _drift(body, 0, h, False)
-
-
-@device
-def row_of(body: Any) -> Row:
-    """Return what to record of a machine after a substep."""
-    arm = load(body, BODY.machine.arm, 0)
-    q = load(body, BODY.motion, 0)
-    torques = load(body, BODY.torques, 0)
-    impact, limit = load(body, BODY.impact, 0), load(body, BODY.limit, 0)
-    torque = kick_torques(impact, q.omega_a, q.omega_b, limit, body[BODY.span, 0])
-    x, y = tip_position(arm, q)
-    v_x, v_y = tip_velocity(arm, q)
-    return Row(
-        theta=PerLink(q.theta_a, q.theta_b),
-        omega=PerLink(q.omega_a, q.omega_b),
-        tip_position=Vector(x, y),
-        tip_velocity=Vector(v_x, v_y),
-        torque=without_dry(torque, arm.dry_a, arm.dry_b),
-        slip_velocity=slip_velocities(q.omega_a, q.omega_b),
-        torque_breakaway=torques.breakaway,
-        torque_dynamic=torques.dynamic,
-        mode=mode_of(q.omega_a, q.omega_b),
-        kinetic_energy=kinetic_energy(arm, q),
-        energy=load(body, BODY.energy, 0),
-    )
+(advance, row_of), _DECLARED = _functions(papers), _functions(declared_in(BODY))
 
 
 def _build(digest: str) -> Any:
@@ -308,8 +315,8 @@ def _build(digest: str) -> Any:
 
 
 @cache
-def _kernel() -> Any:
-    return compile_kernel(_build)
+def _kernel(*, papers: bool) -> Any:
+    return compile_kernel(_build) if papers else compile_kernel(_build, advance=_DECLARED[0], row_of=_DECLARED[1])
 
 
 def _check_finite(record: Array) -> None:

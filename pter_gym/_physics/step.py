@@ -22,6 +22,7 @@ from pter_gym._physics.arm import (
     tip_position,
     velocity_torque,
 )
+from pter_gym._physics.arrangement import Arrangement, Own, sign
 from pter_gym._physics.clutch import (
     PerClutch,
     Torques,
@@ -37,7 +38,6 @@ from pter_gym._physics.clutch import (
 from pter_gym._physics.friction import (
     generated_torques,
     resolve,
-    sign,
     slip_velocities,
     torques_on_links,
     with_dry,
@@ -92,6 +92,7 @@ class Body(NamedTuple):
     span: float
     changes: float
     energy: Energy
+    arrangement: Arrangement
 
 
 @device
@@ -166,24 +167,25 @@ def stuck_limits(slip: PerClutch, limit: PerClutch) -> PerClutch:
 
 
 @device
-def torques_at(q: Motion, arm: Linkage, on: Load, torques: Torques, threshold: float) -> PerClutch:
+def torques_at(q: Motion, arm: Linkage, on: Load, torques: Torques, threshold: float, own: Own = None) -> PerClutch:
     """Return the torque of each clutch on the arm at an instant [N·m].
 
     Clutches that slip exert their limit; stuck ones what keeps them so, if they can, by the friction problem of the
     accelerations.
     """
-    slip = slip_velocities(q.omega_a, q.omega_b)
-    limit = with_dry(capacities(slip, threshold, torques), arm.dry_a, arm.dry_b)
+    slip = slip_velocities(q.omega_a, q.omega_b, own)
+    limit = with_dry(capacities(slip, threshold, torques), arm.dry_a, arm.dry_b, own)
     impact = free_motion(q, arm, on, 0.0)
     damper_a, damper_b = damper_torque(arm, q)
     free_a = impact.hand_a - impact.fictitious_a - arm.implicit * damper_a - arm.viscous_a * q.omega_a
     free_b = impact.hand_b - impact.fictitious_b - arm.implicit * damper_b - arm.viscous_b * q.omega_b
-    slide_a, slide_b = torques_on_links(sliding_torques(slip, limit))
+    slide_a, slide_b = torques_on_links(sliding_torques(slip, limit), own)
     held = stuck_limits(slip, limit)
-    alpha_a, alpha_b = resolve(impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, held)
+    alpha_a, alpha_b = resolve(impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, held, own)
     load_a = impact.m11 * alpha_a + impact.m12 * alpha_b - free_a
     load_b = impact.m12 * alpha_a + impact.m22 * alpha_b - free_b
-    return without_dry(generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit), arm.dry_a, arm.dry_b)
+    generated = generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit, 0.0, own)
+    return without_dry(generated, arm.dry_a, arm.dry_b, own)
 
 
 @device
@@ -194,7 +196,7 @@ def passing(before: float, after: float, threshold: float) -> float:
 
 @device
 def slid_velocities(
-    impact: Impact, before: PerClutch, after: PerClutch, limit: PerClutch, threshold: float, h: float
+    impact: Impact, before: PerClutch, after: PerClutch, limit: PerClutch, threshold: float, h: float, own: Own = None
 ) -> PerClutch:
     """Return the slip velocities [rad/s] after a kick in which clutches whose slip passes zero never cease to slide.
 
@@ -206,22 +208,29 @@ def slid_velocities(
         passing(before.x3, after.x3, threshold),
         passing(before.x4, after.x4, threshold),
     )
-    slide_a, slide_b = torques_on_links(sliding_torques(slips, limit))
+    slide_a, slide_b = torques_on_links(sliding_torques(slips, limit), own)
     p_a = impact.p_a + h * slide_a
     p_b = impact.p_b + h * slide_b
     held = impulses(stuck_limits(slips, limit), h)
-    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, held)
-    return slip_velocities(omega_a, omega_b)
+    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, held, own)
+    return slip_velocities(omega_a, omega_b, own)
 
 
 @device
 def share_before_change(
-    q: Motion, omega: PerLink, impact: Impact, torques: Torques, limit: PerClutch, threshold: float, h: float
+    q: Motion,
+    omega: PerLink,
+    impact: Impact,
+    torques: Torques,
+    limit: PerClutch,
+    threshold: float,
+    h: float,
+    own: Own = None,
 ) -> float:
     """Return the share of a kick after which the first clutch changes between sticking and slipping, 1 for none."""
-    w = slip_velocities(q.omega_a, q.omega_b)
-    v = slip_velocities(omega.a, omega.b)
-    slid = slid_velocities(impact, w, v, limit, threshold, h)
+    w = slip_velocities(q.omega_a, q.omega_b, own)
+    v = slip_velocities(omega.a, omega.b, own)
+    slid = slid_velocities(impact, w, v, limit, threshold, h, own)
     ts, tk = torques.breakaway, torques.dynamic
     s1 = share_before(w.x1, slid.x1, threshold) if changes(w.x1, v.x1, threshold, ts.x1, tk.x1) else 1.0
     s2 = share_before(w.x2, slid.x2, threshold) if changes(w.x2, v.x2, threshold, ts.x2, tk.x2) else 1.0
@@ -240,7 +249,9 @@ def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tup
 
 
 @device
-def kick_torques(impact: Impact, omega_a: float, omega_b: float, limit: PerClutch, h: float) -> PerClutch:
+def kick_torques(
+    impact: Impact, omega_a: float, omega_b: float, limit: PerClutch, h: float, own: Own = None
+) -> PerClutch:
     """Return the torque of each clutch, with dry friction, on the arm [N·m] over a kick of h [s] or a part of one.
 
     What they exert together is a difference of momenta over h, so the shorter the time, the coarser its rounding.
@@ -249,11 +260,13 @@ def kick_torques(impact: Impact, omega_a: float, omega_b: float, limit: PerClutc
     m11, m12, m22 = impact.m11, impact.m12, impact.m22
     momentum = abs(impact.p_a) + abs(impact.p_b) + h * (limit.x1 + limit.x2 + limit.x3 + limit.x4)
     condition = (m11 + m22) * (m11 + m22) / (m11 * m22 - m12 * m12)
-    return generated_torques(omega_a, omega_b, load_a, load_b, limit, 1e-15 * condition * momentum / h)
+    return generated_torques(omega_a, omega_b, load_a, load_b, limit, 1e-15 * condition * momentum / h, own)
 
 
 @device
-def kick_energy(q: Motion, omega: PerLink, arm: Linkage, impact: Impact, limit: PerClutch, h: float) -> Energy:
+def kick_energy(
+    q: Motion, omega: PerLink, arm: Linkage, impact: Impact, limit: PerClutch, h: float, own: Own = None
+) -> Energy:
     """Return the energy terms [J] of a kick to new velocities; the damping of the hand counts as the hand's work."""
     omega_a = omega.a
     omega_b = omega.b
@@ -263,7 +276,7 @@ def kick_energy(q: Motion, omega: PerLink, arm: Linkage, impact: Impact, limit: 
     speed_a = arm.length_a * omega_a
     speed_b = arm.length_b * omega_b
     tip_speed_squared = speed_a * speed_a + speed_b * speed_b + 2.0 * cos * speed_a * speed_b
-    w = slip_velocities(omega_a, omega_b)
+    w = slip_velocities(omega_a, omega_b, own)
     m12 = arm.coupling * cos
     return Energy(
         h * (omega_a * impact.hand_a + omega_b * impact.hand_b - arm.implicit * arm.damping * tip_speed_squared),
@@ -280,7 +293,22 @@ def turning_energy(before: Motion, after: Motion, arm: Linkage) -> float:
     return arm.coupling * (cos_difference(after) - cos_difference(before)) * before.omega_a * before.omega_b
 
 
-def substep_on(at: Any, load_on: Any) -> tuple[Any, Any, Any]:
+@device
+def papers(w: Any, i: int) -> None:
+    """Return what stands for the paper's clutches: code made with it costs nothing for its generality."""
+
+
+def declared_in(at: Any) -> Any:
+    """Return a function of an array and a machine's column that returns the machine's ``Arrangement``."""
+
+    @device
+    def declared(w: Any, i: int) -> Arrangement:
+        return load(w, at.arrangement, i)
+
+    return declared
+
+
+def substep_on(at: Any, load_on: Any, own_in: Any = papers) -> tuple[Any, Any, Any]:
     """Return what makes a substep for machines in the columns of an array: ``aim``, ``drift`` and ``kick``.
 
     A substep is half a drift, a kick and half a drift; between two kicks the halves make a whole one. There are two
@@ -293,6 +321,8 @@ def substep_on(at: Any, load_on: Any) -> tuple[Any, Any, Any]:
         Rows of a record with the entries of ``Body``, alone or among others.
     load_on
         ``load_on(w, i)`` returns the ``Load`` on the arm of machine ``i``.
+    own_in
+        ``papers``, or ``declared_in(at)`` for machines with other clutches than the paper's.
 
     Returns
     -------
@@ -325,7 +355,7 @@ def substep_on(at: Any, load_on: Any) -> tuple[Any, Any, Any]:
         store(w, at.motion, i, after)
         w[at.energy.residual, i] += turning_energy(before, after, load(w, at.machine.arm, i))
 
-    find, take, divide = _parts_on(at, load_on)
+    find, take, divide = _parts_on(at, load_on, own_in)
 
     @device
     def kick(w: Any, lanes: int, h: float) -> None:
@@ -341,7 +371,7 @@ def substep_on(at: Any, load_on: Any) -> tuple[Any, Any, Any]:
     return aim, drift, kick
 
 
-def _parts_on(at: Any, load_on: Any) -> tuple[Any, Any, Any]:
+def _parts_on(at: Any, load_on: Any, own_in: Any) -> tuple[Any, Any, Any]:
     """Return what makes a kick, each for the machine in column ``i`` of an array; see ``substep_on``."""
 
     @device
@@ -352,14 +382,17 @@ def _parts_on(at: Any, load_on: Any) -> tuple[Any, Any, Any]:
         q = load(w, at.motion, i)
         arm = load(w, at.machine.arm, i)
         impact = free_motion(q, arm, load_on(w, i), h)
-        before = slip_velocities(q.omega_a, q.omega_b)
-        limit = with_dry(capacities(before, threshold, torques), arm.dry_a, arm.dry_b)
-        omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, impulses(limit, h))
+        own = own_in(w, i)
+        before = slip_velocities(q.omega_a, q.omega_b, own)
+        limit = with_dry(capacities(before, threshold, torques), arm.dry_a, arm.dry_b, own)
+        most = impulses(limit, h)
+        omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, most, own)
+        after = slip_velocities(omega_a, omega_b, own)
         store(w, at.impact, i, impact)
         store(w, at.omega, i, PerLink(omega_a, omega_b))
         store(w, at.limit, i, limit)
         w[at.span, i] = h
-        w[at.changes, i] = 1.0 if any_changes(before, slip_velocities(omega_a, omega_b), threshold, torques) else 0.0
+        w[at.changes, i] = 1.0 if any_changes(before, after, threshold, torques) else 0.0
 
     @device
     def take(w: Any, i: int) -> None:
@@ -367,7 +400,8 @@ def _parts_on(at: Any, load_on: Any) -> tuple[Any, Any, Any]:
         omega = load(w, at.omega, i)
         q = load(w, at.motion, i)
         arm = load(w, at.machine.arm, i)
-        energy = kick_energy(q, omega, arm, load(w, at.impact, i), load(w, at.limit, i), w[at.span, i])
+        impact, limit = load(w, at.impact, i), load(w, at.limit, i)
+        energy = kick_energy(q, omega, arm, impact, limit, w[at.span, i], own_in(w, i))
         w[at.motion.omega_a, i] = omega.a
         w[at.motion.omega_b, i] = omega.b
         w[at.energy.hand_work, i] += energy.hand_work
@@ -388,6 +422,7 @@ def _parts_on(at: Any, load_on: Any) -> tuple[Any, Any, Any]:
                 load(w, at.limit, i),
                 w[at.machine.slip_threshold, i],
                 span,
+                own_in(w, i),
             )
             if not share < 1.0 - _SHORTEST_PART:
                 break

@@ -25,7 +25,7 @@ PROSE: Mapping[type, tuple[str, ...]] = MappingProxyType({Card: ("name", "about"
 """Fields that describe a policy and do not change what it does."""
 
 
-ADDED: Mapping[type, tuple[str, ...]] = MappingProxyType({Interface: ("frame_skip",)})
+ADDED: Mapping[type, tuple[str, ...]] = MappingProxyType({Interface: ("frame_skip",), Card: ("clutches",)})
 """Fields that came later: with their defaults they do not count, so what is older stays what it was."""
 
 

@@ -5,6 +5,7 @@ problem too: the metric takes the place of the mass matrix, and what remains unr
 """
 
 from pter_gym._compiled.compiler import device
+from pter_gym._physics.arrangement import Own
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import resolve, share, slip_velocities, torques_on_links
 
@@ -23,7 +24,7 @@ def passive_high(slip: float, threshold: float, limit: float) -> float:
 
 @device
 def allocate(
-    want_a: float, want_b: float, low: PerClutch, high: PerClutch, m11: float, m12: float, m22: float
+    want_a: float, want_b: float, low: PerClutch, high: PerClutch, m11: float, m12: float, m22: float, own: Own = None
 ) -> PerClutch:
     """Return the clutch torques within bounds that come closest to the wanted joint torques [N·m].
 
@@ -36,12 +37,12 @@ def allocate(
     middle = PerClutch(
         0.5 * (high.x1 + low.x1), 0.5 * (high.x2 + low.x2), 0.5 * (high.x3 + low.x3), 0.5 * (high.x4 + low.x4)
     )
-    middle_a, middle_b = torques_on_links(middle)
-    short_a, short_b = resolve(m11, m12, m22, want_a - middle_a, want_b - middle_b, half)
+    middle_a, middle_b = torques_on_links(middle, own)
+    short_a, short_b = resolve(m11, m12, m22, want_a - middle_a, want_b - middle_b, half, own)
     got_a = want_a - (m11 * short_a + m12 * short_b)
     got_b = want_b - (m12 * short_a + m22 * short_b)
-    short = slip_velocities(short_a, short_b)
-    return share(got_a, got_b, pinned_low(short, low, high), pinned_high(short, low, high))
+    short = slip_velocities(short_a, short_b, own)
+    return share(got_a, got_b, pinned_low(short, low, high), pinned_high(short, low, high), 0.0, own)
 
 
 @device

@@ -1,7 +1,8 @@
 """The array of gains that guiding laws read: what they know of the machine, a torque table, and rows of gains by pace.
 
 In this order: ``Nominal``; the voltages, then the torques of the table; the paces of the rows; the rows, each a
-``Gains``. Between two paces the gains are interpolated, beyond them the nearest row counts.
+``Gains``. Between two paces the gains are interpolated, beyond them the nearest row counts. If the nominal machine has
+other clutches than the paper's, its ``Arrangement`` is the end.
 """
 
 from collections.abc import Sequence
@@ -12,8 +13,10 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import Entry, blend, flat, read, rows, width
+from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
+from pter_gym._physics.model import own_arrangement
 from pter_gym.params import Machine
 
 
@@ -58,6 +61,9 @@ class Gains(NamedTuple):
 NOMINAL = rows(Nominal)
 """Places of what a law knows of the machine, in the array of gains."""
 
+OWN = rows(Arrangement, -width(Arrangement))
+"""Places of the ``Arrangement``, from the end of the array of gains."""
+
 GAIN = rows(Gains)
 """Places of the gains in a row."""
 
@@ -96,18 +102,19 @@ def gains_array(
         coupling=arm.coupling,
         torque_limit=torques[-1],
         voltage_max=clutch.voltage_max,
-        scale=PerClutch(*machine.clutch_scale),
+        scale=PerClutch(*machine.slot_scale),
     )
     paces = [pace for pace, _ in rows_by_pace]
     table = (*table_volts, *torques)
-    return np.array([*flat(nominal), *table, *paces, *(gain for _, row in rows_by_pace for gain in row)])
+    gains = (gain for _, row in rows_by_pace for gain in row)
+    return np.array([*flat(nominal), *table, *paces, *gains, *flat(own_arrangement(machine) or ())])
 
 
 @device
 def read_gains(gains: Any, pace: float) -> Gains:
     """Return the gains at a commanded pace [m/s]."""
     paces = TABLE + 2 * int(gains[NOMINAL.knots])
-    count = (gains.shape[0] - paces) // (WIDTH + 1)
+    count = (gains.shape[0] - paces) // (WIDTH + 1)  # an arrangement takes less than a row
     low = 0
     part = 0.0
     for k in range(count - 1):

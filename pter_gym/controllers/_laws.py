@@ -14,10 +14,11 @@ from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import read
 from pter_gym._engine.law import MEMORY
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, joint_torque, tip_velocity
+from pter_gym._physics.arrangement import Own
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between, slip_velocities
 from pter_gym.controllers._allocation import allocate, passive_high, passive_low
-from pter_gym.controllers._gains import NOMINAL, Gains, Nominal, clutch_voltage, read_gains
+from pter_gym.controllers._gains import NOMINAL, OWN, Gains, Nominal, clutch_voltage, read_gains
 from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
 from pter_gym.tasks.path_following._observation import SEEN
 
@@ -119,6 +120,18 @@ def pace_integral(g: Gains, tip: Tip, pace: float, memory: Any) -> float:
 
 @device
 def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Return the voltages of a guiding law for the paper's clutches."""
+    return guide_by(obs, scales, gains, memory, None)
+
+
+@device
+def guide_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Return the voltages of a guiding law for the clutches whose ``Arrangement`` ends the gains."""
+    return guide_by(obs, scales, gains, memory, read(gains, OWN, gains.shape[0]))
+
+
+@device
+def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, own: Own) -> PerClutch:
     """Return the voltages of a guiding law: impedance, single-DOF lines or velocity ratio.
 
     All want a force at the tip (of the latter two only the brake along the path is left); Jᵀ takes it to the joints.
@@ -138,10 +151,10 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
         turn_a, turn_b = turning_torques(g, tip)
         want_a += turn_a
         want_b += turn_b
-    slip = slip_velocities(tip.q.omega_a, tip.q.omega_b)
-    wanted = passive_torques(g, tip, slip, nominal, want_a, want_b)
+    slip = slip_velocities(tip.q.omega_a, tip.q.omega_b, own)
+    wanted = passive_torques(g, tip, slip, nominal, want_a, want_b, own)
     if nominal.kind == SINGLE_DOF:
-        wanted, memory[MEMORY.kept] = steered(g, tip, nominal.scale, wanted, memory[MEMORY.kept])
+        wanted, memory[MEMORY.kept] = steered(g, tip, nominal.scale, wanted, memory[MEMORY.kept], own)
     least = nominal.voltage_max if gripping else 0.0
     scale = nominal.scale
     return PerClutch(
@@ -153,7 +166,9 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 
 @device
-def passive_torques(g: Gains, tip: Tip, slip: PerClutch, nominal: Nominal, want_a: float, want_b: float) -> PerClutch:
+def passive_torques(
+    g: Gains, tip: Tip, slip: PerClutch, nominal: Nominal, want_a: float, want_b: float, own: Own = None
+) -> PerClutch:
     """Return the clutch torques [N·m] that come closest to the wanted joint torques and only brake."""
     threshold, limit, scale = g.slip_threshold, nominal.torque_limit, nominal.scale
     low = PerClutch(
@@ -168,11 +183,13 @@ def passive_torques(g: Gains, tip: Tip, slip: PerClutch, nominal: Nominal, want_
         passive_high(slip.x3, threshold, limit * scale.x3),
         passive_high(slip.x4, threshold, limit * scale.x4),
     )
-    return allocate_in(g, tip, want_a, want_b, low, high)
+    return allocate_in(g, tip, want_a, want_b, low, high, own)
 
 
 @device
-def allocate_in(g: Gains, tip: Tip, want_a: float, want_b: float, low: PerClutch, high: PerClutch) -> PerClutch:
+def allocate_in(
+    g: Gains, tip: Tip, want_a: float, want_b: float, low: PerClutch, high: PerClutch, own: Own = None
+) -> PerClutch:
     """Return the clutch torques [N·m] within bounds that come closest in joint torque, or in tip force."""
     length_a, length_b = tip.arm.length_a, tip.arm.length_b
     tip_space = g.tip_space >= 0.5
@@ -184,6 +201,7 @@ def allocate_in(g: Gains, tip: Tip, want_a: float, want_b: float, low: PerClutch
         length_a * length_a if tip_space else 1.0,
         length_a * length_b * cos_difference(tip.q) if tip_space else 0.0,
         length_b * length_b if tip_space else 1.0,
+        own,
     )
 
 

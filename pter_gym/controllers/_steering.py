@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 from pter_gym._compiled.compiler import device
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, tip_velocity
+from pter_gym._physics.arrangement import Own, sign
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.friction import COUPLING, LINES, sign
+from pter_gym._physics.friction import COUPLING, LINES
 from pter_gym.controllers._gains import Gains
 
 
@@ -100,7 +101,17 @@ def matching(tip: Tip, u_x: float, u_y: float, turn: float, line: tuple[float, f
 
 
 @device
-def steered(g: Gains, tip: Tip, scale: PerClutch, wanted: PerClutch, last: float) -> tuple[PerClutch, float]:
+def line_and_row(k: int, own: Own) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the line of a slot, the joint velocities at which it does not slip, and its row of W."""
+    if own is not None:
+        return (-own.b[k], own.a[k]), (own.a[k], own.b[k])
+    return LINES[k], COUPLING[k]
+
+
+@device
+def steered(
+    g: Gains, tip: Tip, scale: PerClutch, wanted: PerClutch, last: float, own: Own = None
+) -> tuple[PerClutch, float]:
     """Return the clutch torques [N·m] with that of the best line's clutch added, and its number, 0 for none.
 
     Some clutches turn the tip's velocity towards the wanted direction. Of these the clutch is engaged whose single-DOF
@@ -114,7 +125,8 @@ def steered(g: Gains, tip: Tip, scale: PerClutch, wanted: PerClutch, last: float
     chosen = 0.0
     best = 0.0
     for k in range(4):
-        match = matching(tip, u_x, u_y, turn, LINES[k], COUPLING[k]) + (g.reluctance if last == k + 1.0 else 0.0)
+        line, row = line_and_row(k, own)
+        match = matching(tip, u_x, u_y, turn, line, row) + (g.reluctance if last == k + 1.0 else 0.0)
         better = (scale[k] > 0.0) & (match >= 0.0 if chosen == 0.0 else match > best)
         chosen = k + 1.0 if better else chosen
         best = match if better else best

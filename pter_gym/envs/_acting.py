@@ -1,6 +1,7 @@
 """Policies that act in environments: they notice when episodes begin, and give actions in the environment's unit."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -156,9 +157,13 @@ def normalised(volts: NDArray[np.floating], voltage_max: float) -> Actions:
 
 
 def nominal_machine(batches: list[Batch]) -> Machine:
-    """Return the machine of some worlds, or the paper's if they have several."""
+    """Return the machine of some worlds, or the paper's with their clutches if they have several."""
     machines = {machine for batch in batches for machine, _ in batch.pairs}
-    return BASELINE if len(machines) > 1 else machines.pop()
+    if len(machines) == 1:
+        return machines.pop()
+    if len(arrangements := {machine.clutches for machine in machines}) > 1:
+        raise ParameterError("Machine.clutches of all worlds must be the same for a policy that is bound to a machine")
+    return replace(BASELINE, clutches=arrangements.pop())
 
 
 def worlds_of(env: Any) -> list[Batch]:

@@ -19,6 +19,7 @@ from pter_gym._engine.cuda import THREADS, advance, reset
 from pter_gym._engine.world import FLAG, FLAGS, ROW
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import ActionError, DependencyError, ParameterError, ResetNeededError
+from pter_gym.params import require_paper_clutches
 from pter_gym.tasks.path_following._telemetry import COLUMNS
 
 cuda: Any = numba_cuda
@@ -44,6 +45,7 @@ class CudaPathFollowingVectorEnv(PathFollowingVectorEnv):
         if not cuda.is_available():
             raise DependencyError(MISSING)
         super().__init__(num_envs, **keywords)
+        require_paper_clutches(self.batch.machine, "the kernels of a CUDA device are made for them")
         self._torch = _torch_with_cuda()
         self._grid = (-(-self.num_envs // THREADS), THREADS)
         self._begun = np.zeros(self.num_envs, np.bool_)

@@ -5,6 +5,7 @@
 as one of ``gymnasium.make_vec`` with that seed.
 """
 
+from functools import cache
 from typing import Any, NamedTuple, cast
 
 import gymnasium
@@ -18,7 +19,7 @@ try:
     from jax import numpy as jnp
     from jax.custom_batching import custom_vmap
 
-    from pter_gym._engine.xla import RESET, STEP, register_calls, words_of
+    from pter_gym._engine.xla import DECLARED_STEP, RESET, STEP, register_calls, words_of
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.envs.jax", "jax"))) from error
 
@@ -84,7 +85,9 @@ class JaxEnv:
                 f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu; on a GPU, "
                 "gymnasium.make_vec(…, device='cuda') steps worlds for torch"
             )
-        register_calls()
+        step = STEP if env.batch.machine.has_paper_clutches else DECLARED_STEP
+        register_calls(step)
+        self._step = _stepping(step)
         self.env = env
         self.observation_layout: Layout = env.observation_layout
         self.frame_skip = env.frame_skip
@@ -149,7 +152,7 @@ class JaxEnv:
         action = jnp.asarray(action, jnp.float32)
         known = jnp.isfinite(action).all()
         given = jnp.where(known, jnp.clip(action, space.low, space.high), space.low)
-        world, episode, obs, final, reward, flags = _one(_step, (*state, given), self._shared(params))
+        world, episode, obs, final, reward, flags = _one(self._step, (*state, given), self._shared(params))
         obs, final, reward = (jnp.where(known, each, jnp.nan) for each in (obs, final, reward))
         terminated, truncated, success = (flags[each] for each in FLAG)
         told = {"terminated": terminated, "truncated": truncated, "is_success": success, "final_observation": final}
@@ -228,13 +231,19 @@ def _reset(own: Any, shared: EnvParams) -> Any:
     return _called(RESET, _results(own, shared), own, shared)
 
 
-@_many
-def _step(own: Any, shared: EnvParams) -> Any:
-    *state, obs = _results(own, shared)
-    rewards = jax.ShapeDtypeStruct((len(own[0]),), jnp.float32)
-    flags = jax.ShapeDtypeStruct((len(own[0]), FLAGS), jnp.bool_)
-    in_place = {0: 0, 1: 1}
-    return _called(STEP, (*state, obs, obs, rewards, flags), own, shared, input_output_aliases=in_place)
+@cache
+def _stepping(name: str) -> Any:
+    """Return what steps worlds by the call of a name."""
+
+    @_many
+    def step(own: Any, shared: EnvParams) -> Any:
+        *state, obs = _results(own, shared)
+        rewards = jax.ShapeDtypeStruct((len(own[0]),), jnp.float32)
+        flags = jax.ShapeDtypeStruct((len(own[0]), FLAGS), jnp.bool_)
+        in_place = {0: 0, 1: 1}
+        return _called(name, (*state, obs, obs, rewards, flags), own, shared, input_output_aliases=in_place)
+
+    return step
 
 
 def _called(name: str, results: Any, own: Any, shared: EnvParams, **options: Any) -> tuple[jax.Array, ...]:

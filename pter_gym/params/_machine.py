@@ -7,6 +7,7 @@ paper does not print are in one file, ``presets/pter.toml``.
 
 import math
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from typing import Literal, cast, get_args
 
 from pter_gym.errors import ParameterError, nearest
@@ -137,9 +138,45 @@ class Hand:
             require_number(self, item.name, at_least=0.0)
 
 
+@dataclass(frozen=True)
+class Connection:
+    """The name of a clutch, and its row (a, b) of W [1]; a ParameterError if it is of none of these forms.
+
+    It slips at a·ω_A + b·ω_B, and its torque τ acts as a·τ on link A and b·τ on link B. (1, 0) and (0, 1) are brakes;
+    (1, −r) couples axis A to axis B, and (1, r) does so through an inverting gear, for 0.01 ≤ r ≤ 100.
+    """
+
+    name: str = quantity("1", "chosen")
+    row: tuple[float, float] = quantity("1", "published: Eqs. 3 and 4, for PTER's clutches")
+
+    def __post_init__(self) -> None:
+        """Check both."""
+        require_kind(self, "name", str)
+        require(self.name.isprintable() and 0 < len(self.name) <= 40, self, "name", self.name, "1 to 40 characters")
+        accepted = "(0, 1), (1, 0), (1, −r) or (1, r) with 0.01 ≤ r ≤ 100"
+        require_numbers(self, "row", accepted, count=2)
+        a, b = self.row
+        fits = (a, b) == (0.0, 1.0) or (a == 1.0 and (b == 0.0 or 0.01 <= abs(b) <= 100.0))
+        require(fits, self, "row", self.row, accepted)
+        object.__setattr__(self, "row", (float(a), float(b)))
+
+
+BRAKE_A, BRAKE_B = Connection("A to ground", (1.0, 0.0)), Connection("B to ground", (0.0, 1.0))
+COUPLED, INVERTED = Connection("A to B", (1.0, -1.0)), Connection("A to B, inverted", (1.0, 1.0))
+
+PAPER_CLUTCHES = (BRAKE_A, BRAKE_B, COUPLED, INVERTED)
+"""The clutches of PTER (paper Eqs. 3 and 4)."""
+
+SLOTS = len(PAPER_CLUTCHES)
+"""Most clutches of a machine: voltages, torques and slips are always so many."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Machine:
-    """A PTER: arm, four clutches and the hand that holds the tip, with the numbers of its friction model."""
+    """A PTER: arm, clutches and the hand that holds the tip, with the numbers of its friction model.
+
+    A machine of fewer clutches than the paper's four has empty slots, whose voltage does nothing.
+    """
 
     arm: Arm = quantity("1", "see Arm", default=Arm())
     clutch: Clutch = quantity("1", "see Clutch")
@@ -147,7 +184,10 @@ class Machine:
     clutch_scale: tuple[float, ...] = quantity(
         "1",
         "chosen: each clutch's torques over those of its curves; 0 for a clutch that is not there",
-        default=(1.0,) * 4,
+        default=(1.0,) * SLOTS,
+    )
+    clutches: tuple[Connection, ...] = quantity(
+        "1", "published: Eqs. 3 and 4; other arrangements were never built", default=PAPER_CLUTCHES
     )
     slip_threshold: float = quantity("rad/s", "chosen: δω of Karnopp's model (Eq. 2)", default=1e-3)
     substep: float = quantity(
@@ -158,11 +198,12 @@ class Machine:
         """Check the numbers of the friction model and that the hand's explicit spring is stable."""
         for name, kind in (("arm", Arm), ("clutch", Clutch), ("hand", Hand)):
             require_kind(self, name, kind)
-        accepted = "a tuple of 4 finite numbers ≥ 0"
-        require_numbers(self, "clutch_scale", accepted, count=4)
+        accepted = f"a tuple of {SLOTS} finite numbers ≥ 0"
+        require_numbers(self, "clutch_scale", accepted, count=SLOTS)
         require(min(self.clutch_scale) >= 0.0, self, "clutch_scale", self.clutch_scale, accepted)
         require_number(self, "slip_threshold", above=0.0)
         require_number(self, "substep", above=0.0, at_most=0.01)
+        self._check_clutches()
         mass = self.hand.mass + tip_mass(self.arm)
         require(
             self.hand.stiffness * self.substep**2 <= 0.25 * mass,
@@ -171,6 +212,46 @@ class Machine:
             self.hand.stiffness,
             f"≤ {0.25 * mass / self.substep**2:g} N/m, so substep²·stiffness is at most a quarter of the tip's mass",
         )
+
+    def _check_clutches(self) -> None:
+        """Check that names differ, that the slots hold motion in every direction, and where dry friction acts."""
+        require_kind(self, "clutches", tuple)
+        found, accepted = self.clutches, f"1 to {SLOTS} Connections with different names"
+        declared = all(isinstance(each, Connection) for each in cast("tuple[object, ...]", found))
+        require(declared and 0 < len(found) <= SLOTS, self, "clutches", found, accepted)
+        require(len({each.name for each in found}) == len(found), self, "clutches", found, accepted)
+        rows = self.slot_rows
+        require(len({*rows}) > 1, self, "clutches", found, f"of at least two different rows, if there are {SLOTS}")
+        ratios = sorted({b for a, b in rows if a != 0.0})
+        apart = all(high - low >= 0.01 * max(abs(low), abs(high)) for low, high in pairwise(ratios))
+        require(apart, self, "clutches", found, "of rows that are equal or differ by 1 % at least")
+        for name, brake in (("dry_a", BRAKE_A), ("dry_b", BRAKE_B)):
+            there = getattr(self.arm, name) == 0.0 or brake.row in rows
+            accepted = f"0 where {SLOTS} clutches leave no slot to a brake ({brake.name})"
+            require(there, self.arm, name, getattr(self.arm, name), accepted)
+
+    @property
+    def slot_rows(self) -> tuple[tuple[float, float], ...]:
+        """The rows of W of all slots; an empty one has that of a brake which is not there, for dry friction."""
+        rows = tuple(each.row for each in self.clutches)
+        empty = [brake.row for brake in (BRAKE_A, BRAKE_B) if brake.row not in rows]
+        return (*rows, *empty, *[BRAKE_A.row] * SLOTS)[:SLOTS]
+
+    @property
+    def slot_scale(self) -> tuple[float, ...]:
+        """The torques of all slots over those of the curves, 0 where there is no clutch."""
+        return tuple(scale if x < len(self.clutches) else 0.0 for x, scale in enumerate(self.clutch_scale))
+
+    @property
+    def has_paper_clutches(self) -> bool:
+        """Whether W is the paper's."""
+        return tuple(each.row for each in self.clutches) == tuple(each.row for each in PAPER_CLUTCHES)
+
+
+def require_paper_clutches(machine: Machine, why: str) -> None:
+    """Raise a ParameterError unless W is the paper's."""
+    rows = [each.row for each in machine.clutches]
+    require(machine.has_paper_clutches, machine, "clutches", rows, f"the paper's four: {why}")
 
 
 def tip_mass(arm: Arm) -> float:
@@ -229,17 +310,40 @@ def paper_machines_of(preset: Preset) -> dict[str, Machine]:
     return {name: replace(baseline, clutch=with_friction(baseline.clutch, *each)) for name, each in factors.items()}
 
 
-MACHINES = paper_machines_of(PRESET)
-"""Machines that environments and commands know by name; another clutch material is one more entry."""
+PAPER_MACHINES = paper_machines_of(PRESET)
 
-BASELINE = MACHINES["baseline"]
+BASELINE = PAPER_MACHINES["baseline"]
 """PTER with its present clutches (paper section IV-B.1)."""
 
-DELRIN_EXPERIMENTAL = MACHINES["delrin_experimental"]
+DELRIN_EXPERIMENTAL = PAPER_MACHINES["delrin_experimental"]
 """PTER with Delrin clutches as measured on the testbed (paper section IV-B.2)."""
 
-DELRIN_THEORETICAL = MACHINES["delrin_theoretical"]
+DELRIN_THEORETICAL = PAPER_MACHINES["delrin_theoretical"]
 """PTER with Delrin clutches as in the literature: T_k > T_s (paper section IV-B.2)."""
+
+ARRANGEMENTS = {
+    "two-brakes": (BRAKE_A, BRAKE_B),
+    "brakes-and-coupling": (BRAKE_A, BRAKE_B, COUPLED),
+    "brakes-and-inverter": (BRAKE_A, BRAKE_B, INVERTED),
+    "couplings-1-2": (BRAKE_A, BRAKE_B, replace(COUPLED, row=(1.0, -0.5)), replace(INVERTED, row=(1.0, 0.5))),
+    "couplings-2-1": (BRAKE_A, BRAKE_B, replace(COUPLED, row=(1.0, -2.0)), replace(INVERTED, row=(1.0, 2.0))),
+    "double-brakes": (
+        BRAKE_A,
+        BRAKE_B,
+        replace(BRAKE_A, name="A to ground, 2"),
+        replace(BRAKE_B, name="B to ground, 2"),
+    ),
+}
+"""Clutches other than the paper's, by name. None of these machines was ever built: PTER has ``PAPER_CLUTCHES``.
+
+In ``couplings-1-2`` axis B turns twice as fast as axis A while a coupling is stuck, in ``couplings-2-1`` half as fast.
+"""
+
+MACHINES = PAPER_MACHINES | {name: replace(BASELINE, clutches=clutches) for name, clutches in ARRANGEMENTS.items()}
+"""Machines that environments and commands know by name; another clutch material is one more entry.
+
+The first three are the paper's; the others are ``BASELINE`` with ``ARRANGEMENTS``, which were never built.
+"""
 
 
 def is_preset(machine: object) -> bool:

@@ -9,7 +9,15 @@ from pter_gym._compiled.layout import Layout
 from pter_gym._internal.checks import is_finite
 from pter_gym._internal.reading import parse_json, reading
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.params import require, require_flag, require_kind, require_number
+from pter_gym.params import (
+    PAPER_CLUTCHES,
+    SLOTS,
+    Connection,
+    require,
+    require_flag,
+    require_kind,
+    require_number,
+)
 from pter_gym.policies._interface import Base, Input, Interface
 
 FORMAT = 1
@@ -23,10 +31,12 @@ OUTPUTS = 4
 MOST_INPUTS, MOST_UNITS, MOST_LAYERS, MOST_LSTM = 256, 1024, 8, 512
 """Largest sizes of a network: inputs, units of a layer, layers, units of an LSTM."""
 
-ADDED = ("frame_skip",)
+ADDED = ("frame_skip", "clutches")
 """Fields that older cards lack, which mean their defaults there."""
 
 Fields = tuple[tuple[str, str, float], ...]
+
+PAPER_ROWS = tuple(each.row for each in PAPER_CLUTCHES)
 
 
 @dataclass(frozen=True)
@@ -55,6 +65,8 @@ class Card:
         Whether the network's outputs go through tanh.
     lstm
         Units of the LSTM between the inputs and the hidden layers; 0 for none.
+    clutches
+        Rows of W of the clutches that it was trained with.
     """
 
     name: str
@@ -67,6 +79,7 @@ class Card:
     environment: str = ENVIRONMENT
     squashed: bool = False
     lstm: int = 0
+    clutches: tuple[tuple[float, float], ...] = PAPER_ROWS
 
     def __post_init__(self) -> None:
         """Check each field by itself."""
@@ -121,6 +134,7 @@ class Card:
             "about": dict(self.about),
             "squashed": self.squashed,
             "lstm": self.lstm,
+            "clutches": [list(row) for row in self.clutches],
         }
 
 
@@ -157,6 +171,10 @@ def read_card(data: bytes, what: str) -> Card:
             observation=tuple(map(_entry, _list(values["observation"], "observation", MOST_INPUTS))),
             interface=read_interface(values["interface"]),
             hidden=_list(values["hidden"], "hidden", MOST_LAYERS),
+            clutches=tuple(
+                Connection("of a card", _list(row, "clutches", 2)).row
+                for row in _list(values.get("clutches", PAPER_ROWS), "clutches", SLOTS)
+            ),
         )
         return Card(**values)
 

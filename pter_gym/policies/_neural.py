@@ -48,12 +48,14 @@ class Neural:
         Raises
         ------
         ParameterError
-            If the observations lack an entry that it was trained on, or the largest voltage differs.
+            If the observations lack an entry that it was trained on, or the largest voltage or W differs.
         """
         machine = find_machine(machine)
         self.card.check_layout(layout)
         top = machine.clutch.voltage_max
         require(top == self.card.voltage_max, machine.clutch, "voltage_max", top, f"{self.card.voltage_max:g} V")
+        rows = tuple(each.row for each in machine.clutches)
+        require(rows == self.card.clutches, machine, "clutches", rows, f"{self.card.clutches}, as in its training")
         return NeuralPolicy(self.card.interface.bind(machine, layout), self.network)
 
 

@@ -15,7 +15,18 @@ from pter_gym.benchmark.episodes import CODEC
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
-from pter_gym.params import BASELINE, DELRIN_THEORETICAL, LARGEST, MACHINES, Arm, Clutch, Hand, Machine, TorqueCurve
+from pter_gym.params import (
+    BASELINE,
+    DELRIN_THEORETICAL,
+    LARGEST,
+    MACHINES,
+    Arm,
+    Clutch,
+    Connection,
+    Hand,
+    Machine,
+    TorqueCurve,
+)
 from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tasks.path_following import _specification as specification
 
@@ -31,7 +42,7 @@ def test_round_trip(value: object) -> None:
 
 
 def test_dataclasses_are_those_that_a_module_or_package_defines() -> None:
-    assert list(dataclasses_in(params)) == [Arm, Clutch, Hand, Machine, TorqueCurve]
+    assert list(dataclasses_in(params)) == [Arm, Clutch, Connection, Hand, Machine, TorqueCurve]
     assert {HumanArm, MultiSineHand, RecordedForces} <= set(dataclasses_in(hands))
     assert Machine not in dataclasses_in(specification), "it is only named there"
 

@@ -24,6 +24,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "held": {"env_id": "PTER/Standard-v0", "frame_skip": 3, "observe_context": True},
     "all that is stored": {"env_id": "PTER/Everything-v0", "pace": "brisk", "sensors": "force"},
     "one task": {"task": PathFollowing(path=Sine(), truncation_error=0.05), "max_episode_steps": 60},
+    "other clutches": {"machine": "couplings-2-1"},
 }
 
 

@@ -89,5 +89,6 @@ def test_lanes_without_a_world_hold_finite_numbers(kind: str, monkeypatch: pytes
     assert advance(worlds, words, given, obs, obs, rewards, flags, telemetry, config, constants, REFUSE, 2, 0, 1) == -1
     lanes = worlds.shape[2]
     assert lanes > 3
-    assert np.isfinite(room[:, :lanes]).all(), np.flatnonzero(~np.isfinite(room[:, :lanes]).all(axis=1))
+    read = room[: int(ROW.arrangement.a.x1), :lanes]  # what follows is for other clutches than the paper's
+    assert np.isfinite(read).all(), np.flatnonzero(~np.isfinite(read).all(axis=1))
     assert np.isfinite(worlds).all()

@@ -225,8 +225,8 @@ def test_the_nominal_machine_is_that_of_the_environment_unless_it_varies() -> No
     task = PathFollowing()
     drawn = [list(each) for each in zip(*find_scenario("materials").randomisation(contexts=3).pairs(), strict=True)]
     assert nominal_machine([Batch(DELRIN_THEORETICAL, task)]) is DELRIN_THEORETICAL
-    assert nominal_machine([Batch([DELRIN_THEORETICAL, BASELINE], task)]) is BASELINE
-    assert nominal_machine([Batch(*drawn, 1, draws=True)]) is BASELINE
+    assert nominal_machine([Batch([DELRIN_THEORETICAL, BASELINE], task)]) == BASELINE
+    assert nominal_machine([Batch(*drawn, 1, draws=True)]) == BASELINE
 
 
 class Counting:

@@ -12,6 +12,7 @@ from pter_gym._compiled.records import read, store, width
 from pter_gym._physics import arm as arms
 from pter_gym._physics import clutch, open_loop, step
 from pter_gym._physics.arm import Linkage, Load, Motion, PerLink
+from pter_gym._physics.arrangement import Own
 from pter_gym._physics.clutch import Curve, PerClutch, Torques
 from pter_gym._physics.friction import (
     COUPLING,
@@ -88,8 +89,10 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> list[Part]:
     """The parts of all kicks in this test, as they are taken."""
     taken: list[Part] = []
 
-    def noted(q: Motion, omega: PerLink, arm: Linkage, impact: step.Impact, limit: PerClutch, h: float) -> step.Energy:
-        energy = kick_energy(q, omega, arm, impact, limit, h)
+    def noted(
+        q: Motion, omega: PerLink, arm: Linkage, impact: step.Impact, limit: PerClutch, h: float, own: Own = None
+    ) -> step.Energy:
+        energy = kick_energy(q, omega, arm, impact, limit, h, own)
         taken.append(Part(q, omega, impact, limit, h, energy))
         return energy
 

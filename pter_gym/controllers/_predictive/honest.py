@@ -17,6 +17,7 @@ from pter_gym._engine.world import ROW, Drive
 from pter_gym._physics.arm import Motion, UnitVector
 from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.friction import slip_velocities
+from pter_gym._physics.model import own_arrangement
 from pter_gym.controllers import Controller
 from pter_gym.controllers._predictive.planner import Array, Observations, Planner, Settings
 from pter_gym.hands import RecordedForces
@@ -113,7 +114,8 @@ class Belief:
         self.decay = float(np.exp(-task.control_period / machine.clutch.time_constant))
         self.count = substeps(task, machine)
         self.curve = machine.clutch.dynamic
-        self.scale = np.array(machine.clutch_scale)
+        self.scale = np.array(machine.slot_scale)
+        self.own = own_arrangement(machine)
         self.ratio = machine.clutch.breakaway.slope / machine.clutch.dynamic.slope
         self.dynamic = np.zeros(4)
         self.reached = 0.0
@@ -125,7 +127,7 @@ class Belief:
         torques = np.array([see[f"torque_{x}"] for x in range(1, 5)])
         steady = self.scale * [self.curve.torque(v) for v in volts]
         self.dynamic = steady + (self.dynamic - steady) * self.decay
-        slips = np.abs(slip_velocities(see["omega_a"], see["omega_b"])) > SLIPPING
+        slips = np.abs(slip_velocities(see["omega_a"], see["omega_b"], self.own)) > SLIPPING
         self.dynamic[slips] = np.abs(torques[slips])
         arc_length = see["progress"] * self.task.path.length
         self.reached = max(self.reached, arc_length)

@@ -4,8 +4,9 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.records import Entry, layout_of, rows, width
+from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.limits import largest_energy
-from pter_gym._physics.model import Model, model_of
+from pter_gym._physics.model import Model, arrangement_of, model_of
 from pter_gym.hands import HandModel
 from pter_gym.params import PRESENT_CLUTCH, Machine
 from pter_gym.tasks.path_following._observation import FORCE_SCALE
@@ -78,6 +79,7 @@ class Context(NamedTuple):
     hand: HandModel
     task: TaskModel
     told: Told
+    arrangement: Arrangement
 
 
 CONTEXT = rows(Context)
@@ -109,6 +111,7 @@ def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], rec
         hand=hand,
         task=task_model(task, arcs, fastest),
         told=told_of(task, machine, hand.push),
+        arrangement=arrangement_of(held),
     )
 
 
@@ -138,7 +141,7 @@ def told_of(task: PathFollowing, machine: Machine, push: float) -> Told:
     """Return what is told of a task on a machine whose hand pushes with a force [N]."""
     clutch, hand = machine.clutch, held_machine(task, machine).hand
     top = clutch.voltage_max
-    scale = math.fsum(machine.clutch_scale) / len(machine.clutch_scale)
+    scale = math.fsum(machine.slot_scale) / len(machine.clutches)
     return Told(
         time_constant=clutch.time_constant,
         breakaway_factor=scale * clutch.breakaway.torque(top) / PRESENT_CLUTCH.breakaway.torque(top),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.errors import ParameterError
-from pter_gym.params import Machine, find_machine
+from pter_gym.params import Machine, find_machine, require_paper_clutches
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification import reasons
 from pter_gym.tools.identification.balance import SLIPPING, first_estimate
@@ -136,9 +136,11 @@ def identify(
     Raises
     ------
     ParameterError
-        If the log has neither forces nor ``free``, a voltage exceeds the largest of the start, or nothing moves.
+        If the start has other clutches than the paper's, the log has neither forces nor ``free``, a voltage exceeds the
+        largest of the start, or nothing moves.
     """
     start = find_machine(start)
+    require_paper_clutches(start, "no others can be identified")
     motion = _checked(log, start)
     slipped, top = experience(log, motion, start)
     live = tuple(int(x) for x in np.flatnonzero(slipped >= ENOUGH))

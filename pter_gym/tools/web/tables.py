@@ -23,7 +23,7 @@ from pter_gym.benchmark._recorded import PRICE
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS, Policy
 from pter_gym.hands import MultiSineHand, Operator, RecordedForces
-from pter_gym.params import BASELINE, MACHINES, Machine, require
+from pter_gym.params import BASELINE, MACHINES, Machine, require, require_paper_clutches
 from pter_gym.paths import Arc, Circle, Line, Path, Sine
 from pter_gym.paths._arcs import SEGMENT
 from pter_gym.paths._projection import SEGMENT_WIDTH
@@ -100,8 +100,10 @@ def choices(own: Machine | None = None) -> dict[str, Any]:
     batch = pages_batch()
     nominal = BASELINE if own is None else own
     top = nominal.clutch.voltage_max
+    require_paper_clutches(nominal, "the page's simulator is compiled for them")
     require(top == VOLTAGE_MAX, nominal.clutch, "voltage_max", top, f"{VOLTAGE_MAX:g} V, as the page has it")
-    machines = MACHINES if own is None else {OWN: own, **MACHINES}
+    papers = {name: machine for name, machine in MACHINES.items() if machine.has_paper_clutches}
+    machines = papers if own is None else {OWN: own, **papers}
     config = batch.device_arrays()["config"]
     return {
         "config": [value if np.isfinite(value) else None for value in config.tolist()],

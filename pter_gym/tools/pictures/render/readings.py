@@ -6,13 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._physics.friction import ClutchMode
-from pter_gym.params import Machine
+from pter_gym.params import PAPER_CLUTCHES, Machine
 from pter_gym.tasks.path_following import COLUMN
 from pter_gym.tools.pictures.render import style
 from pter_gym.tools.pictures.render.canvas import Canvas
 from pter_gym.tools.pictures.render.geometry import Box
 
 Array = NDArray[np.float64]
+
+Rows = tuple[tuple[float, float] | None, ...]
+
+PAPER_ROWS: Rows = tuple(each.row for each in PAPER_CLUTCHES)
 
 MODE_NAMES = {
     ClutchMode.TWO_DOF: "two DOF",
@@ -25,22 +29,26 @@ BADGES = {
     "stuck": (style.INK, "#ffffff"),
     "slipping": ("#f6d7a0", style.INK),
     "released": (style.GROOVE, "#565d67"),
+    "absent": (style.CARD, "#565d67"),
 }
 """Colours of a clutch's states and of their names: they differ in lightness, so they need no colour vision."""
 
 
 class Limits(NamedTuple):
-    """What full bars mean [V, N·m]."""
+    """What full bars mean [V, N·m], and the row of W of each clutch, None for one that is not there."""
 
     volts: float
     torque: float
+    rows: Rows = PAPER_ROWS
 
     @classmethod
     def of(cls, machine: Machine) -> "Limits":
-        """Return the largest voltage of a machine's clutches and their largest torque."""
+        """Return the largest voltage of a machine's clutches, their largest torque and their rows of W."""
+        slots = zip(machine.slot_rows, machine.slot_scale, strict=True)
         clutch = machine.clutch
         curves = (clutch.breakaway, clutch.dynamic)
-        return cls(clutch.voltage_max, max(curve.torque(clutch.voltage_max) for curve in curves))
+        torque = max(curve.torque(clutch.voltage_max) for curve in curves)
+        return cls(clutch.voltage_max, torque, tuple(row if scale > 0.0 else None for row, scale in slots))
 
 
 def outcome(row: Any) -> str:
@@ -50,12 +58,14 @@ def outcome(row: Any) -> str:
     return MODE_NAMES[ClutchMode(int(row[COLUMN.mode]))]
 
 
-def clutch_states(row: Any) -> list[str]:
+def clutch_states(row: Any, rows: Rows = PAPER_ROWS) -> list[str]:
     """Return what each of the four clutches does; one without voltage and torque is released, even at rest."""
     idle = (row[[*COLUMN.volts]] == 0.0) & (row[[*COLUMN.torque]] == 0.0)
     mode = int(row[COLUMN.mode])
-    held = [mode in (ClutchMode.ZERO_DOF, clutch) for clutch in range(1, 5)]
-    return ["released" if idle[x] else "stuck" if held[x] else "slipping" for x in range(4)]
+    stuck = rows[mode - 1] if ClutchMode.TWO_DOF < mode < ClutchMode.ZERO_DOF else None
+    held = [mode == ClutchMode.ZERO_DOF or each == stuck for each in rows]
+    states = ["released" if idle[x] else "stuck" if held[x] else "slipping" for x in range(4)]
+    return ["absent" if each is None else state for each, state in zip(rows, states, strict=True)]
 
 
 def signed(value: float) -> str:
@@ -66,7 +76,7 @@ def signed(value: float) -> str:
 def draw_card(canvas: Canvas, box: Box, clutch: int, row: Any, limits: Limits, unit: float) -> None:
     """Draw a clutch's state, and voltage and torque as bars and numbers."""
     volts, torque = float(row[COLUMN.volts[clutch]]), float(row[COLUMN.torque[clutch]])
-    state = clutch_states(row)[clutch]
+    state = clutch_states(row, limits.rows)[clutch]
     fill, ink = BADGES[state]
     canvas.box(box, style.CARD, 5 * unit)
     left, right, line = box.left + 4 * unit, box.right - 4 * unit, box.height / 3
