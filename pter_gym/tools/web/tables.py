@@ -116,6 +116,7 @@ def choices(own: Machine | None = None) -> dict[str, Any]:
         "told": {name: part(machine=machine, record="told") for name, machine in machines.items()},
         "hands": {name: part(hand=hand, record="hand") for name, hand in HANDS.items()},
         "task": part(record="task"),
+        "arrangement": part(record="arrangement"),
         "paths": {name: path_table(path, nominal) for name, path in PATHS.items()},
         "laws": {name: laws(name, nominal, batch.layout) for name in (*CONTROLLERS, *TUNED)},
         "policies": {name: network(name, nominal, batch.layout) for name in shipped_policies()},

@@ -280,6 +280,7 @@ function arraysOf(tables, settings) {
       error_max: path.error_max,
     },
     told: { ...tables.told[settings.machine], hand_push: hand.push },
+    arrangement: tables.arrangement,
   };
   if (typeof settings.hand !== "string") context.hand.record_count = settings.hand.along.length;
   fill(places.context, context, constants);
