@@ -50,7 +50,7 @@ def test_documented_imports_work(statement: str):
 def test_readme_example_runs(capsys: pytest.CaptureFixture[str]):
     """As it is, but with fewer steps."""
     pytest.importorskip("stable_baselines3")
-    run_program([readme("example").replace("3_000_000", "20_000")], str(README))
+    run_program([readme("example").replace("5_000_000", "20_000")], str(README))
     assert "torque-feedback" in capsys.readouterr().out
 
 
