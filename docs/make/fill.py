@@ -3,7 +3,6 @@
     python docs/make/fill.py                     what the code declares; a test checks that it is up to date
     python docs/make/fill.py --results FOLDER    the leaderboards; --score-first runs their benchmark, in six minutes
     python docs/make/fill.py --planned FOLDER    what planning reaches; docs/classical-control.md has the commands
-    python docs/make/fill.py --stock FOLDER      docs/your-algorithm.md, from the scripts in agents/stock
     python docs/make/fill.py --offline FOLDER    docs/data.md, from the scripts in agents/stock/offline
     python docs/make/fill.py --data FOLDER       docs/data.md, from the data sets of `pter record`
 
@@ -94,7 +93,6 @@ OF_FOLDER = {
         Table("docs/scoring.md", "first by", boards.first_by),
     ),
     "planned": (Table(CLASSICAL, "predictive", boards.predictive),),
-    "stock": (Table("docs/your-algorithm.md", "results", boards.by_seed),),
     "offline": (Table("docs/data.md", "results", boards.by_seed),),
     "data": (Table("docs/data.md", "sets", boards.data_sets),),
 }
@@ -116,13 +114,12 @@ def score(results: Path) -> None:
 def main(
     results: Path | None = None,
     planned: Path | None = None,
-    stock: Path | None = None,
     offline: Path | None = None,
     data: Path | None = None,
     score_first: bool = False,
 ) -> None:
     """Fill the tables of what the code declares, and those made of the folders that are given."""
-    folders = {"results": results, "planned": planned, "stock": stock, "offline": offline, "data": data}
+    folders = {"results": results, "planned": planned, "offline": offline, "data": data}
     if score_first and results is not None:
         score(results)
     for table in DECLARED:
