@@ -68,11 +68,11 @@ def fields_table(kind: Any) -> str:
 
 
 def default(item: Field[Any]) -> str:
-    """The default of a field: a number or several, or the class of a default record."""
+    """The default of a field: a number or several, the class of a default record, or the names of several."""
     if item.default is MISSING:
         return "none"
     if isinstance(item.default, tuple):
-        return ", ".join(f"{each:g}" for each in item.default)
+        return ", ".join(getattr(each, "name", None) or f"{each:g}" for each in item.default)
     return f"{item.default:g}" if isinstance(item.default, (int, float)) else code(f"{type(item.default).__name__}()")
 
 

@@ -1,7 +1,8 @@
 """Frozen dataclasses as plain data, and back: what can be stored as JSON and read without running it.
 
 A dataclass becomes a dictionary with its name under ``"type"`` and its fields, a tuple a list. Floats keep every bit,
-since JSON writes them by ``repr``. All fields are written; one that data lack takes its default.
+since JSON writes them by ``repr``. All fields are written, but for one that came ``later`` and has its default; one that
+data lack takes its default.
 """
 
 import math
@@ -54,7 +55,9 @@ class Codec:
         name = type(value).__name__
         if self.kinds.get(name) is not type(value):
             raise unknown_name("stored type", name, self.kinds)
-        return {TYPE: name} | {field: self.to_plain(getattr(value, field)) for field in stored_fields(type(value))}
+        held = {field: (getattr(value, field), item) for field, item in stored_fields(type(value)).items()}
+        usual = {field for field, (part, item) in held.items() if item.metadata.get("later") and part == item.default}
+        return {TYPE: name} | {field: self.to_plain(part) for field, (part, _) in held.items() if field not in usual}
 
     def from_plain(self, data: object) -> Any:
         """Return the value that ``to_plain`` made the data from; dataclasses check themselves as always.

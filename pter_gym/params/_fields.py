@@ -15,9 +15,12 @@ SMALLEST = 1e-12
 """Smallest size of a number that has to be positive. Products of such numbers do not underflow."""
 
 
-def quantity(unit: str, provenance: str, **options: Any) -> Any:
-    """Declare a field with its unit and where its value comes from; ``options`` are those of ``dataclasses.field``."""
-    return field(metadata={"unit": unit, "provenance": provenance}, **options)
+def quantity(unit: str, provenance: str, *, later: bool = False, **options: Any) -> Any:
+    """Declare a field with its unit and where its value comes from; ``options`` are those of ``dataclasses.field``.
+
+    One that came ``later`` than stored data is stored only where it is not its default, so these keep their bytes.
+    """
+    return field(metadata={"unit": unit, "provenance": provenance, "later": later}, **options)
 
 
 def require(condition: bool, owner: object, name: str, value: object, accepted: str) -> None:

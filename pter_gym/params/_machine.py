@@ -187,7 +187,7 @@ class Machine:
         default=(1.0,) * SLOTS,
     )
     clutches: tuple[Connection, ...] = quantity(
-        "1", "published: Eqs. 3 and 4; other arrangements were never built", default=PAPER_CLUTCHES
+        "1", "published: Eqs. 3 and 4; other arrangements were never built", default=PAPER_CLUTCHES, later=True
     )
     slip_threshold: float = quantity("rad/s", "chosen: δω of Karnopp's model (Eq. 2)", default=1e-3)
     substep: float = quantity(

@@ -85,6 +85,8 @@ def _leaves(prefix: str, part: Any) -> Iterator[Parameter]:
         name = f"{prefix}{item.name}"
         if is_dataclass(value):
             yield from _leaves(f"{name}.", value)
+        elif item.name == "clutches":  # the paper's experiments have the paper's clutches
+            continue
         else:
             yield _parameter(name, value, item.metadata)
 
