@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from pages import BELOW, DOCS, IMAGES, signed, table, write_block
 from study_page import ranks
 
 from pter_gym._internal.files import write_text_atomic
 from pter_gym.benchmark.statistics import Interval, bootstrap_interval
 from pter_gym.params import Connection
-from pter_gym.scenarios import PACES
+from pter_gym.scenarios import PACES, SCENARIOS
 from pter_gym.tools.figures import WIDTH, label, legend_of, looks, save, styled
 
 PAGE = DOCS / "which-clutches.md"
@@ -27,8 +28,8 @@ for a line and for a circle?)
 Only the paper's arrangement was built. On each, control laws are tuned with the same number of trials at each pace,
 without the gains that are known for PTER, and `pter train ppo` trains policies. *Best law* has the smallest error on
 training draws. Path errors in mm are means over fresh episodes at the slow, medium and brisk pace, with 95 % bootstrap
-intervals over episodes and seeds. † misses the limits of a rank at some pace; of policies, the seeds that keep them are
-counted. `python docs/make/arrangements.py` makes table and figure.
+intervals over the episodes of each seed. † misses the limits of a rank at some pace; of policies, the seeds that keep
+them are counted. `python docs/make/arrangements.py` makes table and figure.
 
 <!-- arrangements -->
 <!-- /arrangements -->
@@ -81,7 +82,9 @@ def figure_of(entries: Entries) -> Figure:
             y = np.array(there) + 0.2 * k - 0.1
             axes.errorbar(told[:, 0], y, xerr=spread, fmt=look.marker, color=look.colour, markersize=4.0, label=who)
         axes.set(xscale="log", title=scenario)
-        axes.grid(visible=True, which="minor", axis="x", linewidth=0.4)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(NullFormatter())
         label(axes, "path error [mm]", "")
     panels[0].set_yticks(range(len(names)), names)
     panels[0].invert_yaxis()
@@ -91,7 +94,7 @@ def figure_of(entries: Entries) -> Figure:
 
 def make(runs: Mapping[Any, Found], clutches: Mapping[str, Sequence[Connection]]) -> None:
     """Write the page's table and its figure; the page too, if there is none."""
-    scenarios = list(dict.fromkeys(run.scenario for run in runs))
+    scenarios = sorted({run.scenario for run in runs}, key=list(SCENARIOS).index)
     entries: dict[tuple[str, str], tuple[list[Found], list[Found]]] = {}
     rows: list[list[str]] = []
     for name, declared in clutches.items():

@@ -1,4 +1,4 @@
-"""A machine as a preset file, which every command takes."""
+"""A machine as a preset file, which commands take in place of a machine."""
 
 import math
 from dataclasses import fields, replace
@@ -43,7 +43,7 @@ def preset_of(machine: Machine, base: Preset = PRESET, *, origin: str | None = N
 
 
 def save_preset(machine: Machine, path: FilePath, *, origin: str, title: str = "") -> None:
-    """Write a machine as a preset, whose path every command and ``find_machine`` take in place of a machine.
+    """Write a machine as a preset, whose path commands and ``find_machine`` take in place of a machine.
 
     Parameters
     ----------
