@@ -21,7 +21,7 @@ from pter_gym.params import (
     machine_of,
     save_preset,
 )
-from pter_gym.params._preset import PRESET, SECTIONS, format_preset, parse_preset, preset
+from pter_gym.params._preset import PRESET, SECTIONS, format_preset, load_preset, parse_preset, preset
 
 TEXT = format_preset(PRESET, "for tests")
 
@@ -213,8 +213,19 @@ def test_what_a_preset_cannot_hold_is_not_saved(machine: Machine, message: str, 
     assert not file.exists()
 
 
+SHORT = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.5))
+
+
+def test_numbers_that_are_not_changed_keep_their_origin(tmp_path: Path):
+    save_preset(SHORT, tmp_path / "own.toml", origin="chosen: shorter")
+    found = load_preset(tmp_path / "own.toml")
+    changed = {name for name, origin in found.provenance.items() if origin != PRESET.provenance.get(name)}
+    assert changed == {"arm.length_a"}
+    assert found.provenance["arm.length_a"] == "chosen: shorter"
+
+
 def test_a_preset_needs_an_origin_and_a_name_that_commands_take(tmp_path: Path):
     with pytest.raises(ParameterError, match=r"arm\.length_a\.from must begin with one of"):
-        save_preset(BASELINE, tmp_path / "own.toml", origin="a guess")
+        save_preset(SHORT, tmp_path / "own.toml", origin="a guess")
     with pytest.raises(ParameterError, match=r"path must end in \.toml"):
         save_preset(BASELINE, tmp_path / "own.txt", origin="chosen: for tests")

@@ -95,8 +95,8 @@ def tuned(run: Run, sizes: Sizes) -> tuple[PaceSchedule, dict[str, float]]:
     search: dict[str, Any] = {"trials": sizes.trials, "starts": sizes.starts, "episodes": sizes.draws}
     with TemporaryDirectory() as folder:
         for pace, speed in PACES.items():
-            given = {**search, "machine": run.machine, "known": False, "storage": Path(folder) / f"{pace}.journal"}
-            found = tune(run.what, run.scenario, pace, **given)
+            storage = Path(folder) / f"{pace}.journal"
+            found = tune(run.what, run.scenario, pace, machine=run.machine, known=False, storage=storage, **search)
             knots.append((speed, make(run.what, found.gains)))
             values[pace] = found.assessment.value
     return PaceSchedule(tuple(knots)), values

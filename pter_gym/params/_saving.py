@@ -21,7 +21,7 @@ def preset_of(machine: Machine, base: Preset = PRESET, *, origin: str | None = N
     base
         All other numbers.
     origin
-        Where the machine's numbers come from, in place of what ``base`` says; it begins as those in a file do.
+        Where numbers come from that differ from those of ``base``; it begins as those in a file do.
     """
     curve, count = machine.clutch.dynamic, len(machine.clutches)
     clutch = replace(
@@ -37,8 +37,13 @@ def preset_of(machine: Machine, base: Preset = PRESET, *, origin: str | None = N
     arm = replace(base.arm, **{item.name: getattr(machine.arm, item.name) for item in fields(base.arm)})
     provenance = dict(base.provenance)
     if origin is not None:
-        places = [f"{name}.{item.name}" for name, part in (("arm", arm), ("clutch", clutch)) for item in fields(part)]
-        provenance |= dict.fromkeys([*places, *(f"{CLUTCHES}.{each.name}" for each in machine.clutches)], origin)
+        parts = (("arm", arm, base.arm), ("clutch", clutch, base.clutch))
+        changed = [
+            f"{name}.{k}" for name, now, was in parts for k, value in vars(now).items() if value != getattr(was, k)
+        ]
+        if machine.clutches != base.clutches:
+            changed += [f"{CLUTCHES}.{each.name}" for each in machine.clutches]
+        provenance |= dict.fromkeys(changed, origin)
     return replace(base, arm=arm, clutch=clutch, clutches=machine.clutches, provenance=MappingProxyType(provenance))
 
 
@@ -52,8 +57,8 @@ def save_preset(machine: Machine, path: FilePath, *, origin: str, title: str = "
     path
         The file, whose name ends in ``.toml``.
     origin
-        Where the numbers come from, in one line that begins with ``published:``, ``derived:``, ``fitted:``,
-        ``identified:`` or ``chosen:``.
+        Where numbers come from that differ from the package's own preset, in one line that begins with ``published:``,
+        ``derived:``, ``fitted:``, ``identified:`` or ``chosen:``.
     title
         Heading of the file.
 
