@@ -164,7 +164,14 @@ def newest(session: nox.Session) -> None:
 @nox.session(venv_backend="none", tags=["long"])
 def docs_executed(session: nox.Session) -> None:
     """The site with what its notebooks print, and every page of it in a browser."""
-    site(session, "site-long", PTER_DOCS_EXECUTE="1", PTER_TRAINING_STEPS="32768", PTER_NOTEBOOK_EPISODES="8")
+    site(
+        session,
+        "site-long",
+        PTER_DOCS_EXECUTE="1",
+        PTER_TRAINING_STEPS="32768",
+        PTER_NOTEBOOK_EPISODES="8",
+        PTER_NOTEBOOK_TRIALS="30",
+    )
     site(session, "site-long", "-m", "long or not long")
 
 

@@ -1,5 +1,6 @@
 """Parameters of the machine: frozen dataclasses in SI, each field with its unit and provenance."""
 
+from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
 from pter_gym.params._fields import (
     LARGEST,
     SMALLEST,
@@ -23,13 +24,10 @@ from pter_gym.params._machine import (
     MU_DYNAMIC_PRESENT,
     MU_STATIC_DELRIN,
     MU_STATIC_PRESENT,
-    PAPER_CLUTCHES,
     PRESENT_CLUTCH,
-    SLOTS,
     TIME_CONSTANT,
     Arm,
     Clutch,
-    Connection,
     Hand,
     Lag,
     Machine,
@@ -43,6 +41,7 @@ from pter_gym.params._machine import (
     with_friction,
 )
 from pter_gym.params._preset import preset
+from pter_gym.params._saving import preset_of, save_preset
 
 __all__ = [
     "ARRANGEMENTS",
@@ -74,6 +73,7 @@ __all__ = [
     "machine_of",
     "paper_machines_of",
     "preset",
+    "preset_of",
     "quantity",
     "require",
     "require_flag",
@@ -82,6 +82,7 @@ __all__ = [
     "require_numbers",
     "require_paper_clutches",
     "require_whole",
+    "save_preset",
     "tip_mass",
     "with_friction",
 ]

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import Literal, cast, get_args
 
 from pter_gym.errors import ParameterError, nearest
+from pter_gym.params._connection import BRAKE_A, BRAKE_B, COUPLED, INVERTED, PAPER_CLUTCHES, SLOTS, Connection
 from pter_gym.params._fields import quantity, require, require_kind, require_number, require_numbers
 from pter_gym.params._preset import PRESET, Preset, load_preset, preset
 from pter_gym.units import from_inch_pounds
@@ -138,39 +139,6 @@ class Hand:
             require_number(self, item.name, at_least=0.0)
 
 
-@dataclass(frozen=True)
-class Connection:
-    """The name of a clutch, and its row (a, b) of W [1]; a ParameterError if it is of none of these forms.
-
-    It slips at a·ω_A + b·ω_B, and its torque τ acts as a·τ on link A and b·τ on link B. (1, 0) and (0, 1) are brakes;
-    (1, −r) couples axis A to axis B, and (1, r) does so through an inverting gear, for 0.01 ≤ r ≤ 100.
-    """
-
-    name: str = quantity("1", "chosen")
-    row: tuple[float, float] = quantity("1", "published: Eqs. 3 and 4, for PTER's clutches")
-
-    def __post_init__(self) -> None:
-        """Check both."""
-        require_kind(self, "name", str)
-        require(self.name.isprintable() and 0 < len(self.name) <= 40, self, "name", self.name, "1 to 40 characters")
-        accepted = "(0, 1), (1, 0), (1, −r) or (1, r) with 0.01 ≤ r ≤ 100"
-        require_numbers(self, "row", accepted, count=2)
-        a, b = self.row
-        fits = (a, b) == (0.0, 1.0) or (a == 1.0 and (b == 0.0 or 0.01 <= abs(b) <= 100.0))
-        require(fits, self, "row", self.row, accepted)
-        object.__setattr__(self, "row", (float(a), float(b)))
-
-
-BRAKE_A, BRAKE_B = Connection("A to ground", (1.0, 0.0)), Connection("B to ground", (0.0, 1.0))
-COUPLED, INVERTED = Connection("A to B", (1.0, -1.0)), Connection("A to B, inverted", (1.0, 1.0))
-
-PAPER_CLUTCHES = (BRAKE_A, BRAKE_B, COUPLED, INVERTED)
-"""The clutches of PTER (paper Eqs. 3 and 4)."""
-
-SLOTS = len(PAPER_CLUTCHES)
-"""Most clutches of a machine: voltages, torques and slips are always so many."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Machine:
     """A PTER: arm, clutches and the hand that holds the tip, with the numbers of its friction model.
@@ -295,7 +263,8 @@ def machine_of(preset: Preset) -> Machine:
         time_constant=values.time_constant,
         voltage_max=values.voltage_max,
     )
-    return Machine(arm=Arm(**vars(preset.arm)), clutch=clutch, clutch_scale=values.scale)
+    scale = (*values.scale, *[1.0] * (SLOTS - len(preset.clutches)))
+    return Machine(arm=Arm(**vars(preset.arm)), clutch=clutch, clutch_scale=scale, clutches=preset.clutches)
 
 
 def paper_machines_of(preset: Preset) -> dict[str, Machine]:

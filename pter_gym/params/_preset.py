@@ -4,6 +4,7 @@ Every number in the file carries its unit and where it comes from. ``PRESET`` is
 fit`` writes such files.
 """
 
+import json
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any, cast
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._internal.reading import MOST_TOML, parse_toml, read_text, reading
 from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
 from pter_gym.params._fields import check_number, quantity
 
 KINDS = ("published", "derived", "fitted", "identified", "chosen")
@@ -108,6 +110,8 @@ class Preset:
     ----------
     arm, clutch, delrin, path, hand, controller, sensing
         The sections of the file.
+    clutches
+        What each clutch connects; the paper's four in a file without the section ``clutches``.
     provenance
         Where each number comes from, by section and field: ``preset.provenance["arm.length_a"]``.
     """
@@ -120,6 +124,7 @@ class Preset:
     controller: ControllerValues
     sensing: SensingValues
     provenance: Mapping[str, str]
+    clutches: tuple[Connection, ...] = PAPER_CLUTCHES
 
 
 SECTIONS: Mapping[str, type[Any]] = MappingProxyType(
@@ -134,6 +139,11 @@ SECTIONS: Mapping[str, type[Any]] = MappingProxyType(
     }
 )
 """The sections of a preset file, in their order."""
+
+CLUTCHES = "clutches"
+"""The section after them, of machines with other clutches than the paper's: the row of W of each clutch by its name."""
+
+ROW = number("1")
 
 
 def load_preset(path: FilePath) -> Preset:
@@ -162,9 +172,11 @@ def parse_preset(text: str) -> Preset:
         tables = parse_toml(text)
     except ValueError as error:
         raise ParameterError(f"it is not TOML: {error}") from None
-    _check_names(tables, SECTIONS, "section")
+    _check_names(tables, (*SECTIONS, CLUTCHES), "section", {CLUTCHES})
     provenance: dict[str, str] = {}
     sections = {name: _section(kind, name, tables[name], provenance) for name, kind in SECTIONS.items()}
+    if CLUTCHES in tables:
+        sections[CLUTCHES] = _clutches(tables[CLUTCHES], sections["clutch"], provenance)
     return Preset(**sections, provenance=MappingProxyType(provenance))
 
 
@@ -188,10 +200,20 @@ def _lines(preset: Preset, title: str) -> Iterator[str]:
         yield f"# {(kind.__doc__ or '').strip()}"
         yield f"[{name}]"
         for item in fields(kind):
-            value = getattr(getattr(preset, name), item.name)
-            written = repr(list(cast("tuple[float, ...]", value))) if isinstance(value, tuple) else repr(value)
-            origin = preset.provenance[f"{name}.{item.name}"]
-            yield f'{item.name} = {{ value = {written}, unit = "{item.metadata["unit"]}", from = "{origin}" }}'
+            value, origin = getattr(getattr(preset, name), item.name), preset.provenance[f"{name}.{item.name}"]
+            yield _line(item.name, value, item.metadata["unit"], origin)
+    if preset.clutches != PAPER_CLUTCHES or any(where.startswith(f"{CLUTCHES}.") for where in preset.provenance):
+        yield ""
+        yield "# What each clutch connects: its row (a, b) of W. It slips at a·ω_A + b·ω_B."
+        yield f"[{CLUTCHES}]"
+        for each in preset.clutches:
+            name, origin = json.dumps(each.name, ensure_ascii=False), preset.provenance[f"{CLUTCHES}.{each.name}"]
+            yield _line(name, each.row, ROW.metadata["unit"], origin)
+
+
+def _line(name: str, value: Value, unit: str, origin: str) -> str:
+    written = repr(list(value)) if isinstance(value, tuple) else repr(value)
+    return f'{name} = {{ value = {written}, unit = "{unit}", from = "{origin}" }}'
 
 
 def _check_names(
@@ -221,6 +243,20 @@ def _section(kind: type[Any], section: str, table: object, provenance: dict[str,
         else:
             values[name], provenance[where] = cast("Value", item.default), "chosen: not in the file"
     return kind(**values)
+
+
+def _clutches(table: object, clutch: ClutchValues, provenance: dict[str, str]) -> tuple[Connection, ...]:
+    """Return what the clutches connect, if there is a scale for each."""
+    if not isinstance(table, dict) or not 0 < len(cast("dict[str, object]", table)) <= SLOTS:
+        raise ParameterError(f"{CLUTCHES} must be a table of 1 to {SLOTS} clutches, got {table!r:.200}")
+    found: list[Connection] = []
+    for name, entry in cast("dict[str, object]", table).items():
+        where = f"{CLUTCHES}.{name}"
+        row, provenance[where] = _entry(ROW, entry, where)
+        found.append(Connection(name, cast("tuple[float, float]", row)))
+    if len(clutch.scale) != len(found):
+        raise ParameterError(f"clutch.scale must be {len(found)} numbers, one for each clutch, got {clutch.scale!r}")
+    return tuple(found)
 
 
 def _entry(item: "Field[Any]", entry: object, where: str) -> tuple[Value, str]:

@@ -85,7 +85,14 @@ def test_a_block_is_replaced_and_nothing_else(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "needed"),
-    [("classical", "numba"), ("contexts", "numba"), ("pictures", "pygame"), ("store", "numba"), ("trainings", "torch")],
+    [
+        ("arrangements_page", "numba"),
+        ("classical", "numba"),
+        ("contexts", "numba"),
+        ("pictures", "pygame"),
+        ("store", "numba"),
+        ("trainings", "torch"),
+    ],
 )
 def test_a_study_loads(name: str, needed: str) -> None:
     pytest.importorskip(needed)

@@ -1,5 +1,7 @@
 """The notebooks run from top to bottom, and git holds them without what they printed."""
 
+import re
+
 import nbformat
 import pytest
 from nbclient import NotebookClient
@@ -25,8 +27,11 @@ def test_outputs_are_stripped(path):
 def test_it_runs_and_shows_pictures(path, tmp_path, monkeypatch):
     if "agent" in path.stem:
         pytest.importorskip("stable_baselines3")
+    if "machine" in path.stem:
+        pytest.importorskip("optuna")
     monkeypatch.setenv("PTER_TRAINING_STEPS", "32768")  # two rollouts
     monkeypatch.setenv("PTER_NOTEBOOK_EPISODES", "8")
+    monkeypatch.setenv("PTER_NOTEBOOK_TRIALS", "30")
     notebook = nbformat.read(path, as_version=4)
     NotebookClient(
         notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}
@@ -36,3 +41,23 @@ def test_it_runs_and_shows_pictures(path, tmp_path, monkeypatch):
     assert not told.replace("pter_gym: compiling, once: about 20 s\n", "")
     assert sum("image/png" in output.get("data", {}) for output in outputs) >= 2
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("lengths", "reason"),
+    [((0.3, 0.3), r"line: .* within reach .* \(-0\.45, 0\.65\) m is not"), ((0.8, 0.3), "circle: .* within reach")],
+)
+def test_a_machine_that_cannot_do_the_paths_is_refused_before_it_is_simulated(lengths, reason):
+    optuna = pytest.importorskip("optuna")
+    (path,) = [path for path in NOTEBOOKS if "machine" in path.stem]
+    sources = [cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+    known = {}
+    for source in sources[: 1 + next(k for k, each in enumerate(sources) if "def judge" in each)]:
+        exec(source.partition("study = ")[0].replace("%matplotlib inline", ""), known)
+    known["ride"] = None  # nothing is simulated
+    point = {**known["PTER_POINT"], "length_a": lengths[0], "length_b": lengths[1]}
+    trial = optuna.trial.FixedTrial(point)
+    with pytest.raises(optuna.TrialPruned):
+        known["judge"](trial)
+    assert re.match(reason, trial.user_attrs["refused"])
+    assert known["reason_against"](known["machine_of"](known["PTER_POINT"])) is None

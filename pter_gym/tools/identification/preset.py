@@ -1,19 +1,18 @@
 """The result as a preset, which every command that takes a machine takes."""
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import PurePath
 from types import MappingProxyType
 from typing import cast
 
+from pter_gym.params import preset_of as machine_preset
 from pter_gym.params._preset import Preset
 from pter_gym.tools.identification.identifying import Finding, Identification
 
 
 def preset_of(found: Identification, base: Preset) -> Preset:
     """Return a preset with what was identified; path, hand, controller and Delrin are those of ``base``."""
-    machine, curve = found.machine, found.machine.clutch.dynamic
-    delay = max(found.delay, 0.0)
     origins = dict(base.provenance)
     by_place: dict[str, list[Finding]] = {}
     for finding in found.findings:
@@ -24,22 +23,9 @@ def preset_of(found: Identification, base: Preset) -> Preset:
         origins[place] = origin(told, name)
     for place in ("arm.length_a", "arm.length_b", "clutch.voltage_max"):
         origins[place] = "chosen: stated to pter identify, or that of its start"
-    return replace(
-        base,
-        arm=replace(base.arm, **{item.name: getattr(machine.arm, item.name) for item in fields(base.arm)}),
-        clutch=replace(
-            base.clutch,
-            slope=curve.slope,
-            knee=curve.knee,
-            curvature=curve.curvature,
-            breakaway_ratio=machine.clutch.breakaway.slope / curve.slope,
-            time_constant=machine.clutch.time_constant,
-            voltage_max=machine.clutch.voltage_max,
-            scale=machine.clutch_scale,
-        ),
-        sensing=replace(base.sensing, delay=delay),
-        provenance=cast("Mapping[str, str]", MappingProxyType(origins)),
-    )
+    preset = machine_preset(found.machine, base)
+    provenance = cast("Mapping[str, str]", MappingProxyType(origins))
+    return replace(preset, sensing=replace(base.sensing, delay=max(found.delay, 0.0)), provenance=provenance)
 
 
 def origin(told: list[Finding], log: str) -> str:

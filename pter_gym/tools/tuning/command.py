@@ -23,6 +23,7 @@ def tune(
     seed: int = 0,
     out: Path | None = None,
     machine: MachineName = None,
+    known: bool = True,
 ) -> None:
     """Search for a controller's gains.
 
@@ -43,6 +44,7 @@ def tune(
         seed: Seed of the draws and the search, at least 0.
         out: File for the best gains, in TOML, whose other entries stay; they are only printed by default.
         machine: Clutch material, or the preset of a machine of your own, in place of those that the scenario draws.
+        known: Whether the first start begins with the gains that are known, found on the paper's machine.
     """
     from pter_gym.tools.tuning import add_gains
     from pter_gym.tools.tuning import tune as search
@@ -67,6 +69,7 @@ def tune(
             storage=storage,
             seed=seed,
             machine=machine,
+            known=known,
             on_trial=show,
         )
     try:

@@ -65,6 +65,8 @@ class TunedGains:
         Gains that were tried, starts, draws of each trial, and the seed of draws and searches.
     machine
         The given one in place of those that the scenario draws; None if there was none.
+    known
+        Whether the first start began with gains that were known before.
     """
 
     controller: str
@@ -77,6 +79,7 @@ class TunedGains:
     episodes: int
     seed: int
     machine: AnyMachine | None = None
+    known: bool = True
 
 
 def tune(
@@ -90,6 +93,7 @@ def tune(
     storage: FilePath = "pter-tune.journal",
     seed: int = 0,
     machine: AnyMachine | None = None,
+    known: bool = True,
     on_trial: Callable[[int, float], None] = lambda _count, _best: None,
 ) -> TunedGains:
     """Search for a controller's gains on training draws of a scenario.
@@ -103,7 +107,7 @@ def tune(
     controller, scenario, pace
         Names.
     trials, starts
-        Gains to try, and starts from random gains; the first one tries the gains that are known, too.
+        Gains to try, and starts from random gains.
     episodes
         Draws for each trial.
     storage
@@ -112,6 +116,9 @@ def tune(
         Of the draws and the search, ≥ 0.
     machine
         One in place of those that the scenario draws, as in ``pter_gym.scenarios.find_scenario``.
+    known
+        Whether the first start begins with the gains that are known, which were found on the paper's machine. Without
+        them a comparison of machines is even.
     on_trial
         Called after each trial with the number of finished ones of all starts, and the best value of this one [m].
 
@@ -136,7 +143,7 @@ def tune(
     own = None if machine is None else find_own(machine)  # read once, in case its file changes
     counts = [-(-episodes // REDUCTION**k) for k in reversed(range(RUNGS))]
     rungs = [Examination(scenario, pace, count, 2 * seed, own) for count in counts]
-    name = f"{_label(find_scenario(scenario, own))} {controller} {pace} {episodes} {seed}"
+    name = f"{_label(find_scenario(scenario, own))} {controller} {pace} {episodes} {seed}{'' if known else ' unaided'}"
     studies = _open(storage, name, [starts * seed + start for start in range(starts)])
     share = -(-trials // (starts + 1))
 
@@ -152,7 +159,7 @@ def tune(
             on_trial(before + len(finished) + 1, best[0].value if best else math.inf)
 
     try:
-        for point in known_points(controller, scenario, pace):
+        for point in known_points(controller, scenario, pace) if known else ():
             studies[0].enqueue_trial(point, skip_if_exists=True)
         for start in range(starts):
             run(start, share, start * share)
@@ -167,7 +174,7 @@ def tune(
     found = [gains_at(trial.params, speed) for study in studies for trial in best_trials(study)[:FINALISTS]]
     judged = [(final.judge(make(controller, gains)), gains) for gains in found]
     assessment, gains = min(judged, key=lambda pair: pair[0].value)
-    return TunedGains(controller, scenario, pace, gains, assessment, trials, starts, episodes, seed, machine)
+    return TunedGains(controller, scenario, pace, gains, assessment, trials, starts, episodes, seed, machine, known)
 
 
 def make(controller: str, gains: Gains) -> Guided:

@@ -23,7 +23,7 @@ def command_of(found: TunedGains) -> str:
     """Return the command that repeats a search."""
     command = (
         f"pter tune {found.controller} --scenario {found.scenario} --pace {found.pace} --trials {found.trials} "
-        f"--starts {found.starts} --episodes {found.episodes} --seed {found.seed}"
+        f"--starts {found.starts} --episodes {found.episodes} --seed {found.seed}{'' if found.known else ' --no-known'}"
     )
     if found.machine is None:
         return command

@@ -97,6 +97,13 @@ def test_a_study_is_repeatable_resumable_and_starts_with_known_gains(
     assert points[0][:2] == [first, second]
     assert calls[0][1] == exam.judge(make("impedance", gains_at(first, 0.5))).value
     assert calls[0][1] == pytest.approx(exam.judge(shipped).value, rel=0.05)
+    even = tune(
+        "impedance", "standard", "brisk", trials=9, starts=2, episodes=4, storage=tmp_path / "c.journal", known=False
+    )
+    assert not even.known
+    tried = [trial.params for trial in study_in(tmp_path / "c.journal").get_trials()]
+    assert first not in tried
+    assert second not in tried
     more = tune("impedance", "standard", "brisk", trials=12, starts=2, episodes=4, storage=tmp_path / "a.journal")
     assert (more.trials, more.starts) == (12, 2)
     shares = [len(finished(tmp_path / "a.journal", start)) for start in range(2)]

@@ -1,0 +1,212 @@
+"""What each clutch buys: tuned laws and trained policies on machines with other clutches, docs/which-clutches.md.
+
+    python docs/make/arrangements.py                does what is missing, one run on each core, then makes the page
+    python docs/make/arrangements.py --minutes 60   stops beginning new runs after an hour; the next call goes on
+    python docs/make/arrangements.py --no-run       makes the page of what there is
+
+A run is a line of docs/make/arrangements.jsonl: a law tuned at each pace, or a policy trained at all of them. Gains are
+searched without those that are known, which were found on the paper's machine, and the best law is chosen by training
+draws; scores are those of fresh evaluation episodes. Needs the extra `agents`; takes hours.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from queue import Queue
+from tempfile import TemporaryDirectory
+from threading import Lock
+from time import monotonic, process_time
+from typing import Any, NamedTuple
+
+import tyro
+
+from pter_gym._internal.files import write_text_atomic
+from pter_gym.controllers import PaceSchedule
+from pter_gym.params import ARRANGEMENTS, BASELINE, PAPER_CLUTCHES, Machine
+from pter_gym.scenarios import PACES
+
+RUNS = Path(__file__).with_suffix(".jsonl")
+
+BRAKES, (COUPLED, INVERTED) = PAPER_CLUTCHES[:2], PAPER_CLUTCHES[2:]
+CLUTCHES = {
+    "paper": PAPER_CLUTCHES,
+    **ARRANGEMENTS,
+    "brakes-and-coupling-1-2": (*BRAKES, replace(COUPLED, row=(1.0, -0.5))),
+    "brakes-and-coupling-2-1": (*BRAKES, replace(COUPLED, row=(1.0, -2.0))),
+    "couplings-alone": (COUPLED, INVERTED),
+}
+"""The arrangements that are compared, by name; the paper's is the one that was built."""
+
+SCENARIOS = ("standard", "paths")
+LAWS = ("single-dof", "velocity-ratio", "torque-feedback", "impedance")
+POLICY = "ppo"
+FRESH = 20261125
+"""Seed of the episodes that are scored."""
+
+
+class Sizes(NamedTuple):
+    """Trials, starts and draws of a search at a pace; steps of a training; episodes scored. They are never mixed."""
+
+    trials: int = 600
+    starts: int = 2
+    draws: int = 100
+    steps: int = 6_000_000
+    episodes: int = 150
+
+
+class Run(NamedTuple):
+    """A law that is tuned or a policy that is trained, its arrangement, its scenario, and the seed."""
+
+    arrangement: str
+    scenario: str
+    what: str
+    seed: int
+
+    @property
+    def machine(self) -> Machine:
+        return replace(BASELINE, clutches=CLUTCHES[self.arrangement])
+
+
+Found = dict[str, Any]
+"""By pace: path errors [mm] of the episodes by stratum, and other mean scores; values of a law in training [m]."""
+
+
+def planned(scenarios: Iterable[str], laws: Iterable[str], seeds: int) -> Iterator[Run]:
+    """Return all runs, what matters most first: all arrangements before the next law or seed."""
+    for law, scenario, name in product(laws, scenarios, CLUTCHES):
+        yield Run(name, scenario, law, 0)
+    for seed, scenario, name in product(range(seeds), scenarios, CLUTCHES):
+        yield Run(name, scenario, POLICY, seed)
+
+
+def tuned(run: Run, sizes: Sizes) -> tuple[PaceSchedule, dict[str, float]]:
+    """Return a law with gains for each pace, and their values on other training draws [m]."""
+    from pter_gym.tools.tuning import tune
+    from pter_gym.tools.tuning.search import make
+
+    knots: list[Any] = []
+    values: dict[str, float] = {}
+    search: dict[str, Any] = {"trials": sizes.trials, "starts": sizes.starts, "episodes": sizes.draws}
+    with TemporaryDirectory() as folder:
+        for pace, speed in PACES.items():
+            storage = Path(folder) / f"{pace}.journal"
+            found = tune(run.what, run.scenario, pace, machine=run.machine, known=False, storage=storage, **search)
+            knots.append((speed, make(run.what, found.gains)))
+            values[pace] = found.assessment.value
+    return PaceSchedule(tuple(knots)), values
+
+
+def trained(run: Run, sizes: Sizes) -> Any:
+    """Return a policy, trained as `pter train ppo` does."""
+    from pter_agents import training
+    from pter_agents.algorithms import load_settings
+    from pter_agents.prepare import make_interface
+    from pter_gym.policies import NeuralPolicy
+    from pter_gym.scenarios._own_machine import OwnMachine
+
+    settings, own = load_settings(POLICY), OwnMachine(run.machine)
+    given: dict[str, Any] = {"scenario": run.scenario, "pace": "all", "steps": sizes.steps, "seed": run.seed}
+    arguments = training.Arguments(algorithm=POLICY, settings=settings, machine=own, **given)
+    draws = training.make_draws(arguments)
+    interface = make_interface(settings, run.scenario, draws, run.seed, own.machine)
+    worlds = training.make_training_worlds(arguments, draws, interface)
+    model = training.make_model(arguments, worlds)
+    try:
+        while model.steps < sizes.steps:
+            model.advance()
+        return NeuralPolicy(worlds.interface, model.actor())
+    finally:
+        model.close()
+        worlds.close()
+
+
+def scored(run: Run, policy: Any, sizes: Sizes) -> Found:
+    """Return the scores of a policy on fresh evaluation episodes, on the run's machine."""
+    from pter_gym.benchmark._evaluation import Batches, Bound, evaluate
+    from pter_gym.benchmark.episodes import find_episodes
+    from pter_gym.controllers import bind
+    from pter_gym.tasks.path_following import observation_layout
+
+    found: Found = {}
+    acting = bind(policy, run.machine, observation_layout(run.machine, "torque"))
+    for pace in PACES:
+        episodes = find_episodes(run.scenario, pace, FRESH).first(sizes.episodes)
+        batches = Batches(replace(episodes, machines=(run.machine,) * len(episodes)))
+        scores, _, _ = evaluate(Bound(acting, None, "torque", type(policy)), batches, 1)
+        errors: dict[str, list[float]] = {}
+        for stratum, error in zip(episodes.strata, scores["path_error_m"], strict=True):
+            errors.setdefault(stratum, []).append(round(1000.0 * float(error), 2))
+        means = {name: float(scores[name].mean()) for name in ("completed", "mean_pace_error", "segment_pace_error")}
+        found[pace] = {"errors": dict(sorted(errors.items())), **means}
+    return found
+
+
+def one(run: Run, sizes: Sizes) -> Found:
+    """Tune or train, and return the scores."""
+    policy, values = (trained(run, sizes), {}) if run.what == POLICY else tuned(run, sizes)
+    return {**scored(run, policy, sizes), "training": values, "seconds": round(process_time(), 1)}
+
+
+def stored() -> dict[tuple[Run, Sizes], Found]:
+    """Return the runs that are finished."""
+    lines = RUNS.read_text("utf-8").splitlines() if RUNS.exists() else []
+    return {(Run(*run), Sizes(*of)): found for run, of, found in map(json.loads, lines)}
+
+
+def perform(runs: Iterable[Run], sizes: Sizes, minutes: float) -> None:
+    """Do what is missing, each run in a process of its own on a core of its own."""
+    cores: Queue[int] = Queue()
+    for core in os.sched_getaffinity(0):
+        cores.put(core)
+    last, lock, done = monotonic() + 60.0 * minutes, Lock(), stored()
+
+    def attempt(run: Run) -> None:
+        if monotonic() > last:
+            return
+        core = cores.get()
+        words = ["taskset", "-c", str(core), sys.executable, __file__, "--only", json.dumps([run, sizes])]
+        quiet = {**os.environ, "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        ended = subprocess.run(words, env=quiet, capture_output=True, text=True, check=False)
+        cores.put(core)
+        if ended.returncode:
+            print(f"{run}: {ended.stderr[-2000:]}", flush=True)
+            return
+        with lock:
+            done[run, sizes] = json.loads(ended.stdout.splitlines()[-1])
+            write_text_atomic(RUNS, "".join(f"{json.dumps([*key, done[key]])}\n" for key in sorted(done)))
+        print(*run, f"{done[run, sizes]['seconds']} s", flush=True)
+
+    with ThreadPoolExecutor(cores.qsize()) as pool:
+        list(pool.map(attempt, (run for run in runs if (run, sizes) not in done)))
+
+
+def main(
+    sizes: Sizes = Sizes(),  # noqa: B008
+    scenarios: tuple[str, ...] = SCENARIOS,
+    laws: tuple[str, ...] = LAWS,
+    seeds: int = 5,
+    minutes: float = 600.0,
+    only: str = "",
+    no_run: bool = False,
+) -> None:
+    """Do what is missing, and make the page; ``only`` is for the processes that run."""
+    if only:
+        run, of = json.loads(only)
+        print(json.dumps(one(Run(*run), Sizes(*of))))
+        return
+    if not no_run:
+        perform(planned(scenarios, laws, seeds), sizes, minutes)
+    from arrangements_page import make
+
+    found = {run: result for (run, of), result in stored().items() if of == sizes}
+    make(found, CLUTCHES)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
