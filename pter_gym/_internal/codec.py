@@ -1,8 +1,8 @@
 """Frozen dataclasses as plain data, and back: what can be stored as JSON and read without running it.
 
 A dataclass becomes a dictionary with its name under ``"type"`` and its fields, a tuple a list. Floats keep every bit,
-since JSON writes them by ``repr``. All fields are written, but for one that came ``later`` and has its default; one that
-data lack takes its default.
+since JSON writes them by ``repr``. All fields are written, but for one that came ``later`` and has its default; one
+that data lack takes its default.
 """
 
 import math
