@@ -57,9 +57,9 @@ def summary(name: Sequence[str], runs: Sequence[Sequence[Row]]) -> list[str]:
     """Return a line of a table: what was trained, and how its seeds end."""
     ends = [curve[-1] for curve in runs]
     found = sum(end["medium"]["path_error_m"] < FOUND * BESIDE and ranks(end) for end in ends)
-    decisions = median(end["decisions"] for end in ends) / 1e6
+    decisions = median(end["decisions"] for end in ends)
     seconds = median(end["seconds"] for end in ends)
-    cost = [f"{decisions:.1f} M", f"{seconds:.0f} s"]
+    cost = [f"{decisions / 1e6:.1f} M" if decisions > 1e5 else f"{decisions / 1e3:.0f} k", f"{seconds:.0f} s"]
     return [*name, errors(ends), f"{found} of {len(ends)}", by_seed(ends), *cost]
 
 
