@@ -58,8 +58,11 @@ def test_a_number_alone_says_neither_unit_nor_origin():
 def test_a_parameter_has_value_unit_and_origin_of_the_file(section: str, name: str, unit: str):
     found = preset(section, name)
     assert found.default == getattr(getattr(PRESET, section), name)
-    assert found.metadata["unit"] == unit
-    assert found.metadata["provenance"] == PRESET.provenance[f"{section}.{name}"]
+    assert dict(found.metadata) == {
+        "unit": unit,
+        "provenance": PRESET.provenance[f"{section}.{name}"],
+        "later": False,
+    }
 
 
 def test_every_number_has_to_be_there():

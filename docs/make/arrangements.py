@@ -60,6 +60,9 @@ class Sizes(NamedTuple):
     episodes: int = 150
 
 
+SIZES = Sizes()
+
+
 class Run(NamedTuple):
     """A law that is tuned or a policy that is trained, its arrangement, its scenario, and the seed."""
 
@@ -187,7 +190,7 @@ def perform(runs: Iterable[Run], sizes: Sizes, minutes: float) -> None:
 
 
 def main(
-    sizes: Sizes = Sizes(),  # noqa: B008
+    sizes: Sizes = SIZES,
     scenarios: tuple[str, ...] = SCENARIOS,
     laws: tuple[str, ...] = LAWS,
     seeds: int = 5,

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import tyro
 
 from pter_gym._internal.files import write_text_atomic
+from pter_gym.envs.scenario import FRAME_SKIP
 
 RUNS = Path(__file__).with_suffix(".jsonl")
 STOCK_SCRIPTS = Path(__file__).parents[2] / "agents" / "stock"
@@ -50,7 +51,7 @@ TRACE = 0.983
 PERSISTENCE = 0.85
 """Of AR(1) noise, from decision to decision."""
 DEVIATIONS = (0.3, 0.06)
-"""Of what is new of it at the beginning and at the end."""
+"""Standard deviation of the fresh part of AR(1) noise, at the beginning and at the end."""
 
 FAST_DECISIONS = 3_000_000
 SECONDS = {"ends": 150.0, "readme": 250.0, "standard": 60.0, "everything": 30.0}
@@ -220,7 +221,7 @@ STOCK = {
 
 
 class Spent(Exception):
-    """A run has had its time. ARS asks no callback whether to go on."""
+    """The run has used up its budget. An exception, as ARS ignores a callback that wants to stop."""
 
 
 def train_library(run: Run, curve: Curve) -> None:
@@ -271,7 +272,7 @@ def train_script(run: Run, curve: Curve) -> None:
         curve.look(steps, next(iter(policies.values())))
 
     def print_boards(_: object) -> None:
-        """Nothing."""
+        """Print nothing: the study scores the policy itself."""
 
     train.__globals__.update(run_scenario=look, print_boards=print_boards)
     train(seed=run.seed, steps=steps)
@@ -320,7 +321,7 @@ def train(period: int, minutes: float) -> None:
         list(pool.map(attempt, (run for run in planned(period) if run not in done)))
 
 
-def main(period: int = 3, minutes: float = 600.0, only: str = "", no_train: bool = False) -> None:
+def main(period: int = FRAME_SKIP, minutes: float = 600.0, only: str = "", no_train: bool = False) -> None:
     """Train what is missing, and make the page; ``only`` is for the processes that train."""
     if only:
         print(json.dumps(one(Run(*json.loads(only)))))

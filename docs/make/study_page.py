@@ -9,13 +9,11 @@ from matplotlib.figure import Figure
 from pages import BELOW, DOCS, IMAGES, table, write_block
 
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
+from pter_gym.envs.scenario import FRAME_SKIP
 from pter_gym.scenarios import PACES
 from pter_gym.tools.figures import WIDTH, label, legend_of, looks, save, styled
 
 PAGE = DOCS / "stock-algorithms.md"
-
-PERIOD = 3
-"""Control steps for which the environments of scenarios hold an action."""
 
 FOUND = 0.6
 """An error below this share of the one beside the path that a stuck clutch leaves, 25 mm, needs the manoeuvre."""
@@ -82,7 +80,7 @@ def libraries(curves: Curves, scenario: str) -> dict[str, list[Sequence[Row]]]:
 
 def period_of(run: Any) -> str:
     """Return the name of a run of Stable-Baselines3's PPO."""
-    return "PPO" if run.period == PERIOD else f"PPO, period {run.period}"
+    return "PPO" if run.period == FRAME_SKIP else f"PPO, period {run.period}"
 
 
 def stock_table(curves: Curves, scenario: str) -> str:
