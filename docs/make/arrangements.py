@@ -10,28 +10,22 @@ draws; scores are those of fresh evaluation episodes. Needs the extra `agents`; 
 """
 
 import json
-import os
-import subprocess
-import sys
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from queue import Queue
 from tempfile import TemporaryDirectory
-from threading import Lock
-from time import monotonic, process_time
+from time import process_time
 from typing import Any, NamedTuple
 
 import tyro
+from cores import finished, perform
 
-from pter_gym._internal.files import write_text_atomic
 from pter_gym.controllers import PaceSchedule
 from pter_gym.params import ARRANGEMENTS, BASELINE, PAPER_CLUTCHES, Machine
 from pter_gym.scenarios import PACES
 
-RUNS = Path(__file__).with_suffix(".jsonl")
+SCRIPT = Path(__file__).resolve()
 
 BRAKES, (COUPLED, INVERTED) = PAPER_CLUTCHES[:2], PAPER_CLUTCHES[2:]
 CLUTCHES = {
@@ -158,35 +152,12 @@ def one(run: Run, sizes: Sizes) -> Found:
 
 def stored() -> dict[tuple[Run, Sizes], Found]:
     """Return the runs that are finished."""
-    lines = RUNS.read_text("utf-8").splitlines() if RUNS.exists() else []
-    return {(Run(*run), Sizes(*of)): found for run, of, found in map(json.loads, lines)}
+    return {(Run(*run), Sizes(*of)): found for (run, of), found in finished(SCRIPT)}
 
 
-def perform(runs: Iterable[Run], sizes: Sizes, minutes: float) -> None:
-    """Do what is missing, each run in a process of its own on a core of its own."""
-    cores: Queue[int] = Queue()
-    for core in os.sched_getaffinity(0):
-        cores.put(core)
-    last, lock, done = monotonic() + 60.0 * minutes, Lock(), stored()
-
-    def attempt(run: Run) -> None:
-        if monotonic() > last:
-            return
-        core = cores.get()
-        words = ["taskset", "-c", str(core), sys.executable, __file__, "--only", json.dumps([run, sizes])]
-        quiet = {**os.environ, "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-        ended = subprocess.run(words, env=quiet, capture_output=True, text=True, check=False)
-        cores.put(core)
-        if ended.returncode:
-            print(f"{run}: {ended.stderr[-2000:]}", flush=True)
-            return
-        with lock:
-            done[run, sizes] = json.loads(ended.stdout.splitlines()[-1])
-            write_text_atomic(RUNS, "".join(f"{json.dumps([*key, done[key]])}\n" for key in sorted(done)))
-        print(*run, f"{done[run, sizes]['seconds']} s", flush=True)
-
-    with ThreadPoolExecutor(cores.qsize()) as pool:
-        list(pool.map(attempt, (run for run in runs if (run, sizes) not in done)))
+def tell(key: tuple[Run, Sizes], found: Found) -> str:
+    """Return a line about a run: its cost."""
+    return f"{' '.join(map(str, key[0]))} {found['seconds']} s"
 
 
 def main(
@@ -204,7 +175,8 @@ def main(
         print(json.dumps(one(Run(*run), Sizes(*of))))
         return
     if not no_run:
-        perform(planned(scenarios, laws, seeds), sizes, minutes)
+        runs = ((run, sizes) for run in planned(scenarios, laws, seeds))
+        perform(SCRIPT, stored(), runs, minutes, tell)
     from arrangements_page import make
 
     found = {run: result for (run, of), result in stored().items() if of == sizes}

@@ -9,28 +9,22 @@ scoring left out.
 """
 
 import json
-import os
 import runpy
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from queue import Queue
-from threading import Lock
-from time import monotonic, process_time
+from time import process_time
 from typing import Any, NamedTuple
 
 import tyro
+from cores import finished, perform
 
-from pter_gym._internal.files import write_text_atomic
 from pter_gym.envs.scenario import FRAME_SKIP
 
-RUNS = Path(__file__).with_suffix(".jsonl")
-STOCK_SCRIPTS = Path(__file__).parents[2] / "agents" / "stock"
+SCRIPT = Path(__file__).resolve()
+STOCK_SCRIPTS = SCRIPT.parents[2] / "agents" / "stock"
 
 DRAWS = 64
 """Training-side draws at each pace on which a policy is scored."""
@@ -288,37 +282,14 @@ def one(run: Run) -> list[dict[str, Any]]:
 
 def known() -> dict[Run, list[dict[str, Any]]]:
     """Return the runs that are finished."""
-    lines = RUNS.read_text("utf-8").splitlines() if RUNS.exists() else []
-    return {Run(*run): curve for run, curve in map(json.loads, lines)}
+    return {Run(*run): curve for run, curve in finished(SCRIPT)}
 
 
-def train(period: int, minutes: float) -> None:
-    """Train what is missing, each run in a process of its own on a core of its own."""
-    cores: Queue[int] = Queue()
-    for core in os.sched_getaffinity(0):
-        cores.put(core)
-    last, lock, done = monotonic() + 60.0 * minutes, Lock(), known()
-
-    def attempt(run: Run) -> None:
-        if monotonic() > last:
-            return
-        core = cores.get()
-        words = ["taskset", "-c", str(core), sys.executable, __file__, "--only", json.dumps(run)]
-        quiet = {**os.environ, "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-        found = subprocess.run(words, env=quiet, capture_output=True, text=True, check=False)
-        cores.put(core)
-        if found.returncode:
-            print(f"{run}: {found.stderr[-2000:]}", flush=True)
-            return
-        with lock:
-            done[run] = json.loads(found.stdout.splitlines()[-1])
-            write_text_atomic(RUNS, "".join(f"{json.dumps([each, done[each]])}\n" for each in sorted(done)))
-        end = done[run][-1]
-        errors = ", ".join(f"{1000 * end[pace]['path_error_m']:.1f}" for pace in ("slow", "medium", "brisk"))
-        print(*run, f"{end['decisions']} decisions, {end['seconds']} s:", errors, flush=True)
-
-    with ThreadPoolExecutor(cores.qsize()) as pool:
-        list(pool.map(attempt, (run for run in planned(period) if run not in done)))
+def tell(run: Run, curve: list[dict[str, Any]]) -> str:
+    """Return a line about a run: its cost and its path errors [mm]."""
+    end = curve[-1]
+    errors = ", ".join(f"{1000 * end[pace]['path_error_m']:.1f}" for pace in ("slow", "medium", "brisk"))
+    return f"{' '.join(map(str, run))} {end['decisions']} decisions, {end['seconds']} s: {errors}"
 
 
 def main(period: int = FRAME_SKIP, minutes: float = 600.0, only: str = "", no_train: bool = False) -> None:
@@ -327,7 +298,7 @@ def main(period: int = FRAME_SKIP, minutes: float = 600.0, only: str = "", no_tr
         print(json.dumps(one(Run(*json.loads(only)))))
         return
     if not no_train:
-        train(period, minutes)
+        perform(SCRIPT, known(), planned(period), minutes, tell)
     from study_page import make
 
     make(known())

@@ -85,8 +85,6 @@ def _leaves(prefix: str, part: Any) -> Iterator[Parameter]:
         name = f"{prefix}{item.name}"
         if is_dataclass(value):
             yield from _leaves(f"{name}.", value)
-        elif item.name == "clutches":  # the paper's experiments have the paper's clutches
-            continue
         else:
             yield _parameter(name, value, item.metadata)
 
@@ -95,7 +93,7 @@ def _parameter(name: str, value: Any, metadata: Mapping[str, str]) -> Parameter:
     if isinstance(value, bool | str):
         text = str(value)
     elif isinstance(value, tuple):
-        text = ", ".join(f"{number:.4g}" for number in cast(tuple[float, ...], value))
+        text = ", ".join(getattr(each, "name", None) or f"{each:.4g}" for each in cast("tuple[Any, ...]", value))
     else:
         text = f"{value:.5g}"
     return Parameter(name, text, "" if metadata["unit"] == "1" else metadata["unit"], metadata["provenance"])
