@@ -289,7 +289,7 @@ def _functions(own_in: Any) -> tuple[Any, Any]:
     return advance, row_of
 
 
-(advance, row_of), _DECLARED = _functions(papers), _functions(declared_in(BODY))
+(advance, row_of), (advance_declared, row_of_declared) = _functions(papers), _functions(declared_in(BODY))
 
 
 def _build(digest: str) -> Any:
@@ -316,7 +316,8 @@ def _build(digest: str) -> Any:
 
 @cache
 def _kernel(*, papers: bool) -> Any:
-    return compile_kernel(_build) if papers else compile_kernel(_build, advance=_DECLARED[0], row_of=_DECLARED[1])
+    declared = {} if papers else {"advance": advance_declared, "row_of": row_of_declared}
+    return compile_kernel(_build, **declared)
 
 
 def _check_finite(record: Array) -> None:

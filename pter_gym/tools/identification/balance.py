@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from pter_gym.params import Machine
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import Shape
-from pter_gym.tools.identification.windows import ENGAGED, Motion, W, lagged, smooth_force
+from pter_gym.tools.identification.windows import ENGAGED, Motion, lagged, slip_rows, smooth_force
 
 Array = NDArray[np.float64]
 
@@ -66,10 +67,11 @@ def first_estimate(log: Log, motion: Motion, shape: Shape) -> Array:
 
 def balance(log: Log, motion: Motion, shape: Shape, grid: Sequence[Grid] = FULL) -> Balance | None:
     """Return the best regression over a grid, without negative inertias, torques or friction; None for too few rows."""
-    rows = slipping_rows(log, motion, shape.start.clutch.time_constant)
+    rows = slipping_rows(log, motion, shape.start)
     if len(rows) < FEWEST:
         return None
-    signs = np.sign(motion.omega[rows] @ W.T)
+    w = slip_rows(shape.start)
+    signs = np.sign(motion.omega[rows] @ w.T)
     inertial, load = _inertial(log, motion, shape, rows)
     omega = motion.omega[rows]
     axes = [_both(values * axis) for values in (np.sign(omega), omega) for axis in ([1.0, 0.0], [0.0, 1.0])]
@@ -78,8 +80,8 @@ def balance(log: Log, motion: Motion, shape: Shape, grid: Sequence[Grid] = FULL)
         volts = np.roll(log.volts, round(delay / log.interval), axis=0)
         linear = signs * lagged(log, volts, time_constant)[rows]
         above = signs * lagged(log, np.maximum(volts - share * shape.top, 0.0) ** 2, time_constant)[rows]
-        slopes = [_both(linear[:, [x]] * W[x]) for x in range(4)]
-        table = np.column_stack([*inertial, *axes, *slopes, _both(above @ W)])
+        slopes = [_both(linear[:, [x]] * w[x]) for x in range(4)]
+        table = np.column_stack([*inertial, *axes, *slopes, _both(above @ w)])
         size = np.linalg.norm(table, axis=0) + 1e-12
         free = np.array([len(inertial) - 1, len(size) - 1])  # coupling and curvature may be negative
         signed = np.column_stack([table / size, -table[:, free] / size[free], load])
@@ -92,12 +94,12 @@ def balance(log: Log, motion: Motion, shape: Shape, grid: Sequence[Grid] = FULL)
     return best
 
 
-def slipping_rows(log: Log, motion: Motion, time_constant: float) -> NDArray[np.int64]:
+def slipping_rows(log: Log, motion: Motion, start: Machine) -> NDArray[np.int64]:
     """Return rows at which each engaged clutch surely slips one way, and has for a while."""
     every = max(1, round(EVERY / log.interval))
     rows = np.arange(2 * motion.half, len(log.theta) - 2 * motion.half, every)
-    engaged = lagged(log, log.volts, time_constant) > ENGAGED
-    slip = motion.omega @ W.T
+    engaged = lagged(log, log.volts, start.clutch.time_constant) > ENGAGED
+    slip = motion.omega @ slip_rows(start).T
     near = np.stack([slip[rows + k] for k in range(-2 * motion.half, 2 * motion.half + 1, max(1, motion.half // 2))])
     one_way = (near.min(axis=0) > SLIPPING) | (near.max(axis=0) < -SLIPPING)
     good = (one_way | ~engaged[rows]).all(axis=1)

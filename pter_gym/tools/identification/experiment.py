@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.errors import ParameterError
-from pter_gym.params import Arm, Hand, Machine, require_number
+from pter_gym.params import SLOTS, Arm, Hand, Machine, require_number
 from pter_gym.tools.identification.log import Log
 
 Array = NDArray[np.float64]
@@ -65,10 +65,9 @@ class Experiment:
         for name in ("on", "off", "free", "interval"):
             require_number(self, name, above=0.0)
 
-    @property
-    def duration(self) -> float:
-        """Length of the log [s]."""
-        return self.free + 4 * len(self.levels) * (self.on + self.off)
+    def duration(self, clutches: int) -> float:
+        """Return the length of the log [s] of a machine with so many clutches."""
+        return self.free + clutches * len(self.levels) * (self.on + self.off)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,13 +100,13 @@ EXPERIMENT = Experiment()
 RECORDER = Recorder()
 
 
-def voltages(experiment: Experiment, times: Array) -> Array:
+def voltages(experiment: Experiment, times: Array, clutches: int) -> Array:
     """Return the voltages [V] at times [s], shape (T, 4): the clutches in turn at the first level, then at the next."""
     place = np.floor((times - experiment.free) / (experiment.on + experiment.off)).astype(int)
     within = (times - experiment.free) - place * (experiment.on + experiment.off)
-    applied = np.zeros((len(times), 4))
-    on = (place >= 0) & (place < 4 * len(experiment.levels)) & (within < experiment.on)
-    applied[on, place[on] % 4] = np.array(experiment.levels)[place[on] // 4]
+    applied = np.zeros((len(times), SLOTS))
+    on = (place >= 0) & (place < clutches * len(experiment.levels)) & (within < experiment.on)
+    applied[on, place[on] % clutches] = np.array(experiment.levels)[place[on] // clutches]
     return applied
 
 
@@ -131,10 +130,10 @@ def record_log(
         raise ParameterError(
             f"Experiment.interval must be a multiple of {TRUE_SUBSTEP:g} s, got {experiment.interval!r}"
         )
-    rows = round(experiment.duration / experiment.interval)
+    rows = round(experiment.duration(len(machine.clutches)) / experiment.interval)
     halves: Array = 0.5 * TRUE_SUBSTEP * np.arange(2 * rows * ratio, dtype=np.float64)
     middles = experiment.interval * (np.arange(rows, dtype=np.float64) + 0.5)
-    applied = voltages(experiment, middles).clip(max=machine.clutch.voltage_max)
+    applied = voltages(experiment, middles, len(machine.clutches)).clip(max=machine.clutch.voltage_max)
     # in the middle of substeps, so that no rounding decides which row a voltage is of
     row_of = np.floor((halves[1::2] - recorder.delay) / experiment.interval).astype(int)
     volts = applied[row_of.clip(0)]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.errors import ParameterError
-from pter_gym.params import Machine, find_machine, require_paper_clutches
+from pter_gym.params import SLOTS, Machine, find_machine
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification import reasons
 from pter_gym.tools.identification.balance import SLIPPING, first_estimate
@@ -15,7 +15,7 @@ from pter_gym.tools.identification.estimation import Fit, begin
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import Quantity, Shape, quantities
 from pter_gym.tools.identification.verdict import Verdict, judge
-from pter_gym.tools.identification.windows import ENGAGED, OTHERS, Motion, W, cut, holding, lagged, smooth
+from pter_gym.tools.identification.windows import ENGAGED, OTHERS, Motion, cut, holding, lagged, slip_rows, smooth
 
 Array = NDArray[np.float64]
 
@@ -136,17 +136,16 @@ def identify(
     Raises
     ------
     ParameterError
-        If the start has other clutches than the paper's, the log has neither forces nor ``free``, a voltage exceeds the
-        largest of the start, or nothing moves.
+        If the log has neither forces nor ``free``, a voltage exceeds the largest of the start or is of a clutch that it
+        has not, or nothing moves.
     """
     start = find_machine(start)
-    require_paper_clutches(start, "no others can be identified")
     motion = _checked(log, start)
     slipped, top = experience(log, motion, start)
     live = tuple(int(x) for x in np.flatnonzero(slipped >= ENOUGH))
     shape = Shape(start, top, live=live)
     p = first_estimate(log, motion, shape)
-    windows = cut(log, motion, float(np.exp(p[at.TIME_CONSTANT])))
+    windows = cut(log, motion, start, float(np.exp(p[at.TIME_CONSTANT])))
     breakaways = count_breakaways(log, motion, start)
     why = _hopeless(log, live, breakaways)
     if levels(log, motion, start) < FEWEST_LEVELS:
@@ -164,7 +163,7 @@ def identify(
     free = [i for i in range(len(at.NAMES)) if i not in why]
     fit = begin(windows, shape, free, p, step).search()
     fit = _without_unseen(fit, why, before)
-    fit.compare([cut(log, motion, float(np.exp(fit.p[at.TIME_CONSTANT])), other) for other in OTHERS])
+    fit.compare([cut(log, motion, start, float(np.exp(fit.p[at.TIME_CONSTANT])), other) for other in OTHERS])
     verdict, groups = judge(fit, log, motion)
     if fit.free and not verdict.explained:
         fit.disagree(groups)
@@ -194,6 +193,9 @@ def _checked(log: Log, start: Machine) -> Motion:
             f"log: voltages must be at most voltage_max of the machine, {start.clutch.voltage_max:g} V, "
             f"got {log.volts.max():g}: are these volts?"
         )
+    there = len(start.clutches)
+    if log.volts[:, there:].any():
+        raise ParameterError(f"log: voltages from V{there + 1} on must be 0: the machine has {there} clutches")
     motion = smooth(log)
     if np.abs(motion.omega).max() < SLIPPING:
         raise ParameterError(f"log: theta_A or theta_B must move faster than {SLIPPING:g} rad/s somewhere")
@@ -203,7 +205,7 @@ def _checked(log: Log, start: Machine) -> Motion:
 def experience(log: Log, motion: Motion, start: Machine) -> tuple[Array, float]:
     """Return how long each clutch slipped while it was on [s], and the highest voltage at which one slipped [V]."""
     behind = lagged(log, log.volts, start.clutch.time_constant)
-    slips = (np.abs(motion.omega @ W.T) > SLIPPING) & (behind > ENGAGED)
+    slips = (np.abs(motion.omega @ slip_rows(start).T) > SLIPPING) & (behind > ENGAGED)
     if log.force is None and log.free is not None:
         slips &= log.free[:, None]
     at_work = np.sort(np.where(slips, np.minimum(behind, log.volts), 0.0).ravel())
@@ -217,7 +219,7 @@ def experience(log: Log, motion: Motion, start: Machine) -> tuple[Array, float]:
 
 def levels(log: Log, motion: Motion, start: Machine) -> int:
     """Return at how many voltages, at least half a volt apart, clutches slipped."""
-    slips = (np.abs(motion.omega @ W.T) > SLIPPING) & (log.volts > ENGAGED)
+    slips = (np.abs(motion.omega @ slip_rows(start).T) > SLIPPING) & (log.volts > ENGAGED)
     slips &= lagged(log, log.volts, start.clutch.time_constant) > 0.5 * log.volts
     _, counts = np.unique(np.round(2.0 * log.volts[slips]), return_counts=True)
     return int((counts * log.interval >= SEEN).sum())
@@ -226,12 +228,12 @@ def levels(log: Log, motion: Motion, start: Machine) -> int:
 def count_breakaways(log: Log, motion: Motion, start: Machine) -> NDArray[np.int64]:
     """Return how often each clutch held and then slipped while it was on."""
     rows = np.arange(0, len(log.theta), max(1, motion.half // 2))
-    held, _ = holding(log, motion, start.clutch.time_constant, rows)
+    held, _ = holding(log, motion, start, start.clutch.time_constant, rows)
     behind = lagged(log, log.volts, start.clutch.time_constant)[rows]
-    slips = (np.abs(motion.omega @ W.T)[rows] > SLIPPING) & (behind > ENGAGED)
+    slips = (np.abs(motion.omega @ slip_rows(start).T)[rows] > SLIPPING) & (behind > ENGAGED)
     state = np.where(held, 1, np.where(slips, 2, 0))
-    events = np.zeros(4, np.int64)
-    for x in range(4):
+    events = np.zeros(SLOTS, np.int64)
+    for x in range(SLOTS):
         told = state[state[:, x] > 0, x]
         events[x] = int(((told[:-1] == 1) & (told[1:] == 2)).sum())
     return events

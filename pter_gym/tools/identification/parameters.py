@@ -188,7 +188,7 @@ def quantities(machine: Machine, delay: float, top: float) -> list[Quantity]:
     add("curvature", "N·m/V²", "curvature of the quadratic segment", curve.curvature, "clutch.curvature")
     ratio = machine.clutch.breakaway.slope / curve.slope
     add("breakaway_ratio", "1", "breakaway over dynamic torque", ratio, "clutch.breakaway_ratio")
-    for x, scale in enumerate(machine.clutch_scale, 1):
+    for x, scale in enumerate(machine.clutch_scale[: len(machine.clutches)], 1):
         add(f"scale_{x}", "1", f"torque of clutch {x} over the mean", scale, "clutch.scale")
     add("time_constant", "s", "lag of the clutches", machine.clutch.time_constant, "clutch.time_constant")
     add(

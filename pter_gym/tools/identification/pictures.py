@@ -41,7 +41,7 @@ def curves(found: Identification) -> Figure:
     volts = np.linspace(0.0, clutch.voltage_max, 200)
     top = found.fit.shape.top
     axes.axvspan(top, clutch.voltage_max, color=MUTED, alpha=0.12, linewidth=0.0)
-    for x, scale in enumerate(found.machine.clutch_scale):
+    for x, scale in enumerate(found.machine.clutch_scale[: len(found.machine.clutches)]):
         torque = [scale * clutch.dynamic.torque(float(v)) for v in volts]
         axes.plot(volts, torque, color=CLUTCH_COLOURS[x], linestyle="-", label=f"clutch {x + 1}, T_k")
     torque = [clutch.breakaway.torque(float(v)) for v in volts]
@@ -74,7 +74,7 @@ def recording(found: Identification) -> Figure:
     count = 2 if log.force is None else 3
     figure = Figure(figsize=(WIDTH, 1.35 * count + 0.4))
     axes = figure.subplots(count, sharex=True)
-    for x in range(4):
+    for x in range(len(found.machine.clutches)):
         axes[0].step(times, log.volts[::every, x], where="post", label=f"{x + 1}", **_thin(x))
     axes[0].legend(title="clutch", ncols=4, loc="upper left")
     for k, name in enumerate(("θA", "θB")):

@@ -16,7 +16,7 @@ from pter_gym._compiled.compiler import compile_kernel
 from pter_gym._compiled.records import store
 from pter_gym._physics.arm import Load, Motion
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.open_loop import BODY, advance, body_of, initial_state, scratch
+from pter_gym._physics.open_loop import BODY, advance, advance_declared, body_of, initial_state, scratch
 from pter_gym.params import Machine
 from pter_gym.tools.identification.log import interpolated
 
@@ -94,7 +94,7 @@ def predict(machine: Machine, inputs: Inputs, delay: float, starts: Array, lengt
     settled = initial_state(machine, (0.0, 0.0), volts=np.minimum(volts[0], machine.clutch.voltage_max))
     body = body_of(replace(machine, substep=inputs.step), settled)
     record = np.empty((len(starts), length, 2))
-    _kernel()(body, volts, inputs.force, starts, inputs.step, inputs.substeps, record)
+    _kernel(papers=machine.has_paper_clutches)(body, volts, inputs.force, starts, inputs.step, inputs.substeps, record)
     return record
 
 
@@ -119,5 +119,5 @@ def _build(digest: str) -> Any:
 
 
 @cache
-def _kernel() -> Any:
-    return compile_kernel(_build)
+def _kernel(*, papers: bool) -> Any:
+    return compile_kernel(_build) if papers else compile_kernel(_build, advance=advance_declared)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from pter_gym._physics.friction import COUPLING, LINES
+from pter_gym.params import Machine
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.shooting import LONGEST_SUBSTEP, Inputs, make_inputs
 
@@ -34,9 +34,6 @@ SHAKES = 4
 
 ENGAGED = 0.3
 """Voltage behind the lag from which a clutch can hold [V]."""
-
-W = np.array(COUPLING)
-DIRECTIONS = np.array([np.array(line) / np.linalg.norm(line) for line in LINES])
 
 
 @dataclass(frozen=True)
@@ -146,23 +143,26 @@ def lagged(log: Log, values: Array, time_constant: float) -> Array:
     return _SIGNAL.lfilter([1.0 - left], [1.0, -left], before, axis=0, zi=first)[0]
 
 
-def cut(log: Log, motion: Motion, time_constant: float, cutting: Cutting = USUAL) -> Windows:
+def cut(log: Log, motion: Motion, start: Machine, time_constant: float, cutting: Cutting = USUAL) -> Windows:
     """Return the windows of a log; the time constant [s] need not be exact."""
     seconds = WITH_FORCES if log.force is not None else WITHOUT_FORCES
     length = max(4, round(cutting.stretch * seconds / log.interval))
     count = (len(log.theta) - 1) // length
     first = np.arange(count) * length
     rows = first[:, None] + np.arange(1, length + 1)
-    held, ambiguous = holding(log, motion, time_constant, first)
+    held, ambiguous = holding(log, motion, start, time_constant, first)
     used = ~ambiguous
     if log.force is None and log.free is not None:
         used &= log.free[first] & log.free[rows].all(axis=1)
     ways = np.zeros((count, 2, 2))
     omega = motion.omega[first].copy()
+    w = slip_rows(start)
+    held = by_line(held, w)
     many = held.sum(axis=1)
     ways[many == 0] = np.eye(2)
     one = np.flatnonzero(many == 1)
-    along = DIRECTIONS[held[one].argmax(axis=1)]
+    lines = w[:, ::-1] * (-1.0, 1.0) / np.linalg.norm(w, axis=1, keepdims=True)
+    along = lines[held[one].argmax(axis=1)]
     ways[one, :, 0] = along
     omega[one] = along * np.sum(along * omega[one], axis=1, keepdims=True)
     omega[many > 1] = 0.0
@@ -193,12 +193,23 @@ def shaken_logs(log: Log) -> Iterator[Log]:
         yield replace(log, force=log.force + noise * rng.standard_normal(log.force.shape))
 
 
+def slip_rows(machine: Machine) -> Array:
+    """Return W of a machine, shape (4, 2)."""
+    return np.array(machine.slot_rows)
+
+
+def by_line(held: NDArray[np.bool_], w: Array) -> NDArray[np.bool_]:
+    """Return which lines are held, given which clutches hold, both (N, 4): clutches of equal rows share the first."""
+    first = (w[:, None] == w).all(axis=2).argmax(axis=1)
+    return np.stack([held[:, first == x].any(axis=1) for x in range(len(w))], axis=1)
+
+
 def holding(
-    log: Log, motion: Motion, time_constant: float, rows: NDArray[np.int64]
+    log: Log, motion: Motion, start: Machine, time_constant: float, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which clutches hold at rows of a log, shape (N, 4), and where that cannot be told, shape (N,)."""
     engaged = lagged(log, log.volts, time_constant)[rows] > ENGAGED
-    slip = np.abs(motion.omega @ W.T)
+    slip = np.abs(motion.omega @ slip_rows(start).T)
     width = 2 * motion.half + 1
     error = motion.noise * np.sqrt(12.0 / width) / (width * log.interval)
     slowest = 6.0 * error + 2e-3

@@ -93,9 +93,20 @@ def test_a_simulated_log_is_what_the_model_predicts():
 
 
 @pytest.mark.slow
-def test_a_log_without_noise_gives_the_machine_back():
-    found = identify(record_log(OTHER, SHORT, EXACT), BASELINE)
-    off = errors(found, OTHER, 0.006)
+@pytest.mark.parametrize(
+    "clutches",
+    [
+        "paper",
+        "two-brakes",
+        pytest.param("double-brakes", marks=pytest.mark.long),
+        pytest.param("couplings-1-2", marks=pytest.mark.long),
+    ],
+)
+def test_a_log_without_noise_gives_the_machine_back(clutches: str):
+    start = BASELINE if clutches == "paper" else find_machine(clutches)
+    machine = replace(OTHER, clutches=start.clutches)
+    found = identify(record_log(machine, SHORT, EXACT), start)
+    off = errors(found, machine, 0.006)
     assert set(states(found).values()) <= {"identified", "uncertain"}
     for name, error in off.items():
         assert abs(error) < (0.005 if name in ("breakaway_ratio", "curvature", "delay") else 0.001), name
@@ -222,6 +233,12 @@ def test_a_log_that_tells_nothing_is_refused(tmp_path: Path):
         identify(replace(log, force=None))
     with pytest.raises(ParameterError, match="voltages must be at most voltage_max"):
         identify(replace(log, volts=log.volts + 30.0))
+
+
+def test_a_voltage_of_a_clutch_that_is_not_there_is_refused():
+    log = Log(interval=0.01, volts=np.full((600, 4), 5.0), theta=np.zeros((600, 2)), force=np.zeros((600, 2)))
+    with pytest.raises(ParameterError, match=r"^log: voltages from V3 on must be 0: the machine has 2 clutches$"):
+        identify(log, "two-brakes")
 
 
 def test_the_command_names_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
