@@ -7,6 +7,7 @@ what is in them. `-b linkcheck` looks up the links that leave the site.
 import os
 import runpy
 import sys
+import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ project = "pter_gym"
 author = "pter_gym contributors"
 copyright = f"2026, {author}"
 release = runpy.run_path(str(DOCS.parent / "pter_gym" / "_version.py"))["__version__"]
+urls = tomllib.loads((DOCS.parent / "pyproject.toml").read_text("utf-8"))["project"]["urls"]
 
 extensions = [
     "myst_nb",
@@ -25,6 +27,7 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
+    "sphinx_copybutton",
     "extension",
 ]
 exclude_patterns = ["_build", "_templates", "make"]
@@ -48,7 +51,11 @@ toc_object_entries_show_parents = "hide"
 html_math_renderer = "mathml"
 
 html_theme = "furo"
-html_title = "pter_gym"
+html_title = f"pter_gym {release}"
+html_logo = html_favicon = "../pter_gym/tools/web/static/icon.svg"
+html_theme_options = {
+    "footer_icons": [{"name": "Source", "url": urls["Source"], "html": "Source", "class": ""}],
+}
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_sphinx = False

@@ -27,6 +27,9 @@ State = dict[str, Any]
 
 FOLDER = Path(__file__).parent
 
+ALL = "all"
+"""Name for all scenarios of ``worlds.MIXED``, and for a commanded pace that is drawn among those of the scores."""
+
 ENTRY = "algorithm"
 """Key that only the file of an algorithm has."""
 

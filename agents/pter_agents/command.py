@@ -5,12 +5,11 @@ from typing import Annotated
 
 import tyro
 
-from pter_agents.algorithms import ALGORITHMS, load_settings, smoke_settings
-from pter_gym._commands.arguments import MachineName
+from pter_agents.algorithms import ALGORITHMS, ALL, load_settings, smoke_settings
+from pter_gym._commands.arguments import IS_FILE, Check, MachineName, among
 from pter_gym._internal.terminal import progress_bar, say, terminal
-from pter_gym.errors import needs_extra
-from pter_gym.scenarios import SCENARIOS
-from pter_gym.scenarios._own_machine import find_own
+from pter_gym.errors import ParameterError, needs_extra, unknown_name
+from pter_gym.scenarios import PACES, SCENARIOS
 
 TRAINED = "What to train: " + ", ".join(f"{name} ({each.action})" for name, each in ALGORITHMS.items()) + "."
 
@@ -20,15 +19,23 @@ SMOKE_ROLLOUTS = 3
 SMOKE_EPISODES = 8
 
 
+def check_trained(field: str, policy: str) -> None:
+    """Raise a ParameterError unless a policy is a trained one of the package, or may be the path of another."""
+    from pter_gym.policies._files import is_here, is_path, shipped_policies
+
+    if policy not in (known := shipped_policies()) and not is_path(policy) and not is_here(policy):
+        raise unknown_name(field, policy, known)
+
+
 def train(
-    algo: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ALGO", help=TRAINED)],
-    scenario: Annotated[str, tyro.conf.arg(help=DRAWN)] = "standard",
-    pace: str = "all",
+    algo: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ALGO", help=TRAINED), among(lambda: ALGORITHMS)],
+    scenario: Annotated[str, tyro.conf.arg(help=DRAWN), among(lambda: (ALL, *SCENARIOS))] = "standard",
+    pace: Annotated[str, among(lambda: (ALL, *PACES))] = ALL,
     steps: int = 20_000_000,
     seed: int = 0,
     out: Path = Path("pter-run"),
     resume: bool = False,
-    config: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    config: Annotated[Path | None, tyro.conf.arg(metavar="FILE"), IS_FILE] = None,
     smoke: bool = False,
     machine: MachineName = None,
 ) -> None:
@@ -53,6 +60,7 @@ def train(
         with terminal(errors=True).status("loading"):
             settings = load_settings(algo, config)
             from pter_agents import training
+            from pter_gym.scenarios._own_machine import find_own
     except ImportError as error:
         raise needs_extra("training", "agents") from error
     episodes = training.Arguments.validation_episodes
@@ -98,7 +106,10 @@ def export(
     """
     from pter_gym.policies._files import RUN
 
-    policy = _export_run(run, name, out) if hub is None or (run / RUN).is_file() else run
+    is_run = (run / RUN).is_file()
+    if not is_run and hub is None:
+        raise ParameterError(f"RUN must be the folder of a run, there is no {RUN} in {str(run)!r}")
+    policy = _export_run(run, name, out) if is_run else run
     if hub is not None:
         from pter_agents.sharing import share_policy
 
@@ -121,11 +132,12 @@ def _export_run(run: Path, name: str | None, out: Path) -> Path:
 
 
 def retrain(
-    policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY")], out: Path = Path("pter-retrain")
+    policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY"), Check(check_trained)],
+    out: Path = Path("pter-retrain"),
 ) -> None:
     """Train a policy again from its card, and score both.
 
-    The scores are on fresh episodes, whose seed follows from the content of both policies, so neither has seen them.
+    Scores are from fresh episodes whose seed follows from the content of both policies, so neither has seen them.
     Policies that were trained on a machine of their own are scored on training draws with that machine.
 
     Example: pter retrain residual --out again

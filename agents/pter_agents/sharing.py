@@ -150,9 +150,7 @@ def _film(name: str, policy: Neural, scenario: Scenario) -> bytes:
     artist = load_artist("film")
     ((machine, task),) = scenario.randomisation("medium", contexts=1, seed=0).pairs()
     episode = record_episode(policy, machine, task, 0, time_limit(task))
-    film = artist.Film(
-        [artist.Shot(artist.Subject(machine, task, name), episode.telemetry)], artist.RATES[Path(FILM).suffix]
-    )
+    film = artist.film_of(machine, task, {name: episode.telemetry}, artist.RATES[Path(FILM).suffix])
     with TemporaryDirectory() as folder:
         artist.write_film(film, Path(folder) / FILM)
         return (Path(folder) / FILM).read_bytes()

@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from pter_agents.algorithms import ALL
 from pter_gym.benchmark import PACES
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
@@ -18,9 +19,6 @@ from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios._own_machine import OwnMachine
 from pter_gym.scenarios.randomisation import Mixture, OneOf, Randomisation, Vary
 from pter_gym.tasks.path_following import Sensors
-
-ALL = "all"
-"""Name for all scenarios of ``MIXED``, and for a commanded pace that is drawn among those of the scores."""
 
 MIXED = ("standard", "paths", "hands", "materials", "everything")
 """The scenarios of ``ALL``, on which shipped policies were trained; later ones show how policies do on others."""

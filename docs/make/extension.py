@@ -1,4 +1,4 @@
-"""Our part of Sphinx: the directive `{made}`, formulas as MathML, notebooks, and docstrings with tables of fields."""
+"""Our part of Sphinx: formulas as MathML, notebooks, and docstrings with tables of fields."""
 
 import inspect
 import shutil
@@ -8,30 +8,15 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from contents import add_contents
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
-from sphinx.util.docutils import SphinxDirective
 
 PAGES = {"pter_gym.envs._single.PathFollowingEnv": "/path-following"}
 """Classes whose docstring is a page in Markdown."""
-
-
-class Made(SphinxDirective):
-    """Put the Markdown that a function of `made` returns into the page: its name, then its arguments."""
-
-    required_arguments = 1
-    final_argument_whitespace = True
-
-    def run(self) -> list:
-        """Parse the Markdown here."""
-        import made
-
-        name, *given = self.arguments[0].split()
-        self.env.note_reread()
-        return self.parse_text_to_nodes(made.MADE[name](*given), allow_section_headings=True)
 
 
 def inline_formula(translator: Any, node: nodes.math) -> None:
@@ -131,9 +116,9 @@ def unlink(app: Sphinx, doctree: nodes.document) -> None:
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect to Sphinx."""
-    app.add_directive("made", Made)
     app.add_html_math_renderer("mathml", (inline_formula, None), (formula, None))
     app.connect("builder-inited", bring_notebooks)
+    app.connect("source-read", add_contents)
     app.connect("autodoc-process-docstring", process)
     app.connect("autodoc-skip-member", choose)
     app.connect("viewcode-follow-imported", follow)

@@ -10,15 +10,17 @@ FOLDER is what `--out` named; its `benchmark.json` is read. A table that is miss
 CONTRIBUTING.md lists.
 """
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import boards
 import declared
+import made
 import tyro
-from pages import ROOT, write_block
+from pages import DOCS, ROOT, write_block
 
 from pter_gym._compiled.records import layout_of
 from pter_gym._engine.law import Memory
@@ -27,7 +29,12 @@ from pter_gym.controllers._gains import Nominal
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensing, Starts
 
-ENVIRONMENT, CLASSICAL, SUITE = "docs/environment.md", "docs/classical-control.md", "docs/scenarios/index.md"
+NUMBERS = ENVIRONMENT, TASK, WORLDS, CONSTANTS, LAWS = tuple(
+    f"docs/{name}.md" for name in ("environment", "task", "worlds", "constants", "laws")
+)
+"""Pages of every number, with its unit and meaning."""
+
+CLASSICAL, SUITE = "docs/classical-control.md", "docs/scenarios/index.md"
 STOCK, AT_SCALE = ROOT / "agents" / "stock", ROOT / "agents" / "at_scale"
 
 
@@ -49,20 +56,29 @@ class Table(NamedTuple):
     make: Callable[..., str]
 
 
+def asked_for() -> Iterator[Table]:
+    """Return the blocks that pages ask of `made`."""
+    for page in sorted(DOCS.rglob("*.md")):
+        for asked in re.findall(r"^<!-- made: (.+) -->$", page.read_text("utf-8"), re.MULTILINE):
+            place = page.relative_to(ROOT).as_posix()
+            yield Table(place, f"made: {asked}", partial(made.markdown, page, asked))
+
+
 DECLARED = (
+    *asked_for(),
     Table(ENVIRONMENT, "observation", declared.observation),
     Table(ENVIRONMENT, "context", declared.context),
     Table(ENVIRONMENT, "telemetry", partial(declared.entries_table, TELEMETRY)),
-    Table(ENVIRONMENT, "reward", partial(declared.fields_table, RewardWeights)),
-    Table(ENVIRONMENT, "task", partial(declared.fields_table, PathFollowing)),
-    Table(ENVIRONMENT, "starts", partial(declared.fields_table, Starts)),
-    Table(ENVIRONMENT, "sensing", partial(declared.fields_table, Sensing)),
-    Table(ENVIRONMENT, "stored by every world", partial(declared.world_table, 0, BASIC_ROWS)),
-    Table(ENVIRONMENT, "stored by some worlds", partial(declared.world_table, BASIC_ROWS, STORED_ROWS)),
-    Table(ENVIRONMENT, "constants", partial(declared.world_table, STORED_ROWS, STORED_ROWS + CONSTANT_ROWS)),
-    Table(ENVIRONMENT, "memory", partial(declared.entries_table, layout_of(Memory))),
-    Table(ENVIRONMENT, "nominal", partial(declared.entries_table, layout_of(Nominal))),
-    Table(ENVIRONMENT, "gains", declared.gains),
+    Table(TASK, "reward", partial(declared.fields_table, RewardWeights)),
+    Table(TASK, "task", partial(declared.fields_table, PathFollowing)),
+    Table(TASK, "starts", partial(declared.fields_table, Starts)),
+    Table(TASK, "sensing", partial(declared.fields_table, Sensing)),
+    Table(WORLDS, "stored by every world", partial(declared.world_table, 0, BASIC_ROWS)),
+    Table(WORLDS, "stored by some worlds", partial(declared.world_table, BASIC_ROWS, STORED_ROWS)),
+    Table(CONSTANTS, "constants", partial(declared.world_table, STORED_ROWS, STORED_ROWS + CONSTANT_ROWS)),
+    Table(LAWS, "memory", partial(declared.entries_table, layout_of(Memory))),
+    Table(LAWS, "nominal", partial(declared.entries_table, layout_of(Nominal))),
+    Table(LAWS, "gains", declared.gains),
     Table("docs/scoring.md", "scores of an episode", declared.scores),
     Table("docs/reproduction.md", "standard test", declared.standard_test),
     Table("README.md", "claims", declared.claims),
@@ -107,7 +123,9 @@ def score(results: Path) -> None:
 
     policies = ",".join((*boards.LEFT_OUT, "impedance", "torque-feedback", *TUNED, *shipped_policies()))
     for scenario, *fresh in (["standard"], *([each, "--fresh", "derived"] for each in SCENARIOS)):
-        if status := pter(["benchmark", "--scenario", scenario, *fresh, "--policies", policies, "--out", str(results)]):
+        if status := pter(
+            ["benchmark", "--scenario", scenario, *fresh, "--no-film", "--policies", policies, "--out", str(results)]
+        ):
             raise SystemExit(status)
 
 

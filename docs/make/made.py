@@ -1,22 +1,24 @@
-"""What pages take from the code when the site is built, as Markdown: the functions of the directive `{made}`."""
+"""What pages take from the code, as Markdown: `fill.py` puts it between `<!-- made: NAME … -->` and its end."""
 
 import inspect
 import json
-import os
 import re
 from collections.abc import Callable, Iterable
-from contextlib import redirect_stdout, suppress
 from dataclasses import fields
 from importlib import import_module
-from io import StringIO
-from typing import Any, get_args
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
 
+import docstring_parser
 import pictures
+import tyro
 from declared import code, fields_table
-from pages import IMAGES, ROOT, signed, text_table
+from pages import DOCS, IMAGES, ROOT, signed, text_table
 
 from pter_gym._commands.main import commands as find_commands
-from pter_gym._commands.main import main as run_command
+from pter_gym._commands.main import load_command
+from pter_gym._commands.names import names_of
+from pter_gym._internal.plugins import summary as summary_of
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.hands import LIBRARY_ARMS, LIBRARY_TREMORS
@@ -26,7 +28,7 @@ from pter_gym.params._preset import PRESET, SECTIONS
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Repeat, Shared, Tuple, Uniform, Vary
-from pter_gym.tools.paper.reproduce.figures import PRODUCTS
+from pter_gym.tools.paper.reproduce.chapters import PRODUCTS
 from pter_gym.tools.paper.reproduce.report import SIGNS
 
 MADE: dict[str, Callable[..., str]] = {}
@@ -93,12 +95,9 @@ def scenario(name: str) -> str:
     drawn = [*varied("machine", found.machine), *varied("task", found.task)]
     drawn.append(["task: pace", "m/s", described(LogUniform(min(PACES.values()), max(PACES.values())))])
     return f"""\
-```{{figure}} /images/moving/{name}.webp
-:alt: An episode of {name}
-:class: moving
+![An episode of {name}](/images/moving/{name}.webp)
 
-`{pictures.SHOWN}` on one drawn episode of `{name}`, in real time.
-```
+*`{pictures.SHOWN}` on one drawn episode of `{name}`, in real time.*
 
 ```python
 env = gymnasium.make("{found.id}")
@@ -234,7 +233,12 @@ def policies() -> str:
         f"- ![{name} at the end of its episode](/images/policies/{name}.webp)\n\n  **{name}.** {policy_text(name)}\n"
         for name in pictures.policy_names()
     )
-    return "{.cards}\n" + "\n".join(cards)
+    return cards_of(cards)
+
+
+def cards_of(cards: Iterable[str]) -> str:
+    """Cards side by side; where styles are not known, a list."""
+    return '<div class="cards">\n\n' + "\n".join(cards) + "\n</div>"
 
 
 def policy_text(name: str) -> str:
@@ -256,18 +260,63 @@ def scenarios() -> str:
         f"- ![An episode of {name}](/images/moving/{name}.webp)\n\n  **[{name}](scenarios/{name}.md).** {each.asks}\n"
         for name, each in SCENARIOS.items()
     )
-    return "{.cards}\n" + "\n".join(cards)
+    return cards_of(cards)
 
 
 @made
 def commands() -> str:
-    """What each command says of itself."""
-    return "\n".join(f"## pter {name}\n\n```text\n{help_of(name)}\n```\n" for name in find_commands())
+    """All commands, with what each is for."""
+    rows = ([f"[`pter {name}`](commands/{name}.md)", summary_of(entry)] for name, entry in find_commands().items())
+    return text_table(["Command", "What it does"], rows)
 
 
-def help_of(name: str) -> str:
-    """What `pter NAME --help` prints."""
-    os.environ["COLUMNS"] = "88"
-    with redirect_stdout(StringIO()) as printed, suppress(SystemExit):
-        run_command([name, "--help"])
-    return re.sub(r"\x1b\[[0-9;]*m", "", printed.getvalue()).strip()
+@made
+def command(name: str) -> str:
+    """What a command does, an example, its arguments and the names that they accept."""
+    function = load_command(name)
+    told = docstring_parser.parse(inspect.getdoc(function) or "")
+    text, example = re.fullmatch(r"(.*?)\s*Example: `?(.*?)`?", told.description or "", re.DOTALL).groups()  # type: ignore[union-attr]
+    meanings = {each.arg_name: each.description or "" for each in told.params}
+    hints = get_type_hints(function, include_extras=True)
+    rows = (
+        argument_row(hints[each.name], each, meanings.get(each.name))
+        for each in inspect.signature(function).parameters.values()
+    )
+    parts = [text, f"```sh\n{example}\n```", text_table(["Argument", "Default", "What it is"], rows)]
+    names = [[kind, ", ".join(map(code, names))] for kind, names in names_of(function).items()]
+    return "\n\n".join(map(str.strip, [*parts, *([text_table(["Names", "Accepted"], names)] if names else [])]))
+
+
+def argument_row(hint: Any, argument: inspect.Parameter, meaning: str | None) -> list[str]:
+    """A row for an argument: how it is typed, its default, what it is."""
+    told = [each for each in get_args(hint) if type(each).__name__ == "_ArgConfig"]
+    metavar = next((each.metavar for each in told if each.metavar), None)
+    meaning = meaning or next((each.help for each in told if each.help), "")
+    name = next((each.name for each in told if each.name), None) or argument.name
+    kind = (get_args(hint) or (hint,))[0]
+    value = metavar or {int: "INT", float: "FLOAT", Path: "PATH", str: "TEXT"}.get(kind, "TEXT")
+    if tyro.conf.Positional in get_args(hint):
+        return [code(metavar or argument.name.upper()), "", " ".join(meaning.split())]
+    option = f"--{name.replace('_', '-')}"
+    typed = f"{option}, --no-{option[2:]}" if kind is bool else f"{option} {value}"
+    return [code(typed), default_text(argument.default), " ".join(meaning.split())]
+
+
+def default_text(value: Any) -> str:
+    """How a table shows the default of an argument."""
+    match value:
+        case None:
+            return ""
+        case bool():
+            return "yes" if value else "no"
+        case int():
+            return f"{value:,}"
+        case _:
+            return code(str(value))
+
+
+def markdown(page: Path, asked: str) -> str:
+    """What a block of a page asks for; links to pictures are relative to the page."""
+    name, *given = asked.split()
+    up = "../" * len(page.relative_to(DOCS).parts[1:])
+    return MADE[name](*given).strip().replace("](/images/", f"]({up}images/") + "\n"

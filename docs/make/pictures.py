@@ -7,6 +7,7 @@ a still picture of each policy at the end of one episode, `paper` the paper's fi
 """
 
 import io
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
@@ -37,8 +38,8 @@ PACE = "medium"
 DRAWS = 16
 SEED, FILM_SEED = 2**31 + 3, 2**31 + 15  # of no training
 SETTLED = 0.5  # s: the start is over
-EPISODE = {"standard": 0, "paths": 13, "hands": 3, "materials": 1, "everything": 9, "tremor": 0}
-"""The draw of each scenario that is shown: of those with other paths, the first sine with the paper's kind of hand."""
+EPISODE = {"standard": 0, "paths": 5, "hands": 3, "materials": 8, "everything": 15, "tremor": 1}
+"""The draw of each scenario that is shown: those of paths and everything have different paths."""
 
 RATE = 12.5  # frames in a second, in real time
 
@@ -167,7 +168,7 @@ def identified() -> None:
 def paper() -> None:
     """Draw the paper's figures and check its claims, as `pter reproduce` does."""
     from pter_gym.tools.paper.experiments import Study
-    from pter_gym.tools.paper.reproduce.figures import PRODUCTS
+    from pter_gym.tools.paper.reproduce.chapters import PRODUCTS
     from pter_gym.tools.paper.reproduce.results import results
 
     files, _ = results(Study(), PRODUCTS, print)
@@ -185,12 +186,21 @@ def frames(names: tuple[str, ...], scenario: str, size: tuple[int, int], *, last
 
     draws = find_scenario(scenario).randomisation(PACE, contexts=DRAWS, seed=FILM_SEED)
     machine, task = list(draws.pairs())[EPISODE[scenario]]
+    drawn = what_is_drawn(scenario, machine, task)
     film = Film(
-        [Shot(Subject(machine, task, name), telemetry(name, scenario, machine, task)) for name in names],
+        [Shot(Subject(machine, task, f"{name}{drawn}"), telemetry(name, scenario, machine, task)) for name in names],
         RATE,
         size=size,
     )
     return [film.pixels(frame) for frame in range(len(film))[-1 if last else 0 :]]
+
+
+def what_is_drawn(scenario: str, machine: Machine, task: PathFollowing) -> str:
+    """Return in words what the picture itself does not show of a scenario's draw."""
+    hand = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(task.hand).__name__).lower()
+    lag = f"clutches of {1000 * machine.clutch.time_constant:.0f} ms"
+    told = {"hands": (hand,), "tremor": (hand,), "materials": (lag,), "everything": (hand, lag)}
+    return "".join(f", {each}" for each in told.get(scenario, ()))
 
 
 def telemetry(name: str, scenario: str, machine: Machine, task: PathFollowing) -> np.ndarray:

@@ -1,7 +1,8 @@
-"""What the commands share about their arguments: lists in one text, files to write, modules, and errors."""
+"""What the commands share about their arguments: how they are read and checked, and how errors name them."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_type_hints
 
@@ -10,7 +11,7 @@ from tyro.conf import Positional
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from pter_gym._internal.files import check_target, find_path
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, nearest, unknown_name
 
 PATHS = ConstructorRegistry()
 """How arguments become paths: ``~`` is expanded even where the shell has not done so."""
@@ -53,7 +54,71 @@ def check_file(out: Path, suffix: str) -> None:
     check_target("out", out)
 
 
-MachineName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml")]
+@dataclass(frozen=True)
+class Check:
+    """Part of an argument's annotation: what it must be, decided before the command imports what takes seconds.
+
+    Attributes
+    ----------
+    of
+        Called with the argument's name and its value unless that is None; raises a PterError.
+    """
+
+    of: Callable[[str, Any], object]
+
+
+def check_arguments(command: Callable[..., Any], given: dict[str, Any]) -> None:
+    """Check those arguments of a command whose annotations say how."""
+    for name, hint in get_type_hints(command, include_extras=True).items():
+        for part in get_args(hint):
+            if isinstance(part, Check) and given.get(name) is not None:
+                part.of(name, given[name])
+
+
+def among(known: Callable[[], Iterable[str]], *, several: bool = False) -> Check:
+    """Check that an argument is one of the names that are known, or a list of such, separated by commas."""
+
+    def check(field: str, text: str) -> None:
+        for each in split(text) if several else [text]:
+            if each not in (names := list(known())):
+                raise unknown_name(field, each, names)
+
+    return Check(check)
+
+
+def at_least(least: int) -> Check:
+    """Check that an argument is not smaller."""
+
+    def check(field: str, value: int) -> None:
+        if value < least:
+            raise ParameterError(f"{field} must be a whole number ≥ {least}, got {value}")
+
+    return Check(check)
+
+
+def _check_exists(field: str, path: Path) -> None:
+    if not path.is_file():
+        raise ParameterError(f"{field} must be a file, and {str(path)!r} does not exist")
+
+
+def _check_machine(field: str, text: str) -> None:
+    from pter_gym.params import MACHINES, find_machine, is_preset
+
+    if text not in MACHINES and not is_preset(text):
+        raise ParameterError(
+            f"{field} must be the path of a preset (.toml) or among {', '.join(MACHINES)}, got {text!r:.200}"
+            f"{nearest(text, MACHINES)}"
+        )
+    find_machine(text)
+
+
+IS_FILE = Check(_check_exists)
+"""An argument that is a file to read."""
+
+IS_MACHINE = Check(_check_machine)
+"""An argument that is the name of a machine, or the path of a preset."""
+
+MachineName = Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE.toml"), IS_MACHINE]
 """A machine by its name or its preset; None for what is usual."""
 
 FIELD = re.compile(r"(?:[A-Z]\w*\.)?(\w+)(?= must\b| needs\b|:)")

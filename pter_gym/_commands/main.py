@@ -10,7 +10,7 @@ from typing import Any
 import tyro
 from rich.table import Table
 
-from pter_gym._commands.arguments import PATHS, as_typed
+from pter_gym._commands.arguments import PATHS, as_typed, check_arguments
 from pter_gym._commands.names import names_table
 from pter_gym._internal.plugins import COMMANDS, registered, summary
 from pter_gym._internal.terminal import accept_all_characters, close_output, end_on_interrupt, say, terminal
@@ -87,7 +87,9 @@ def _run(arguments: list[str]) -> int:
         command = load_command(name)
         if not set(HELP).isdisjoint(rest):
             return _print_help(name, command)
-        return command(**parse(name, command, rest)) or 0
+        given = parse(name, command, rest)
+        check_arguments(command, given)
+        return command(**given) or 0
     except PterError as error:
         text = as_typed(str(error), command)
         complain(text)

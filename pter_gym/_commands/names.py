@@ -6,20 +6,18 @@ from typing import Any
 
 from rich.table import Table
 
+from pter_gym.scenarios import PACES, SCENARIOS
+
 Names = dict[str, list[str]]
 
 
 def scenarios() -> Names:
     """Return the scenarios."""
-    from pter_gym.scenarios import SCENARIOS
-
     return {"scenarios": list(SCENARIOS)}
 
 
 def paces() -> Names:
     """Return the commanded paces."""
-    from pter_gym.scenarios import PACES
-
     return {"paces": list(PACES)}
 
 

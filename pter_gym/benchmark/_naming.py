@@ -62,6 +62,8 @@ def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard"
     known = (*CONTROLLERS, *(() if scenario is None else (*TUNED, *PLANNERS)), *shipped_policies())
     if is_path(name) or name in shipped_policies() or (name not in known and is_here(name)):
         return read_policy(name)
+    if scenario is None and name in (*TUNED, *PLANNERS):
+        raise ParameterError(f"policies: {name!r} needs a scenario to take its gains from")
     if name not in known:
         raise unknown_name("policies", name, known)
     if name in PLANNERS:

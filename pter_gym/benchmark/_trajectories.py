@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._internal.files import write_bytes_atomic
-from pter_gym.errors import unknown_name
+from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following import TELEMETRY
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ def write_trajectories(episodes: Mapping[str, Array], path: Path) -> None:
 def check_table(path: Path) -> None:
     """Raise a ParameterError unless a table can be written to a file of this ending."""
     if path.suffix.lower() not in WRITERS:
-        raise unknown_name("csv's ending", path.suffix, WRITERS)
+        raise ParameterError(f"csv must end in {', '.join(WRITERS)}, got {str(path)!r}")
 
 
 def _as_csv(episodes: Mapping[str, Array]) -> bytes:

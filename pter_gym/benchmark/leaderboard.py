@@ -29,11 +29,13 @@ class Column(NamedTuple):
     text: str
 
 
+MILLIMETRES = 1000.0
+
 COLUMNS = (
-    Column("path_error_m", "path error\n\\[mm]", 1000.0, "{:.1f} ({:.1f}…{:.1f})"),
-    Column("worst_path_error_m", "worst\n1/20\n\\[mm]", 1000.0, "{:.1f}"),
-    Column("later_path_error_m", "after\n1/10\n\\[mm]", 1000.0, "{:.1f}"),
-    Column("rms_error_m", "rms\n\n\\[mm]", 1000.0, "{:.1f}"),
+    Column("path_error_m", "path error\n\\[mm]", MILLIMETRES, "{:.1f} ({:.1f}…{:.1f})"),
+    Column("worst_path_error_m", "worst\n1/20\n\\[mm]", MILLIMETRES, "{:.1f}"),
+    Column("later_path_error_m", "after\n1/10\n\\[mm]", MILLIMETRES, "{:.1f}"),
+    Column("rms_error_m", "rms\n\n\\[mm]", MILLIMETRES, "{:.1f}"),
     Column("completed", "at the\nend\n\\[%]", 100.0, "{:.3g}"),
     Column("mean_pace_error", "mean\npace\n\\[±%]", 100.0, "{:.3g}"),
     Column("segment_pace_error", "segm.\npace\n\\[±%]", 100.0, "{:.3g}"),
@@ -115,7 +117,7 @@ def table(board: Leaderboard) -> Table:
     """Return a leaderboard for a terminal of 80 columns: intervals of 95 %, and below it why others have no rank."""
     kind = "provisional, " if board.provisional else ""
     which = "episodes" if board.fresh is None else f"fresh episodes, {seed_text(board.fresh)}"
-    notes = [f"– {standing.policy}: {standing.reason}" for standing in board.standings if standing.reason]
+    notes = [f"– {each.policy}: {each.reason}{_distance(each)}" for each in board.standings if each.reason]
     notes += [
         f"{standing.policy}: {p.rollouts:,} plans of {p.horizon_s:g} s, {p.decision_ms:.1f} ms a decision"
         for standing in board.standings
@@ -129,9 +131,26 @@ def table(board: Leaderboard) -> Table:
     )
     for standing in board.standings:
         place = "–" if standing.rank is None else str(standing.rank)
-        texts = [each.text.format(*(each.factor * x for x in standing.scores[each.score])) for each in COLUMNS]
+        texts = [_cell(standing, column) for column in COLUMNS]
         shown.add_row(place, escape(standing.label), *texts)
     return shown
+
+
+def _never_arrives(standing: Standing) -> bool:
+    return standing.scores["completed"].value == 0.0
+
+
+def _distance(standing: Standing) -> str:
+    """Return how far the tip of a policy moves that never arrives."""
+    way = standing.scores["path_length_m"].value
+    return f"; its tip moves {way:.2g} m on average" if _never_arrives(standing) else ""
+
+
+def _cell(standing: Standing, column: Column) -> str:
+    """Return a score as the table shows it; an error means nothing if the policy never arrives."""
+    if column.factor == MILLIMETRES and _never_arrives(standing):
+        return "–"
+    return column.text.format(*(column.factor * each for each in standing.scores[column.score]))
 
 
 def seed_text(fresh: int | str) -> str:

@@ -16,7 +16,7 @@ from pter_gym.tasks.path_following import observation_layout
 
 MODULE = "benchmark.isolated_policies"
 OBS = np.zeros((3, len(observation_layout(BASELINE, "torque"))), np.float32)
-RIDE = ("benchmark", "--scenario", "standard", "--paces", "brisk", "--episodes", "1", "--out", "more")
+RIDE = ("benchmark", "--scenario", "standard", "--paces", "brisk", "--episodes", "1", "--no-film", "--out", "more")
 
 RAN = "import pathlib; (pathlib.Path(__file__).parent / 'ran').open('a').write(__name__ + '\\n')\n"
 NAMES = ("sitecustomize", "usercustomize", "numpy", "numba", "rich", "tyro", "matplotlib", "pter_gym", "filelock")
@@ -98,7 +98,7 @@ def test_what_a_policy_notes_the_next_does_not_find(tmp_path: Path, monkeypatch:
 @pytest.mark.usefixtures("importable")
 def test_a_run_that_fails_uses_up_its_seed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Also without ``--isolated``: on a seed that somebody gives, code has a process of its own."""
-    command = ["benchmark", "--scenario", "standard", "--paces", "brisk", "--episodes", "1", "--out", str(tmp_path)]
+    command = ["benchmark", "--paces", "brisk", "--episodes", "1", "--no-film", "--out", str(tmp_path)]
     before = list(sys.path)
     assert cli.main([*command, "--policies", f"{MODULE}:dies", "--fresh", "7"]) == 2
     assert "has ended its process" in capsys.readouterr().err

@@ -145,7 +145,18 @@ def test_without_an_interpreter_nothing_stays_open(monkeypatch: pytest.MonkeyPat
 @pytest.mark.slow
 def test_the_command_runs_what_a_user_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names = ["impedance", f"{MODULE}:STIFF"]
-    command = ["benchmark", "--scenario", "standard", "--paces", "brisk", "--episodes", "1", "--out", str(tmp_path)]
+    command = [
+        "benchmark",
+        "--scenario",
+        "standard",
+        "--paces",
+        "brisk",
+        "--episodes",
+        "1",
+        "--no-film",
+        "--out",
+        str(tmp_path),
+    ]
     assert cli.main([*command, "--policies", ",".join(names), "--isolated"]) == 0
     assert sorted(run.conditions.policy for run in ResultsFolder(tmp_path).runs()) == sorted(names)
     assert cli.main([*command, "--policies", "free,nowhere:thing", "--isolated"]) == 2

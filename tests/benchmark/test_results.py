@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from filelock import FileLock
 from numpy.typing import NDArray
+from PIL import Image
 
 from pter_gym._commands import main as cli
 from pter_gym.benchmark import PerSeed, ResultsFolder, run_scenario
@@ -164,7 +165,7 @@ def test_the_summary_is_read_and_written_under_a_lock(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
 def test_a_benchmark_that_is_killed_goes_on(tmp_path: Path, simulated: list[int]) -> None:
     out = tmp_path / "out"
-    arguments = ["--policies", "free,impedance,torque-feedback", "--episodes", "16", "--out", str(out)]
+    arguments = ["--policies", "free,impedance,torque-feedback", "--episodes", "16", "--no-film", "--out", str(out)]
     process = subprocess.Popen([sys.executable, "-c", MAIN, "benchmark", "--scenario", "standard", *arguments])
     while not list(out.glob("runs/*.json")):
         assert process.poll() is None
@@ -194,11 +195,16 @@ def test_command(tmp_path: Path) -> None:
         "runs",
         "benchmark.json",
         LOCK,
+        "standard-brisk.gif",
         *(f"standard-{name}.{kind}" for name in pictures for kind in ("png", "pdf")),
     }
+    with Image.open(out / "standard-brisk.gif") as film:
+        assert getattr(film, "n_frames", 1) > 1
+    assert cli.main(["verify", str(out)]) == 0
 
 
 SCENARIO = ["--scenario", "standard"]
+PAPER = ["--scenario", "paper"]
 WRONG = {
     "scenario": (["--scenario", "standerd"], "did you mean 'standard'"),
     "policy": ([*SCENARIO, "--policies", "impedence"], "did you mean 'impedance'"),
@@ -208,14 +214,15 @@ WRONG = {
     "seed": ([*SCENARIO, "--policies", "random", "--seed=-1"], "seed"),
     "a word for fresh": ([*SCENARIO, "--fresh", "new"], "or the word derived, got 'new'"),
     "a large seed": ([*SCENARIO, "--fresh", str(2**64)], "within [0, 2⁶⁴)"),
-    "fresh episodes of the standard test": (["--fresh", "1"], "fresh needs --scenario"),
-    "machine": ([*SCENARIO, "--machine", "delrin_experimental"], "machine needs no --scenario"),
+    "fresh episodes of the standard test": ([*PAPER, "--fresh", "1"], "fresh needs another scenario than paper"),
+    "machine": ([*SCENARIO, "--machine", "delrin_experimental"], "machine needs --scenario paper"),
+    "standard test: tuned": ([*PAPER, "--policies", "impedance-tuned"], "'impedance-tuned' needs a scenario"),
     "standard test: policy": (
-        ["--policies", "pid"],
+        [*PAPER, "--policies", "pid"],
         "impedance, torque-feedback, single-dof, velocity-ratio, free, locked, random",
     ),
-    "standard test: time constant": (["--time-constants", "fast"], "numbers"),
-    "standard test: machine": (["--machine", "steel"], "baseline, delrin_experimental, delrin_theoretical"),
+    "standard test: time constant": ([*PAPER, "--time-constants", "fast"], "numbers"),
+    "standard test: machine": ([*PAPER, "--machine", "steel"], "baseline, delrin_experimental, delrin_theoretical"),
 }
 
 

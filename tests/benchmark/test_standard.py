@@ -98,7 +98,8 @@ def test_bad_arguments_are_named(field: str, keywords: dict[str, Any]) -> None:
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "new" / "folder"
-    arguments = ["benchmark", "--policies", "free, torque-feedback", "--time-constants", "0.1,0.2", "--out", str(out)]
+    arguments = ["--policies", "free, torque-feedback", "--time-constants", "0.1,0.2", "--out", str(out)]
+    arguments = ["benchmark", "--scenario", "paper", *arguments]
     assert cli.main(arguments) == 0
     shown = capsys.readouterr().out
     assert "torque-feedback" in shown

@@ -160,7 +160,7 @@ def test_code_is_imported_only_if_it_is_named(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     name = "mine_to_verify:release"
-    arguments = ["--policies", name, "--paces", "brisk", "--episodes", "1", "--out", "out"]
+    arguments = ["--policies", name, "--paces", "brisk", "--episodes", "1", "--no-film", "--out", "out"]
     assert cli.main(["benchmark", "--scenario", "standard", *arguments]) == 0
     monkeypatch.delitem(sys.modules, "mine_to_verify")
     assert cli.main(["verify", "out"]) == 1
@@ -173,7 +173,7 @@ def test_code_is_imported_only_if_it_is_named(
 @pytest.mark.parametrize("options", [[], ["--fresh", "7"]])
 def test_a_law_of_ones_own_is_compared_with_what_an_isolated_one_does(options: list[str], tmp_path: Path) -> None:
     name = "benchmark.isolated_policies:STIFF"
-    run = ["--policies", name, "--paces", "brisk", "--episodes", "2", "--out", str(tmp_path), *options]
+    run = ["--policies", name, "--paces", "brisk", "--episodes", "2", "--no-film", "--out", str(tmp_path), *options]
     assert cli.main(["benchmark", "--scenario", "standard", *run]) == 0
     assert cli.main(["verify", str(tmp_path), "--policies", name]) == 0
 

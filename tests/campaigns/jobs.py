@@ -162,7 +162,7 @@ def jobs(work: Path) -> dict[str, Job]:
             tuned,
             commanded,
         ),
-        "benchmark": Job(command("benchmark", "--scenario", "standard", *few, "--out", "FOLDER"), benchmarked, digests),
+        "benchmark": Job(command("benchmark", "--no-film", *few, "--out", "FOLDER"), benchmarked, digests),
         "record": writer("record", *few_steps, "--out", "FOLDER"),
         "fit": writer("fit", "--budget", "1000", "--out", "FOLDER/preset.toml"),
         "reproduce": writer("reproduce", "fig3", "--out", "FOLDER"),

@@ -83,7 +83,7 @@ REFUSED = {
     "benchmark --scenario standard --paces slw": ("--paces", "'slow'"),
     "benchmark --scenario standard --policies residul": ("--policies", "'residual'"),
     "benchmark --policies impedence": ("--policies", "'impedance'"),
-    "benchmark --time-constants x": ("--time-constants", "numbers separated by commas"),
+    "benchmark --scenario paper --time-constants x": ("--time-constants", "numbers separated by commas"),
     "tune impedence": ("CONTROLLER", "'impedance'"),
     "tune impedance --pace slw": ("--pace", "'slow'"),
     "tune impedance --out gains.json": ("--out", "must end in .toml"),
@@ -94,6 +94,14 @@ REFUSED = {
     "record --level expart": ("--level", "'expert'"),
     "reproduce fig33": ("FIGURES", "'fig3'"),
     "speed --max-worlds 0": ("--max-worlds", "≥ 1"),
+    "identify log.csv": ("LOG", "'log.csv' does not exist"),
+    "identify log.csv --machine basline": ("LOG", "'log.csv' does not exist"),
+    "play --machine basline": ("--machine", "'baseline'"),
+    "watch impedance --out film.avi": ("--out", ".mp4"),
+    "train residual --scenario standad": ("--scenario", "'standard'"),
+    "train residual --config own.toml": ("--config", "'own.toml' does not exist"),
+    "export nowhere": ("RUN", "run.json"),
+    "retrain impedance": ("POLICY", "residual"),
     "verify nowhere": ("RESULTS", "nowhere"),
 }
 

@@ -81,7 +81,7 @@ def test_a_reader_that_has_gone_is_no_error() -> None:
     assert "Exception ignored" not in found.stderr
 
 
-@pytest.mark.parametrize("command", ["benchmark --scenario standard", "benchmark", "record", "reproduce fig3", "speed"])
+@pytest.mark.parametrize("command", ["benchmark --scenario paper", "benchmark", "record", "reproduce fig3", "speed"])
 def test_folders_are_tried_before_any_work(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -120,8 +120,8 @@ def test_results_are_found_by_each_kind_of_path(home: Path) -> None:
 
 def test_the_command_takes_paths_from_home_on(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """No shell replaces the ``~`` behind ``=`` or a comma."""
-    arguments = ["benchmark", "--policies", "free,~/policies", "--time-constants", "0.1", "--out=~/results"]
-    assert main(arguments) == 0, capsys.readouterr().err
+    arguments = ["--scenario", "paper", "--policies", "free,~/policies", "--time-constants", "0.1", "--out=~/results"]
+    assert main(["benchmark", *arguments]) == 0, capsys.readouterr().err
     content = json.loads((home / "results" / "benchmark.json").read_text("utf-8"))
     assert list(content["policies"]) == ["free", "~/policies"]
     assert main(["benchmark", "--policies", "policies/mein"]) == 2

@@ -1,29 +1,28 @@
-"""What pages take from the code when the site is built."""
+"""What pages take from the code."""
 
 import re
-from pathlib import Path
 
+import fill
 import made
 import pytest
-from pages import IMAGES
+from pages import DOCS, ROOT
 
+from pter_gym._commands.main import commands
 from pter_gym.scenarios import SCENARIOS
 
-DOCS = Path(__file__).parents[2] / "docs"
-ASKED = [
-    tuple(asked.split())
-    for page in DOCS.rglob("*.md")
-    for asked in re.findall(r"^```\{made\} (.+)$", page.read_text("utf-8"), re.MULTILINE)
-]
 
-
-@pytest.mark.parametrize("asked", ASKED, ids=" ".join)
-def test_what_a_page_asks_for_is_made(asked: tuple[str, ...]) -> None:
-    name, *given = asked
-    text = made.MADE[name](*given)
+@pytest.mark.parametrize("table", [*fill.asked_for()], ids=lambda table: f"{table.page}: {table.name}")
+def test_what_a_page_asks_for_has_its_pictures(table: fill.Table) -> None:
+    text = table.make()
     assert text.strip()
-    pictures = re.findall(r"\(/images/(\S+)\)", text)
-    assert all((IMAGES / picture).exists() for picture in pictures)
+    for picture in re.findall(r"\]\((\S*images/\S+)\)", text):
+        assert ((ROOT / table.page).parent / picture).is_file()
+
+
+def test_each_command_has_a_page() -> None:
+    assert {path.stem for path in (DOCS / "commands").glob("*.md")} == set(commands())
+    for name in commands():
+        assert f"<!-- made: command {name} -->" in (DOCS / "commands" / f"{name}.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize("name", SCENARIOS)

@@ -21,7 +21,15 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SHOWN = ((1280, 900), (390, 844))
-FEW = ("index", "path-following", "scenarios/everything", "model", "gallery", "reference/pter_gym.envs")
+FEW = (
+    "index",
+    "path-following",
+    "scenarios/everything",
+    "model",
+    "commands/benchmark",
+    "gallery",
+    "reference/pter_gym.envs",
+)
 """Pages that are opened in the gate: one of each kind."""
 
 LOADED = "Promise.all([...document.images].map((i) => { i.loading = 'eager'; return i.decode().catch(() => {}); }))"

@@ -3,8 +3,32 @@
 ``pter record`` writes them. Only training draws are used, never the episodes on which policies are compared.
 """
 
-from pter_gym.tools.datasets.levels import LEVELS, Actor, actors_of
-from pter_gym.tools.datasets.recording import Episode, record_episodes
-from pter_gym.tools.datasets.writing import dataset_id, write_dataset
+from typing import TYPE_CHECKING
+
+from pter_gym._internal.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from pter_gym.tools.datasets.levels import LEVELS, Actor, actors_of
+    from pter_gym.tools.datasets.recording import Episode, record_episodes
+    from pter_gym.tools.datasets.writing import dataset_id, write_dataset
 
 __all__ = ["LEVELS", "Actor", "Episode", "actors_of", "dataset_id", "record_episodes", "write_dataset"]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "pter_gym.tools.datasets.levels": (
+            "LEVELS",
+            "Actor",
+            "actors_of",
+        ),
+        "pter_gym.tools.datasets.recording": (
+            "Episode",
+            "record_episodes",
+        ),
+        "pter_gym.tools.datasets.writing": (
+            "dataset_id",
+            "write_dataset",
+        ),
+    },
+)

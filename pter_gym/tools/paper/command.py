@@ -24,12 +24,13 @@ def reproduce(
         out: Folder for the results, created if necessary.
     """
     from pter_gym._internal.files import write_files_atomic
-    from pter_gym.tools.paper.experiments.study import Study
-    from pter_gym.tools.paper.reproduce.figures import find_products
-    from pter_gym.tools.paper.reproduce.results import results, summary, unmet_table
+    from pter_gym.tools.paper.reproduce.chapters import find_products
 
     chosen = find_products(figures)
     make_folder(out)
+    from pter_gym.tools.paper.experiments.study import Study
+    from pter_gym.tools.paper.reproduce.results import results, summary, unmet_table
+
     with progress_bar() as progress:
         task = progress.add_task("reproducing", total=len(chosen) + 1)
         files, claims = results(Study(), chosen, on_progress=lambda _: progress.advance(task))
@@ -45,6 +46,6 @@ def reproduce(
 
 def names() -> dict[str, list[str]]:
     """Return the names that arguments accept, for the help."""
-    from pter_gym.tools.paper.reproduce.figures import PRODUCTS
+    from pter_gym.tools.paper.reproduce.chapters import PRODUCTS
 
     return {"figures": list(PRODUCTS)}

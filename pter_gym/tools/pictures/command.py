@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import MachineName, split
+from pter_gym._commands.arguments import MachineName, among, split
 from pter_gym._internal.files import check_target
 from pter_gym._internal.terminal import progress_bar, say
 from pter_gym.errors import ParameterError
-from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 
 if TYPE_CHECKING:
     from pter_gym.benchmark.simulation import Episode
@@ -26,8 +26,8 @@ WINDOW_RATE = 50
 
 def watch(
     policies: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME,…")],
-    scenario: Annotated[str, tyro.conf.arg(metavar="NAME")] = "standard",
-    pace: Annotated[str, tyro.conf.arg(metavar="NAME")] = "medium",
+    scenario: Annotated[str, tyro.conf.arg(metavar="NAME"), among(lambda: SCENARIOS)] = "standard",
+    pace: Annotated[str, tyro.conf.arg(metavar="NAME"), among(lambda: PACES)] = "medium",
     seed: int = 0,
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mp4|gif|png")] = None,
     csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv|npz")] = None,
@@ -67,12 +67,11 @@ def watch(
         say(f"wrote {csv}")
     if not out and csv:
         return
-    from pter_gym.tools.pictures.render.film import RATES, Film, Shot, frames_of, show_film, write_film
-    from pter_gym.tools.pictures.render.picture import Subject
+    from pter_gym.tools.pictures.render.film import RATES, film_of, frames_of, show_film, write_film
 
-    shots = [Shot(Subject(held, task, name), episode.telemetry) for name, episode in episodes.items()]
+    shown = {name: episode.telemetry for name, episode in episodes.items()}
     rate = RATES[out.suffix.lower()] if out else WINDOW_RATE
-    film = Film(shots, rate, speed, parse_size(size))
+    film = film_of(held, task, shown, rate, speed, parse_size(size))
     if not out:
         show_film(film, rate, f"PTER: {', '.join(episodes)}")
         return
@@ -104,7 +103,7 @@ def check_arguments(names: list[str], out: Path | None, csv: Path | None, size: 
         from pter_gym.tools.pictures.render.window import has_display
 
         if not has_display():
-            raise ParameterError("out or csv must be given where there is no display, such as --out film.mp4")
+            raise ParameterError("out must be given where there is no display, such as --out film.mp4; or --csv")
 
 
 def parse_size(text: str | None) -> tuple[int, int] | None:

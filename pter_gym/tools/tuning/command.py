@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from pter_gym._commands.arguments import MachineName, check_file
+from pter_gym._commands.arguments import MachineName, among, at_least, check_file
 from pter_gym._internal.terminal import progress_bar, say
+from pter_gym.scenarios import PACES, SCENARIOS
 
 if TYPE_CHECKING:
     from pter_gym.tools.tuning import TunedGains
@@ -14,11 +15,11 @@ if TYPE_CHECKING:
 
 def tune(
     controller: Annotated[str, tyro.conf.Positional],
-    scenario: Annotated[str, tyro.conf.arg(metavar="NAME")] = "standard",
-    pace: Annotated[str, tyro.conf.arg(metavar="NAME")] = "medium",
-    trials: int = 3000,
-    starts: int = 5,
-    episodes: int = 200,
+    scenario: Annotated[str, tyro.conf.arg(metavar="NAME"), among(lambda: SCENARIOS)] = "standard",
+    pace: Annotated[str, tyro.conf.arg(metavar="NAME"), among(lambda: PACES)] = "medium",
+    trials: Annotated[int, at_least(1)] = 3000,
+    starts: Annotated[int, at_least(1)] = 5,
+    episodes: Annotated[int, at_least(1)] = 200,
     storage: Path = Path("pter-tune.journal"),
     seed: int = 0,
     out: Path | None = None,
@@ -37,7 +38,7 @@ def tune(
         controller: Name of the controller.
         scenario: Scenario whose training draws are used; its evaluation episodes are never read.
         pace: Commanded pace.
-        trials: Gains to try, at least 1; each start has a share, and the best start two.
+        trials: Gains to try, at least 1, divided evenly among the starts; the best start gets a second share.
         starts: Starts from random gains, at least 1.
         episodes: Training draws for each trial, at least 1.
         storage: Journal file of the trials; its folder must exist.

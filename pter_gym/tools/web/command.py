@@ -19,14 +19,16 @@ def play(
 ) -> None:
     """Push the arm yourself, in your browser.
 
-    You drag its handle, and the package's own kernels respond. The page is served to this computer only; no network is
-    needed. Ctrl-C ends it. Example: `pter play --no-open --port 8000`
+    You drag the handle, and the simulator responds. The page is served to this computer only and needs no network.
+    Ctrl-C ends it.
+
+    Example: pter play --no-open --port 8000
 
     Args:
         port: Port that serves the page; 0 picks a free one.
         open_browser: Whether to open the page; its address is printed either way.
         machine: Clutch material, or the preset of a machine of your own, with which the page starts. A preset's delay
-            is ignored: nobody feels it with a mouse.
+            is ignored: with a mouse you would not notice it.
     """
     from pter_gym.params import find_machine
     from pter_gym.tools.web.site import HOST, make_server

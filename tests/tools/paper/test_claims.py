@@ -14,7 +14,7 @@ from pter_gym.tools.paper.experiments.calibration import SPACE, decode, setup_of
 from pter_gym.tools.paper.experiments.claims import STATEMENTS, TABLE_TOLERANCE, Claim, check
 from pter_gym.tools.paper.experiments.measures import paper_units, rank_correlation
 from pter_gym.tools.paper.experiments.time_constants import PAPER_TABLE
-from pter_gym.tools.paper.reproduce.figures import PRODUCTS
+from pter_gym.tools.paper.reproduce.chapters import PRODUCTS
 
 ROOT = Path(__file__).parents[3]
 

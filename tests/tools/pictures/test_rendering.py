@@ -1,7 +1,10 @@
 """Rendering through Gymnasium: one world and many, its wrappers that record, and what is refused."""
 
+import pickle
 import subprocess
 import sys
+from collections.abc import Callable
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +111,19 @@ def test_rendering_changes_nothing_else():
         for one, other in zip(got[:4], expected[:4], strict=True):
             np.testing.assert_array_equal(one, other)
         assert got[4].keys() == expected[4].keys()
+
+
+@pytest.mark.parametrize("copied", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"])
+@pytest.mark.parametrize("make", [lambda: gymnasium.make(ID, **SMALL), lambda: make_vec(2)], ids=["one", "many"])
+def test_what_has_been_rendered_can_be_copied(make: Callable[[], Any], copied: Callable[[Any], Any]):
+    env = make()
+    env.reset(seed=1)
+    env.step(env.action_space.sample())
+    before, other = env.render(), copied(env)
+    np.testing.assert_array_equal(before, other.render())
+    other.step(other.action_space.sample())
+    other.render()
+    np.testing.assert_array_equal(before, env.render())
 
 
 def test_without_a_render_mode_nothing_is_rendered():

@@ -22,6 +22,7 @@ from pter_gym._commands.main import main
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark._naming import find_policy
 from pter_gym.benchmark.metrics import score
+from pter_gym.benchmark.simulation import record_episode
 from pter_gym.errors import ParameterError
 from pter_gym.hands import read_forces
 from pter_gym.params import BASELINE, MACHINES, Machine, find_machine, machine_of
@@ -231,14 +232,14 @@ def compare(
 
 
 def shown_millimetres(play: Any) -> str:
-    return play.run("document.querySelector('#board [aria-current] td:nth-child(3)').textContent")
+    return play.run("document.querySelector('#board [aria-current] td:nth-child(5)').textContent")
 
 
 @pytest.mark.slow
 def test_a_push_by_mouse_is_that_of_python(play: Any) -> None:
     play.open("path=arc&control=single-dof-tuned&lag=60&friction=1.2&material=delrin_experimental")
     play.drag()
-    assert "path error" in play.text("caption")
+    assert "mm off" in play.text("caption")
     scored = compare(play, "arc", machine="delrin_experimental", lag=0.06, friction=1.2)
     assert scored.completed
     assert shown_millimetres(play) == f"{1000 * scored.path_error_m:.1f} mm"
@@ -248,6 +249,42 @@ def test_a_push_by_mouse_is_that_of_python(play: Any) -> None:
     assert ledger["hand"] == pytest.approx(scored.hand_work_j, abs=0.006)
     assert ledger["clutches"] == pytest.approx(scored.dissipated_j, abs=0.006)
     assert ledger["hand"] == pytest.approx(ledger["kinetic"] + ledger["clutches"] + ledger["rounding"], abs=0.03)
+
+
+@pytest.mark.slow
+def test_the_learned_policy_rides_on_the_same_push(play: Any) -> None:
+    play.open("path=sine&control=impedance-tuned")
+    play.drag()
+    push = play.saved("save-push", "push.csv")
+    play.until("document.querySelectorAll('#board tbody tr').length === 2")
+    row = play.run("document.querySelector('#board tbody tr:not([aria-current])').innerText")
+    task, limit = task_of("sine", push, "medium"), play.run("page.workshop.timeLimit(page.settings, page.push)")
+    ridden = record_episode(find_policy("residual", scenario="paths"), BASELINE, task, 1, limit)
+    assert f"{1000 * score(ridden.telemetry, task).path_error_m:.1f} mm" in row
+    assert play.saved("save-board", "scores.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_dot_keeps_the_pace(play: Any) -> None:
+    play.open("path=arc&pace=brisk")
+    path, pace = PATHS["arc"], PACES["brisk"]
+    sagitta = (path.length / 200) ** 2 * path.max_curvature / 8  # of the page's 200 chords
+    for part in (0.0, 0.37, 1.0, 2.0):
+        found = play.run(f"page.trials[0].paced({part * path.length / pace})")
+        np.testing.assert_allclose(found["at"], path.point(min(part, 1.0) * path.length), atol=1.01 * sagitta)
+
+
+def test_an_arm_on_which_clutches_slip_is_not_called_free(play: Any) -> None:
+    play.open("control=sliders&volts=4,4,0,0")
+    start = play.handle()
+    play.mouse("mousePressed", *start)
+    seen: set[tuple[str, str]] = set()
+    for k in range(50):
+        play.mouse("mouseMoved", start[0] + 6 * k, start[1] - 2 * k)
+        play.run("page.readout.show(page.trials[0])")
+        seen.add((play.text("mode"), str(play.run("[0, 1, 2, 3].map((k) => page.trials[0].clutch(k)).join(' ')"))))
+    play.mouse("mouseReleased", *start)
+    assert any("slipping" in states for _, states in seen)
+    assert all((mode == "free to move") == ("s" not in states.replace("released", "")) for mode, states in seen)
 
 
 @pytest.mark.slow

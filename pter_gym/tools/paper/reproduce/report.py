@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 from pter_gym._version import __version__
 from pter_gym.tools.paper.experiments.claims import Claim, Kind
 from pter_gym.tools.paper.experiments.setup import Setup
-from pter_gym.tools.paper.reproduce.figures import CHAPTERS
+from pter_gym.tools.paper.reproduce.chapters import CHAPTERS
 
 SIGNS: dict[Kind, str] = {"prediction": "✓", "calibration": "≈", "construction": "=", "not met": "✗"}
 MEANINGS: dict[Kind, str] = {

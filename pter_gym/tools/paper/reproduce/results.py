@@ -8,7 +8,8 @@ from rich.table import Table
 
 from pter_gym.tools.paper.experiments.claims import STATEMENTS, Claim, check
 from pter_gym.tools.paper.experiments.study import Study
-from pter_gym.tools.paper.reproduce.figures import PRODUCTS, files_of
+from pter_gym.tools.paper.reproduce.chapters import PRODUCTS
+from pter_gym.tools.paper.reproduce.figures import files_of
 from pter_gym.tools.paper.reproduce.report import SIGNS, report
 
 

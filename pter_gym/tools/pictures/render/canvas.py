@@ -1,5 +1,6 @@
 """Drawing with smooth edges: on a picture of twice the size, which is then halved."""
 
+from copy import copy
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal, Self
@@ -34,11 +35,16 @@ class Canvas:
         self._image = image
         self._draw = ImageDraw.Draw(image)
 
+    def __getstate__(self) -> Image.Image:
+        """Return the picture: what draws on it can be neither copied nor stored."""
+        return self._image.copy()
+
+    def __setstate__(self, image: Image.Image) -> None:
+        self._use(image)
+
     def copy(self) -> Self:
         """Return an independent canvas with the same picture."""
-        other = object.__new__(type(self))
-        other._use(self._image.copy())
-        return other
+        return copy(self)
 
     def pixels(self) -> NDArray[np.uint8]:
         """Return the picture as a new array, shape (height, width, 3)."""

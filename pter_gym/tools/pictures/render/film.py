@@ -3,7 +3,7 @@
 import io
 import math
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -14,8 +14,9 @@ from PIL import Image
 
 from pter_gym._internal.files import write_bytes_atomic
 from pter_gym.envs._size import HEIGHT, WIDTH, check_size
-from pter_gym.errors import StorageError, needs_extra, unknown_name
-from pter_gym.tasks.path_following import COLUMN
+from pter_gym.errors import ParameterError, StorageError, needs_extra
+from pter_gym.params import Machine
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tools.pictures.render.picture import Sheet, Subject, grid
 from pter_gym.tools.pictures.render.window import Window
 
@@ -85,6 +86,19 @@ class Film:
         return self._sheet.draw([_state(shot.telemetry, time) for shot in self._shots])
 
 
+def film_of(
+    machine: Machine,
+    task: PathFollowing,
+    episodes: Mapping[str, Array],
+    rate: float,
+    speed: float = 1.0,
+    size: tuple[int, int] | None = None,
+) -> Film:
+    """Return a film of policies on one episode, side by side, from their names and telemetry; the rest as ``Film``."""
+    shots = [Shot(Subject(machine, task, name), telemetry) for name, telemetry in episodes.items()]
+    return Film(shots, rate, speed, size)
+
+
 def default_size(count: int) -> tuple[int, int]:
     """Return the size of so many pictures side by side [px]; a single one has that of an environment's picture."""
     if count == 1:
@@ -98,7 +112,7 @@ def default_size(count: int) -> tuple[int, int]:
 def check_ending(path: Path) -> None:
     """Raise a ParameterError unless films have files of this ending, a DependencyError if ffmpeg is missing for it."""
     if path.suffix.lower() not in RATES:
-        raise unknown_name("out's ending", path.suffix, RATES)
+        raise ParameterError(f"out must end in {', '.join(RATES)}, got {str(path)!r}")
     if path.suffix.lower() == ".mp4":
         _load_imageio()
 

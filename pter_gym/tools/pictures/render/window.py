@@ -1,5 +1,7 @@
 """A window on the screen, with pygame."""
 
+import os
+import sys
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,8 @@ def load_pygame() -> Any:
         import pygame
     except ImportError as error:
         raise needs_extra("a window", "render") from error
+    if sys.platform == "linux" and "XDG_RUNTIME_DIR" not in os.environ:
+        os.environ.setdefault("SDL_VIDEODRIVER", "x11")  # Wayland needs that folder, and its library would complain
     return pygame
 
 

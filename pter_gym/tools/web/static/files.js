@@ -31,10 +31,10 @@ function sampled(rows, column, count, period) {
   });
 }
 
-/** Let a person save a text as a file. */
-export function save(name, text) {
+/** Let a person save a text, or a Blob, as a file. */
+export function save(name, content) {
   const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([text], { type: "text/csv" }));
+  link.href = URL.createObjectURL(content instanceof Blob ? content : new Blob([content], { type: "text/csv" }));
   link.download = name;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);

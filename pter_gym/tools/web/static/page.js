@@ -13,6 +13,7 @@ import { invitation, millimetres, sentence, verdict } from "./words.js";
 
 const byId = (id) => document.getElementById(id);
 const LAGS = [10, 200];
+const RIVAL = "residual"; // rides on every push that arrives
 const SHORTEST_PUSH = 20; // control steps
 const SLOWEST_FRAME = 0.1; // [s]; what a frame takes longer is not caught up
 const POINT_SPACING = 0.012; // of a drawn path [m]
@@ -42,7 +43,7 @@ class Page {
     });
     this.controls = new Controls(this.workshop.tables.paces, (name, value) => this.change({ [name]: value }));
     this.readout = new Readout();
-    this.board = new Board(byId("board"), byId("board-note"));
+    this.board = new Board(byId("board"), byId("board-note"), byId("save-board"));
     this.palette = colours();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => (this.palette = colours()));
     this.#listen();
@@ -188,7 +189,15 @@ class Page {
     if (trial.live) this.push = trial.recording;
     this.pointer.release();
     this.say(verdict(trial));
+    if (trial.live && trial.result.completed && trial.settings.control !== RIVAL) this.#ride(trial);
     if (this.lesson) this.#nextLag(trial);
+  }
+
+  /** Add to the board what the learned policy makes of this person's push. */
+  async #ride(trial) {
+    const rival = await this.workshop.trial({ ...trial.settings, control: RIVAL, hand: "paper" }, this.push);
+    this.board.add(rival.finish(), false);
+    if (this.trials[0] === trial && trial.ended) this.say(`${verdict(trial)} On your push, ${verdict(rival)}`);
   }
 
   // --- feel the lag ---
@@ -349,6 +358,7 @@ class Page {
       draw: () => (this.stroke ? this.stopDrawing() : this.startDrawing()),
       compare: () => this.#toggleCompare(),
       share: () => this.share(),
+      "save-board": () => this.board.picture(this.scenes[0].canvas, this.palette, location.href.replace(/^https?:\/\//, "")),
       "save-push": () => save("push.csv", this.trials[0].pushAsCSV()),
       "save-record": () => save("record.csv", this.trials[0].recordAsCSV()),
       "open-push": () => byId("file").click(),

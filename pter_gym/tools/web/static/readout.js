@@ -6,6 +6,16 @@ const MEANINGS = ["A to ground", "B to ground", "A to B", "A to B, inverted"];
 
 const MODES = ["free to move", ...[1, 2, 3, 4].map((n) => `clutch ${n} locked`), "all locked"];
 
+/** Return in words what the clutches do: which is locked, or which slip where none is. */
+function modeOf(trial) {
+  const states = [0, 1, 2, 3].map((k) => trial.clutch(k));
+  if (states.every((state) => state === "released")) return MODES[0];
+  if (trial.now.mode > 0) return MODES[trial.now.mode];
+  const slipping = states.flatMap((state, k) => (state === "slipping" ? [k + 1] : []));
+  if (slipping.length === 4) return "all slip";
+  return slipping.length === 1 ? `clutch ${slipping[0]} slips` : `${slipping.join(", ")} slip`;
+}
+
 /** Return a number with its sign, a true minus, and no sign for a zero. */
 function signed(value, digits) {
   const text = Math.abs(value).toFixed(digits);
@@ -39,7 +49,7 @@ export class Readout {
     write(byId("error"), signed(1000 * now.normal_error, 1));
     write(byId("speed"), trial.env.seen.speed_along.toFixed(2));
     write(byId("force"), Math.hypot(now.force_x, now.force_y).toFixed(0));
-    write(byId("mode"), [0, 1, 2, 3].every((k) => trial.clutch(k) === "released") ? MODES[0] : MODES[now.mode]);
+    write(byId("mode"), modeOf(trial));
     this.clutches.forEach((row, k) => {
       const state = trial.clutch(k);
       row.dataset.state = state;

@@ -2,6 +2,7 @@
 
 const WORLD = { left: -0.88, right: 0.76, low: -0.35, high: 1.04 };
 const REACH = 1;
+const BESIDE = 0.05; // of the path [m]
 const DISC = { radius: 0.075, y: -0.175, spacing: 0.23 };
 const FULL_ARROW = 0.28; // of a force of ARROW_FORCE [m]
 const ARROW_FORCE = 60;
@@ -77,6 +78,7 @@ export class Scene {
     if (stroke) this.reach();
     this.path(trial, stroke !== null);
     this.trail(trial);
+    if (!stroke) this.pacer(trial, part);
     const pose = this.pose(trial, part);
     this.drive(trial);
     this.arm(pose);
@@ -135,6 +137,12 @@ export class Scene {
     this.disc(line.at(-1), 6 * this.px, palette.line);
     this.disc(line.at(-1), 2.5 * this.px, palette.stage);
     c.globalAlpha = 1;
+  }
+
+  /** A dot beside the path that moves at the commanded pace. */
+  pacer(trial, part) {
+    const { at, along } = trial.paced(trial.now.time - (trial.rows.length > 1 ? (1 - part) * trial.period : 0));
+    this.disc([at[0] - BESIDE * along[1], at[1] + BESIDE * along[0]], 5 * this.px, this.palette.ink);
   }
 
   trail(trial) {

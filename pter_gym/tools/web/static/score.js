@@ -7,7 +7,8 @@
  * task   { length, error_max, pace } of the path [m, m, m/s]
  * rules  `tables.scoring`
  *
- * Returns path_error_m, mean_pace_error, segment_pace_error and completed, as the package calls them.
+ * Returns path_error_m, mean_error_m, mean_pace_m_s, mean_pace_error, segment_pace_error and completed, as the package
+ * calls them.
  */
 export function score(rows, task, rules) {
   const { segments, price } = rules;
@@ -36,6 +37,8 @@ export function score(rows, task, rules) {
   });
   return {
     path_error_m: Math.min(mean(segmentErrors), worst),
+    mean_error_m: mean(errors.slice(1)),
+    mean_pace_m_s: passed.at(-1) > 0 ? Math.min(furthest.at(-1), task.length) / passed.at(-1) : 0,
     mean_pace_error: paceError(mean(ratios), finished.at(-1)),
     segment_pace_error: mean(ratios.map((ratio, k) => paceError(ratio, finished[k]))),
     completed: rows.slice(1).some((row) => row.is_success === 1),

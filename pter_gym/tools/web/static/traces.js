@@ -4,6 +4,8 @@ import { fitted } from "./scene.js";
 
 const SECONDS = 8;
 
+const GUTTER = 30; // for the numbers of the scale [px]
+
 const FOUR = [1, 2, 3, 4];
 
 /** What is traced: lines by their colours, and how far the scale reaches at least. */
@@ -36,8 +38,10 @@ const KINDS = {
 
 /** Draw the trace of a kind; with another trial beside it, that one is dashed. */
 export function drawTrace(canvas, kind, trial, other, palette) {
-  const { context, width, height } = fitted(canvas);
-  context.clearRect(0, 0, width, height);
+  const { context, width: whole, height } = fitted(canvas);
+  const width = whole - GUTTER;
+  context.clearRect(0, 0, whole, height);
+  context.translate(GUTTER, 0);
   if (kind === "mode") {
     drawModes(context, width, height, trial, palette);
     return;
@@ -47,7 +51,7 @@ export function drawTrace(canvas, kind, trial, other, palette) {
     { colour, thick, dash: [], points: sampled(trial, width, value) },
     ...(other && kind === "error" ? [{ colour: "link-b", thick, dash: [5, 4], points: sampled(other, width, value) }] : []),
   ]);
-  const most = Math.max(least, ...curves.flatMap(({ points }) => points.map(([, value]) => Math.abs(value))));
+  const most = round(Math.max(least, ...curves.flatMap(({ points }) => points.map(([, value]) => Math.abs(value)))));
   const zero = signed ? height / 2 : height - 2;
   const scale = (zero - 3) / most;
   context.strokeStyle = palette.groove;
@@ -66,6 +70,21 @@ export function drawTrace(canvas, kind, trial, other, palette) {
     context.stroke();
   }
   context.setLineDash([]);
+  const ends = signed ? [[`+${most}`, 1, "top"], ["0", zero, "middle"], [`−${most}`, height - 1, "bottom"]] : [[`${most}`, 1, "top"], ["0", height, "bottom"]];
+  context.font = "11px system-ui, sans-serif";
+  context.fillStyle = palette.muted;
+  context.textAlign = "right";
+  for (const [text, y, baseline] of ends) {
+    context.textBaseline = baseline;
+    context.fillText(text, -5, y);
+  }
+}
+
+/** Return the next number that ends a scale: 1, 2, 3, 5 or 8 times a power of ten; 24 for the volts. */
+function round(value) {
+  if (value === 24) return value;
+  const power = 10 ** Math.floor(Math.log10(value));
+  return power * [1, 2, 3, 5, 8, 10].find((each) => each * power >= value * (1 - 1e-9));
 }
 
 /** The dynamic modes as a band: empty where nothing is locked, a clutch's colour where it is, dark where all are. */

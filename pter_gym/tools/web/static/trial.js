@@ -81,6 +81,7 @@ export class Trial {
     this.hand = new SpringHand();
     this.period = env.tables.control_period;
     this.live = env.settings.hand === "pointer";
+    this.pace = env.context.task.pace;
     this.line = env.path(201);
     this.columns = Object.fromEntries(env.tables.telemetry.map(({ name }, k) => [name, k]));
     this.begin();
@@ -101,6 +102,23 @@ export class Trial {
   /** The present telemetry, by names. */
   get now() {
     return this.env.telemetry;
+  }
+
+  /** Where the tip should be [m] after a time [s] at the commanded pace, with the direction of the path there. */
+  paced(time) {
+    const last = this.line.length - 1;
+    const place = Math.min((last * this.pace * time) / this.env.context.task.path.length, last);
+    const k = Math.min(Math.floor(place), last - 1);
+    const [from, to] = [this.line[k], this.line[k + 1]];
+    const along = [to[0] - from[0], to[1] - from[1]];
+    const size = Math.hypot(...along);
+    return { at: along.map((step, i) => from[i] + (place - k) * step), along: along.map((step) => step / size) };
+  }
+
+  /** Run to the end at once; only a push that is repeated has one. */
+  finish() {
+    while (!this.ended) this.step(null);
+    return this;
   }
 
   /** Advance by one control period; `pointer` is { x, y } [m] or null for a hand that lets go. */

@@ -57,9 +57,9 @@ def test_the_episode_is_the_draw_of_the_seed(here: Path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["free", "--out", "x.avi"], "out's ending must be among .mp4, .gif, .png"),
+        (["free", "--out", "x.avi"], "--out must end in .mp4, .gif, .png"),
         (["free", "--out", "nowhere/x.mp4"], "out must be a file in a folder that exists"),
-        (["free", "--csv", "x.xlsx"], "csv's ending must be among .csv, .npz"),
+        (["free", "--csv", "x.xlsx"], "--csv must end in .csv, .npz"),
         (["free", "--csv", "x.csv", "--size", "big"], "size must be WIDTHxHEIGHT in pixels"),
         (["free", "--csv", "x.csv", "--size", "10x10"], "width must be a whole number"),
         (["free", "--csv", "x.csv", "--speed", "nan"], "speed must be a number > 0"),
@@ -89,7 +89,7 @@ def test_without_a_display_a_file_must_be_asked_for(
     pytest.importorskip("pygame")
     monkeypatch.setattr("pter_gym.tools.pictures.render.window.has_display", lambda: False)
     assert main(["watch", "free"]) == 2
-    assert "out or csv must be given where there is no display" in capsys.readouterr().err
+    assert "--out must be given where there is no display" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("here")

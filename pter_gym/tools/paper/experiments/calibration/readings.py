@@ -45,7 +45,7 @@ class Reading:
     lag
         What lags behind the voltage.
     time_constants
-        Of the runs that Table I averages [s]: those of Figs. 7 and 8, or the six of ``pter benchmark``.
+        Of the runs that Table I averages [s]: those of Figs. 7 and 8, or the six of the standard test.
     """
 
     error_average: ErrorAverage = "time"
