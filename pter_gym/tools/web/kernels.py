@@ -16,10 +16,10 @@ from pter_gym._engine.hand import recorded
 from pter_gym._engine.law import Memory
 from pter_gym._engine.recording import record_reset, record_step
 from pter_gym._engine.sensing import see, write_observation
-from pter_gym._engine.step import given_volts, is_refused, move_worlds, take_command
+from pter_gym._engine.step import given_volts, is_refused, move_declared, move_worlds, take_arrangements, take_command
 from pter_gym._engine.world import CONFIG, REFUSE, ROW, ROWS
 from pter_gym._physics.clutch import lag_left
-from pter_gym.controllers._laws import built_in
+from pter_gym.controllers._laws import IMPEDANCE, built_in, guide_declared
 from pter_gym.paths._arcs import SEGMENT, ArcSegment, biarc, end_of, heading_through, mirrored, parts_of
 from pter_gym.paths._projection import SEGMENT_WIDTH, point_at
 from pter_gym.tasks.path_following._telemetry import COLUMNS
@@ -51,6 +51,7 @@ def reset(world: Any, words: Any, seen: Any, entries: int, told: Any, shared: An
     w, word = carray(world, (ROWS, 1)), carray(words, 2)
     config, numbers = carray(shared, 1), carray(constants, 1)
     start_episode(w, 0, word[0], word[1], config, numbers)
+    take_arrangements(w, 1, numbers)
     see(w, 0, config, numbers)
     write_observation(w, 0, carray(seen, (1, entries)), 0, config, numbers)
     record_reset(w, 0, carray(told, (1, 1, COLUMNS)), 0, 0, numbers)
@@ -74,18 +75,26 @@ def step(
     if w[ROW.hand.record_count, 0] > 0.0:
         store(w, ROW.drive, 0, recorded(w, 0, numbers, config[CONFIG.substeps]))
     take_command(w, 0, given_volts(actions, 0, low, high, w[ROW.machine.voltage_max, 0]))
-    move_worlds(w, 1, config, guides != 0)
+    if w[ROW.arrangement.number, 0] == 0.0:
+        move_worlds(w, 1, config, guides != 0)
+    else:
+        move_declared(w, 1, config, guides != 0)
     conclude_step(w, 1, 1, word, 0, config, numbers, True)
     write_observation(w, 0, carray(seen, (1, entries)), 0, config, numbers)
     record_step(w, 0, carray(told, (1, 1, COLUMNS)), 0, 0, config[CONFIG.substep] * config[CONFIG.substeps], numbers)
     return 0
 
 
-def act(seen: Any, entries: int, scales: Any, gains: Any, count: int, memory: Any, volts: Any) -> int:
-    """Write the voltages of a built-in law, which keeps what it must in ``memory``."""
+def act(seen: Any, entries: int, scales: Any, gains: Any, count: int, memory: Any, volts: Any, declared: int) -> int:
+    """Write the voltages of a built-in law, which keeps what it must in ``memory``.
+
+    ``declared`` says that it is told of other clutches than the paper's.
+    """
     out = carray(volts, 4)
     obs, kept = carray(seen, entries), carray(memory, MEMORY_WIDTH)
-    wanted = built_in(obs, carray(scales, entries), carray(gains, count), kept)
+    scale, gain = carray(scales, entries), carray(gains, count)
+    guides = (declared != 0) & (gain[0] >= IMPEDANCE)
+    wanted = guide_declared(obs, scale, gain, kept) if guides else built_in(obs, scale, gain, kept)
     out[0], out[1], out[2], out[3] = wanted.x1, wanted.x2, wanted.x3, wanted.x4
     return 0
 
@@ -136,7 +145,7 @@ ONE_WORLD = (NUMBERS, WORDS, SINGLES, COUNT, NUMBERS, NUMBERS, NUMBERS)
 KERNELS = (
     Kernel(reset, ONE_WORLD),
     Kernel(step, (*ONE_WORLD, NUMBERS, COUNT)),
-    Kernel(act, (SINGLES, COUNT, NUMBERS, NUMBERS, COUNT, NUMBERS, NUMBERS)),
+    Kernel(act, (SINGLES, COUNT, NUMBERS, NUMBERS, COUNT, NUMBERS, NUMBERS, COUNT)),
     Kernel(locate, (NUMBERS, COUNT, COUNT, NUMBER, NUMBERS)),
     Kernel(join, (NUMBERS, COUNT, NUMBERS)),
     Kernel(decay, (NUMBER, NUMBER), NUMBER),

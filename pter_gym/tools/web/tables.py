@@ -23,7 +23,7 @@ from pter_gym.benchmark._recorded import PRICE
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS, Policy
 from pter_gym.hands import MultiSineHand, Operator, RecordedForces
-from pter_gym.params import BASELINE, MACHINES, Machine, require, require_paper_clutches
+from pter_gym.params import BASELINE, MACHINES, Machine, require
 from pter_gym.paths import Arc, Circle, Line, Path, Sine
 from pter_gym.paths._arcs import SEGMENT
 from pter_gym.paths._projection import SEGMENT_WIDTH
@@ -100,10 +100,10 @@ def choices(own: Machine | None = None) -> dict[str, Any]:
     batch = pages_batch()
     nominal = BASELINE if own is None else own
     top = nominal.clutch.voltage_max
-    require_paper_clutches(nominal, "the page's simulator is compiled for them")
     require(top == VOLTAGE_MAX, nominal.clutch, "voltage_max", top, f"{VOLTAGE_MAX:g} V, as the page has it")
-    papers = {name: machine for name, machine in MACHINES.items() if machine.has_paper_clutches}
-    machines = papers if own is None else {OWN: own, **papers}
+    rows = rows_of(nominal)
+    machines = {name: machine for name, machine in MACHINES.items() if rows_of(machine) == rows}
+    machines = machines if own is None else {OWN: own, **machines}
     config = batch.device_arrays()["config"]
     return {
         "config": [value if np.isfinite(value) else None for value in config.tolist()],
@@ -116,11 +116,23 @@ def choices(own: Machine | None = None) -> dict[str, Any]:
         "told": {name: part(machine=machine, record="told") for name, machine in machines.items()},
         "hands": {name: part(hand=hand, record="hand") for name, hand in HANDS.items()},
         "task": part(record="task"),
-        "arrangement": part(record="arrangement"),
+        "arrangements": {name: part(machine=machine, record="arrangement") for name, machine in machines.items()},
+        "clutches": [{"name": clutch.name, "line": rows.index(clutch.row)} for clutch in nominal.clutches],
+        "declared": not nominal.has_paper_clutches,
         "paths": {name: path_table(path, nominal) for name, path in PATHS.items()},
         "laws": {name: laws(name, nominal, batch.layout) for name in (*CONTROLLERS, *TUNED)},
-        "policies": {name: network(name, nominal, batch.layout) for name in shipped_policies()},
+        "policies": {name: network(name, nominal, batch.layout) for name in policies_for(rows)},
     }
+
+
+def rows_of(machine: Machine) -> tuple[tuple[float, float], ...]:
+    """Return the rows of W of a machine's clutches."""
+    return tuple(clutch.row for clutch in machine.clutches)
+
+
+def policies_for(rows: tuple[tuple[float, float], ...]) -> list[str]:
+    """Return the names of the trained policies for clutches with these rows of W."""
+    return [name for name in shipped_policies() if read_policy(name).card.clutches == rows]
 
 
 def pages_batch() -> Batch:

@@ -311,6 +311,28 @@ def test_a_machine_of_ones_own_is_felt(opened: Any, tmp_path: Path) -> None:
         assert play.problems == []
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["two-brakes", "double-brakes"])
+def test_a_machine_with_other_clutches_is_felt(name: str, opened: Any, tmp_path: Path) -> None:
+    """Laws brake with what is there; policies, which were trained with the paper's clutches, are not offered."""
+    import playing
+
+    clutches = find_machine(name).clutches
+    with playing.started("--machine", name) as address:
+        play = playing.Play(opened.tab, address, tmp_path)
+        play.open("control=single-dof")
+        assert play.run("page.readout.clutches.map((row) => row.cells[1].textContent)") == [c.name for c in clutches]
+        assert "residual" not in play.run(CONTROLS)
+        assert play.run("page.workshop.tables.laws['single-dof'].standard.length") > 5
+        play.drag()
+        compare(play, "line", machine=name, lag=0.105, friction=1.0)
+        play.open("control=locked")
+        play.drag(seconds=0.5)
+        states = play.run("page.trials[0].env.tables.clutches.map((_, k) => page.trials[0].clutch(k))")
+        assert states == ["stuck"] * len(clutches)
+        assert play.problems == []
+
+
 @pytest.mark.parametrize(
     ("own", "told"),
     [

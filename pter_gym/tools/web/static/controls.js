@@ -1,14 +1,12 @@
 // The form of the settings: filled from them, and told when a person changes one.
 
-import { CONTROLS, FRICTION, LAG, MATERIALS, PATHS } from "./settings.js";
+import { CONTROLS, DEFAULTS, FRICTION, LAG, MATERIALS, PATHS } from "./settings.js";
 
 const byId = (id) => document.getElementById(id);
 
-const CLUTCHES = ["A to ground", "B to ground", "A to B", "A to B, inverted"];
-
 /** Makes the form once; `changed(name, value)` is called with what a person chooses. */
 export class Controls {
-  constructor(paces, changed) {
+  constructor({ paces, clutches }, changed) {
     fillGroups(byId("control"), CONTROLS);
     fillGroups(byId("other"), CONTROLS, ["sliders"]);
     fillOptions(byId("path"), PATHS);
@@ -25,7 +23,8 @@ export class Controls {
     }
     for (const radio of document.getElementsByName("hand")) radio.addEventListener("change", () => changed("hand", radio.value));
     byId("settings").addEventListener("submit", (event) => event.preventDefault());
-    this.sliders = CLUTCHES.map((meaning, k) => slider(k, meaning, () => changed("volts", this.sliders.map((each) => Number(each.value)))));
+    const volts = () => DEFAULTS.volts.map((none, k) => Number(this.sliders[k]?.value ?? none));
+    this.sliders = clutches.map(({ name }, k) => slider(k, name, () => changed("volts", volts())));
   }
 
   /** Show settings in the form. */

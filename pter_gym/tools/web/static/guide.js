@@ -4,8 +4,6 @@ import { DEFAULTS } from "./settings.js";
 
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 
-const LAW = "residual";
-
 /** Scenes: { seconds, control, text, hand }; `hand` tells where the hand is [m] from the time and the tip. */
 const GUIDE = [
   {
@@ -22,13 +20,11 @@ const GUIDE = [
   },
   {
     seconds: 8,
-    control: LAW,
     text: "3 of 4. A controller brakes what leads off the line: clutches glow with their torque and close when they lock.",
     hand: (time, tip) => ({ x: tip.x + 0.13, y: tip.y + 0.1 * Math.sin(2.5 * time) }),
   },
   {
     seconds: 4,
-    control: LAW,
     text: "4 of 4. Your turn: drag the handle along the line to its end, or use the arrow keys.",
     hand: null,
   },
@@ -53,7 +49,7 @@ export class Guide {
       return;
     }
     this.#changing = true;
-    const trial = await this.page.workshop.trial({ ...DEFAULTS, control: scene.control });
+    const trial = await this.page.workshop.trial({ ...DEFAULTS, control: scene.control ?? DEFAULTS.other });
     if (this.ended) return;
     this.moves = scene.hand && !still.matches ? scene.hand : null;
     this.start = { x: trial.now.tip_x, y: trial.now.tip_y };

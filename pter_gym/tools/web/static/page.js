@@ -6,14 +6,13 @@ import { Guide } from "./guide.js";
 import { Pointer } from "./pointer.js";
 import { Readout } from "./readout.js";
 import { colours, Scene } from "./scene.js";
-import { beginWithOwn, DEFAULTS, format, NAMES, parse } from "./settings.js";
+import { beginWith, DEFAULTS, format, NAMES, parse } from "./settings.js";
 import { drawTrace } from "./traces.js";
 import { Workshop } from "./trial.js";
 import { invitation, millimetres, sentence, verdict } from "./words.js";
 
 const byId = (id) => document.getElementById(id);
 const LAGS = [10, 200];
-const RIVAL = "residual"; // rides on every push that arrives
 const SHORTEST_PUSH = 20; // control steps
 const SLOWEST_FRAME = 0.1; // [s]; what a frame takes longer is not caught up
 const POINT_SPACING = 0.012; // of a drawn path [m]
@@ -33,7 +32,7 @@ class Page {
 
   async open() {
     this.workshop = await Workshop.open();
-    beginWithOwn(this.workshop.tables);
+    beginWith(this.workshop.tables);
     this.settings = { ...DEFAULTS };
     const canvases = document.querySelectorAll(".stage canvas");
     this.scenes = [...canvases].map((canvas) => new Scene(canvas));
@@ -41,8 +40,8 @@ class Page {
       grab: () => this.grab(),
       key: (key) => key === "r" && (this.again(), true),
     });
-    this.controls = new Controls(this.workshop.tables.paces, (name, value) => this.change({ [name]: value }));
-    this.readout = new Readout();
+    this.controls = new Controls(this.workshop.tables, (name, value) => this.change({ [name]: value }));
+    this.readout = new Readout(this.workshop.tables.clutches);
     this.board = new Board(byId("board"), byId("board-note"), byId("save-board"));
     this.palette = colours();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => (this.palette = colours()));
@@ -189,13 +188,13 @@ class Page {
     if (trial.live) this.push = trial.recording;
     this.pointer.release();
     this.say(verdict(trial));
-    if (trial.live && trial.result.completed && trial.settings.control !== RIVAL) this.#ride(trial);
+    if (trial.live && trial.result.completed && trial.settings.control !== DEFAULTS.other) this.#ride(trial);
     if (this.lesson) this.#nextLag(trial);
   }
 
-  /** Add to the board what the learned policy makes of this person's push. */
+  /** Add to the board what a rival makes of this person's push. */
   async #ride(trial) {
-    const rival = await this.workshop.trial({ ...trial.settings, control: RIVAL, hand: "paper" }, this.push);
+    const rival = await this.workshop.trial({ ...trial.settings, control: DEFAULTS.other, hand: "paper" }, this.push);
     this.board.add(rival.finish(), false);
     if (this.trials[0] === trial && trial.ended) this.say(`${verdict(trial)} On your push, ${verdict(rival)}`);
   }

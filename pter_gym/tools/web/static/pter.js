@@ -161,7 +161,7 @@ export class Environment {
   /**
    * Advance by one control period.
    *
-   * volts  the voltages of the four clutches [V]
+   * volts  the voltages of the four clutches [V], those that the machine does not have included
    * force  with the hand "pointer", the force { x, y } on the tip [N] at the end of the period; along and across the
    *        path it changes linearly from that of the last period. None by default.
    *
@@ -280,7 +280,7 @@ function arraysOf(tables, settings) {
       error_max: path.error_max,
     },
     told: { ...tables.told[settings.machine], hand_push: hand.push },
-    arrangement: tables.arrangement,
+    arrangement: tables.arrangements[settings.machine],
   };
   if (typeof settings.hand !== "string") context.hand.record_count = settings.hand.along.length;
   fill(places.context, context, constants);

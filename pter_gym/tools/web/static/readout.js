@@ -2,17 +2,15 @@
 
 const byId = (id) => document.getElementById(id);
 
-const MEANINGS = ["A to ground", "B to ground", "A to B", "A to B, inverted"];
-
 const MODES = ["free to move", ...[1, 2, 3, 4].map((n) => `clutch ${n} locked`), "all locked"];
 
 /** Return in words what the clutches do: which is locked, or which slip where none is. */
 function modeOf(trial) {
-  const states = [0, 1, 2, 3].map((k) => trial.clutch(k));
+  const states = trial.env.tables.clutches.map((_, k) => trial.clutch(k));
   if (states.every((state) => state === "released")) return MODES[0];
   if (trial.now.mode > 0) return MODES[trial.now.mode];
   const slipping = states.flatMap((state, k) => (state === "slipping" ? [k + 1] : []));
-  if (slipping.length === 4) return "all slip";
+  if (slipping.length === states.length) return "all slip";
   return slipping.length === 1 ? `clutch ${slipping[0]} slips` : `${slipping.join(", ")} slip`;
 }
 
@@ -28,9 +26,9 @@ function write(element, text) {
 
 /** Writes numbers into the page. */
 export class Readout {
-  constructor() {
+  constructor(clutches) {
     const body = byId("clutches").tBodies[0];
-    this.clutches = MEANINGS.map((meaning, k) => {
+    this.clutches = clutches.map(({ name }, k) => {
       const row = body.insertRow();
       const head = Object.assign(document.createElement("th"), { scope: "row" });
       const dot = document.createElement("i");
@@ -38,7 +36,7 @@ export class Readout {
       head.append(dot, String(k + 1));
       row.append(head);
       for (let cell = 0; cell < 4; cell++) row.insertCell();
-      row.cells[1].textContent = meaning;
+      row.cells[1].textContent = name;
       return row;
     });
   }

@@ -1,4 +1,4 @@
-// The picture of a trial: arm, path, trail, hand and the four clutches of the drive, on a canvas.
+// The picture of a trial: arm, path, trail, hand and the clutches of the drive, on a canvas.
 
 const WORLD = { left: -0.88, right: 0.76, low: -0.35, high: 1.04 };
 const REACH = 1;
@@ -199,13 +199,12 @@ export class Scene {
     c.restore();
   }
 
-  /** The drive's four clutches: they glow with their torque, fill with their voltage, and close when they lock. */
+  /** The drive's clutches: they glow with their torque, fill with their voltage, and close when they lock. */
   drive(trial) {
-    for (let k = 0; k < 4; k++) {
-      const centre = [(k - 1.5) * DISC.spacing, DISC.y];
-      this.polyline([[0, 0], centre], this.palette.groove, 3);
-    }
-    for (let k = 0; k < 4; k++) this.clutch(trial, k, [(k - 1.5) * DISC.spacing, DISC.y]);
+    const { clutches } = trial.env.tables;
+    const centres = clutches.map((_, k) => [(k - (clutches.length - 1) / 2) * DISC.spacing, DISC.y]);
+    for (const centre of centres) this.polyline([[0, 0], centre], this.palette.groove, 3);
+    centres.forEach((centre, k) => this.clutch(trial, k, centre));
   }
 
   clutch(trial, k, [x, y]) {

@@ -6,7 +6,7 @@ const VOLTS = { low: 0, high: 24 };
 
 export const CONTROLS = {
   Nobody: { free: "Free", locked: "Locked" },
-  You: { sliders: "Your four sliders" },
+  You: { sliders: "Your sliders" },
   "Control laws": {
     impedance: "Impedance",
     "torque-feedback": "Torque feedback",
@@ -45,12 +45,20 @@ export const DEFAULTS = {
   volts: Object.freeze([0, 0, 0, 0]),
 };
 
-/** Begin with the machine of a person's own, if the tables have one. */
-export function beginWithOwn({ told: { own } }) {
+/** Offer what the tables have, and begin with the machine of a person's own if there is one. */
+export function beginWith({ machines, laws, policies, told: { own } }) {
+  const there = { sliders: true, ...laws, ...policies };
+  for (const names of [NAMES, ...Object.values(CONTROLS)]) keep(names, there);
+  keep(MATERIALS, machines);
+  if (!there[DEFAULTS.other]) DEFAULTS.other = "impedance-tuned";
   if (!own) return;
   MATERIALS.own = "Your machine";
   const lag = Math.round(1000 * own.time_constant);
   Object.assign(DEFAULTS, { material: "own", lag: Math.min(LAG.high, Math.max(LAG.low, lag)) });
+}
+
+function keep(names, there) {
+  for (const name of Object.keys(names)) if (!Object.hasOwn(there, name)) delete names[name];
 }
 
 const HANDS = { you: "You", paper: "The paper's push" };

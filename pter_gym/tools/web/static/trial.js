@@ -142,7 +142,7 @@ export class Trial {
   clutch(index) {
     const { mode } = this.now;
     if (this.now[`volts_${index + 1}`] === 0 && this.now[`torque_${index + 1}`] === 0) return "released";
-    return mode === 5 || mode === index + 1 ? "stuck" : "slipping";
+    return mode === 5 || mode - 1 === this.env.tables.clutches[index].line ? "stuck" : "slipping";
   }
 
   /** The largest torque that a clutch can have [N·m]. */

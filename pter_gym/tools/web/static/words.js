@@ -28,7 +28,7 @@ export function invitation({ control, hand }) {
   if (hand === "paper") return "The push of the paper’s experiments drives the handle.";
   if (control === "free") return "Drag the handle: nobody brakes. Can you follow the line alone?";
   if (control === "locked") return "Drag the handle: all clutches are locked.";
-  if (control === "sliders") return "Drag the handle, and brake with the four sliders.";
+  if (control === "sliders") return "Drag the handle, and brake with the sliders.";
   return "Drag the handle along the path to its end. The small dot beside it keeps the pace.";
 }
 

@@ -113,6 +113,7 @@ export class Law {
       [Float64Array, 4],
     ]);
     this.kernels = kernels;
+    this.declared = tables.declared ? 1 : 0;
   }
 
   reset() {
@@ -130,6 +131,7 @@ export class Law {
       this.gains.length,
       this.memory.byteOffset,
       this.wanted.byteOffset,
+      this.declared,
     );
     return Float32Array.from(this.wanted);
   }
