@@ -32,7 +32,8 @@ from pter_gym.tasks.path_following import PathFollowing
 FALLING = ("free", "locked", "random")
 COMPARED = ("torque-feedback", "ppo-standard")
 CLASSICAL = ("impedance", "impedance-tuned", "velocity-ratio-tuned", "single-dof-tuned")
-SIDE_BY_SIDE = ("torque-feedback-tuned", "residual")
+SIDE_BY_SIDE = ("single-dof-tuned", "residual")
+SIDE_BY_SIDE_SCENARIOS = ("paths", "hands", "tremor")
 SHOWN = "residual"
 PACE = "medium"
 DRAWS = 16
@@ -222,8 +223,9 @@ def write_webp(shown: list[np.ndarray], path: Path, quality: int) -> None:
 
 
 def side_by_side() -> None:
-    """Film a tuned law and a trained policy on the same episode of the paper's setting."""
-    write_webp(frames(SIDE_BY_SIDE, "standard", (720, 405)), IMAGES / "moving" / "side-by-side.webp", 40)
+    """Film the best tuned law and a trained policy on the same episodes, one scenario after another."""
+    shown = [each for name in SIDE_BY_SIDE_SCENARIOS for each in frames(SIDE_BY_SIDE, name, (720, 405))]
+    write_webp(shown, IMAGES / "moving" / "side-by-side.webp", 40)
 
 
 def alone(scenario: str) -> None:
