@@ -28,7 +28,7 @@ def test_gains_are_those_of_the_scenario() -> None:
     assert [law.damping_tangential for _, law in paced.knots] == expected  # type: ignore[attr-defined]
     assert find_policy("single-dof-tuned", scenario="hands") != find_policy("single-dof-tuned", scenario="paths")
     assert find_policy("random", seed=3) == Random(seed=3)
-    with pytest.raises(ParameterError, match="^policies: 'impedance-tuned' needs a scenario"):
+    with pytest.raises(ParameterError, match=r"^policies: 'impedance-tuned' needs a scenario"):
         find_policy("impedance-tuned", scenario=None)
 
 
