@@ -33,7 +33,7 @@ BELOW = {
     "policies": ("data",),
     "controllers": ("classical-control",),
     "scoring": ("trust",),
-    "model": ("hands",),
+    "model": ("hands", "gradients"),
     "paper-figures": ("reproduction", "calibration"),
     "verification": ("robustness",),
     "contributing": ("listing",),

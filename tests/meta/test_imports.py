@@ -23,6 +23,7 @@ CORE = (
     ("controllers",),
     ("policies",),
     ("envs",),
+    ("gradients",),
     ("benchmark",),
     ("_commands",),
 )

@@ -1,0 +1,16 @@
+"""Rollouts of one machine with their exact gradients, through stick-slip.
+
+``rollout`` simulates a machine at given voltages and forces; ``Rollout.gradient`` returns the derivatives of a scalar
+of it by voltages, forces, the initial state and the machine. ``pter_gym.gradients.jax`` has the same for ``jax.grad``.
+"""
+
+from typing import TYPE_CHECKING
+
+from pter_gym._internal.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from pter_gym.gradients._rollout import Gradient, Rollout, rollout
+
+__all__ = ["Gradient", "Rollout", "rollout"]
+
+__getattr__, __dir__ = lazy_names(__name__, {"pter_gym.gradients._rollout": ("Gradient", "Rollout", "rollout")})

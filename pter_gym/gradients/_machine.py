@@ -1,0 +1,91 @@
+"""Derivatives by the numbers of a machine, from those by the constants that the kernels make of them."""
+
+import math
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from pter_gym._compiled.records import store
+from pter_gym._physics.model import model_of
+from pter_gym._physics.open_loop import BODY, BODY_WIDTH
+from pter_gym.errors import ParameterError
+from pter_gym.gradients._adjoint import FRICTION
+from pter_gym.gradients._tracing import adjoint_of
+from pter_gym.params import Machine, find_machine
+from pter_gym.params._connection import BRAKE_A, BRAKE_B
+
+MOST_SUBSTEPS = 10_000
+
+
+def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]:
+    """Return a machine whose substeps fill a control step of a period [s], and their number."""
+    found = find_machine(machine)
+    if not 0.0 < period <= MOST_SUBSTEPS * found.substep:
+        raise ParameterError(f"period must be > 0 s and at most {MOST_SUBSTEPS * found.substep:g} s, got {period!r}")
+    count = math.ceil(period / found.substep * (1.0 - 1e-9))
+    substep = period / count
+    return found if substep == found.substep else replace(found, substep=substep), count
+
+
+def numbers_of(machine: Machine) -> dict[str, float]:
+    """Return the numbers of a machine on which its motion depends, by their places."""
+    found: dict[str, float] = {}
+    copied(machine, "", found.setdefault)
+    return found
+
+
+def by_machine(machine: Machine, bar: Any) -> dict[str, float]:
+    """Return derivatives by the numbers of a machine, from those by the entries of a body (entries, 1)."""
+    places = numbers_of(machine)
+    rows = BODY_WIDTH + len(places)
+    w, found = np.zeros((rows, 1)), np.zeros((rows, 1))
+    w[BODY_WIDTH:, 0] = [*places.values()]
+    found[:BODY_WIDTH] = bar
+    with np.errstate(divide="ignore", invalid="ignore"):  # in the branch of a hand that has no damping
+        _adjoint(machine.clutch.lag, len(machine.clutches))(w, 0, found)
+    by = dict(zip(places, found[BODY_WIDTH:, 0].tolist(), strict=True))
+    del by["substep"]  # what a longer substep does is no change of the machine
+    if not machine.has_paper_clutches:  # dry friction is with the slot that slips as its axis does
+        for name, brake in (("arm.dry_a", BRAKE_A), ("arm.dry_b", BRAKE_B)):
+            if brake.row in machine.slot_rows:
+                by[name] += float(bar[BODY.arrangement.dry[machine.slot_rows.index(brake.row)], 0])
+    return by
+
+
+@cache
+def _adjoint(lag: str, clutches: int) -> Any:
+    """Return the adjoint of ``model_of``; which numbers there are depends on no others."""
+    some = find_machine(None)
+    some = replace(some, clutch=replace(some.clutch, lag=lag), clutches=some.clutches[:clutches])
+    rows = {place: BODY_WIDTH + k for k, place in enumerate(numbers_of(some))}
+
+    def stage(w: Any, i: int) -> None:
+        def number(place: str, _: float) -> Any:
+            return w[rows[place], i]
+
+        store(w, BODY.machine, i, model_of(copied(some, "", number)))
+
+    return adjoint_of(stage, (), (), range(0), FRICTION)
+
+
+def copied(value: Any, place: str, number: Any) -> Any:
+    """Return a machine, or a part of it, with other numbers: ``number(place, value)``."""
+    if isinstance(value, float):
+        return number(place, value)
+    if not is_dataclass(value):
+        return value
+    inner = {item.name: getattr(value, item.name) for item in fields(value)}
+    copy = SimpleNamespace(
+        **{name: copied(each, f"{place}.{name}" if place else name, number) for name, each in inner.items()}
+    )
+    if isinstance(value, Machine):
+        scale = value.slot_scale
+        places = (f"clutch_scale.{x + 1}" for x in range(len(value.clutches)))
+        copy.slot_scale = (
+            *(number(each, s) for each, s in zip(places, scale, strict=False)),
+            *scale[len(value.clutches) :],
+        )
+    return copy

@@ -1,0 +1,272 @@
+"""Rollouts at given voltages and forces, and their gradients, for NumPy."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pter_gym._physics.open_loop import BODY_WIDTH, State, body_of
+from pter_gym.errors import DivergenceError, ParameterError
+from pter_gym.gradients._adjoint import FIRST, LAST, kernels
+from pter_gym.gradients._machine import by_machine, divided
+from pter_gym.params import Machine
+
+Array = NDArray[np.float64]
+
+STATE = {
+    "theta": (0, 2),
+    "omega": (2, 4),
+    "torque_breakaway": (8, 12),
+    "torque_dynamic": (12, 16),
+    "lagged_volts": (16, 20),
+}
+"""Where the entries of a ``State`` are among those that a kernel keeps at a control instant."""
+
+UNITS = slice(4, 8)
+"""Where cosine and sine of link A, and of link B, are."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a rollout begins with and what acts in it, checked, as the kernels take it: N control steps, S substeps."""
+
+    machine: Machine
+    body: Array
+    volts: Array
+    hand_force: Array
+    hand_target: Array
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """Derivatives of a scalar by what went into a rollout of N control steps with S substeps each.
+
+    Attributes
+    ----------
+    volts
+        By the voltages of each control step [1/V], shape (N, 4).
+    hand_force, hand_target
+        By the hand's force [1/N] and the point to which its spring pulls [1/m] in each substep, shape (N, S, 2).
+    state
+        By the entries of the state at the start; angles take the links' unit vectors along.
+    machine
+        By each number of the machine that the motion depends on, by its place: ``clutch.time_constant``.
+    """
+
+    volts: Array
+    hand_force: Array
+    hand_target: Array
+    state: State
+    machine: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """The state at N + 1 control instants, the first before the first control step.
+
+    Attributes
+    ----------
+    theta, omega
+        Absolute link angles [rad] and angular velocities [rad/s], shape (N + 1, 2).
+    torque_breakaway, torque_dynamic
+        Torque limits of the clutches [N·m], shape (N + 1, 4).
+    lagged_volts
+        Voltages behind the lag [V], shape (N + 1, 4).
+    tip_position, tip_velocity
+        World frame, origin on the axis of the drive [m, m/s], shape (N + 1, 2).
+    """
+
+    theta: Array
+    omega: Array
+    torque_breakaway: Array
+    torque_dynamic: Array
+    lagged_volts: Array
+    tip_position: Array
+    tip_velocity: Array
+    _states: Array
+    _inputs: Inputs
+
+    @property
+    def final(self) -> State:
+        """The state after the last control step, from which another rollout may begin."""
+        return _state_of(self._states[-1])
+
+    def gradient(self, **by: ArrayLike) -> Gradient:
+        """Return the gradient of a scalar, by its derivatives with respect to attributes of this rollout.
+
+        Parameters
+        ----------
+        **by
+            The derivative by ``theta``, ``omega``, ``tip_position`` and so on, each an array of that attribute's shape.
+            Those that are left out do not matter to the scalar.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such attribute, a shape is wrong, or an array is not of finite floating-point numbers.
+        """
+        given = {name: self._derivative(name, values) for name, values in by.items()}
+        by_states, by_lengths = self._by_states(given)
+        found = gradient_of(self._inputs, self._states, by_states)
+        for name, value in by_lengths.items():
+            found.machine[name] += value
+        return found
+
+    def _derivative(self, name: str, values: ArrayLike) -> Array:
+        known = (*STATE, "tip_position", "tip_velocity")
+        if name not in known:
+            raise ParameterError(f"the derivative must be by one of {', '.join(known)}, got {name!r}")
+        array = floats(name, values)
+        wanted = getattr(self, name).shape
+        if array.shape != wanted:
+            raise ParameterError(f"the derivative by {name} must have the shape {wanted}, got {array.shape}")
+        return array
+
+    def _by_states(self, by: dict[str, Array]) -> tuple[Array, dict[str, float]]:
+        """Return derivatives by all that is kept of a control instant, and by lengths, from those by named parts."""
+        found = np.zeros_like(self._states)
+        for name, (begin, end) in STATE.items():
+            found[:, begin:end] += by.get(name, 0.0)
+        position = by.get("tip_position", np.zeros_like(self.tip_position))
+        velocity = by.get("tip_velocity", np.zeros_like(self.tip_position))
+        lengths: dict[str, float] = {}
+        for link, name in enumerate(("length_a", "length_b")):
+            length, at = getattr(self._inputs.machine.arm, name), UNITS.start + 2 * link
+            along, omega = self._states[:, at : at + 2], self.omega[:, link : link + 1]
+            across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+            found[:, 2 + link] += length * np.sum(velocity * across, axis=1)
+            found[:, at] += length * (position[:, 0] + omega[:, 0] * velocity[:, 1])
+            found[:, at + 1] += length * (position[:, 1] - omega[:, 0] * velocity[:, 0])
+            lengths[f"arm.{name}"] = float(np.sum(position * along + velocity * omega * across))
+        return found, lengths
+
+
+def rollout(
+    machine: Machine | str | None,
+    state: State,
+    volts: ArrayLike,
+    hand_force: ArrayLike,
+    *,
+    hand_target: ArrayLike | None = None,
+    period: float = 0.01,
+) -> Rollout:
+    """Simulate one machine at given voltages and forces, with what its gradient needs.
+
+    The motion is that of ``pter_gym.simulate``, in control steps of equal substeps as an environment has them.
+
+    Parameters
+    ----------
+    machine
+        The machine or its name, None for PTER as it is.
+    state
+        Where to start.
+    volts
+        Clutch voltages [V] of each control step, shape (N, 4), within [0, voltage_max].
+    hand_force
+        Force on the tip [N], world frame, shape (2,), (N, 2), or (N, S, 2) for each of a control step's S substeps.
+    hand_target
+        Tip position to which the hand's spring pulls [m], of a shape that ``hand_force`` may have; needed if it has a
+        stiffness.
+    period
+        Length of a control step [s]; it has the fewest equal substeps that are no longer than ``machine.substep``.
+
+    Raises
+    ------
+    ParameterError
+        If a shape is wrong, an array is not of finite floating-point numbers, or a voltage is out of range.
+    DivergenceError
+        If the motion diverges: the substep is too long for so fast a motion.
+    """
+    return run(checked(machine, state, volts, hand_force, hand_target, period))
+
+
+def checked(
+    machine: Machine | str | None,
+    state: State,
+    volts: ArrayLike,
+    hand_force: ArrayLike,
+    hand_target: ArrayLike | None,
+    period: float,
+) -> Inputs:
+    """Return what a rollout takes, or raise a ParameterError."""
+    held, substeps = divided(machine, period)
+    if hand_target is None and held.hand.stiffness > 0.0:
+        raise ParameterError("hand_target is needed: the hand has a stiffness")
+    given = floats("volts", volts)
+    if given.ndim != 2 or given.shape[1] != 4 or not len(given):
+        raise ParameterError(f"volts must have the shape (N, 4) with N ≥ 1, got {given.shape}")
+    top = held.clutch.voltage_max
+    if not (given.min() >= 0.0 and given.max() <= top):
+        raise ParameterError(f"volts must lie within [0, {top:g}] V")
+    shape = len(given), substeps, 2
+    target = np.zeros(2) if hand_target is None else hand_target
+    return Inputs(
+        held,
+        body_of(held, state),
+        np.array(given, order="C"),
+        _in_substeps("hand_force", hand_force, shape),
+        _in_substeps("hand_target", target, shape),
+    )
+
+
+def run(inputs: Inputs) -> Rollout:
+    """Simulate what was checked."""
+    states = np.empty((len(inputs.volts) + 1, LAST - FIRST))
+    forward, _ = kernels(papers=inputs.machine.has_paper_clutches)
+    machine = inputs.machine
+    forward(inputs.body, inputs.volts, inputs.hand_force, inputs.hand_target, machine.substep, states)
+    diverged = ~np.isfinite(states).all(axis=1)
+    if diverged.any():
+        raise DivergenceError(
+            f"the motion diverged in control step {int(diverged.argmax()) - 1}: make substeps shorter"
+        )
+    arm, units, omega = machine.arm, states[:, UNITS].reshape(-1, 2, 2), states[:, 2:4]
+    reach = np.array([[arm.length_a], [arm.length_b]]) * units
+    turning = omega[:, :, None] * np.stack([-reach[..., 1], reach[..., 0]], axis=-1)
+    return Rollout(
+        **{name: states[:, begin:end] for name, (begin, end) in STATE.items()},
+        tip_position=reach.sum(axis=1),
+        tip_velocity=turning.sum(axis=1),
+        _states=states,
+        _inputs=inputs,
+    )
+
+
+def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
+    """Return the gradient of a scalar by its derivatives with respect to what is kept of each control instant."""
+    volts, force, target = (np.empty_like(each) for each in (inputs.volts, inputs.hand_force, inputs.hand_target))
+    bar: Any = np.empty((BODY_WIDTH, 1))
+    given = inputs.body, inputs.volts, inputs.hand_force, inputs.hand_target, inputs.machine.substep
+    _, backward = kernels(papers=inputs.machine.has_paper_clutches)
+    backward(*given, states, by_states, volts, force, target, bar)
+    first: Any = bar[FIRST:LAST, 0].copy()
+    cos, sin = states[0, UNITS][::2], states[0, UNITS][1::2]
+    first[0:2] += cos * first[UNITS][1::2] - sin * first[UNITS][::2]
+    return Gradient(volts, force, target, _state_of(first), by_machine(inputs.machine, bar))
+
+
+def floats(name: str, values: ArrayLike) -> Array:
+    """Return an array of finite floating-point numbers, or raise a ParameterError."""
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise ParameterError(f"{name} must be an array of floating-point numbers, got {values!r:.200}") from None
+    kind = array.dtype
+    if not np.issubdtype(kind, np.floating):
+        raise ParameterError(f"{name} must be floating-point numbers, which have derivatives, got {kind}")
+    if not np.isfinite(array).all():
+        raise ParameterError(f"{name} must hold finite numbers only")
+    return array.astype(np.float64)
+
+
+def _in_substeps(name: str, values: ArrayLike, shape: tuple[int, int, int]) -> Array:
+    array, (steps, _, width) = floats(name, values), shape
+    if array.shape not in ((width,), (steps, width), shape):
+        raise ParameterError(f"{name} must have the shape ({width},), ({steps}, {width}) or {shape}, got {array.shape}")
+    spread = array[:, None] if array.ndim == 2 else array
+    return np.array(np.broadcast_to(spread, shape), order="C")
+
+
+def _state_of(entries: Array) -> State:
+    return State(**{name: entries[begin:end].copy() for name, (begin, end) in STATE.items()})

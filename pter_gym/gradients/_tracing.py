@@ -1,0 +1,359 @@
+"""Derivatives from the simulator's own source: a function without branches, and its adjoint from a trace of it.
+
+The functions of a substep are straight-line code but for conditional expressions. ``branchless`` makes the same
+function with calls in place of those, for values that have no truth of their own: those of a trace, or JAX's.
+``adjoint_of`` runs a stage of a substep once on such values, which note each operation, and writes out the
+vector–Jacobian product as a function that numba compiles.
+"""
+
+import ast
+import inspect
+import math
+import textwrap
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import FunctionType, SimpleNamespace
+from typing import Any, NamedTuple
+
+from pter_gym._compiled.compiler import device
+from pter_gym._compiled.generated import compile_source
+from pter_gym._compiled.records import flat
+
+_REWRITTEN = "pter_gym._physics", "pter_gym.gradients", "pter_gym.params._machine"
+"""Where functions are rewritten; others are called as they are."""
+
+
+class _Branchless(ast.NodeTransformer):
+    """Replace ``a if c else b``, ``not c``, ``a / b`` and a last ``if c: return a`` with calls; drop annotations."""
+
+    def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
+        self.generic_visit(node)
+        return _call("_where", node.test, node.body, node.orelse)
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> ast.AST:
+        self.generic_visit(node)
+        return _call("_not", node.operand) if isinstance(node.op, ast.Not) else node
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        return _call("_divide", node.left, node.right) if isinstance(node.op, ast.Div) else node
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        self.generic_visit(node)
+        node.decorator_list, node.returns = [], None
+        match node.body:
+            case [*before, ast.If(test, [ast.Return(ast.expr() as x)], []), ast.Return(ast.expr() as y)]:
+                chosen = _call("_choose", test, ast.Lambda(_NOTHING, x), ast.Lambda(_NOTHING, y))
+                node.body = [*before, ast.Return(chosen)]
+            case _:
+                pass
+        for argument in node.args.args:
+            argument.annotation = None
+        return node
+
+
+_NOTHING = ast.arguments([], [], None, [], [], None, [])
+"""Arguments of a function that has none."""
+
+
+def _call(name: str, *arguments: ast.expr) -> ast.Call:
+    return ast.Call(ast.Name(name, ast.Load()), list(arguments), [])
+
+
+def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) -> Any:
+    """Return a function of the simulator, and all that it calls, as Python code for any kind of number.
+
+    Parameters
+    ----------
+    function
+        Compiled or not.
+    meaning
+        What ``_where(c, a, b)``, ``_not(c)`` and ``_divide(a, b)`` are, and built-in names that the numbers need.
+    made
+        Functions by what they replace, by Python function; gains those that are made.
+    """
+
+    def choose(condition: Any, x: Callable[[], Any], y: Callable[[], Any]) -> Any:
+        if isinstance(condition, bool):
+            return x() if condition else y()
+        return meaning["_where"](condition, x(), y())
+
+    plain = getattr(function, "py_func", function)
+    if not isinstance(plain, FunctionType) or not plain.__module__.startswith(_REWRITTEN):
+        return made.get(plain, function) if isinstance(plain, FunctionType) else function
+    if plain not in made:
+        tree = _Branchless().visit(ast.parse(textwrap.dedent(inspect.getsource(plain))))
+        cells = zip(plain.__code__.co_freevars, plain.__closure__ or (), strict=True)
+        known = {**plain.__globals__, **{name: cell.cell_contents for name, cell in cells}}
+        space: dict[str, Any] = {}
+        space |= {name: branchless(known[name], meaning, made) for name in plain.__code__.co_names if name in known}
+        space |= {name: branchless(known[name], meaning, made) for name in plain.__code__.co_freevars}
+        space |= {**meaning, "_choose": choose}
+        made[plain] = compile_source(ast.unparse(ast.fix_missing_locations(tree)), plain.__name__, space)
+    return made[plain]
+
+
+class Column:
+    """One column of an array as a stage of a substep reads and writes it, with any kind of numbers in its rows.
+
+    Attributes
+    ----------
+    rows
+        The numbers by row.
+    given
+        Called with a row that is read before it is known.
+    """
+
+    def __init__(self, rows: dict[int, Any], given: Callable[[int], Any] | None = None) -> None:
+        self.rows = rows
+        self.given = given
+
+    def __getitem__(self, place: tuple[int, int]) -> Any:
+        if place[0] not in self.rows and self.given:
+            self.rows[place[0]] = self.given(place[0])
+        return self.rows[place[0]]
+
+    def __setitem__(self, place: tuple[int, int], value: Any) -> None:
+        self.rows[place[0]] = value
+
+
+@dataclass
+class _Trace:
+    """Operations in their order: what each one makes, its kind, and of what."""
+
+    steps: list[tuple[tuple["_Value", ...], str, tuple[Any, ...]]] = field(
+        default_factory=list[tuple[tuple["_Value", ...], str, tuple[Any, ...]]]
+    )
+    count: int = 0
+
+    def new(self) -> "_Value":
+        self.count += 1
+        return _Value(self, f"x{self.count}")
+
+    def note(self, kind: str, *of: Any, results: int = 1) -> Any:
+        made = tuple(self.new() for _ in range(results))
+        self.steps.append((made, kind, of))
+        return made if results > 1 else made[0]
+
+
+def _operator(kind: str, *, swapped: bool = False) -> Any:
+    def operate(x: "_Value", y: Any) -> Any:
+        return x.trace.note(kind, y, x) if swapped else x.trace.note(kind, x, y)
+
+    return operate
+
+
+class _Value:
+    """A number or a truth of a trace, by the name that it has in the code."""
+
+    def __init__(self, trace: _Trace, name: str) -> None:
+        self.trace = trace
+        self.name = name
+
+    def __repr__(self) -> str:
+        return self.name
+
+    def __neg__(self) -> Any:
+        return self.trace.note("neg", self)
+
+    def __abs__(self) -> Any:
+        return self.trace.note("abs", self)
+
+    def __pow__(self, power: float) -> Any:
+        assert power == 2
+        return self.trace.note("*", self, self)
+
+    def __bool__(self) -> bool:
+        raise TypeError("a value of a trace has no truth: the function is not straight-line code")
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
+    __add__, __radd__ = _operator("+"), _operator("+", swapped=True)
+    __sub__, __rsub__ = _operator("-"), _operator("-", swapped=True)
+    __mul__, __rmul__ = _operator("*"), _operator("*", swapped=True)
+    __truediv__, __rtruediv__ = _operator("/"), _operator("/", swapped=True)
+    __lt__, __le__, __gt__, __ge__ = _operator("<"), _operator("<="), _operator(">"), _operator(">=")
+    __eq__, __ne__ = _operator("=="), _operator("!=")  # pyright: ignore[reportAssignmentType]
+    __and__, __or__ = _operator("&"), _operator("|")
+
+
+def _where(condition: Any, x: Any, y: Any) -> Any:
+    if not isinstance(condition, _Value):
+        return x if condition else y
+    return condition.trace.note("where", condition, x, y)
+
+
+def _not(condition: Any) -> Any:
+    return condition.trace.note("not", condition) if isinstance(condition, _Value) else not condition
+
+
+def _min(*values: Any) -> Any:
+    least = values[0]
+    for value in values[1:]:
+        least = _where(value < least, value, least)
+    return least
+
+
+def _divide(x: Any, y: Any) -> Any:
+    return x / y
+
+
+def _noted(kind: str) -> Any:
+    def function(*values: "_Value") -> Any:
+        return values[0].trace.note(kind, *values)
+
+    return function
+
+
+_MEANING: dict[str, Any] = {
+    "_where": _where,
+    "_not": _not,
+    "_divide": _divide,
+    "min": _min,
+    "math": SimpleNamespace(exp=_noted("exp"), hypot=_noted("hypot")),
+}
+
+_CODE = {
+    "neg": "-{0}",
+    "abs": "abs({0})",
+    "exp": "math.exp({0})",
+    "hypot": "math.hypot({0}, {1})",
+    "not": "not {0}",
+    "where": "({1} if {0} else {2})",
+}
+"""How an operation is written, where not between its operands."""
+
+_PULLS: dict[str, tuple[str, ...]] = {
+    "+": ("{g}", "{g}"),
+    "-": ("{g}", "-{g}"),
+    "*": ("{g} * {1}", "{0} * {g}"),
+    # a branch that is not taken may divide by zero; its adjoint is zero
+    "/": ("({g} / {1} if {g} != 0.0 else 0.0)", "(-{g} * {0} / ({1} * {1}) if {g} != 0.0 else 0.0)"),
+    "neg": ("-{g}",),
+    "abs": ("({g} if {0} >= 0.0 else -{g})",),
+    "exp": ("{g} * math.exp({0})",),
+    "hypot": ("{g} * {0} / math.hypot({0}, {1})", "{g} * {1} / math.hypot({0}, {1})"),
+    "where": ("", "({g} if {0} else 0.0)", "(0.0 if {0} else {g})"),
+}
+"""What an operation adds to the adjoint of each of its operands, by its own adjoint g; truths have none."""
+
+
+class Rule(NamedTuple):
+    """A function whose adjoint is written by hand, in place of a trace through it.
+
+    Attributes
+    ----------
+    function
+        Compiled: takes numbers and records, and returns ``results`` numbers.
+    adjoint
+        Compiled: takes what ``function`` takes, the results and their adjoints, and returns the adjoints of the first
+        ``numbers`` numbers that it takes; those of all others are zero.
+    numbers, results
+        How many there are.
+    records
+        The classes of the records.
+    """
+
+    function: Any
+    adjoint: Any
+    numbers: int
+    results: int
+    records: tuple[type[Any], ...]
+
+    def traced(self, *given: Any) -> Any:
+        """Note the call."""
+        trace: _Trace = next(each.trace for each in flat(given) if isinstance(each, _Value))
+        return trace.note("rule", *given, results=self.results)
+
+
+def adjoint_of(stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...], ignored: range, rule: Rule) -> Any:
+    """Return the vector–Jacobian product of a stage of a substep, compiled.
+
+    Parameters
+    ----------
+    stage
+        ``stage(w, i, *scalars, *constants)`` reads and writes rows of column ``i`` of an array ``w``. It may return a
+        number.
+    scalars, constants
+        Names of its further arguments that are numbers; values of those that do not vary.
+    ignored
+        Rows in which its results do not count.
+    rule
+        How the friction problem is differentiated.
+
+    Returns
+    -------
+    Callable
+        ``adjoint(w, i, bar, *scalars, seed)``: takes the column as it was before the stage, and turns ``bar``
+        (entries, 1), the adjoints of its entries after it, into those before it. ``seed`` is the adjoint of the
+        returned number, if there is one. Returns the adjoint of the only scalar, 0 if there is none.
+    """
+    trace = _Trace()
+    read: dict[int, _Value] = {}
+
+    def given(row: int) -> _Value:
+        return read.setdefault(row, trace.new())
+
+    column = Column({}, given)
+    arguments = tuple(_Value(trace, name) for name in scalars)
+    plain = getattr(rule.function, "py_func", rule.function)
+    returned = branchless(stage, _MEANING, {plain: rule.traced})(column, 0, *arguments, *constants)
+    adjoints = _Adjoints(rule)
+    lines = [f"{value} = w[{row}, i]" for row, value in read.items()]
+    lines += [_forward(*step) for step in trace.steps]
+    for row, value in column.rows.items():
+        if row not in ignored and value is not read.get(row):
+            lines += [f"b{row} = bar[{row}, 0]", f"bar[{row}, 0] = 0.0"]
+            adjoints.add(value, f"b{row}")
+    if returned is not None:
+        adjoints.add(returned, "seed")
+    for step in reversed(trace.steps):
+        lines += adjoints.through(*step)
+    for row, value in read.items():
+        lines += [f"bar[{row}, 0] += {pull}" for pull in adjoints.of(value)]
+    lines.append(f"return {' + '.join(pull for name in arguments for pull in adjoints.of(name)) or '0.0'}")
+    header = f"def adjoint({', '.join(('w', 'i', 'bar', *scalars, *(('seed',) if returned is not None else ())))}):"
+    names = {
+        "math": math,
+        "forward": rule.function,
+        "backward": rule.adjoint,
+        **{kind.__name__: kind for kind in rule.records},
+    }
+    return device(compile_source("\n    ".join([header, *lines]), "adjoint", names))
+
+
+def _forward(made: tuple[_Value, ...], kind: str, of: tuple[Any, ...]) -> str:
+    left = ", ".join(map(repr, made))
+    if kind == "rule":
+        return f"{left} = forward({', '.join(map(repr, of))})"
+    return f"{left} = {_CODE.get(kind, f'{{0}} {kind} {{1}}').format(*of)}"
+
+
+class _Adjoints:
+    """What has been added to the adjoint of each value, by its name."""
+
+    def __init__(self, rule: Rule) -> None:
+        self.rule = rule
+        self.pulls: dict[str, list[str]] = {}
+
+    def add(self, value: Any, pull: str) -> None:
+        if isinstance(value, _Value):
+            self.pulls.setdefault(value.name, []).append(pull)
+
+    def of(self, value: _Value) -> list[str]:
+        return self.pulls.get(value.name, [])
+
+    def through(self, made: tuple[_Value, ...], kind: str, of: tuple[Any, ...]) -> Iterator[str]:
+        """Yield the lines that pull adjoints of results back through an operation."""
+        if not any(map(self.of, made)) or not (kind in _PULLS or kind == "rule"):
+            return
+        for value in made:
+            yield f"g{value} = {' + '.join(self.of(value)) or '0.0'}"
+        if kind == "rule":
+            everything = [*map(repr, of), *map(repr, made), *(f"g{value}" for value in made)]
+            yield f"p{made[0]} = backward({', '.join(everything)})"
+            for k, value in enumerate(flat(of)[: self.rule.numbers]):
+                self.add(value, f"p{made[0]}[{k}]")
+            return
+        for value, pull in zip(of, _PULLS[kind], strict=True):
+            if pull:
+                self.add(value, pull.format(*of, g=f"g{made[0]}"))
