@@ -85,11 +85,10 @@ def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) 
         tree = _Branchless().visit(ast.parse(textwrap.dedent(inspect.getsource(plain))))
         cells = zip(plain.__code__.co_freevars, plain.__closure__ or (), strict=True)
         known = {**plain.__globals__, **{name: cell.cell_contents for name, cell in cells}}
-        space: dict[str, Any] = {}
-        space |= {name: branchless(known[name], meaning, made) for name in plain.__code__.co_names if name in known}
-        space |= {name: branchless(known[name], meaning, made) for name in plain.__code__.co_freevars}
-        space |= {**meaning, "_choose": choose}
+        space: dict[str, Any] = {**meaning, "_choose": choose}
         made[plain] = compile_source(ast.unparse(ast.fix_missing_locations(tree)), plain.__name__, space)
+        names = *plain.__code__.co_names, *plain.__code__.co_freevars  # its own may be among them
+        space |= {name: branchless(known[name], meaning, made) for name in names if name in known and name not in meaning}
     return made[plain]
 
 
