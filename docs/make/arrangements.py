@@ -47,11 +47,11 @@ FRESH = 20261125
 class Sizes(NamedTuple):
     """Trials, starts and draws of a search at a pace; steps of a training; episodes scored. They are never mixed."""
 
-    trials: int = 600
+    trials: int = 300
     starts: int = 2
-    draws: int = 100
-    steps: int = 6_000_000
-    episodes: int = 150
+    draws: int = 60
+    steps: int = 4_000_000
+    episodes: int = 100
 
 
 SIZES = Sizes()

@@ -87,8 +87,8 @@ def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) 
         known = {**plain.__globals__, **{name: cell.cell_contents for name, cell in cells}}
         space: dict[str, Any] = {**meaning, "_choose": choose}
         made[plain] = compile_source(ast.unparse(ast.fix_missing_locations(tree)), plain.__name__, space)
-        names = *plain.__code__.co_names, *plain.__code__.co_freevars  # its own may be among them
-        space |= {name: branchless(known[name], meaning, made) for name in names if name in known and name not in meaning}
+        used = {*plain.__code__.co_names, *plain.__code__.co_freevars}  # perhaps its own name, too
+        space |= {name: branchless(known[name], meaning, made) for name in used & known.keys() - meaning.keys()}
     return made[plain]
 
 

@@ -388,6 +388,20 @@ def test_an_address_keeps_the_settings(play: Any) -> None:
     assert play.run("page.settings") == {**told, "pace": "brisk"}
 
 
+@pytest.mark.slow
+def test_a_shared_link_challenges_with_the_score(play: Any) -> None:
+    play.open("path=arc&lag=60")
+    play.drag()
+    mine = shown_millimetres(play)
+    play.run("navigator.clipboard.writeText = (text) => { window.shared = text; }")
+    play.run("page.share()")
+    play.until("window.shared")
+    assert mine in play.text("caption")
+    play.open(play.run("window.shared").partition("#")[2])
+    assert f"The score to beat: {mine}" in play.text("caption")
+    assert play.run("location.hash") == "#path=arc&lag=60"
+
+
 BAD = {
     "lag=9": "lag must be a number of milliseconds from 10 to 300",
     "lag=": "lag must be",
@@ -400,6 +414,7 @@ BAD = {
     "path=drawn&stroke=0,600;0,1500": "reach",
     "volts=1,2,3": "volts must be four numbers",
     "volts=0,0,0,25": "volts must be four numbers",
+    "beat=-1": "beat must be a score in millimetres",
     "magic=1": "which this page does not know",
     "pace=%3Cscript%3E": "pace must be one of slow, medium, brisk",
 }

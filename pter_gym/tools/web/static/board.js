@@ -1,7 +1,7 @@
 // The scores of trials on this page, best first.
 
 import { save } from "./files.js";
-import { NAMES, PATHS } from "./settings.js";
+import { format, NAMES, PATHS } from "./settings.js";
 import { millimetres, off, tempo } from "./words.js";
 
 const MOST = 8;
@@ -27,6 +27,12 @@ export class Board {
     this.table.hidden = this.button.hidden = false;
     this.note.textContent = "Score: the path error at equal pace, as the package finds it; less is better.";
     this.table.tBodies[0].replaceChildren(...this.#entries.map((each) => row(each, each === this.#newest)));
+  }
+
+  /** Return the best score of a person with some settings [mm], or null. */
+  best(settings) {
+    const mine = this.#entries.find((each) => each.push === "you" && each.result.completed && format(each.settings) === format(settings));
+    return mine ? Number((1000 * mine.result.path_error_m).toFixed(1)) : null;
   }
 
   /** Save the scores as a picture, beside that of an arm on a canvas. */

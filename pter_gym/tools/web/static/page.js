@@ -106,7 +106,8 @@ class Page {
     const { settings, problems } = parse(location.hash, this.settings);
     if (this.trials.length === 0) await this.begin(DEFAULTS);
     this.lesson = null;
-    await this.use(settings);
+    await this.use({ ...settings, beat: null }); // told once
+    if (settings.beat !== null) this.say(`${invitation(settings)} The score to beat: ${settings.beat} mm.`);
     if (problems.length > 0) this.complain(problems.join(" "));
   }
 
@@ -298,12 +299,15 @@ class Page {
   }
 
   async share() {
-    this.#write();
+    const beat = this.board.best(this.settings);
+    const link = new URL(location.href);
+    link.hash = format({ ...this.settings, beat });
+    const what = `link to these settings${beat === null ? "" : `, with your ${beat} mm to beat,`}`;
     try {
-      await navigator.clipboard.writeText(location.href);
-      this.say("The link to these settings is in the clipboard.");
+      await navigator.clipboard.writeText(link.href);
+      this.say(`The ${what} is on the clipboard.`);
     } catch {
-      this.say(`The link to these settings: ${location.href}`);
+      this.say(`The ${what.replace(/,$/, "")}: ${link.href}`);
     }
   }
 

@@ -3,6 +3,7 @@
 export const LAG = { low: 10, high: 300, unit: "ms" };
 export const FRICTION = { low: 0.2, high: 2, unit: "times" };
 const VOLTS = { low: 0, high: 24 };
+const SCORE = { low: 0, high: 1000 };
 
 export const CONTROLS = {
   Nobody: { free: "Free", locked: "Locked" },
@@ -43,6 +44,7 @@ export const DEFAULTS = {
   lag: 105,
   friction: 1,
   volts: Object.freeze([0, 0, 0, 0]),
+  beat: null,
 };
 
 /** Offer what the tables have, and begin with the machine of a person's own if there is one. */
@@ -96,6 +98,7 @@ const KINDS = {
   lag: [within(LAG), `a number of milliseconds from ${LAG.low} to ${LAG.high}`],
   friction: [within(FRICTION), `a number from ${FRICTION.low} to ${FRICTION.high}`],
   volts: [four, "four numbers from 0 to 24, separated by commas"],
+  beat: [within(SCORE), "a score in millimetres from 0 to 1000"],
 };
 
 /**
