@@ -41,20 +41,20 @@ def train(
 ) -> None:
     """Train a policy on a scenario's training draws.
 
-    The folder of the run holds the two newest checkpoints, validation.json with the scores on drawn episodes that are
-    not used for training, progress.csv, and the logs for TensorBoard.
+    The run's folder holds the two newest checkpoints, validation.json with scores on drawn episodes that are not
+    used for training, progress.csv, and logs for TensorBoard.
 
     Example: pter train residual --smoke --out residual-run
 
     Args:
         pace: Commanded pace, or all of them.
-        steps: Decisions in all worlds together, each held for frame_skip control steps.
+        steps: Total decisions in all worlds, each held for frame_skip control steps.
         seed: Seed of weights, worlds, draws and actions, at least 0.
         out: Folder of the run, created if necessary; it must not hold another run.
-        resume: Continue from the newest checkpoint in the folder; only the steps may differ from before.
+        resume: Continue from the newest checkpoint in the folder; only the steps may have changed.
         config: TOML file with hyper-parameters that replace the default ones.
-        smoke: Make a run of a few seconds to check that training works.
-        machine: Clutch material, or the preset of a machine of your own, in place of those that the scenario draws.
+        smoke: Train for a few seconds to check that everything works.
+        machine: Clutch material, or the preset of a machine of your own, instead of those that the scenario draws.
     """
     try:
         with terminal(errors=True).status("loading"):
@@ -94,15 +94,15 @@ def export(
     """Turn a run of `pter train` into a policy.
 
     A policy is three files: weights without code, a card, and a model card in Markdown. The command checks that the
-    run's policy and the exported one act alike.
+    run's policy and the exported one give the same voltages.
 
     Example: pter export residual-run --name mine --out policies --hub mine-on-hub
 
     Args:
         run: Folder of the run; with --hub also a trained policy, by its name or its path.
-        name: Name of the policy; by default that of the algorithm.
+        name: Name of the policy; by default the algorithm's.
         out: Folder for the files, created if necessary.
-        hub: Folder for the policy in the layout of the Hugging Face Hub, with scores and a film. Nothing is uploaded.
+        hub: Folder for the policy in the layout of the Hugging Face Hub, with scores and a video. Nothing is uploaded.
     """
     from pter_gym.policies._files import RUN
 
@@ -138,12 +138,12 @@ def retrain(
     """Train a policy again from its card, and score both.
 
     Scores are from fresh episodes whose seed follows from the content of both policies, so neither has seen them.
-    Policies that were trained on a machine of their own are scored on training draws with that machine.
+    Policies that were trained on a custom machine are scored on training draws with that machine.
 
     Example: pter retrain residual --out again
 
     Args:
-        policy: Name of a shipped trained policy, or the path of the card of another.
+        policy: Name of a shipped trained policy, or the path of another one's card.
         out: Folder for the run and the new policy, created if necessary. An interrupted run there is continued.
     """
     try:

@@ -78,12 +78,12 @@ def benchmark(
         paces: Commanded paces of a scenario, separated by commas.
         episodes: How many of the scenario's episodes to run; all by default. Ranks from fewer than 200 are provisional.
         fresh: Seed of fresh episodes, as many as the stored ones; policies that are code run on them isolated, and only
-            once. Or derived: each policy has its own episodes, whose seed follows from its content, the code and the
-            scenario, so it cannot be tuned to them. By default the stored episodes are run.
+            once. With derived, each policy has its own episodes, whose seed follows from its content, the code and
+            the scenario, so it cannot be tuned to them. By default the stored episodes are run.
         machine: Clutch material of the standard test, or the preset of a machine of your own.
         time_constants: Time constants of the standard test's clutches [s], separated by commas; one episode each.
         seed: Seed of the standard test's episodes, and of random and predictive policies, at least 0.
-        isolated: Whether each policy that is code runs in a process of its own; see docs/trust.md.
+        isolated: Whether each policy that is code runs in a separate process; see docs/trust.md.
         film: Whether to film the policies on a training draw of the scenario.
         out: Folder for the results, created if necessary.
     """

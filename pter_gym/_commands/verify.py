@@ -17,11 +17,11 @@ def verify(
 ) -> int:
     """Repeat the runs in a results folder and compare scores.
 
-    Prints for each file what differs, or why it cannot be run again; the exit status is 1 unless all are the same. The
+    Prints for each file what differs, or why it can't be run again; the exit status is 1 unless all are the same. The
     measured time per decision is not compared.
 
     Built-in and exported policies are found by name, as in `pter benchmark`. Code that the results name is
-    imported only if it is given here, in a process of its own; `pter_gym.benchmark.verify` takes other callables.
+    imported only if you name it here, in a separate process; `pter_gym.benchmark.verify` takes other callables.
 
     Example: pter verify pter-benchmark
 

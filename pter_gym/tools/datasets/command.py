@@ -23,10 +23,10 @@ def record(
     seed: int = 0,
     out: Path | None = None,
 ) -> None:
-    """Write data sets for offline learning, which Minari reads.
+    """Write Minari data sets for offline learning.
 
-    Policies of several levels act on training draws of scenarios; the stored evaluation episodes are never read. The
-    data sets are called pter/SCENARIO/LEVEL-v0. The same command writes the same bytes.
+    Policies of several levels run on training draws of scenarios; the stored evaluation episodes are never read. The
+    data sets are called pter/SCENARIO/LEVEL-v0. The same command always writes the same bytes.
 
     Example: pter record --scenario standard --level expert --steps 20000 --out data
 
@@ -35,7 +35,7 @@ def record(
         level: Levels of the policies, separated by commas: expert, medium, replay, random.
         steps: Control steps of each data set; its last episode is completed.
         seed: Seed of the draws, the resets and the noise, at least 0.
-        out: Folder for the data sets; by default the one in which Minari looks for them.
+        out: Folder for the data sets; by default the one where Minari looks for them.
     """
     from pter_gym._internal.terminal import make_folder
     from pter_gym.tools.datasets import LEVELS, record_episodes, write_dataset

@@ -24,17 +24,17 @@ def identify(
     voltage_max: float | None = None,
     out: Path = Path("pter-identified"),
 ) -> None:
-    """Identify a real machine from a log of it.
+    """Identify a real machine from a log.
 
     Says whether the simulator's model explains the log, estimates inertias, friction, torque curves, lag and delay with
-    95 % intervals, and names what the log does not show. Writes preset.toml, which other commands take as --machine,
+    95 % intervals, and lists what the log doesn't determine. Writes preset.toml, which other commands take as --machine,
     and report.html. docs/identify.md says what to record.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
 
     Args:
         log: Table with t_s, V1 to V4, theta_A, theta_B, and F_x, F_y or free.
-        machine: Machine to start from; parameters that the log does not show keep its values.
+        machine: Machine to start from; parameters that the log doesn't determine keep its values.
         lengths: Measured lengths of links A and B [m]; by default those of the machine to start from.
         voltage_max: Largest voltage of the clutches [V]; by default that of the machine to start from.
         out: Folder for the results, created if necessary.

@@ -15,7 +15,7 @@ def reproduce(
     """Make the paper's figures and Table I, and check its claims.
 
     Writes a picture and a CSV file for each figure, and table1.json. With `all` it also writes claims.json, which has
-    each claim of the paper beside what was measured, and report.html, which shows everything.
+    each claim of the paper with our measurement, and report.html, which shows everything.
 
     Example: pter reproduce fig3 table1
 

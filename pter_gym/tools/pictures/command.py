@@ -47,11 +47,11 @@ def watch(
         scenario: Scenario that draws the episode.
         pace: Commanded pace.
         seed: Seed of the episode, and of random and predictive policies, at least 0.
-        out: Film to write, or with .png the picture at the end, with the tip's trail; its folder must exist.
-        csv: Table of everything that the episode records; see docs/watching.md. Its folder must exist.
+        out: Video to write, or with .png the final picture, with the tip's trail; its folder must exist.
+        csv: File for the episode's whole telemetry; see docs/watching.md. Its folder must exist.
         size: Width and height of the picture in pixels.
         speed: Playback speed relative to real time; 0.2 is slow motion.
-        machine: Clutch material, or the preset of a machine of your own, in place of the one that the scenario draws.
+        machine: Clutch material, or the preset of a machine of your own, instead of the one that the scenario draws.
     """
     names = split(policies)
     check_arguments(names, out, csv, size, speed)

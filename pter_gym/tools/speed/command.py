@@ -11,7 +11,7 @@ from pter_gym._internal.terminal import make_folder, say, terminal
 def speed(
     quick: bool = False, max_worlds: Annotated[int, at_least(1)] = 4_000_000, out: Path = Path("pter-speed")
 ) -> None:
-    """Measure the simulator's speed beside its peers.
+    """Measure the simulator's speed and compare it with its peers.
 
     Takes two minutes, prints tables, and writes speed.json, speed.png and speed.pdf. Peers that are not installed
     (MuJoCo, EnvPool) and a missing GPU are listed as skipped. The machine should be otherwise idle.
@@ -19,7 +19,7 @@ def speed(
     Example: pter speed --quick
 
     Args:
-        quick: Half a minute, small batches: whether it works, not how fast it is.
+        quick: Check within half a minute that everything works; small batches, so not how fast it is.
         max_worlds: Largest number of worlds; a CPU gets at most 1,000,000.
         out: Folder for the results, created if necessary.
     """

@@ -28,8 +28,8 @@ def tune(
 ) -> None:
     """Search for a controller's gains.
 
-    It tries gains on training draws of a scenario, at a commanded pace. The trials are kept in a journal file: a
-    search that was stopped continues where it left off, and several may share the work. The best gains have the
+    Tries gains on training draws of a scenario, at a commanded pace. The trials are kept in a journal file, so an
+    interrupted search continues where it left off, and several processes may share the work. The best gains have the
     smallest path error of all that arrive and keep the pace. Needs the extra tune.
 
     Example: pter tune impedance --scenario standard --pace medium --out gains.toml
@@ -43,9 +43,9 @@ def tune(
         episodes: Training draws for each trial, at least 1.
         storage: Journal file of the trials; its folder must exist.
         seed: Seed of the draws and the search, at least 0.
-        out: File for the best gains, in TOML, whose other entries stay; they are only printed by default.
-        machine: Clutch material, or the preset of a machine of your own, in place of those that the scenario draws.
-        known: Whether the first start begins with the gains that are known, found on the paper's machine.
+        out: TOML file for the best gains; its other entries are kept. By default they are only printed.
+        machine: Clutch material, or the preset of a machine of your own, instead of those that the scenario draws.
+        known: Whether the first start begins with the shipped gains, found on the paper's machine.
     """
     from pter_gym.tools.tuning import add_gains
     from pter_gym.tools.tuning import tune as search

@@ -27,8 +27,8 @@ def play(
     Args:
         port: Port that serves the page; 0 picks a free one.
         open_browser: Whether to open the page; its address is printed either way.
-        machine: Clutch material, or the preset of a machine of your own, with which the page starts. A preset's delay
-            is ignored: with a mouse you would not notice it.
+        machine: Clutch material, or the preset of a machine of your own, that the page starts with. A preset's delay
+            is ignored, since you wouldn't notice it with a mouse.
     """
     from pter_gym.params import find_machine
     from pter_gym.tools.web.site import HOST, make_server

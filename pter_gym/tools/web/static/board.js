@@ -25,7 +25,7 @@ export class Board {
     const least = this.#entries.length > MOST ? this.#entries.at(this.#entries.at(-1) === this.#newest ? -2 : -1) : null;
     this.#entries = this.#entries.filter((each) => each !== least);
     this.table.hidden = this.button.hidden = false;
-    this.note.textContent = "Score: the path error at equal pace, as the package finds it; less is better.";
+    this.note.textContent = "Score: the path error at equal pace, as in the package; lower is better.";
     this.table.tBodies[0].replaceChildren(...this.#entries.map((each) => row(each, each === this.#newest)));
   }
 

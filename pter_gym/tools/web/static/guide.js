@@ -9,18 +9,18 @@ const GUIDE = [
   {
     seconds: 4,
     control: "free",
-    text: "1 of 4. Nobody brakes: the handle goes wherever the hand goes. The arrow is the hand’s force.",
+    text: "1 of 4. Nothing brakes: the handle goes wherever the hand goes. The arrow is the hand’s force.",
     hand: (time, tip, start) => ({ x: start.x + 0.03 * time, y: start.y + 0.16 * Math.sin(2.2 * time) }),
   },
   {
     seconds: 4,
     control: "locked",
-    text: "2 of 4. All clutches at 24 V: they lock, and the arm holds as hard as the hand pulls.",
+    text: "2 of 4. All clutches at 24 V: they lock, and the arm holds however hard the hand pulls.",
     hand: (time, tip, start) => ({ x: start.x + 0.2 * Math.sin(time), y: start.y + 0.16 * Math.sin(2.2 * time) }),
   },
   {
     seconds: 8,
-    text: "3 of 4. A controller brakes what leads off the line: clutches glow with their torque and close when they lock.",
+    text: "3 of 4. A controller brakes motion away from the line: clutches glow with their torque and close when they lock.",
     hand: (time, tip) => ({ x: tip.x + 0.13, y: tip.y + 0.1 * Math.sin(2.5 * time) }),
   },
   {

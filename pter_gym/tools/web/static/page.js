@@ -143,7 +143,7 @@ class Page {
     const trials = await Promise.all(both.map((each) => this.workshop.trial({ ...each, hand: "paper" }, this.push)));
     if (number !== this.#made) return;
     this.show(trials);
-    this.say(this.push ? "Your push, repeated for both." : "The paper’s push for both: you have not pushed yet.");
+    this.say(this.push ? "Your push, repeated for both." : "You haven’t pushed yet, so both get the paper’s push.");
   }
 
   /** Show one trial, or two side by side, in place of what there is; trials that are still being made are dropped. */
@@ -171,7 +171,7 @@ class Page {
     if (this.stroke) return false;
     const [trial] = this.trials;
     if (this.trials.length === 2 || !trial.live) {
-      if (trial.ended) this.say("This push is a recording. Choose “You” as who pushes, or go back to one arm, to push yourself.");
+      if (trial.ended) this.say("This push is a recording. To push yourself, choose “You” under “Who pushes”, or go back to one arm.");
       return false;
     }
     if (trial.ended) trial.begin();
@@ -219,7 +219,7 @@ class Page {
     if (lesson.length < LAGS.length) {
       await this.use({ ...this.settings, lag: LAGS[lesson.length] });
       this.lesson = lesson;
-      this.say(`${LAGS[0]} ms: ${told}. Now the same path with ${LAGS[1]} ms: every brake comes late.`);
+      this.say(`${LAGS[0]} ms: ${told}. Now the same path with ${LAGS[1]} ms: every brake acts late.`);
       return;
     }
     this.lesson = null;
@@ -259,7 +259,7 @@ class Page {
     this.stroke = [];
     byId("draw").setAttribute("aria-pressed", "true");
     this.scenes[0].canvas.classList.add("drawing");
-    this.say("Draw a path within the circle that the arm reaches: press, draw one line, let go.");
+    this.say("Draw a path within the circle that the arm can reach: press, draw one line, let go.");
   }
 
   stopDrawing() {

@@ -26,17 +26,17 @@ export function tempo({ mean_pace_m_s }, pace) {
 /** Return what to do with some settings. */
 export function invitation({ control, hand }) {
   if (hand === "paper") return "The push of the paper’s experiments drives the handle.";
-  if (control === "free") return "Drag the handle: nobody brakes. Can you follow the line alone?";
+  if (control === "free") return "Drag the handle: nothing brakes it. Can you follow the line on your own?";
   if (control === "locked") return "Drag the handle: all clutches are locked.";
   if (control === "sliders") return "Drag the handle, and brake with the sliders.";
-  return "Drag the handle along the path to its end. The small dot beside it keeps the pace.";
+  return "Drag the handle along the path to its end. The small dot beside it moves at the commanded pace.";
 }
 
 /** Return how a trial ended, in words. */
 export function verdict({ ending, result, settings, pace }) {
   const name = `${NAMES[settings.control]}, ${settings.lag} ms`;
-  if (ending === "left") return `${name}: the handle left its lane. Take it to begin again.`;
-  if (ending === "time") return `${name}: the time is up before the end of the path.`;
+  if (ending === "left") return `${name}: the handle left its lane. Grab it to start again.`;
+  if (ending === "time") return `${name}: time ran out before the end of the path.`;
   return `${name}: ${tempo(result, pace)}, ${off(result)} (score ${millimetres(result.path_error_m)}).`;
 }
 
