@@ -1,6 +1,6 @@
 """PTER: a passive haptic arm with four friction clutches, as a simulator and a Gymnasium environment.
 
-``import pter_gym`` registers the environment ids and loads nothing heavy; the rest is imported when it is first used.
+``import pter_gym`` registers the environment ids and loads nothing heavy; the rest is imported on first use.
 """
 
 from typing import TYPE_CHECKING

@@ -106,7 +106,7 @@ env = gymnasium.make("{found.id}")
 {found.asks} Each training episode draws:
 
 {text_table(["What", "Unit", "Drawn"], drawn)}
-The pace is drawn where none is given. All else is as in [the robot in equations](../model.md)."""
+The pace is drawn unless one is given. Everything else is as in [the robot in equations](../model.md)."""
 
 
 def varied(name: str, value: Any, unit: str = "1") -> Iterable[list[str]]:
@@ -136,9 +136,9 @@ def described(value: Any) -> str:
     """A distribution in words."""
     match value:
         case Uniform(low, high):
-            return f"even in {number(low)} … {number(high)}"
+            return f"uniform in {number(low)} … {number(high)}"
         case LogUniform(low, high):
-            return f"logarithm even in {number(low)} … {number(high)}"
+            return f"log-uniform in {number(low)} … {number(high)}"
         case Repeat(of, count):
             return f"{count} values, each {described(of)}"
         case Shared(common, own, count):
@@ -185,7 +185,7 @@ def arms() -> str:
         ]
         for arm in sorted(LIBRARY_ARMS.values(), key=lambda arm: get_args(Grade).index(arm.grade))
     )
-    header = ["Grade", "Name", "Mass [kg]", "Damping [N·s/m]", "Stiffness [N/m]", "Axes", "The person", "Where from"]
+    header = ["Grade", "Name", "Mass [kg]", "Damping [N·s/m]", "Stiffness [N/m]", "Axes", "The person", "Source"]
     return text_table(header, rows)
 
 
@@ -201,7 +201,7 @@ def tremors() -> str:
         ]
         for each in LIBRARY_TREMORS.values()
     )
-    return text_table(["Grade", "Name", "Band [Hz]", "Acceleration [m/s²]", "Where from"], rows)
+    return text_table(["Grade", "Name", "Band [Hz]", "Acceleration [m/s²]", "Source"], rows)
 
 
 @made
@@ -246,7 +246,7 @@ def policy_text(name: str) -> str:
     if name in shipped_policies():
         about = read_policy(name).card.about
         below = f"Corrections to `{about['corrects']}`" if about.get("corrects") else "The four voltages"
-        where = "all scenarios but `tremor`" if about["scenario"] == "all" else f"`{about['scenario']}`"
+        where = "all scenarios except `tremor`" if about["scenario"] == "all" else f"`{about['scenario']}`"
         return f"{below}, learned by `{about['algorithm']}` on {where}."
     known = inspect.getdoc(CONTROLLERS[name.removesuffix("-tuned")]) or ""
     gains = " With tuned gains." if name.endswith("-tuned") else ""

@@ -31,7 +31,7 @@ law: Any = built_in
 
 
 class Plans(NamedTuple):
-    """How a policy that plans comes to its decisions; such a policy is given the worlds, and counts as privileged.
+    """How a policy plans; such a policy is given the simulated worlds, and counts as privileged.
 
     Attributes
     ----------
@@ -55,13 +55,13 @@ class BoundPolicy(ABC):
     compiled
         Whether its law runs inside the kernel, where several threads can follow it at once.
     fingerprint
-        SHA-256 of all that determines what it does, where that is known.
+        SHA-256 of everything that determines what it does, if that is known.
     plans
         How it plans, if it does.
     frame_skip
-        Control steps for which what it decides is held: what it was trained with.
+        Control steps for which its actions are held, as in its training.
     any_frame_skip
-        Whether it may also decide at other times, as a law may that was not trained.
+        Whether it may also act at another period, as an untrained law may.
     """
 
     layout: Layout
@@ -72,11 +72,11 @@ class BoundPolicy(ABC):
 
     @property
     def fingerprint(self) -> str | None:
-        """None: there is no way to tell what a plain callable does."""
+        """None: the content of a plain callable cannot be determined."""
         return None
 
     def reset(self) -> None:  # noqa: B027
-        """Forget the past: new episodes begin."""
+        """Reset the memory: new episodes begin."""
 
     def reset_in(self, batch: Any) -> None:  # noqa: ARG002
         """Forget the past: new episodes begin in these worlds, a ``pter_gym._engine.batch.Batch``.
@@ -218,8 +218,8 @@ class Policy(BoundPolicy):
     law
         The scalar law; see ``pter_gym.controllers._laws``. The batch kernel inlines it.
     memory
-        Record of what the law keeps of each world, a ``NamedTuple`` of floats; all are zero where an episode begins,
-        but an entry ``world`` is the number of the world.
+        Record of the law's state for each world, a ``NamedTuple`` of floats; all are zero when an episode begins,
+        except that an entry ``world`` is the number of the world.
     """
 
     gains: NDArray[np.float64]

@@ -14,9 +14,9 @@ from pter_gym.params import quantity
 
 @dataclass(frozen=True, kw_only=True)
 class Steering(Guided):
-    """A damper along the path for the pace, and a law that turns the tip's velocity u·t towards a wanted direction.
+    """A damper along the path for the pace, and a law that turns the tip's velocity u·t towards a desired direction.
 
-    With the distance e from the path, its tangent t, normal n and curvature κ, and the speed v along it, the wanted
+    With the distance e from the path, its tangent t, normal n and curvature κ, and the speed v along it, the desired
     direction is t + (lead·κ·v − approach·e)·n. The torque loop is that of ``TorqueFeedback``.
     """
 
@@ -32,12 +32,12 @@ class Steering(Guided):
 
 @dataclass(frozen=True, kw_only=True)
 class SingleDof(Steering):
-    """Single-DOF lines: engage the clutch on whose line of motion the tip moves most nearly as wanted.
+    """Single-DOF lines: engage the clutch whose line of motion is closest to the desired direction.
 
     While one clutch is stuck, the tip has a single degree of freedom, along a line that the pose and the clutch
-    determine. Some clutches turn the tip's velocity towards the wanted direction, by the nominal mass matrix. Of these
+    determine. Some clutches turn the tip's velocity towards the desired direction, by the nominal mass matrix. Of these
     the law engages the clutch with the largest cos² of the angle between its line and that direction. Its torque is
-    ``strength·|sin δ|`` with the angle δ between velocity and wanted direction, and adds to what the damper along the
+    ``strength·|sin δ|`` with the angle δ between velocity and desired direction, and adds to what the damper along the
     path asks of it. ``reluctance`` is added to the cos² of the clutch engaged last, against chatter.
     """
 
@@ -53,11 +53,11 @@ class SingleDof(Steering):
 
 @dataclass(frozen=True, kw_only=True)
 class VelocityRatio(Steering):
-    """Velocity ratio: couple the axes so that the ratio of their velocities is that of the wanted direction.
+    """Velocity ratio: couple the axes so that the ratio of their velocities moves the tip in the desired direction.
 
-    J⁻¹ takes the wanted direction to a ratio of joint velocities. A joint torque normal to it, strength·sin δ with the
-    angle δ between joint velocity and wanted ratio, turns the joint velocity there; together with the damper along the
-    path it goes through the allocation of the paper's controller.
+    J⁻¹ turns the desired direction into a ratio of joint velocities. A joint torque normal to it, strength·sin δ with
+    the angle δ between joint velocity and desired ratio, turns the joint velocity there; together with the damper along
+    the path it goes through the allocation of the paper's controller.
     """
 
     kind = VELOCITY_RATIO

@@ -24,7 +24,7 @@ from pter_gym.tasks.path_following._observation import SEEN
 
 @dataclass(frozen=True, kw_only=True)
 class Guided:
-    """A controller that wants a tip force, finds clutch torques for it, and their voltages in a table.
+    """A controller that computes a desired tip force, clutch torques for it, and their voltages from a table.
 
     The controller knows the nominal machine that it is bound to: its link lengths and inertias, and the dynamic torque
     curve at ``table_volts``. Between these it interpolates, so its table is not the plant's curve. Below 4 V,
@@ -88,7 +88,7 @@ class Guided:
 class PaceSchedule:
     """One controller for all paces: gains piecewise linear in the commanded pace, between those of its knots.
 
-    Below the first pace and above the last, the gains of that knot stay. A switch is that of the nearer knot.
+    Below the first pace and above the last, the gains of that knot apply. Boolean gains are those of the nearer knot.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class PaceSchedule:
         Raises
         ------
         ParameterError
-            If there is no knot at that pace; it tells the paces that have one.
+            If there is no knot at that pace; the message lists the paces that have one.
         """
         found = dict(self.knots)
         if pace not in found:

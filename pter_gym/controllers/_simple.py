@@ -1,4 +1,4 @@
-"""Policies that look at nothing: the ends of the scale."""
+"""Policies that ignore the observation: the two extremes, and random voltages."""
 
 from dataclasses import dataclass
 
@@ -36,7 +36,7 @@ class Locked:
 
 @dataclass(frozen=True, kw_only=True)
 class Random:
-    """Voltages drawn evenly from [0, voltage_max] at each control step."""
+    """Voltages drawn uniformly from [0, voltage_max] at each control step."""
 
     seed: int = quantity("1", "chosen", default=0)
 

@@ -1,7 +1,7 @@
-"""Interfaces to the simulator: Gymnasium's single and vector environment, and those of other libraries.
+"""Interfaces to the simulator: Gymnasium's single and vector environments, and those of other libraries.
 
 ``scenario`` has the training draws of the scenarios' ids; ``sb3`` and ``rsl_rl`` are for Stable-Baselines3 and rsl-rl.
-The names below are imported when they are first used.
+The names below are imported on first use.
 """
 
 from typing import TYPE_CHECKING

@@ -33,9 +33,9 @@ class Decision(NamedTuple):
 class ActingPolicy:
     """A policy in one environment: ``policy(observation) -> action``; ``pter_gym.load_policy`` makes one.
 
-    Call it once at each step of the environment, with the latest observation. It reads the worlds' clock to notice new
-    episodes, whether after ``env.reset`` or where the worlds of a vector environment reset at different times. It
-    forgets what it remembers of an episode that has ended, and refuses to act after steps that it has not seen.
+    Call it once at each step of the environment, with the latest observation. It reads the worlds' clocks to detect new
+    episodes, whether after ``env.reset`` or when the worlds of a vector environment reset at different times. It
+    clears its memory when an episode has ended, and refuses to act after steps that it hasn't seen.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     PTER is a planar five-bar arm without motors (Swanson, Romagna, Book and Barraco, Georgia Tech, 1999). A person
     pushes its handle. Four electromagnetic friction clutches brake or couple its two axes: clutch 1 brakes link A
     against the ground, clutch 2 link B, clutch 3 couples A to B, and clutch 4 couples A to B through a gear that
-    inverts the motion. A clutch only removes energy, so nothing that an agent does can push the hand. Clutches stick
+    inverts the motion. A clutch only removes energy, so no action of an agent can push the hand. Clutches stick
     and slip (Karnopp's model), and their torque lags the voltage with a time constant of about 0.1 s.
 
     The hand's force is the paper's: a constant push along the path and the multi-sine of Eq. 5 across it.
@@ -38,12 +38,12 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Action Space
     `Box(0, 24, (4,), float32)` with `action_unit="volt"`: the voltages of the four clutches, up to the machine's
     largest voltage. `Box(-1, 1, (4,), float32)` with `action_unit="normalised"`: `a` stands for the largest
-    voltage times `((a + 1) / 2)**2`, which gives fine resolution where the clutches slip. A value up to four float32
-    ulp beyond a bound is clipped; a value further out, a NaN or a wrong shape raises `ActionError`, and nothing moves.
+    voltage times `((a + 1) / 2)**2`, which gives fine resolution where the clutches slip. Values up to four float32
+    ulp out of bounds are clipped; values further out, NaN or a wrong shape raise `ActionError`, and nothing moves.
 
     ## Observation Space
-    `Box(-25, 25, (20,), float32)`, with torque sensors 24 entries, with force sensors 26. Entries are scaled so that
-    typical values are between -1 and 1, and clipped to ±25;
+    `Box(-25, 25, (20,), float32)` with encoders only, 24 entries with torque sensors, 26 with force sensors. Entries
+    are scaled so that typical values are between -1 and 1, and clipped to ±25;
     `env.unwrapped.observation_layout` names them and holds the scales:
 
     | entries | meaning |
@@ -60,15 +60,16 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `force_along`, `force_across` | the hand's force (`sensors="force"`) |
 
     ## Rewards
-    Each new centimetre of the path pays, the whole path 1000 if the tip is on it and keeps the commanded pace. The pay
-    falls with the distance from the path (to 1/e at 60 mm) and with the ratio of the pace, averaged over a tenth of a
-    second, to the commanded one (with its third power below 1, its inverse fourth power above). A wrong pace has a
-    cost per unit of time: at rest, 100 in the time that the path takes at the commanded pace. A step pays at most what
-    its new arc length is worth, so no episode pays more than 1000. The weights are in `task.reward`, which can also
-    penalise the tip's acceleration, voltages and leaving the workspace. Each term is in the telemetry.
+    The reward is paid for new distance along the path: 1000 for the whole path if the tip stays on it and keeps the
+    commanded pace. The pay falls with the distance from the path (to 1/e at 60 mm) and with the ratio of the pace,
+    averaged over a tenth of a second, to the commanded one (with its third power below 1, its inverse fourth power
+    above). A wrong pace has a cost per unit of time: at rest, 500 in the time that the path takes at the commanded
+    pace. Leaving the workspace or missing the end of the path costs what a perfect episode would have earned so far. A
+    step pays at most what its new arc length is worth, so no episode pays more than 1000. The weights are in
+    `task.reward`, which can also penalise the tip's acceleration and the voltages. Each term is in the telemetry.
 
     `info["telemetry"]` is a float64 array in the order of `env.unwrapped.telemetry_layout` (pose, tip, force, mode,
-    volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` tells whether the end of
+    volts, generated torques and powers, energy terms, reward terms); `info["is_success"]` says whether the end of
     the path has been reached.
 
     ## Starting State

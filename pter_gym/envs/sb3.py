@@ -75,7 +75,7 @@ class PterVecEnv(VecEnv):
         return [getattr(self.env, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:  # noqa: ARG002
-        """Refuse: the worlds of a batch share their attributes."""
+        """Raise an error: the worlds of a batch share their attributes."""
         raise ParameterError(f"{attr_name!r} cannot be set: the worlds of a batch share their attributes")
 
     def env_method(
@@ -100,7 +100,7 @@ def make_sb3_vec_env(
     num_envs
         N.
     scenario
-        Name of the one whose environment they are, ``"standard"`` being ``PTER/Standard-v0``; by default they are
+        Name of the scenario, such as ``"standard"`` for ``PTER/Standard-v0``; by default the worlds are
         ``PTER/PathFollowing-v0``.
     action_unit
         ``"normalised"``, which suits Stable-Baselines3, or ``"volt"``.

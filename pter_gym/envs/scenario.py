@@ -33,7 +33,7 @@ def training_draws(
     starts: Starts | str = "path",
     machine: AnyMachine | None = None,
 ) -> Randomisation:
-    """Return what the environment of a scenario draws its episodes from.
+    """Return the distribution from which a scenario's environment draws its episodes.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def training_draws(
         state. Evaluation episodes are not truncated like this, nor are those in a narrower workspace.
     starts
         How episodes begin, or its name in ``pter_gym.tasks.path_following.STARTS``: by default anywhere along the path,
-        moving; with ``"rest"`` they begin like evaluation episodes, from which exploration sees little of the path.
+        moving; with ``"rest"`` they begin like evaluation episodes, so exploration sees little of the path.
     machine
         One machine for all episodes, its name, or the path of a preset; by default the scenario draws machines.
 

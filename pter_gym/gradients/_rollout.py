@@ -40,18 +40,18 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Gradient:
-    """Derivatives of a scalar by what went into a rollout of N control steps with S substeps each.
+    """Derivatives of a scalar with respect to the inputs of a rollout of N control steps with S substeps each.
 
     Attributes
     ----------
     volts
-        By the voltages of each control step [1/V], shape (N, 4).
+        With respect to the voltages of each control step [1/V], shape (N, 4).
     hand_force, hand_target
-        By the hand's force [1/N] and the point to which its spring pulls [1/m] in each substep, shape (N, S, 2).
+        With respect to the hand's force [1/N] and its spring's target [1/m] in each substep, shape (N, S, 2).
     state
-        By the entries of the state at the start; angles take the links' unit vectors along.
+        With respect to the initial state; a change of an angle also turns the link's unit vector.
     machine
-        By each number of the machine that the motion depends on, by its place: ``clutch.time_constant``.
+        With respect to each parameter that the motion depends on, by its name, such as ``clutch.time_constant``.
     """
 
     volts: Array
@@ -93,13 +93,13 @@ class Rollout:
         return _state_of(self._states[-1])
 
     def gradient(self, **by: ArrayLike) -> Gradient:
-        """Return the gradient of a scalar, by its derivatives with respect to attributes of this rollout.
+        """Return the gradient of a scalar, given its derivatives with respect to attributes of this rollout.
 
         Parameters
         ----------
         **by
-            The derivative by ``theta``, ``omega``, ``tip_position`` and so on, each an array of that attribute's shape.
-            Those that are left out do not matter to the scalar.
+            The derivatives with respect to ``theta``, ``omega``, ``tip_position`` and so on, each an array of that
+            attribute's shape. Attributes that are left out have a derivative of zero.
 
         Raises
         ------
@@ -151,9 +151,9 @@ def rollout(
     hand_target: ArrayLike | None = None,
     period: float = 0.01,
 ) -> Rollout:
-    """Simulate one machine at given voltages and forces, with what its gradient needs.
+    """Simulate one machine with given voltages and forces, and keep what its gradient needs.
 
-    The motion is that of ``pter_gym.simulate``, in control steps of equal substeps as an environment has them.
+    The motion is the same as in ``pter_gym.simulate``, in control steps of equal substeps as in an environment.
 
     Parameters
     ----------

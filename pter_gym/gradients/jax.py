@@ -1,4 +1,4 @@
-"""Rollouts for ``jax.grad``: the compiled kernels as calls of XLA, with a rule of their own."""
+"""Rollouts for ``jax.grad``: the compiled kernels as XLA calls with a custom gradient."""
 
 import math
 from collections.abc import Callable
@@ -64,7 +64,7 @@ MEANING: dict[str, Any] = {
 
 
 class Motion(NamedTuple):
-    """What ``Rollout`` has, at N + 1 control instants, as arrays of JAX."""
+    """The attributes of ``Rollout``, at N + 1 control instants, as JAX arrays."""
 
     theta: jax.Array
     omega: jax.Array
@@ -76,7 +76,7 @@ class Motion(NamedTuple):
 
 
 def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> Callable[..., Motion]:
-    """Return ``pter_gym.gradients.rollout`` of a machine as a function of JAX, for its ``grad``, ``jit`` and ``vmap``.
+    """Return ``pter_gym.gradients.rollout`` of a machine as a JAX function, for ``grad``, ``jit`` and ``vmap``.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> 
     Raises
     ------
     ParameterError
-        If JAX would run this on something else than a CPU, an argument is out of range, or in the call a shape is
+        If JAX would run this on anything but a CPU, an argument is out of range, or in the call a shape is
         wrong or an array is not of floating-point numbers.
     """
     if jax.default_backend() != "cpu":

@@ -27,8 +27,8 @@ def identify(
     """Identify a real machine from a log.
 
     Says whether the simulator's model explains the log, estimates inertias, friction, torque curves, lag and delay with
-    95 % intervals, and lists what the log doesn't determine. Writes preset.toml, which other commands take as --machine,
-    and report.html. docs/identify.md says what to record.
+    95 % intervals, and lists what the log doesn't determine. Writes preset.toml, which other commands take as
+    --machine, and report.html. docs/identify.md says what to record.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
 
