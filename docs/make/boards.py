@@ -131,7 +131,8 @@ def predictive(results: Path) -> str:
     for scenario in scenarios:
         taken = [board["policies"][PLANNER]["planning"]["decision_ms"] for board in boards(results, scenario).values()]
         shown = by_pace(results, scenario, (PLANNER, LEARNED, "single-dof-tuned"), details=True)
-        parts.append(f"{shown}\nA decision of `{PLANNER}` took {min(taken):.0f} to {max(taken):.0f} ms of one core.\n")
+        cost = f"{min(taken):.0f} to {max(taken):.0f} ms of CPU time on one core"
+        parts.append(f"{shown}\nA decision of `{PLANNER}` took {cost}.\n")
     return "\n".join(parts)
 
 
@@ -217,7 +218,7 @@ def against_tuned(results: Path) -> str:
         if run.conditions.fresh is not None:
             groups[run.conditions.scenario, run.conditions.pace].append(run)
     rows: list[list[str]] = []
-    kinds = ("Larger path error", "An interval that holds 0", "No rank", "Higher peak acceleration")
+    kinds = ("Larger path error", "An interval that contains 0", "No rank", "Higher peak acceleration")
     exceptions: dict[str, list[str]] = {kind: [] for kind in kinds}
     for (scenario, pace), runs in groups.items():
         found = {run.conditions.policy: run for run in runs}

@@ -192,8 +192,8 @@ def seeds(
     told = ", ".join(f"{own[0].episodes} of `{each}`" for each, own in boards.items())
     head = (
         f"`pter train {algorithm} --scenario {scenario} --steps {steps}`: path errors in mm at {', '.join(PACES)} pace "
-        f"on fresh episodes, {told}. In brackets: no rank. *Validation*: the geometric mean of the three path errors "
-        "on training-side draws, by which the median seed is chosen."
+        f"on fresh episodes, {told}. In parentheses: not ranked. *Validation*: the geometric mean of the three path "
+        "errors on training-side draws, by which the median seed is chosen."
     )
     rows: list[list[str]] = []
     for name, run in found.items():

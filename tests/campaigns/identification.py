@@ -164,8 +164,8 @@ def table(results: list[Result]) -> str:
     lines.append(
         f"On {clean} of {len(all_outcomes)} machines every identified number is within 5 %. The model explains "
         f"{sum(each <= MOST for each in shares)} of the logs; {100 * max(shares):.0f} % of the windows of the worst "
-        f"one are not explained. An identification took {np.median(seconds):.0f} s of a core in the middle and "
-        f"{max(seconds):.0f} s at most."
+        f"one are not explained. An identification took {np.median(seconds):.0f} s of CPU time on one core "
+        f"in the median and {max(seconds):.0f} s at most."
     )
     return "\n".join(lines)
 
