@@ -89,12 +89,15 @@ DECLARED = (
     *(Table("docs/at-scale.md", path.stem, partial(declared.script, path)) for path in sorted(AT_SCALE.glob("*.py"))),
 )
 
+SHOWN = "residual", "ppo-standard", "single-dof-tuned", "torque-feedback-tuned", "torque-feedback", "impedance"
+"""Policies whose scores README shows."""
+
 OF_FOLDER = {
     "results": (
         Table(
             "README.md",
             "board: standard",
-            partial(boards.by_pace, scenario="standard", names=("residual", "single-dof-tuned", "torque-feedback")),
+            partial(boards.by_pace, scenario="standard", names=SHOWN),
         ),
         Table(SUITE, "suite", boards.suite),
         Table(SUITE, "board: everything", partial(boards.by_pace, scenario="everything")),
