@@ -1,7 +1,7 @@
-"""Policies times scenarios: the paper's standard test, and the evaluation episodes of the scenarios.
+"""Run policies on the paper's standard test and on the evaluation episodes of the scenarios, and rank them.
 
 ``_naming`` finds policies and makes them act in an environment, ``_isolation`` runs them in processes of their own,
-``_from_sb3`` accepts those of learning libraries; ``simulation`` runs episodes, and ``_evaluation`` the episodes of a
+``_from_sb3`` accepts models of learning libraries; ``simulation`` runs episodes, and ``_evaluation`` the episodes of a
 scenario; ``metrics`` declares the scores, ``statistics`` combines many, ``ranking`` decides on ranks, ``leaderboard``
 shows them, and ``_results`` stores the results. ``_identity`` identifies a policy by its content, and ``_verification``
 runs results again. ``_standard`` is the paper's test.

@@ -1,4 +1,4 @@
-"""Policies on the evaluation episodes of a scenario, at each commanded pace."""
+"""Run policies on the evaluation episodes of a scenario, at each commanded pace."""
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -46,12 +46,12 @@ CHUNK = 64
 
 @dataclass(frozen=True)
 class PerSeed:
-    """One policy as it came out of several training seeds; they share a line of the leaderboard."""
+    """One policy trained with several seeds; the seeds share a row of the leaderboard."""
 
     policies: tuple[AnyPolicy, ...]
 
     def __post_init__(self) -> None:
-        """Check that no policy is there twice: a copy is no further seed."""
+        """Check that no policy appears twice: a copy does not count as another seed."""
         if not self.policies or len({id(each) for each in self.policies}) < len(self.policies):
             raise ParameterError(f"policies must be one or more, all of them different, got {self.policies!r:.200}")
 
@@ -78,29 +78,29 @@ def run_scenario(
         Its name.
     policies
         By name: controllers, which are bound to the nominal machine, any ``policy(observations) -> volts``, float32
-        (N, entries) to (N, 4), ``Isolated`` ones, or one of these for each training seed; or names of built-in policies
-        and paths of exported ones alone.
+        (N, entries) to (N, 4), ``Isolated`` policies, or one of these for each training seed. Or a list of names of
+        built-in policies and paths of exported ones.
     paces
         Names of commanded paces.
     episodes
-        How many of the episodes to run, from the first on; all by default.
+        How many episodes to run, starting with the first; all by default.
     fresh
-        Seed within [0, 2⁶⁴) of fresh episodes; or ``"derived"``: each policy has episodes of its own, whose seed
-        follows from its content, the code and the scenario. The stored ones by default.
+        Seed of fresh episodes, within [0, 2⁶⁴); or ``"derived"``: each policy has its own episodes, with a seed
+        computed from its content, the code and the scenario. By default, the stored episodes.
     results
-        A folder of results or its path. Finished runs are stored there, and taken from there if they exist already.
-        The content of a callable cannot be determined, so it is run again each time. ``Isolated`` policies use up the
-        seed that they ride: the folder keeps a note of it, and no other may ride its episodes.
+        A folder of results or its path. Finished runs are stored there and reused if they already exist. The content
+        of a callable cannot be determined, so it is run again each time. An ``Isolated`` policy uses up the seed of
+        its fresh episodes: the folder records it, and no other policy may run on them.
     num_threads
-        Threads that share the episodes of a compiled law; the scores do not depend on it.
+        Threads that share the episodes of a compiled law; scores do not depend on their number.
     on_progress
-        Called with the name of each policy and pace when they are done.
+        Called with the name of each policy and pace when it is done.
 
     Raises
     ------
     ParameterError
-        If there is no such scenario, policy or pace, there are fewer episodes, a seed is used up, or one is to be
-        derived from a policy whose content cannot be determined.
+        If there is no such scenario, policy or pace, there are fewer episodes than asked for, a seed is used up, or a
+        seed is to be derived from a policy whose content cannot be determined.
     DataError
         If the stored episodes were changed.
     """
@@ -144,7 +144,7 @@ def run_scenario(
 
 
 def _episodes(scenario: str, pace: str, fresh: int | str | None, count: int | None) -> Episodes:
-    """Return so many episodes, all by default; the stored ones stand for those that each policy has for itself."""
+    """Return that many episodes, all by default; the stored ones stand in where each policy has its own."""
     full = find_episodes(scenario, pace, None if isinstance(fresh, str) else fresh)
     return full if count is None else full.first(count)
 
@@ -152,7 +152,7 @@ def _episodes(scenario: str, pace: str, fresh: int | str | None, count: int | No
 def _run(
     at: Conditions, bound: "Bound", batches: "Batches", folder: ResultsFolder | None, num_threads: int
 ) -> ScenarioRun:
-    """Return a run, from the folder if it is there already, and keep it there otherwise."""
+    """Return a run: from the folder if it is already there, otherwise run and stored there."""
     if folder and (found := folder.find(at)):
         return found
     made = ScenarioRun(at, batches.episodes.strata, *evaluate(bound, batches, num_threads))
@@ -162,12 +162,12 @@ def _run(
 
 
 def each_seed(policy: AnyPolicy | PerSeed) -> tuple[AnyPolicy, ...]:
-    """Return a policy as it came out of each of its training seeds."""
+    """Return a policy's version from each of its training seeds."""
     return policy.policies if isinstance(policy, PerSeed) else (policy,)
 
 
 def _named(policies: Policies, scenario: str) -> dict[str, list["Bound"]]:
-    """Return policies by name, bound, or raise a ParameterError that names one that cannot be judged under its name."""
+    """Return bound policies by name, or raise a ParameterError for one that cannot be scored under its name."""
     if not policies:
         raise ParameterError("policies must hold at least one name")
     if not isinstance(policies, Mapping):
@@ -188,7 +188,7 @@ def _named(policies: Policies, scenario: str) -> dict[str, list["Bound"]]:
 
 
 class Bound(NamedTuple):
-    """A policy as it acts, its identity, what its observations hold, and what was bound."""
+    """A policy as it acts, its identity, its sensors, and the policy it was bound from."""
 
     policy: BoundPolicy
     identity: str | None
@@ -197,14 +197,14 @@ class Bound(NamedTuple):
 
 
 def bind_once(policy: AnyPolicy) -> Bound:
-    """Return a policy bound to the nominal machine and the sensors that it asks for; what is judged is what acts."""
+    """Return a policy bound to the nominal machine and the sensors that it asks for; what acts is what is scored."""
     sensors = sensors_of(policy)
     acting = bind(policy, BASELINE, observation_layout(BASELINE, sensors))
     return Bound(acting, identity_of(policy, acting), sensors, type(policy))
 
 
 class Part(NamedTuple):
-    """What comes out of one batch: scores, samples, how it was planned, mean processor time of a decision [ms]."""
+    """The results of one batch: scores, samples, how the policy planned, mean CPU time of a decision [ms]."""
 
     scores: Scores
     samples: list[Sample]
@@ -213,7 +213,7 @@ class Part(NamedTuple):
 
 
 class Batches:
-    """The episodes in batches of ``CHUNK`` worlds, which are made once for all policies with the same sensors."""
+    """The episodes in batches of ``CHUNK`` worlds, built once for all policies with the same sensors."""
 
     def __init__(self, episodes: Episodes) -> None:
         self.episodes = episodes
@@ -225,7 +225,7 @@ class Batches:
         return Batch(self.episodes.machines[chunk], self.episodes.tasks[chunk], sensors=sensors)
 
     def run(self, number: int, bound: Bound) -> Part:
-        """Return what comes out of one batch."""
+        """Return the results of one batch."""
         chunk, batch = self.chunks[number], self.batch(number, bound.sensors)
         tasks = self.episodes.tasks[chunk]
         limits = [time_limit(task) for task in tasks]
@@ -240,7 +240,7 @@ class Batches:
 
 
 def evaluate(bound: Bound, batches: Batches, num_threads: int) -> tuple[Scores, tuple[Sample, ...], Planning | None]:
-    """Return the scores of a policy on all episodes, samples of them, and how it plans, if it does."""
+    """Return the scores of a policy on all episodes, sample episodes, and how it plans, if it does."""
     numbers = range(len(batches.chunks))
     one = partial(batches.run, bound=bound)
     if bound.policy.compiled and num_threads > 1:

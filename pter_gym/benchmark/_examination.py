@@ -1,4 +1,4 @@
-"""How good a policy is on training draws of a scenario: one number that is finite and ranks all of them."""
+"""How good a policy is on training draws of a scenario, as one finite number that orders all policies."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -40,12 +40,12 @@ UNSEEN = 10_000
 
 
 class Assessment(NamedTuple):
-    """What counts of a policy's scores.
+    """The scores that count for a policy.
 
     Attributes
     ----------
     path_error_m, completed, mean_pace_error, segment_pace_error
-        Means of the scores, which ranks are by.
+        Means of the scores that decide ranks.
     """
 
     path_error_m: float
@@ -55,20 +55,20 @@ class Assessment(NamedTuple):
 
     @property
     def value(self) -> float:
-        """What the search makes small: the path error [m], and a penalty for each limit that is not kept."""
+        """The search objective, to be minimized: the path error [m] plus a penalty for each violated limit."""
         over = max(0.0, (1.0 - self.completed) - MISSING * (1.0 - COMPLETION))
         over += max(0.0, self.mean_pace_error - RESERVE * PACE_ERROR)
         over += max(0.0, self.segment_pace_error - RESERVE * PACE_ERROR)
         return self.path_error_m + PENALTY * over
 
     def __str__(self) -> str:
-        """Return the scores in words."""
+        """Return the scores as text."""
         arrives, mean, segments = (f"{100 * share:.0f} %" for share in self[1:])
         return f"{1000 * self.path_error_m:.1f} mm, arrives in {arrives}, pace {mean} off, segments {segments}"
 
 
 class Examination:
-    """Training draws of a scenario on which policies are scored; the same draws for all of them.
+    """Training draws of a scenario on which policies are scored; the same for all policies.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Examination:
     episodes
         Number of draws.
     seed
-        Of the draws, ≥ 0.
+        Seed of the draws, ≥ 0.
     machine
         One machine in place of those that the scenario draws, as in ``find_scenario``; policies know about it.
     """
@@ -93,12 +93,12 @@ class Examination:
         self.nominal = drawn.nominal
 
     def judge(self, policy: AnyPolicy) -> Assessment:
-        """Return what counts of a policy's scores."""
+        """Return the scores that count for a policy."""
         scores = self.scores(policy)
         return Assessment(*(float(scores[name].mean()) for name in Assessment._fields))
 
     def scores(self, policy: AnyPolicy) -> Scores:
-        """Return the ranked scores of a policy on all draws, as the benchmark has them."""
+        """Return the ranked scores of a policy on all draws, as in the benchmark."""
         acting = bind(policy, self.nominal, self.batch.layout)
         episodes = run(self.batch, acting, self.seeds, self.limits, columns=list(map(int, COLUMNS)), stride=SEGMENT)
         telemetry = episodes.telemetry
@@ -116,9 +116,9 @@ def examine(
     seed: int = UNSEEN,
     machine: AnyMachine | None = None,
 ) -> dict[str, Assessment]:
-    """Return how good policies are on training draws, beside ``free``, ``locked`` and ``random``, the best first.
+    """Score policies on training draws, together with ``free``, ``locked`` and ``random``; the best comes first.
 
-    It reads no evaluation episodes, so its results may guide further training.
+    Evaluation episodes are not read, so the results may guide further training.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def examine(
     scenario, pace
         Names.
     episodes, seed
-        Number of draws, and their seed, ≥ 0; a training's is its ``context_seed``, 0 by default.
+        Number of draws, and their seed, ≥ 0; training uses ``context_seed``, 0 by default.
     machine
         One machine in place of those that the scenario draws, as in ``find_scenario``; policies know about it.
     """

@@ -1,4 +1,4 @@
-"""What learning libraries have trained as policies; none of them is imported here."""
+"""Models trained with learning libraries, as policies; none of these libraries is imported here."""
 
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -21,19 +21,20 @@ Normalise = Callable[[Observations], Observations]
 
 
 def from_sb3(model: Any, vec_normalize: Any = None, frame_skip: int | None = None) -> "ModelPolicy":
-    """Return a policy that runs a model in ``run_scenario``: deterministic, with recurrent states kept for each world.
+    """Return a policy that runs a model deterministically in ``run_scenario``, with a recurrent state for each world.
 
     Parameters
     ----------
     model
-        A model of any algorithm: its ``predict`` takes observations, states and the starts of episodes. Its actions are
-        clipped to its action space; they are normalised where the lower bound is negative, and volts otherwise.
+        A model of any algorithm whose ``predict`` takes observations, states and episode starts. Its actions are
+        clipped to its action space; they are normalised if the lower bound is negative, and volts otherwise.
     vec_normalize
-        What normalised the observations in training: a ``VecNormalize``, or Gymnasium's ``NormalizeObservation``. By
-        default the ``VecNormalize`` that the model still has, if any. Its statistics are used and not changed.
+        The wrapper that normalised observations in training: a ``VecNormalize`` or Gymnasium's
+        ``NormalizeObservation``. By default, the ``VecNormalize`` still attached to the model, if any. Its statistics
+        are used but not changed.
     frame_skip
-        Control steps for which its actions were held in training, and are held; by default those of the environment
-        that the model still has, or 1.
+        Number of control steps for which each action was held in training, and is held here; by default, that of the
+        environment still attached to the model, or 1.
 
     Raises
     ------
@@ -49,17 +50,17 @@ def from_sb3(model: Any, vec_normalize: Any = None, frame_skip: int | None = Non
 
 
 def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
-    """Return a policy that runs a function from observations to an environment's actions, from whatever library.
+    """Return a policy that runs a function, from any library, that maps observations to an environment's actions.
 
     Parameters
     ----------
     act
-        From observations, float32 (N, entries), to actions, (N, 4): an array or a tensor of torch. It has no memory.
-        Its actions are clipped to the action space; they are normalised where the lower bound is negative, and volts
+        Maps observations, float32 (N, entries), to actions, (N, 4): an array or a torch tensor. It has no memory. Its
+        actions are clipped to the action space; they are normalised if the lower bound is negative, and volts
         otherwise.
     env
-        The environment whose observations and actions these are: one of this package, whose ``frame_skip`` counts too,
-        or anything with its spaces.
+        The environment that the function was made for: one of this package, whose ``frame_skip`` is used too, or any
+        object with its spaces.
 
     Raises
     ------
@@ -83,7 +84,7 @@ class ModelPolicy(BoundPolicy):
     Parameters
     ----------
     model
-        With ``predict``.
+        An object with ``predict``.
     normalise
         Turns observations into what the model was trained on.
     frame_skip
@@ -94,7 +95,7 @@ class ModelPolicy(BoundPolicy):
     Attributes
     ----------
     sensors
-        What the observations must hold.
+        The sensors whose readings the observations must include.
     """
 
     any_frame_skip = False
@@ -148,7 +149,7 @@ class ModelPolicy(BoundPolicy):
 
 
 def _observed_by(model: Any) -> tuple[Sensors, Layout]:
-    """Return the sensors whose observations are as wide as a model's, and their layout."""
+    """Return the sensors whose observations have as many entries as a model's, and their layout."""
     space = getattr(model, "observation_space", None)
     layouts: dict[Sensors, Layout] = {each: observation_layout(BASELINE, each) for each in get_args(Sensors)}
     for sensors, layout in layouts.items():
@@ -159,7 +160,7 @@ def _observed_by(model: Any) -> tuple[Sensors, Layout]:
 
 
 def _frame_skip_of(env: Any) -> int:
-    """Return for how many control steps an environment holds its actions, 1 if it does not tell."""
+    """Return for how many control steps an environment holds its actions, 1 if it does not say."""
     inner = getattr(env, "unwrapped", env)
     try:
         return inner.get_attr("frame_skip")[0] if hasattr(inner, "get_attr") else inner.frame_skip
@@ -168,7 +169,7 @@ def _frame_skip_of(env: Any) -> int:
 
 
 def _normalising(wrapper: Any) -> Normalise:
-    """Return what normalises observations as a wrapper does, without a change to its statistics."""
+    """Return a function that normalises observations as a wrapper does, without changing its statistics."""
     if wrapper is None:
         return lambda obs: obs
     if callable(getattr(wrapper, "normalize_obs", None)):

@@ -1,4 +1,4 @@
-"""How much better policies look on the stored episodes, which anybody may have tuned to, than on fresh ones."""
+"""How much better policies do on the stored episodes, which anybody may have tuned to, than on fresh ones."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -19,7 +19,7 @@ Fresh = int | str
 class Gap(NamedTuple):
     """Path errors [m] of one policy on stored episodes and on fresh ones, and stored less fresh.
 
-    The gap is below zero where the stored ones flatter.
+    A negative gap means that the stored episodes flatter the policy.
     """
 
     scenario: str
@@ -31,14 +31,14 @@ class Gap(NamedTuple):
     gap_m: Interval
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``benchmark.json`` holds of it, in SI."""
+        """Return its entry in ``benchmark.json``, in SI."""
         return {name: part._asdict() if isinstance(part, Interval) else part for name, part in self._asdict().items()}
 
 
 def find_gaps(runs: Sequence[ScenarioRun]) -> tuple[Gap, ...]:
-    """Return the gap of each policy and pace that has runs on as many stored episodes as on fresh ones.
+    """Return the gap of each policy and pace with runs on equally many stored and fresh episodes.
 
-    A policy's training seeds count as one; runs are of the same policy if their identities are known and the same.
+    A policy's training seeds count as one; runs belong to the same policy if their identities are known and equal.
     """
     stored: dict[Key, list[ScenarioRun]] = {}
     fresh: dict[tuple[Key, Fresh], list[ScenarioRun]] = {}
@@ -67,7 +67,7 @@ def find_gaps(runs: Sequence[ScenarioRun]) -> tuple[Gap, ...]:
 
 
 def gap_tables(gaps: Sequence[Gap]) -> list[Table]:
-    """Return what ``find_gaps`` found for a terminal of 80 columns, in mm: a table for each scenario and seed."""
+    """Return the gaps in mm for an 80-column terminal: a table for each scenario and seed."""
     tables: list[Table] = []
     for (scenario, seed), members in groupby(gaps, lambda gap: (gap.scenario, gap.fresh)):
         title = f"{scenario}: path error \\[mm], stored less fresh, {seed_text(seed)}"

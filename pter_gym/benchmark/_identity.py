@@ -1,7 +1,7 @@
-"""The identity of a policy: a hash of the content that it acts by, never of what it says about itself.
+"""The identity of a policy: a hash of what determines its actions, never of what it says about itself.
 
-The content of compiled laws is known, and that of the package's own policies with all settings, gains and weights.
-That of other callables cannot be determined, so they have no identity.
+The content of compiled laws and of the package's own policies is known, with all settings, gains and weights. The
+content of other callables cannot be determined, so they have no identity.
 """
 
 import hashlib
@@ -34,13 +34,13 @@ class _UnknownError(Exception):
 
 
 def identity_of(policy: AnyPolicy, bound: BoundPolicy) -> str | None:
-    """Return the SHA-256 of what a policy acts by, or None if that cannot be known.
+    """Return the SHA-256 of what determines a policy's actions, or None if that cannot be known.
 
     Parameters
     ----------
     policy, bound
-        The policy as it was given, and as it acts. Of a compiled law, gains, law and layout of the observations count;
-        of any other policy of the package, all its parts.
+        The policy as given, and as it acts. For a compiled law, the gains, the law and the observation layout count;
+        for any other policy of the package, all its parts.
     """
     try:
         if type(bound) is not Policy:
@@ -51,7 +51,7 @@ def identity_of(policy: AnyPolicy, bound: BoundPolicy) -> str | None:
 
 
 def _plain(value: object) -> object:
-    """Return the content of a value as plain data in which different contents differ."""
+    """Return the content of a value as plain data; different contents give different data."""
     kind = type(value)
     if value is None or kind in (bool, int, str):
         return value
@@ -79,7 +79,7 @@ def _is_added(kind: type, field: Field[Any], value: object) -> bool:
 
 
 def _is_ours(kind: type) -> bool:
-    """Tell whether a class is one of this package, whatever it says."""
+    """Tell whether a class is really one of this package, whatever it claims."""
     ours = kind.__module__.startswith(f"{__name__.partition('.')[0]}.")
     return ours and getattr(sys.modules.get(kind.__module__), kind.__qualname__, None) is kind
 

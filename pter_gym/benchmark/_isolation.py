@@ -1,6 +1,7 @@
 """A policy in a process of its own: observations go in, voltages come out, and nothing else is exchanged.
 
-A message is a header of fixed size and what it announces: JSON, or raw float32 numbers. ``_serving`` is the other side.
+A message is a fixed-size header and the content that it announces: JSON or raw float32 numbers. ``_serving`` is the
+other side.
 """
 
 import json
@@ -53,7 +54,7 @@ NONSENSE = "has sent something that is not an answer"
 
 
 class Kind(IntEnum):
-    """What a message is."""
+    """The kind of a message."""
 
     BIND = 0  # machine and layout, as JSON
     RESET = 1
@@ -67,25 +68,25 @@ HEADER = struct.Struct("<2I")
 
 
 class Isolated(BoundPolicy):
-    """Someone else's code as a policy in a process of its own: it knows only what it is sent.
+    """A policy, for example someone else's code, in its own process: it knows only what it is sent.
 
-    The process is a fresh interpreter. Its working folder, home and folder for temporary files are one folder of its
-    own, which is removed at the end. It gets the nominal machine and the layout of the observations, then
-    observations, and returns volts. It ends with ``close``, at the end of a ``with`` block, with a PolicyError, or when
-    it is no longer referred to. It acts for one machine and layout at a time: ``bind`` replaces them.
+    The process is a fresh interpreter. Its working directory, home and temporary directory are one private folder,
+    which is removed at the end. It receives the nominal machine and the observation layout, then observations, and
+    returns volts. It ends with ``close``, at the end of a ``with`` block, after a PolicyError, or when it is garbage
+    collected. It acts for one machine and layout at a time: ``bind`` replaces them.
 
     Parameters
     ----------
     name
-        ``package.module:attribute``, as in ``find_policy``. Other policies run no code but the package's own.
+        ``package.module:attribute``, as in ``find_policy``. Policies named otherwise run only the package's own code.
     timeout
-        Longest time to wait [s] for an answer or its next part: to start, to be bound, for a decision.
+        Longest wait [s] for an answer or its next part: when starting, binding or deciding.
 
     Raises
     ------
     ParameterError
-        If there is no such policy, it cannot be bound to the nominal machine, or it plans: planners need the worlds.
-        Or if the timeout is out of range.
+        If there is no such policy, it cannot be bound to the nominal machine, it plans (planners need the worlds), or
+        the timeout is out of range.
     PolicyError
         If its process fails.
     """
@@ -146,14 +147,14 @@ class Isolated(BoundPolicy):
         return self._answer(HEADER.pack(kind, len(content)) + content, size)
 
     def _answer(self, message: bytes = b"", size: int | None = None) -> bytes:
-        """Send a message, and return the content of the answer, which is a text or has a size [B].
+        """Send a message and return the content of the answer, which is text or has a given size [B].
 
         Raises
         ------
         ActionError, ParameterError
             If the policy raised it; its process goes on.
         PolicyError
-            If it raised anything else, or its process has ended, is too slow or sends something else.
+            If it raised anything else, or its process has ended, is too slow or sends anything else.
         """
         try:
             self._socket.settimeout(self.timeout)
@@ -198,7 +199,7 @@ main(int(descriptor), name, folder)
 
 
 def _start(name: str) -> tuple["subprocess.Popen[bytes]", socket.socket, str]:
-    """Start a process that serves a policy, and return it with the socket to it and a folder of its own."""
+    """Start a process that serves a policy; return it with its socket and its private folder."""
     if os.name != "posix":
         raise PolicyError("isolated policies need Linux or macOS")
     folder, (own, theirs) = mkdtemp(prefix="pter-"), socket.socketpair()
@@ -223,7 +224,7 @@ def _start(name: str) -> tuple["subprocess.Popen[bytes]", socket.socket, str]:
 
 
 def _end(process: "subprocess.Popen[bytes]", own: socket.socket, stream: Any, folder: str) -> None:
-    """End a process and those that it has started, wait for it, and remove its folder."""
+    """End a process and its children, wait for it, and remove its folder."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()

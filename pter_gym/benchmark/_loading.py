@@ -1,4 +1,4 @@
-"""Policies ready to act in an environment, by name, by path or as they are."""
+"""Policies ready to act in an environment, given by name, by path or as objects."""
 
 import os
 from typing import Any, cast
@@ -13,7 +13,7 @@ from pter_gym.errors import ParameterError
 def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> ActingPolicy:
     """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
 
-    It notices by itself when episodes begin, and returns actions in the unit of the environment.
+    It detects by itself when episodes begin, and returns actions in the environment's unit.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> Act
         controller, what ``from_sb3`` returns, or a function from observations, float32 (N, entries), to volts, (N, 4).
     env
         Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
-        its wrappers. Tuned gains are those of its scenario.
+        its wrappers. Tuned gains are those for its scenario.
     seed
         Seed of the random policy and of planners.
 

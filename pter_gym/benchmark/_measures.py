@@ -1,4 +1,4 @@
-"""What scores are made of: parts of telemetry, and measures of path error, pace and acceleration over many episodes."""
+"""Building blocks of scores: parts of telemetry, and path error, pace and acceleration over many episodes."""
 
 import math
 from typing import NamedTuple
@@ -19,14 +19,14 @@ SEGMENTS = 10
 
 
 class Marks(NamedTuple):
-    """When the running maximum of the arc length passed K marks on each of N paths.
+    """The instants when the running maximum of the arc length passed K marks on each of N paths.
 
     Attributes
     ----------
     before, after
         Rows between which each was passed, shape (K, N).
     part
-        Where between them, from 0 to 1, NaN where it never was; shape as above.
+        Position between these rows, from 0 to 1; NaN if the mark was never passed; same shape.
     """
 
     before: NDArray[np.intp]
@@ -34,7 +34,7 @@ class Marks(NamedTuple):
     part: Array
 
     def find(self, values: Array) -> Array:
-        """Return what values, one row for each arc length, were then: linear between rows, NaN for never."""
+        """Interpolate values, one row for each arc length, linearly at the marks; NaN where a mark was never passed."""
         first, last = (np.take_along_axis(values, rows, axis=0) for rows in (self.before, self.after))
         return first + self.part * (last - first)
 
@@ -57,7 +57,7 @@ def four(telemetry: Array, name: str) -> Array:
 
 
 def running_maximum(values: Array) -> Array:
-    """Return the largest value so far, over the first axis; NaN leaves it as it is."""
+    """Return the running maximum over the first axis; NaN leaves it unchanged."""
     return np.fmax.accumulate(values, axis=0)
 
 
@@ -82,8 +82,8 @@ def find_marks(furthest: Array, marks: Array) -> Marks:
 def way_integral(furthest: Array, errors: Array) -> Array:
     """Return ∫|e|ds [m²] up to each row, shape (T + 2, N).
 
-    Each new increment of arc length counts with the largest error since the previous one, so neither an excursion
-    at a standstill nor a step back is free.
+    Each new increment of arc length is weighted by the largest error since the previous one, so excursions at a
+    standstill and steps back are counted too.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def way_integral(furthest: Array, errors: Array) -> Array:
 
 
 def pace_errors(relative_times: Array, finished: Mask) -> Array:
-    """Return the pace errors of stretches: |t/T − 1|, and at least 1 for one that was not finished."""
+    """Return the pace errors of stretches: |t/T − 1|, at least 1 for an unfinished one."""
     errors = np.abs(relative_times - 1.0)
     return np.where(finished, errors, np.maximum(errors, 1.0))
 
@@ -111,13 +111,13 @@ def smoothness(speed: Array, acceleration: Array, counted: Mask, period: float) 
     """Return −ln(D) of the dimensionless jerk D = T³/v_peak²·∫|jerk|²dt, shape (N,); D below 1 counts as 1.
 
     Hogan and Sternad, "Sensitivity of smoothness measures to movement duration, amplitude, and arrests", Journal of
-    Motor Behavior 41 (2009); its logarithm as in Balasubramanian, Melendez-Calderon and Burdet, IEEE Transactions on
+    Motor Behavior 41 (2009); the logarithm as in Balasubramanian, Melendez-Calderon and Burdet, IEEE Transactions on
     Biomedical Engineering 59 (2012).
 
     Parameters
     ----------
     speed, acceleration
-        Of the tip [m/s, m/s²], shapes (T, N) and (T, N, 2).
+        Of the tip [m/s] and [m/s²], shapes (T, N) and (T, N, 2).
     counted
         Which control steps count, shape (T, N).
     period
@@ -132,7 +132,7 @@ def smoothness(speed: Array, acceleration: Array, counted: Mask, period: float) 
 
 
 def low_pass(values: Array, period: float) -> Array:
-    """Return values (T, …) behind a first-order low-pass of ``CUTOFF``, exact for inputs held over the period [s]."""
+    """Return values (T, …) after a first-order low-pass of ``CUTOFF``, exact for inputs held over the period [s]."""
     decay = math.exp(-2.0 * math.pi * CUTOFF * period)
     filtered = np.empty_like(values)
     state = np.zeros_like(values[0])
@@ -148,5 +148,5 @@ def norm(vectors: Array) -> Array:
 
 
 def mean_over(values: ArrayLike, counted: Mask) -> Array:
-    """Return the mean over the first axis of what counts; at least one must."""
+    """Return the mean of the counted values over the first axis; at least one must count."""
     return np.where(counted, values, 0.0).sum(axis=0) / counted.sum(axis=0)

@@ -1,4 +1,4 @@
-"""Find a policy as a user writes it: by name, by the path of an exported one, or as ``package.module:attribute``."""
+"""Find the policy that a user names: by name, by the path of an exported one, or as ``package.module:attribute``."""
 
 import os
 import re
@@ -28,7 +28,7 @@ CODE = re.compile(r"\w+(\.\w+)*:\w+(\.\w+)*")
 
 
 def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard") -> AnyPolicy:
-    """Return a policy as a user writes it.
+    """Return the policy that a user names.
 
     Parameters
     ----------
@@ -41,13 +41,13 @@ def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard"
         - a planner, ``predictive`` or ``predictive-honest``;
         - a trained policy of the package, such as ``residual``, or the path of an exported one;
         - ``package.module:attribute``: a controller or a callable from observations to volts. A class is called
-          without arguments to make one. The module is imported into this process, and looked up in the present folder
-          if it is nowhere else: from then on, that is the last place of ``sys.path``.
+          without arguments. The module is imported into this process; if it is found nowhere else, it is looked up in
+          the current folder, which is then appended to ``sys.path``.
     seed
         Seed of the random policy and of planners.
     scenario
-        Scenario whose gains and dampers to use. With None, controllers have their default gains, and there are no tuned
-        ones or planners, as in the paper's standard test.
+        Scenario whose gains and dampers to use. With None, as in the paper's standard test, controllers have their
+        default gains, and there are neither tuned controllers nor planners.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard"
 
 
 def is_code(name: str) -> bool:
-    """Tell whether a user means an attribute of a module, ``package.module:attribute``."""
+    """Tell whether a name means an attribute of a module, ``package.module:attribute``."""
     return ":" in name and not is_path(name)
 
 
@@ -104,7 +104,7 @@ def text_of(name: FilePath) -> str:
 
 
 def _import(name: str) -> Any:
-    """Return the policy that an attribute of a module is; an instance where it is a class."""
+    """Return the policy that is an attribute of a module, or an instance of it if it is a class."""
     if not CODE.fullmatch(name):
         raise ParameterError(
             f"policies: there is no {name!r}: code must be written as package.module:attribute, in letters, digits, _"

@@ -1,7 +1,7 @@
-"""The commanded paces, and the paper's gains at them: all stay but the damper along the path, which sets the pace.
+"""The commanded paces, and the paper's gains at each: only the damper along the path changes, which sets the pace.
 
-The gains were made for about 0.5 m/s. ``damping_for_pace`` solves the damper for a commanded pace on a scenario's
-training draws, none of which is an evaluation episode; ``docs/make/store.py paces`` writes the table.
+The gains were made for about 0.5 m/s. ``damping_for_pace`` solves for the damper at a commanded pace on a scenario's
+training draws, which never include evaluation episodes; ``docs/make/store.py paces`` writes the table.
 """
 
 import math
@@ -46,14 +46,14 @@ def damping_table() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
 def damping_for_pace(controller: Impedance, pace: float, scenario: str = "standard", *, draws: int = DRAWS) -> float:
     """Return the damper along the path [N·s/m] with which a controller keeps a pace on training draws.
 
-    Where no damper from 10 to 3000 N·s/m gives that pace, it is the end of this range that comes nearest.
+    If no damper from 10 to 3000 N·s/m gives that pace, the nearer end of this range is returned.
 
     Parameters
     ----------
     controller
-        Its other gains stay.
+        Its other gains are kept.
     pace
-        Commanded mean speed along the path [m/s]. It is kept behind the first segment, which has the start-up.
+        Commanded mean speed along the path [m/s]. It applies after the first segment, which contains the start-up.
     scenario
         Name of the scenario.
     draws
@@ -72,7 +72,7 @@ def damping_for_pace(controller: Impedance, pace: float, scenario: str = "standa
 
 
 def solve_table() -> dict[str, dict[str, dict[str, float]]]:
-    """Solve the damper of each of the paper's controllers for each scenario and pace, to four digits."""
+    """Solve for the damper of each of the paper's controllers, scenario and pace, to four digits."""
     laws = {"impedance": Impedance(), "torque-feedback": TorqueFeedback()}
     return {
         scenario: {

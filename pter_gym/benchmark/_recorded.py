@@ -1,4 +1,4 @@
-"""Episodes as scores read them: what several scores need is computed once."""
+"""Episodes as scores read them: quantities that several scores need are computed once."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -39,14 +39,14 @@ with the speed, and where the arm starts with its square, so with less a slower 
 
 
 class Travel:
-    """N episodes along their paths: all that the scores need that decide on ranks.
+    """N episodes along their paths: everything needed for the scores that decide ranks.
 
     Parameters
     ----------
     time, arc_length, errors, success
-        These fields of the telemetry, from the reset on, shape (T + 1, N); NaN after the ends of the episodes.
+        These fields of the telemetry, starting with the reset, shape (T + 1, N); NaN after the ends of the episodes.
     tasks
-        The tasks that were followed, N of them.
+        The N tasks.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Travel:
 
     @cached_property
     def marks(self) -> Marks:
-        """When 0, 1, … ``SEGMENTS`` tenths of the paths were passed."""
+        """The instants when 0, 1, … ``SEGMENTS`` tenths of the paths were passed."""
         return find_marks(self.furthest, self.length * np.linspace(0.0, 1.0, SEGMENTS + 1)[:, None])
 
     @cached_property
@@ -72,7 +72,7 @@ class Travel:
 
     @cached_property
     def worst(self) -> Array:
-        """What counts as the error where the path was not reached [m]: the largest one seen, at least the bound."""
+        """The error charged for the part of the path not reached [m]: the largest one seen, at least the bound."""
         return np.maximum(np.nanmax(self.errors, axis=0), self.error_max)
 
     def mean_error(self) -> Array:
@@ -84,25 +84,25 @@ class Travel:
         return self._average_on_path(self.way_integral, self.worst)
 
     def rms_error(self) -> Array:
-        """Return the root of the path average of the squared path error [m]."""
+        """Return the root mean square of the path error over the path [m]."""
         return np.sqrt(self._average_on_path(way_integral(self.furthest, self.errors**2), self.worst**2))
 
     def _average_on_path(self, integral: Array, missed: Array) -> Array:
-        """Return an integral over the path (T + 2, N) by its length, with a value for what was not reached."""
+        """Return an integral over the path (T + 2, N) divided by its length, with a value for the part not reached."""
         whole: Array = self.marks.find(integral)[-1]
         missing = np.maximum(self.length - self.furthest[-1], 0.0)
         return np.where(np.isfinite(whole), whole, integral[-1] + missing * missed) / self.length
 
     @cached_property
     def lost_at_start(self) -> Array:
-        """Time that does not count [s]: what the first ``START`` of the path takes too long, within ``ALLOWANCE``."""
+        """Time that does not count [s]: the delay on the first ``START`` of the path, at most ``ALLOWANCE``."""
         start = self.length * START
         begun: Array = find_marks(self.furthest, start[None]).find(self.clock)[0]
         return np.clip(np.where(np.isfinite(begun), begun, self.end) - start / self.pace, 0.0, ALLOWANCE)
 
     @cached_property
     def passed(self) -> Array:
-        """When the tenths of the path were passed as it counts, the end of the episode where they never were [s]."""
+        """Counted times when the tenths of the path were passed [s]; the end of the episode for those never passed."""
         times = self.marks.find(self.clock)
         times = np.where(np.isfinite(times), times, self.end)
         return np.concatenate([times[:1], times[1:] - self.lost_at_start])
@@ -114,19 +114,19 @@ class Travel:
 
     @cached_property
     def needed(self) -> Array:
-        """Time that the pace needs for a segment [s]."""
+        """Time for a segment at the pace [s]."""
         return self.length / SEGMENTS / self.pace
 
     @cached_property
     def relative_times(self) -> Array:
-        """Times spent in the segments over what the pace needs, (SEGMENTS, N)."""
+        """Times spent in the segments over the time at the pace, (SEGMENTS, N)."""
         return np.diff(self.passed, axis=0) / self.needed
 
     def segment_errors(self) -> Array:
         """Return the path errors of the segments [m], (SEGMENTS, N).
 
         Each is the larger of the averages of |e| over the time and over the length of the segment, times its
-        ``pace_factor``. A segment that was not finished counts with ``worst``, and as if it took its time at least.
+        ``pace_factor``. An unfinished segment counts with ``worst`` and with at least its time at the pace.
         """
         steps = np.nan_to_num(np.diff(self.clock, axis=0) * self.errors)
         time_integral = np.concatenate([np.zeros_like(steps[:1]), steps.cumsum(axis=0)])
@@ -140,7 +140,7 @@ class Travel:
     def path_error(self) -> Array:
         """Return the mean of the segments' path errors [m], by which policies rank.
 
-        It is at most ``worst``: an episode in which a policy is lost counts as one, however long it was stuck.
+        It is at most ``worst``, so an episode with a lost policy counts no more however long it was stuck.
         """
         return np.minimum(self.segment_errors().mean(axis=0), self.worst)
 
@@ -161,7 +161,7 @@ class Travel:
         return _speed(np.minimum(self.furthest[-1], self.length), self.passed[-1])
 
     def cruising_pace(self) -> Array:
-        """Return the mean speed along the path behind its first segment [m/s]; 0 where the tip never got there."""
+        """Return the mean speed along the path after its first segment [m/s]; 0 where the tip never got there."""
         way = np.minimum(self.furthest[-1], self.length) - self.length / SEGMENTS
         return _speed(way, self.passed[-1] - self.passed[1])
 
@@ -171,7 +171,7 @@ class Travel:
 
 
 class Recorded(Travel):
-    """N episodes with all of their telemetry; parameters as of ``score_episodes``."""
+    """N episodes with all their telemetry; parameters as in ``score_episodes``."""
 
     def __init__(self, telemetry: Array, tasks: Sequence[PathFollowing], voltage_max: float) -> None:
         time, arc_length, errors, success = (
@@ -207,7 +207,7 @@ class Recorded(Travel):
 
     @cached_property
     def acceleration(self) -> Array:
-        """Acceleration of the tip behind the low-pass [m/s²], (T, N)."""
+        """Acceleration of the tip after the low-pass [m/s²], (T, N)."""
         return norm(low_pass(vector(self.steps, "acceleration"), self.period))
 
     def mean(self, values: ArrayLike) -> Array:
@@ -223,7 +223,7 @@ class Recorded(Travel):
         return mean_over(acceleration, self.counted)
 
     def rms_of(self, acceleration: Array) -> Array:
-        """Return the root of the mean square of an acceleration."""
+        """Return the root mean square of an acceleration."""
         return np.sqrt(mean_over(acceleration**2, self.counted))
 
     def peak_of(self, acceleration: Array) -> Array:
@@ -231,7 +231,7 @@ class Recorded(Travel):
         return np.where(self.counted, acceleration, 0.0).max(axis=0)
 
     def way(self) -> Array:
-        """Return the length of the tip's way [m]."""
+        """Return the distance traveled by the tip [m]."""
         return np.nansum(norm(np.diff(vector(self.telemetry, "tip"), axis=0)), axis=0)
 
     def effort(self) -> Array:
@@ -248,10 +248,9 @@ class Recorded(Travel):
 
 
 def pace_factor(ratios: Array) -> Array:
-    """Return by what the error of a segment counts, from its time over what the pace needs: 1 at that, more elsewhere.
+    """Return the weight of a segment's error, given its time over the time at the pace: 1 for a ratio of 1, else more.
 
-    The error of a slow ride, of a ratio r > 1, is multiplied by r to the power of ``PRICE``; that of a fast one by 1
-    plus ``PRICE`` times what r lacks of 1.
+    For a ratio r, the weight is r to the power of ``PRICE`` if too slow, r > 1, and 1 + ``PRICE``·(1 − r) if too fast.
     """
     return np.where(ratios > 1.0, ratios**PRICE, 1.0 + PRICE * (1.0 - ratios))
 

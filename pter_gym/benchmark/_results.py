@@ -1,8 +1,8 @@
-"""A folder of results: one file for each run, and ``benchmark.json``, which is made again from all of them.
+"""A folder of results: one file for each run, and ``benchmark.json``, rebuilt from all of them.
 
-Files are written whole or not at all, so an interrupted benchmark goes on where it stopped, and several benchmarks may
-write to one folder at once: each run has its own file, and the summary is read and written under a lock. A file that is
-damaged, edited, copied or renamed is left out, with the reason, and does not affect the others.
+Files are written atomically, so an interrupted benchmark resumes where it stopped, and several benchmarks may write to
+one folder at once: each run has its own file, and the summary is read and written under a lock. A damaged, edited,
+copied or renamed file is left out, with the reason, and does not affect the others.
 """
 
 import json
@@ -28,14 +28,14 @@ LONGEST = 300
 
 
 class LeftOut(NamedTuple):
-    """A file that is left out, and why."""
+    """A file that was left out, and why."""
 
     file: str
     reason: str
 
 
 class Contents(NamedTuple):
-    """What a folder holds: the runs that count, and the files that do not."""
+    """The content of a folder: the runs that count, and the files that do not."""
 
     runs: tuple[ScenarioRun, ...]
     left_out: tuple[LeftOut, ...]
@@ -72,17 +72,17 @@ class ResultsFolder:
         return self.path / SUMMARY
 
     def make(self) -> None:
-        """Make the folder if need be, or raise a ParameterError if nothing can be written to it, or only elsewhere."""
+        """Make the folder if needed; raise a ParameterError if it is not writable, or if links lead elsewhere."""
         self._refuse_links("*", "runs/*")
         make_folder(self.path / "runs")
 
     def _refuse_links(self, *patterns: str) -> None:
-        """Raise a ParameterError where a link would have something written to another place."""
+        """Raise a ParameterError if a link would redirect writes to another place."""
         for each in (path for pattern in patterns for path in self.path.glob(pattern) if path.is_symlink()):
             raise ParameterError(f"results must be in a folder without symbolic links, {str(each)!r} is one")
 
     def use_up(self, scenario: str, fresh: int) -> None:
-        """Note that code of others begins to ride the episodes of a seed; raise a ParameterError if any has before."""
+        """Record that someone else's code starts on a seed's episodes; raise a ParameterError if any has before."""
         (self.path / "used").mkdir(exist_ok=True)
         try:
             (self.path / "used" / f"{scenario}{episodes_suffix(fresh)}").touch(exist_ok=False)
@@ -93,7 +93,7 @@ class ResultsFolder:
             ) from None
 
     def find(self, conditions: Conditions) -> ScenarioRun | None:
-        """Return the finished run under just these conditions, or None; there is none without an identity."""
+        """Return the finished run under exactly these conditions, or None; None without an identity."""
         try:
             run = read_run(run_path(self.path, conditions))
         except DataError:
@@ -101,17 +101,17 @@ class ResultsFolder:
         return run if conditions.identity is not None and run.conditions == conditions else None
 
     def add(self, run: ScenarioRun) -> None:
-        """Keep a run; one under the same names is replaced."""
+        """Store a run, replacing one with the same names."""
         write_run(self.path, run)
 
     def end_seeds(self, conditions: Conditions) -> None:
-        """Delete the runs of training seeds from this one on: they are of an earlier policy of the same name."""
+        """Delete the runs of this and later training seeds: they are from an earlier policy of the same name."""
         while (path := run_path(self.path, conditions)).is_file():
             path.unlink(missing_ok=True)
             conditions = replace(conditions, seed=conditions.seed + 1)
 
     def read(self) -> Contents:
-        """Return the runs that count, and each other file with the reason why it does not."""
+        """Return the runs that count, and every other file with the reason why it does not."""
         runs: list[ScenarioRun] = []
         left_out: list[LeftOut] = []
         for path in sorted((self.path / "runs").glob("*.json")):
@@ -138,6 +138,6 @@ class ResultsFolder:
 
 
 def _left_out(file: str, reason: str) -> LeftOut:
-    """Return a file that is left out; a name that no terminal can print is written in ASCII."""
+    """Return a left-out file; a name that a terminal cannot print is written in ASCII."""
     short = reason if len(reason) <= LONGEST else f"{reason[:LONGEST]}…"
     return LeftOut(*(text if text.isprintable() else ascii(text) for text in (file, short)))

@@ -1,7 +1,7 @@
-"""The file of a run. A reader trusts nothing in it: each part is checked, and an error says what is wrong.
+"""The file of a run. Readers trust nothing in it: each part is checked, and errors say what is wrong.
 
-A file holds a SHA-256 over its own name and all that is in it, so a part that is edited, and a file that is copied or
-renamed, does not pass. Scores that somebody invents and hashes again are found by ``pter verify``.
+A file holds a SHA-256 of its own name and everything in it, so edited, copied or renamed files are rejected. Scores
+that somebody invents and hashes anew are found by ``pter verify``.
 """
 
 import hashlib
@@ -47,12 +47,12 @@ def run_path(folder: FilePath, conditions: Conditions) -> Path:
 
 
 def episodes_suffix(fresh: int | str | None) -> str:
-    """Return how the names of files tell which episodes were run."""
+    """Return the part of a file name that tells which episodes were run."""
     return "" if fresh is None else f"-{DERIVED}" if fresh == DERIVED else f"-fresh{fresh}"
 
 
 def write_run(folder: FilePath, run: ScenarioRun) -> None:
-    """Write a run to its file, whole or not at all."""
+    """Write a run to its file atomically."""
     path = run_path(folder, run.conditions)
     content = {
         "conditions": asdict(run.conditions),
@@ -67,7 +67,7 @@ def write_run(folder: FilePath, run: ScenarioRun) -> None:
 
 
 def file_hash(content: Mapping[str, object], name: str) -> str:
-    """Return the SHA-256 of a file's name and all that is in the file but the hash itself."""
+    """Return the SHA-256 of a file's name and everything in the file except the hash itself."""
     parts = [name, {key: part for key, part in content.items() if key != HASH}]
     return hashlib.sha256(json.dumps(parts, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
@@ -78,7 +78,7 @@ def read_run(path: FilePath) -> ScenarioRun:
     Raises
     ------
     DataError
-        If the file is damaged, made by other code, or not what was written under its name; it says why.
+        If the file is damaged, made by other code, or not the one written under its name; it says why.
     """
     path = find_path("path", path)
     with reading(path.name):
@@ -103,7 +103,7 @@ def read_run(path: FilePath) -> ScenarioRun:
 
 
 def _content(path: Path) -> dict[str, Any]:
-    """Return what a file holds, if that is what was written to it."""
+    """Return the content of a file if it is what was written."""
     data = read_bytes(path, MOST_JSON)
     try:
         content = parse_json(data)
@@ -144,7 +144,7 @@ def _sample(episode: int, content: Mapping[str, Any]) -> Sample:
 
 
 def _array(content: Any, name: str, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
-    """Return an array of a shape and kind, ``f`` for numbers and ``b`` for truth values."""
+    """Return an array of a shape and kind, ``f`` for numbers and ``b`` for booleans."""
     values = np.array(content)
     good = values.shape == shape and values.dtype.kind == kind
     what = "numbers" if kind == "f" else "true or false"

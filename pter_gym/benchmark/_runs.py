@@ -54,7 +54,7 @@ INSTANTS = 200
 
 @dataclass(frozen=True)
 class Sample:
-    """One episode as it is drawn, at some of its control instants.
+    """One episode for plotting, at some of its control instants.
 
     Attributes
     ----------
@@ -73,18 +73,18 @@ class Sample:
 
 @dataclass(frozen=True)
 class Planning:
-    """How a planner came to its decisions.
+    """How a planner made its decisions.
 
     Attributes
     ----------
     privileged
-        Whether it knows what no controller can know.
+        Whether it uses information that no controller can have.
     horizon_s
-        Time that a plan covers [s].
+        Planning horizon [s].
     rollouts
-        Plans that are simulated for each decision.
+        Number of plans simulated for each decision.
     decision_ms
-        Measured mean processor time of a decision [ms], which does not depend on what else the machine does.
+        Measured mean CPU time of a decision [ms], independent of other load on the computer.
     """
 
     privileged: bool
@@ -95,7 +95,7 @@ class Planning:
 
 @dataclass(frozen=True)
 class Conditions:
-    """All that the scores of a run depend on.
+    """Everything that the scores of a run depend on.
 
     Attributes
     ----------
@@ -104,11 +104,11 @@ class Conditions:
     seed
         Number of the training seed, for a policy that was trained with several; 0 otherwise.
     episodes
-        How many of the scenario's episodes were run, from the first on.
+        How many of the scenario's episodes were run, starting with the first.
     data
         SHA-256 of the episodes.
     identity
-        SHA-256 of the policy's content; None if that cannot be known, as of a plain function.
+        SHA-256 of the policy's content; None if that cannot be known, as for a plain function.
     version
         Of the package.
     code
@@ -130,13 +130,13 @@ class Conditions:
 
     @property
     def config_hash(self) -> str:
-        """Hash of all of them but the policy."""
+        """Hash of all of them except the policy."""
         parts = {name: part for name, part in asdict(self).items() if name not in ("policy", "seed", "identity")}
         return _sha256({**parts, "data": self.shared_data})
 
     @property
     def shared_data(self) -> str | None:
-        """SHA-256 of the episodes that all policies ride; None where each has its own."""
+        """SHA-256 of the episodes if all policies share them; None where each has its own."""
         return None if self.fresh == DERIVED else self.data
 
     @property
@@ -160,9 +160,9 @@ class ScenarioRun:
     scores
         One entry per episode under each name.
     samples
-        Some episodes to draw.
+        Some episodes for plotting.
     planning
-        Of a policy that plans.
+        For a policy that plans.
     """
 
     conditions: Conditions
@@ -173,9 +173,9 @@ class ScenarioRun:
 
 
 def derived_seed(policy: str, identity: str | None, scenario: str) -> int:
-    """Return the seed of a policy's own fresh episodes, which follows from it alone, so that nobody can tune to them.
+    """Return the seed of a policy's own fresh episodes, determined by its content so that nobody can tune to them.
 
-    It is the first 8 bytes of a SHA-256 over the content of the policy, the code that decides scores and the scenario.
+    It is the first 8 bytes of a SHA-256 of the content of the policy, the code that decides scores and the scenario.
 
     Raises
     ------
@@ -195,7 +195,7 @@ def _sha256(parts: object) -> str:
 
 
 def check_name(name: object) -> None:
-    """Raise a ParameterError unless something can name a policy, in a table and in the name of a file."""
+    """Raise a ParameterError unless something can name a policy in tables and in file names."""
     good = isinstance(name, str) and name.strip() == name != "" and name.isprintable()
     if not good or len(quote(str(name), safe=" ")) > LONGEST_NAME:
         raise ParameterError(
@@ -205,9 +205,9 @@ def check_name(name: object) -> None:
 
 
 def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
-    """Return the runs of one policy's training seeds on the same episodes as one run; seeds are a further stratum.
+    """Join the runs of one policy's training seeds on the same episodes into one; seeds become a further stratum.
 
-    Its identity is unknown if one of theirs is, and it plans, or is privileged, if one of them does.
+    Its identity is unknown if any of theirs is, and it plans, or is privileged, if any of them does or is.
     """
     if len(runs) == 1:
         return runs[0]
@@ -224,9 +224,9 @@ def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
 
 
 def without_copies(runs: Iterable[ScenarioRun]) -> tuple[tuple[ScenarioRun, ...], tuple[tuple[ScenarioRun, int], ...]]:
-    """Return the runs that count, and those whose policy is that of an earlier training seed, with that seed.
+    """Return the runs that count, and those whose policy equals that of an earlier training seed, with that seed.
 
-    A copy does not count as a further seed. Policies of unknown content are the same if all their scores are.
+    A copy does not count as another seed. Policies of unknown content are equal if all their scores are.
     """
     first: dict[tuple[object, ...], int] = {}
     kept: list[ScenarioRun] = []
@@ -243,22 +243,22 @@ def without_copies(runs: Iterable[ScenarioRun]) -> tuple[tuple[ScenarioRun, ...]
 
 
 def sample_numbers(strata: Sequence[str]) -> list[int]:
-    """Return the numbers of the episodes that are kept to be drawn."""
+    """Return the numbers of the episodes that are kept for plotting."""
     first_of_each = (strata.index(stratum) for stratum in dict.fromkeys(strata))
     return sorted(list(dict.fromkeys([*first_of_each, *range(len(strata))]))[:SAMPLES])
 
 
 def other_score(code: object) -> str:
-    """Say in words that a file is not of the score that this code gives, but of one with another digest."""
+    """Return a message that a file was made with another score, whose digest differs from this code's."""
     return f"it is of an older score, or of other code: {code!s:.12} instead of {code_digest():.12}"
 
 
 @cache
 def code_digest() -> str:
-    """Return a SHA-256 of the code that decides a score: with other code, an earlier run is not the same run.
+    """Return a SHA-256 of the code that determines scores: if it differs, an earlier run cannot be reused.
 
-    It is over the syntax trees of ``DECIDING`` without docstrings, so it depends neither on comments and layout nor on
-    the version of Python.
+    It covers the syntax trees of ``DECIDING`` without docstrings, so it depends neither on comments and layout nor on
+    the Python version.
 
     Raises
     ------

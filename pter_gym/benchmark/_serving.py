@@ -21,13 +21,13 @@ LONGEST = 4000
 
 
 class Host:
-    """A policy by its name, and what it is bound to."""
+    """A policy found by name, and what it is bound to."""
 
     def __init__(self, name: str) -> None:
         self.name = name
 
     def find(self, folder: str) -> bytes:
-        """Find the policy, also among the modules of a folder, and return the sensors that it needs."""
+        """Find the policy, also among a folder's modules, and return the sensors that it needs."""
         sys.path.append(folder)
         self.policy = find_policy(self.name)
         return sensors_of(self.policy).encode()
@@ -47,14 +47,14 @@ class Host:
         return self.bound.frame_skip.to_bytes(4, "little")
 
     def _decide(self, content: bytes) -> bytes:
-        """Return voltages, float32 (N, 4); those of a compiled law are clipped to the range, as in a kernel."""
+        """Return voltages, float32 (N, 4); those of a compiled law are clipped to the range, as in the kernel."""
         seen = np.frombuffer(bytearray(content), "<f4").reshape(-1, len(self.bound.layout))
         volts = checked_actions(self.bound.act(seen), (len(seen), 4))
         return (np.clip(volts, 0.0, self.most) if isinstance(self.bound, Policy) else volts).astype("<f4").tobytes()
 
 
 def packed(ask: Callable[..., bytes], *given: Any) -> bytes:
-    """Return the message that answers another one; what goes wrong is an answer too."""
+    """Return the answer to a message; errors are answers too."""
     try:
         kind, content = Kind.DONE, ask(*given)
     except (ActionError, ParameterError) as error:

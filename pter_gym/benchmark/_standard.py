@@ -1,4 +1,4 @@
-"""The paper's standard test (section IV-A) on any policy."""
+"""The paper's standard test (section IV-A) for any policy."""
 
 import hashlib
 import json
@@ -32,7 +32,7 @@ class Run:
     Attributes
     ----------
     time_constant
-        Of the clutches [s].
+        Time constant of the clutches [s].
     score
         Its scores.
     telemetry
@@ -46,7 +46,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Result:
-    """The standard test on several policies, one Run per time constant each."""
+    """The standard test for several policies, with one Run per time constant for each."""
 
     task: PathFollowing
     machine: Machine
@@ -56,7 +56,7 @@ class Result:
     def as_json(self) -> dict[str, Any]:
         """Return what ``benchmark.json`` holds; lengths in m, times in s, energies in J.
 
-        ``config_hash`` is the SHA-256 of all that the test depends on, apart from the policies and the seed.
+        ``config_hash`` is the SHA-256 of everything that the test depends on except the policies and the seed.
         """
         time_constants = [run.time_constant for run in next(iter(self.runs.values()))]
         config = {"machine": asdict(self.machine), "task": asdict(self.task), "time_constants": time_constants}
@@ -87,10 +87,9 @@ def run_standard_test(
     ----------
     policies
         By name: controllers, which are bound to ``machine``, or any ``policy(observations) -> volts``, float32
-        (N, entries) to (N, 4). ``find_policy(name, scenario=None)`` returns
-        a built-in one.
+        (N, entries) to (N, 4). ``find_policy(name, scenario=None)`` returns a built-in one.
     machine, task
-        The machine or its name, whose time constant is varied, and the task; PTER and its task by default.
+        The machine or its name, with the time constant replaced, and the task; PTER and its task by default.
     time_constants
         Time constants of the clutches [s]; one episode each.
     seed

@@ -1,4 +1,4 @@
-"""Episodes as tables: named columns with units, as the telemetry declares them, in a CSV file or a NumPy archive."""
+"""Episodes as tables in a CSV file or a NumPy archive, with the names and units of the telemetry as columns."""
 
 import csv
 import io
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def write_trajectories(episodes: Mapping[str, Array], path: Path) -> None:
-    """Write episodes below each other to a file, whole or not at all; the same episodes give the same bytes.
+    """Write episodes one below another to a file, atomically; the same episodes give the same bytes.
 
     Parameters
     ----------
@@ -26,22 +26,22 @@ def write_trajectories(episodes: Mapping[str, Array], path: Path) -> None:
     path
         A file in a folder that exists.
 
-        - ``.csv``: headings such as ``policy``, ``time [s]`` and ``mode``, then a line for each control step. A number
-          has as many digits as bring back its bits.
+        - ``.csv``: headings such as ``policy``, ``time [s]`` and ``mode``, then a line for each control step. Numbers
+          have enough digits to recover them exactly.
         - ``.npz``: an array for each column under its name without the unit, and ``names`` and ``units`` of the
           columns; no pickles.
 
     Raises
     ------
     ParameterError
-        If the file has another ending.
+        If the file has another extension.
     """
     check_table(path)
     write_bytes_atomic(path, WRITERS[path.suffix.lower()](episodes))
 
 
 def check_table(path: Path) -> None:
-    """Raise a ParameterError unless a table can be written to a file of this ending."""
+    """Raise a ParameterError unless a table can be written to a file with this extension."""
     if path.suffix.lower() not in WRITERS:
         raise ParameterError(f"csv must end in {', '.join(WRITERS)}, got {str(path)!r}")
 

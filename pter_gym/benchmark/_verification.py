@@ -1,4 +1,4 @@
-"""Results, run again: whether the scores in a folder are those of the policies that they name."""
+"""Repeat results, to check that the scores in a folder are those of the policies they name."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -43,7 +43,7 @@ class Verdict(NamedTuple):
 
     @property
     def same(self) -> bool:
-        """Whether the file holds what comes out again."""
+        """Whether the repeated result equals the file's."""
         return self.finding == SAME
 
 
@@ -64,10 +64,10 @@ def verify(
     results
         The folder, or its path.
     policies
-        By their names in the results; those that are missing are found by name, as ``find_policy`` does, but code that
-        results name is not imported.
+        By their names in the results. Missing ones are looked up by name, as ``find_policy`` does, but code named in
+        the results is not imported.
     seed
-        Of the random policy and of planners, if they are found by name.
+        Seed of the random policy and of planners, if they are found by name.
     num_threads
         As in ``run_scenario``.
     on_progress
@@ -76,7 +76,7 @@ def verify(
     Returns
     -------
     verdicts
-        One for each file of a run, and the last for ``benchmark.json``.
+        One for each file of a run; the last is for ``benchmark.json``.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def _policy_of(run: ScenarioRun, policies: Policies, seed: int) -> AnyPolicy:
 
 
 def _compare(run: ScenarioRun, policy: AnyPolicy, batches: Batches, num_threads: int) -> str:
-    """Run a run again and return the first difference in words, or ``SAME``."""
+    """Repeat a run and return the first difference in words, or ``SAME``."""
     at, bound = run.conditions, bind_once(policy)
     if at.data != batches.episodes.checksum:
         return f"other episodes: the file says {at.data}, these are {batches.episodes.checksum}"
@@ -140,7 +140,7 @@ def _compare(run: ScenarioRun, policy: AnyPolicy, batches: Batches, num_threads:
 
 
 def compare_summary(results: ResultsFolder, contents: Contents) -> str:
-    """Return how ``benchmark.json`` differs from what follows from the runs, or ``SAME``."""
+    """Return how ``benchmark.json`` differs from a summary of the runs, or ``SAME``."""
     try:
         found = parse_json(read_bytes(results.summary, MOST_SUMMARY), MOST_SUMMARY)
     except (OSError, ValueError) as error:

@@ -1,7 +1,7 @@
-"""The evaluation episodes: stored ones, which everybody can look at, and fresh ones, which a seed draws.
+"""The evaluation episodes: stored ones, which everybody can see, and fresh ones, drawn from a seed.
 
-``pter_gym/episodes`` holds one file of stored ones for each scenario and one with their checksums.
-``docs/make/store.py episodes`` makes them; nothing that runs does.
+``pter_gym/episodes`` holds one file of stored episodes for each scenario and one with their checksums. Only
+``docs/make/store.py episodes`` writes them.
 """
 
 import gzip
@@ -55,13 +55,13 @@ class Episodes:
     scenario
         Name of the scenario.
     checksum
-        SHA-256 of the file that holds them; of fresh ones, of the JSON that it would hold.
+        SHA-256 of the file that holds them; for fresh ones, of the JSON that it would hold.
     machines, tasks
-        What to simulate; the tasks command the pace that was asked for.
+        What to simulate; the tasks command the requested pace.
     seeds
         Seeds of the resets.
     strata
-        Label of the stratum within which the bootstrap draws episodes.
+        Labels of the strata within which the bootstrap resamples episodes.
     """
 
     scenario: str
@@ -83,7 +83,7 @@ class Episodes:
         return replace(self, **{name: getattr(self, name)[:count] for name in parts})
 
     def at_pace(self, speed: float) -> "Episodes":
-        """Return the episodes at a commanded pace [m/s]; tasks that are one stay one."""
+        """Return the episodes at a commanded pace [m/s]; tasks that are the same object stay so."""
         paced = {id(task): replace(task, pace=speed) for task in self.tasks}
         return replace(self, tasks=tuple(paced[id(task)] for task in self.tasks))
 
@@ -101,7 +101,7 @@ def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Epi
     ParameterError
         If there is no such scenario or pace.
     DataError
-        If a file in the folder is missing or not what was stored.
+        If a file in the folder is missing or was changed.
     """
     speed = find_pace(pace)
     return _stored(scenario, folder).at_pace(speed)
@@ -119,11 +119,10 @@ def strata_of(scenario: str, pace: str, fresh: int | None) -> tuple[str, ...]:
 
 
 def find_episodes(scenario: str, pace: str, fresh: int | None = None) -> Episodes:
-    """Return the stored evaluation episodes of a scenario at a pace, or the fresh ones of a seed within [0, 2⁶⁴).
+    """Return a scenario's stored evaluation episodes at a pace, or fresh ones from a seed within [0, 2⁶⁴).
 
-    Fresh ones are as many as the stored ones of each stratum, in an order that the seed gives; each pace has draws of
-    its own.
-    Raises as ``load_episodes``, and a ParameterError if the seed is out of range.
+    There are as many fresh episodes as stored ones in each stratum, in an order given by the seed; each pace has its
+    own draws. Raises as ``load_episodes``, and a ParameterError if the seed is out of range.
     """
     if fresh is None:
         return load_episodes(scenario, pace)
@@ -133,7 +132,7 @@ def find_episodes(scenario: str, pace: str, fresh: int | None = None) -> Episode
 
 
 def check_fresh(fresh: Any) -> int | str | None:
-    """Return which episodes are meant: those of a seed, ``DERIVED`` or stored ones; or raise a ParameterError."""
+    """Return which episodes are meant (a seed, ``DERIVED``, or None for stored ones), or raise a ParameterError."""
     return fresh if fresh is None or (isinstance(fresh, str) and fresh == DERIVED) else _seed(fresh)
 
 
@@ -154,9 +153,9 @@ def store_episodes(
     scenario, version
         Name and version of the scenario.
     machines, tasks, seeds, strata
-        One entry per episode, as in ``Episodes``; the tasks' pace is set when they are read.
+        One entry per episode, as in ``Episodes``; the tasks' pace is set on reading.
     folder
-        Where to write; made if need be.
+        Where to write; created if needed.
     """
     folder = find_path("folder", folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -181,7 +180,7 @@ def _draw(scenario: str, seed: int, pace: str) -> Episodes:
 
 
 def _encode(scenario: str, version: int, draws: Iterable[tuple[Machine, PathFollowing, int, str]]) -> bytes:
-    """Return what a file of episodes holds, as JSON, in which equal machines and tasks are stored once."""
+    """Return the JSON of a file of episodes, in which equal machines and tasks are stored once."""
     parts: dict[str, int] = {}
 
     def number(part: object) -> int:

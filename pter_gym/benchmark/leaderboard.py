@@ -1,4 +1,4 @@
-"""The leaderboard: the policies in the order of their ranks, as a table and as JSON."""
+"""The leaderboard: policies in order of rank, as a table and as JSON."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Leaderboard:
-    """The policies on one set of episodes at one pace, the best first, those below the line last.
+    """The policies on one set of episodes at one pace, the best first, unranked ones last.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Leaderboard:
     episodes, data
         How many of the episodes were run, and the SHA-256 of all of them; None where each policy has its own.
     config_hash
-        SHA-256 of all that the scores depend on, apart from the policies.
+        SHA-256 of everything that the scores depend on except the policies.
     standings
         One per policy.
     fresh
@@ -71,7 +71,7 @@ class Leaderboard:
 
     @property
     def provisional(self) -> bool:
-        """Whether there are too few episodes for ranks that count."""
+        """Whether there are too few episodes for final ranks."""
         return self.episodes < FULL
 
     def has_episodes_of(self, run: ScenarioRun) -> bool:
@@ -81,7 +81,7 @@ class Leaderboard:
         return mine == (at.scenario, at.episodes, at.shared_data, at.fresh)
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``benchmark.json`` holds of this leaderboard, in SI."""
+        """Return this leaderboard's entry in ``benchmark.json``, in SI."""
         return {
             "scenario": self.scenario,
             "pace": self.pace,
@@ -97,7 +97,7 @@ class Leaderboard:
 
 
 def leaderboards(runs: Sequence[ScenarioRun]) -> tuple[Leaderboard, ...]:
-    """Return a leaderboard for each scenario, pace and set of episodes among runs of the same code."""
+    """Return a leaderboard for each scenario, pace and set of episodes in runs of the same code."""
     groups: dict[tuple[str, float, int, str, str], list[ScenarioRun]] = {}
     for run in runs:
         at = run.conditions
@@ -114,7 +114,7 @@ def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
 
 
 def table(board: Leaderboard) -> Table:
-    """Return a leaderboard for a terminal of 80 columns: intervals of 95 %, and below it why others have no rank."""
+    """Return a leaderboard for an 80-column terminal, with 95 % intervals, and below it why others are not ranked."""
     kind = "provisional, " if board.provisional else ""
     which = "episodes" if board.fresh is None else f"fresh episodes, {seed_text(board.fresh)}"
     notes = [f"– {each.policy}: {each.reason}{_distance(each)}" for each in board.standings if each.reason]
@@ -141,13 +141,13 @@ def _never_arrives(standing: Standing) -> bool:
 
 
 def _distance(standing: Standing) -> str:
-    """Return how far the tip of a policy moves that never arrives."""
+    """Return how far the tip moves under a policy that never arrives."""
     way = standing.scores["path_length_m"].value
     return f"; its tip moves {way:.2g} m on average" if _never_arrives(standing) else ""
 
 
 def _cell(standing: Standing, column: Column) -> str:
-    """Return a score as the table shows it; an error means nothing if the policy never arrives."""
+    """Return a score as the table shows it; path errors mean nothing if the policy never arrives."""
     if column.factor == MILLIMETRES and _never_arrives(standing):
         return "–"
     return column.text.format(*(column.factor * each for each in standing.scores[column.score]))
@@ -159,7 +159,7 @@ def seed_text(fresh: int | str) -> str:
 
 
 def plain_table(title: str, headers: Iterable[str], **options: Any) -> Table:
-    """Return a table for a terminal of 80 columns, without rows and lines; numbers are aligned to the right."""
+    """Return an empty, plain table for an 80-column terminal; numbers are right-aligned."""
     shown = Table(title=title, box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, **options)
     for header in headers:
         shown.add_column(header, justify="left" if header in ("pace", "policy") else "right", no_wrap=True)

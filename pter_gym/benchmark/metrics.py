@@ -1,4 +1,4 @@
-"""Scores of episodes: each is declared once, as a field of ``Score``, with all that is to be known about it."""
+"""Scores of episodes, each declared once, as a field of ``Score``, with its unit, meaning, bounds and function."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
@@ -21,19 +21,18 @@ Scores = dict[str, Values]
 
 
 class Metric(NamedTuple):
-    """What a score is.
+    """The declaration of a score.
 
     Attributes
     ----------
     unit, meaning
         In words.
     find
-        From many episodes to their scores, (N,).
+        Computes the scores, (N,), of many episodes.
     from_travel
-        Whether ``find`` needs no more than ``Travel``, as those do that decide on ranks; otherwise it takes
-        ``Recorded``.
+        Whether ``find`` takes ``Travel``, as for the scores that decide ranks; otherwise it takes ``Recorded``.
     low, high
-        Smallest and largest value that it can have, None where there is no bound.
+        Smallest and largest possible value, None where there is no bound.
     """
 
     unit: str
@@ -63,7 +62,7 @@ def _of_record(
 class Score:
     """Scores of one episode. Accelerations leave out the start-up interval and are low-pass filtered unless called raw.
 
-    Every score is finite, whatever the episode. One that ends within the start-up interval counts whole.
+    Every score is finite, whatever the episode. An episode that ends within the start-up interval counts in full.
     """
 
     path_error_m: float = _of_travel(
@@ -141,7 +140,7 @@ def score(telemetry: Array, task: PathFollowing, *, voltage_max: float = BASELIN
 def score_episodes(
     telemetry: Array, tasks: Sequence[PathFollowing], *, voltage_max: float = BASELINE.clutch.voltage_max
 ) -> Scores:
-    """Score many episodes at once; none depends on the others.
+    """Score many episodes at once, each independently of the others.
 
     Parameters
     ----------
@@ -168,5 +167,5 @@ def score_episodes(
 
 
 def ranked_scores(travel: Travel) -> Scores:
-    """Return the scores by which policies are ranked, and what they are made of: path errors, pace, completion."""
+    """Return the scores that decide ranks and their ingredients: path errors, pace, completion."""
     return {name: metric.find(travel) for name, metric in METRICS.items() if metric.from_travel}

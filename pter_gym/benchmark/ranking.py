@@ -1,4 +1,4 @@
-"""Where ranks are decided: policies by mean path error, if they arrive and keep the pace, those that get lost last."""
+"""Ranking: by mean path error, for policies that arrive and keep the pace; those that get lost come last."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -44,19 +44,18 @@ class Standing:
     identity
         Hash of its content, if that can be determined.
     rank
-        From 1 on, or None below the line; policies share one where an interval of their difference holds 0.
+        From 1, or None if not ranked; policies share a rank if the interval of their difference contains 0.
     reason
-        Why it has no rank, in words.
+        Why it is not ranked, in words.
     scores
-        Of all episodes together, as ``summarise`` returns them.
+        Scores over all episodes, as ``summarise`` returns them.
     difference
-        Path error less that of the best policy [m], in pairs where they ride the same episodes; None without a best
-        one.
+        Path error minus the best policy's [m], paired if they ran on the same episodes; None without a best policy.
     probability
-        Of a smaller path error than the best policy's on the same episode; None without a best one, or where each
-        policy rides other episodes.
+        Probability of a smaller path error than the best policy's on the same episode; None without a best policy, or
+        if policies ran on different episodes.
     planning
-        Of a policy that plans.
+        For a policy that plans.
     """
 
     policy: str
@@ -70,21 +69,21 @@ class Standing:
 
     @property
     def lost(self) -> bool:
-        """Whether it is so far off in the worst twentieth of the episodes that it ranks behind those that are not."""
+        """Whether it strays so far in the worst twentieth of the episodes that it ranks behind policies that do not."""
         return self.scores["worst_path_error_m"].value >= LOST
 
     @property
     def privileged(self) -> bool:
-        """Whether it knows what no controller can know."""
+        """Whether it uses information that no controller can have."""
         return self.planning is not None and self.planning.privileged
 
     @property
     def label(self) -> str:
-        """Its name where scores are shown."""
+        """Its name as shown with scores."""
         return f"{self.policy} (privileged)" if self.privileged else self.policy
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``benchmark.json`` holds of it, in SI."""
+        """Return its entry in ``benchmark.json``, in SI."""
         return {
             "rank": self.rank,
             "reason": self.reason,
@@ -100,8 +99,8 @@ class Standing:
 def find_standings(runs: Sequence[ScenarioRun]) -> tuple[Standing, ...]:
     """Rank runs on one set of episodes at one pace, the best first; a policy's training seeds count as one.
 
-    A policy shares the rank of the one that leads it, unless the interval of their difference leaves out 0, or only
-    one of them is ``lost``.
+    A policy shares the rank of the leading one unless the interval of their difference excludes 0, or only one of them
+    is ``lost``.
     """
     seeds: dict[str, list[ScenarioRun]] = {}
     for run in without_copies(runs)[0]:
@@ -124,13 +123,13 @@ def _holds_zero(interval: Interval) -> bool:
 
 
 def summarise(scores: Scores, strata: Strata = None) -> dict[str, Interval]:
-    """Return the mean of each score over the episodes, and ``worst_path_error_m``, that of the worst twentieth."""
+    """Return the mean of each score over the episodes, and ``worst_path_error_m``, the mean of the worst twentieth."""
     means = {name: bootstrap_interval(values, strata=strata) for name, values in scores.items()}
     return {**means, "worst_path_error_m": bootstrap_interval(scores["path_error_m"], worst_twentieth, strata=strata)}
 
 
 def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
-    """Return in words why a policy with these scores at a pace [m/s] has no rank, or None if it has one."""
+    """Return in words why a policy with these scores at a pace [m/s] is not ranked, or None if it is."""
     reasons: list[str] = []
     completed, mean_pace, segments = (
         scores[name].value for name in ("completed", "mean_pace_error", "segment_pace_error")
@@ -148,7 +147,7 @@ def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
 
 
 def _judge(run: ScenarioRun) -> Standing:
-    """Return what a policy scored, and why it has no rank if it has none; the rank comes later."""
+    """Return a policy's standing, with the reason if it is not ranked; ranks are assigned later."""
     scores = summarise(run.scores, run.strata)
     at = run.conditions
     privileged = PRIVILEGED if run.planning and run.planning.privileged else None
@@ -172,7 +171,7 @@ def _against(run: ScenarioRun, best: ScenarioRun) -> dict[str, Interval]:
 
 
 def _difference(run: ScenarioRun, other: ScenarioRun) -> Interval:
-    """Return the path error of one policy less that of another, in pairs where they ride the same episodes."""
+    """Return the path error of one policy minus another's, paired if they ran on the same episodes."""
     if run.conditions.fresh == DERIVED:
         errors, others = (each.scores["path_error_m"] for each in (run, other))
         return unpaired_interval(errors, others, strata=(run.strata, other.strata))
@@ -181,5 +180,5 @@ def _difference(run: ScenarioRun, other: ScenarioRun) -> Interval:
 
 
 def _on_each(run: ScenarioRun) -> Array:
-    """Return the path error on each episode; of several seeds it is their mean that counts."""
+    """Return the path error on each episode; for several seeds, their mean."""
     return run.scores["path_error_m"].reshape(-1, run.conditions.episodes).mean(axis=0)

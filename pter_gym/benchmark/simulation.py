@@ -1,4 +1,4 @@
-"""Episodes of a policy, of whatever kind: a compiled law, a network, a planner or a plain callable."""
+"""Run episodes of a policy of any kind: a compiled law, a network, a planner or a plain callable."""
 
 import math
 import time
@@ -24,16 +24,16 @@ Columns = slice | list[int]
 
 
 class Rollout:
-    """New episodes in a batch, one in each world, as far as a policy has taken them.
+    """New episodes in a batch, one in each world, advanced by a policy.
 
     Parameters
     ----------
     batch
         N worlds.
     seeds
-        Of the resets, N of them.
+        Seeds of the resets, N of them.
     columns
-        Of the telemetry that is kept; all by default.
+        Columns of the telemetry that are kept; all by default.
 
     Attributes
     ----------
@@ -42,11 +42,11 @@ class Rollout:
     steps
         Control steps so far.
     ended
-        Whose episodes have ended, bool (N,).
+        Which episodes have ended, bool (N,).
     plans
-        How the policy plans, if it does; then it was told the worlds.
+        How the policy plans, if it does; then it was given the worlds.
     seen
-        Observations of the control steps that were decided one by one.
+        Observations at the control steps that were decided one by one.
     """
 
     def __init__(self, batch: Batch, seeds: Sequence[int], columns: Columns = slice(None)) -> None:
@@ -63,7 +63,7 @@ class Rollout:
         self._volts: Any = None
 
     def begin(self, policy: BoundPolicy) -> None:
-        """Tell a policy that new episodes begin; only one that plans is told the worlds."""
+        """Tell a policy that new episodes begin; only a planner is given the worlds."""
         self.plans = policy.plans
         if isinstance(policy, Policy):
             self._memory = policy.empty_memory(self.batch.num_worlds)
@@ -80,7 +80,7 @@ class Rollout:
             self.step(policy)
 
     def step(self, policy: BoundPolicy) -> None:
-        """Go on by one control step with what a policy has decided; it sees as many entries as its layout has."""
+        """Advance by one control step with a policy's decision; it sees as many entries as its layout has."""
         if self.steps % policy.frame_skip == 0:
             obs = self.obs[:, : len(policy.layout)].copy()
             begin = time.thread_time()
@@ -99,12 +99,12 @@ class Rollout:
 
     @property
     def telemetry(self) -> Array:
-        """Telemetry from the reset on, (steps + 1, N, columns), NaN after the end of an episode; a fresh array."""
+        """Telemetry starting with the reset, (steps + 1, N, columns), NaN after the end of an episode; a new array."""
         return np.concatenate(self._rows)
 
     @property
     def decision_ms(self) -> float:
-        """Mean processor time of a decision for one world [ms], those of the first control step left out; 0 if none."""
+        """Mean CPU time of a decision for one world [ms], without the first control step; 0 if none."""
         seconds, decisions = (sum(each) for each in zip((0.0, 0), *self._decisions[1:], strict=True))
         return 1000.0 * seconds / decisions if decisions else 0.0
 
@@ -125,13 +125,13 @@ def run(
     batch
         N worlds.
     policy
-        It is bound to the nominal machine, unless it is bound already or a plain callable.
+        Bound to the nominal machine, unless it is already bound or a plain callable.
     seeds, limits
-        Of the resets, and control steps after which an episode is truncated, N each.
+        Seeds of the resets, and control steps after which an episode is truncated, N each.
     columns
-        Of the telemetry that is kept; all by default.
+        Columns of the telemetry that are kept; all by default.
     stride
-        Control steps of a compiled law between two looks at who has ended; it runs to the largest limit by default.
+        For a compiled law, control steps between checks for ended episodes; by default, it runs to the largest limit.
     """
     episodes = Rollout(batch, seeds, columns)
     acting = bind(policy, BASELINE, batch.layout)
@@ -151,7 +151,7 @@ def simulate(batch: Batch, policy: AnyPolicy, seeds: Sequence[int], max_steps: i
 
 
 class Episode(NamedTuple):
-    """One episode with all that a policy saw and did; a control step is decided at each but the last row.
+    """One episode with everything that a policy saw and did; each row but the last is followed by a control step.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ class Episode(NamedTuple):
     obs
         Observations with force sensors, float32 (T + 1, entries).
     volts
-        What was applied [V], float32 (T, 4).
+        Applied voltages [V], float32 (T, 4).
     """
 
     telemetry: Array
@@ -183,13 +183,13 @@ def record_episode(
     Parameters
     ----------
     policy
-        It sees force sensors only if it asks for them.
+        It gets force sensors only if it asks for them.
     machine, task, seed
         The episode.
     max_steps
         Control steps after which it is truncated.
     nominal
-        The machine that the policy is told of.
+        The machine that the policy is bound to.
     on_step
         Called after each control step.
     """
@@ -204,10 +204,10 @@ def record_episode(
 
 
 def sensors_of(policy: AnyPolicy) -> Sensors:
-    """Return what a policy's observations must hold: what it says in ``sensors``, torque sensors otherwise."""
+    """Return the sensors that a policy needs: those in its ``sensors``, otherwise torque sensors."""
     return getattr(policy, "sensors", "torque")
 
 
 def time_limit(task: PathFollowing) -> int:
-    """Return the control steps after which an episode is truncated: three times what the pace needs, at least 300."""
+    """Return the control steps after which an episode is truncated: three times the time at the pace, at least 300."""
     return max(300, math.ceil(3.0 * task.path.length / (task.pace * task.control_period)))

@@ -1,12 +1,12 @@
-"""What many episodes say together: means, bootstrap intervals, profiles, and comparisons of two policies.
+"""Statistics over many episodes: means, bootstrap intervals, profiles, and comparisons of two policies.
 
-Intervals, profiles and comparisons are those of Agarwal, Schwarzer, Castro, Courville and Bellemare, "Deep
-reinforcement learning at the edge of the statistical precipice", NeurIPS 2021. Where two policies ride the same
-episodes, they are compared in pairs.
+Intervals, profiles and comparisons follow Agarwal, Schwarzer, Castro, Courville and Bellemare, "Deep
+reinforcement learning at the edge of the statistical precipice", NeurIPS 2021. Two policies on the same
+episodes are compared in pairs.
 
-All intervals are stratified percentile bootstraps: ``strata`` holds one label per episode, and episodes are drawn again
+All intervals are stratified percentile bootstraps: ``strata`` holds one label per episode, and episodes are resampled
 within their stratum; by default there is one. Training seeds are a further stratum: label each value by both, as in
-``strata=[(stratum, seed), …]``. A ``Statistic`` goes from values (…, N) to (…).
+``strata=[(stratum, seed), …]``. A ``Statistic`` maps values (…, N) to (…).
 """
 
 import math
@@ -33,7 +33,7 @@ SEED = 20211206
 
 
 class Interval(NamedTuple):
-    """An estimate and its bootstrap interval of 95 %."""
+    """An estimate and its 95 % bootstrap interval."""
 
     value: float
     low: float
@@ -68,7 +68,7 @@ def difference_interval(a: ArrayLike, b: ArrayLike, statistic: Statistic = mean,
 def unpaired_interval(
     a: ArrayLike, b: ArrayLike, statistic: Statistic = mean, *, strata: Pair = (None, None)
 ) -> Interval:
-    """Return statistic(a) − statistic(b) on different episodes, shapes (N,) and (M,), each drawn by itself.
+    """Return statistic(a) − statistic(b) on different episodes, shapes (N,) and (M,), resampled independently.
 
     ``strata`` are those of a and those of b.
     """
@@ -78,13 +78,13 @@ def unpaired_interval(
 
 
 def probability_of_improvement(a: ArrayLike, b: ArrayLike, *, strata: Strata = None) -> Interval:
-    """Return the fraction of episodes in which a's error is smaller than b's, shape (N,) each; ties count half."""
+    """Return the fraction of episodes where a's error is smaller than b's, shape (N,) each; ties count half."""
     a, b = _paired(a, b)
     return bootstrap_interval(0.5 * ((a < b).astype(np.float64) + (a <= b)), strata=strata)
 
 
 class Profile(NamedTuple):
-    """A performance profile: the fraction of episodes within each of K errors, and its interval point by point."""
+    """A performance profile: the fraction of episodes within each of K errors, with pointwise intervals."""
 
     fraction: Array
     low: Array
@@ -92,7 +92,7 @@ class Profile(NamedTuple):
 
 
 def performance_profile(errors: ArrayLike, thresholds: ArrayLike, *, strata: Strata = None) -> Profile:
-    """Return which fraction of errors (N,) is at most each of the thresholds (K,)."""
+    """Return the fraction of errors (N,) that are at most each of the thresholds (K,)."""
     errors = np.asarray(errors, np.float64)
     within = (errors <= np.asarray(thresholds, np.float64)[:, None]).astype(np.float64)
     times_drawn = np.array([np.bincount(sample, minlength=len(errors)) for sample in resample(len(errors), strata)])
@@ -100,7 +100,7 @@ def performance_profile(errors: ArrayLike, thresholds: ArrayLike, *, strata: Str
 
 
 def resample(size: int, strata: Strata, resamples: int = RESAMPLES, seed: int = SEED) -> NDArray[np.intp]:
-    """Return bootstrap samples of episode numbers, shape (resamples, size), each within the stratum of its place."""
+    """Return bootstrap samples of episode numbers, shape (resamples, size), each drawn within its stratum."""
     if size < 1:
         raise ValueError("statistics need at least one episode")
     labels = [None] * size if strata is None else list(strata)

@@ -1,7 +1,7 @@
-"""Controllers with gains that ``pter tune`` found on training draws, as the package ships them.
+"""Controllers with the shipped gains that ``pter tune`` found on training draws.
 
-``pter_gym/presets/tuned.toml`` has a table for each scenario, controller and pace: the gains, the defaults of the
-others, the command of the search, and scores on training draws that the search had not seen.
+``pter_gym/presets/tuned.toml`` has a table for each scenario, controller and pace: the tuned gains, the defaults of
+all others, the search command, and scores on training draws that the search had not seen.
 """
 
 from collections.abc import Mapping
@@ -39,7 +39,7 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
     name
         Such as ``torque-feedback-tuned``.
     scenario
-        Whose gains to take; without them, or by default, those of ``everything``.
+        Scenario whose gains to use; by default, or if there are none for it, those of ``everything``.
     path
         File of the gains.
 
@@ -89,7 +89,7 @@ def read_table(path: FilePath = TABLE) -> Table:
 
 
 def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
-    """Return a controller with the gains of an entry; those that it does not name are the defaults that it relies on.
+    """Return a controller with the gains of an entry; unnamed gains take the defaults stored with it.
 
     Raises
     ------

@@ -7,7 +7,7 @@ from pter_gym.params._fields import quantity, require, require_kind, require_num
 
 @dataclass(frozen=True)
 class Connection:
-    """The name of a clutch, and its row (a, b) of W [1]; a ParameterError if it is of none of these forms.
+    """The name of a clutch and its row (a, b) of W [1]; raises a ParameterError unless the row has one of these forms.
 
     It slips at a·ω_A + b·ω_B, and its torque τ acts as a·τ on link A and b·τ on link B. (1, 0) and (0, 1) are brakes;
     (1, −r) couples axis A to axis B, and (1, r) does so through an inverting gear, for 0.01 ≤ r ≤ 100.

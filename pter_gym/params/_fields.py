@@ -16,9 +16,9 @@ SMALLEST = 1e-12
 
 
 def quantity(unit: str, provenance: str, *, later: bool = False, **options: Any) -> Any:
-    """Declare a field with its unit and where its value comes from; ``options`` are those of ``dataclasses.field``.
+    """Declare a field with its unit and where its value comes from; ``options`` go to ``dataclasses.field``.
 
-    One that came ``later`` than stored data is stored only where it is not its default, so these keep their bytes.
+    A field added ``later`` is stored only if it differs from its default, so that older stored data keep their bytes.
     """
     return field(metadata={"unit": unit, "provenance": provenance, "later": later}, **options)
 
@@ -45,7 +45,7 @@ def check_number(
 ) -> None:
     """Raise a ParameterError unless a value is a finite real number within the range.
 
-    A range without an upper bound ends at ``LARGEST``, and one above 0 begins at ``SMALLEST``.
+    A range without an upper bound ends at ``LARGEST``; one that excludes 0 begins at ``SMALLEST``.
     """
     fits = is_finite(value) and above < value < below and at_least <= value <= at_most
     bounds = [
@@ -64,7 +64,7 @@ def check_number(
 def require_whole(owner: object, name: str, *, at_least: int = 1, below: float = math.inf) -> None:
     """Raise a ParameterError unless the field of a frozen dataclass is a whole number within the range.
 
-    It becomes an int, so numbers of NumPy's integer types do too.
+    It is converted to an int, so NumPy's integer types are accepted too.
     """
     given: Any = getattr(owner, name)
     fits = type(given) is not bool and isinstance(given, Integral) and at_least <= int(given) < below
@@ -89,7 +89,7 @@ def require_flag(owner: object, name: str) -> None:
 def require_numbers(owner: object, name: str, accepted: str, *, count: int | None = None) -> None:
     """Raise a ParameterError unless the field is a tuple of finite real numbers, of the given count.
 
-    No number is larger than ``LARGEST`` in size.
+    No number may exceed ``LARGEST`` in magnitude.
     """
     value = getattr(owner, name)
     require(isinstance(value, tuple), owner, name, value, accepted)

@@ -1,8 +1,8 @@
 """Parameters of the machine: frozen dataclasses in SI.
 
-Each field names its unit and where its value comes from: ``published`` in the paper, ``derived`` from published values,
-``fitted`` to the paper's results, or ``chosen`` by us. A fitted value is not a fact about PTER. The values that the
-paper does not print are in one file, ``presets/pter.toml``.
+Each field names its unit and the source of its value: ``published`` in the paper, ``derived`` from published values,
+``fitted`` to the paper's results, or ``chosen`` by us. A fitted value is not a fact about PTER. Values that the paper
+does not print are in one file, ``presets/pter.toml``.
 """
 
 import math
@@ -38,8 +38,8 @@ MU_DYNAMIC_DELRIN = 0.35
 class Arm:
     """The five-bar arm as a two-axis mechanism (paper Eqs. 3 and 4).
 
-    Angles are absolute; M12 = coupling·cos(θA − θB). Link lengths and inertias are in no source that we could reach.
-    Each axis may have dry and viscous friction against the base, of which the paper's equations have none.
+    Angles are absolute; M12 = coupling·cos(θA − θB). We found no source for link lengths and inertias. Each axis may
+    have dry and viscous friction against the base, which the paper's equations leave out.
     """
 
     length_a: float = preset("arm", "length_a")
@@ -64,7 +64,7 @@ class Arm:
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueCurve:
-    """Steady torque of a clutch over voltage: a linear and a quadratic segment, C1 (paper section IV-B.1, Fig. 5).
+    """Steady-state torque of a clutch over voltage: a linear and a quadratic segment, C1 (paper section IV-B.1, Fig. 5).
 
     ``T(v) = slope·v + curvature·max(v − knee, 0)²``: zero without voltage, as the paper assumes.
     """
@@ -99,9 +99,10 @@ class TorqueCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class Clutch:
-    """One electromagnetic friction clutch; PTER has four of the same kind.
+    """One electromagnetic friction clutch; PTER has four identical ones.
 
-    The dynamic torque is constant at a given voltage, which is our choice: the paper allows any g(ω, v) (Eq. 2).
+    The dynamic torque at a given voltage does not depend on speed. This is our choice: the paper allows any g(ω, v)
+    (Eq. 2).
     """
 
     breakaway: TorqueCurve = quantity("N·m", PRESET.provenance["clutch.breakaway_ratio"])
@@ -124,9 +125,9 @@ class Clutch:
 
 @dataclass(frozen=True, kw_only=True)
 class Hand:
-    """What the hand adds to the arm at the tip in addition to its force. The paper's tests have none of it.
+    """Mass, damper and spring that the hand adds at the tip, besides its force. The paper's tests have none of them.
 
-    The mass goes into the arm exactly, the damping is implicit, the spring explicit.
+    The mass is added to the arm's exactly; the damping is integrated implicitly, the spring explicitly.
     """
 
     mass: float = quantity("kg", "published: the paper's hand is a force alone", default=0.0)
@@ -134,16 +135,16 @@ class Hand:
     stiffness: float = quantity("N/m", "published: the paper's hand is a force alone", default=0.0)
 
     def __post_init__(self) -> None:
-        """Check that nothing is negative."""
+        """Check that no value is negative."""
         for item in fields(self):
             require_number(self, item.name, at_least=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Machine:
-    """A PTER: arm, clutches and the hand that holds the tip, with the numbers of its friction model.
+    """A PTER: arm, clutches and the hand that holds the tip, with the parameters of its friction model.
 
-    A machine of fewer clutches than the paper's four has empty slots, whose voltage does nothing.
+    A machine with fewer than the paper's four clutches has empty slots, whose voltages have no effect.
     """
 
     arm: Arm = quantity("1", "see Arm", default=Arm())
@@ -182,7 +183,7 @@ class Machine:
         )
 
     def _check_clutches(self) -> None:
-        """Check that names differ, that the slots hold motion in every direction, and where dry friction acts."""
+        """Check that names differ, that the slots can hold motion in every direction, and where dry friction acts."""
         require_kind(self, "clutches", tuple)
         found, accepted = self.clutches, f"1 to {SLOTS} Connections with different names"
         declared = all(isinstance(each, Connection) for each in cast("tuple[object, ...]", found))
@@ -200,14 +201,14 @@ class Machine:
 
     @property
     def slot_rows(self) -> tuple[tuple[float, float], ...]:
-        """The rows of W of all slots; an empty one has that of a brake which is not there, for dry friction."""
+        """The rows of W of all slots; an empty slot has the row of a missing brake, for dry friction."""
         rows = tuple(each.row for each in self.clutches)
         empty = [brake.row for brake in (BRAKE_A, BRAKE_B) if brake.row not in rows]
         return (*rows, *empty, *[BRAKE_A.row] * SLOTS)[:SLOTS]
 
     @property
     def slot_scale(self) -> tuple[float, ...]:
-        """The torques of all slots over those of the curves, 0 where there is no clutch."""
+        """The ratios of the slots' torques to those of the curves, 0 where there is no clutch."""
         return tuple(scale if x < len(self.clutches) else 0.0 for x, scale in enumerate(self.clutch_scale))
 
     @property
@@ -243,7 +244,7 @@ PRESENT_CLUTCH = Clutch(breakaway=DYNAMIC_CURVE.scaled(PRESET.clutch.breakaway_r
 
 
 def with_friction(clutch: Clutch, breakaway: float, dynamic: float) -> Clutch:
-    """Return a clutch of another friction material: factors on its breakaway and dynamic torque."""
+    """Return a clutch of another friction material, given factors on its breakaway and dynamic torque."""
     return Clutch(
         breakaway=clutch.breakaway.scaled(breakaway),
         dynamic=clutch.dynamic.scaled(dynamic),
@@ -323,12 +324,12 @@ def is_preset(machine: object) -> bool:
 def find_machine(machine: Machine | str | None) -> Machine:
     """Return a machine given as itself, by its name in ``MACHINES``, or by the path of a preset; ``BASELINE`` for None.
 
-    The path ends in ``.toml``, as do the presets that ``pter identify`` writes.
+    The path ends in ``.toml``, as for the presets that ``pter identify`` writes.
 
     Raises
     ------
     ParameterError
-        If it is not a machine or its name, with the nearest names, or a preset cannot be read.
+        If it is neither a machine nor a known name (the nearest names are suggested), or a preset cannot be read.
     DataError
         If a preset is damaged, incomplete or out of range.
     """

@@ -1,7 +1,6 @@
-"""A set of numbers for everything that the paper does not print, read from a TOML file that a person can read.
+"""Numbers for everything that the paper does not print, read from a human-readable TOML file.
 
-Every number in the file carries its unit and where it comes from. ``PRESET`` is the set that the package ships; ``pter
-fit`` writes such files.
+Every number in the file has its unit and source. ``PRESET`` is the shipped set; ``pter fit`` writes such files.
 """
 
 import json
@@ -24,7 +23,7 @@ Value = float | tuple[float, ...]
 
 
 def number(unit: str, *, default: Any = MISSING, **bounds: float) -> Any:
-    """Declare a number of a preset file: unit, bounds (see ``check_number``), and its value where a file has none."""
+    """Declare a number of a preset file: its unit, its bounds (see ``check_number``), and its default if any."""
     return field(metadata={"unit": unit, "bounds": bounds}, default=default)
 
 
@@ -67,7 +66,7 @@ class DelrinValues:
 
 @dataclass(frozen=True, kw_only=True)
 class PathValues:
-    """The straight path of the standard test: its start from the axis of the drive, its direction and length."""
+    """The straight path of the standard test: its start relative to the drive axis, its direction and length."""
 
     x: float = number("m")
     y: float = number("m")
@@ -85,7 +84,7 @@ class HandValues:
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerValues:
-    """Spring and dampers at the tip, knots of the torque table, and the gain of the torque loop."""
+    """Spring and dampers at the tip, knots of the torque table, and the torque-loop gain."""
 
     stiffness: float = number("N/m", at_least=0.0)
     damping_normal: float = number("N·s/m", at_least=0.0)
@@ -97,7 +96,7 @@ class ControllerValues:
 
 @dataclass(frozen=True, kw_only=True)
 class SensingValues:
-    """The time from a voltage to the motion that it makes, as a computer sees both."""
+    """The delay from a voltage to the motion that it causes, as seen by the computer."""
 
     delay: float = number("s", at_least=0.0)
 
@@ -111,7 +110,7 @@ class Preset:
     arm, clutch, delrin, path, hand, controller, sensing
         The sections of the file.
     clutches
-        What each clutch connects; the paper's four in a file without the section ``clutches``.
+        What each clutch connects; the paper's four if a file has no section ``clutches``.
     provenance
         Where each number comes from, by section and field: ``preset.provenance["arm.length_a"]``.
     """
@@ -154,7 +153,7 @@ def load_preset(path: FilePath) -> Preset:
     ParameterError
         If the file cannot be read.
     DataError
-        If it is not TOML, or a section or field is unknown, missing, not a finite number, out of its range, in another
+        If it is not TOML, or a section or field is unknown, missing, not a finite number, out of range, in another
         unit, or without a provenance.
     """
     file = find_path("path", path)
@@ -246,7 +245,7 @@ def _section(kind: type[Any], section: str, table: object, provenance: dict[str,
 
 
 def _clutches(table: object, clutch: ClutchValues, provenance: dict[str, str]) -> tuple[Connection, ...]:
-    """Return what the clutches connect, if there is a scale for each."""
+    """Return what the clutches connect, checking that there is a scale for each."""
     if not isinstance(table, dict) or not 0 < len(cast("dict[str, object]", table)) <= SLOTS:
         raise ParameterError(f"{CLUTCHES} must be a table of 1 to {SLOTS} clutches, got {table!r:.200}")
     found: list[Connection] = []

@@ -1,4 +1,4 @@
-"""A machine as a preset file, which commands take in place of a machine."""
+"""A machine as a preset file, which commands accept in place of a machine."""
 
 import math
 from dataclasses import fields, replace
@@ -12,7 +12,7 @@ from pter_gym.params._preset import CLUTCHES, PRESET, Preset, format_preset, par
 
 
 def preset_of(machine: Machine, base: Preset = PRESET, *, origin: str | None = None) -> Preset:
-    """Return a preset of which ``machine_of`` makes a machine; it has no hand, and breakaway is a multiple of dynamic.
+    """Return a preset for ``machine_of``, without a hand and with breakaway torque a multiple of dynamic torque.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def preset_of(machine: Machine, base: Preset = PRESET, *, origin: str | None = N
     base
         All other numbers.
     origin
-        Where numbers come from that differ from those of ``base``; it begins as those in a file do.
+        Provenance of the numbers that differ from ``base``, in the form used in preset files.
     """
     curve, count = machine.clutch.dynamic, len(machine.clutches)
     clutch = replace(
@@ -48,16 +48,16 @@ def preset_of(machine: Machine, base: Preset = PRESET, *, origin: str | None = N
 
 
 def save_preset(machine: Machine, path: FilePath, *, origin: str, title: str = "") -> None:
-    """Write a machine as a preset, whose path commands and ``find_machine`` take in place of a machine.
+    """Write a machine as a preset; commands and ``find_machine`` accept its path in place of a machine.
 
     Parameters
     ----------
     machine
-        What to write. A preset has neither a hand nor another ``slip_threshold``, ``substep`` or ``lag`` than usual.
+        What to write. A preset cannot hold a hand, or non-default ``slip_threshold``, ``substep`` or ``lag``.
     path
         The file, whose name ends in ``.toml``.
     origin
-        Where numbers come from that differ from the package's own preset, in one line that begins with ``published:``,
+        Provenance of the numbers that differ from the package's own preset: one line that begins with ``published:``,
         ``derived:``, ``fitted:``, ``identified:`` or ``chosen:``.
     title
         Heading of the file.
@@ -65,7 +65,7 @@ def save_preset(machine: Machine, path: FilePath, *, origin: str, title: str = "
     Raises
     ------
     ParameterError
-        If a preset cannot hold the machine, or ``origin`` or ``path`` is no such thing.
+        If a preset cannot hold the machine, or ``origin`` or ``path`` is not of this form.
     StorageError
         If the file cannot be written.
     """
