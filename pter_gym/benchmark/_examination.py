@@ -55,7 +55,7 @@ class Assessment(NamedTuple):
 
     @property
     def value(self) -> float:
-        """The search objective, to be minimized: the path error [m] plus a penalty for each violated limit."""
+        """The search objective, to be minimised: the path error [m] plus a penalty for each violated limit."""
         over = max(0.0, (1.0 - self.completed) - MISSING * (1.0 - COMPLETION))
         over += max(0.0, self.mean_pace_error - RESERVE * PACE_ERROR)
         over += max(0.0, self.segment_pace_error - RESERVE * PACE_ERROR)

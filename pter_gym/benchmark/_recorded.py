@@ -231,7 +231,7 @@ class Recorded(Travel):
         return np.where(self.counted, acceleration, 0.0).max(axis=0)
 
     def way(self) -> Array:
-        """Return the distance traveled by the tip [m]."""
+        """Return the distance travelled by the tip [m]."""
         return np.nansum(norm(np.diff(vector(self.telemetry, "tip"), axis=0)), axis=0)
 
     def effort(self) -> Array:

@@ -64,7 +64,7 @@ class Arm:
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueCurve:
-    """Steady-state torque of a clutch over voltage: a linear and a quadratic segment, C1 (paper section IV-B.1, Fig. 5).
+    """Steady torque of a clutch over voltage: a linear and a quadratic segment, C1 (paper section IV-B.1, Fig. 5).
 
     ``T(v) = slope·v + curvature·max(v − knee, 0)²``: zero without voltage, as the paper assumes.
     """
