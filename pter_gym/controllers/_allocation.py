@@ -1,7 +1,7 @@
-"""Which clutch torques come closest to the wanted joint torques (paper section III-A), solved exactly.
+"""The clutch torques that come closest to the desired joint torques (paper section III-A), solved exactly.
 
-The reachable joint torques form the same zonotope as in the friction problem, so the nearest one is a friction
-problem too: the metric takes the place of the mass matrix, and what remains unreached that of the velocity.
+The reachable joint torques form the same zonotope as in the friction problem, so finding the nearest one is a friction
+problem too, with the metric in place of the mass matrix and the unreached remainder in place of the velocity.
 """
 
 from pter_gym._compiled.compiler import device
@@ -12,13 +12,13 @@ from pter_gym._physics.friction import resolve, share, slip_velocities, torques_
 
 @device
 def passive_low(slip: float, threshold: float, limit: float) -> float:
-    """Return the smallest torque that a passive clutch can be asked for: 0 while it slips backwards."""
+    """Return the smallest torque that a passive clutch can exert: 0 while it slips backwards."""
     return 0.0 if slip < -threshold else -limit
 
 
 @device
 def passive_high(slip: float, threshold: float, limit: float) -> float:
-    """Return the largest torque that a passive clutch can be asked for: 0 while it slips forwards."""
+    """Return the largest torque that a passive clutch can exert: 0 while it slips forwards."""
     return 0.0 if slip > threshold else limit
 
 
@@ -26,7 +26,7 @@ def passive_high(slip: float, threshold: float, limit: float) -> float:
 def allocate(
     want_a: float, want_b: float, low: PerClutch, high: PerClutch, m11: float, m12: float, m22: float, own: Own = None
 ) -> PerClutch:
-    """Return the clutch torques within bounds that come closest to the wanted joint torques [N·m].
+    """Return the clutch torques within bounds that come closest to the desired joint torques [N·m].
 
     Minimises ``(Wᵀτ − want)ᵀ·M⁻¹·(Wᵀτ − want)``, then Σ τ_x² among the minimisers. M is the identity for distances in
     joint torque, or JᵀJ for distances in tip force.

@@ -1,8 +1,8 @@
-"""What a policy is: bound to a nominal machine and a layout of observations, it acts.
+"""Policies: once bound to a nominal machine and an observation layout, they act.
 
-A *controller* is anything with ``bind``: a frozen set of gains, a trained network, a planner. A *bound policy* is what
-comes out of it: ``reset`` begins new episodes, ``act`` turns observations into volts. ``bind`` makes one of a plain
-callable, too.
+A *controller* is anything with ``bind``: a frozen set of gains, a trained network, a planner. A *bound policy* is the
+result: ``reset`` begins new episodes, ``act`` turns observations into volts. ``bind`` also turns a plain
+callable into one.
 """
 
 from abc import ABC, abstractmethod
@@ -38,7 +38,7 @@ class Plans(NamedTuple):
     horizon
         Control steps that a plan covers.
     rollouts
-        Plans that are simulated for each decision.
+        Number of plans simulated for each decision.
     """
 
     horizon: int
@@ -53,15 +53,15 @@ class BoundPolicy(ABC):
     layout
         Layout of the observations that it gets.
     compiled
-        Whether its law runs inside the kernel, where several threads can follow it at once.
+        Whether its law runs inside the kernel, where several threads can run it at once.
     fingerprint
         SHA-256 of everything that determines what it does, if that is known.
     plans
         How it plans, if it does.
     frame_skip
-        Control steps for which its actions are held, as in its training.
+        Control steps for which its actions are held, as in training.
     any_frame_skip
-        Whether it may also act at another period, as an untrained law may.
+        Whether it may also act at another period, like an untrained law.
     """
 
     layout: Layout
@@ -72,7 +72,7 @@ class BoundPolicy(ABC):
 
     @property
     def fingerprint(self) -> str | None:
-        """None: the content of a plain callable cannot be determined."""
+        """None, as the content of a plain callable cannot be determined."""
         return None
 
     def reset(self) -> None:  # noqa: B027
@@ -88,12 +88,12 @@ class BoundPolicy(ABC):
     def forget(self, worlds: NDArray[np.bool_]) -> None:
         """Forget the past of some worlds, (N,): new episodes begin in them, and go on in the others.
 
-        A policy whose ``reset`` does something has to say how. By default it can only forget all worlds at once.
+        A policy with a ``reset`` of its own has to implement this. By default, it can only forget all worlds at once.
 
         Raises
         ------
         ParameterError
-            If it would have to forget some and to remember others.
+            If it would have to forget some worlds and remember others.
         """
         if worlds.all():
             self.reset()
@@ -137,7 +137,7 @@ class BoundPolicy(ABC):
 
 @runtime_checkable
 class Controller(Protocol):
-    """A control law with its gains, or anything else that acts once it is bound."""
+    """A control law with its gains, or anything else that acts once bound."""
 
     def bind(self, machine: Machine, layout: Layout) -> Callable[[Observations], Volts]:
         """Return the policy for a nominal machine and the layout of the observations that it will get.
@@ -174,7 +174,7 @@ class PlainPolicy(BoundPolicy):
             raise self._cannot_forget()
 
     def act(self, observations: Observations) -> Any:
-        """Return what the callable does."""
+        """Return the callable's voltages."""
         return self._function(observations)
 
 
@@ -188,7 +188,7 @@ def bind(
     policy
         A controller, a bound policy, or any ``policy(observations) -> volts``, float32 (N, entries) to (N, 4).
     machine
-        The nominal machine or its name; None for PTER as it is.
+        The nominal machine or its name; None for the default PTER.
     layout
         Layout of the observations.
 
@@ -218,8 +218,8 @@ class Policy(BoundPolicy):
     law
         The scalar law; see ``pter_gym.controllers._laws``. The batch kernel inlines it.
     memory
-        Record of the law's state for each world, a ``NamedTuple`` of floats; all are zero when an episode begins,
-        except that an entry ``world`` is the number of the world.
+        Record of the law's state in each world, a ``NamedTuple`` of floats; all are zero when an episode begins, except
+        an entry ``world``, which is the number of the world.
     """
 
     gains: NDArray[np.float64]
@@ -236,7 +236,7 @@ class Policy(BoundPolicy):
 
     @property
     def fingerprint(self) -> str | None:
-        """SHA-256 of gains and law, a law of the package by its name; None if it reads something without a digest."""
+        """SHA-256 of gains and law (the package's laws by name); None if the law reads something without a digest."""
         digest = content_digest(self.law)
         return digest and sha256(self.gains.tobytes() + digest.encode()).hexdigest()
 
@@ -263,14 +263,14 @@ class Policy(BoundPolicy):
         rows
             Observations, float32 (N, entries), contiguous.
         memory
-            What the law keeps of each world, from ``empty_memory``; it is changed.
+            The law's state in each world, from ``empty_memory``; it is updated in place.
         """
         volts = np.empty((len(rows), 4), np.float32)
         _act_kernel(self.law)(rows, self._scales, self.gains, memory, volts)
         return volts
 
     def empty_memory(self, worlds: int) -> NDArray[np.float64]:
-        """Return what the law keeps at the start of an episode, a row for each world: (N, numbers of the record)."""
+        """Return the law's state at the start of an episode, a row for each world: (N, numbers of the record)."""
         return empty_memory(worlds, self.memory)
 
 

@@ -1,8 +1,8 @@
-"""The array of gains that guiding laws read: what they know of the machine, a torque table, and rows of gains by pace.
+"""The array of gains that guiding laws read: their nominal machine, a torque table, and rows of gains by pace.
 
 In this order: ``Nominal``; the voltages, then the torques of the table; the paces of the rows; the rows, each a
-``Gains``. Between two paces the gains are interpolated, beyond them the nearest row counts. If the nominal machine has
-other clutches than the paper's, its ``Arrangement`` is the end.
+``Gains``. Between two paces the gains are interpolated; beyond them the nearest row applies. If the nominal machine has
+clutches other than the paper's, its ``Arrangement`` comes last.
 """
 
 from collections.abc import Sequence
@@ -36,9 +36,9 @@ class Nominal(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """Gains of all guiding laws; a law leaves those of others at zero. Switches are on from a half.
+    """Gains of all guiding laws; a law leaves those of other laws at zero. Switches are on from 0.5.
 
-    The classes of the laws declare units and meanings, see ``Guided`` and its kinds.
+    The laws' classes declare units and meanings; see ``Guided`` and its subclasses.
     """
 
     stiffness: float = 0.0
@@ -88,7 +88,7 @@ def gains_array(
     table_volts
         Knots of the torque table [V], from 0 to the machine's largest voltage; the torques are those of its curve.
     rows_by_pace
-        Commanded pace [m/s] and gains, by rising pace.
+        Commanded pace [m/s] and gains, in order of rising pace.
     """
     arm, clutch = machine.arm, machine.clutch
     torques = [clutch.dynamic.torque(volts) for volts in table_volts]
@@ -142,10 +142,10 @@ def table_voltage(gains: Any, torque: float) -> float:
 
 @device
 def clutch_voltage(gains: Any, g: Gains, scale: float, wanted: float, slip: float, generated: float) -> float:
-    """Return the voltage [V] for a wanted clutch torque: the table, and the loop of Fig. 6 where it has a gain.
+    """Return the voltage [V] for a desired clutch torque: from the table, and the loop of Fig. 6 if it has a gain.
 
-    Magnitudes, since a voltage cannot choose a sign. A clutch of the scale 0 is not there and gets none.
-    ``hold_when_stuck`` leaves the loop out while the clutch is stuck and carries less than is wanted, where a higher
+    Torques are magnitudes, since a voltage cannot choose a sign. A clutch with scale 0 is missing and gets 0 V.
+    ``hold_when_stuck`` disables the loop while the clutch is stuck and carries less than desired, where a higher
     voltage has no effect.
     """
     error = abs(wanted) - abs(generated)

@@ -1,4 +1,4 @@
-"""What all guiding controllers share: a damper along the path, a torque table, and gains that may follow the pace."""
+"""Common parts of guiding controllers: a damper along the path, a torque table, and gains that may follow the pace."""
 
 from dataclasses import dataclass, fields
 from itertools import pairwise
@@ -29,7 +29,7 @@ class Guided:
     The controller knows the nominal machine that it is bound to: its link lengths and inertias, and the dynamic torque
     curve at ``table_volts``. Between these it interpolates, so its table is not the plant's curve. Below 4 V,
     where the paper could not measure, the table is extrapolated to (0 V, 0 N·m). It ends at the machine's largest
-    voltage: knots from there on are left out, and that one is added.
+    voltage, which replaces all knots from there on.
     """
 
     damping_tangential: float = preset("controller", "damping_tangential")
@@ -64,7 +64,7 @@ class Guided:
         require(rising and self.table_volts[:1] == (0.0,), self, "table_volts", self.table_volts, accepted)
 
     def gains(self) -> Gains:
-        """Return the gains as the law reads them: the fields of the same names, 0 for those of other laws."""
+        """Return the gains as the law reads them: the fields of the same names, and 0 for gains of other laws."""
         own = vars(self)
         return Gains(**{name: float(own[name]) for name in Gains._fields if name in own})
 
@@ -103,7 +103,7 @@ class PaceSchedule:
     hold: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check that the knots rise and go together."""
+        """Check that the knots rise in pace and match in kind."""
         accepted = "pairs of a pace > 0 and a guiding controller, by rising pace"
         knots = self.knots
         require(_are_knots(knots), self, "knots", knots, accepted)
@@ -128,7 +128,7 @@ class PaceSchedule:
         return found[pace]
 
     def bind(self, machine: Machine, layout: Layout) -> Policy:
-        """Return the policy for a nominal machine; raises as the controllers' own ``bind``."""
+        """Return the policy for a nominal machine; raises like the controllers' own ``bind``."""
         edges = (1.0 - self.hold, 1.0 + self.hold) if self.hold else (1.0,)
         rows = [(pace * edge, controller.gains()) for pace, controller in self.knots for edge in edges]
         return bind_rows(self.knots[0][1], rows, machine, layout)
@@ -149,7 +149,7 @@ def _is_knot(knot: Any) -> bool:
 
 
 def bind_rows(first: Guided, rows: list[tuple[float, Gains]], machine: Machine, layout: Layout) -> Policy:
-    """Return the policy of rows of gains by pace; the law and the table are those of the first controller."""
+    """Return the policy for rows of gains by pace, with the first controller's law and table."""
     machine = find_machine(machine)
     top = machine.clutch.voltage_max
     volts = (*(knot for knot in first.table_volts if knot < top), top)

@@ -48,7 +48,7 @@ def physical(obs: Any, scales: Any, at: float) -> float:
 
 @device
 def see_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
-    """Return the tip as the observation and the nominal machine tell it."""
+    """Return the tip as estimated from the observation and the nominal machine."""
     m11, m22, m12 = nominal.inertia_a, nominal.inertia_b, nominal.coupling
     arm = Linkage(nominal.length_a, nominal.length_b, m11, m22, m12, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0)
     q = Motion(
@@ -76,8 +76,8 @@ def see_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
 def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[float, float]:
     """Return the tip force [N] of a spring and a damper normal to the path and a brake along it.
 
-    The brake is a damper on what the speed exceeds a fraction of the commanded pace by, and ``integral`` [N]. It never
-    pushes. Backwards it is a plain damper.
+    The brake is a damper on the excess of the speed over a fraction of the commanded pace, plus ``integral`` [N]. It
+    never pushes. Backwards it is a plain damper.
     """
     speed = speed_along(tip)
     brake = g.damping_tangential * (speed - g.pace_fraction * pace) + integral
@@ -94,10 +94,10 @@ def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[floa
 
 @device
 def steps_before(obs: Any, memory: Any) -> float:
-    """Return how many control steps of the episode went before, and count this one.
+    """Return the number of earlier control steps in the episode, and count this one.
 
-    An episode begins where a tip that was on its way is back at the start, whether or not the policy was told, and the
-    memory of the one before is emptied. An episode that the law finds under way has had ``MANY``.
+    An episode begins when a tip that was under way is back at the start, whether or not the policy was told; the memory
+    of the previous episode is then cleared. An episode that the law joins midway counts as having had ``MANY``.
     """
     progress = float(obs[SEEN.progress])
     if (progress < BEGINNING) & (memory[MEMORY.progress] >= 2.0 * BEGINNING):
@@ -126,7 +126,7 @@ def guide(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 @device
 def guide_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Return the voltages of a guiding law for the clutches whose ``Arrangement`` ends the gains."""
+    """Return the voltages of a guiding law for the clutches in the ``Arrangement`` at the end of the gains."""
     return guide_by(obs, scales, gains, memory, read(gains, OWN, gains.shape[0]))
 
 
@@ -134,10 +134,10 @@ def guide_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, own: Own) -> PerClutch:
     """Return the voltages of a guiding law: impedance, single-DOF lines or velocity ratio.
 
-    All want a force at the tip (of the latter two only the brake along the path is left); Jᵀ takes it to the joints.
+    Each law has a desired tip force (for the latter two, only the brake along the path), which Jᵀ maps to the joints.
     The velocity-ratio law adds joint torques; the allocation then finds the closest torques that passive clutches can
-    exert (paper section III-A). The single-DOF law adds a torque of one clutch to what was found. The table and, where
-    it has a gain, the torque loop make voltages of them.
+    exert (paper section III-A). The single-DOF law then adds a torque of one clutch. The table and, if it has a gain,
+    the torque loop convert them to voltages.
     """
     pace = physical(obs, scales, SEEN.pace)
     nominal = read(gains, NOMINAL, 0)
@@ -169,7 +169,7 @@ def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, own: Own) -> PerClu
 def passive_torques(
     g: Gains, tip: Tip, slip: PerClutch, nominal: Nominal, want_a: float, want_b: float, own: Own = None
 ) -> PerClutch:
-    """Return the clutch torques [N·m] that come closest to the wanted joint torques and only brake."""
+    """Return the clutch torques [N·m] that come closest to the desired joint torques and only brake."""
     threshold, limit, scale = g.slip_threshold, nominal.torque_limit, nominal.scale
     low = PerClutch(
         passive_low(slip.x1, threshold, limit * scale.x1),
@@ -209,9 +209,9 @@ def allocate_in(
 def looped_voltage(
     obs: Any, scales: Any, gains: Any, g: Gains, least: float, scale: float, wanted: float, slip: float, sensor: float
 ) -> float:
-    """Return the voltage [V] of a clutch, behind the torque loop where it has a gain; only then is its sensor read.
+    """Return the voltage [V] of a clutch, after the torque loop if it has a gain; only then is its sensor read.
 
-    It is at least ``least``, but for a clutch that is not there.
+    It is at least ``least``, except for a missing clutch.
     """
     generated = physical(obs, scales, sensor) if g.feedback != 0.0 else 0.0
     return max(least if scale > 0.0 else 0.0, clutch_voltage(gains, g, scale, wanted, slip, generated))
@@ -219,7 +219,7 @@ def looped_voltage(
 
 @device
 def random_volts(gains: Any, memory: Any) -> PerClutch:
-    """Return voltages drawn evenly from 0 to a largest one; gains hold the seed and the largest of each clutch."""
+    """Return voltages drawn uniformly from 0 to each clutch's largest; gains hold the seed and these."""
     draw = np.uint64(memory[MEMORY.kept])
     memory[MEMORY.kept] += 1.0
     u1, u2, u3, u4 = uniform4(np.uint64(gains[1]), _RANDOM_STREAM, draw, np.uint64(memory[MEMORY.world]))

@@ -11,7 +11,7 @@ from pter_gym.params import Machine, find_machine, quantity, require_whole
 
 
 def largest_voltages(machine: Machine) -> list[float]:
-    """Return the largest voltage of each clutch [V], 0 for one that is not there."""
+    """Return the largest voltage of each clutch [V], 0 for a missing one."""
     machine = find_machine(machine)
     return [machine.clutch.voltage_max if scale > 0.0 else 0.0 for scale in machine.slot_scale]
 

@@ -1,4 +1,4 @@
-"""Steering by the direction of the tip: what the single-DOF and the velocity-ratio law ask of the clutches.
+"""Steering by the tip's direction: the torques that the single-DOF and the velocity-ratio law demand of the clutches.
 
 Both want the tip to move in a direction that leads back to the path: along t + (lead·κ·v − approach·e)·n, with the
 path's tangent t, normal n and curvature κ at the tip's foot, its distance e from it and its speed v along it. ``lead``
@@ -18,14 +18,14 @@ from pter_gym.controllers._gains import Gains
 
 
 class Tip(NamedTuple):
-    """The arm and its place at the path as a law sees them, in SI.
+    """The arm and its position relative to the path as a law sees them, in SI.
 
     Attributes
     ----------
     arm, q
         Nominal arm, and its motion.
     velocity
-        Of the tip [m/s].
+        Velocity of the tip [m/s].
     heading, error, curvature
         Unit vector along the path, distance from it [m], and its curvature there [1/m].
     """
@@ -57,10 +57,10 @@ def wanted_direction(g: Gains, tip: Tip) -> tuple[float, float]:
 
 @device
 def turning_torques(g: Gains, tip: Tip) -> tuple[float, float]:
-    """Return the joint torques [N·m] that turn the ratio of the joint velocities to the wanted one.
+    """Return the joint torques [N·m] that turn the ratio of the joint velocities towards the desired one.
 
-    r = J⁻¹u/|J⁻¹u| is the direction of joint velocities in which the tip moves as wanted, n is normal to it. With
-    σ = ω·n, the part of ω that has the wrong ratio, the torques are −strength·σ/max(|ω|, slow)·n: proportional to the
+    r = J⁻¹u/|J⁻¹u| is the direction of joint velocities that moves the tip as desired, and n is normal to it. With
+    σ = ω·n, the part of ω with the wrong ratio, the torques are −strength·σ/max(|ω|, slow)·n: proportional to the
     sine of the angle between ω and r, unless the arm is slower than ``slow``.
     """
     q = tip.q
@@ -83,9 +83,9 @@ def at_speed(q: Motion, omega_a: float, omega_b: float) -> Motion:
 
 @device
 def matching(tip: Tip, u_x: float, u_y: float, turn: float, line: tuple[float, float], w: tuple[float, float]) -> float:
-    """Return cos² of the angle between a clutch's line and the wanted direction, −1 if the clutch turns away from it.
+    """Return cos² of the angle between a clutch's line and the desired direction, −1 if the clutch turns away from it.
 
-    The line is that in which the tip moves while the clutch is stuck, with joint velocities along ``line``. ``turn`` is
+    The tip moves along this line while the clutch is stuck, with joint velocities along ``line``. ``turn`` is
     positive if the tip should turn to the left; the clutch with the row w of W brakes its slip w·ω and so changes the
     joint velocities by −sign(w·ω)·M⁻¹w.
     """
@@ -112,12 +112,12 @@ def line_and_row(k: int, own: Own) -> tuple[tuple[float, float], tuple[float, fl
 def steered(
     g: Gains, tip: Tip, scale: PerClutch, wanted: PerClutch, last: float, own: Own = None
 ) -> tuple[PerClutch, float]:
-    """Return the clutch torques [N·m] with that of the best line's clutch added, and its number, 0 for none.
+    """Return the clutch torques [N·m] with the torque of the best line's clutch added, and its number, 0 for none.
 
-    Some clutches turn the tip's velocity towards the wanted direction. Of these the clutch is engaged whose single-DOF
-    line matches that direction best, with strength·|sin of the angle between velocity and wanted direction|. Below the
-    speed ``slow`` the torque is less, in proportion to the speed. The clutch engaged last has ``reluctance`` added to
-    its cos². A clutch of the ``scale`` 0 is not there.
+    Of the clutches that turn the tip's velocity towards the desired direction, the one whose single-DOF line matches it
+    best is engaged, with strength·|sin of the angle between velocity and desired direction|. Below the speed ``slow``
+    the torque is reduced in proportion to the speed. The clutch engaged last gets ``reluctance`` added to its cos². A
+    clutch with ``scale`` 0 is missing.
     """
     u_x, u_y = wanted_direction(g, tip)
     speed = math.sqrt(tip.velocity.x * tip.velocity.x + tip.velocity.y * tip.velocity.y)
@@ -141,5 +141,5 @@ def steered(
 
 @device
 def enlarged(wanted: float, torque: float) -> float:
-    """Return a wanted torque with its magnitude enlarged; a brake's voltage knows no sign."""
+    """Return a desired torque with its magnitude increased; a brake's voltage has no sign."""
     return wanted + torque if wanted > 0.0 else wanted - torque

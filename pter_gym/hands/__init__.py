@@ -1,4 +1,4 @@
-"""The hand that holds the tip: kinds of hands, a library of them, and what the kernels know of them."""
+"""The hand that holds the tip: kinds of hands, a library of them, and their constants for the kernels."""
 
 from pter_gym.hands._kinds import (
     EQ5_FREQUENCIES,

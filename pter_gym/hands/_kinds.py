@@ -1,4 +1,4 @@
-"""The hand that holds the tip: forces of its own, or an arm with an intent.
+"""The hand that holds the tip: prescribed forces, or a human arm with an intent.
 
 All hands push along the path and disturb across it with up to five sines. A human arm also pulls the tip towards a
 point that moves along the path; recorded forces add to the rest.
@@ -32,14 +32,14 @@ NO_HAND = Hand()
 
 
 class Operator(ABC):
-    """A kind of hand: what it adds to the arm, and what it does by itself. Each is a frozen dataclass.
+    """A kind of hand: its impedance, added to the arm, and its own forces. Each is a frozen dataclass.
 
     Attributes
     ----------
     impedance
         Mass, damper and spring that it adds to the arm at the tip.
     frequencies
-        Of its sines [Hz].
+        Frequencies of its sines [Hz].
     """
 
     impedance: Hand = NO_HAND
@@ -56,11 +56,11 @@ class Operator(ABC):
         pace, substep
             Commanded pace [m/s] and substep [s].
         recording
-            Where its recording begins in the array of constants, and its number of instants.
+            Start of its recording in the array of constants, and its number of instants.
         """
 
     def sampled(self, period: float) -> NDArray[np.float64]:  # noqa: ARG002
-        """Return what it has recorded, forces along and across at the control instants, shape (T, 2) [N]."""
+        """Return its recorded forces along and across the path at the control instants, shape (T, 2) [N]."""
         return np.empty((0, 2))
 
 
@@ -118,15 +118,15 @@ HUMAN_ARMS = {"relaxed": RELAXED, "normal": NORMAL, "tense": TENSE}
 
 @dataclass(frozen=True, kw_only=True)
 class HumanArm(Operator):
-    """A human arm: mass, damper and spring between the tip and a point that the person means to follow.
+    """A human arm: mass, damper and spring between the tip and a point that the person intends to follow.
 
-    The point moves along the path. It starts from rest with the least jerk, so with the velocity 3u² − 2u³ over its
+    The point moves along the path. It starts from rest with minimum jerk, so with the velocity 3u² − 2u³ over its
     rise time (Flash and Hogan, J. Neurosci. 5, 1985, with a free end point), to ``eagerness`` times the commanded pace:
     a passive arm can only slow a hand down. It never leads the tip by more than ``lead``. Sines across the path are the
     person's error and tremor.
 
-    Human arms have 0.55 to 2 kg, 5 to 30 N·s/m and 100 to 600 N/m at the hand, in order of magnitude, taken as the
-    same in all directions here. These ranges were not read from the studies that measure such arms: Mussa-Ivaldi, Hogan
+    Orders of magnitude for human arms at the hand are 0.55 to 2 kg, 5 to 30 N·s/m and 100 to 600 N/m, taken as
+    isotropic here. These ranges were not read from the studies that measure such arms: Mussa-Ivaldi, Hogan
     and Bizzi (J. Neurosci. 5, 1985), Dolan, Friedman and Nagurka (IEEE Trans. SMC 23, 1993), Tsuji, Morasso, Goto and
     Ito (Biol. Cybern. 72, 1995).
     """
@@ -160,8 +160,7 @@ class HumanArm(Operator):
 class RecordedForces(Operator):
     """Forces over time from a recording: along the path, and across it, positive to the left.
 
-    Between the times the forces are interpolated at the control instants and linear between these; after the last time
-    they stay.
+    The forces are interpolated at the control instants and linear in between; after the last time they stay constant.
     """
 
     times: tuple[float, ...] = quantity("s", "recorded")
@@ -225,7 +224,7 @@ def _shortened(values: Sequence[float]) -> Sequence[float]:
 
 
 def with_sines(hand: MultiSineHand | HumanArm, substep: float) -> HandModel:
-    """Return the constants of a hand that does nothing but disturb across the path, for a substep [s]."""
+    """Return the constants of a hand that only disturbs across the path, for a substep [s]."""
     angles = (math.pi * f * substep for f in hand.frequencies)
     return NO_FORCE._replace(
         random_phases=float(hand.random_phases),

@@ -27,10 +27,10 @@ class LibraryArm:
     mass, damping, stiffness
         Symmetric positive definite matrices [kg], [N·s/m], [N/m].
     axes
-        Whether they are in the axes of the body (x to the right, y ahead) or in their own: then only the smallest and
-        the largest value over all directions are known, and they are diagonal.
+        Whether they are in body axes (x to the right, y ahead) or in principal axes: then only the smallest and largest
+        values over all directions are known, and the matrices are diagonal.
     posture
-        Of the person, or what the person does.
+        Posture or activity of the person.
     grade, provenance
         Where the numbers come from.
     source
@@ -55,7 +55,7 @@ class LibraryArm:
 
     @property
     def hand(self) -> Hand:
-        """The same in all directions, as the simulator has it: the mean over all directions, half of each trace."""
+        """The isotropic hand for the simulator: the mean over all directions, half of each trace."""
         mass, damping, stiffness = (0.5 * (m[0][0] + m[1][1]) for m in (self.mass, self.damping, self.stiffness))
         return Hand(mass=mass, damping=damping, stiffness=stiffness)
 
@@ -67,9 +67,9 @@ class LibraryTremor:
     Attributes
     ----------
     band
-        Its frequencies, from and to [Hz].
+        Lowest and highest frequency [Hz].
     acceleration
-        Amplitudes of the hand's acceleration, from and to [m/s²].
+        Smallest and largest amplitude of the hand's acceleration [m/s²].
     grade, provenance
         Where the numbers come from.
     source
@@ -91,7 +91,7 @@ class LibraryTremor:
 
     @property
     def middle(self) -> tuple[float, float]:
-        """The geometric middle of frequency [Hz] and acceleration [m/s²]."""
+        """The geometric means of frequency [Hz] and acceleration [m/s²]."""
         return math.sqrt(math.prod(self.band)), math.sqrt(math.prod(self.acceleration))
 
 

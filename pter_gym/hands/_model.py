@@ -55,7 +55,7 @@ NO_FORCE = HandModel(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, _NO_SINES, _NO_SINES, _S
 
 @device
 def intent_speed(time: float, rise: float, speed: float) -> float:
-    """Return the speed of the intended point [m/s]: from rest with the least jerk, then constant."""
+    """Return the speed of the intended point [m/s]: from rest with minimum jerk, then constant."""
     u = time / rise
     return speed * (u * u * (3.0 - 2.0 * u) if u < 1.0 else 1.0)
 
@@ -90,7 +90,7 @@ def sum_of_sines(amplitude: PerSine, sines: Sines) -> float:
 
 @device
 def advance_sines(sines: Sines, turn: Sines) -> Sines:
-    """Move sines on by turns."""
+    """Advance sines by rotations."""
     return Sines(
         turned(sines.n0, turn.n0),
         turned(sines.n1, turn.n1),

@@ -1,4 +1,4 @@
-"""Arms with a tremor: sources give the acceleration of the free hand, the simulator needs a force on the tip."""
+"""Arms with tremor: sources give the acceleration of the free hand; the simulator needs a force on the tip."""
 
 import math
 from collections.abc import Mapping
@@ -21,10 +21,10 @@ ERROR = tuple(3.0 if frequency < 3.0 else 0.0 for frequency in EQ5_FREQUENCIES)
 
 @dataclass(frozen=True, kw_only=True)
 class TremorArm(HumanArm):
-    """A human arm that trembles: a force beside what the person means to do.
+    """A human arm with tremor: a force in addition to the intended motion.
 
-    Modelling choice. Sources give the acceleration a of the free hand. That hand is taken as the arm's mass,
-    damper and spring, driven by a force of the tremor's own, so with ω = 2π·frequency its amplitude is ::
+    Modelling choice. Sources give the acceleration a of the free hand. The free hand is modelled as the arm's
+    mass, damper and spring, driven by a tremor force. With ω = 2π·frequency, its amplitude is ::
 
         force = a·|k − mω² + ibω| / ω²
 
@@ -33,11 +33,11 @@ class TremorArm(HumanArm):
 
         F(t) = force·(1 + swell·cos(2π·swell_frequency·t + swell_phase))·sin(ωt + phase)
 
-    The whole arm is taken to tremble. Where the wrist alone does, with less mass, the force is too large: it is an
-    upper bound. Reflexes, fatigue, and that load changes a tremor's frequency are left out.
+    The whole arm is assumed to tremble. If only the wrist does, with less mass, the force is too large: it is an upper
+    bound. Reflexes, fatigue and the effect of load on a tremor's frequency are left out.
 
-    Forces are stored at the control instants and linear between, which weakens a sine by sinc²(frequency·period); so
-    they are as much larger. After ``lasts`` there is no tremor.
+    Forces are stored at the control instants and linear in between, which attenuates a sine by sinc²(frequency·period);
+    this is compensated. After ``lasts`` there is no tremor.
     """
 
     amplitudes: tuple[float, ...] = quantity("N", "chosen: the person's error, below all tremor", default=ERROR)
@@ -99,13 +99,13 @@ class TremorArm(HumanArm):
 
 
 def _frequency(name: str) -> Any:
-    """Declare the frequency of a tremor of the library."""
+    """Declare the frequency of a library tremor."""
     middle, _ = LIBRARY_TREMORS[name].middle
     return quantity("Hz", f"derived: geometric middle of the band of {name}", default=middle)
 
 
 def _acceleration(name: str) -> Any:
-    """Declare the acceleration of a tremor of the library."""
+    """Declare the acceleration of a library tremor."""
     _, middle = LIBRARY_TREMORS[name].middle
     return quantity("m/s²", f"derived: geometric middle of the range of {name}", default=middle)
 
@@ -147,13 +147,13 @@ KINDS: Mapping[str, type[TremorArm]] = MappingProxyType(
 def find_hand(name: str) -> HumanArm:
     """Return a hand of the library by its name in ``LIBRARY_ARMS`` or ``LIBRARY_TREMORS``.
 
-    An arm of the library becomes a human arm with its mass, damper and spring; a tremor a human arm that trembles in
+    A library arm becomes a human arm with its mass, damper and spring; a tremor becomes a human arm that trembles with
     the middle of the tremor's ranges.
 
     Raises
     ------
     ParameterError
-        If there is no such hand; the message has the nearest names.
+        If there is no such hand; the message suggests the nearest names.
     """
     if name in KINDS:
         return KINDS[name]()

@@ -66,7 +66,7 @@ class DelrinValues:
 
 @dataclass(frozen=True, kw_only=True)
 class PathValues:
-    """The straight path of the standard test: its start relative to the drive axis, its direction and length."""
+    """The straight path of the standard test: its start from the axis of the drive, its direction and length."""
 
     x: float = number("m")
     y: float = number("m")
@@ -84,7 +84,7 @@ class HandValues:
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerValues:
-    """Spring and dampers at the tip, knots of the torque table, and the torque-loop gain."""
+    """Spring and dampers at the tip, knots of the torque table, and the gain of the torque loop."""
 
     stiffness: float = number("N/m", at_least=0.0)
     damping_normal: float = number("N·s/m", at_least=0.0)
@@ -96,7 +96,7 @@ class ControllerValues:
 
 @dataclass(frozen=True, kw_only=True)
 class SensingValues:
-    """The delay from a voltage to the motion that it causes, as seen by the computer."""
+    """The time from a voltage to the motion that it makes, as a computer sees both."""
 
     delay: float = number("s", at_least=0.0)
 

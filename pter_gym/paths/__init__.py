@@ -1,4 +1,4 @@
-"""What to follow: curves in the plane by arc length, stored as chains of circular arcs."""
+"""Paths to follow: planar curves parametrised by arc length, stored as chains of circular arcs."""
 
 from pter_gym.paths._arcs import Arcs, Path, chain, fit_arcs
 from pter_gym.paths._shapes import Arc, Circle, Line, Polyline, Sine, Spline, read_path

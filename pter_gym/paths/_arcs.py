@@ -1,4 +1,4 @@
-"""Chains of circular arcs: a path as data, with one heading and so one normal at each joint.
+"""Chains of circular arcs: a path as data, with a continuous heading and normal at each joint.
 
 A straight segment is an arc of curvature 0. Chains represent lines, arcs and rounded corners exactly and any smooth
 curve to a tolerance, by pairs of arcs with the curve's points and headings at their ends (biarcs; Bolton 1975).
@@ -85,9 +85,9 @@ class Arcs:
         )
 
     def extremes(self) -> Array:
-        """Return points of the chain [m], the nearest to the origin and the farthest among them, shape (3 S + 1, 2).
+        """Return points of the chain [m] that include the nearest to the origin and the farthest, shape (3 S + 1, 2).
 
-        They are the joints, and the points of each arc that lie in line with its centre and the origin.
+        They are the joints, and the points of each arc on the line through its centre and the origin.
         """
         x, y, cos, sin, curvature, start, length = self.table.T
         begin, heading = x + 1j * y, cos + 1j * sin
@@ -101,14 +101,14 @@ class Arcs:
 
 
 class Path(ABC):
-    """A curve in the plane by its arc length s [m]; normal errors are positive to the left of the heading.
+    """A planar curve parametrised by its arc length s [m]; normal errors are positive to the left of the heading.
 
-    A kind of path is a frozen dataclass that says its arcs in ``make_arcs``.
+    A kind of path is a frozen dataclass that returns its arcs from ``make_arcs``.
     """
 
     @abstractmethod
     def make_arcs(self) -> Arcs:
-        """Return the chain of arcs that this path is."""
+        """Return this path as a chain of arcs."""
 
     @cached_property
     def arcs(self) -> Arcs:
@@ -117,7 +117,7 @@ class Path(ABC):
         Raises
         ------
         ParameterError
-            If no arcs follow the path, because it doubles back on itself or has a kink.
+            If arcs cannot follow the path because it doubles back on itself or has a kink.
         """
         try:
             return self.make_arcs()
@@ -131,7 +131,7 @@ class Path(ABC):
 
     @property
     def max_curvature(self) -> float:
-        """Largest curvature [1/m] without its sign."""
+        """Largest absolute curvature [1/m]."""
         return float(np.abs(self.arcs.table[:, int(SEGMENT.curvature)]).max())
 
     def point(self, s: float) -> tuple[float, float]:
@@ -140,7 +140,7 @@ class Path(ABC):
         return float(x), float(y)
 
     def sampled(self, count: int) -> Array:
-        """Return points at even arc lengths from start to end [m], shape (count, 2)."""
+        """Return points at evenly spaced arc lengths from start to end [m], shape (count, 2)."""
         x, y, _, _ = self.arcs.at(np.linspace(0.0, self.length, count))
         return np.stack([x, y], axis=1)
 
@@ -158,7 +158,7 @@ Piece = tuple[complex, complex, float, float]
 
 
 def chain(pieces: Sequence[Piece]) -> Arcs:
-    """Return a chain from consecutive arcs; those that turn too far are cut."""
+    """Return a chain of consecutive arcs; those that turn too far are cut."""
     rows: list[ArcSegment] = []
     start = 0.0
     for begin, direction, curvature, length in pieces:
@@ -180,7 +180,7 @@ def parts_of(curvature: float, length: float) -> int:
 
 @device
 def end_of(point: complex, heading: complex, curvature: float, length: float) -> tuple[complex, complex]:
-    """Return where an arc from a point with a unit heading ends, and its heading there."""
+    """Return the end point and end heading of an arc from a point with a unit heading."""
     half = cmath.exp(0.5j * curvature * length)
     return point + heading * half * length * _sinc(0.5 * curvature * length), heading * (half * half)
 
@@ -225,7 +225,7 @@ def heading_through(before: complex, here: complex, after: complex) -> complex:
 
 @device
 def mirrored(heading: complex, chord: complex) -> complex:
-    """Return the unit heading at the other end of an arc, from that at one end and the chord between both."""
+    """Return the unit heading at one end of an arc, given the heading at the other end and the chord."""
     direction = chord / abs(chord)
     return direction * direction * heading.conjugate()
 

@@ -1,7 +1,7 @@
 """Projection of a moving point onto a chain of arcs, for the kernels.
 
 The flat array of constants holds the chain, an ``ArcSegment`` for each arc.
-A point keeps the arc that it was on and walks to a neighbour when its foot leaves that arc. Neighbours share a normal
+A point keeps its arc and moves to a neighbour when its foot leaves that arc. Neighbours share a normal
 at their joint, so the foot moves continuously while the point stays nearer to the path than its centre of
 curvature.
 """
@@ -35,7 +35,7 @@ def segment_at(constants: Any, first: int, segment: int) -> ArcSegment:
 
 @device
 def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
-    """Return the projection of a point (x, y) [m] onto an arc that goes on beyond its ends."""
+    """Return the projection of a point (x, y) [m] onto an arc that is extended beyond its ends."""
     from_x = x - arc.x
     from_y = y - arc.y
     along = from_x * arc.heading_cos + from_y * arc.heading_sin
@@ -61,7 +61,7 @@ def foot_on(arc: ArcSegment, segment: int, x: float, y: float) -> Foot:
 def project(constants: Any, first: int, count: int, segment: int, x: float, y: float) -> Foot:
     """Return the projection of a point (x, y) [m] onto a chain of ``count`` arcs, from the arc that it was on.
 
-    Beyond the ends of the chain its first and last arc go on.
+    Beyond the ends of the chain, its first and last arc are extended.
     """
     foot = foot_on(segment_at(constants, first, segment), segment, x, y)
     direction = 0
@@ -79,7 +79,7 @@ def project(constants: Any, first: int, count: int, segment: int, x: float, y: f
 
 @device
 def segment_of(constants: Any, first: int, count: int, s: float) -> int:
-    """Return the number of the arc that holds an arc length [m]."""
+    """Return the number of the arc that contains an arc length [m]."""
     low = 0
     high = count - 1
     while low < high:
@@ -93,7 +93,7 @@ def segment_of(constants: Any, first: int, count: int, s: float) -> int:
 
 @device
 def point_at(constants: Any, first: int, count: int, s: float) -> tuple[float, float]:
-    """Return the point (x, y) [m] of a chain at an arc length [m]; beyond the ends its first and last arc go on."""
+    """Return the point (x, y) [m] of a chain at an arc length [m]; its first and last arc are extended."""
     arc = segment_at(constants, first, segment_of(constants, first, count, s))
     along = s - arc.start
     half = 0.5 * arc.curvature * along

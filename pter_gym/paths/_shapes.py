@@ -104,7 +104,7 @@ class Circle(Path):
 
 @dataclass(frozen=True, kw_only=True)
 class Sine(Path):
-    """A sine about a straight axis: ``amplitude·sin(2π·periods·ξ/extent)`` to the left of it at its point ξ."""
+    """A sine about a straight axis: ``amplitude·sin(2π·periods·ξ/extent)`` to the left of the axis at its point ξ."""
 
     x: float = preset("path", "x")
     y: float = preset("path", "y")
@@ -138,7 +138,7 @@ class Sine(Path):
 
 @dataclass(frozen=True, kw_only=True)
 class Spline(Path):
-    """A natural cubic spline through waypoints (x, y) [m], over the length of the chords between them."""
+    """A natural cubic spline through waypoints (x, y) [m], parametrised by chord length."""
 
     points: Points = quantity("m", "chosen")
 
@@ -179,7 +179,7 @@ class Polyline(Path):
         self.make_arcs()
 
     def make_arcs(self) -> Arcs:
-        """Return lines and arcs in turn."""
+        """Return alternating lines and arcs."""
         corners = [complex(*point) for point in self.points]
         headings = [(b - a) / abs(b - a) for a, b in pairwise(corners)]
         pieces: list[Piece] = []
@@ -224,7 +224,7 @@ def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
 
 
 def check_points(owner: object, points: object, *, at_least: int) -> None:
-    """Raise a ParameterError unless the points are pairs of finite numbers, enough of them and none twice in a row."""
+    """Raise a ParameterError unless there are enough points, all pairs of finite numbers, and none twice in a row."""
     within = f"of finite numbers up to {FURTHEST:g} m"
     accepted = f"a tuple of {at_least} to {MOST_POINTS} points (x, y) {within}, none twice in a row"
     rows = cast(Points, points) if isinstance(points, tuple) else ()

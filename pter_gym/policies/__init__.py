@@ -1,4 +1,4 @@
-"""Trained policies, stored as files of numbers; they act with numpy and safetensors, without torch."""
+"""Trained policies, stored as data files; they run with numpy and safetensors, without torch."""
 
 from pter_gym.policies._cards import Card
 from pter_gym.policies._files import SHIPPED, exported_policies, read_policy, shipped_policies, write_policy

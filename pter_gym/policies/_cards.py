@@ -1,4 +1,4 @@
-"""The card of a policy: all but the weights, as JSON. What is read is checked before it is used."""
+"""The card of a policy: everything but the weights, as JSON. A card is checked on reading, before it is used."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -41,24 +41,24 @@ PAPER_ROWS = tuple(each.row for each in PAPER_CLUTCHES)
 
 @dataclass(frozen=True)
 class Card:
-    """What a policy is.
+    """The description of a policy.
 
     Attributes
     ----------
     name
         Its name.
     observation
-        Name, unit and scale of each entry of the observations that it was trained on.
+        Name, unit and scale of each entry in the observations that it was trained on.
     voltage_max
         Largest voltage of its clutches [V].
     interface
-        What its network sees and does.
+        Inputs and outputs of its network.
     hidden
         Units of the hidden layers.
     weights_sha256
         SHA-256 of the file of weights.
     about
-        Scenario, training command, versions, scores: for people; it changes nothing in how the policy acts.
+        Scenario, training command, versions, scores: for people; they do not affect how the policy acts.
     environment
         Id of the environment.
     squashed
@@ -160,7 +160,7 @@ def read_card(data: bytes, what: str) -> Card:
     Raises
     ------
     DataError
-        If it is not a whole card of this format, or made for another environment.
+        If it is not a complete card of this format, or was made for another environment.
     """
     with reading(f"policy card {what} is refused"):
         values = dict(_object(parse_json(data), "it"))
@@ -180,7 +180,7 @@ def read_card(data: bytes, what: str) -> Card:
 
 
 def read_interface(content: Any) -> Interface:
-    """Return an interface from plain data, as ``dataclasses.asdict`` gives it.
+    """Return an interface from plain data, as made by ``dataclasses.asdict``.
 
     Raises
     ------

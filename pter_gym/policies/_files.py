@@ -1,6 +1,6 @@
 """Policies as files: ``NAME.json`` is the card, ``NAME.safetensors`` the weights; ``NAME.md`` is for people.
 
-Nothing in such a file can be executed. Sizes, names, shapes, types and checksums are checked before a number is used.
+Nothing in these files can be executed. Sizes, names, shapes, types and checksums are checked before any number is used.
 """
 
 import hashlib
@@ -55,38 +55,38 @@ def shipped_policies(folder: FilePath = SHIPPED) -> tuple[str, ...]:
 
 
 def exported_policies(folder: FilePath = Path()) -> tuple[str, ...]:
-    """Return the names of the policies in a folder that have both card and weights; by default, in the present one."""
+    """Return the names of the policies in a folder that have both card and weights; by default, the current one."""
     where = find_path("folder", folder)
     return tuple(name for name in shipped_policies(where) if (where / f"{name}{WEIGHTS}").is_file())
 
 
 def is_path(name: str) -> bool:
-    """Tell whether a name means the files of an exported policy: it has a folder or one of the endings."""
+    """Tell whether a name means the files of an exported policy: it has a folder or one of the extensions."""
     return "/" in name or name != Path(name).name or name.endswith(ENDINGS) or name in ("~", ".", "..")
 
 
 def is_here(name: str) -> bool:
-    """Tell whether the present folder has an exported policy or a folder of this name."""
+    """Tell whether the current folder has an exported policy or a folder of this name."""
     return name in exported_policies() or find_path("policies", name).is_dir()
 
 
 def read_policy(name: FilePath, folder: FilePath | None = None) -> Neural:
-    """Return a trained policy as a controller: bound to a machine and a layout, it acts.
+    """Return a trained policy as a controller, which acts once bound to a machine and a layout.
 
     ``pter_gym.load_policy`` returns one that is ready to act in an environment.
 
     Parameters
     ----------
     name
-        The name of one that the package ships or that is in the present folder, or the path of an exported one:
-        ``folder/name``, with or without the ending of one of its files, or a folder with only that policy.
+        The name of a shipped policy or of one in the current folder, or the path of an exported one: ``folder/name``,
+        with or without the extension of one of its files, or a folder with only that policy.
     folder
         Folder of its files, for a name without a path.
 
     Raises
     ------
     ParameterError
-        If a policy cannot have this name, or there is none of it; the message suggests the nearest.
+        If a policy cannot have this name, or there is none by it; the message suggests the nearest.
     DataError
         If a file is missing, too large or malformed; nothing in it was executed.
     """
@@ -114,7 +114,7 @@ def find_exported(path: FilePath) -> tuple[str, Path]:
     Parameters
     ----------
     path
-        ``folder/name``, with or without the ending of one of its files, or a folder with only that policy.
+        ``folder/name``, with or without the extension of one of its files, or a folder with only that policy.
 
     Raises
     ------
@@ -152,14 +152,14 @@ def _load(name: str, folder: Path) -> Neural:
 
 
 def read_network(data: bytes, card: Card, what: str) -> Network:
-    """Return the network in the bytes of a file of weights.
+    """Return the network stored in the bytes of a weights file.
 
     Parameters
     ----------
     data
         The file's content.
     card
-        What it must fit.
+        The card that it must fit.
     what
         The file's name, for messages.
 
@@ -194,7 +194,7 @@ def read_network(data: bytes, card: Card, what: str) -> Network:
 
 
 def _tensors(data: bytes) -> dict[str, NDArray[Any]]:
-    """Return the tensors in a file of weights; the library would accept a header that has a name twice."""
+    """Return the tensors in a weights file; the library itself would accept a header with a duplicate name."""
     size = int.from_bytes(data[:SIZE], "little")
     parse_json(data[SIZE : SIZE + size], MOST_CARD)
     try:
@@ -215,7 +215,7 @@ def write_policy(card: Card, tensors: dict[str, NDArray[np.float32]], text: str,
     text
         Model card in Markdown.
     folder
-        Where to; it must exist.
+        Folder for the files; it must exist.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""What a network sees of an observation, and how its outputs become voltages.
+"""How an observation becomes a network's inputs, and how its outputs become voltages.
 
-The inputs are quantities of the observation and some derived from it, each shifted and scaled. The four outputs within
-[−1, 1] are voltages relative to the middle of the range, or to those of a base controller (a residual policy), or the
-environments' normalised actions.
+The inputs are quantities in the observation or derived from it, each shifted and scaled. The four outputs within
+[−1, 1] are voltages relative to the middle of the range or to a base controller's voltages (a residual policy), or they
+are the environments' normalised actions.
 """
 
 from collections.abc import Mapping, Sequence
@@ -59,7 +59,7 @@ class Input:
     scale: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check the numbers; a bound interface has checked the name."""
+        """Check the numbers; the name is checked on binding."""
         require_kind(self, "name", str)
         require_number(self, "center")
         require_number(self, "scale", above=0.0)
@@ -76,7 +76,7 @@ class Base:
     paces
         Commanded paces [m/s], rising.
     gains
-        For each pace, all gains of the controller by name; those that are left out become its defaults.
+        For each pace, the controller's gains by name; missing ones take their defaults.
     """
 
     controller: str
@@ -84,7 +84,7 @@ class Base:
     gains: tuple[Mapping[str, Any], ...]
 
     def __post_init__(self) -> None:
-        """Check names and numbers by making the controllers, and fill in the gains that are left out."""
+        """Check names and numbers by making the controllers, and fill in missing gains."""
         rising = all(low < high for low, high in pairwise((0.0, *self.paces, np.inf)))
         require(rising and len(self.paces) > 0, self, "paces", self.paces, "rising numbers > 0")
         require(len(self.gains) == len(self.paces), self, "gains", self.gains, "one set for each pace")
@@ -101,26 +101,26 @@ class Base:
 
 @dataclass(frozen=True)
 class Interface:
-    """What a network sees and how its outputs become voltages.
+    """A network's inputs, and how its outputs become voltages.
 
     Attributes
     ----------
     inputs
-        What it sees, in order.
+        Its inputs, in order.
     reach
         Voltage of an output of 1, relative to the middle of the range or to the base controller [V].
     base
-        What the outputs correct; None for the middle of the range.
+        The controller that the outputs correct; None for the middle of the range.
     history
-        How many control steps ago the network sees its inputs too, rising. Before the start of an episode they are as
-        they were at the start.
+        Delays in control steps, rising, at which the network also sees its inputs. Before the start of an episode, they
+        equal those at the start.
     averages
-        Time constants in control steps, rising, of first-order low-passes of its inputs, which the network sees too.
+        Time constants in control steps, rising, of first-order low-passes of its inputs, which the network also sees.
     normalised
-        Whether the outputs a are the environments' normalised actions, for voltage_max·((a + 1)/2)². They correct no
-        base then and have no reach.
+        Whether the outputs a are the environments' normalised actions, for voltage_max·((a + 1)/2)². Then there is no
+        base, and ``reach`` is not used.
     frame_skip
-        Control steps for which a decision is held; history and averages count decisions then.
+        Control steps for which a decision is held; history and averages then count decisions.
     """
 
     inputs: tuple[Input, ...]
@@ -148,11 +148,11 @@ class Interface:
 
     @property
     def size(self) -> int:
-        """Number of inputs of the network, those of earlier control steps and averages included."""
+        """Number of inputs of the network, including earlier control steps and averages."""
         return len(self.inputs) * (1 + len(self.history) + len(self.averages))
 
     def bind(self, machine: Machine, layout: Layout) -> "BoundInterface":
-        """Return the interface for a nominal machine and a layout of observations.
+        """Return the interface for a nominal machine and an observation layout.
 
         Raises
         ------
@@ -163,12 +163,12 @@ class Interface:
 
 
 class BoundInterface:
-    """An interface that is bound to a machine and a layout of observations.
+    """An interface bound to a machine and an observation layout.
 
     Attributes
     ----------
     columns, center, scale
-        Of each input: its number among the quantities, and what it is shifted and scaled by.
+        For each input: its index among the quantities, its shift and its scale.
     """
 
     def __init__(self, interface: Interface, machine: Machine, layout: Layout) -> None:
@@ -189,19 +189,19 @@ class BoundInterface:
         self.history, self.averages = interface.history, interface.averages
 
     def begin(self, worlds: int) -> "Past":
-        """Return the empty past of so many worlds."""
+        """Return the empty past of that many worlds."""
         blank = np.zeros((worlds, 0)) if self.base is None else self.base.empty_memory(worlds)
         return Past(blank, len(self.columns), self.history, self.averages)
 
     def see(self, obs: NDArray[np.float32], past: "Past") -> tuple[Array, Array]:
-        """Return what the network sees and the voltages that it corrects.
+        """Return the network's inputs and the voltages that it corrects.
 
         Parameters
         ----------
         obs
             Observations, float32 (N, entries).
         past
-            What the network saw before of the same worlds; the present is added to it.
+            What the network has seen of the same worlds; the present is added.
 
         Returns
         -------
@@ -233,13 +233,13 @@ class BoundInterface:
 
 
 class Past:
-    """What a network saw of some worlds before.
+    """What a network has seen of some worlds.
 
     Parameters
     ----------
     blank
-        Memory of the base controller's law at the start of an episode, a row for each world; without entries if there
-        is no base.
+        Memory of the base controller's law at the start of an episode, a row for each world; rows are empty without a
+        base.
     inputs
         Number of inputs.
     history, averages
@@ -266,9 +266,9 @@ class Past:
         return self._memory
 
     def add(self, present: Array) -> Array:
-        """Return inputs (N, inputs) with earlier ones behind them, the latest first, then averages: (N, size).
+        """Return inputs (N, inputs) followed by earlier ones, the latest first, and averages: (N, size).
 
-        A world that begins is as if it had always seen the present.
+        In a world that begins, the past equals the present.
         """
         fresh = self._empty[:, None]
         self._rows[1:] = self._rows[:-1].copy()
@@ -279,11 +279,11 @@ class Past:
         return np.concatenate([self._rows[self._ages], self._means]).transpose(1, 0, 2).reshape(self.worlds, -1)
 
     def get_state(self) -> dict[str, NDArray[Any]]:
-        """Return all that changes."""
+        """Return the changing state."""
         return {"rows": self._rows, "means": self._means, "memory": self._memory, "empty": self._empty}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go on where ``get_state`` was called; arrays may be tensors."""
+        """Restore the state from ``get_state``; arrays may be tensors."""
         for name, mine in self.get_state().items():
             mine[:] = state[name]
 
@@ -291,7 +291,7 @@ class Past:
 def squared(linear: Any, voltage_max: float) -> Any:
     """Return the voltages [V] of normalised actions, from their share of the bounds times the largest voltage [V].
 
-    Bit for bit as the kernel's ``scaled_volts``, without numba.
+    Bitwise identical to the kernel's ``scaled_volts``, without numba.
     """
     return linear * (linear / voltage_max)
 
@@ -302,19 +302,19 @@ def available(layout: Layout, *, residual: bool) -> list[str]:
 
 
 def seen_without(names: Sequence[str], blind: Sequence[str]) -> list[str]:
-    """Return the names of the quantities that remain to be seen.
+    """Return the names of the quantities that remain visible.
 
     Parameters
     ----------
     names
-        Of all quantities, as ``available`` gives them.
+        All quantities, from ``available``.
     blind
-        Names or groups that are not to be seen; a group is all names that begin with it and an underscore.
+        Names or groups to leave out; a group is all names that begin with it and an underscore.
 
     Raises
     ------
     ParameterError
-        If there is no such quantity or group, with the nearest, or none would remain.
+        If there is no such quantity or group (the nearest is suggested), or none would remain.
     """
     groups = dict.fromkeys(name.rpartition("_")[0] for name in names if "_" in name)
     known = [*names, *(group for group in groups if group not in names)]
@@ -338,7 +338,7 @@ def quantities(physical: Any, base: Any, layout: Layout, *, residual: bool) -> A
     Parameters
     ----------
     physical
-        Observations in their units, (N, entries); an array of NumPy or of another library with its array interface.
+        Observations in their units, (N, entries); a NumPy array or one from a library with the same interface.
     base
         Voltages of the base controller [V], (N, 4).
     layout

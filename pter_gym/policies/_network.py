@@ -1,4 +1,4 @@
-"""The network of a policy, in numpy: an LSTM if it has one, hidden layers with tanh, and an output."""
+"""The network of a policy, in numpy: an optional LSTM, hidden layers with tanh, and an output layer."""
 
 from dataclasses import dataclass
 
@@ -10,16 +10,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LSTM:
-    """Long short-term memory (Hochreiter and Schmidhuber, 1997), with the gates of torch.
+    """Long short-term memory (Hochreiter and Schmidhuber, 1997), with torch's gates.
 
     The rows of its tensors are four gates of U units each: input, forget, cell, output.
 
     Attributes
     ----------
     weight_inputs, weight_hidden
-        From the inputs and from its last outputs to the gates, (4·U, inputs) and (4·U, U).
+        Weights from the inputs and from its last outputs to the gates, (4·U, inputs) and (4·U, U).
     bias
-        Of the gates, (4·U,).
+        Biases of the gates, (4·U,).
     """
 
     weight_inputs: Array
@@ -28,7 +28,7 @@ class LSTM:
 
     @property
     def units(self) -> int:
-        """U."""
+        """Number of units, U."""
         return self.weight_hidden.shape[1]
 
     def __call__(self, inputs: Array, memory: Array) -> Array:
@@ -42,7 +42,7 @@ class LSTM:
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Layers of a network.
+    """A feed-forward network with an optional LSTM.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Network:
     squashed
         Whether the outputs of the last layer go through tanh like those of the others.
     lstm
-        LSTM between the inputs and the first layer, if there is one.
+        LSTM between the inputs and the first layer, if any.
     """
 
     weights: tuple[Array, ...]
@@ -62,7 +62,7 @@ class Network:
     lstm: LSTM | None = None
 
     def begin(self, worlds: int) -> Array:
-        """Return the empty memory of some worlds, a row for each; it has no entries without an LSTM."""
+        """Return the empty memory of some worlds, a row for each; rows are empty without an LSTM."""
         return np.zeros((worlds, 0 if self.lstm is None else 2 * self.lstm.units))
 
     def __call__(self, inputs: Array, memory: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""A trained policy: a card, a network, and what acts."""
+"""A trained policy: its card and network, and the bound policy."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -34,9 +34,9 @@ class Neural:
     Attributes
     ----------
     card
-        What it is.
+        Its description.
     network
-        From inputs to outputs.
+        Maps inputs to outputs.
     """
 
     card: Card
@@ -62,20 +62,20 @@ class Neural:
 class NeuralPolicy:
     """A trained policy that is ready to act: ``policy(observation) -> volts``.
 
-    With a history or an LSTM it remembers, and does not notice when an episode begins: call ``reset``, or ``forget``
-    where only some worlds begin. ``pter_gym.load_policy`` returns a policy that notices.
+    With a history or an LSTM it has memory, and does not detect when an episode begins: call ``reset``, or ``forget``
+    if only some worlds begin. ``pter_gym.load_policy`` returns a policy that detects this.
 
     Parameters
     ----------
     interface
-        What the network sees and does.
+        The network's inputs and outputs.
     network
         From inputs to outputs.
 
     Attributes
     ----------
     frame_skip
-        Control steps for which a decision is to be held.
+        Control steps for which a decision should be held.
     """
 
     def __init__(self, interface: BoundInterface, network: Net) -> None:

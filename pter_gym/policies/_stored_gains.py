@@ -17,12 +17,12 @@ def gains_of(controller: "Guided") -> dict[str, Any]:
 
 
 def make_guided(name: str, gains: Mapping[str, Any]) -> "Guided":
-    """Return a controller by its name in ``CONTROLLERS``; gains that are not named are its defaults.
+    """Return a controller by its name in ``CONTROLLERS``; unnamed gains take their defaults.
 
     Raises
     ------
     ParameterError
-        If there is no such controller or gain, which tells the nearest, or a gain is refused.
+        If there is no such controller or gain (the nearest is suggested), or a gain is rejected.
     """
     from pter_gym.controllers import CONTROLLERS, Guided  # loads numba, which policies without a base do not need
 

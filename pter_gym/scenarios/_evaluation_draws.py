@@ -1,4 +1,4 @@
-"""The draws of evaluation episodes, stored and fresh ones, apart from all training draws."""
+"""The draws of stored and fresh evaluation episodes, separate from all training draws."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ FRESH, FRESH_RESETS, FRESH_ORDER = 20261121, 20261122, 20261123
 
 
 class EvaluationDraw(NamedTuple):
-    """A machine, a task, and the kind of episode within which intervals draw again."""
+    """A machine, a task, and the stratum within which bootstrap intervals resample."""
 
     machine: Machine
     task: PathFollowing
@@ -31,15 +31,15 @@ class EvaluationDraw(NamedTuple):
 def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -> list[EvaluationDraw]:
     """Return evaluation episodes of a scenario, always the same for the same seed.
 
-    The phases of the hand's sines are drawn here, so the noise of the sensors is all that is left to the reset's seed.
+    The phases of the hand's sines are drawn here, so the reset's seed only determines the sensor noise.
 
     Parameters
     ----------
     scenario
-        Whose episodes to draw.
+        The scenario.
     fresh
-        Seed ≥ 0 of fresh episodes, and the name of their pace: as many as the stored ones of each stratum. They differ
-        from pace to pace, so a policy cannot use what it remembers of another. None draws the stored ones.
+        Seed ≥ 0 of fresh episodes, and the name of their pace: as many in each stratum as stored ones. They differ from
+        pace to pace, so a policy cannot use what it remembers from another pace. None draws the stored ones.
     """
     rng = np.random.default_rng(_seed(scenario))
     draws = Randomisation(machine=scenario.machine, task=scenario.task)
@@ -51,7 +51,7 @@ def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -
 
 
 def fresh_strata(scenario: Scenario, stored: Sequence[str], fresh: tuple[int, str]) -> tuple[str, ...]:
-    """Return the strata of fresh episodes: those of the stored ones in another order, so no place tells a stratum."""
+    """Return the strata of fresh episodes: the stored ones shuffled, so that position does not reveal them."""
     rng = np.random.default_rng(_fresh_seed(FRESH_ORDER, scenario, fresh))
     return tuple(stored[int(k)] for k in rng.permutation(len(stored)))
 
@@ -65,7 +65,7 @@ def fresh_reset_seeds(scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
 def _fresh(
     scenario: Scenario, draws: Randomisation, strata: Sequence[str], fresh: tuple[int, str]
 ) -> list[EvaluationDraw]:
-    """Return new draws with these strata at their places; draws of a stratum that is full are dropped."""
+    """Return new draws with these strata in this order; draws for a full stratum are dropped."""
     free: dict[str, list[int]] = {}
     for place, stratum in reversed(list(enumerate(strata))):
         free.setdefault(stratum, []).append(place)
@@ -98,7 +98,7 @@ def _name(scenario: Scenario) -> bytes:
 
 
 def _with_phases(task: PathFollowing, rng: np.random.Generator) -> PathFollowing:
-    """Return the task with the phases that its hand would draw at a reset."""
+    """Return the task with the phases that its hand would draw on a reset."""
     if not isinstance(task.hand, (MultiSineHand, HumanArm)) or not task.hand.random_phases:
         return task
     phases = tuple(rng.uniform(0.0, 2.0 * math.pi, SINES).tolist())

@@ -1,4 +1,4 @@
-"""One machine in place of those that a scenario draws: a named one, or a user's own from its preset."""
+"""One machine in place of those that a scenario draws: a named one, or a user's own from a preset."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -18,15 +18,15 @@ Task = TypeVar("Task", PathFollowing, "PathFollowing | Vary[PathFollowing]")
 
 @dataclass(frozen=True)
 class OwnMachine:
-    """A machine, and the delay of its sensors, if that is known.
+    """A machine and the delay of its sensors, if known.
 
     Attributes
     ----------
     machine
         The machine.
     delay
-        Time from a voltage to the observation of the motion that it makes [s], at least 0, which is rounded to control
-        steps; None leaves the sensors of a task as they are.
+        Delay from a voltage to the observation of the resulting motion [s], at least 0, rounded to control steps; None
+        leaves a task's sensors unchanged.
     """
 
     machine: Machine
@@ -62,19 +62,19 @@ def find_own(machine: AnyMachine) -> OwnMachine:
 
 
 def on_machine(scenario: Scenario, machine: AnyMachine) -> Scenario:
-    """Return a scenario with one machine for all episodes; raises as ``find_own`` and ``as_sensed`` do."""
+    """Return a scenario with one machine for all episodes; raises like ``find_own`` and ``as_sensed``."""
     own = find_own(machine)
     varied = Varied(InPlaceOf(scenario.machine, own.machine), as_sensed(scenario.task, own))
     return replace(scenario, own=own.machine, own_varied=varied)
 
 
 class InPlaceOf(Vary[Drawn]):
-    """One value in place of drawn ones; it leaves later draws as they are without it.
+    """One fixed value in place of drawn ones, without changing later draws.
 
     Parameters
     ----------
     others
-        A value, or what they are drawn from.
+        A value or distribution.
     one
         The value.
     """
@@ -94,12 +94,12 @@ class InPlaceOf(Vary[Drawn]):
 
 
 def as_sensed(task: Task, own: OwnMachine) -> Task:
-    """Return a task, or what it is drawn from, with the delay of a machine's sensors, if that is known.
+    """Return a task or its distribution with the delay of a machine's sensors, if known.
 
     Raises
     ------
     ParameterError
-        If that is later than a task can be.
+        If the delay is longer than a task allows.
     """
     if own.delay is None:
         return task
@@ -117,7 +117,7 @@ def as_sensed(task: Task, own: OwnMachine) -> Task:
 
 
 def _with(value: Any, name: str, change: Callable[[Any], Any]) -> Any:
-    """Return a dataclass, or what it is drawn from, with a field or the distribution of that field changed."""
+    """Return a dataclass or its distribution with a field, or that field's distribution, changed."""
     if isinstance(value, OneOf):
         return OneOf(tuple(_with(option, name, change) for option in value.options))
     if not isinstance(value, Vary):

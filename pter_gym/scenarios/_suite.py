@@ -24,7 +24,7 @@ PACES = MappingProxyType({"slow": 0.12, "medium": 0.25, "brisk": 0.5})
 
 
 class Varied(NamedTuple):
-    """What varies in a scenario; the task's pace is set when it is run or made into an environment."""
+    """What varies in a scenario; the task's pace is set on running it or making an environment."""
 
     machine: "Machine | Vary[Machine]"
     task: "PathFollowing | Vary[PathFollowing]"
@@ -37,18 +37,18 @@ class Scenario:
     Attributes
     ----------
     name, version
-        As in the id ``PTER/<Name>-v<version>``.
+        Name and version, as in the id ``PTER/<Name>-v<version>``.
     asks
-        What it requires of a policy, in a sentence.
+        What it requires of a policy, in one sentence.
     episodes
         Number of its stored evaluation episodes.
     stratum
-        The part of the task whose kind is the stratum of an evaluation episode.
+        The part of the task whose kind defines an evaluation episode's stratum.
     place
-        Number from which the seed of its evaluation episodes is made; by default the seed follows from name and
+        Number from which the seed of its evaluation episodes is derived; by default, the seed is derived from name and
         version.
     own
-        The machine in place of those that it would draw, if there is one; see ``find_scenario``.
+        The machine in place of those that it would draw, if any; see ``find_scenario``.
     own_varied
         What varies with that machine; by default the entry of ``_variations.VARIED``.
     """
@@ -64,7 +64,7 @@ class Scenario:
 
     @property
     def nominal(self) -> "Machine":
-        """The machine that controllers are bound to: its own one, or the paper's."""
+        """The machine that controllers are bound to: the scenario's own, or the paper's."""
         from pter_gym.params import BASELINE
 
         return self.own or BASELINE
@@ -99,7 +99,7 @@ class Scenario:
         Parameters
         ----------
         pace
-            Commanded pace [m/s] or its name in ``PACES``; None draws it between the slowest and the fastest of them.
+            Commanded pace [m/s] or its name in ``PACES``; None draws it between the slowest and the fastest.
         contexts, seed
             Number of pairs of machine and task, and the seed of their list.
         **stated
@@ -151,13 +151,14 @@ def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
     name
         Its name.
     machine
-        One for all its episodes, in place of those that it draws: itself, its name in ``pter_gym.params.MACHINES``, or
-        the path of a preset, whose delay all observations get. Paths and hands are drawn as without it.
+        A machine for all its episodes, in place of those that it draws: the machine, its name in
+        ``pter_gym.params.MACHINES``, or the path of a preset, whose delay applies to all observations. Paths and hands
+        are drawn as usual.
 
     Raises
     ------
     ParameterError
-        If there is no such scenario or machine, with the nearest, or the delay of a preset is too long for a task.
+        If there is no such scenario or machine (the nearest is suggested), or a preset's delay is too long for a task.
     DataError
         If a preset is malformed.
     """

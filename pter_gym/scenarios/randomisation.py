@@ -1,7 +1,7 @@
 """Distributions over machines and tasks: what varies from episode to episode.
 
-``Vary(base, field=distribution, …)`` is a frozen dataclass ``base`` some of whose fields are drawn; a field may vary
-in turn. ``Randomisation`` draws a list of pairs of machine and task from one seed; a world draws one of them at each
+``Vary(base, field=distribution, …)`` draws some fields of a frozen dataclass ``base``; a field's value may itself be a
+``Vary``. ``Randomisation`` draws a list of pairs of machine and task from one seed; a world draws one pair at each
 reset.
 """
 
@@ -26,14 +26,14 @@ ROOM = 1.5
 
 
 class Distribution(Protocol):
-    """What a value is drawn from."""
+    """A distribution that a value is drawn from."""
 
     def draw(self, rng: np.random.Generator) -> Any:
         """Return a value drawn with a generator."""
         ...
 
     def extremes(self) -> Sequence[Any]:
-        """Return values at the ends of what can be drawn."""
+        """Return the extreme values of the distribution."""
         ...
 
 
@@ -69,7 +69,7 @@ class LogUniform(_Range):
         super().__post_init__()
 
     def draw(self, rng: np.random.Generator) -> float:
-        """Return a number whose logarithm is drawn evenly."""
+        """Return a number whose logarithm is drawn uniformly."""
         return math.exp(rng.uniform(math.log(self.low), math.log(self.high)))
 
 
@@ -107,14 +107,14 @@ class Tuple:
 
 @dataclass(frozen=True)
 class Shared:
-    """A tuple of products: one factor that all share, times an individual one."""
+    """A tuple of products: one shared factor times an individual factor each."""
 
     common: Distribution
     own: Distribution
     count: int
 
     def draw(self, rng: np.random.Generator) -> tuple[float, ...]:
-        """Return ``count`` products of one shared draw and draws of their own."""
+        """Return ``count`` products of one shared draw and one individual draw each."""
         factor = self.common.draw(rng)
         return tuple(factor * self.own.draw(rng) for _ in range(self.count))
 
@@ -155,8 +155,8 @@ class Vary(Generic[Drawn]):
     Raises
     ------
     ParameterError
-        If there is no such field, or the dataclass refuses a value at an end of what can be drawn, of one field or of
-        all fields together. The message names the field.
+        If there is no such field, or the dataclass rejects an extreme value, of one field or of all fields together.
+        The message names the field.
     """
 
     def __init__(self, base: Drawn, **fields: Distribution) -> None:
@@ -180,7 +180,7 @@ class Vary(Generic[Drawn]):
         return [cast(Drawn, replace(cast(Any, self.base), **change)) for change in changes]
 
     def __repr__(self) -> str:
-        """Return the call that makes this."""
+        """Return the call that makes this object."""
         fields = "".join(f", {name}={field!r}" for name, field in self.fields.items())
         return f"Vary({self.base!r}{fields})"
 
@@ -202,7 +202,7 @@ class Randomisation:
     Attributes
     ----------
     machine, task
-        What is drawn, or a fixed value.
+        Distributions or fixed values.
     contexts
         Number of pairs in the list that worlds draw from.
     seed
@@ -225,13 +225,13 @@ class Randomisation:
         Raises
         ------
         ParameterError
-            If too few draws are tasks that their machines can do.
+            If too few of the drawn tasks suit their machines.
         """
         rng = np.random.default_rng([self.seed, 0x5452])
         return [self.draw(rng) for _ in range(self.contexts)]
 
     def draw(self, rng: np.random.Generator) -> tuple[Machine, PathFollowing]:
-        """Return a pair that fits together; a path without room in the workspace is drawn again."""
+        """Return a matching pair; a path that does not fit the workspace is drawn again."""
         for attempt in range(TRIES):
             machine, task = drawn(self.machine, rng), drawn(self.task, rng)
             require(isinstance(machine, Machine), self, "machine", self.machine, "a Machine, or draw one")
@@ -248,7 +248,7 @@ class Randomisation:
 
 @dataclass(frozen=True, kw_only=True)
 class Mixture:
-    """Several randomisations as one, whose list has the pairs of all: each counts by its own number of pairs.
+    """Several randomisations as one, with the pairs of all: each is weighted by its own number of pairs.
 
     Attributes
     ----------

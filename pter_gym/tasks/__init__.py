@@ -1,1 +1,1 @@
-"""Goals: reset law, observation, reward and termination."""
+"""Tasks: reset, observation, reward and termination."""

@@ -1,8 +1,8 @@
-"""How good could it be? Model-predictive control over the compiled simulator.
+"""Model-predictive control with the compiled simulator, to show how good a policy could be.
 
-``Privileged`` knows the true machine, the true hand and its future. No controller of a real machine can: it is marked
-so wherever its scores are shown, and has no rank. It shows what the clutches can do, beside what laws do with them.
-``Honest`` knows the nominal machine, path and pace, and what the sensors have told so far.
+``Privileged`` knows the true machine, the true hand and its future. No controller of a real machine can, so its
+scores are marked wherever they are shown, and it is not ranked. It shows what the clutches can do. ``Honest`` knows the
+nominal machine, path and pace, and the sensor readings so far.
 """
 
 from pter_gym.controllers._predictive.honest import HonestPlanner

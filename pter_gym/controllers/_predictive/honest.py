@@ -1,8 +1,8 @@
-"""What can be known: a predictive controller on the nominal machine, from what the observation holds.
+"""A predictive controller that uses only what can be known: the nominal machine and the observations.
 
-It knows path and pace, which it was commanded, and the nominal machine. The pose and the velocities it takes from the
-observation, the torques of the clutches from the voltages that it sent and the torque sensors, and what the hand will
-do from the forces that it has measured so far.
+It knows the commanded path and pace and the nominal machine. It takes pose and velocities from the observation, clutch
+torques from the voltages that it sent and from the torque sensors, and predicts the hand from the forces measured so
+far.
 """
 
 import math
@@ -38,15 +38,15 @@ FADING_TIME = 0.05
 
 
 class ForceForecast:
-    """What the hand will do, from what it did: its force along the path stays, that across it dies away.
+    """A forecast of the hand's force: along the path it stays, across the path it decays.
 
-    Across the path a hand disturbs, and what it does now says little about what it does later. On training draws of
-    ``standard`` a force that dies away within 50 ms was a better guess than one that stays, and than none.
+    Across the path the hand is a disturbance that soon changes. On training draws of ``standard``, a force that decays
+    within 50 ms was a better forecast than a constant force or none.
 
     Parameters
     ----------
     period
-        Of the control steps [s].
+        Control period [s].
     count
         Number of control instants to look ahead, the present one included.
     """
@@ -56,7 +56,7 @@ class ForceForecast:
         self.along: float | None = None
 
     def forecast(self, along: float, across: float) -> Array:
-        """Take the forces measured now and return those of the coming instants, along and across, (count, 2) [N]."""
+        """Take the forces measured now; return a forecast for the next instants, along and across, (count, 2) [N]."""
         self.along = along if self.along is None else self.along + SMOOTHING * (along - self.along)
         return np.stack([np.full(len(self.fading), self.along), across * self.fading], axis=1)
 
@@ -76,7 +76,7 @@ def known_part(task: PathFollowing, horizon: int) -> PathFollowing:
 
 
 def motion_seen(see: dict[str, float]) -> Motion:
-    """Return the arm's motion from the entries of an observation in their units; unit vectors are made so again."""
+    """Return the arm's motion from an observation's entries in their units; unit vectors are renormalised."""
     size_a = math.hypot(see["cos_a"], see["sin_a"])
     size_b = math.hypot(see["cos_b"], see["sin_b"])
     return Motion(
@@ -92,7 +92,7 @@ def motion_seen(see: dict[str, float]) -> Motion:
 
 
 class Belief:
-    """The state of a world as an observer believes it to be.
+    """The state of a world as estimated by an observer.
 
     Parameters
     ----------
@@ -149,14 +149,14 @@ class Belief:
 
 
 class HonestPlanner:
-    """Plans for one world from its observations alone.
+    """A planner for one world that uses only its observations.
 
     Parameters
     ----------
     settings
         Of the method.
     task
-        Its path, pace and workspace are used, and nothing else.
+        Only its path, pace and workspace are used.
     guide, nominal
         As for ``Planner``.
     layout
@@ -172,7 +172,7 @@ class HonestPlanner:
         self.planner = Planner(settings, nominal, known, guide, nominal)
 
     def decide(self, obs: Observations) -> Array:
-        """Return the voltages for the next control step, (4,), from an observation with force sensors, (entries,)."""
+        """Return the voltages of the next control step, (4,), from an observation with force sensors, (entries,)."""
         self.belief.update(obs)
         layout = self.belief.layout
         forces = self.hand.forecast(

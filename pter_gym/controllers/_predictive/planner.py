@@ -1,9 +1,9 @@
-"""The cross-entropy method over the compiled simulator: the best of many plans for the coming voltages.
+"""The cross-entropy method on the compiled simulator: the best of many plans for the coming voltages.
 
-The voltages of the coming ``horizon`` are linear between knots. Many perturbed copies of the present plan, and of what
-a guiding controller would do, run through a model of the world. Mean and spread of the best of them are those of the
-next round's plans, and so on; the first voltages of the best plan of all are applied, and the rest of it is the next
-present plan.
+The voltages of the coming ``horizon`` are linear between knots. Many perturbed copies of the current plan, and of a
+guiding controller's plan, are simulated with a model of the world. The mean and spread of the best ones define the next
+round's plans, and so on. The first voltages of the best plan overall are applied, and the rest of it becomes the
+current plan.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ SIZES = (0.1, 0.3, 1.0, 2.0)
 
 
 class Played(NamedTuple):
-    """What ``play`` keeps of a world."""
+    """The state of a world that ``play`` keeps."""
 
     step: Annotated[float, Entry("1", "control steps so far")]
     cost: Annotated[float, Entry("m", "sum of the costs so far")]
@@ -94,7 +94,7 @@ def cost(obs: Any, scales: Any, weight: float) -> float:
 
 @device
 def play(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Return the voltages of a world's own plan, and add up the costs of what it has led to so far.
+    """Return the voltages of a world's own plan, and add up its costs so far.
 
     Gains hold the control steps between knots, the number of knots and the weight of the pace, then the plans.
     """
@@ -116,7 +116,7 @@ def play(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 
 class Planner:
-    """Plans for one world on a model of it.
+    """A planner for one world, with a model of it.
 
     Parameters
     ----------
@@ -125,9 +125,9 @@ class Planner:
     machine, task
         The model.
     guide
-        A controller whose voltages are among the plans, and the first plan.
+        A controller whose voltages are one of the plans, and the initial plan.
     nominal
-        The machine that the guide is told of.
+        The machine that the guide is bound to.
 
     Attributes
     ----------
@@ -161,9 +161,9 @@ class Planner:
         Parameters
         ----------
         state
-            The rows of a world as the model has them, or more of them, shape (rows,).
+            The rows of a world as in the model, possibly followed by more, shape (rows,).
         obs
-            Its observation, (entries,), which begins with the entries that the model's has.
+            Its observation, (entries,), which begins with the model's entries.
         """
         s = self.settings
         seen = obs[: len(self.batch.layout)]
@@ -179,7 +179,7 @@ class Planner:
         return self.latest[0]
 
     def _first_round(self, present: Array, guided: Array) -> Array:
-        """Return perturbed copies of the present and of the guide's plan, and both as they are."""
+        """Return perturbed copies of the current plan and the guide's plan, and both unperturbed."""
         s = self.settings
         sizes = self.rng.choice(SIZES, (s.samples, 1, 1)) * s.spread
         plans = self.rng.normal(0.0, 1.0, (s.samples, s.knots, 4)) * sizes + present
@@ -188,9 +188,9 @@ class Planner:
         return np.clip(plans, 0.0, self.top)
 
     def _next_round(self, plans: Array, costs: Array) -> Array:
-        """Return plans that are spread as the best of a round were, half about the best and half about their mean.
+        """Return plans with the spread of a round's best ones, half around the best plan and half around their mean.
 
-        The first is the best itself, so no round is worse than the one before.
+        The first is the best plan itself, so no round is worse than the previous one.
         """
         s = self.settings
         elite = plans[np.argpartition(costs, s.elite - 1)[: s.elite]]
@@ -201,12 +201,12 @@ class Planner:
         return np.clip(plans, 0.0, self.top)
 
     def record_forces(self, forces: Array) -> None:
-        """Tell the model what the hand will do; see ``Batch.record_forces``."""
+        """Set the hand's future forces in the model; see ``Batch.record_forces``."""
         self.batch.record_forces(forces)
         self.one.record_forces(forces)
 
     def guided(self, state: Array, obs: Observations) -> Array:
-        """Return the plan that the guide's voltages make, (knots, 4)."""
+        """Return the plan made by the guide's voltages, (knots, 4)."""
         s = self.settings
         bring_to(self.one, state)
         rows: Any = self.one.rollout(obs[None], self.guide.law, self.guide.gains, s.horizon)[1]
@@ -214,14 +214,14 @@ class Planner:
         return np.nan_to_num(rows[at, 0][:, [*COLUMN.volts]])
 
     def _later(self, plan: Array) -> Array:
-        """Return a plan as it is one control step later."""
+        """Return a plan shifted by one control step."""
         count = self.settings.knots
         places = np.minimum(np.arange(count) + 1.0 / self.settings.knot_steps, count - 1.0)
         low = np.minimum(places.astype(int), count - 2)
         return plan[low] + (places - low)[:, None] * (plan[low + 1] - plan[low])
 
     def costs(self, state: Array, obs: Observations, plans: Array) -> Array:
-        """Return the cost of each plan [m], the mean over its control steps; one that fails costs the workspace."""
+        """Return the cost of each plan [m], its mean over control steps, plus the workspace's bound if it fails."""
         s = self.settings
         bring_to(self.batch, state)
         memory: Any = empty_memory(s.samples, Played)
@@ -233,7 +233,7 @@ class Planner:
         return total / memory[:, PLAYED.step] + np.where(failed, self.task.error_max, 0.0)
 
     def _cost(self, obs: Observations) -> Array:
-        """Return what ``cost`` does, of many observations (N, entries)."""
+        """Return ``cost`` for many observations (N, entries)."""
         layout = self.batch.layout
         speed, pace = layout.physical(obs, "speed_along"), layout.physical(obs, "pace")
         return np.abs(layout.physical(obs, "normal_error")) + self.settings.pace_weight * np.abs(speed - pace)

@@ -1,4 +1,4 @@
-"""The two predictive policies: one knows the episode, the other what a controller can know."""
+"""The two predictive policies: one knows the episode, the other only what a controller can know."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -25,14 +25,14 @@ Decide = Callable[[Array, Observations], Array]
 
 @dataclass(frozen=True, slots=True)
 class Predictive(ABC):
-    """A policy that plans: bound, it has a planner for each world of the batch in which episodes begin.
+    """A policy that plans; once bound, it makes a planner for each world of the batch in which episodes begin.
 
     Attributes
     ----------
     guide
-        A controller whose voltages are among the plans, and the first plan.
+        A controller whose voltages are one of the plans, and the initial plan.
     settings
-        Of the search.
+        Settings of the search.
     """
 
     guide: Controller
@@ -40,12 +40,12 @@ class Predictive(ABC):
 
     @property
     def sensors(self) -> Literal["force"]:
-        """What its observations must hold."""
+        """The sensors that it needs."""
         return "force"
 
     @abstractmethod
     def begin(self, machine: Machine, task: PathFollowing, nominal: Machine, layout: Layout) -> Decide:
-        """Return what decides in one episode on a machine, told of a nominal machine and of the observations."""
+        """Return a planner for one episode on a machine, given the nominal machine and the observation layout."""
 
     def bind(self, machine: Machine, layout: Layout) -> "PlanningPolicy":
         """Return the policy for a nominal machine and the layout of the observations that it will get.
@@ -88,7 +88,7 @@ class PlanningPolicy(BoundPolicy):
                 self._deciders[world] = self._begin(batch, batch.context[world])
 
     def _begin(self, batch: Batch, number: int) -> Decide:
-        """Return what decides in an episode of one of a batch's pairs of machine and task."""
+        """Return a planner for an episode with one of a batch's pairs of machine and task."""
         return self._policy.begin(*batch.pairs[number], self.nominal, self.layout)
 
     def act(self, observations: Observations) -> NDArray[np.float32]:
@@ -122,7 +122,7 @@ class Privileged(Predictive):
     """Model-predictive control that knows the true machine, the true hand and its future: a bound."""
 
     def begin(self, machine: Machine, task: PathFollowing, nominal: Machine, layout: Layout) -> Decide:  # noqa: ARG002
-        """Return what decides in one episode on a machine."""
+        """Return a planner for one episode on a machine."""
         return Planner(self.settings, machine, replace(task, sensing=IDEAL_SENSING), self.guide, nominal).decide
 
 
@@ -131,7 +131,7 @@ class Honest(Predictive):
     """Model-predictive control from the observation, on the nominal machine; see ``honest``."""
 
     def begin(self, machine: Machine, task: PathFollowing, nominal: Machine, layout: Layout) -> Decide:  # noqa: ARG002
-        """Return what decides in one episode; of the task it keeps path, pace and workspace, of the machine nothing."""
+        """Return a planner for one episode, which is given the task's path, pace and workspace but not the machine."""
         planner = HonestPlanner(self.settings, task, self.guide, nominal, layout)
         return lambda state, obs: planner.decide(obs)  # noqa: ARG005
 

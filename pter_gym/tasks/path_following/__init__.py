@@ -1,8 +1,8 @@
 """Follow a path while a hand pushes along it and disturbs across it (paper section IV-A).
 
-One file each: what the user states (``specification``), what an agent sees (``observation``), what it is paid
-(``reward``), what is recorded (``telemetry``), the constants behind it all (``context``), and where a world is with
-respect to its path (``situation``).
+One file each: the task as stated by the user (``specification``), the agent's ``observation`` and ``reward``, the
+recorded ``telemetry``, the constants behind them (``context``), and a world's position relative to its path
+(``situation``).
 """
 
 from pter_gym.tasks.path_following._ending import Reason, reason_of

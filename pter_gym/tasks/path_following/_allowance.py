@@ -1,4 +1,4 @@
-"""The time that a start may take beyond what the pace needs: one number, the same for all policies and scenarios."""
+"""The extra time allowed for the start-up: one number, the same for all policies and scenarios."""
 
 import math
 
@@ -23,9 +23,9 @@ START = 0.01
 def start_up_allowance() -> float:
     """Return the allowance of the paper's machine with the paper's hand on the paper's line [s].
 
-    It is two time constants of the clutches, and what the push loses while it takes the arm from rest to the paper's
-    pace v: with an effective mass m of the tip along the line and a push F the arm needs m·v/F for this, and half of it
-    is lost against a start at that pace.
+    It is two time constants of the clutches, plus the time lost while the push accelerates the arm from rest to the
+    paper's pace v: with an effective mass m of the tip along the line and a push F this takes m·v/F, and half of it is
+    lost compared with a start at that pace.
     """
     path = Line()
     arm = model_of(BASELINE).arm
@@ -44,5 +44,5 @@ ALLOWANCE = start_up_allowance()
 
 @device
 def in_start_up(reached: float, length: float, pace: float, time: float) -> bool:
-    """Tell whether a delay is within the allowance: the largest arc length so far [m] of a path, after a time [s]."""
+    """Tell whether the delay is within the allowance, given the largest arc length so far [m] and the time [s]."""
     return (reached <= START * length) & (time <= ALLOWANCE + START * length / pace)

@@ -1,4 +1,4 @@
-"""The context of a world: all constants of machine, hand and task that the kernels read, and what is told of them."""
+"""The context of a world: the constants of machine, hand and task for the kernels, and those that are observable."""
 
 import math
 from typing import Annotated, Any, NamedTuple
@@ -15,7 +15,7 @@ from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFoll
 
 
 class PathModel(NamedTuple):
-    """Where the arcs of a path are in the constants, and its length."""
+    """Start and number of a path's arcs in the constants, and its length."""
 
     first: Annotated[float, Entry("1", "where the path's arcs begin in the constants")]
     arcs: Annotated[float, Entry("1", "number of the path's arcs")]
@@ -23,7 +23,7 @@ class PathModel(NamedTuple):
 
 
 class SensingModel(NamedTuple):
-    """What is between the machine and the observation."""
+    """Effects between the machine and the observation."""
 
     angle_resolution: Annotated[float, Entry("rad", "step of the joint encoders")]
     velocity_noise: Annotated[float, Entry("rad/s", "standard deviation of the angular velocities' noise")]
@@ -60,7 +60,7 @@ class TaskModel(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What the telemetry tells of machine and task, and the observation if it is asked to."""
+    """Values of machine and task in the telemetry, and on request in the observation."""
 
     time_constant: Annotated[float, Entry("s", "time constant of the clutches", 0.1)]
     breakaway_factor: Annotated[float, Entry("1", "largest breakaway torque over that of the present clutches")]
@@ -73,7 +73,7 @@ class Told(NamedTuple):
 
 
 class Context(NamedTuple):
-    """All that does not change in an episode."""
+    """Everything that is constant during an episode."""
 
     machine: Model
     hand: HandModel
@@ -98,9 +98,9 @@ def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], rec
     Parameters
     ----------
     task, machine
-        What fits together by ``check_machine``.
+        A pair that passes ``check_machine``.
     arcs, recording
-        Where the arcs of the path and the hand's recording begin in the array of constants, and how many there are.
+        Start and number of the path's arcs and of the hand's recorded instants in the array of constants.
     """
     held = held_machine(task, machine)
     hand = task.hand.model(task.pace, held.substep, recording)
@@ -116,7 +116,7 @@ def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], rec
 
 
 def task_model(task: PathFollowing, arcs: tuple[int, int], energy_max: float) -> TaskModel:
-    """Return the constants of a task: what its fields say, and what follows from them.
+    """Return the constants of a task: its fields and values derived from them.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def task_model(task: PathFollowing, arcs: tuple[int, int], energy_max: float) ->
 
 
 def told_of(task: PathFollowing, machine: Machine, push: float) -> Told:
-    """Return what is told of a task on a machine whose hand pushes with a force [N]."""
+    """Return the observable values of a task on a machine whose hand pushes with a force [N]."""
     clutch, hand = machine.clutch, held_machine(task, machine).hand
     top = clutch.voltage_max
     scale = math.fsum(machine.slot_scale) / len(machine.clutches)

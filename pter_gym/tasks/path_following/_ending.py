@@ -1,4 +1,4 @@
-"""Why an episode has ended, from its last telemetry."""
+"""Why an episode ended, from its last telemetry row."""
 
 from enum import StrEnum
 from typing import Any
@@ -25,14 +25,14 @@ class Reason(StrEnum):
 
 
 def reason_of(telemetry: ArrayLike, machine: Machine | str | None, task: PathFollowing) -> Reason | None:
-    """Return what has terminated an episode, or None where nothing has: it goes on or was truncated.
+    """Return why an episode was terminated, or None if it continues or was truncated.
 
     Parameters
     ----------
     telemetry
         The last row of the episode's telemetry, (len(TELEMETRY),).
     machine, task
-        Those of the episode; the machine or its name.
+        The episode's machine or its name, and its task.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""The observation: its entries, their units and scales, which sensors bring them, and how each is found.
+"""The observation: its entries, their units and scales, the sensors they need, and how each is computed.
 
-Control laws read it by the places in ``SEEN``.
+Control laws index it with ``SEEN``.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ CURVATURE_SCALE = 5.0
 
 @dataclass(frozen=True)
 class Seen(Entry):
-    """What an entry of the observation is, and which ``sensors`` bring it."""
+    """The declaration of an observation entry, and the ``sensors`` that it needs."""
 
     sensors: tuple[Sensors, ...] = get_args(Sensors)
 
@@ -42,9 +42,9 @@ def largest_voltage(machine: Machine) -> float:
 
 
 class Observation(NamedTuple):
-    """All entries that an observation may hold, without those of the context.
+    """All possible entries of an observation, except those of the context.
 
-    What only some sensors bring comes last, so the places of the others are the same with all sensors.
+    Entries that only some sensors provide come last, so the positions of the others do not depend on the sensors.
     """
 
     cos_a: Annotated[float, Seen("1", "cosine of link A's angle")]
@@ -79,11 +79,11 @@ def observation_layout(machine: Machine | str | None, sensors: Sensors, told: La
     Parameters
     ----------
     machine
-        The machine or its name, None for PTER as it is; some scales are its own.
+        The machine or its name, None for the default PTER; some scales depend on it.
     sensors
-        What it measures.
+        What is measured.
     told
-        What the observation tells of the context at its end.
+        Entries of the context at the end of the observation.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def observation(
     torque: PerClutch,
     force: PathVector,
 ) -> Observation:
-    """Return all entries in their units, from what sensors read and the task."""
+    """Return all entries in their units, from the sensor readings and the task."""
     return Observation(
         cos_a=q.cos_a,
         sin_a=q.sin_a,

@@ -1,6 +1,6 @@
-"""The reward: each term is declared once, as a field of ``RewardWeights``, with its weight and how it is found.
+"""The reward: each term is declared once, as a field of ``RewardWeights``, with its weight and its function.
 
-The terms of the telemetry, their sum and the hyper-parameters of a training follow from there.
+The telemetry's reward terms, their sum and the training hyper-parameters are derived from these.
 """
 
 import math
@@ -39,28 +39,28 @@ ACCELERATION_UNIT = 10.0
 
 
 class Outcome(NamedTuple):
-    """What a control step has led to.
+    """The outcome of a control step.
 
     Attributes
     ----------
     at
-        Where the tip is with respect to the path.
+        Position of the tip relative to the path.
     advance
-        How far the tip came beyond the largest arc length before [m].
+        Progress of the tip beyond the previous largest arc length [m].
     reached
         The largest arc length so far [m].
     path_length
-        Of the path [m].
+        Length of the path [m].
     pace
         Commanded pace [m/s].
     pace_ratio
-        Change of the arc length over time, over the commanded pace; a mean over about ``PACE_WINDOW``.
+        Rate of change of the arc length over the commanded pace, averaged over about ``PACE_WINDOW``.
     acceleration
-        Of the tip, mean over the control step [m/s²].
+        Mean acceleration of the tip over the control step [m/s²].
     volts, last_volts, voltage_max
-        Voltages of this control step and of the one before, and their limit [V].
+        Voltages of this control step and the previous one, and their limit [V].
     energy
-        What the hand and the clutches did in the control step [J].
+        Work of the hand and the clutches in the control step [J].
     failed
         Whether the tip has left the workspace or missed the end of the path.
     """
@@ -88,9 +88,9 @@ def term(unit: str, provenance: str, find: Find, *, default: float) -> Any:
     Parameters
     ----------
     unit, provenance, default
-        Of its weight; see ``quantity``. Stored tasks that lack a term take its default.
+        Unit, provenance and default of its weight; see ``quantity``. Stored tasks that lack a term use its default.
     find
-        Function from the weight, what a control step has led to and its period [s] to the term; it is compiled.
+        Function from the weight, the outcome of a control step and its period [s] to the term; it is compiled.
     """
     return field(default=default, metadata={**quantity(unit, provenance).metadata, "find": device(find)})
 
@@ -103,7 +103,7 @@ def mean_square(volts: PerClutch) -> float:
 
 @device
 def pace_share(ratio: float) -> float:
-    """Return what share of the pay a pace earns, from its ratio to the commanded one: 1 at that, less on both sides."""
+    """Return the share of the pay that a pace earns, from its ratio to the commanded one: 1 at ratio 1, else less."""
     slower = ratio if ratio > 0.0 else 0.0
     square = ratio * ratio
     return slower * square if ratio < 1.0 else 1.0 / (square * square)
@@ -118,7 +118,7 @@ def paid(weight: float, seen: Outcome, width: float) -> float:
 
 @device
 def pace_cost(ratio: float) -> float:
-    """Return what a pace costs, from its ratio to the commanded one: its distance from 1, times ``REST`` below."""
+    """Return the cost of a pace, from its ratio to the commanded one: its distance from 1, times ``REST`` if slower."""
     slower = ratio if ratio > 0.0 else 0.0
     faster = ratio if ratio < FASTEST else FASTEST
     return REST * (1.0 - slower) if ratio < 1.0 else faster - 1.0
@@ -176,7 +176,7 @@ WEIGHTS: tuple[Field[Any], ...] = fields(RewardWeights)
 
 
 def weighted(weight: Field[Any]) -> Any:
-    """Return the type of a term: a number with the unit of its weight, and what that is per."""
+    """Return the type of a term: a number with its weight's unit and meaning."""
     told = weight.metadata
     return Annotated[float, Entry(told["unit"], "{}: " + told["provenance"].removeprefix("chosen: "))]
 
@@ -187,7 +187,7 @@ Terms = NamedTuple("Terms", _TERMS)
 
 
 def _in_turn() -> Any:
-    """Return ``reward_terms(weight, seen, period)``: the terms of a control step of ``period`` [s], each weighed."""
+    """Return ``reward_terms(weight, seen, period)``: the weighted terms of a control step of ``period`` [s]."""
     names = {f"find_{item.name}": item.metadata["find"] for item in WEIGHTS}
     found = ", ".join(f"find_{item.name}(weight.{item.name}, seen, period)" for item in WEIGHTS)
     source = f"def reward_terms(weight, seen, period):\n    return Terms({found})\n"

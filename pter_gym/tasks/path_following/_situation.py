@@ -1,4 +1,4 @@
-"""Where a world is with respect to its path, and when an episode ends."""
+"""The position of a world relative to its path, and when an episode ends."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -10,14 +10,14 @@ from pter_gym.paths._projection import Foot
 
 
 class PathVector(NamedTuple):
-    """A vector by its parts along and across the path."""
+    """A vector by its components along and across the path."""
 
     along: Annotated[float, Entry("", "{} along the path")]
     across: Annotated[float, Entry("", "{} across the path, positive to its left")]
 
 
 class Situation(NamedTuple):
-    """Where a world is with respect to its path at a control instant [m, 1/m, m/s]."""
+    """The position of a world relative to its path at a control instant [m, 1/m, m/s]."""
 
     arc_length: float
     normal_error: float
@@ -28,7 +28,7 @@ class Situation(NamedTuple):
 
 @device
 def situation(foot: Foot, v_x: float, v_y: float) -> Situation:
-    """Return where a world is from the projection of its tip and the tip's velocity [m/s]."""
+    """Return the situation of a world from the projection of its tip and the tip's velocity [m/s]."""
     return Situation(
         foot.arc_length, foot.normal_error, foot.heading, foot.curvature, to_path(Vector(v_x, v_y), foot.heading)
     )
@@ -36,7 +36,7 @@ def situation(foot: Foot, v_x: float, v_y: float) -> Situation:
 
 @device
 def to_path(vector: Vector, heading: UnitVector) -> PathVector:
-    """Return the parts of a vector along and across a path with a heading."""
+    """Return the components of a vector along and across a path with a heading."""
     return PathVector(
         vector.x * heading.cos + vector.y * heading.sin,
         vector.y * heading.cos - vector.x * heading.sin,
@@ -45,7 +45,7 @@ def to_path(vector: Vector, heading: UnitVector) -> PathVector:
 
 @device
 def to_world(vector: PathVector, heading: UnitVector) -> Vector:
-    """Return a vector given by its parts along and across a path with a heading."""
+    """Return a vector given by its components along and across a path with a heading."""
     return Vector(
         vector.along * heading.cos - vector.across * heading.sin,
         vector.along * heading.sin + vector.across * heading.cos,
@@ -60,7 +60,7 @@ def reached_end(arc_length: float, path_length: float) -> bool:
 
 @device
 def strayed(arc_length: float, normal_error: float, furthest: float) -> bool:
-    """Tell whether the tip is further than ``furthest`` [m] from the path, or has backed that far off its start."""
+    """Tell whether the tip is further than ``furthest`` [m] from the path, or that far behind its start."""
     return (abs(normal_error) > furthest) | (arc_length < -furthest)
 
 

@@ -1,4 +1,4 @@
-"""The task as its user states it: path, hand, pace, workspace, start, sensing, reward. Whether a machine can do it."""
+"""The task as stated by its user (path, hand, pace, workspace, start, sensing, reward), checked against a machine."""
 
 import math
 from dataclasses import dataclass, replace
@@ -43,9 +43,9 @@ ASIDE = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Sensing:
-    """What is between the machine and the observation; nothing by default.
+    """Sensor effects between the machine and the observation; none by default.
 
-    Noise is Gaussian, drawn at each control instant from the world's seed. All but the command is delayed.
+    Noise is Gaussian, drawn at each control instant from the world's seed. Everything except the command is delayed.
     """
 
     angle_resolution: float = quantity("rad", "chosen: step of the joint encoders", default=0.0)
@@ -69,12 +69,11 @@ IDEAL_SENSING = Sensing()
 
 @dataclass(frozen=True, kw_only=True)
 class Starts:
-    """How episodes begin: at rest at the start of the path with the clutches released, by default all of them.
+    """How episodes begin: by default, all at rest at the start of the path with the clutches released.
 
-    Other starts are for training, so that it explores more states. An episode that begins ``moving`` has its tip
-    anywhere along the path, off it by an even draw, at up to twice the commanded pace; one that begins ``gripped`` is
-    at rest at the start of the path. Both have clutches that have settled at voltages of their own, each released once
-    in five.
+    Other starts are for training, to explore more states. A ``moving`` start puts the tip anywhere along the path, with
+    a uniformly drawn offset, at up to twice the commanded pace; a ``gripped`` start is at rest at the path's start. In
+    both, the clutches have settled at random voltages, and each is released with a probability of one in five.
     """
 
     moving: float = quantity("1", "chosen: share of the episodes", default=0.0)
@@ -84,7 +83,7 @@ class Starts:
     )
 
     def __post_init__(self) -> None:
-        """Check that shares are shares."""
+        """Check that shares are between 0 and 1."""
         require_number(self, "moving", at_least=0.0, at_most=1.0)
         require_number(self, "gripped", at_least=0.0, at_most=1.0 - self.moving)
         require_number(self, "offset", at_least=0.0, at_most=WIDEST)
@@ -141,12 +140,12 @@ class PathFollowing:
 
 
 def substeps(task: PathFollowing, machine: Machine) -> int:
-    """Return the number of substeps in a control period: the fewest that are no longer than the machine's.
+    """Return the number of substeps in a control period: the fewest not longer than the machine's.
 
     Raises
     ------
     ParameterError
-        If there were too many.
+        If there would be too many.
     """
     count = math.ceil(task.control_period / machine.substep * (1.0 - 1e-9))
     require(
@@ -160,13 +159,13 @@ def substeps(task: PathFollowing, machine: Machine) -> int:
 
 
 def held_machine(task: PathFollowing, machine: Machine) -> Machine:
-    """Return the machine with what the task's hand adds to it at the tip, and substeps that fill a control period.
+    """Return the machine with the task's hand attached at the tip, and substeps that fill a control period.
 
     Raises
     ------
     ParameterError
-        If both the machine and the task bring a hand, the explicit spring of the hand is too stiff for the machine, or
-        there were too many substeps.
+        If both the machine and the task have a hand, the explicit spring of the hand is too stiff for the machine, or
+        there would be too many substeps.
     """
     impedance, substep = task.hand.impedance, task.control_period / substeps(task, machine)
     if impedance == NO_HAND:
@@ -181,10 +180,10 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
     Raises
     ------
     ParameterError
-        If a point of the path or a start off it lies outside the arm's reach or too near to a singular pose, the path
+        If a point of the path or a start off it lies outside the arm's reach or too close to a singular pose, the path
         bends so much that its centre of curvature is within the workspace, a control period has too many substeps, a
         sine is too fast for the substep, the machine's hand has a spring, which would need an intent, or the arm may
-        become faster than the integrator can hold (``pter_gym._physics.limits``).
+        become too fast for the integrator (``pter_gym._physics.limits``).
     """
     substep = held_machine(task, machine).substep
     require(
@@ -204,12 +203,12 @@ def check_machine(task: PathFollowing, machine: Machine) -> None:
 
 
 def check_motion(task: PathFollowing, machine: Machine) -> None:
-    """Check that the integrator can hold what the hand and the start make of an arm.
+    """Check that the integrator can handle the motion that the hand and the start cause.
 
     Raises
     ------
     ParameterError
-        If it cannot, or ``held_machine`` raises one.
+        If it cannot, or if ``held_machine`` raises one.
     """
     held = held_machine(task, machine)
     arm, h, period = model_of(held).arm, held.substep, task.control_period
@@ -245,14 +244,14 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
 
 
 def strongest(task: PathFollowing, machine: Machine) -> float:
-    """Return an upper bound of the mean force on the tip [N] that a task's hand can have in a control step."""
+    """Return an upper bound of the mean force on the tip [N] that a task's hand can exert in a control step."""
     path_width = min(task.error_max, task.truncation_error)
     reach = machine.arm.length_a + machine.arm.length_b
     return _force_within(min(2.0 * reach, task.path.length + path_width), task, machine)
 
 
 def _force_within(length: float, task: PathFollowing, machine: Machine) -> float:
-    """Return the bound of a control step that begins with the tip at most a length [m] from where the hand wants it."""
+    """Return the bound for a control step that begins with the tip within a length [m] of the hand's intended point."""
     held = held_machine(task, machine)
     hand = task.hand.model(task.pace, held.substep, (0, 0))
     recorded = np.abs(task.hand.sampled(task.control_period)).max(axis=0, initial=0.0)

@@ -1,4 +1,4 @@
-"""The telemetry: what each control step records, for people, scores and plots. All entries are in their units."""
+"""The telemetry: the record of each control step, for people, scores and plots. All entries are in their units."""
 
 from dataclasses import replace
 from typing import Annotated, NamedTuple
