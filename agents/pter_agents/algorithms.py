@@ -1,8 +1,8 @@
-"""What ``pter train`` can train: a table for each algorithm, and the module that says how it learns.
+"""The algorithms of ``pter train``: a table for each, and the module that implements its learning.
 
-An algorithm NAME is NAME.toml beside this file: under ``algorithm`` what its policy decides and the module that has its
-``LEARNER``, then the usual values of its hyper-parameters. Several algorithms may share a module. Nothing here needs
-torch until an algorithm's module is asked for.
+An algorithm NAME is defined by NAME.toml beside this file: ``algorithm`` says what its policy decides and which module
+has its ``LEARNER``; the default hyper-parameters follow. Several algorithms may share a module. Nothing here needs
+torch until an algorithm's module is loaded.
 """
 
 from collections.abc import Callable, Mapping
@@ -38,7 +38,7 @@ SMOKE = {"worlds": 64, "steps": 32, "contexts": 16}
 
 
 class Model(Protocol):
-    """What is trained.
+    """A model in training.
 
     Attributes
     ----------
@@ -60,15 +60,15 @@ class Model(Protocol):
         ...
 
     def get_state(self) -> State:
-        """Return all that the training's future depends on, ``steps`` among it; not copies."""
+        """Return the complete training state, including ``steps``; not copied."""
         ...
 
     def set_state(self, state: State) -> None:
-        """Go on where ``get_state`` was called; arrays may have become tensors."""
+        """Restore the state from ``get_state``; arrays may have become tensors."""
         ...
 
     def set_weights(self, state: State) -> None:
-        """Take only the networks of a state."""
+        """Restore only the networks of a state."""
         ...
 
     def close(self) -> None:
@@ -87,7 +87,7 @@ class Learner:
     smoke
         Values of a smoke run, in addition to ``SMOKE``.
     make_model
-        Makes an untrained model from hyper-parameters, worlds, the control steps of the whole training, and a seed.
+        Makes an untrained model from hyper-parameters, worlds, the total control steps of training, and a seed.
     """
 
     settings: "type[TrainingSettings]"
@@ -96,7 +96,7 @@ class Learner:
 
 
 class Algorithm(NamedTuple):
-    """What an algorithm's policy decides, and the module that has its ``LEARNER``."""
+    """What an algorithm's policy decides, and the module with its ``LEARNER``."""
 
     action: str
     module: str
@@ -117,7 +117,7 @@ def read_table(file: FilePath) -> dict[str, Any]:
 
 
 def listed(folder: Path) -> Mapping[str, Algorithm]:
-    """Return the algorithms by name whose tables are in a folder."""
+    """Return, by name, the algorithms whose tables are in a folder."""
     tables = {path.stem: read_table(path) for path in sorted(folder.glob("*.toml"))}
     return MappingProxyType({name: Algorithm(**table[ENTRY]) for name, table in tables.items() if ENTRY in table})
 
@@ -132,7 +132,7 @@ def find_algorithm(name: str) -> Algorithm:
     Raises
     ------
     ParameterError
-        If there is none of that name; the message suggests the nearest.
+        If there is none by that name; the message suggests the nearest.
     """
     if name not in ALGORITHMS:
         raise unknown_name("algorithm", name, ALGORITHMS)
@@ -140,13 +140,13 @@ def find_algorithm(name: str) -> Algorithm:
 
 
 def load_settings(algorithm: str, file: FilePath | None = None) -> "TrainingSettings":
-    """Return the hyper-parameters of an algorithm; those in a file replace the usual ones.
+    """Return the hyper-parameters of an algorithm; those in a file replace the defaults.
 
     Raises
     ------
     ParameterError
-        If there is no such algorithm or hyper-parameter, with the nearest, a value is out of range, or the file cannot
-        be read.
+        If there is no such algorithm or hyper-parameter (the nearest is suggested), a value is out of range, or the
+        file cannot be read.
     """
     find_algorithm(algorithm)
     values = read_table(FOLDER / f"{algorithm}.toml")
@@ -157,7 +157,7 @@ def load_settings(algorithm: str, file: FilePath | None = None) -> "TrainingSett
 
 
 def smoke_settings(algorithm: str, settings: "TrainingSettings", **changes: Any) -> "TrainingSettings":
-    """Return hyper-parameters of a smoke run with some changes; networks and what they see stay as they are."""
+    """Return hyper-parameters of a smoke run with some changes; networks and their inputs stay the same."""
     return settings_from(algorithm, {**asdict(settings), **SMOKE, **find_algorithm(algorithm).learner.smoke, **changes})
 
 

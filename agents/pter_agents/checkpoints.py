@@ -1,6 +1,6 @@
-"""Checkpoints of a run: all that a training's future depends on, as tensors and numbers without code.
+"""Checkpoints of a run: the complete training state, as tensors and numbers without code.
 
-A file is a SHA-256 and what ``torch.save`` writes. It is written whole or not at all, and the newest two are kept.
+A file is a SHA-256 followed by the output of ``torch.save``. It is written atomically, and the newest two are kept.
 """
 
 import io
@@ -38,7 +38,7 @@ def save_checkpoint(model: Model, folder: FilePath) -> Path:
     Raises
     ------
     StorageError
-        If it cannot be written; the earlier ones stay.
+        If it cannot be written; earlier ones are kept.
     """
     content = io.BytesIO()
     torch.save(_as_tensors(model.get_state()), content)
@@ -55,7 +55,7 @@ def read_checkpoint(path: FilePath) -> dict[str, Any]:
     Raises
     ------
     DataError
-        If it cannot be read; no code in it was executed.
+        If it cannot be read; no code in it is executed.
     """
     path = find_path("path", path)
     with reading(f"checkpoint {path} cannot be read"):
@@ -73,12 +73,12 @@ def read_checkpoint(path: FilePath) -> dict[str, Any]:
 
 
 def load_checkpoint(model: Model, path: FilePath, *, weights_only: bool = False) -> None:
-    """Bring a new model to where a checkpoint was written, or its networks alone.
+    """Restore a new model, or only its networks, from a checkpoint.
 
     Raises
     ------
     DataError
-        If it cannot be read, or is of another model.
+        If it cannot be read, or is from another model.
     """
     state = read_checkpoint(path)
     with reading(f"checkpoint {path} cannot be read"):
@@ -94,7 +94,7 @@ def steps_of(path: FilePath) -> int:
 
 
 def _as_tensors(value: Any) -> Any:
-    """Return a state with its arrays as tensors, on the same memory."""
+    """Return a state with its arrays as tensors that share their memory."""
     if isinstance(value, dict):
         return {name: _as_tensors(part) for name, part in cast("dict[Any, Any]", value).items()}
     if isinstance(value, (list, tuple)):

@@ -20,7 +20,7 @@ SMOKE_EPISODES = 8
 
 
 def check_trained(field: str, policy: str) -> None:
-    """Raise a ParameterError unless a policy is a trained one of the package, or may be the path of another."""
+    """Raise a ParameterError unless a policy is a shipped trained one, or may be the path of another."""
     from pter_gym.policies._files import is_here, is_path, shipped_policies
 
     if policy not in (known := shipped_policies()) and not is_path(policy) and not is_here(policy):

@@ -1,4 +1,4 @@
-"""A run becomes a policy: weights without code, a card, and a model card in Markdown."""
+"""Export a run as a policy: weights without code, a card, and a model card in Markdown."""
 
 import json
 from dataclasses import replace
@@ -46,16 +46,16 @@ def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tupl
     run
         Folder of the run.
     out
-        Folder for the policy; made if need be.
+        Folder for the policy; created if needed.
     name
-        Name of the policy; by default that of the algorithm.
+        Name of the policy; by default, the algorithm's.
 
     Raises
     ------
     ParameterError
         If there is no run with a checkpoint, or a policy cannot have this name.
     DataError
-        If the run cannot be read, or both policies do not act alike.
+        If the run cannot be read, or the two policies act differently.
     StorageError
         If the policy cannot be written.
     """
@@ -96,7 +96,7 @@ def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tupl
 
 
 def load_newest(model: Model, folder: RunFolder) -> int:
-    """Load the networks of the newest checkpoint of a run, which may still be going on, and return its control steps.
+    """Load the networks of the newest checkpoint of a run, which may still be training, and return its control steps.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def load_newest(model: Model, folder: RunFolder) -> int:
 
 
 def tensors_of(actor: Actor) -> Tensors:
-    """Return the weights of a policy by the names that its file has."""
+    """Return the weights of a policy by their names in its file."""
     found: dict[str, torch.Tensor] = {}
     for k, layer in enumerate(layer for layer in actor.layers if isinstance(layer, nn.Linear)):
         found[f"layer_{k}.weight"] = layer.weight
@@ -129,7 +129,7 @@ def tensors_of(actor: Actor) -> Tensors:
 
 
 def compare(actor: Actor, worlds: TrainingWorlds, nominal: Machine, name: str, folder: Path) -> float:
-    """Return the largest difference between voltages of a run and of a policy, over the largest voltage."""
+    """Return the largest difference between the voltages of a run and a policy, relative to the largest voltage."""
     layout = worlds.env.observation_layout
     policy = read_policy(name, folder).bind(nominal, layout)
     obs: Any = worlds.env.reset(seed=0)[0]  # worlds that end begin again and are not forgotten, for both policies alike

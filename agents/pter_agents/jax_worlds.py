@@ -1,6 +1,6 @@
-"""``TrainingWorlds`` as pure functions of JAX, for a training that is one compiled call.
+"""``TrainingWorlds`` as pure JAX functions, for training in one compiled call.
 
-What differs between trainings is in ``Shared`` and not in the code, so one compilation serves them all.
+Differences between trainings are in ``Shared`` and not in the code, so one compilation serves them all.
 """
 
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
 
 
 class Scaled(NamedTuple):
-    """Which entries are seen, (K,), and the centres and scales of their inputs."""
+    """Indices of the entries that are seen, (K,), and the centres and scales of their inputs."""
 
     entries: jax.Array
     center: jax.Array
@@ -33,19 +33,19 @@ class Shared(NamedTuple):
     Attributes
     ----------
     params
-        Of the environment.
+        Parameters of the environment.
     obs_scales
         Units of the observation's entries.
     constants
-        Those of ``params``, float32.
+        Constants of ``params``, float32.
     present, truth
-        What the policy sees, and what only the value network sees.
+        Inputs of the policy, and those of the value network alone.
     law
         Scales and gains of the base controller's law, as words.
     blank
         The law's memory at the start of an episode, as words (M,).
     shares
-        Of the present in the averages, (A,).
+        Weights of the present in the averages, (A,).
     """
 
     params: EnvParams
@@ -59,20 +59,20 @@ class Shared(NamedTuple):
 
 
 class State(NamedTuple):
-    """What changes; the first axis of everything is that of the worlds.
+    """The changing state; the first axis is always the worlds.
 
     Attributes
     ----------
     env
-        Of the environment.
+        State of the environment.
     rows, means
-        What the policy saw at each of the last steps, the latest first, and the averages.
+        The policy's inputs at each of the last steps, the latest first, and the averages.
     memory
-        Of the base controller's law.
+        Memory of the base controller's law.
     base
-        Its voltages [V].
+        Voltages of the base controller [V].
     known
-        What only the value network sees now.
+        The current inputs of the value network alone.
     """
 
     env: EnvState
@@ -98,7 +98,7 @@ class JaxWorlds:
     Attributes
     ----------
     shared
-        What the functions are given beside the state.
+        Arguments of the functions besides the state.
     """
 
     def __init__(self, worlds: TrainingWorlds) -> None:
@@ -123,7 +123,7 @@ class JaxWorlds:
         )
 
     def reset(self, shared: Shared, seeds: jax.Array) -> State:
-        """Return worlds that begin, from the two halves of the seed of each, uint32 (N, 2)."""
+        """Return new worlds from the two halves of each world's seed, uint32 (N, 2)."""
         obs, env = jax.vmap(self._env.reset_to_seed, (0, None))(seeds, shared.params)
         count, inputs = len(obs), len(shared.present.entries)
         state = State(
@@ -146,16 +146,16 @@ class JaxWorlds:
         return after, Step(rewards, terminated, truncated, told["final_observation"])
 
     def inputs(self, state: State) -> jax.Array:
-        """Return what the networks see now, (N, size): the policy first, then what only the value network sees."""
+        """Return the networks' current inputs, (N, size): the policy's first, then those of the value network alone."""
         seen = jnp.concatenate([state.rows[:, self._ages], state.means], axis=1)
         return jnp.concatenate([seen.reshape(len(seen), -1), state.known], axis=1)
 
     def last_inputs(self, shared: Shared, before: State, obs: jax.Array) -> jax.Array:
-        """Return what the networks would see of a last observation, from the state one step earlier."""
+        """Return the networks' inputs for a last observation, from the state one step earlier."""
         return self.inputs(self._see(shared, before, obs, jnp.zeros(len(obs), bool)))
 
     def _see(self, shared: Shared, state: State, obs: jax.Array, fresh: jax.Array) -> State:
-        """Add an observation to the past; a world that begins is as if it had always seen it."""
+        """Add an observation to the past; in a new world, the past equals this observation."""
         here = fresh[:, None]
         base, memory = jnp.full((len(obs), 4), 0.5 * self._interface.voltage_max), state.memory
         if self._law is not None:

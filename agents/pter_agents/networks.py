@@ -1,4 +1,4 @@
-"""Networks of a policy and of the value of a state."""
+"""Policy and value networks."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Actor:
-    """The mean action of a policy; called like ``pter_gym.policies.Network``, which an export makes of it.
+    """The mean action of a policy; called like ``pter_gym.policies.Network``, to which it is exported.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Actor:
     squashed
         Whether the outputs go through tanh.
     lstm
-        One layer between the inputs and the others; None for nothing.
+        One LSTM layer between the inputs and the other layers; None for none.
     """
 
     layers: nn.Sequential
@@ -38,11 +38,11 @@ class Actor:
         return 0 if self.lstm is None else self.lstm.hidden_size
 
     def exact(self) -> "Actor":
-        """Return a copy that finds its outputs in float64, as an exported policy does."""
+        """Return a copy that computes in float64, like an exported policy."""
         return Actor(deepcopy(self.layers).double(), self.squashed, deepcopy(self.lstm).double() if self.lstm else None)
 
     def begin(self, worlds: int) -> Array:
-        """Return the empty memory of so many worlds, a row for each."""
+        """Return the empty memory of that many worlds, a row for each."""
         return np.zeros((worlds, 2 * self.units))
 
     @torch.no_grad()
@@ -91,7 +91,7 @@ class ActorCritic(nn.Module):
 
 
 def layers(sizes: Sequence[int], last: float) -> nn.Sequential:
-    """Return linear layers with tanh between them: orthogonal weights, those of the last one scaled by ``last``."""
+    """Return linear layers with tanh between them: orthogonal weights, with the last layer's scaled by ``last``."""
     found: list[nn.Module] = []
     for before, after in pairwise(sizes):
         found += [nn.Linear(before, after), nn.Tanh()]

@@ -1,11 +1,13 @@
 # pyright: basic
-"""Proximal policy optimisation (Schulman et al., arXiv:1707.06347) in one compiled call, with exploration that lasts.
+"""Proximal policy optimisation (Schulman et al., arXiv:1707.06347) in one compiled call, with persistent exploration.
 
-The worlds are two parts, and a device of JAX, which is a core, has each: it collects their rollout, and the gradients
-of its half of each minibatch. Their sum is the same in either order, so the result is the same on any number of cores.
+The worlds are split into two parts, each on its own JAX device (a CPU core), which collects their rollout and computes
+the gradients of its half of each minibatch. The sum of two does not depend on the order, so the result is the same on
+any number of cores.
 
-Noise that is new at each control step hardly passes the clutches' lag. So it is autoregressive: n = ρ·n' + σ·ε with a
-standard normal ε. Given n' the action a has mean μ + ρ·n' and deviation σ, with which its likelihood is exact.
+The clutches' lag filters out most noise that is independent at each control step. So the noise is autoregressive:
+n = ρ·n' + σ·ε with a standard normal ε. Given n', the action a has mean μ + ρ·n' and standard deviation σ, so its
+likelihood is exact.
 """
 
 import math
@@ -64,18 +66,17 @@ class PPOSettings(TrainingSettings):
     minibatch, epochs
         Samples of a gradient step, and gradient steps for each sample.
     learning_rate
-        At the beginning; it falls linearly to ``learning_rate_end``.
+        Initial learning rate; it falls linearly to ``learning_rate_end``.
     discount, trace
-        γ and the λ of generalised advantage estimation, for one control step.
+        γ, and λ of generalised advantage estimation, for one control step.
     deviation, deviation_end
-        σ of the exploration at the beginning and at the end. After ``exploring``, a share of the training, it falls
-        exponentially.
+        Initial and final σ of the exploration. After ``exploring``, a share of the training, it falls exponentially.
     persistence
-        ρ of the exploration: the share of its noise that is left one control step later.
+        ρ of the exploration: the share of its noise that remains one control step later.
     reward_scale
         Factor of the rewards for the value network.
     clip, value_weight, max_gradient
-        Of the likelihood ratio, of the value's loss, and of the gradient's norm.
+        Clip range of the likelihood ratio, weight of the value loss, and limit of the gradient norm.
     """
 
     minibatch: int
@@ -127,13 +128,13 @@ class Samples(NamedTuple):
     Attributes
     ----------
     inputs
-        What the networks saw.
+        Inputs of the networks.
     targets
-        Actions minus the rest of the earlier noise, ρ·n'.
+        Actions minus the remainder of the earlier noise, ρ·n'.
     drawn
         ε.
     advantages, returns
-        Of generalised advantage estimation.
+        Advantages and returns of generalised advantage estimation.
     """
 
     inputs: jax.Array
@@ -144,7 +145,7 @@ class Samples(NamedTuple):
 
 
 class Weights(NamedTuple):
-    """Of the networks of policy and value."""
+    """Weights of the policy and value networks."""
 
     policy: Layers
     value: Layers
@@ -159,16 +160,16 @@ class Weights(NamedTuple):
 
 
 class Going(NamedTuple):
-    """What goes on from rollout to rollout; the first axis of everything is that of the worlds.
+    """The state carried from rollout to rollout; the first axis is always the worlds.
 
     Attributes
     ----------
     worlds
-        Of the worlds.
+        State of the worlds.
     noise
-        Of the exploration.
+        Noise of the exploration.
     returns
-        Of the episodes so far.
+        Returns of the episodes so far.
     """
 
     worlds: WorldsState
@@ -177,7 +178,7 @@ class Going(NamedTuple):
 
 
 class Rollout(NamedTuple):
-    """Of each step and world, (T, N, …); ``finals`` are values of last states, 0 where an episode was terminated."""
+    """Data of each step and world, (T, N, …); ``finals`` are values of last states, 0 where one was terminated."""
 
     inputs: jax.Array
     targets: jax.Array
@@ -189,7 +190,7 @@ class Rollout(NamedTuple):
 
 
 class Told(NamedTuple):
-    """For the logs: the mean loss, and number and sum of the returns of episodes that ended."""
+    """For the logs: the mean loss, and the number and total return of episodes that ended."""
 
     loss: jax.Array
     episodes: jax.Array
@@ -204,9 +205,9 @@ def estimate(
     Parameters
     ----------
     rewards, ends
-        Of each control step, and whether an episode ended there; (T, N).
+        Rewards of each control step, and whether an episode ended there; (T, N).
     values
-        Of the states before each control step and after the last, (T + 1, N).
+        Values of the states before each control step and after the last, (T + 1, N).
     finals
         Values of the last states of episodes, 0 where one was terminated; (T, N).
     discount, trace
@@ -224,7 +225,7 @@ def estimate(
 
 
 def loss_of(weights: Weights, samples: Samples, deviation: Any, clip: float, value_weight: float) -> jax.Array:
-    """Return the clipped surrogate's loss and that of the value, as in Stable-Baselines3, without an entropy bonus."""
+    """Return the clipped surrogate loss plus the value loss, as in Stable-Baselines3, without an entropy bonus."""
     drawn = (samples.targets - weights.act(samples.inputs)) / deviation
     ratio = jnp.exp(0.5 * (jnp.square(samples.drawn) - jnp.square(drawn)).sum(1))
     gain = jnp.minimum(samples.advantages * ratio, samples.advantages * jnp.clip(ratio, 1.0 - clip, 1.0 + clip))
@@ -233,14 +234,14 @@ def loss_of(weights: Weights, samples: Samples, deviation: Any, clip: float, val
 
 
 def optimiser(max_gradient: float) -> optax.GradientTransformation:
-    """Return Adam without its learning rate, of gradients whose norm is limited."""
+    """Return Adam without its learning rate, with clipped gradient norms."""
     return optax.chain(optax.clip_by_global_norm(max_gradient), optax.scale_by_adam(eps=1e-5))
 
 
 def collect(
     s: PPOSettings, worlds: JaxWorlds, shared: Shared, weights: Weights, going: Going, drawn: jax.Array, deviation: Any
 ) -> tuple[Going, Rollout]:
-    """Follow the policy with noise, ε being ``drawn`` (T, N, 4), and return what goes on and the rollout."""
+    """Follow the policy with noise, ε being ``drawn`` (T, N, 4), and return the carried state and the rollout."""
 
     def act(going: Going, drawn: jax.Array) -> tuple[Going, Rollout]:
         inputs = worlds.inputs(going.worlds)
@@ -265,7 +266,7 @@ def collect(
 
 
 def samples_of(s: PPOSettings, worlds: JaxWorlds, weights: Weights, going: Going, rows: Rollout) -> Samples:
-    """Return the samples of a rollout, whose advantages have mean 0 and deviation 1 over all parts."""
+    """Return the samples of a rollout, with advantages normalised to mean 0 and standard deviation 1 over all parts."""
     values = jnp.concatenate([weights.worth(rows.inputs), weights.worth(worlds.inputs(going.worlds))[None]])
     advantages = estimate(rows.rewards, values, rows.ends, rows.finals, s.discount, s.trace)
     count = lax.psum(advantages.size, PART)
@@ -279,7 +280,7 @@ def samples_of(s: PPOSettings, worlds: JaxWorlds, weights: Weights, going: Going
 def descend(
     s: PPOSettings, weights: Weights, adam: Any, samples: Samples, deviation: Any, rate: Any
 ) -> tuple[Weights, Any, jax.Array]:
-    """Make a gradient step with the shares of all parts and return the mean loss."""
+    """Make a gradient step with the gradients of all parts and return the mean loss."""
     found: Any = jax.value_and_grad(loss_of)(weights, samples, deviation, s.clip, s.value_weight)
     loss, gradient = lax.pmean(found, PART)
     change, adam = optimiser(s.max_gradient).update(gradient, adam)
@@ -294,16 +295,16 @@ class PPO:
     settings
         Hyper-parameters.
     worlds
-        To learn in.
+        Worlds to learn in.
     total
         Control steps of the training.
     seed
-        Of weights, worlds and noise.
+        Seed of weights, worlds and noise.
 
     Raises
     ------
     ParameterError
-        If JAX runs already, with fewer devices than there are parts.
+        If JAX is already running with fewer devices than there are parts.
     """
 
     def __init__(self, settings: PPOSettings, worlds: TrainingWorlds, total: int, seed: int) -> None:
@@ -411,7 +412,7 @@ class PPO:
         return Actor(self.networks.policy)
 
     def get_state(self) -> State:
-        """Return all that a training's future depends on."""
+        """Return the complete training state."""
         self._give()
         going = self._begin(self._shared, self._seeds()) if self._going is None else self._going
         return {
@@ -423,7 +424,7 @@ class PPO:
         }
 
     def set_state(self, state: State) -> None:
-        """Go on where ``get_state`` was called."""
+        """Restore the state from ``get_state``."""
         self.set_weights(state)
         self._adam = jax.device_put(_like(self._adam, state["adam"]), self._whole)
         going = jax.eval_shape(self._begin, self._shared, self._seeds())
@@ -433,7 +434,7 @@ class PPO:
             rng.bit_generator.state = kept
 
     def set_weights(self, state: State) -> None:
-        """Take the networks of a state."""
+        """Restore the networks of a state."""
         self.networks.load_state_dict(state["networks"])
         self._weights = self._taken()
 
@@ -450,7 +451,7 @@ class PPO:
 
     @torch.no_grad()
     def _give(self) -> None:
-        """Bring the weights to torch's networks."""
+        """Copy the weights to torch's networks."""
         for part, layers in zip((self.networks.policy, self.networks.value), self._weights, strict=True):
             for each, (weight, bias) in zip(_linear(part), layers, strict=True):
                 each.weight.copy_(torch.from_numpy(np.array(weight).T))
@@ -469,7 +470,7 @@ def _apply(layers: Layers, values: jax.Array) -> jax.Array:
 
 
 def _arrays(tree: Any) -> list[Any]:
-    """Return the arrays of a tree, words as whole numbers with a sign, as torch has them."""
+    """Return the arrays of a tree, with unsigned words as signed integers for torch."""
     found = [np.array(leaf) for leaf in jax.tree.leaves(tree)]
     return [each.view(np.int32) if each.dtype == np.uint32 else each for each in found]
 
@@ -480,7 +481,7 @@ def _like(tree: Any, given: list[Any]) -> Any:
     Raises
     ------
     ValueError
-        If they are of another one.
+        If they belong to another tree.
     """
     leaves, kind = jax.tree.flatten(tree)
     found = [np.asarray(part).view(leaf.dtype) for leaf, part in zip(leaves, given, strict=True)]

@@ -1,4 +1,4 @@
-"""Before training: the base controller at all paces, and the centres and scales of what a network sees."""
+"""Before training: the base controller at all paces, and the centres and scales of a network's inputs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -52,7 +52,7 @@ def make_interface(
     draws
         Machines and tasks.
     seed
-        Of the run and its random actions.
+        Seed of the run and its random actions.
     nominal
         The machine that a base controller is bound to.
     """
@@ -72,7 +72,7 @@ def make_interface(
 def sample_inputs(
     plain: Interface, settings: TrainingSettings, draws: Randomisation | Mixture, seed: int, nominal: Machine
 ) -> Sequence[Input]:
-    """Return the inputs, with the mean and the deviation of each under random actions."""
+    """Return the inputs, with the mean and standard deviation of each under random actions."""
     worlds = make_worlds(draws, SAMPLE_WORLDS, settings.episode, settings.sensors, settings.frame_skip)
     layout = worlds.observation_layout
     bound = plain.bind(nominal, layout)

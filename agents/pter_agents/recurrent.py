@@ -1,4 +1,4 @@
-"""Proximal policy optimisation of sb3-contrib with an LSTM in the policy, and one in the value network."""
+"""Recurrent PPO of sb3-contrib, with one LSTM in the policy and one in the value network."""
 
 import math
 from dataclasses import dataclass
@@ -27,11 +27,11 @@ class RecurrentSettings(StableSettings):
     epochs
         How often each sample of a rollout is used.
     trace
-        The λ of generalised advantage estimation, for one control step.
+        λ of generalised advantage estimation, for one control step.
     deviation
-        Deviation of the first exploration; it is learnt.
+        Initial standard deviation of the exploration; it is learned.
     clip, value_weight, max_gradient
-        Of the likelihood ratio, of the value's loss, and of the gradient's norm.
+        Clip range of the likelihood ratio, weight of the value loss, and limit of the gradient norm.
     """
 
     lstm: int
@@ -92,11 +92,11 @@ class Recurrent(Stable):
         return Actor(nn.Sequential(*policy.mlp_extractor.policy_net, policy.action_net), lstm=policy.lstm_actor)
 
     def get_state(self) -> State:
-        """Return all that the training's future depends on."""
+        """Return the complete training state."""
         return {**super().get_state(), "memory": tuple(self.algorithm._last_lstm_states)}
 
     def set_state(self, state: State) -> None:
-        """Go on where ``get_state`` was called."""
+        """Restore the state from ``get_state``."""
         super().set_state(state)
         self.algorithm._last_lstm_states = RNNStates(*state["memory"])
 

@@ -1,4 +1,4 @@
-"""A policy that is trained again, as its card says, and scored beside the first on fresh episodes."""
+"""Train a policy again as its card says, and score both on fresh episodes."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -17,12 +17,12 @@ SUFFIX = "-again"
 
 
 def arguments_of(about: Mapping[str, Any]) -> Arguments:
-    """Return how a policy was trained, from what its card tells.
+    """Return how a policy was trained, according to its card.
 
     Raises
     ------
     DataError
-        If it does not tell that.
+        If the card does not say.
     """
     with reading("the card does not tell a training that can be repeated"):
         return arguments_from({**about["arguments"], **{name: about[name] for name in ("algorithm", "settings")}})
@@ -34,7 +34,7 @@ def find_trained(name: FilePath) -> Neural:
     Raises
     ------
     ParameterError
-        If there is none of that name, or it is not a trained one.
+        If there is none by that name, or it is not a trained one.
     """
     found = find_policy(name)
     if not isinstance(found, Neural):
@@ -45,21 +45,21 @@ def find_trained(name: FilePath) -> Neural:
 def retrain(
     shipped: Neural, out: FilePath, on_progress: Callable[[int, int], None] = lambda _done, _of: None
 ) -> Neural:
-    """Train a policy again and return the new one; a run that was stopped goes on.
+    """Train a policy again and return the new one; an interrupted run is resumed.
 
     Parameters
     ----------
     shipped
         The policy.
     out
-        Folder for the run and the new policy; made if need be.
+        Folder for the run and the new policy; created if needed.
     on_progress
-        Called with the control steps so far, and those of the whole training.
+        Called with the control steps so far and in total.
 
     Raises
     ------
     DataError
-        If its card does not tell how it was trained.
+        If its card does not say how it was trained.
     """
     arguments, out = arguments_of(shipped.card.about), find_path("out", out)
     run, name = out / "run", shipped.card.name + SUFFIX
@@ -69,7 +69,7 @@ def retrain(
 
 
 def compare(shipped: Neural, again: Neural, episodes: int | None = None) -> Sequence[Leaderboard]:
-    """Return the leaderboards of both policies on fresh episodes of the scenarios of their training.
+    """Return the leaderboards of both policies on fresh episodes of the scenarios that they were trained on.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def compare(shipped: Neural, again: Neural, episodes: int | None = None) -> Sequ
 
 
 def examine_both(shipped: Neural, again: Neural) -> Sequence[str]:
-    """Return lines with the scores of both on the machine of their training, which no leaderboard has."""
+    """Return lines with the scores of both on the machine they were trained for, which leaderboards do not include."""
     arguments = arguments_of(shipped.card.about)
     policies = {each.card.name: each for each in (shipped, again)}
     return [

@@ -24,13 +24,13 @@ class SACSettings(StableSettings):
     Attributes
     ----------
     buffer
-        Control steps of all worlds together that are kept to learn from, the newest.
+        Size of the replay buffer: the newest control steps of all worlds together.
     updates
         Gradient steps after each rollout.
     soft_update
-        Share of the networks that their targets take at each gradient step.
+        Share of the networks that their targets take over at each gradient step (τ).
     entropy
-        First coefficient of the entropy; it is learnt.
+        Initial entropy coefficient; it is learned.
     """
 
     buffer: int
@@ -58,13 +58,13 @@ class OffPolicy(Stable):
     settings
         Hyper-parameters.
     worlds
-        To learn in.
+        Worlds to learn in.
     seed
-        Of weights, worlds and noise.
+        Seed of weights, worlds and noise.
     kind
         Class of the algorithm.
     **options
-        What it is made with, beside what all these take.
+        Further arguments of that class.
     """
 
     def __init__(
@@ -99,14 +99,14 @@ class OffPolicy(Stable):
         return Actor(nn.Sequential(*actor.latent_pi, actor.mu), squashed=True)
 
     def get_state(self) -> State:
-        """Return all that the training's future depends on."""
+        """Return the complete training state."""
         buffer = self.algorithm.replay_buffer
         kept = {name: getattr(buffer, name)[: buffer.size()] for name in KEPT}
         entropy = self.algorithm.log_ent_coef.detach()
         return {**super().get_state(), "kept": kept, "next": buffer.pos, "entropy": entropy}
 
     def set_state(self, state: State) -> None:
-        """Go on where ``get_state`` was called."""
+        """Restore the state from ``get_state``."""
         super().set_state(state)
         buffer, rows = self.algorithm.replay_buffer, len(state["kept"]["rewards"])
         for name in KEPT:

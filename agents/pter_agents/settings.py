@@ -1,4 +1,4 @@
-"""Hyper-parameters that all algorithms have: one frozen dataclass, to which an algorithm adds its own."""
+"""Hyper-parameters common to all algorithms: a frozen dataclass that each algorithm extends."""
 
 from dataclasses import dataclass, fields
 from typing import Any, get_args
@@ -17,7 +17,7 @@ BASES = (PLAIN, "impedance", "torque-feedback", *TUNED)
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingSettings(RewardWeights):
-    """Hyper-parameters of worlds, and what the networks see and do, in addition to the weights of the reward.
+    """Hyper-parameters of the worlds and of the networks' inputs and outputs, in addition to the reward weights.
 
     Attributes
     ----------
@@ -28,27 +28,26 @@ class TrainingSettings(RewardWeights):
     start
         Mean action of the untrained policy.
     normalised
-        Whether its actions are the environments' normalised ones, squares of which are shares of the largest voltage;
-        ``reach`` has no meaning then.
+        Whether its actions are the environments' normalised actions, mapped quadratically to the voltage range;
+        ``reach`` is then not used.
     sensors
-        What the worlds measure: ``"encoders"``, ``"torque"`` or ``"force"``. The benchmark has torque sensors and takes
-        no policy that was trained with others.
+        What the worlds measure: ``"encoders"``, ``"torque"`` or ``"force"``. The benchmark has torque sensors and
+        accepts no policy that was trained with others.
     delay
-        Control steps by which the sensors are late, in training and validation; 0 leaves the scenario's sensors.
+        Sensor delay in control steps, in training and validation; 0 leaves the scenario's sensors unchanged.
     blind
         Observations that the networks do not see, by name or by group: ``"torque"`` is ``torque_1`` to ``torque_4``.
         The base controller of a residual policy and a privileged value network still see them.
     history, averages
-        How many control steps ago the networks see their inputs in addition to the present ones, and over about how
-        many control steps they see them averaged.
+        Delays, in control steps, at which the networks also see their inputs, and time constants, in control steps, of
+        averages that they also see.
     hidden, value_hidden
         Units of the hidden layers of policy and value.
     privileged
-        Whether the value network sees the whole truth about a world beside what the policy sees: its state, and the
-        numbers of its machine and task.
+        Whether the value network also sees the true state of a world and the parameters of its machine and task.
     frame_skip
         Control steps for which a decision is held, in training and by the policy. Steps below, histories, averages,
-        discounts and the exploration's persistence are of decisions.
+        discounts and the exploration's persistence count decisions.
     worlds, steps
         Worlds that are simulated at once, and steps of each between two updates.
     episode

@@ -1,6 +1,6 @@
-"""A policy as a folder in the layout of the Hugging Face hub: its files, a model card with scores, and a film.
+"""A policy as a folder in the layout of the Hugging Face Hub: its files, a model card with scores, and a video.
 
-Nothing here uses a network. The folder is read like that of any exported policy.
+Nothing here accesses the network. The folder is read like that of any exported policy.
 """
 
 import json
@@ -69,16 +69,16 @@ action = policy(observation)
 
 
 def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -> Path:
-    """Write a trained policy as a folder for the hub, and return the folder.
+    """Write a trained policy as a folder for the Hub, and return the folder.
 
     Parameters
     ----------
     policy
-        Name of one that the package ships, or path of an exported one.
+        Name of a shipped policy, or path of an exported one.
     out
-        The folder; made if need be.
+        The folder; created if needed.
     episodes
-        Fresh episodes at each pace, at least 1. Their seed follows from the content of the policy.
+        Fresh episodes at each pace, at least 1. Their seed is derived from the policy's content.
 
     Raises
     ------
@@ -107,13 +107,13 @@ def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -
 
 
 def scenario_of(trained_on: Any) -> Scenario:
-    """Return the scenario on which a policy is scored: that of its training, or ``everything``."""
+    """Return the scenario on which a policy is scored: the one it was trained on, or ``everything``."""
     found = [each for each in SCENARIOS.values() if trained_on in (each.id, each.name)]
     return found[0] if found else SCENARIOS["everything"]
 
 
 def model_card(name: str, text: str, scenario: Scenario, boards: Sequence[Leaderboard], frame_skip: int = 1) -> str:
-    """Return a policy's card: what the hub reads, what was written at the export, the scores, and how to use it."""
+    """Return a policy's card: metadata for the Hub, the exported model card, the scores, and how to use it."""
     metrics: list[dict[str, Any]] = []
     rows: list[str] = []
     for board in boards:
@@ -146,7 +146,7 @@ def model_card(name: str, text: str, scenario: Scenario, boards: Sequence[Leader
 
 
 def _film(name: str, policy: Neural, scenario: Scenario) -> bytes:
-    """Return a film of one training draw at medium pace."""
+    """Return a video of one training draw at medium pace."""
     artist = load_artist("film")
     ((machine, task),) = scenario.randomisation("medium", contexts=1, seed=0).pairs()
     episode = record_episode(policy, machine, task, 0, time_limit(task))

@@ -1,4 +1,4 @@
-"""Algorithms of Stable-Baselines3 and sb3-contrib on our worlds: what they step, and how they are kept."""
+"""Algorithms of Stable-Baselines3 and sb3-contrib on our worlds: their environment, and their checkpoints."""
 
 import math
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class StableSettings(TrainingSettings):
     minibatch
         Samples of a gradient step.
     learning_rate
-        Of all networks.
+        Learning rate of all networks.
     discount
         γ for one control step.
     reward_scale
@@ -56,7 +56,7 @@ class StableWorlds(PterVecEnv):
     worlds
         N worlds.
     seed
-        Of the first episodes; world i begins with ``seed + i``.
+        Seed of the first episodes; world i begins with ``seed + i``.
     reward_scale
         Factor of the rewards.
     """
@@ -70,7 +70,7 @@ class StableWorlds(PterVecEnv):
         self._scale = reward_scale
 
     def reset(self) -> Rows:
-        """Start the first episodes again and return what the networks see, (N, size)."""
+        """Restart the first episodes and return the networks' inputs, (N, size)."""
         return self._worlds.reset(self._first)
 
     def step_wait(self) -> tuple[Rows, Rows, Mask, list[dict[str, Any]]]:
@@ -83,16 +83,16 @@ class StableWorlds(PterVecEnv):
 
 
 class Stable:
-    """A model around an algorithm of Stable-Baselines3; a subclass gives the mean action.
+    """A model around an algorithm of Stable-Baselines3; a subclass provides the mean action.
 
     Parameters
     ----------
     algorithm
-        Untrained, on the CPU, on ``StableWorlds``; ``learn`` makes its gradient steps after so many control steps.
+        Untrained, on the CPU, on ``StableWorlds``; ``learn`` makes its gradient steps after ``rollout`` control steps.
     worlds
         The same worlds.
     rollout
-        Those control steps, of all worlds together.
+        Control steps of a rollout, over all worlds.
     """
 
     def __init__(self, algorithm: Any, worlds: TrainingWorlds, rollout: int) -> None:
@@ -130,7 +130,7 @@ class Stable:
         return logged
 
     def get_state(self) -> State:
-        """Return all that the training's future depends on."""
+        """Return the complete training state."""
         return {
             "steps": self.steps,
             "networks": self.algorithm.get_parameters(),
@@ -142,7 +142,7 @@ class Stable:
         }
 
     def set_state(self, state: State) -> None:
-        """Go on where ``get_state`` was called."""
+        """Restore the state from ``get_state``."""
         self.set_weights(state)
         self._worlds.set_state(state["worlds"])
         self.steps = self.algorithm.num_timesteps = state["steps"]
@@ -153,7 +153,7 @@ class Stable:
         np.random.set_state((name, np.asarray(key), *rest))  # noqa: NPY002
 
     def set_weights(self, state: State) -> None:
-        """Take the networks of a state, and what their optimisers keep."""
+        """Restore the networks of a state and their optimisers' states."""
         self.algorithm.set_parameters(state["networks"], device="cpu")
 
     def close(self) -> None:

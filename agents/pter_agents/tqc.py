@@ -1,5 +1,5 @@
 """Truncated quantile critics (Kuznetsov et al., arXiv:2005.04269) of sb3-contrib: soft actor-critic that
-estimates quantiles of the return, and drops the largest ones against overestimation.
+estimates quantiles of the return, and drops the largest ones to prevent overestimation.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class TQCSettings(SACSettings):
     Attributes
     ----------
     dropped
-        Largest quantiles of each critic that are dropped, of ``QUANTILES``.
+        Number of each critic's largest quantiles that are dropped, out of ``QUANTILES``.
     """
 
     dropped: int

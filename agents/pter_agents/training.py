@@ -1,4 +1,4 @@
-"""Train a policy on the batch engine, in a folder of its own."""
+"""Train a policy on the batch engine, in its own folder."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -48,7 +48,7 @@ LOCK = ".lock"
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments:
-    """What to train.
+    """The arguments of a training run.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Arguments:
     scenario, pace
         Names; both may be ``"all"``.
     steps
-        Decisions in all worlds together; rounded up to whole rollouts.
+        Total decisions in all worlds; rounded up to whole rollouts.
     seed
         Seed ≥ 0 of weights, worlds, training draws and actions.
     settings
@@ -67,7 +67,7 @@ class Arguments:
     validation_episodes
         Episodes of a validation at each pace.
     machine
-        One in place of those that the scenario draws; None draws them.
+        A machine in place of those that the scenario draws; None draws them.
     """
 
     algorithm: str
@@ -104,7 +104,7 @@ class Arguments:
 
     @property
     def paces(self) -> tuple[str, ...]:
-        """Names of the commanded paces that are trained."""
+        """Names of the commanded paces in training."""
         return tuple(PACES) if self.pace == ALL else (self.pace,)
 
     def as_json(self) -> dict[str, Any]:
@@ -113,7 +113,7 @@ class Arguments:
 
 
 def arguments_from(content: Mapping[str, Any]) -> Arguments:
-    """Return what to train from plain data, as ``Arguments.as_json`` gives them."""
+    """Return arguments from plain data, as made by ``Arguments.as_json``."""
     values = dict(content)
     settings = settings_from(values["algorithm"], values.pop("settings"))
     return Arguments(settings=settings, machine=CODEC.from_plain(values.pop("machine", None)), **values)
@@ -139,14 +139,14 @@ class RunFolder:
         return locked(self.path / LOCK, busy=f"out: another process trains in {str(self.path)!r}")
 
     def begin(self, arguments: Arguments, interface: Interface) -> None:
-        """Write what is to be trained, or raise a ParameterError if there is a run in the folder already."""
+        """Write the arguments, or raise a ParameterError if the folder already holds a run."""
         if (self.path / RUN).exists():
             raise ParameterError(f"out holds a run already, {self.path}: give --resume, or another folder")
         content = {**arguments.as_json(), "interface": asdict(interface)}
         write_text_atomic(self.path / RUN, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
     def read(self) -> tuple[Arguments, Interface]:
-        """Return what is trained here.
+        """Return the arguments of this run.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class RunFolder:
         return found[-1] if found else None
 
     def scores(self) -> dict[int, Scores]:
-        """Return the scores of the validations, by the control steps before each.
+        """Return the validation scores, by the control steps before each.
 
         Raises
         ------
@@ -187,7 +187,7 @@ class RunFolder:
 
 
 class Watch:
-    """What happens between two rollouts: checkpoints, validation, logs."""
+    """Work between rollouts: checkpoints, validation, logs."""
 
     def __init__(self, arguments: Arguments, model: Model, interface: BoundInterface, folder: RunFolder) -> None:
         self._arguments = arguments
@@ -209,7 +209,7 @@ class Watch:
         )
 
     def look(self) -> None:
-        """Do what is due now."""
+        """Do the work that is due now."""
         rollouts = self._model.steps // self._model.rollout
         if rollouts % self._arguments.checkpoint_every == 0:
             save_checkpoint(self._model, self._folder.path)
@@ -223,7 +223,7 @@ class Watch:
         self._logger.dump(self._model.steps)
 
     def finish(self) -> Path:
-        """Keep the last checkpoint and validate it."""
+        """Save the last checkpoint and validate it."""
         path = save_checkpoint(self._model, self._folder.path)
         self.validate()
         return path
@@ -249,24 +249,24 @@ def train(
     Parameters
     ----------
     arguments
-        What to train. With ``resume`` they must be those of the run in the folder, except for the steps.
+        What to train. With ``resume``, they must equal those of the run in the folder, except for the steps.
     out
         Folder of the run.
     resume
-        Whether to go on from the newest checkpoint in the folder.
+        Whether to continue from the newest checkpoint in the folder.
     on_progress
         Called with the control steps so far after each rollout.
 
     Raises
     ------
     ParameterError
-        If there is a run already, or none to resume, or another one, or another process trains in the folder.
+        If the folder already holds a run, or none to resume, or a different one, or another process trains in it.
     DataError
         If a file of the run to resume cannot be read.
     StorageError
-        If the folder can no longer be written to; it names the newest checkpoint.
+        If the folder can no longer be written to; the message names the newest checkpoint.
     TrainingDivergedError
-        If a loss or a weight is no longer finite; it names the last good checkpoint.
+        If a loss or a weight is no longer finite; the message names the last good checkpoint.
     """
     folder = RunFolder(out)
     draws = make_draws(arguments)
@@ -306,7 +306,7 @@ def train(
 
 
 def _learn(arguments: Arguments, model: Model, watch: Watch, on_progress: Callable[[int], None]) -> Path:
-    """Let a model learn until it has made all steps, and return its last checkpoint."""
+    """Train a model for all its steps and return its last checkpoint."""
     try:
         while model.steps < arguments.steps:
             watch.look()
@@ -319,7 +319,7 @@ def _learn(arguments: Arguments, model: Model, watch: Watch, on_progress: Callab
 
 
 def make_draws(arguments: Arguments, contexts: int | None = None) -> Randomisation | Mixture:
-    """Return the machines and tasks to train on, or the first of them."""
+    """Return the machines and tasks to train on, or only the first ones."""
     settings = arguments.settings
     return draws_for(
         arguments.scenario,
@@ -332,7 +332,7 @@ def make_draws(arguments: Arguments, contexts: int | None = None) -> Randomisati
 
 
 def make_training_worlds(arguments: Arguments, draws: Randomisation | Mixture, interface: Interface) -> TrainingWorlds:
-    """Return worlds as the networks meet them."""
+    """Return worlds with the networks' inputs and outputs."""
     settings = arguments.settings
     truth = sample_truth(settings, draws, arguments.seed) if settings.privileged else None
     worlds = make_worlds(draws, settings.worlds, settings.episode, settings.sensors, settings.frame_skip)
@@ -340,13 +340,13 @@ def make_training_worlds(arguments: Arguments, draws: Randomisation | Mixture, i
 
 
 def make_model(arguments: Arguments, worlds: TrainingWorlds) -> Model:
-    """Return an untrained model; seeds torch."""
+    """Return an untrained model; this seeds torch."""
     torch.set_num_threads(1)  # networks as small as these are slower with more
     return arguments.learner.make_model(arguments.settings, worlds, arguments.steps, arguments.seed)
 
 
 def check_same(known: Arguments, given: Arguments) -> None:
-    """Raise a ParameterError if a run is resumed with other arguments than those it was begun with."""
+    """Raise a ParameterError if a run is resumed with different arguments."""
     told: list[tuple[Any, Any]] = [(known, given), (known.settings, given.settings)]
     for before, after in told:
         for name in before.__dataclass_fields__.keys() - {"settings"}:

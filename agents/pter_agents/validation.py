@@ -1,6 +1,6 @@
-"""Scores of a policy in training, on drawn episodes that it is not trained on.
+"""Scores of a policy during training, on drawn episodes that it is not trained on.
 
-Their seed is one that no training draws use; the stored evaluation episodes stay unseen.
+Their seed is never used for training draws; the stored evaluation episodes stay unseen.
 """
 
 from collections.abc import Sequence
@@ -35,11 +35,11 @@ class Validation:
     paces
         Names of commanded paces.
     episodes
-        Their number at each pace; with all scenarios rounded up to whole shares of each.
+        Number at each pace; with all scenarios, rounded up to equal shares.
     sensors
         What the worlds measure.
     machine
-        One in place of those that the scenario draws.
+        A machine in place of those that the scenario draws.
     **stated
         Fields of the task that all episodes share.
     """

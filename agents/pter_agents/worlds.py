@@ -1,4 +1,4 @@
-"""The worlds to train on: a scenario's training draws behind the interface of a policy."""
+"""The worlds to train on: a scenario's training draws with a policy's inputs and outputs."""
 
 from collections.abc import Mapping
 from copy import deepcopy
@@ -38,13 +38,13 @@ def draws_for(
     Parameters
     ----------
     scenario
-        Its name, or ``"all"`` for those of ``MIXED``.
+        Its name, or ``"all"`` for the scenarios in ``MIXED``.
     pace
         Name of a commanded pace, or ``"all"``.
     contexts, seed
-        Number of pairs of machine and task, rounded up to whole shares of the scenarios, and the seed of their list.
+        Number of pairs of machine and task, rounded up to equal shares of the scenarios, and the seed of their list.
     machine
-        One in place of those that the scenarios draw.
+        A machine in place of those that the scenarios draw.
     **stated
         Fields of the task that all episodes share, such as ``reward``, ``starts`` and ``truncation_error``.
 
@@ -75,7 +75,7 @@ def _draws(
 
 
 def all_paces() -> tuple[float, ...]:
-    """Return the commanded paces [m/s], fast ones more often, so all take about the same share of time."""
+    """Return the commanded paces [m/s], with fast ones repeated so that all take about the same share of time."""
     slowest = min(PACES.values())
     return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
 
@@ -83,7 +83,7 @@ def all_paces() -> tuple[float, ...]:
 def make_worlds(
     draws: Randomisation | Mixture, count: int, episode: int, sensors: Sensors = "torque", frame_skip: int = 1
 ) -> PathFollowingVectorEnv:
-    """Return worlds that take voltages and begin again in the step in which they end.
+    """Return worlds that take voltages and are reset in the same step in which they end.
 
     Parameters
     ----------
@@ -94,9 +94,9 @@ def make_worlds(
     episode
         Steps after which an episode is truncated.
     sensors
-        What they measure.
+        The sensors.
     frame_skip
-        Control steps of a step.
+        Control steps in a step.
     """
     return PathFollowingVectorEnv(
         count,
@@ -124,11 +124,11 @@ class Step(NamedTuple):
     Attributes
     ----------
     inputs
-        What the networks see now, (N, size); of worlds that have ended, after their reset.
+        The networks' current inputs, (N, size); for worlds that have ended, after their reset.
     rewards, terminated, truncated
         (N,) each.
     ended, last
-        Indices of the worlds that have ended, and what the networks would have seen of them at the end.
+        Indices of the worlds that have ended, and the networks' inputs at their end.
     """
 
     inputs: Rows
@@ -140,19 +140,19 @@ class Step(NamedTuple):
 
 
 class TrainingWorlds:
-    """Worlds as the networks of a policy meet them: its inputs as observations, its outputs as actions.
+    """Worlds with a policy's inputs as observations and its outputs as actions.
 
-    The inputs that only the value network sees follow those of the policy. With an episode's last observation they are
-    from one control step earlier, as the world has begun again by then.
+    The inputs of the value network alone follow those of the policy. With an episode's last observation, they are from
+    one control step earlier, since the world has already been reset.
 
     Parameters
     ----------
     env
         The worlds.
     interface
-        What the network sees and does.
+        The network's inputs and outputs.
     truth
-        Scaling of the truth about a world for the value network; None if it sees what the policy sees.
+        Scaling of the truth about a world for the value network; None if it has the same inputs as the policy.
     nominal
         The machine that a base controller is bound to.
     """
@@ -177,7 +177,7 @@ class TrainingWorlds:
         """Returns of the episodes that have ended; a reader may clear the list."""
 
     def reset(self, seed: int) -> Rows:
-        """Start new episodes with the seeds from ``seed`` on, and return what the networks see, (N, size)."""
+        """Start new episodes with consecutive seeds from ``seed`` on, and return the networks' inputs, (N, size)."""
         self._returns[:] = 0.0
         self._past.forget(np.ones(self.count, np.bool_))
         return self._see(self.env.reset(seed=seed)[0])
@@ -200,12 +200,12 @@ class TrainingWorlds:
         return Step(self._see(obs), rewards, terminated, truncated, ended, last)
 
     def get_state(self) -> dict[str, Any]:
-        """Return all that changes."""
+        """Return the changing state."""
         own = {"base": self._base, "known": self._known, "returns": self._returns}
         return {**own, "worlds": self.env.get_state(), "past": self._past.get_state()}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go on where ``get_state`` was called; arrays may be tensors."""
+        """Restore the state from ``get_state``; arrays may be tensors."""
         self.env.set_state({name: np.asarray(part) for name, part in state["worlds"].items()})
         self._past.set_state(state["past"])
         for name, mine in (("base", self._base), ("known", self._known), ("returns", self._returns)):

@@ -1,1 +1,1 @@
-"""Tools beside the simulator: each folder is one, imports the core and no other tool, and may be deleted."""
+"""Tools built on the simulator: each folder is one, imports the core and no other tool, and may be deleted."""

@@ -62,7 +62,7 @@ DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (1.5, 
 
 
 class Look(NamedTuple):
-    """What a line or a point looks like, in Matplotlib's terms."""
+    """The look of a line or marker, in Matplotlib's terms."""
 
     colour: str
     marker: Any
@@ -70,13 +70,13 @@ class Look(NamedTuple):
 
 
 def numbered(k: int) -> Look:
-    """Return the look of the k-th of several things, from 0 on: 15 colours and markers, then other pairs of them."""
+    """Return the look of item k, counted from 0: 15 colours and markers, then other combinations of them."""
     shift, place = divmod(k, len(COLOURS))
     return Look(COLOURS[place], MARKERS[(place + shift) % len(MARKERS)], DASHES[k % len(DASHES)])
 
 
 def looks(names: Iterable[str]) -> dict[str, Look]:
-    """Return a look for each name, in their order; up to 15 have neither colour nor marker in common."""
+    """Return a look for each name, in order; up to 15 share neither colour nor marker."""
     return {name: numbered(k) for k, name in enumerate(dict.fromkeys(names))}
 
 
@@ -121,7 +121,7 @@ STYLE: Any = {
 
 @contextmanager
 def in_force() -> Generator[None]:
-    """Put the style in force, over Matplotlib's defaults; afterwards the user's settings are as they were."""
+    """Apply the style on top of Matplotlib's defaults; afterwards the user's settings are restored."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(STYLE)
@@ -153,7 +153,7 @@ def inches_above(axes: Axes, name: str, unit: float = 1.0) -> None:
 def inches_right(axes: Axes, name: str, unit: float = 1.0, per: str = "") -> None:
     """Add an axis in the paper's inches on the right; ``unit`` is the length in metres of one on the left axis.
 
-    ``per`` is what follows the inches in the unit, ``/s²`` for an acceleration.
+    ``per`` follows the inches in the unit: ``/s²`` for an acceleration.
     """
     axes.secondary_yaxis("right", functions=scaled(to_inches(unit))).set_ylabel(f"{name} [in{per}]")
 
@@ -186,13 +186,13 @@ def legend_below(figure: Figure, handles: Sequence[Any], names: Sequence[str], n
 
 
 def legend_of(figure: Figure, axes: Axes, note: str | None = None) -> None:
-    """Show what has a label in one of several panels below all of them."""
+    """Show a legend below all panels, with everything that has a label in one of them."""
     handles, names = axes.get_legend_handles_labels()
     legend_below(figure, handles, names, note)
 
 
 def percent(share: float, digits: int = 0, *, signed: bool = False) -> str:
-    """Return a share in percent with a typographic minus sign; what rounds to zero has none."""
+    """Return a share in percent with a typographic minus sign, and no sign if it rounds to zero."""
     value = f"{100.0 * share:{'+' if signed else ''}z.{digits}f}".replace("-", "−")
     return f"{value} %"
 
@@ -215,14 +215,14 @@ def _content(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
 
 
 def save(figure: Figure, path: FilePath) -> tuple[Path, Path]:
-    """Write a figure as a PNG file and, in vectors, as a PDF file beside it; each whole or not at all.
+    """Write a figure as a PNG file and, in vectors, as a PDF file beside it, each atomically.
 
     Parameters
     ----------
     figure
-        What to write.
+        The figure.
     path
-        Of the PNG file.
+        Path of the PNG file.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Who acts in a data set: a trained policy, the stages of a training, or chance."""
+"""The policies that act in a data set: a trained policy, stages of its training, or random actions."""
 
 import tomllib
 from collections.abc import Callable
@@ -48,7 +48,7 @@ class Actor(NamedTuple):
     name
         Its name.
     bind
-        Returns what acts in an environment, from observations (N, entries) to actions (N, 4), by a seed.
+        Returns, for an environment and a seed, a function from observations (N, entries) to actions (N, 4).
     """
 
     name: str
@@ -57,7 +57,7 @@ class Actor(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Exploring:
-    """A network with the noise of its training, n = ρ·n' + σ·ε with a standard normal ε.
+    """A network with its training noise, n = ρ·n' + σ·ε with a standard normal ε.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Exploring:
     deviation, persistence
         σ and ρ.
     rng
-        Where ε comes from.
+        Random generator of ε.
     """
 
     network: Net
@@ -75,7 +75,7 @@ class Exploring:
     rng: np.random.Generator
 
     def begin(self, worlds: int) -> NDArray[np.float64]:
-        """Return the noise before the first control step of so many worlds, a row for each."""
+        """Return the noise before the first control step of that many worlds, a row for each."""
         return np.zeros((worlds, 4))
 
     def __call__(
@@ -88,7 +88,7 @@ class Exploring:
 
 
 def actors_of(scenario: str, level: str) -> tuple[Actor, ...]:
-    """Return who acts in a data set, each for the same share of its control steps.
+    """Return the actors of a data set, each for the same share of its control steps.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def actors_of(scenario: str, level: str) -> tuple[Actor, ...]:
 
 
 def stages() -> dict[str, Any]:
-    """Return the description of the training whose stages act."""
+    """Return the description of the training run whose stages act."""
     return tomllib.loads((STAGES / STAGES_TABLE).read_text("utf-8"))
 
 

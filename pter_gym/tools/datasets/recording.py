@@ -1,4 +1,4 @@
-"""Episodes of a policy as the registered environment gives them, many worlds at once."""
+"""Episodes of a policy as in the registered environment, in many worlds at once."""
 
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -29,7 +29,7 @@ class Episode(NamedTuple):
     Attributes
     ----------
     seed
-        Of its reset.
+        Seed of its reset.
     observations
         float32 (T + 1, entries), each entry relative to its scale.
     actions
@@ -62,7 +62,7 @@ def environment_of(scenario: str, seed: int = 0) -> tuple[str, dict[str, Any]]:
 def record_episodes(
     scenario: str, level: str, steps: int, *, seed: int = 0, on_steps: Callable[[int], object] = lambda _: None
 ) -> list[Episode]:
-    """Return whole episodes on training draws, at least so many control steps together.
+    """Return complete episodes on training draws, with at least ``steps`` control steps in total.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def record_episodes(
     steps
         Control steps, at least 1. Each actor of the level has an even share, and completes its last episode.
     seed
-        Of draws, resets and noise, from 0 to 2³¹ − 1.
+        Seed of draws, resets and noise, from 0 to 2³¹ − 1.
     on_steps
         Called with the number of control steps of each completed episode.
 
@@ -105,9 +105,9 @@ def record_episodes(
 
 
 def _episodes(envs: Any, act: Act, first: int) -> Iterator[Episode]:
-    """Give the episodes of the seeds from the first on, in order and without end.
+    """Yield the episodes of consecutive seeds, in order and without end.
 
-    A world begins the episode of the next seed as soon as its own has ended.
+    A world begins the next seed's episode as soon as its own has ended.
     """
     count: int = envs.num_envs
     seeds = list(range(first, first + count))

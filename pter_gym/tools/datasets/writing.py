@@ -1,4 +1,4 @@
-"""Recorded episodes as a data set that Minari reads."""
+"""Recorded episodes as a data set in Minari's format."""
 
 import shutil
 from collections.abc import Sequence
@@ -46,7 +46,7 @@ def dataset_id(scenario: str, level: str) -> str:
 def write_dataset(
     scenario: str, level: str, episodes: Sequence[Episode], folder: FilePath, *, seed: int, command: str
 ) -> Path:
-    """Write a data set in place of an earlier one of its name, and return its folder.
+    """Write a data set, replacing an earlier one of the same name, and return its folder.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def write_dataset(
     DependencyError
         If Minari is missing.
     StorageError
-        If the data set cannot be written; an earlier one is left as it was.
+        If the data set cannot be written; an earlier one is left unchanged.
     """
     minari = load_minari()
     from minari.dataset.minari_storage import MinariStorage
@@ -110,7 +110,7 @@ def write_dataset(
 
 
 def _buffer(episode: Episode) -> Any:
-    """Return what Minari stores of an episode."""
+    """Return an episode in Minari's format."""
     stored = episode._asdict()
     del stored["arrived"], stored["distance"]
     return load_minari().data_collector.EpisodeBuffer(**stored)

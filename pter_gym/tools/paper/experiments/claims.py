@@ -1,6 +1,6 @@
-"""Every sentence of the paper that can be checked, with what we measure and what would make it hold.
+"""Every checkable statement of the paper, with our measurement and the condition under which it holds.
 
-``claims.toml`` is the one place for texts and thresholds, and says how each claim comes to hold:
+``claims.toml`` holds all texts and thresholds, and says how each claim comes to be met:
 
 *prediction*
     Nothing was fitted to it or put into the model for it: other admissible values could fail it.
@@ -9,7 +9,7 @@
 *construction*
     It follows from the equations or from values put into the model, so every admissible machine meets it.
 
-A claim that does not hold is *not met*, however it was meant to.
+A claim that does not hold is *not met*, whichever of these it was.
 """
 
 import math
@@ -64,11 +64,11 @@ class Statement:
     at_least, at_most
         Between these the claim holds.
     how
-        How it comes to hold, if it does.
+        How it comes to be met, if it is.
     note
         What a reader should know.
     reason
-        Why it is not met, where it is not and the reason was found.
+        Why it is not met, if it is not and the reason is known.
     """
 
     id: str
@@ -87,7 +87,7 @@ class Statement:
 
     @property
     def condition(self) -> str:
-        """What would make the claim hold, in words."""
+        """The condition under which the claim holds, in words."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         low, high = (f"{bound:.4g}".replace("-", "−") for bound in (self.at_least, self.at_most))
         if low == high:
@@ -101,7 +101,7 @@ class Statement:
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement with what was measured.
+    """A statement with its measured value.
 
     Attributes
     ----------

@@ -55,7 +55,7 @@ class LineFollowing:
     Attributes
     ----------
     setup
-        The task, with the path, and how its error is averaged.
+        The task with its path, and the kind of error average.
     gain
         Kp with feedback [V/(in·lbf)].
     without, with_feedback

@@ -1,4 +1,4 @@
-"""What four engaged clutches hold together (paper section III-A, the lumped actuator approach)."""
+"""Loads that four engaged clutches hold together (paper section III-A, the lumped actuator approach)."""
 
 from dataclasses import dataclass
 
@@ -53,14 +53,14 @@ def holding(machine: Machine | str | None = None, loads: int = 200, seed: int = 
 
 
 def largest_load(capacity: Array, direction: Array) -> float:
-    """Return how far the set {Wᵀτ: |τ_x| ≤ capacity_x} reaches in a direction (unit vector): the nearest of its edges.
+    """Return how far the set {Wᵀτ: |τ_x| ≤ capacity_x} extends in a direction (unit vector), up to its nearest edge.
 
     Parameters
     ----------
     capacity
-        What each clutch can hold [N·m], shape (4,).
+        Largest torque that each clutch can hold [N·m], shape (4,).
     direction
-        Of the joint torques, shape (2,).
+        Direction of the joint torques, shape (2,).
     """
     rows = slip_rows()
     normals = rows @ np.array([[0.0, 1.0], [-1.0, 0.0]])

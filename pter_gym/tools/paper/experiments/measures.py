@@ -1,4 +1,4 @@
-"""What is measured for each claim of the paper: functions from the experiments to one number."""
+"""The measurement for each claim of the paper: functions from the experiments to one number."""
 
 import math
 
@@ -52,7 +52,7 @@ def stuck_imbalance(study: Study) -> float:
 
 
 def absorbed_torque(study: Study) -> float:
-    """Largest clutch torque of the test that comes least close to the breakaway torque [in·lbf]."""
+    """Largest clutch torque [in·lbf], for the test in which it is farthest from the breakaway torque."""
     peaks = [float(test.torque.max()) for test in study.single_dof.tests]
     return to_inch_pounds(max(peaks, key=lambda peak: abs(peak - BREAKAWAY_SMALL_VOLTAGE)))
 
@@ -106,7 +106,7 @@ def largest_power(study: Study) -> float:
 
 
 def holding_deviation(study: Study) -> float:
-    """Largest relative difference of the load that moved the arm and the largest that can be balanced."""
+    """Largest relative difference between the load that moved the arm and the largest load that can be balanced."""
     return float(np.abs(study.holding.moved_at / study.holding.limit - 1.0).max())
 
 
@@ -185,7 +185,7 @@ def worst_error_ratio(study: Study, model: str, other: str) -> float:
 
 
 def peak_share(study: Study, model: str, column: int) -> float:
-    """Share of an entry's excess over the baseline's that is gone with the baseline's peak torque."""
+    """Share of an entry's excess over the baseline's that disappears with the baseline's peak torque."""
     entry = table_entry(study, model, column)
     gone = entry - paper_units(study.table1_equal_peak[model])[column]
     return relative(gone, entry - table_entry(study, BASELINE, column))
@@ -197,7 +197,7 @@ def jump(study: Study, model: str) -> float:
 
 
 def relative(value: float, other: float) -> float:
-    """Return the ratio of two numbers, NaN where there is none."""
+    """Return the ratio of two numbers, NaN if it is undefined."""
     return value / other if other != 0.0 else math.nan
 
 
@@ -245,7 +245,7 @@ def saturation_trend(study: Study) -> float:
 
 
 def best_gain(study: Study) -> float:
-    """Gain with the smallest error of those without significant saturation [V/(in·lbf)]; NaN if there is none."""
+    """Gain with the smallest error among those without significant saturation [V/(in·lbf)]; NaN if none."""
     sweep = study.gain_sweep
     free = sweep.saturated <= SATURATED
     return float(sweep.gain[free][sweep.position_error[free].argmin()]) if free.any() else math.nan

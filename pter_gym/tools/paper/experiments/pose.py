@@ -1,4 +1,4 @@
-"""What the single-clutch tests have in common, pose and resolution, and plain Python faces of the arm's equations."""
+"""Pose and resolution of the single-clutch tests, and plain Python wrappers of the arm's equations."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ RESOLUTION = 1e-3
 
 
 def resolved(machine: Machine, longest: float = RESOLUTION) -> Machine:
-    """Return a machine whose substep is at most as long as a test needs it to be [s]."""
+    """Return a machine whose substep is at most a given length [s]."""
     return replace(machine, substep=min(machine.substep, longest))
 
 

@@ -87,7 +87,7 @@ class Reversals:
 
 
 def reversals(machines: Mapping[str, Machine] = PAPER_MACHINES, volts: float | None = None) -> Reversals:
-    """Let a step force turn back link A, which slips in clutch 1 at a constant voltage.
+    """Let a step force reverse link A, which slips in clutch 1 at a constant voltage.
 
     The arm moves at the start; the force, along link B, opposes that motion and is large enough to reverse it.
 

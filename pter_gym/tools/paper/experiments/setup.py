@@ -1,4 +1,4 @@
-"""What the paper's experiments run on: three machines, one task, one controller, and how runs are averaged."""
+"""Setup of the paper's experiments: three machines, one task, one controller, and how runs are averaged."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -42,7 +42,7 @@ def controller_of(preset: Preset) -> TorqueFeedback:
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """Machines, task and controller of the paper's experiments, and the choices that its text leaves open."""
+    """Machines, task and controller of the paper's experiments, and choices for what its text leaves open."""
 
     machines: Mapping[str, Machine] = quantity(
         "1", "see Machine; by name, the baseline first", default_factory=lambda: dict(PAPER_MACHINES)

@@ -51,7 +51,7 @@ class SingleDofTest:
     line
         Points of the single-DOF line that the tip can move on [m], shape (K, 2).
     deviation
-        Distance of the tip from where the line allows it to be [m], shape (T,).
+        Distance of the tip from the line [m], shape (T,).
     """
 
     clutch: int
@@ -87,7 +87,7 @@ class SingleDof:
     Attributes
     ----------
     machine
-        On which they were made, with its substep.
+        Machine of the tests, with its substep.
     breakaway
         Breakaway torque of the clutch under test [N·m].
     tests
@@ -102,7 +102,7 @@ class SingleDof:
 def single_dof(machine: Machine | str | None = None, breakaway: float = BREAKAWAY_SMALL_VOLTAGE) -> SingleDof:
     """Ramp up a torque against each clutch in turn while another clutch leaves the arm one degree of freedom.
 
-    The voltages have settled before. The ramp acts on link A, or on link B where link A is locked.
+    The voltages have settled beforehand. The ramp acts on link A, or on link B where link A is locked.
 
     Parameters
     ----------

@@ -31,11 +31,11 @@ class StepResponse:
     Attributes
     ----------
     machine
-        On which they were made, with its substep.
+        Machine of the tests, with its substep.
     volts
         Voltage after the step [V].
     time
-        From the step to the middle of each substep, where torques act [s], shape (T,).
+        Time from the step to the middle of each substep, where torques act [s], shape (T,).
     torque
         Magnitude of the generated torque [N·m], shape (4, T).
     slipping

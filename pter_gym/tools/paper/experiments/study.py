@@ -1,4 +1,4 @@
-"""All of the paper's experiments on one setup, each made when it is first asked for."""
+"""All of the paper's experiments on one setup, each run when first needed."""
 
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -35,7 +35,7 @@ class Sweep:
     tip_speed, tip_acceleration, peak_acceleration
         Mean speed [m/s]; mean and largest acceleration after the start-up interval [m/s²].
     path_length
-        Way of the tip [m].
+        Distance travelled by the tip [m].
     completed
         Whether the end of the path was reached.
     """

@@ -1,4 +1,4 @@
-"""Torque over voltage (paper section IV-B.1, Fig. 5): the curves, and a bench test that finds them again."""
+"""Torque over voltage (paper section IV-B.1, Fig. 5): the curves, and a bench test that recovers them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -59,7 +59,7 @@ class TorqueCurves:
 
 
 def torque_curves(machines: Mapping[str, Machine] = PAPER_MACHINES) -> TorqueCurves:
-    """Return the torque curves of clutch 1 and what a bench test makes of them.
+    """Return the torque curves of clutch 1 and the results of a bench test.
 
     In the bench test, as in the paper's, the voltage is constant and a slowly rising torque acts on link A until the
     clutch slips, and a little longer. Link B is locked.
@@ -86,7 +86,7 @@ def _material(machine: Machine, volts: Array, bench: Array) -> MaterialCurves:
 
 
 def bench_test(machine: Machine, volts: float) -> tuple[float, float]:
-    """Return the breakaway and the dynamic torque of clutch 1 [N·m] as a test at a constant voltage [V] finds them."""
+    """Return the breakaway and dynamic torque of clutch 1 [N·m] from a test at a constant voltage [V]."""
     machine = resolved(machine)
     held = max(machine.clutch.breakaway.torque(volts), machine.clutch.dynamic.torque(volts))
     applied = (volts, machine.clutch.voltage_max, 0.0, 0.0)

@@ -19,7 +19,7 @@ ZOOM = 0.008
 
 @styled
 def single_dof_paths(result: SingleDof) -> Figure:
-    """Return Fig. 3 for each clutch: where the tip went, on the line that the locked clutch leaves it."""
+    """Return Fig. 3 for each clutch: the path of the tip on the line that the locked clutch allows."""
     figure = Figure(figsize=(style.WIDTH, 5.8))
     grid = figure.subplots(2, 2)
     for k, (axes, test) in enumerate(zip(grid.flat, result.tests, strict=True)):
@@ -151,7 +151,7 @@ def torque_over_voltage(result: TorqueCurves) -> Figure:
 
 @styled
 def reversal_torques(result: Reversals) -> Figure:
-    """Return Fig. 9: torque of clutch 1 while the motion turns back, and a close-up relative to the dynamic torque."""
+    """Return Fig. 9: torque of clutch 1 while the motion reverses, and a close-up relative to the dynamic torque."""
     figure = Figure(figsize=(style.WIDTH, 3.8))
     count = len(result.machines)
     grid = figure.add_gridspec(count, 2, width_ratios=(1.7, 1.0), wspace=0.06)

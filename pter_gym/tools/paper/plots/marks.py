@@ -1,4 +1,4 @@
-"""What the figures share: remarks beside the data, and names of machines for a reader."""
+"""Shared parts of the figures: remarks beside the data, and readable names of machines."""
 
 from typing import Literal
 
@@ -42,5 +42,5 @@ def mark_line(axes: Axes, text: str, x: float, *, top: bool) -> None:
 
 
 def name_of(machine: str) -> str:
-    """Return a machine's name for a reader."""
+    """Return a machine's readable name."""
     return NAMES.get(machine, machine.replace("_", " ")).removeprefix("the ")

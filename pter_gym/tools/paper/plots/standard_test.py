@@ -171,7 +171,7 @@ def error_over_gain(result: GainSweep) -> Figure:
 
 @styled
 def followed_lines(result: LineFollowing) -> Figure:
-    """Return Fig. 11: how far from the line the tip was along it, without and with torque feedback."""
+    """Return Fig. 11: the tip's distance from the line along it, without and with torque feedback."""
     figure = Figure(figsize=(style.WIDTH, 2.8))
     axes = figure.add_subplot()
     axes.axhline(0.0, color=style.REFERENCE, linestyle="-", linewidth=4.0, alpha=0.3, label="desired line")

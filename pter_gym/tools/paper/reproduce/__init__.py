@@ -1,1 +1,1 @@
-"""``pter reproduce``: experiments and plots joined to files that a person reads."""
+"""``pter reproduce``: experiments and plots combined into files for a reader."""

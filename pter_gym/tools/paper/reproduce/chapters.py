@@ -1,4 +1,4 @@
-"""What ``pter reproduce`` makes of the paper, chapter by chapter; nothing here draws."""
+"""The products of ``pter reproduce``, chapter by chapter; nothing here draws."""
 
 import tomllib
 from collections.abc import Iterable
@@ -35,7 +35,7 @@ class Product:
 
     @property
     def pictures(self) -> "dict[str, Draw]":
-        """How to draw it, by the names of the files without their endings."""
+        """Functions that draw it, by file name without extension."""
         from pter_gym.tools.paper.reproduce.figures import PICTURES
 
         return PICTURES[self.name]
@@ -43,7 +43,7 @@ class Product:
 
 @dataclass(frozen=True, kw_only=True)
 class Chapter:
-    """A chapter of the report: its title, what it is about, and the products that it shows."""
+    """A chapter of the report: its title, its introduction, and its products."""
 
     title: str
     text: str
@@ -75,7 +75,7 @@ def find_products(names: Iterable[str]) -> dict[str, Product]:
     Raises
     ------
     ParameterError
-        If there is no product of a name.
+        If there is no product with a given name.
     """
     wanted = set(names)
     unknown = sorted(wanted - PRODUCTS.keys() - {"all"})

@@ -1,4 +1,4 @@
-"""What ``pter reproduce`` can make: pictures and data for each figure and table of the paper."""
+"""Pictures and data of ``pter reproduce`` for each figure and table of the paper."""
 
 import json
 from collections.abc import Callable

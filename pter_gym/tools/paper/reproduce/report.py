@@ -1,4 +1,4 @@
-"""The report: one HTML file that a person reads from top to bottom, with every picture inside it."""
+"""The report: one HTML file to be read from top to bottom, with all pictures embedded."""
 
 import base64
 from collections import Counter
@@ -39,11 +39,11 @@ def report(setup: Setup, claims: Sequence[Claim], pictures: Mapping[str, bytes])
     Parameters
     ----------
     setup
-        What the experiments ran on.
+        Setup of the experiments.
     claims
         All checked claims.
     pictures
-        Content of the PNG files by their names without the ending.
+        Content of the PNG files by name without extension.
     """
     pages = Environment(
         loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True, lstrip_blocks=True
@@ -62,7 +62,7 @@ def report(setup: Setup, claims: Sequence[Claim], pictures: Mapping[str, bytes])
 
 
 def prose(text: str) -> Markup:
-    """Return text as HTML, ``T_s`` and ``T_k`` with their subscripts."""
+    """Return text as HTML, with subscripts for ``T_s`` and ``T_k``."""
     html = str(escape(text)).replace("T_s", "<i>T</i><sub>s</sub>").replace("T_k", "<i>T</i><sub>k</sub>")
     return Markup(html)
 

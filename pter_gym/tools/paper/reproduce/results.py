@@ -1,4 +1,4 @@
-"""All files of a reproduction: made in memory first, then written, each whole or not at all."""
+"""All files of a reproduction: made in memory first, then written, each atomically."""
 
 import json
 from collections import Counter
@@ -23,9 +23,9 @@ def results(
     study
         The experiments.
     products
-        Names in ``PRODUCTS``; if it is all of them, there are also a report and the claims as files.
+        Names in ``PRODUCTS``; if all of them, a report and a claims file are added.
     on_progress
-        Called with a name when a product is done, and at last with ``claims``.
+        Called with a name when a product is done, and finally with ``claims``.
     """
     names = list(products)
     files: dict[str, bytes] = {}

@@ -39,7 +39,7 @@ def _cells(values: NDArray[Any]) -> Iterable[str]:
 
 
 def stacked(parts: Iterable[Mapping[str, ArrayLike]]) -> Columns:
-    """Return the rows of several parts below each other; a single value is in each row of its part."""
+    """Return the rows of several parts stacked; a single value is repeated in each row of its part."""
     tables = list(parts)
     columns: dict[str, list[NDArray[Any]]] = {name: [] for name in tables[0]}
     for table in tables:
@@ -50,7 +50,7 @@ def stacked(parts: Iterable[Mapping[str, ArrayLike]]) -> Columns:
 
 
 def length(name: str, metres: NDArray[np.float64], per: str = "") -> Columns:
-    """Return a length, or what ``per`` makes of it, in SI and in the paper's unit."""
+    """Return a length, or a quantity with ``per``, in SI and in the paper's unit."""
     return {f"{name}_m{per}": metres, f"{name}_in{per}": np.asarray(to_inches(1.0) * metres)}
 
 

@@ -1,7 +1,7 @@
-"""Find plausible values for what the paper does not print, from its Table I and its trends: a calibration.
+"""Calibration: find plausible values for what the paper does not print, from its Table I and its trends.
 
-Every candidate obeys the rules of the search space by construction; what cannot be built in costs a penalty. The trends
-of Figs. 7, 8 and 10 are fitted too, so their holding is no evidence.
+Every candidate obeys the rules of the search space by construction; requirements that cannot be built in become
+penalties. The trends of Figs. 7, 8 and 10 are fitted too, so meeting them is no evidence.
 """
 
 from pter_gym.tools.paper.experiments.calibration.objective import TARGET, Quality, misfit, quality_of

@@ -72,9 +72,9 @@ class Quality:
 def misfit(presets: Sequence[Preset], trends: float) -> Array:
     """Return the objective of presets, shape (K,): smaller is better, 0 is perfect.
 
-    The root mean square of the logarithmic deviations from Table I, plus the part of the worst one beyond ``AIM``, plus
-    the fraction of runs that do not complete, plus the penalties for Figs. 7 and 8, with the weight ``trends``, and
-    Fig. 10. Candidates far off are looked at in less detail, and those that the environment refuses not at all.
+    The root mean square of the logarithmic deviations from Table I, plus the excess of the worst one over ``AIM``, plus
+    the fraction of incomplete runs, plus the penalties for Figs. 7 and 8, with the weight ``trends``, and Fig. 10.
+    Poor candidates are evaluated in less detail, and those that the environment rejects not at all.
     """
     setups = [setup_of(preset) for preset in presets]
     total = np.full(len(setups), 2.0 * HOPELESS)
@@ -125,7 +125,7 @@ def runs_of(setups: Sequence[Setup], time_constants: Sequence[float]) -> RunScor
 
 
 def _feedback(setups: Sequence[Setup]) -> Array:
-    """Return the penalty for what Fig. 10 shows: fall up to 0.06, plateau and growing saturation above 0.1."""
+    """Return the penalty for deviations from Fig. 10: fall up to 0.06, plateau and growing saturation above 0.1."""
     out = run_cases([Case(s.baseline, TIME_CONSTANT, s, gain / INCH_POUND) for s in setups for gain in GAINS])
     gains = np.array(GAINS)
     low, high, best = gains <= BEST_GAIN, gains >= PLATEAU_FROM, GAINS.index(BEST_GAIN)

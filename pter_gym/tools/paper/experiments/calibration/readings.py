@@ -1,4 +1,4 @@
-"""What a preset makes of the paper where it is ambiguous: machines, task, controller and Table I of each reading."""
+"""Readings of the paper where it is ambiguous: a preset's machines, task, controller and Table I under each."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -23,29 +23,29 @@ DelrinRule = Literal["coefficients", "static"]
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """Where the paper is ambiguous: one choice of each.
+    """One choice for each ambiguity of the paper.
 
     Attributes
     ----------
     error_average
         Average |error| over time or over the path.
     control_period
-        Of the controller [s].
+        Control period [s].
     filtered
         Whether accelerations pass the first-order low-pass.
     start_up
-        Time at the start that accelerations leave out [s].
+        Time at the start that is left out of accelerations [s].
     delrin_rule
         Theoretical Delrin scales T_k by its μk over the present clutches' μk, which is fitted (``"coefficients"``), or
-        over their μs, the only one that is printed (``"static"``).
+        over their μs, the only coefficient that is printed (``"static"``).
     own_table
-        Whether a Delrin machine's controller has that machine's torque table.
+        Whether a Delrin machine's controller uses that machine's torque table.
     tip_space
         Whether torques are allocated for tip force rather than joint torque.
     lag
-        What lags behind the voltage.
+        The quantity that lags behind the voltage.
     time_constants
-        Of the runs that Table I averages [s]: those of Figs. 7 and 8, or the six of the standard test.
+        Time constants of the runs averaged in Table I [s]: those of Figs. 7 and 8, or the six of the standard test.
     """
 
     error_average: ErrorAverage = "time"

@@ -1,4 +1,4 @@
-"""The search itself: evolution strategies with covariance matrix adaptation, each from a point of its own."""
+"""The search itself: evolution strategies with covariance matrix adaptation (CMA-ES), each from its own starting point."""
 
 import math
 from collections.abc import Callable
@@ -63,7 +63,7 @@ def fit(
     ParameterError
         If an argument is out of its range, or the file cannot be written. Nothing has been written.
     StorageError
-        If the file cannot be written when the search is done.
+        If the file cannot be written after the search.
     """
     seed = whole_number("seed", seed, at_least=0)
     budget = whole_number("budget", budget, at_least=1000)
@@ -92,7 +92,7 @@ def fit(
 def adapted(evaluate: Callable[[Array], Array], random: np.random.Generator, budget: int) -> tuple[float, Array]:
     """Minimise a function of points (K, N) of the unit cube by CMA-ES (Hansen, arXiv 1604.00772).
 
-    Points outside of the cube count as the nearest one inside, and as far from good as they are from that.
+    Points outside the cube are evaluated at the nearest point inside, plus a penalty for the distance.
     """
     n = len(SPACE)
     parents = SIZE // 2

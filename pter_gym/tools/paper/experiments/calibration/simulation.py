@@ -1,4 +1,4 @@
-"""The standard test of many candidates at once, each with a machine, a task and gains of its own."""
+"""The standard test of many candidates at once, each with its own machine, task and gains."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ STEPS = 250
 
 @dataclass(frozen=True)
 class Case:
-    """One run to be made: a machine but for its clutches' time constant [s], its task, and Kp [V/(N·m)]."""
+    """A run to make: a machine, its clutches' time constant [s], its task, and Kp [V/(N·m)]."""
 
     machine: Machine
     time_constant: float
@@ -51,7 +51,7 @@ class RunScores:
 
 
 class _Runs(Batch):
-    """Worlds of cases: machines that differ in the time constant alone are checked and prepared once."""
+    """Worlds of cases: machines that differ only in the time constant are checked and prepared once."""
 
     def __init__(self, cases: Sequence[Case]) -> None:
         super().__init__([case.machine for case in cases], [case.setup.task for case in cases])
@@ -104,7 +104,7 @@ def run_cases(cases: Sequence[Case]) -> RunScores:
 
 @device
 def own_impedance(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
-    """Return the voltages of the impedance law with gains of each world's own, (kind, count, gains of world 0, …)."""
+    """Return the voltages of the impedance law with each world's own gains, (kind, count, gains of world 0, …)."""
     count = int(gains[1])
     first = 2 + int(memory[MEMORY.world]) * count
     return guide(obs, scales, gains[first : first + count], memory)

@@ -85,7 +85,7 @@ DIGITS = 4
 
 
 def decode(point: Array) -> Preset:
-    """Return the preset at a point of the unit cube, shape (len(SPACE),). Every point gives an admissible one."""
+    """Return the preset at a point of the unit cube, shape (len(SPACE),). Every point gives an admissible preset."""
     values = {
         free.name: free.low * (free.high / free.low) ** u if free.logarithmic else free.low + u * (free.high - free.low)
         for free, u in zip(SPACE, np.clip(point, 0.0, 1.0).tolist(), strict=True)
