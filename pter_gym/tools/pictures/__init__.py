@@ -1,1 +1,1 @@
-"""Pictures and films: what a world looks like, and figures of scores."""
+"""Pictures and videos of worlds, and figures of scores."""

@@ -1,4 +1,4 @@
-"""The pictures that ``pter benchmark`` writes beside its numbers."""
+"""The figures that ``pter benchmark`` writes beside its numbers."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,7 +18,7 @@ def draw_standard_test(result: Result, folder: Path) -> list[Path]:
 
 
 def draw_scenario(boards: Sequence[Leaderboard], found: Sequence[ScenarioRun], folder: Path) -> list[Path]:
-    """Draw the leaderboards of one scenario, with what was found of its runs, into a folder; return the paths."""
+    """Draw the leaderboards of one scenario, with its runs if available, into a folder; return the paths."""
     runs = [run for run in found if boards[0].has_episodes_of(run)]
     name_of_set = f"{boards[0].scenario}{episodes_suffix(boards[0].fresh)}"
     figures = {

@@ -1,4 +1,4 @@
-"""``pter watch``: an episode of policies as a moving picture, and as a table."""
+"""``pter watch``: an episode of policies as a video, and as a table."""
 
 import math
 import re
@@ -82,7 +82,7 @@ def watch(
 
 
 def check_arguments(names: list[str], out: Path | None, csv: Path | None, size: str | None, speed: float) -> None:
-    """Raise an error that names the argument unless all that can be told before the simulation is right."""
+    """Check the arguments as far as possible before the simulation; errors name the argument."""
     from pter_gym.benchmark._trajectories import check_table
 
     if not 1 <= len(names) <= MOST_POLICIES:
@@ -146,7 +146,7 @@ def simulate(
 
 
 def summary(episode: "Episode") -> str:
-    """Return in words how an episode went."""
+    """Return a summary of an episode in words."""
     from pter_gym.tasks.path_following import COLUMN
 
     telemetry: Any = episode.telemetry

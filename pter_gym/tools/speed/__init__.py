@@ -1,4 +1,4 @@
-"""How fast the simulator is, as ratios against peers that are measured in the same run: ``pter speed``."""
+"""``pter speed``: the simulator's speed, as ratios to peers measured in the same run."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What the numbers were measured on and with."""
+"""The computer and versions that the numbers were measured with."""
 
 import os
 import platform
@@ -13,7 +13,7 @@ _PACKAGES = ("gymnasium", "numpy", "numba", "llvmlite", "numba-cuda", "torch", "
 
 
 def describe_machine() -> dict[str, Any]:
-    """Return processor, cores that this process may use, memory [GiB], system and the load at present."""
+    """Return CPU, cores available to this process, memory [GiB], operating system and current load."""
     return {
         "processor": _processor(),
         "cores": available_cores(),
@@ -24,7 +24,7 @@ def describe_machine() -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python, of this package and of what is installed of those that matter here."""
+    """Return the versions of Python, this package and the relevant installed packages."""
     found = {"python": platform.python_version(), "pter-gym": __version__}
     for package in _PACKAGES:
         try:

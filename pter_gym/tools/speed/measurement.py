@@ -31,7 +31,7 @@ SINGLE = ("CartPole-v1", "Reacher-v5")
 
 @dataclass(frozen=True)
 class Plan:
-    """How much to measure: sizes [worlds], time for rates, comparisons and single steps, and whether to hurry."""
+    """How much to measure: sizes [worlds], time for rates, comparisons and single steps, and whether to be quick."""
 
     quick: bool
     cpu_sizes: tuple[int, ...]
@@ -44,7 +44,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Speed:
-    """All that one run measured."""
+    """All results of one run."""
 
     plan: Plan
     machine: dict[str, Any]
@@ -71,7 +71,7 @@ def make_plan(*, quick: bool = False, max_worlds: int = CUDA_SIZES[-1]) -> Plan:
     Raises
     ------
     ParameterError
-        If ``max_worlds`` is no whole number of at least 1.
+        If ``max_worlds`` is not a whole number ≥ 1.
     """
     max_worlds = whole_number("max_worlds", max_worlds)
     most = min(max_worlds, REFERENCE_WORLDS) if quick else max_worlds
@@ -87,7 +87,7 @@ def make_plan(*, quick: bool = False, max_worlds: int = CUDA_SIZES[-1]) -> Plan:
 
 
 def measure(plan: Plan, on_progress: Callable[[str], object] = lambda _: None) -> Speed:
-    """Measure everything; ``on_progress`` hears what comes next."""
+    """Measure everything; ``on_progress`` is told what comes next."""
     machine = describe_machine()
     on_progress("our throughput, one thread")
     one = sweep(plan.cpu_sizes, 1, plan.rates)

@@ -1,6 +1,6 @@
-"""The same mechanism in MuJoCo: an open two-link tree with four tendons that rub.
+"""The same mechanism in MuJoCo: an open two-link tree with four tendons with friction.
 
-The five-bar parallelogram moves as its two links A and B do, with kinetic energy ½ M11 A'² + c cos(A − B) A' B' + ½
+The five-bar parallelogram moves like its two links A and B, with kinetic energy ½ M11 A'² + c cos(A − B) A' B' + ½
 M22 B'². An open chain whose second link hangs on the end of the first has the same energy: joint angles (A, B − A),
 and with a point-like second link of mass m whose centre lies r beyond the elbow
 
@@ -50,7 +50,7 @@ def build(arm: ArmNumbers, step: float, torque: Sequence[float] = (0.0, 0.0, 0.0
     torque
         Friction loss of each clutch [N·m].
     soft
-        Leave the constraint and the solver as MuJoCo has them by default: faster, and a stuck clutch creeps.
+        Leave the constraint and the solver at MuJoCo's defaults: faster, but a stuck clutch creeps.
     """
     mujoco: Any = importlib.import_module("mujoco")
     mass = abs(arm.coupling) / arm.length_a**2 * math.sqrt(arm.inertia_a / arm.inertia_b) if arm.coupling else 1e-3

@@ -1,4 +1,4 @@
-"""Our own speed: whole control steps through the doors that users have, on the CPU and on a CUDA device."""
+"""Our own speed: whole control steps through the public interfaces, on the CPU and on a CUDA device."""
 
 import os
 import statistics
@@ -51,7 +51,7 @@ class Skipped:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Throughput over numbers of worlds; ``bytes_per_world`` is what the largest batch holds between steps."""
+    """Throughput over the number of worlds; ``bytes_per_world`` is the largest batch's memory between steps."""
 
     rows: tuple[Throughput, ...]
     skipped: tuple[Skipped, ...]
@@ -70,7 +70,7 @@ class SingleStep:
 
 @dataclass(frozen=True)
 class Cuda:
-    """A CUDA device: time to compile [s], time of a ``step`` that nobody waits for at few worlds [µs], throughput."""
+    """A CUDA device: time to compile [s], time of an asynchronous ``step`` with few worlds [µs], throughput."""
 
     device: str
     compile_seconds: float
@@ -81,7 +81,7 @@ class Cuda:
 
 
 def make_vec(worlds: int, threads: int | None = None, **keywords: Any) -> Any:
-    """Return the native vector environment as it is measured: no telemetry, ended worlds reset in the same step."""
+    """Return the native vector environment as measured: no telemetry, ended worlds reset in the same step."""
     return gymnasium.make_vec(
         ID,
         num_envs=worlds,
@@ -93,14 +93,14 @@ def make_vec(worlds: int, threads: int | None = None, **keywords: Any) -> Any:
 
 
 def random_actions(env: Any, seed: int = 0) -> list[Any]:
-    """Return some arrays of random actions over the whole action space, prepared before the clock runs."""
+    """Return some arrays of random actions over the whole action space, prepared before timing starts."""
     space = env.single_action_space
     rng = np.random.default_rng(seed)
     return [rng.uniform(space.low, space.high, (env.num_envs, 4)).astype(np.float32) for _ in range(_PREPARED)]
 
 
 def vector_load(worlds: int, threads: int | None = None, **keywords: Any) -> Load:
-    """Return the load of ``worlds`` worlds that have begun; keywords as for ``make_vec``."""
+    """Return the load of ``worlds`` running worlds; keywords as for ``make_vec``."""
     env = make_vec(worlds, threads, **keywords)
     env.reset(seed=0)
     actions = cycle(random_actions(env))
@@ -134,7 +134,7 @@ def throughput(worlds: int, threads: int, steps_per_second: float) -> Throughput
 
 
 def bytes_per_world(worlds: int) -> float:
-    """Return what a batch holds between steps, for each of its worlds [B]."""
+    """Return a batch's memory between steps, per world [B]."""
     env = make_vec(worlds, 1)
     env.reset(seed=0)
     env.step(random_actions(env)[0])
@@ -146,7 +146,7 @@ def bytes_per_world(worlds: int) -> float:
 def single_steps(peers: Sequence[str], steps: int, rounds: int) -> tuple[list[SingleStep], list[Skipped]]:
     """Measure one ``env.step`` through ``gymnasium.make``, ours and each peer's, block by block in turn.
 
-    What resets take between episodes does not count. The first block of each is left out.
+    Resets between episodes do not count. The first block of each is left out.
     """
     envs: dict[str, Any] = {ID: gymnasium.make(ID)}
     skipped: list[Skipped] = []
@@ -229,7 +229,7 @@ def _begin(env: Any, action: Any) -> None:
 
 
 def _steps_seconds(env: Any, actions: list[Any], steps: int, *, wait: bool) -> float:
-    """Return how long some steps take to ask for [s], or to be done."""
+    """Return how long some steps take to launch [s], or to finish."""
     given = cycle(actions)
     begin = time.perf_counter()
     for _ in range(steps):

@@ -1,6 +1,6 @@
 """Other simulators, each measured in turn with ours in the same run. All are optional.
 
-None of them does what ours does: each says what one of its steps is. Reacher is a planar arm of two links as well, but
+None of them does what ours does; each says what one of its steps is. Reacher is a planar arm of two links as well, but
 with two motors, a target and no clutch; one of its steps is two substeps of 10 ms and ours four of 2.5 ms.
 """
 
@@ -29,7 +29,7 @@ ROLLOUT_SUBSTEPS = 100
 
 
 class Kind(StrEnum):
-    """Our steps that a peer's are compared with."""
+    """The kind of our steps that a peer's are compared with."""
 
     ENV_STEPS = "env-steps"
     """Whole control steps."""
@@ -48,7 +48,7 @@ class Peer:
     Attributes
     ----------
     name, package
-        What is measured, and the distribution that brings it.
+        What is measured, and the distribution that provides it.
     modules
         What must be importable.
     one_step
@@ -72,7 +72,7 @@ class Peer:
 
 @dataclass(frozen=True)
 class Ratio:
-    """Ours beside a peer: rates [1/s] of the same kind of step, and the median of the ratios of alternating blocks."""
+    """Ours and a peer: rates [1/s] of the same kind of step, and the median of the ratios of alternating blocks."""
 
     name: str
     package: str

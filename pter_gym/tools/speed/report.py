@@ -1,4 +1,4 @@
-"""What one run measured, as data for a file and as tables for a terminal."""
+"""The results of one run, as data for a file and as tables for a terminal."""
 
 from dataclasses import asdict
 from typing import Any
@@ -20,7 +20,7 @@ def as_json(speed: Speed) -> dict[str, Any]:
 
 
 def tables(speed: Speed) -> list[Table]:
-    """Return what a terminal shows: throughput, peers, single steps, and what is missing."""
+    """Return tables for a terminal: throughput, peers, single steps, and what is missing."""
     shown = [_throughput(speed), _peers(speed), _singles(speed)]
     return [*shown, _skipped(speed)] if speed.skipped else shown
 

@@ -43,7 +43,7 @@ class Comparison:
 
 
 def block_rate(load: Load, seconds: float) -> float:
-    """Return the steps per second [1/s] of calls that go on for some seconds, at least one."""
+    """Return the steps per second [1/s] of calls repeated for some seconds, at least one."""
     calls = 0
     begin = time.perf_counter()
     while True:
@@ -61,7 +61,7 @@ def rate(load: Load, effort: Effort) -> float:
 
 
 def compare(load: Load, peer: Load, effort: Effort) -> Comparison:
-    """Measure two loads in turn: what else the machine does meets both."""
+    """Measure two loads in turn, so that other load on the machine affects both."""
     load.call()
     peer.call()
     pairs = [(block_rate(load, effort.seconds), block_rate(peer, effort.seconds)) for _ in range(effort.rounds)]

@@ -83,7 +83,7 @@ def tune(
 
 
 def summary(found: "TunedGains") -> str:
-    """Return the gains of a search as TOML has them, and what they are worth."""
+    """Return the gains of a search as TOML, and their scores."""
     scores = found.assessment
     lines = [f"{name} = {gain!r}" for name, gain in found.gains.items()]
     lines.append(

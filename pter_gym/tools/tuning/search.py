@@ -62,11 +62,11 @@ class TunedGains:
     assessment
         Their scores on draws that the search had not seen.
     trials, starts, episodes, seed
-        Gains that were tried, starts, draws of each trial, and the seed of draws and searches.
+        Number of gains tried, starts, draws per trial, and the seed of draws and searches.
     machine
-        The given one in place of those that the scenario draws; None if there was none.
+        The given machine in place of those that the scenario draws; None if there was none.
     known
-        Whether the first start began with gains that were known before.
+        Whether the first start began with the shipped gains.
     """
 
     controller: str
@@ -98,9 +98,9 @@ def tune(
 ) -> TunedGains:
     """Search for a controller's gains on training draws of a scenario.
 
-    Each start has an even share of the trials, and the best start by then one more. A search that was stopped goes on
-    where it was: a start ends when the storage holds its share of finished trials, no matter which process made them.
-    A search that runs alone and is not stopped gives the same result for the same seed.
+    Each start has an equal share of the trials, and the best start then gets one more share. An interrupted search
+    resumes: a start ends when the storage holds its share of finished trials, no matter which process ran them. A
+    search that runs alone and without interruption gives the same result for the same seed.
 
     Parameters
     ----------
@@ -111,26 +111,26 @@ def tune(
     episodes
         Draws for each trial.
     storage
-        Journal file of Optuna's, which may hold many studies; created if necessary, in a folder that exists.
+        Optuna journal file, which may hold many studies; created if necessary, in a folder that exists.
     seed
-        Of the draws and the search, ≥ 0.
+        Seed of the draws and the search, ≥ 0.
     machine
-        One in place of those that the scenario draws, as in ``pter_gym.scenarios.find_scenario``.
+        A machine in place of those that the scenario draws, as in ``pter_gym.scenarios.find_scenario``.
     known
-        Whether the first start begins with the gains that are known, which were found on the paper's machine. Without
-        them a comparison of machines is even.
+        Whether the first start begins with the shipped gains, which were found on the paper's machine. Leave them out
+        for a fair comparison of machines.
     on_trial
-        Called after each trial with the number of finished ones of all starts, and the best value of this one [m].
+        Called after each trial with the number of finished trials in all starts, and this start's best value [m].
 
     Raises
     ------
     ParameterError
-        If there is no such controller, scenario, pace or machine, a number is out of range, or the storage is no
-        journal or cannot be written.
+        If there is no such controller, scenario, pace or machine, a number is out of range, or the storage is not
+        a journal or cannot be written.
     DependencyError
         If Optuna is not installed.
     StorageError
-        If the storage cannot be written any more; the same search goes on from the trials that it holds.
+        If the storage can no longer be written; the same search resumes from the trials that it holds.
     """
     storage = find_path("storage", storage)
     if controller not in TUNABLE:
@@ -151,7 +151,7 @@ def tune(
         return _judge(trial, controller, speed, rungs)
 
     def run(start: int, budget: int, before: int) -> None:
-        """Let a start go on until it has so many finished trials, at least one of them judged on all draws."""
+        """Continue a start until it has that many finished trials, at least one of them scored on all draws."""
         study = studies[start]
         while len(finished := finished_trials(study)) < budget or not best_trials(study):
             study.optimize(judge, n_trials=1)
@@ -184,7 +184,7 @@ def make(controller: str, gains: Gains) -> Guided:
 
 
 def _judge(trial: Any, controller: str, pace: float, rungs: Sequence[Examination]) -> float:
-    """Return the value of a trial, judged on more and more draws while it keeps up with the others."""
+    """Return the value of a trial, scored on more and more draws as long as it keeps up with the others."""
     import optuna
 
     point = {
@@ -202,7 +202,7 @@ def _judge(trial: Any, controller: str, pace: float, rungs: Sequence[Examination
 
 
 def _label(scenario: Scenario) -> str:
-    """Return what tells the draws of a scenario from those of others."""
+    """Return a label that distinguishes a scenario's draws from others."""
     label = f"{scenario.name}-v{scenario.version}"
     if scenario.own is None:
         return label
@@ -210,7 +210,7 @@ def _label(scenario: Scenario) -> str:
 
 
 def _open(storage: Path, name: str, seeds: Sequence[int]) -> list[Any]:
-    """Return the studies of a search, one for each start, new or as they were left."""
+    """Return the studies of a search, one for each start, new or resumed."""
     try:
         import cmaes  # noqa: F401  # pyright: ignore[reportUnusedImport]
         import optuna
@@ -252,7 +252,7 @@ def _stream(study: Any, seed: int) -> int:
 def open_journal(path: Path) -> Any:
     """Return Optuna's storage in a journal file, which is created if necessary.
 
-    A last line that was not written to its end, as on a full disk, is cut off: Optuna would read nothing behind it.
+    An incomplete last line, as from a full disk, is cut off: Optuna would read nothing after it.
     """
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
@@ -270,9 +270,9 @@ def open_journal(path: Path) -> Any:
 
 
 def known_points(controller: str, scenario: str, pace: str) -> list[Gains]:
-    """Return points of the search with the gains that a controller ships with, and has by default at a pace.
+    """Return points of the search with a controller's shipped gains and its default gains at a pace.
 
-    Those that ship for the scenario and the pace come first, then the default ones, then those for others.
+    Gains shipped for the scenario and the pace come first, then the defaults, then those for others.
     """
     speed = find_pace(pace)
     default = cast("Guided | PaceSchedule", find_policy(controller)).at(speed)
@@ -286,11 +286,11 @@ def known_points(controller: str, scenario: str, pace: str) -> list[Gains]:
 
 
 def finished_trials(study: Any) -> list[Any]:
-    """Return the trials that were judged, on all draws or on a part of them."""
+    """Return the trials that were scored, on all or some draws."""
     return [trial for trial in study.get_trials(deepcopy=False) if trial.state.name in ("COMPLETE", "PRUNED")]
 
 
 def best_trials(study: Any) -> list[Any]:
-    """Return the trials that were judged on all draws, the best first."""
+    """Return the trials that were scored on all draws, the best first."""
     whole = [trial for trial in study.get_trials(deepcopy=False) if trial.state.name == "COMPLETE"]
     return sorted(whole, key=lambda trial: (trial.value, trial.number))

@@ -31,7 +31,7 @@ def command_of(found: TunedGains) -> str:
 
 
 def entry_of(found: TunedGains) -> dict[str, Any]:
-    """Return what a file holds of a search."""
+    """Return a search's entry in a file."""
     usual = gains_of(make_guided(found.controller, {}))
     return {
         "command": command_of(found),
@@ -45,7 +45,7 @@ def entry_of(found: TunedGains) -> dict[str, Any]:
 
 
 def add_gains(found: TunedGains, path: FilePath) -> None:
-    """Write the gains of a search to a file, in place of earlier ones for the same; its other entries stay.
+    """Write the gains of a search to a file, replacing earlier ones for the same case; its other entries are kept.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def _lines(table: Table) -> Iterator[str]:
 
 
 def _value(value: object) -> str:
-    """Return a number, a switch, a string or a list or table of these as TOML has it."""
+    """Return a number, boolean, string, or a list or table of these, as TOML."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(_value, cast('tuple[object, ...]', value)))}]"
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Where gains are searched."""
+"""The search spaces of gains."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ DIGITS = 4
 
 @dataclass(frozen=True)
 class Range:
-    """Numbers from low to high, evenly or by their logarithm."""
+    """Numbers from low to high, uniform or logarithmic."""
 
     low: float
     high: float

@@ -1,4 +1,4 @@
-"""``pter play``: the simulator in a page of the browser."""
+"""``pter play``: the simulator on a page in the browser."""
 
 import webbrowser
 from typing import Annotated

@@ -45,7 +45,7 @@ TYPES = MappingProxyType(
 
 
 def site_files() -> dict[str, Path]:
-    """Return the files of the page by their addresses, which have no slash in front: its own, and shipped weights."""
+    """Return the files of the page, with shipped weights, by their addresses without a leading slash."""
     own = {path.name: path for path in sorted(STATIC.iterdir()) if path.suffix in TYPES and path.name != "package.json"}
     weights = (f"{name}.safetensors" for name in shipped_policies())
     return own | {f"policies/{name}": SHIPPED / name for name in weights}
@@ -61,14 +61,14 @@ def write_site(folder: FilePath) -> None:
 
 
 def make_server(port: int = 0, own: "Machine | None" = None) -> ThreadingHTTPServer:
-    """Return a server of the page for this computer alone; a taken port raises an OSError.
+    """Return a server of the page for this computer only; a taken port raises an OSError.
 
     Parameters
     ----------
     port
         Its port, or 0 for any.
     own
-        A machine of a person's own, which the page then begins with.
+        A user's own machine, which the page then starts with.
 
     Raises
     ------
@@ -122,7 +122,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(with_content=True)
 
     def do_HEAD(self) -> None:
-        """Send what is known of a file."""
+        """Send the headers of a file."""
         self._answer(with_content=False)
 
     def _answer(self, *, with_content: bool) -> None:
@@ -146,4 +146,4 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(content)
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002
-        """Say nothing of requests."""
+        """Log no requests."""

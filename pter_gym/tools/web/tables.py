@@ -1,4 +1,4 @@
-"""What a page has to know of the kernels and may choose from, as JSON: all of it from the package's declarations.
+"""A page's information about the kernels and its choices, as JSON, all from the package's declarations.
 
 Numbers in the module's memory are found by places: ``places(ROW)`` is the record of a world with row numbers in place
 of values. What a page chooses from (machines, hands, paths, laws, networks) are values in the same records.
@@ -60,7 +60,7 @@ OWN = "own"
 
 
 def tables(own: Machine | None = None) -> dict[str, Any]:
-    """Return all tables; with a machine of a person's own it is one of the machines, and controllers are told of it.
+    """Return all tables; a user's own machine becomes one of the machines, and controllers are bound to it.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def tables(own: Machine | None = None) -> dict[str, Any]:
 
 
 def declarations() -> dict[str, Any]:
-    """Return where everything is in the module's memory, and what it means."""
+    """Return the layout of the module's memory, and its meaning."""
     batch = pages_batch()
     return {
         "observation": fields(batch.layout),
@@ -136,7 +136,7 @@ def policies_for(rows: tuple[tuple[float, float], ...]) -> list[str]:
 
 
 def pages_batch() -> Batch:
-    """Return a world as a page has it: with all sensors, voltages as actions and no time limit."""
+    """Return a world for a page: with all sensors, voltages as actions and no time limit."""
     return Batch(BASELINE, PathFollowing(), 1, sensors="force")
 
 
@@ -173,7 +173,7 @@ def laws(name: str, nominal: Machine, layout: Layout) -> dict[str, list[float]]:
 
 
 def gains(controller: Any, nominal: Machine, layout: Layout) -> list[float]:
-    """Return the gains of a controller that is told of a machine, as its compiled law reads them."""
+    """Return the gains of a controller bound to a machine, as its compiled law reads them."""
     bound: Policy = controller.bind(nominal, layout)
     return bound.gains.tolist()
 

@@ -51,7 +51,7 @@ class SingleDofTest:
     line
         Points of the single-DOF line that the tip can move on [m], shape (K, 2).
     deviation
-        Distance of the tip from the line [m], shape (T,).
+        Distance of the tip from its position allowed by the line [m], shape (T,).
     """
 
     clutch: int

@@ -1,4 +1,4 @@
-"""Figures of the standard test: where the tips went, and how far from the path over time."""
+"""Figures of the standard test: the tips' paths, and their distance from the desired path over time."""
 
 from typing import Any
 
@@ -32,12 +32,12 @@ _DESIRED: Any = {"color": REFERENCE, "linestyle": "-", "linewidth": 4.0, "alpha"
 
 @styled
 def tip_paths(result: Result, time_constant: float = TIME_CONSTANT) -> Figure:
-    """Return the desired path and the tip's path for each policy, as in Fig. 11, both axes to the same scale.
+    """Return the desired path and the tip's path for each policy, as in Fig. 11, with both axes to the same scale.
 
     Parameters
     ----------
     result
-        Of the standard test.
+        Result of the standard test.
     time_constant
         Of the clutches [s]; the nearest one in the result is shown, by default the manufacturer's.
     """

@@ -46,9 +46,9 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
     Parameters
     ----------
     boards
-        Of one scenario, one per pace.
+        Leaderboards of one scenario, one per pace.
     runs
-        The runs that they rank.
+        The runs behind them.
     """
     figure, panels = _panels(boards, 3.0)
     errors = np.concatenate([run.scores["path_error_m"] for run in runs])
@@ -75,7 +75,7 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
 
 @styled
 def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
-    """Return each policy's front: path error over the mean pace that it kept, beside the commanded ones."""
+    """Return each policy's path error over its actual mean pace, with the commanded paces marked."""
     figure = Figure(figsize=(WIDTH, 3.9))
     axes = figure.add_subplot()
     by_policy = _looks(boards)
@@ -118,16 +118,16 @@ def error_against_smoothness(boards: Sequence[Leaderboard]) -> Figure:
 
 @styled
 def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun]) -> Figure:
-    """Return sample trajectories of the best policy on a leaderboard, and the arm as it held it half-way.
+    """Return sample trajectories of the best policy on a leaderboard, and the arm half-way along each.
 
     All policies that had the same episodes are drawn.
 
     Parameters
     ----------
     board
-        Of one scenario at one pace.
+        Leaderboard of one scenario at one pace.
     runs
-        Those that it ranks.
+        The runs behind it.
     """
     first = _runs_of(board.standings[0], board, runs)[0]
     best, at = first.samples, first.conditions
@@ -186,7 +186,7 @@ def _draw_scene(axes: Axes, episodes: Episodes, sample: Sample) -> None:
 
 
 def _look(by_policy: Mapping[str, Look], standing: Standing) -> dict[str, Any]:
-    """Return Matplotlib's settings of a policy's line, with some markers on it, hollow below the line."""
+    """Return Matplotlib's settings for a policy's line, with some markers on it, hollow if the policy is not ranked."""
     colour, marker, dashes = by_policy[standing.policy]
     return {
         "color": colour,
@@ -216,7 +216,7 @@ def _panels(boards: Sequence[Leaderboard], height: float) -> tuple[Figure, list[
 
 
 def _labels(boards: Sequence[Leaderboard]) -> dict[str, str]:
-    """Return what each policy is called, by its name, in the order of the names."""
+    """Return each policy's label by its name, in order of the names."""
     return dict(sorted((standing.policy, standing.label) for board in boards for standing in board.standings))
 
 
@@ -238,7 +238,7 @@ def _pace(board: Leaderboard) -> str:
 def _legend(
     figure: Figure, boards: Sequence[Leaderboard], note: str, more: Mapping[str, Line2D] = MappingProxyType({})
 ) -> None:
-    """Name all policies below the panels, and say what was run."""
+    """Add a legend of all policies below the panels, and a note on what was run."""
     kind = "stored" if boards[0].fresh is None else "fresh"
     ran = f"{boards[0].scenario}, {boards[0].episodes} {kind} episode{'s' if boards[0].episodes > 1 else ''}"
     name_policies(figure, _looks(boards), list(_labels(boards).values()), f"{ran}; {note}", more)

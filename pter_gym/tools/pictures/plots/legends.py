@@ -17,7 +17,7 @@ LONGEST = 60
 
 
 def shown(name: str, longest: int = LONGEST) -> str:
-    """Return a policy's name as pictures show it: short enough, and without mathematics."""
+    """Return a policy's name for pictures: short enough, and without mathematical markup."""
     half = longest // 2
     return (name if len(name) <= longest else f"{name[: half - 1]}…{name[-half:]}").replace("$", r"\$")
 
@@ -33,12 +33,12 @@ def entries(looks: Mapping[str, Look]) -> list[Line2D]:
 def name_policies(
     figure: Figure, looks: Mapping[str, Look], names: Sequence[str], note: str, scene: Mapping[str, Line2D]
 ) -> None:
-    """Add the legend of policies below a figure, after what else is in it; ``note`` goes above."""
+    """Add the legend of policies below a figure, after its other entries; ``note`` goes above."""
     legend_below(figure, [*scene.values(), *entries(looks)], [*scene, *map(shown, names)], note)
 
 
 def dots(place: int, count: int) -> tuple[float, float]:
-    """Return where the line of one of several policies has its markers: apart from those of the others."""
+    """Return the marker positions on one policy's line, apart from those of other policies."""
     return (0.03 + 0.22 * place / count, 0.22)
 
 

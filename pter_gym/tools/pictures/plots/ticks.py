@@ -17,7 +17,7 @@ def plain_ticks(axes: Axes, which: str) -> None:
 
 
 def pace_ticks(axes: Axes, paces: Mapping[str, float], slowest: float) -> None:
-    """Label a logarithmic axis at each commanded pace [m/s] by its name, and at the slowest that is drawn."""
+    """Label a logarithmic axis at each commanded pace [m/s] by its name, and at the slowest pace drawn."""
     low, high = axes.get_xlim()
     axes.set_xlim(min(low, 0.9 * min(paces.values())), max(high, 1.1 * max(paces.values())))
     labels = {pace: f"{pace:g}\n{name}" for name, pace in paces.items()}

@@ -1,4 +1,4 @@
-"""Drawing with smooth edges: on a picture of twice the size, which is then halved."""
+"""Antialiased drawing: on a picture of twice the size, which is then halved."""
 
 from copy import copy
 from functools import lru_cache
@@ -36,7 +36,7 @@ class Canvas:
         self._draw = ImageDraw.Draw(image)
 
     def __getstate__(self) -> Image.Image:
-        """Return the picture: what draws on it can be neither copied nor stored."""
+        """Return the picture only, since the drawing object can be neither copied nor pickled."""
         return self._image.copy()
 
     def __setstate__(self, image: Image.Image) -> None:

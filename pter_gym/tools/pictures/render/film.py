@@ -1,4 +1,4 @@
-"""Films: episodes side by side in frames of equal distance in time, written to a file or shown in a window."""
+"""Videos: episodes side by side in frames at equal time intervals, written to a file or shown in a window."""
 
 import io
 import math
@@ -40,14 +40,14 @@ COLOURS = 64
 
 
 class Shot(NamedTuple):
-    """An episode to show: of what, and its telemetry from the reset on, (T + 1, len(TELEMETRY))."""
+    """An episode to show: its subject, and its telemetry from the reset on, (T + 1, len(TELEMETRY))."""
 
     subject: Subject
     telemetry: Array
 
 
 class Film:
-    """Frames of episodes that begin together; one that is over stays at its end.
+    """Frames of episodes that begin together; a finished one keeps showing its last state.
 
     Parameters
     ----------
@@ -94,13 +94,13 @@ def film_of(
     speed: float = 1.0,
     size: tuple[int, int] | None = None,
 ) -> Film:
-    """Return a film of policies on one episode, side by side, from their names and telemetry; the rest as ``Film``."""
+    """Return a film of policies on one episode, side by side, from their names and telemetry; see ``Film``."""
     shots = [Shot(Subject(machine, task, name), telemetry) for name, telemetry in episodes.items()]
     return Film(shots, rate, speed, size)
 
 
 def default_size(count: int) -> tuple[int, int]:
-    """Return the size of so many pictures side by side [px]; a single one has that of an environment's picture."""
+    """Return the size of that many pictures side by side [px]; a single one is as large as an environment's picture."""
     if count == 1:
         return WIDTH, HEIGHT
     rows, columns = grid(count)
@@ -110,7 +110,7 @@ def default_size(count: int) -> tuple[int, int]:
 
 
 def check_ending(path: Path) -> None:
-    """Raise a ParameterError unless films have files of this ending, a DependencyError if ffmpeg is missing for it."""
+    """Raise a ParameterError unless films can have this extension, a DependencyError if ffmpeg is missing for it."""
     if path.suffix.lower() not in RATES:
         raise ParameterError(f"out must end in {', '.join(RATES)}, got {str(path)!r}")
     if path.suffix.lower() == ".mp4":
@@ -123,16 +123,16 @@ def frames_of(film: Film, path: Path) -> int:
 
 
 def write_film(film: Film, path: Path, on_frame: Progress = lambda: None) -> None:
-    """Write a film to a file, whole or not at all.
+    """Write a film to a file atomically.
 
     Parameters
     ----------
     film
-        What to write; it should have the rate of the ending in ``RATES``.
+        The film; it should have the rate of the extension in ``RATES``.
     path
-        A file that ends in ``.mp4``, ``.gif`` or ``.png``, which holds the last frame alone; its folder must exist.
+        A file that ends in ``.mp4``, ``.gif`` or ``.png``, which holds only the last frame; its folder must exist.
     on_frame
-        Called after each of the ``frames_of`` it.
+        Called after each of its frames, see ``frames_of``.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def write_film(film: Film, path: Path, on_frame: Progress = lambda: None) -> Non
 
 
 def show_film(film: Film, rate: float, title: str) -> None:
-    """Show a film in a window, again and again until it is closed; needs a display."""
+    """Show a film in a window, looping until it is closed; needs a display."""
     window = Window(film.size, rate, title)
     try:
         frame = 0

@@ -1,4 +1,4 @@
-"""Where things are: the five bars in the world, and the world on the screen. It draws nothing."""
+"""Geometry: the five bars in the world, and the world on the screen. Nothing is drawn here."""
 
 import math
 from dataclasses import dataclass

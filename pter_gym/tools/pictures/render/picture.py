@@ -31,7 +31,7 @@ MARGIN, LINE, CARD, GAP = 16, 24, 62, 8
 
 
 class Subject(NamedTuple):
-    """What a picture is of: a machine at a task, and what it is called, if anything."""
+    """The subject of a picture: a machine, its task, and a title, if any."""
 
     machine: Machine
     task: PathFollowing
@@ -39,7 +39,7 @@ class Subject(NamedTuple):
 
 
 class Picture:
-    """Draws a subject in a size [px]; what never changes is drawn once."""
+    """Draws a subject in a size [px]; constant parts are drawn once."""
 
     def __init__(self, subject: Subject, width: int, height: int) -> None:
         machine, task, name = subject
@@ -119,13 +119,13 @@ class Sheet:
 
 
 def grid(count: int) -> tuple[int, int]:
-    """Return rows and columns of a grid for so many pictures: up to three side by side, then about as many as rows."""
+    """Return rows and columns of a grid for that many pictures: up to three side by side, then about square."""
     columns = count if count <= 3 else math.ceil(math.sqrt(count))
     return -(-count // columns), columns
 
 
 def _cut(text: str, room: float, size: float) -> str:
-    """Return a text, or what there is room for of its end [px]."""
+    """Return a text, or as much of its end as fits [px]."""
     while len(text) > 1 and text_width(text, size) > room:
         text = "…" + text.removeprefix("…")[1:]
     return text

@@ -1,4 +1,4 @@
-"""What is read of a telemetry row below the scene: the mode, and a card for each clutch."""
+"""Readings of a telemetry row below the scene: the mode, and a card for each clutch."""
 
 from typing import Any, NamedTuple
 
@@ -35,7 +35,7 @@ BADGES = {
 
 
 class Limits(NamedTuple):
-    """What full bars mean [V, N·m], and the row of W of each clutch, None for one that is not there."""
+    """Values of full bars [V, N·m], and the row of W of each clutch, None for a missing one."""
 
     volts: float
     torque: float
@@ -52,14 +52,14 @@ class Limits(NamedTuple):
 
 
 def outcome(row: Any) -> str:
-    """Return the dynamic mode, or how the episode has ended."""
+    """Return the dynamic mode, or how the episode ended."""
     if row[COLUMN.terminated]:
         return "arrived" if row[COLUMN.is_success] else "left the workspace"
     return MODE_NAMES[ClutchMode(int(row[COLUMN.mode]))]
 
 
 def clutch_states(row: Any, rows: Rows = PAPER_ROWS) -> list[str]:
-    """Return what each of the four clutches does; one without voltage and torque is released, even at rest."""
+    """Return the state of each of the four clutches; one without voltage and torque is released, even at rest."""
     idle = (row[[*COLUMN.volts]] == 0.0) & (row[[*COLUMN.torque]] == 0.0)
     mode = int(row[COLUMN.mode])
     stuck = rows[mode - 1] if ClutchMode.TWO_DOF < mode < ClutchMode.ZERO_DOF else None

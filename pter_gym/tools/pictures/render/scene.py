@@ -41,7 +41,7 @@ def draw_task(canvas: Canvas, view: View, task: PathFollowing, unit: float) -> N
 
 
 def draw_stand(canvas: Canvas, view: View, unit: float) -> None:
-    """Draw what holds the drive."""
+    """Draw the stand of the drive."""
     x, y = view.origin
     floor = y + 32 * unit
     canvas.polygon(
@@ -90,7 +90,7 @@ def draw_scale_bar(canvas: Canvas, view: View, x: float, y: float, size: float) 
 
 
 def draw_legend(canvas: Canvas, x: float, y: float, size: float) -> None:
-    """Name what is drawn, in a row from a point [px], with text of a size [px]."""
+    """Draw a legend in a row from a point [px], with text of a size [px]."""
     for name, colour in LEGEND.items():
         canvas.box(Box(x, y - 0.2 * size, x + 1.4 * size, y + 0.2 * size), colour)
         canvas.text(name, x + 1.9 * size, y, size, style.INK)

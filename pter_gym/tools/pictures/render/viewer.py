@@ -26,7 +26,7 @@ class Viewer:
     Parameters
     ----------
     machine, task
-        What is drawn; they fix the view, so the same state gives the same picture.
+        The subject; it fixes the view, so the same state gives the same picture.
     mode
         ``"rgb_array"`` returns pictures and needs no display; ``"human"`` shows them in a window, at most one for each
         control period. A window that its user closes stays closed, and the program goes on without it.
@@ -51,7 +51,7 @@ class Viewer:
         self.look_at(machine, task)
 
     def look_at(self, machine: Machine, task: PathFollowing) -> None:
-        """Draw another machine at another task from now on; the window stays."""
+        """Draw another machine and task from now on; the window stays open."""
         self._picture = Picture(Subject(machine, task), *self._size)
 
     def draw(self, telemetry_row: Array, trail: Array) -> NDArray[np.uint8] | None:
@@ -67,7 +67,7 @@ class Viewer:
         Returns
         -------
         picture
-            A fresh uint8 array (height, width, 3), or None with ``mode="human"``.
+            A new uint8 array (height, width, 3), or None with ``mode="human"``.
         """
         if self._window is None:
             return self._picture.draw(telemetry_row, trail)
@@ -117,7 +117,7 @@ class WorldsViewer:
         return all(row is not None for row in self._rows)
 
     def see(self, rows: Array, worlds: NDArray[np.bool_] | None = None) -> None:
-        """Take note of telemetry (N, len(TELEMETRY)) after a step, or of the worlds that were reset."""
+        """Record telemetry (N, len(TELEMETRY)) after a step, or the worlds that were reset."""
         for world in np.flatnonzero(worlds if worlds is not None else np.ones(len(rows), np.bool_)).tolist():
             row = rows[world].copy()
             if row[COLUMN.time] == 0.0:
