@@ -18,7 +18,7 @@ def draw_standard_test(result: Result, folder: Path) -> list[Path]:
 
 
 def draw_scenario(boards: Sequence[Leaderboard], found: Sequence[ScenarioRun], folder: Path) -> list[Path]:
-    """Draw the leaderboards of one scenario, with its runs if available, into a folder; return the paths."""
+    """Draw the leaderboards of one scenario, and sample episodes of its runs, into a folder; return the paths."""
     runs = [run for run in found if boards[0].has_episodes_of(run)]
     name_of_set = f"{boards[0].scenario}{episodes_suffix(boards[0].fresh)}"
     figures = {
