@@ -1,4 +1,4 @@
-"""The search itself: evolution strategies with covariance matrix adaptation (CMA-ES), each from its own starting point."""
+"""The search: evolution strategies with covariance matrix adaptation (CMA-ES), each from its own starting point."""
 
 import math
 from collections.abc import Callable
