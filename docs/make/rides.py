@@ -1,9 +1,9 @@
-"""Rides of many worlds at given voltages, in the environment's own batch, with exact gradients by the voltages.
+"""Rides of the environment at given voltages with feedback, and their exact linearisation.
 
-A ride is a kernel call of the engine, with a law that reads its voltages from a table. Its gradient is that of
-`pter_gym.gradients`, to which `Rides` gives each world's machine and hand as the ride found them. Two things that a
-rollout of a lone machine does not know are added: clutches whose friction drifts, and a push along a curved path, which
-turns with the tip's place. An intent that waits for the tip is taken as it was, without a derivative.
+The environment's own batch moves the worlds. `Rides.linearise` differentiates each control step by the adjoint of
+`pter_gym.gradients`, from the state in which the environment began it, so it also finds whether both arrive at the same
+state. Two things that a rollout of a lone machine does not know are added: clutches whose friction drifts, and a push
+along a curved path, which turns with the tip's place. An intent that waits for the tip is taken as it was.
 """
 
 from collections.abc import Sequence
@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import compile_kernel, device
+from pter_gym._compiled.records import store
 from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import SKIP
 from pter_gym._physics.arm import UnitVector
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state
-from pter_gym.benchmark.simulation import time_limit
-from pter_gym.gradients import _adjoint as adjoint
+from pter_gym._physics.model import model_of
+from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state, scratch
+from pter_gym.gradients._adjoint import _STATE, _STEADY, backward_step, forward_step
 from pter_gym.hands._model import PerSine, Sines, advance_sines, intent_speed, renew_sines, sum_of_sines, unit_vector
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
@@ -28,33 +30,52 @@ from pter_gym.tasks.path_following._specification import held_machine, substeps
 
 Array = NDArray[np.float64]
 
+STATE = 12
+"""Entries of a state: two angles, two angular velocities, and the breakaway and dynamic torques of four clutches."""
+
 DRIFT, TURN_X, TURN_Y, ACROSS_X, ACROSS_Y = range(2, 7)
 """Columns behind a force: the clutches' drift, how the heading turns with the tip, and the force's derivative by it."""
 
-COS_A = int(BODY.motion.cos_a) - adjoint.FIRST
+
+@device
+def put_state(body: Any, state: Any) -> None:
+    """Put a body into a state (STATE,)."""
+    for k in range(2):
+        body[BODY.motion.theta_a + k, 0] = state[k]
+        body[BODY.motion.omega_a + k, 0] = state[2 + k]
+        body[BODY.motion.cos_a + 2 * k, 0] = np.cos(state[k])
+        body[BODY.motion.sin_a + 2 * k, 0] = np.sin(state[k])
+    for k in range(8):
+        body[BODY.torques.breakaway.x1 + k, 0] = state[4 + k]
 
 
 @device
-def replay(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:  # noqa: ARG001
-    """Return the voltages that a world's memory holds behind the number of its next control step."""
-    at = 1 + 4 * int(memory[0])
-    memory[0] += 1.0
-    return PerClutch(memory[at], memory[at + 1], memory[at + 2], memory[at + 3])
+def seed(body: Any, bar: Any, entry: int) -> None:
+    """Make the adjoint that of one of the angles and angular velocities."""
+    bar[:] = 0.0
+    if entry < 2:
+        bar[BODY.motion.cos_a + 2 * entry, 0] = -body[BODY.motion.sin_a + 2 * entry, 0]
+        bar[BODY.motion.sin_a + 2 * entry, 0] = body[BODY.motion.cos_a + 2 * entry, 0]
+    else:
+        bar[BODY.motion.omega_a + entry - 2, 0] = 1.0
 
 
 @device
-def drifted_forward(body: Any, h: float, force: Any, target: Any, tape: Any) -> None:
-    """Move a body through a control step at the drift that comes with the forces."""
-    body[BODY.drift, 0] = force[0, DRIFT]
-    adjoint.forward_step(body, h, force, target, tape)
+def put_adjoint(body: Any, bar: Any, by: Any) -> None:
+    """Write the adjoints of a state and of voltages, (STATE + 4,)."""
+    for k in range(2):
+        at = BODY.motion.cos_a + 2 * k
+        by[k] = body[at, 0] * bar[at + 1, 0] - body[at + 1, 0] * bar[at, 0]
+        by[2 + k] = bar[BODY.motion.omega_a + k, 0]
+    for k in range(8):
+        by[4 + k] = bar[BODY.torques.breakaway.x1 + k, 0]
+    for k in range(4):
+        by[STATE + k] = bar[BODY.command.x1 + k, 0]
 
 
 @device
-def turned_backward(
-    body: Any, bar: Any, h: float, force: Any, target: Any, tape: Any, by_force: Any, by_target: Any
-) -> None:
-    """Pull adjoints back through a control step, and through the heading of its forces to where the tip was."""
-    adjoint.backward_step(body, bar, h, force, target, tape, by_force, by_target)
+def turn(body: Any, bar: Any, force: Any, by_force: Any) -> None:
+    """Pull the adjoint of a control step's forces back through their heading to where the tip was."""
     by_heading = 0.0
     for k in range(len(force)):
         by_heading += by_force[k, 0] * force[k, ACROSS_X] + by_force[k, 1] * force[k, ACROSS_Y]
@@ -66,147 +87,229 @@ def turned_backward(
     bar[BODY.motion.sin_b, 0] += length_b * by_y
 
 
+def _build_derivatives(digest: str) -> Any:
+    def derivatives(given: Any, states: Any, volts: Any, force: Any, target: Any, h: float, by: Any, ends: Any) -> None:
+        """Fill the derivatives of each control step's last angles and velocities, and these."""
+        _ = digest
+        body, end = scratch(given), scratch(given)
+        tape = np.empty((force.shape[1] + 1, 2, _STATE + _STEADY + 1))
+        bar = np.empty((BODY_WIDTH, 1))
+        by_force, by_target = np.empty((force.shape[1], 2)), np.empty((force.shape[1], 2))
+        for n in range(volts.shape[0]):
+            put_state(body, states[n])
+            store(body, BODY.command, 0, PerClutch(volts[n, 0], volts[n, 1], volts[n, 2], volts[n, 3]))
+            body[BODY.drift, 0] = force[n, 0, DRIFT]
+            forward_step(body, h, force[n], target[n], tape)
+            end[:] = body
+            for k in range(4):
+                ends[n, k] = end[BODY.motion.theta_a + k, 0]
+                seed(end, bar, k)
+                backward_step(body, bar, h, force[n], target[n], tape, by_force, by_target)
+                turn(body, bar, force[n], by_force)
+                put_adjoint(body, bar, by[n, k])
+
+    return derivatives
+
+
 @cache
-def kernels() -> tuple[Any, Any]:
-    """Return ``forward`` and ``backward`` of whole rides."""
-    return (
-        compile_kernel(adjoint._build_forward, forward_step=drifted_forward),
-        compile_kernel(adjoint._build_backward, forward_step=drifted_forward, backward_step=turned_backward),
-    )
+def derivatives_kernel() -> Any:
+    return compile_kernel(_build_derivatives)
 
 
 class Ridden(NamedTuple):
-    """Telemetry of N rides at given voltages, (T + 1, N, columns), NaN after their ends; see ``Rides.ride``."""
+    """Rides of W worlds, C at a time, or of some of these: arrays of T control steps, NaN after the end.
 
-    telemetry: Array
+    Attributes
+    ----------
+    volts
+        What was applied, (T, …, 4); after the end the last voltages.
+    states
+        At the control instants, (T + 1, …, STATE).
+    time, arc_length, normal_error, success
+        Of the telemetry, (T + 1, …).
+    """
+
     volts: Array
+    states: Array
+    time: Array
+    arc_length: Array
+    normal_error: Array
+    success: Array
+
+
+class Linear(NamedTuple):
+    """How W rides depend on states and voltages: x⁺ = A·x + B·u, and arc length and normal error by C·x.
+
+    ``apart`` is the largest difference between angles and angular velocities at the end of a control step, in the
+    environment and in the rollout that is differentiated.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    apart: float
 
 
 class Rides:
-    """N worlds that ride the same episodes again and again.
+    """Worlds that ride the same episodes again and again, each in so many copies.
 
     Parameters
     ----------
     machines, tasks, seeds
-        Of the episodes.
+        Of W episodes.
+    copies
+        C.
     """
 
-    def __init__(self, machines: Sequence[Machine], tasks: Sequence[PathFollowing], seeds: Sequence[int]) -> None:
-        self.batch = Batch(machines, tasks)
-        self.tasks, self.seeds = tasks, seeds
-        self.held = [held_machine(task, machine) for task, machine in zip(tasks, machines, strict=True)]
-        self.steps = max(map(time_limit, tasks))
-        self.period, self.substep = tasks[0].control_period, self.held[0].substep
-        self.substeps = substeps(tasks[0], machines[0])
-        self._hands = [task.hand.model(task.pace, self.substep, (0, 0)) for task in tasks]
-        self._sines = self._sum_of_sines()
-        self._recorded = self._recordings()
+    def __init__(
+        self, machines: Sequence[Machine], tasks: Sequence[PathFollowing], seeds: Sequence[int], copies: int
+    ) -> None:
+        self._shape = copies, len(tasks)
+        self._batch = Batch([*machines] * copies, [*tasks] * copies)
+        self._tasks, self._seeds = tasks, [*seeds] * copies
+        self._held = [held_machine(task, machine) for task, machine in zip(tasks, machines, strict=True)]
+        self._period, self._substeps = tasks[0].control_period, substeps(tasks[0], machines[0])
+        self._hands = [task.hand.model(task.pace, self._held[0].substep, (0, 0)) for task in tasks]
+        self._models = [model_of(machine) for machine in self._held]
+        self._lengths = np.array([[machine.arm.length_a, machine.arm.length_b] for machine in self._held])
+        self._kept = np.array([model.torque_decay for model in self._models])[:, None] ** (2 * self._substeps)
+        self._scale = np.array([tuple(model.scale) for model in self._models])
+        self._rate = np.array([task.friction_drift for task in tasks])
+        curves = [[tuple(model.breakaway), tuple(model.dynamic)] for model in self._models]
+        self._curves = np.moveaxis(np.array(curves), 0, -1)[..., None]
+        self._sines = np.empty((0, self._substeps, len(tasks)))
 
-    def _sum_of_sines(self) -> Array:
-        """Return the disturbance in the middle of each substep [N], (T, S, N), as the engine advances it."""
-
-        def per_sine(values: Any) -> Any:
-            return np.moveaxis(np.array([tuple(each) for each in values]), 0, -1)
-
-        hands = self._hands
-        amplitude = PerSine(*per_sine([hand.amplitude for hand in hands]))
-        turn = Sines(*(UnitVector(*each) for each in per_sine([hand.half_turn for hand in hands])))
-        starts = per_sine([[unit_vector(angle) for angle in hand.phase] for hand in hands])
-        sines = Sines(*(UnitVector(*each) for each in starts))
-        found = np.empty((self.steps, self.substeps, len(hands)))
-        for step in range(self.steps):
-            for k in range(self.substeps):
-                sines = advance_sines(sines, turn)
-                found[step, k] = sum_of_sines(amplitude, sines)
-                sines = advance_sines(sines, turn)
-            sines = renew_sines(sines)
+    def follow(self, volts: Array, states: Array | None = None, gains: Array | None = None) -> Ridden:
+        """Ride at voltages (T, C, W, 4), plus gains (T, W, 4, STATE) times how far states are from given ones."""
+        steps, worlds = len(volts), self._shape
+        _, row = self._batch.reset(self._seeds)
+        found = Ridden(
+            np.zeros((steps, *worlds, 4)),
+            np.full((steps + 1, *worlds, STATE), np.nan),
+            *(np.full((steps + 1, *worlds), np.nan) for _ in range(4)),
+        )
+        torques, alive = np.zeros((*worlds, 8)), np.ones(worlds, np.bool_)
+        for n in range(steps + 1):
+            row = row.reshape(*worlds, -1)
+            found.states[n] = np.concatenate([self._motion(row), torques], axis=-1)
+            for name in ("time", "arc_length", "normal_error"):
+                getattr(found, name)[n] = row[..., getattr(COLUMN, name)]
+            found.success[n] = row[..., COLUMN.is_success]
+            alive &= row[..., COLUMN.terminated] == 0.0
+            if n == steps or not alive.any():
+                found.volts[n:] = found.volts[n - 1]
+                break
+            asked = volts[n]
+            if states is not None and gains is not None:
+                asked = asked + np.einsum("wij,cwj->cwi", gains[n], np.nan_to_num(found.states[n] - states[n]))
+            given = asked.clip(0.0, self._batch.action_high).astype(np.float32).astype(np.float64)
+            found.volts[n] = np.where(alive[..., None], given, found.volts[n - 1])
+            row = self._batch.step(found.volts[n].reshape(-1, 4), SKIP).telemetry[0]
+            steady, _ = self._steady(found.volts[n], n)
+            torques = self._kept * torques + (1.0 - self._kept) * steady
         return found
 
-    def _recordings(self) -> Array:
-        """Return the recorded forces along and across in the middle of each substep [N], (2, T, S, N)."""
-        found = np.zeros((2, self.steps, self.substeps, len(self.tasks)))
-        part = ((np.arange(self.substeps) + 0.5) / self.substeps)[:, None]
-        for world, task in enumerate(self.tasks):
-            if len(table := task.hand.sampled(self.period)):
-                ends = table[np.minimum(np.arange(self.steps + 1), len(table) - 1)]
-                found[..., world] = np.moveaxis(ends[:-1, None] + part * np.diff(ends, axis=0)[:, None], -1, 0)
-        return found
+    def _motion(self, row: Array) -> Array:
+        """Return angles and angular velocities, (C, W, 4)."""
+        theta, velocity = row[..., [*COLUMN.theta]], row[..., [*COLUMN.tip_velocity]]
+        columns = self._lengths[..., None] * np.stack([-np.sin(theta), np.cos(theta)], axis=-1)
+        (a_x, a_y), (b_x, b_y) = np.moveaxis(columns, (-2, -1), (0, 1))
+        omega_a = b_y * velocity[..., 0] - b_x * velocity[..., 1]
+        omega_b = a_x * velocity[..., 1] - a_y * velocity[..., 0]
+        omega = np.stack([omega_a, omega_b], axis=-1) / (a_x * b_y - a_y * b_x)[..., None]
+        return np.concatenate([theta, omega], axis=-1)
 
-    def ride(self, volts: Array) -> Ridden:
-        """Ride at voltages (T, N, 4), which are rounded as the environment rounds actions."""
-        steps, worlds, _ = volts.shape
-        volts = volts.astype(np.float32).astype(np.float64)
-        obs, first = self.batch.reset(self.seeds)
-        memory = np.zeros((worlds, 1 + 4 * steps))
-        memory[:, 1:] = volts.swapaxes(0, 1).reshape(worlds, -1)
-        _, rows = self.batch.rollout(obs, replay, np.empty(0), steps, memory)
-        return Ridden(np.concatenate([first[None], rows]), volts)
+    def _drift(self, step: Any) -> Array:
+        """Return what friction's drift has made of the torques by a control step, (…, W)."""
+        return (1.0 + self._rate * self._period * np.asarray(step, np.float64)[..., None]).clip(0.1, 10.0)
 
-    def gradient(self, ridden: Ridden, by_arc: Array, by_error: Array) -> tuple[Array, Array]:
-        """Return derivatives by the voltages (T, N, 4), from those by arc length and normal error (T + 1, N).
+    def _steady(self, volts: Array, step: Any) -> tuple[Array, Array]:
+        """Return the torques to which clutches tend (…, W, 8), and their derivatives by the voltages."""
+        scale = self._scale * self._drift(step)[..., None]
+        values: list[Array] = []
+        slopes: list[Array] = []
+        for slope, knee, curvature in self._curves:
+            beyond = np.maximum(volts - knee, 0.0)
+            values.append(scale * (slope * volts + curvature * beyond**2))
+            slopes.append(scale * (slope + 2.0 * curvature * beyond))
+        return np.concatenate(values, axis=-1), np.concatenate(slopes, axis=-1)
 
-        Also return how far the tip of each gradient's own rollout was from that of the environment, (N,) [m].
-        """
-        found = np.zeros_like(ridden.volts)
-        apart = np.zeros(len(self.tasks))
-        for world, task in enumerate(self.tasks):
-            rows = ridden.telemetry[:, world]
-            rows = rows[: int(np.isfinite(rows[:, COLUMN.time]).sum())]
-            steps = len(rows) - 1
-            s, error = rows[:, COLUMN.arc_length], rows[:, COLUMN.normal_error]
+    def linearise(self, ridden: Ridden) -> Linear:
+        """Return how rides of the W worlds depend on their states and voltages."""
+        steps, worlds = ridden.volts.shape[:2]
+        a, b = np.zeros((steps, worlds, STATE, STATE)), np.zeros((steps, worlds, STATE, 4))
+        c, apart = np.zeros((steps + 1, worlds, 2, STATE)), 0.0
+        _, slopes = self._steady(ridden.volts, np.arange(steps))
+        a[:] = np.eye(STATE)
+        a[..., 4:, 4:] *= self._kept[:, None]
+        for k in range(8):
+            b[..., 4 + k, k % 4] = (1.0 - self._kept[:, 0]) * slopes[..., k]
+        for world, task in enumerate(self._tasks):
+            count = int(np.isfinite(ridden.time[:, world]).sum())
+            s, error = ridden.arc_length[:count, world], ridden.normal_error[:count, world]
+            states = ridden.states[:count, world].copy()
             _, _, heading, curvature = task.path.arcs.at(s)
-            along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-            left = np.stack([-along[:, 1], along[:, 0]], axis=1)
-            turn = (1.0 / (1.0 - curvature * error))[:, None] * along
-            force, target = self._loads(world, s, along, curvature[:, None] * turn)
-            arm = self.held[world].arm
-            at = rows[:, [*COLUMN.tip]]
-            by_tip = turn * by_arc[: steps + 1, world, None] + left * by_error[: steps + 1, world, None]
-            by_states = np.zeros((steps + 1, adjoint.LAST - adjoint.FIRST))
-            by_states[:, COS_A : COS_A + 4] = np.concatenate([arm.length_a * by_tip, arm.length_b * by_tip], axis=1)
-            body = body_of(self.held[world], initial_state(self.held[world], rows[0, [*COLUMN.theta]]))
-            states = np.empty_like(by_states)
-            volts = np.ascontiguousarray(ridden.volts[:steps, world])
-            forward, backward = kernels()
-            forward(body, volts, force, target, self.substep, states)
-            units = states[:, COS_A : COS_A + 4]
-            apart[world] = np.abs(arm.length_a * units[:, :2] + arm.length_b * units[:, 2:] - at).max()
-            by_volts, bar = np.empty_like(volts), np.empty((BODY_WIDTH, 1))
-            backward(
-                *(body, volts, force, target, self.substep, states, by_states),
-                *(by_volts, np.empty_like(target), np.empty_like(target), bar),
-            )
-            found[:steps, world] = by_volts
-        return found, apart
+            left = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+            along = np.stack([left[:, 1], -left[:, 0]], axis=1)
+            ahead = along / (1.0 - curvature * error)[:, None]
+            force, target = self._loads(world, s, along, curvature[:, None] * ahead)
+            machine, by, ends = self._held[world], np.empty((count - 1, 4, STATE + 4)), np.empty((count - 1, 4))
+            body = body_of(machine, initial_state(machine, states[0, :2]))
+            given = states, np.ascontiguousarray(ridden.volts[: count - 1, world]), force, target, machine.substep
+            derivatives_kernel()(body, *given, by, ends)
+            apart = max(apart, float(np.abs(ends - states[1:, :4]).max()))
+            a[: count - 1, world, :4], b[: count - 1, world, :4] = by[..., :STATE], by[..., STATE:]
+            columns = self._lengths[world, :, None] * np.stack([-np.sin(states[:, :2]), np.cos(states[:, :2])], axis=-1)
+            for output, direction in enumerate((ahead, left)):
+                c[:count, world, output, :2] = np.einsum("nkx,nx->nk", columns, direction)
+        return Linear(a, b, c, apart)
 
     def _loads(self, world: int, s: Array, along: Array, turn: Array) -> tuple[Array, Array]:
         """Return force with the columns behind it, and the spring's target, in each substep of a ride."""
-        task, hand, steps = self.tasks[world], self._hands[world], len(s) - 1
+        task, hand, steps = self._tasks[world], self._hands[world], len(s) - 1
+        middle = (np.arange(self._substeps) + 0.5) / self._substeps
+        recorded = np.zeros((steps, self._substeps, 2))
+        if len(table := task.hand.sampled(self._period)):
+            ends = table[np.minimum(np.arange(steps + 1), len(table) - 1)]
+            recorded = ends[:-1, None] + middle[:, None] * np.diff(ends, axis=0)[:, None]
+        across = self._disturbance(steps)[:, :, world] + recorded[..., 1]
         heading = UnitVector(along[:-1, :1], along[:-1, 1:])
-        recorded = self._recorded[:, :steps, :, world]
-        parts = PathVector(hand.push + recorded[0], self._sines[:steps, :, world] + recorded[1])
-        pushed = np.stack(to_world(parts, heading), axis=-1)
-        force = np.zeros((steps, self.substeps, 7))
+        pushed = np.stack(to_world(PathVector(hand.push + recorded[..., 0], across), heading), axis=-1)
+        force, target = np.zeros((steps, self._substeps, 7)), np.zeros((steps, self._substeps, 2))
         force[..., :2] = pushed
-        drift = 1.0 + task.friction_drift * self.period * np.arange(steps)
-        force[..., DRIFT] = drift.clip(0.1, 10.0)[:, None]
+        force[..., DRIFT] = self._drift(np.arange(steps))[:, world, None]
         force[..., TURN_X : TURN_Y + 1] = turn[:-1, None]
         force[..., ACROSS_X], force[..., ACROSS_Y] = -pushed[..., 1], pushed[..., 0]
-        target = np.zeros((steps, self.substeps, 2))
         if hand.intent_speed > 0.0:
-            x, y, _, _ = task.path.arcs.at(self._intents(world, s))
-            places = np.stack([x, y], axis=1)
-            velocity = (np.diff(places, axis=0) / self.period)[:, None]
-            target[:] = places[:-1, None] + ((np.arange(self.substeps) + 0.5) * self.substep)[:, None] * velocity
-            force[..., :2] += self.held[world].hand.damping * velocity
+            places = np.stack(task.path.arcs.at(self._intents(world, s))[:2], axis=1)
+            change = np.diff(places, axis=0)[:, None]
+            target[:] = places[:-1, None] + middle[:, None] * change
+            force[..., :2] += self._held[world].hand.damping * change / self._period
         return force, target
 
     def _intents(self, world: int, s: Array) -> Array:
-        """Return the arc length of the intended point at the control instants, (T + 1,)."""
-        hand, at = self._hands[world], 0.0
-        found = [at]
+        """Return the arc length of the intended point at the control instants."""
+        hand, found = self._hands[world], [0.0]
         for step, reached in enumerate(s[:-1].tolist()):
-            speed = intent_speed(self.period * (step + 0.5), hand.intent_rise, hand.intent_speed)
-            at = max(at, min(at + self.period * speed, reached + hand.intent_lead))
-            found.append(at)
+            speed = intent_speed(self._period * (step + 0.5), hand.intent_rise, hand.intent_speed)
+            found.append(max(found[-1], min(found[-1] + self._period * speed, reached + hand.intent_lead)))
         return np.array(found)
+
+    def _disturbance(self, steps: int) -> Array:
+        """Return the sum of sines in the middle of each substep [N], (steps, S, W), as the engine advances them."""
+        if len(self._sines) < steps:
+
+            def vectors(of: Any) -> Any:
+                return Sines(*(UnitVector(*each) for each in np.moveaxis(np.array([*map(of, self._hands)]), 0, -1)))
+
+            amplitude = PerSine(*np.array([tuple(hand.amplitude) for hand in self._hands]).T)
+            sines = vectors(lambda hand: [unit_vector(angle) for angle in hand.phase])
+            half_turn = vectors(lambda hand: [tuple(each) for each in hand.half_turn])
+            self._sines = np.empty((steps, self._substeps, len(self._tasks)))
+            for place in np.ndindex(steps, self._substeps):
+                sines = advance_sines(sines, half_turn)
+                self._sines[place] = sum_of_sines(amplitude, sines)
+                sines = advance_sines(sines, half_turn)
+                if place[1] == self._substeps - 1:
+                    sines = renew_sines(sines)
+        return self._sines[:steps]
