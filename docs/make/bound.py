@@ -14,7 +14,10 @@ benchmark scores the best voltages, replayed as a policy that looks at nothing.
 
 import json
 from collections.abc import Iterator
+from importlib import import_module
+from math import log10
 from pathlib import Path
+from statistics import mean
 from time import process_time
 from typing import Any, NamedTuple
 
@@ -46,6 +49,8 @@ PRICE = 0.3
 DAMPING, SHARPNESS, HOLD = (1e-9, 1e-4), (1e-4, 1e-3), (1e2, 3e4)
 """Ranges from which each step draws: price of a squared voltage's change [m/V²], error at which the score's kink is
 rounded [m], and price of a squared change of the place on the path, summed over a ride [1/m]."""
+
+SOLVE: Any = np.linalg.solve
 
 SCORES = ("path_error_m", "mean_pace_error", "segment_pace_error", "completed")
 
@@ -126,7 +131,7 @@ def quadratic_step(linear: Any, volts: Array, top: float, gradient: Array, weigh
         by_uu = b_t @ curvature @ b + damping[:, None, None] * np.eye(4)
         held = np.where(free[:, :, None] & free[:, None, :], by_uu, np.eye(4))
         right = np.concatenate([by_u[..., None], by_ux], axis=2) * free[..., None]
-        solved = -np.linalg.solve(held, right)
+        solved = -SOLVE(held, right)
         step[n], gains[n] = solved[..., 0], solved[..., 1:]
         to_x = a.swapaxes(1, 2)
         value = by_x[n] + (to_x @ value[..., None] + by_ux.swapaxes(1, 2) @ step[n][..., None])[..., 0]
@@ -144,11 +149,11 @@ def scores_of(ridden: Any, tasks: Any) -> Array:
     return np.where(travel.completed(), travel.path_error() + price, np.inf)
 
 
-def optimise(episodes: Any, volts: Array, rng: np.random.Generator) -> tuple[Array, Array, float]:
+def optimise(episodes: Any, volts: Array, rng: Any) -> tuple[Array, Array, float]:
     """Return better voltages than those of W rides (T, W, 4), their scores (W,), and the largest `Linear.apart`."""
-    import jax
     from rides import Ridden, Rides
 
+    jax: Any = import_module("jax")
     jax.config.update("jax_enable_x64", True)
     copies, worlds = len(SHARES), volts.shape[1]
     times = worlds // len(episodes)
@@ -157,6 +162,10 @@ def optimise(episodes: Any, volts: Array, rng: np.random.Generator) -> tuple[Arr
     differentiate = jax.jit(jax.vmap(jax.grad(score_of, argnums=(0, 1)), (1, 1, 0, 0), 1))
     rides = Rides([*episodes.machines] * times, tasks, [*episodes.seeds] * times, copies)
     top = episodes.machines[0].clutch.voltage_max
+
+    def drawn(low: float, high: float) -> Array:
+        return np.power(10.0, rng.uniform(log10(low), log10(high), worlds))
+
     copied = rides.follow(np.repeat(volts[:, None], copies, axis=1))
     best = Ridden(*(each[:, 0].copy() for each in copied))
     scores, apart = scores_of(best, tasks), 0.0
@@ -165,8 +174,8 @@ def optimise(episodes: Any, volts: Array, rng: np.random.Generator) -> tuple[Arr
         apart = max(apart, linear.apart)
         error = np.nan_to_num(best.normal_error)
         given = np.where(np.isfinite(best.arc_length), best.arc_length, np.nanmax(best.arc_length, axis=0)), error
-        gradient = np.nan_to_num(np.stack(differentiate(*given, length, pace), axis=-1))
-        damping, sharpness, hold = (10.0 ** rng.uniform(*np.log10(each), worlds) for each in (DAMPING, SHARPNESS, HOLD))
+        gradient: Array = np.nan_to_num(np.stack(differentiate(*given, length, pace), axis=-1))
+        damping, sharpness, hold = (drawn(*each) for each in (DAMPING, SHARPNESS, HOLD))
         weight = np.abs(gradient) / np.maximum(np.abs(error), sharpness)[..., None]
         weight[..., 0] = hold / len(volts) * np.isfinite(best.time)
         step, gains = quadratic_step(linear, best.volts, top, gradient, weight, damping)
@@ -224,11 +233,11 @@ def one(run: Run) -> dict[str, Any]:
         policy = find_policy(name, 0, run.scenario)
         found[name] = judged(policy)
         acting = bind_once(policy)
-        rode = simulate(batches.batch(0, acting.sensors), acting.policy, episodes.seeds, steps)
+        rode: Any = simulate(batches.batch(0, acting.sensors), acting.policy, episodes.seeds, steps)
         applied = np.zeros((steps, EPISODES, 4))
         applied[: len(rode) - 1] = np.nan_to_num(rode[1:, :, [*COLUMN.volts]])
         volts.append(applied)
-    errors = np.array([np.where(each["completed"], each["path_error_m"], np.inf) for each in found.values()])
+    errors: Any = np.array([np.where(each["completed"], each["path_error_m"], np.inf) for each in found.values()])
     starts = errors.argsort(axis=0)[:STARTS]
     chosen = np.array(volts)[starts, :, np.arange(EPISODES)]
     rng = np.random.default_rng([FRESH, *json.dumps(run).encode()])
@@ -245,8 +254,8 @@ def known() -> dict[Run, dict[str, Any]]:
 
 def tell(run: Run, found: dict[str, Any]) -> str:
     """Return a line about a run: its cost, and path errors [mm]."""
-    errors = {name: 1000.0 * np.mean(found[name]["path_error_m"]) for name in ("bound", "residual")}
-    return f"{' '.join(map(str, run))} {found['seconds']} s: {errors}, apart by {found['apart']:.1g}"
+    bound, residual = (1000.0 * mean(found[name]["path_error_m"]) for name in ("bound", "residual"))
+    return f"{' '.join(map(str, run))} {found['seconds']} s: bound {bound:.2f}, residual {residual:.2f} mm"
 
 
 def main(minutes: float = 600.0, only: str = "", no_ride: bool = False) -> None:

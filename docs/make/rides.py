@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import compile_kernel, device
-from pter_gym._compiled.records import store
+from pter_gym._compiled.records import store, width
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym._physics.arm import UnitVector
-from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state, scratch
-from pter_gym.gradients._adjoint import _STATE, _STEADY, backward_step, forward_step
-from pter_gym.hands._model import PerSine, Sines, advance_sines, intent_speed, renew_sines, sum_of_sines, unit_vector
+from pter_gym.gradients._adjoint import FIRST, LAST, backward_step, forward_step
+from pter_gym.hands._model import intent_speed
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
 from pter_gym.tasks.path_following._situation import PathVector, to_world
@@ -32,6 +32,9 @@ Array = NDArray[np.float64]
 
 STATE = 12
 """Entries of a state: two angles, two angular velocities, and the breakaway and dynamic torques of four clutches."""
+
+TAPE = LAST - FIRST + width(Torques) + 1
+"""Entries of what ``forward_step`` keeps."""
 
 DRIFT, TURN_X, TURN_Y, ACROSS_X, ACROSS_Y = range(2, 7)
 """Columns behind a force: the clutches' drift, how the heading turns with the tip, and the force's derivative by it."""
@@ -92,7 +95,7 @@ def _build_derivatives(digest: str) -> Any:
         """Fill the derivatives of each control step's last angles and velocities, and these."""
         _ = digest
         body, end = scratch(given), scratch(given)
-        tape = np.empty((force.shape[1] + 1, 2, _STATE + _STEADY + 1))
+        tape = np.empty((force.shape[1] + 1, 2, TAPE))
         bar = np.empty((BODY_WIDTH, 1))
         by_force, by_target = np.empty((force.shape[1], 2)), np.empty((force.shape[1], 2))
         for n in range(volts.shape[0]):
@@ -177,12 +180,11 @@ class Rides:
         self._rate = np.array([task.friction_drift for task in tasks])
         curves = [[tuple(model.breakaway), tuple(model.dynamic)] for model in self._models]
         self._curves = np.moveaxis(np.array(curves), 0, -1)[..., None]
-        self._sines = np.empty((0, self._substeps, len(tasks)))
 
     def follow(self, volts: Array, states: Array | None = None, gains: Array | None = None) -> Ridden:
         """Ride at voltages (T, C, W, 4), plus gains (T, W, 4, STATE) times how far states are from given ones."""
         steps, worlds = len(volts), self._shape
-        _, row = self._batch.reset(self._seeds)
+        row: Any = self._batch.reset(self._seeds)[1]
         found = Ridden(
             np.zeros((steps, *worlds, 4)),
             np.full((steps + 1, *worlds, STATE), np.nan),
@@ -209,7 +211,7 @@ class Rides:
             torques = self._kept * torques + (1.0 - self._kept) * steady
         return found
 
-    def _motion(self, row: Array) -> Array:
+    def _motion(self, row: Any) -> Array:
         """Return angles and angular velocities, (C, W, 4)."""
         theta, velocity = row[..., [*COLUMN.theta]], row[..., [*COLUMN.tip_velocity]]
         columns = self._lengths[..., None] * np.stack([-np.sin(theta), np.cos(theta)], axis=-1)
@@ -264,15 +266,16 @@ class Rides:
                 c[:count, world, output, :2] = np.einsum("nkx,nx->nk", columns, direction)
         return Linear(a, b, c, apart)
 
-    def _loads(self, world: int, s: Array, along: Array, turn: Array) -> tuple[Array, Array]:
+    def _loads(self, world: int, s: Array, along: Any, turn: Array) -> tuple[Array, Array]:
         """Return force with the columns behind it, and the spring's target, in each substep of a ride."""
         task, hand, steps = self._tasks[world], self._hands[world], len(s) - 1
         middle = (np.arange(self._substeps) + 0.5) / self._substeps
-        recorded = np.zeros((steps, self._substeps, 2))
+        recorded: Any = np.zeros((steps, self._substeps, 2))
         if len(table := task.hand.sampled(self._period)):
             ends = table[np.minimum(np.arange(steps + 1), len(table) - 1)]
             recorded = ends[:-1, None] + middle[:, None] * np.diff(ends, axis=0)[:, None]
-        across = self._disturbance(steps)[:, :, world] + recorded[..., 1]
+        turns = self._period * (np.arange(steps)[:, None, None] + middle[:, None]) * np.array(task.hand.frequencies)
+        across: Any = np.sin(2.0 * np.pi * turns + hand.phase) @ hand.amplitude + recorded[..., 1]
         heading = UnitVector(along[:-1, :1], along[:-1, 1:])
         pushed = np.stack(to_world(PathVector(hand.push + recorded[..., 0], across), heading), axis=-1)
         force, target = np.zeros((steps, self._substeps, 7)), np.zeros((steps, self._substeps, 2))
@@ -294,22 +297,3 @@ class Rides:
             speed = intent_speed(self._period * (step + 0.5), hand.intent_rise, hand.intent_speed)
             found.append(max(found[-1], min(found[-1] + self._period * speed, reached + hand.intent_lead)))
         return np.array(found)
-
-    def _disturbance(self, steps: int) -> Array:
-        """Return the sum of sines in the middle of each substep [N], (steps, S, W), as the engine advances them."""
-        if len(self._sines) < steps:
-
-            def vectors(of: Any) -> Any:
-                return Sines(*(UnitVector(*each) for each in np.moveaxis(np.array([*map(of, self._hands)]), 0, -1)))
-
-            amplitude = PerSine(*np.array([tuple(hand.amplitude) for hand in self._hands]).T)
-            sines = vectors(lambda hand: [unit_vector(angle) for angle in hand.phase])
-            half_turn = vectors(lambda hand: [tuple(each) for each in hand.half_turn])
-            self._sines = np.empty((steps, self._substeps, len(self._tasks)))
-            for place in np.ndindex(steps, self._substeps):
-                sines = advance_sines(sines, half_turn)
-                self._sines[place] = sum_of_sines(amplitude, sines)
-                sines = advance_sines(sines, half_turn)
-                if place[1] == self._substeps - 1:
-                    sines = renew_sines(sines)
-        return self._sines[:steps]
