@@ -123,7 +123,7 @@ def distances(blocks: Blocks) -> Figure:
         for row, line in there:
             errors = [each.error.mean() for each in line.values()]
             axes.plot((min(errors), max(errors)), (row, row), color=MUTED, linestyle="-", linewidth=1.0, zorder=1)
-            axes.annotate(f"× {ratio(line):.1f}", (errors[0], row), (0.0, 5.0), textcoords="offset points", ha="center")
+            axes.annotate(f"× {ratio(line):.1f}", (errors[0], row), (-3.0, 5.0), textcoords="offset points")
         for who, look in looks((BOUND, TRAINED, LAW)).items():
             errors = [line[who].error.mean() for _, line in there]
             axes.scatter(errors, [row for row, _ in there], 28.0, look.colour, look.marker, label=who, zorder=3)
