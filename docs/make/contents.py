@@ -32,7 +32,7 @@ BELOW = {
     "scenarios/index": tuple(f"scenarios/{name}" for name in SCENARIOS),
     "policies": ("data",),
     "controllers": ("classical-control",),
-    "scoring": ("trust",),
+    "scoring": ("bound", "trust"),
     "model": ("hands", "gradients"),
     "paper-figures": ("reproduction", "calibration"),
     "verification": ("robustness",),

@@ -87,6 +87,7 @@ def test_a_block_is_replaced_and_nothing_else(tmp_path: Path) -> None:
     ("name", "needed"),
     [
         ("arrangements_page", "numba"),
+        ("bound_page", "numba"),
         ("classical", "numba"),
         ("contexts", "numba"),
         ("pictures", "pygame"),
