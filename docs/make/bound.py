@@ -1,15 +1,15 @@
-"""How far policies are from the best possible: docs/bound.md. Needs the extra `jax`; hours of a core in all.
+"""How far policies are from the best possible: docs/bound.md. Needs the extra `jax`; takes hours of CPU time in all.
 
     python docs/make/bound.py                rides what is missing, one run on each core, then makes the page
     python docs/make/bound.py --minutes 60   stops beginning new runs after an hour; the next call goes on
     python docs/make/bound.py --no-ride      makes the page of what there is
 
-A run is a line of docs/make/bound.jsonl: `EPISODES` fresh episodes of a scenario at a pace, of the seed `FRESH`, which
-serves for nothing else. Each episode's voltages are optimised with knowledge of its whole disturbance, from the three
-best rides of the shipped policies. A step of the optimisation linearises the ride, solves the linear–quadratic problem
-whose gradient is that of the score, and rides at several shares of the change of the voltages, with feedback on the
-way: voltages alone would let the smallest change grow along the path. What a ride has scored decides. Last, the
-benchmark scores the best voltages, replayed as a policy that looks at nothing.
+A run is a line of docs/make/bound.jsonl: `EPISODES` fresh episodes of a scenario at a pace, of the seed `FRESH`, with
+which nothing is tuned or chosen. Each episode's voltages are optimised with knowledge of its whole disturbance, from
+the three best rides of laws and shipped policies. A step of the optimisation linearises the ride, solves the
+linear–quadratic problem that has the score's gradient, and rides with fractions of the change of the voltages, and with
+feedback, without which the smallest change would grow along the path. It keeps what scores better. Last, the benchmark
+scores the best voltages, replayed as a policy that ignores its observations.
 """
 
 import json
@@ -50,8 +50,6 @@ DAMPING, SHARPNESS, HOLD = (1e-9, 1e-4), (1e-4, 1e-3), (1e2, 3e4)
 """Ranges from which each step draws: price of a squared voltage's change [m/V²], error at which the score's kink is
 rounded [m], and price of a squared change of the place on the path, summed over a ride [1/m]."""
 
-SOLVE: Any = np.linalg.solve
-
 SCORES = ("path_error_m", "mean_pace_error", "segment_pace_error", "completed")
 
 
@@ -70,7 +68,7 @@ def planned() -> Iterator[Run]:
             yield from (Run(block, scenario, pace) for pace in PACES)
 
 
-def score_of(s: Any, error: Any, length: Any, pace: Any) -> Any:
+def score_of(s: Any, error: Any, length: Any, pace: Any, period: float) -> Any:
     """Return a finished ride's score [m] as JAX differentiates it, by arc lengths and normal errors (T + 1,).
 
     It is `Travel.path_error` but for steps back, whose errors it does not count, plus what the pace costs.
@@ -82,7 +80,6 @@ def score_of(s: Any, error: Any, length: Any, pace: Any) -> Any:
     from pter_gym.benchmark._recorded import PRICE as POWER
     from pter_gym.tasks.path_following._allowance import ALLOWANCE, START
 
-    period = 0.01
     furthest, size = cummax(s), jnp.abs(error)
     time = period * jnp.arange(len(s), dtype=s.dtype)
     in_time, on_way = (
@@ -131,7 +128,7 @@ def quadratic_step(linear: Any, volts: Array, top: float, gradient: Array, weigh
         by_uu = b_t @ curvature @ b + damping[:, None, None] * np.eye(4)
         held = np.where(free[:, :, None] & free[:, None, :], by_uu, np.eye(4))
         right = np.concatenate([by_u[..., None], by_ux], axis=2) * free[..., None]
-        solved = -SOLVE(held, right)
+        solved: Array = -np.linalg.solve(held, right)
         step[n], gains[n] = solved[..., 0], solved[..., 1:]
         to_x = a.swapaxes(1, 2)
         value = by_x[n] + (to_x @ value[..., None] + by_ux.swapaxes(1, 2) @ step[n][..., None])[..., 0]
@@ -159,7 +156,7 @@ def optimise(episodes: Any, volts: Array, rng: Any) -> tuple[Array, Array, float
     times = worlds // len(episodes)
     tasks = [*episodes.tasks] * times
     length, pace = np.array([[task.path.length, task.pace] for task in tasks]).T
-    differentiate = jax.jit(jax.vmap(jax.grad(score_of, argnums=(0, 1)), (1, 1, 0, 0), 1))
+    differentiate = jax.jit(jax.vmap(jax.grad(score_of, argnums=(0, 1)), (1, 1, 0, 0, None), 1))
     rides = Rides([*episodes.machines] * times, tasks, [*episodes.seeds] * times, copies)
     top = episodes.machines[0].clutch.voltage_max
 
@@ -174,7 +171,7 @@ def optimise(episodes: Any, volts: Array, rng: Any) -> tuple[Array, Array, float
         apart = max(apart, linear.apart)
         error = np.nan_to_num(best.normal_error)
         given = np.where(np.isfinite(best.arc_length), best.arc_length, np.nanmax(best.arc_length, axis=0)), error
-        gradient: Array = np.nan_to_num(np.stack(differentiate(*given, length, pace), axis=-1))
+        gradient: Array = np.nan_to_num(np.stack(differentiate(*given, length, pace, tasks[0].control_period), axis=-1))
         damping, sharpness, hold = (drawn(*each) for each in (DAMPING, SHARPNESS, HOLD))
         weight = np.abs(gradient) / np.maximum(np.abs(error), sharpness)[..., None]
         weight[..., 0] = hold / len(volts) * np.isfinite(best.time)

@@ -24,7 +24,7 @@ BOUND, TRAINED, LAW = "bound", "best trained policy", "best tuned law"
 
 
 class Ridden(NamedTuple):
-    """What somebody has scored on all episodes of a scenario at a pace: arrays by name of score."""
+    """Scores on all episodes of a scenario at a pace: arrays by name."""
 
     name: str
     scores: Mapping[str, Array]
@@ -76,7 +76,7 @@ def with_interval(found: Interval) -> str:
 
 
 def scored(ridden: Ridden) -> str:
-    """Return who it is, with the path error [mm], and a mark without a rank."""
+    """Return the name, the path error [mm], and a mark if not ranked."""
     return f"`{ridden.name}` {ridden.error.mean():.2f}{'' if ridden.ranks else ' ' + BELOW}"
 
 
@@ -107,8 +107,8 @@ def summary(blocks: Blocks) -> str:
     seconds = sum(block["seconds"] for block in blocks.values())
     apart = max(block["apart"] for block in blocks.values())
     return (
-        f"\n{seconds / 3600.0:.1f} hours of a core. The environment ends no control step more than {apart:.0e} rad or "
-        "rad/s from where the rollout that is differentiated does.\n"
+        f"\nThis took {seconds / 3600.0:.1f} hours of CPU time. At the end of each control step, the environment and "
+        f"the differentiated rollout differ by at most {apart:.0e} rad or rad/s.\n"
     )
 
 

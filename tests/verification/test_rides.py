@@ -61,7 +61,10 @@ def test_what_is_differentiated_is_the_motion_of_the_environment(scenario: str):
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_derivatives_are_those_of_paired_rides(scenario: str):
-    """Of arc length and normal error after 30 control steps, along a random direction of the voltages."""
+    """Of arc length and normal error after 30 control steps, along a random direction of the voltages.
+
+    It is 0.01 V long, and the motion bends over volts: central differences err by a few millionths.
+    """
     found, steps, rng = recorded(scenario), 30, np.random.default_rng(0)
     volts = np.round(found.ridden.volts / FINEST) * FINEST
     direction = FINEST * rng.integers(-1, 2, volts[:steps].shape)
@@ -78,7 +81,7 @@ def test_derivatives_are_those_of_paired_rides(scenario: str):
         change = np.einsum("wij,wj->wi", a, change) + np.einsum("wij,wj->wi", b, volt)
     expected = np.einsum("wij,wj->wi", linear.c[steps], change)
     differences = 0.5 * (ends[0] - ends[1])
-    np.testing.assert_allclose(expected, differences, rtol=1e-4, atol=1e-15)
+    np.testing.assert_allclose(expected, differences, rtol=1e-5, atol=1e-15)
 
 
 @pytest.mark.parametrize("scenario", ["standard", "paths"])
@@ -96,5 +99,5 @@ def test_the_score_that_is_differentiated_is_that_of_the_benchmark(scenario: str
         last = int(np.isfinite(ridden.time[:, world]).sum())
         given = ridden.arc_length[:last, world], ridden.normal_error[:last, world]
         with jax.enable_x64(True):
-            score = score_of(*given, tasks[world].path.length, tasks[world].pace)
+            score = score_of(*given, tasks[world].path.length, tasks[world].pace, tasks[world].control_period)
         np.testing.assert_allclose(score, travel.path_error()[world], rtol=1e-9)
