@@ -152,11 +152,11 @@ class JaxEnv:
         action = jnp.asarray(action, jnp.float32)
         known = jnp.isfinite(action).all()
         given = jnp.where(known, jnp.clip(action, space.low, space.high), space.low)
-        world, episode, obs, final, reward, flags = _one(self._step, (*state, given), self._shared(params))
+        state, obs, final, reward, flags = self._advance(state, given, self._shared(params))
         obs, final, reward = (jnp.where(known, each, jnp.nan) for each in (obs, final, reward))
         terminated, truncated, success = (flags[each] for each in FLAG)
         told = {"terminated": terminated, "truncated": truncated, "is_success": success, "final_observation": final}
-        return obs, EnvState(world, episode), reward, terminated, truncated, told
+        return obs, state, reward, terminated, truncated, told
 
     def action_space(self, params: EnvParams | None = None) -> spaces.Box:  # noqa: ARG002  (as gymnax has it)
         """Return the space of an action, as Gymnasium has it."""
@@ -165,6 +165,11 @@ class JaxEnv:
     def observation_space(self, params: EnvParams | None = None) -> spaces.Box:  # noqa: ARG002
         """Return the space of an observation, as Gymnasium has it."""
         return cast(spaces.Box, self.env.single_observation_space)
+
+    def _advance(self, state: EnvState, given: jax.Array, shared: EnvParams) -> Any:
+        """Return a state, observation, last observation, reward and flags after a step with an action in bounds."""
+        world, episode, *rest = _one(self._step, (*state, given), shared)
+        return EnvState(world, episode), *rest
 
     def _shared(self, params: EnvParams | None) -> EnvParams:
         return self.default_params if params is None else params

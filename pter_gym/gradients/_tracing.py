@@ -19,12 +19,14 @@ from pter_gym._compiled.compiler import device
 from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.records import flat
 
-_REWRITTEN = "pter_gym._physics", "pter_gym.gradients", "pter_gym.params._machine"
+_REWRITTEN = tuple(
+    f"pter_gym.{room}" for room in ("_physics", "gradients", "params._machine", "hands", "paths", "tasks", "_engine")
+)
 """Where functions are rewritten; others are called as they are."""
 
 
 class _Branchless(ast.NodeTransformer):
-    """Replace ``a if c else b``, ``not c``, ``a / b`` and a last ``if c: return a`` with calls; drop annotations."""
+    """Replace ``a if c else b``, ``not c``, ``a / b`` and an ``if c: return a`` with calls; drop annotations."""
 
     def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
         self.generic_visit(node)
@@ -41,15 +43,22 @@ class _Branchless(ast.NodeTransformer):
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         self.generic_visit(node)
         node.decorator_list, node.returns = [], None
-        match node.body:
-            case [*before, ast.If(test, [ast.Return(ast.expr() as x)], []), ast.Return(ast.expr() as y)]:
-                chosen = _call("_choose", test, ast.Lambda(_NOTHING, x), ast.Lambda(_NOTHING, y))
-                node.body = [*before, ast.Return(chosen)]
-            case _:
-                pass
+        for k, part in enumerate(node.body):
+            match part, node.body[-1]:
+                case ast.If(test, [ast.Return(ast.expr() as x)], []), ast.Return(ast.expr() as y) if _varies(test):
+                    chosen = _call("_choose", test, ast.Lambda(_NOTHING, x), ast.Lambda(_NOTHING, y))
+                    node.body = [*node.body[:k], *node.body[k + 1 : -1], ast.Return(chosen)]
+                    break
+                case _:
+                    pass
         for argument in node.args.args:
             argument.annotation = None
         return node
+
+
+def _varies(test: ast.expr) -> bool:
+    """Tell whether a condition is of numbers, not of what there is."""
+    return not (isinstance(test, ast.Compare) and isinstance(test.ops[0], ast.Is | ast.IsNot))
 
 
 _NOTHING = ast.arguments([], [], None, [], [], None, [])
@@ -79,17 +88,28 @@ def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) 
         return meaning["_where"](condition, x(), y())
 
     plain = getattr(function, "py_func", function)
-    if not isinstance(plain, FunctionType) or not plain.__module__.startswith(_REWRITTEN):
-        return made.get(plain, function) if isinstance(plain, FunctionType) else function
+    if not isinstance(plain, FunctionType):
+        return function
+    if plain.__module__ is not None and not plain.__module__.startswith(_REWRITTEN):  # generated ones have no module
+        return made.get(plain, function)
     if plain not in made:
-        tree = _Branchless().visit(ast.parse(textwrap.dedent(inspect.getsource(plain))))
+        tree = _Branchless().visit(_parsed(plain))
         cells = zip(plain.__code__.co_freevars, plain.__closure__ or (), strict=True)
         known = {**plain.__globals__, **{name: cell.cell_contents for name, cell in cells}}
         space: dict[str, Any] = {**meaning, "_choose": choose}
-        made[plain] = compile_source(ast.unparse(ast.fix_missing_locations(tree)), plain.__name__, space)
+        made[plain] = compile_source(ast.unparse(ast.fix_missing_locations(tree)), tree.body[0].name, space)
         used = {*plain.__code__.co_names, *plain.__code__.co_freevars}  # perhaps its own name, too
         space |= {name: branchless(known[name], meaning, made) for name in used & known.keys() - meaning.keys()}
     return made[plain]
+
+
+def _parsed(function: FunctionType) -> ast.Module:
+    """Return the definition of a function, which may be a lambda on a line of its own."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Lambda) and function.__name__ == "<lambda>":
+            return ast.Module([ast.FunctionDef("given", node.args, [ast.Return(node.body)], [])], [])
+    return tree
 
 
 class Column:

@@ -26,7 +26,8 @@ from pter_gym._compiled.records import flat
 from pter_gym._physics.model import arrangement_of, model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, State
 from pter_gym.gradients._adjoint import FIRST, LAST, kernels
-from pter_gym.gradients._machine import copied, divided, numbers_of
+from pter_gym.gradients._machine import copied, divided
+from pter_gym.gradients._machine import numbers_of as _places
 from pter_gym.gradients._rollout import STATE, UNITS
 from pter_gym.gradients._tracing import branchless
 from pter_gym.params import Machine
@@ -47,18 +48,31 @@ def _divide(x: Any, y: Any) -> Any:
     return x / jnp.where(y == 0.0, 1.0, y)
 
 
+def _chosen(condition: Any, x: Any, y: Any) -> Any:
+    """Return one of two numbers or records."""
+    if isinstance(condition, bool):
+        return x if condition else y
+    return jax.tree.map(lambda one, other: jnp.where(condition, one, other), x, y)
+
+
+def _root(x: Any) -> Any:
+    """Return √x, at 0 with the derivative 0."""
+    return jnp.where(x == 0.0, 0.0, jnp.sqrt(jnp.where(x == 0.0, 1.0, x)))
+
+
 def _least(*given: Any) -> Any:
     """Return the least number, with the derivative of the first of equal ones."""
     return reduce(lambda least, each: jnp.where(each < least, each, least), given)
 
 
 MEANING: dict[str, Any] = {
-    "_where": jnp.where,
+    "_where": _chosen,
     "_not": jnp.logical_not,
     "_divide": _divide,
     "abs": jnp.abs,
     "min": _least,
-    "math": SimpleNamespace(exp=jnp.exp, hypot=jnp.hypot),
+    "int": lambda x: jnp.asarray(x).astype(jnp.int32),
+    "math": SimpleNamespace(exp=jnp.exp, hypot=jnp.hypot, sqrt=_root, atan2=jnp.arctan2),
 }
 """What functions of the simulator need to be functions of JAX; see ``branchless``."""
 
@@ -101,10 +115,10 @@ def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> 
     if jax.default_backend() != "cpu":
         raise ParameterError(f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu")
     held, substeps = divided(machine, period)
-    known = {place: value for place, value in numbers_of(held).items() if place != "substep"}
+    known = {place: value for place, value in _places(held).items() if place != "substep"}
     fixed = jnp.asarray(flat(arrangement_of(held)))
     to_model = branchless(model_of, MEANING, {})
-    roll = _rolling(held.has_paper_clutches, held.substep)
+    roll = rolling(held.has_paper_clutches, held.substep)
 
     def rollout(
         state: State | dict[str, Any],
@@ -163,7 +177,7 @@ def _spread(name: str, values: Any, shape: tuple[int, int, int]) -> jax.Array:
     return jnp.broadcast_to(array[:, None] if array.ndim == 2 else array, shape)
 
 
-def _rolling(papers: bool, substep: float) -> Any:
+def rolling(papers: bool, substep: float) -> Any:
     """Return the states at the control instants as a function of a body, voltages, forces and targets."""
     names = {name: _registered(name, papers) for name in ("forward", "backward")}
     h = words_of(np.array([substep]))
@@ -171,7 +185,7 @@ def _rolling(papers: bool, substep: float) -> Any:
     def call(name: str, results: tuple[tuple[int, ...], ...], given: tuple[Any, ...]) -> tuple[Any, ...]:
         many = _calling(names[name], tuple(2 * math.prod(shape) for shape in results))
         found = many(tuple(words[None] for words in (h, *map(_words, given))), ())
-        return tuple(_numbers(words[0]).reshape(shape) for words, shape in zip(found, results, strict=True))
+        return tuple(numbers_of(words[0]).reshape(shape) for words, shape in zip(found, results, strict=True))
 
     def run(body: Any, volts: Any, force: Any, target: Any) -> Any:
         return call("forward", ((len(volts) + 1, LAST - FIRST),), (body, volts, force, target))[0]
@@ -214,7 +228,7 @@ def _words(numbers: jax.Array) -> jax.Array:
     return jnp.where(exponent[:, None] == 0, 0, jnp.stack([low, high], axis=1)).reshape(-1)
 
 
-def _numbers(words: jax.Array) -> jax.Array:
+def numbers_of(words: jax.Array) -> jax.Array:
     """Return words as numbers of the width that JAX is set to."""
     if jnp.result_type(float) == jnp.float64:
         return lax.bitcast_convert_type(words.reshape(-1, 2), jnp.float64)

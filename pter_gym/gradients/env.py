@@ -1,0 +1,212 @@
+"""The environment for ``jax.grad``: ``pter_gym.envs.jax`` with a rule for the derivative of a step.
+
+A step has the bits of that door. Its derivative is that of the same step made again: the arm by the compiled kernels of
+``pter_gym.gradients.jax``, the hand, the projection onto the path, reward and observation from their own source as
+functions of JAX.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pter_gym._compiled.records import flat, load, store
+from pter_gym._engine.episode import judge_step, locate
+from pter_gym._engine.sensing import observe_world
+from pter_gym._engine.step import clipped, drift_torques, given_volts, move_hand, push_tip, take_command
+from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANT_ROWS, FLAG, ROW, STORED_ROWS, Config
+from pter_gym._physics.open_loop import BODY, BODY_WIDTH
+from pter_gym.envs import jax as door
+from pter_gym.errors import ParameterError
+from pter_gym.gradients.jax import MEANING, jax, jnp, lax, numbers_of, rolling
+from pter_gym.gradients._tracing import Column, branchless
+from pter_gym.paths._projection import foot_on, project, segment_at
+from pter_gym.tasks.path_following._observation import BOUND, ENTRIES
+
+
+class EnvState(NamedTuple):
+    """A world, and the numbers by which its derivatives pass from step to step.
+
+    Attributes
+    ----------
+    world, episode
+        Those of ``pter_gym.envs.jax.EnvState``.
+    numbers
+        What ``world`` says, as floating-point numbers (51,): angles, angular velocities, torques and so on, in the order
+        of ``pter_gym._engine.world.World``. A step does not read them.
+    """
+
+    world: jax.Array
+    episode: jax.Array
+    numbers: jax.Array
+
+
+class DifferentiableEnv(door.JaxEnv):
+    """Pure functions of one world as ``JaxEnv`` has them, whose ``step`` has a derivative; make one with ``make``.
+
+    Observation, reward and next state are differentiated by the action and the state. A step in which an episode ends
+    counts as constant. So does ``params``, of which ``step`` takes the constants alone.
+    """
+
+    def __init__(self, env: Any) -> None:
+        super().__init__(env)
+        if not env.batch.machine.has_paper_clutches:
+            raise ParameterError("machine must have the paper's clutches for a step to be differentiated")
+        if self._empty.size != 2 * BASIC_ROWS:
+            raise ParameterError(
+                "hand must be a push and sines, and sensing ideal, for a step to be differentiated: "
+                "not a recorded hand, one with an intent, or noise and delay"
+            )
+        if env.observation_layout.names[-1].startswith(("torque", "force")):
+            raise ParameterError('sensors must be "encoders" for a step to be differentiated: torques that hold have no rule')
+        config = np.asarray(self.default_params.config).view(np.float64)
+        self._advance_one = _advancing(super()._advance, load(config[:, None], CONFIG, 0), self.frame_skip)
+
+    def reset_to_seed(self, seed: Any, params: Any = None) -> tuple[jax.Array, Any]:
+        """Return what ``JaxEnv.reset_to_seed`` does, and the world's numbers."""
+        obs, (world, episode) = super().reset_to_seed(seed, params)
+        return obs, EnvState(world, episode, numbers_of(world))
+
+    def _advance(self, state: Any, given: jax.Array, shared: Any) -> Any:
+        shared = door.EnvParams(self.default_params.config, shared.constants)
+        state, obs, final, reward, flags = self._advance_one(state.numbers, given, state[:2], shared)
+        over = flags[FLAG.terminated] | flags[FLAG.truncated]
+        return state, obs, jnp.where(over, lax.stop_gradient(final), obs), reward, flags
+
+
+def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[DifferentiableEnv, Any]:
+    """Return a differentiable environment of an id, and what its worlds share.
+
+    Parameters
+    ----------
+    env_id, **keywords
+        As ``pter_gym.envs.jax.make`` takes them.
+
+    Raises
+    ------
+    ParameterError
+        As there, and if machine, hand or sensors are such that a step has no derivative here.
+    """
+    made = DifferentiableEnv(door.make(env_id, **keywords)[0].env)
+    return made, made.default_params
+
+
+def _whole(number: Any) -> Any:
+    return jnp.asarray(number).astype(jnp.int32)
+
+
+def _plain(function: Any) -> Any:
+    return getattr(function, "py_func", function)
+
+
+def _project(constants: Any, first: Any, count: Any, segment: Any, x: Any, y: Any) -> Any:
+    """Return the projection of a point onto a chain of arcs; the walk to the arc that holds it has no derivative."""
+
+    def turn(segment: Any, direction: Any) -> Any:
+        arc = segment_at(constants, first, segment)
+        s = _foot_on(arc, segment, *lax.stop_gradient((x, y))).arc_length
+        ahead = (s > arc.start + arc.length) & (segment < count - 1) & (direction >= 0)
+        behind = (s < arc.start) & (segment > 0) & (direction <= 0)
+        return jnp.where(ahead, 1, jnp.where(behind, -1, 0))
+
+    def walk(at: Any) -> Any:
+        return at[0] + at[1], turn(at[0] + at[1], at[1])
+
+    segment, _ = lax.while_loop(lambda at: at[1] != 0, walk, (segment, turn(segment, 0)))
+    return _foot_on(segment_at(constants, first, segment), segment, x, y)
+
+
+_MADE: dict[Any, Any] = {
+    _plain(clipped): lambda volts, most: jnp.clip(volts, 0.0, most),
+    _plain(project): _project,
+}
+_foot_on, _given_volts, _take_command, _drift_torques, _move_hand, _push_tip, _locate, _judge, _observe = (
+    branchless(each, MEANING, _MADE)
+    for each in (
+        foot_on,
+        given_volts,
+        take_command,
+        drift_torques,
+        move_hand,
+        push_tip,
+        locate,
+        judge_step,
+        observe_world,
+    )
+)
+
+
+class _Words:
+    """Words as an array of numbers, of which few are looked at."""
+
+    def __init__(self, words: Any) -> None:
+        self.words = words
+
+    def __getitem__(self, first: Any) -> Any:
+        return self.part(first, 1)[0]
+
+    def part(self, first: Any, count: int) -> Any:
+        return numbers_of(lax.dynamic_slice_in_dim(self.words, 2 * first, 2 * count))
+
+
+def _advancing(advance: Any, config: Config, frame_skip: int) -> Any:
+    """Return a step as a function of a world's numbers, an action, the other parts of its state, and what is shared."""
+    count = int(config.substeps)
+    period = config.substep * count
+    roll = rolling(True, config.substep)
+
+    def move(w: Column) -> None:
+        """Move the arm by a control step."""
+        force = []
+        for k in range(count + 1):
+            _move_hand(w, 0, config.substep, 0 < k < count, False)
+            _push_tip(w, 0, False)
+            force.append(jnp.stack(load(w, ROW.force, 0)))
+        body = Column({})
+        for name in ("machine", "motion", "torques", "lagged_volts", "drift"):
+            store(body, getattr(BODY, name), 0, load(w, getattr(ROW, name), 0))
+        column = jnp.stack([jnp.asarray(body.rows.get(row, 0.0), float) for row in range(BODY_WIDTH)])
+        volts, push = jnp.stack(load(w, ROW.command, 0)), jnp.stack(force[:-1])
+        states = roll(column, volts[None], push[None], jnp.zeros_like(push)[None])
+        w.rows |= enumerate(jnp.unstack(states[1]))
+
+    def twin(numbers: Any, action: Any, constants: _Words) -> Any:
+        """Return the numbers, the observation and the reward that a step leads to where the episode goes on."""
+        w = Column(dict(enumerate(jnp.unstack(numbers))), given=lambda _: 0.0)
+        context = constants.part(_whole(numbers[ROW.context_at]), CONSTANT_ROWS)
+        w.rows |= enumerate(jnp.unstack(context), STORED_ROWS)
+        volts = _given_volts(action[None], 0, config.low, config.high, w[ROW.machine.voltage_max, 0])
+        earned = 0.0
+        for _ in range(frame_skip):
+            _take_command(w, 0, volts)
+            _drift_torques(w, 0, period)
+            move(w)
+            _locate(w, 0, constants)
+            _judge(w, 0, period, config.limit)
+            earned += w[ROW.reward, 0]
+        _observe(w, 0)
+        seen = jnp.stack(flat(load(w, ROW.seen, 0))) * jnp.stack(flat(config.inverse_scale))
+        return jnp.stack([w[row, 0] for row in range(BASIC_ROWS)]), jnp.clip(seen, -BOUND, BOUND), earned
+
+    def run(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
+        del numbers
+        (world, episode), *rest = advance(state, action, shared)
+        return EnvState(world, episode, numbers_of(world)), *rest
+
+    def keep(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
+        found = run(numbers, action, state, shared)
+        flags = found[-1]
+        return found, (numbers, action, shared.constants, flags[FLAG.terminated] | flags[FLAG.truncated])
+
+    def pull(kept: Any, by: Any) -> Any:
+        numbers, action, constants, over = kept
+        by_state, by_obs, _, by_reward, _ = by
+        plain = int(config.entries)
+        by_seen = jnp.pad(by_obs[:plain], (0, ENTRIES - plain)).astype(numbers.dtype)
+        found, back = jax.vjp(lambda *given: twin(*given, _Words(constants)), numbers, action)
+        by_found = by_state.numbers, by_seen, by_reward.astype(found[2].dtype)
+        by_given = back(jax.tree.map(lambda each: jnp.where(over, 0.0, each), by_found))
+        return *(jnp.where(over, 0.0, each) for each in by_given), None, None
+
+    step: Any = jax.custom_vjp(run)
+    step.defvjp(keep, pull)
+    return step
