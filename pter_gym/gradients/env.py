@@ -171,21 +171,27 @@ def _advancing(advance: Any, config: Config, frame_skip: int) -> Any:
 
     def twin(numbers: Any, action: Any, constants: _Words) -> Any:
         """Return the numbers, the observation and the reward that a step leads to where the episode goes on."""
-        w = Column(dict(enumerate(jnp.unstack(numbers))), given=lambda _: 0.0)
-        context = constants.part(_whole(numbers[ROW.context_at]), CONSTANT_ROWS)
-        w.rows |= enumerate(jnp.unstack(context), STORED_ROWS)
-        volts = _given_volts(action[None], 0, config.low, config.high, w[ROW.machine.voltage_max, 0])
-        earned = 0.0
-        for _ in range(frame_skip):
-            _take_command(w, 0, volts)
+        context = jnp.unstack(constants.part(_whole(numbers[ROW.context_at]), CONSTANT_ROWS))
+
+        def world(numbers: Any) -> Column:
+            rows = {**dict(enumerate(jnp.unstack(numbers))), **dict(enumerate(context, STORED_ROWS))}
+            return Column(rows, given=lambda _: 0.0)
+
+        def hold(numbers: Any, _: Any) -> Any:
+            w = world(numbers)
+            most = w[ROW.machine.voltage_max, 0]
+            _take_command(w, 0, _given_volts(action[None], 0, config.low, config.high, most))
             _drift_torques(w, 0, period)
             move(w)
             _locate(w, 0, constants)
             _judge(w, 0, period, config.limit)
-            earned += w[ROW.reward, 0]
+            return jnp.stack([jnp.asarray(w[row, 0], numbers.dtype) for row in range(BASIC_ROWS)]), w[ROW.reward, 0]
+
+        numbers, earned = lax.scan(hold, numbers, length=frame_skip)
+        w = world(numbers)
         _observe(w, 0)
         seen = jnp.stack(flat(load(w, ROW.seen, 0))) * jnp.stack(flat(config.inverse_scale))
-        return jnp.stack([w[row, 0] for row in range(BASIC_ROWS)]), jnp.clip(seen, -BOUND, BOUND), earned
+        return numbers, jnp.clip(seen, -BOUND, BOUND), earned.sum()
 
     def run(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
         del numbers
