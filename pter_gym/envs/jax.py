@@ -191,14 +191,19 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
     ParameterError
         If an argument is out of range, or JAX would run this on something else than a CPU.
     """
+    made = JaxEnv(_vector(env_id, keywords))
+    return made, made.default_params
+
+
+def _vector(env_id: str, keywords: dict[str, Any]) -> PathFollowingVectorEnv:
+    """Return one world for Gymnasium."""
     fixed: dict[str, Any] = {"autoreset_mode": "SAME_STEP", "telemetry": False, "num_threads": 1, "num_envs": 1}
     for name in (*fixed, "render_mode", "device"):
         if name in keywords:
             raise ParameterError(f"{name} must not be given: JAX has its own way")
     if not env_id.startswith("PTER/"):
         raise ParameterError(f"env_id must be an id of PTER, got {env_id!r}")
-    made = JaxEnv(cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped))
-    return made, made.default_params
+    return cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped)
 
 
 def _many(run: Any) -> Any:

@@ -90,13 +90,15 @@ def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) 
     plain = getattr(function, "py_func", function)
     if not isinstance(plain, FunctionType):
         return function
-    if plain.__module__ is not None and not plain.__module__.startswith(_REWRITTEN):  # generated ones have no module
+    module: str | None = plain.__module__
+    if module and not module.startswith(_REWRITTEN):  # generated functions have none
         return made.get(plain, function)
     if plain not in made:
         tree = _Branchless().visit(_parsed(plain))
         cells = zip(plain.__code__.co_freevars, plain.__closure__ or (), strict=True)
         known = {**plain.__globals__, **{name: cell.cell_contents for name, cell in cells}}
         space: dict[str, Any] = {**meaning, "_choose": choose}
+        made[plain] = compile_source(ast.unparse(ast.fix_missing_locations(tree)), tree.body[0].name, space)
         made[plain] = compile_source(ast.unparse(ast.fix_missing_locations(tree)), tree.body[0].name, space)
         used = {*plain.__code__.co_names, *plain.__code__.co_freevars}  # perhaps its own name, too
         space |= {name: branchless(known[name], meaning, made) for name in used & known.keys() - meaning.keys()}
@@ -127,12 +129,12 @@ class Column:
         self.rows = rows
         self.given = given
 
-    def __getitem__(self, place: tuple[int, int]) -> Any:
+    def __getitem__(self, place: tuple[Any, Any]) -> Any:
         if place[0] not in self.rows and self.given:
             self.rows[place[0]] = self.given(place[0])
         return self.rows[place[0]]
 
-    def __setitem__(self, place: tuple[int, int], value: Any) -> None:
+    def __setitem__(self, place: tuple[Any, Any], value: Any) -> None:
         self.rows[place[0]] = value
 
 

@@ -17,10 +17,13 @@ from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANT_ROWS, FLAG, ROW,
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym.envs import jax as door
 from pter_gym.errors import ParameterError
-from pter_gym.gradients.jax import MEANING, jax, jnp, lax, numbers_of, rolling
 from pter_gym.gradients._tracing import Column, branchless
+from pter_gym.gradients.jax import MEANING, jax, jnp, lax, numbers_of, rolling
 from pter_gym.paths._projection import foot_on, project, segment_at
-from pter_gym.tasks.path_following._observation import BOUND, ENTRIES
+from pter_gym.tasks.path_following._observation import BOUND
+
+
+_vector: Any = door._vector  # pyright: ignore[reportPrivateUsage]
 
 
 class EnvState(NamedTuple):
@@ -31,8 +34,8 @@ class EnvState(NamedTuple):
     world, episode
         Those of ``pter_gym.envs.jax.EnvState``.
     numbers
-        What ``world`` says, as floating-point numbers (51,): angles, angular velocities, torques and so on, in the order
-        of ``pter_gym._engine.world.World``. A step does not read them.
+        What ``world`` says, as floating-point numbers (51,): angles, velocities, torques and so on, in the order of
+        ``pter_gym._engine.world.World``. A step does not read them.
     """
 
     world: jax.Array
@@ -48,16 +51,16 @@ class DifferentiableEnv(door.JaxEnv):
     """
 
     def __init__(self, env: Any) -> None:
-        super().__init__(env)
         if not env.batch.machine.has_paper_clutches:
             raise ParameterError("machine must have the paper's clutches for a step to be differentiated")
-        if self._empty.size != 2 * BASIC_ROWS:
+        if env.batch.device_arrays()["worlds"].shape[1] != BASIC_ROWS:
             raise ParameterError(
                 "hand must be a push and sines, and sensing ideal, for a step to be differentiated: "
                 "not a recorded hand, one with an intent, or noise and delay"
             )
         if env.observation_layout.names[-1].startswith(("torque", "force")):
-            raise ParameterError('sensors must be "encoders" for a step to be differentiated: torques that hold have no rule')
+            raise ParameterError('sensors must be "encoders" for a step to be differentiated')
+        super().__init__(env)
         config = np.asarray(self.default_params.config).view(np.float64)
         self._advance_one = _advancing(super()._advance, load(config[:, None], CONFIG, 0), self.frame_skip)
 
@@ -65,6 +68,22 @@ class DifferentiableEnv(door.JaxEnv):
         """Return what ``JaxEnv.reset_to_seed`` does, and the world's numbers."""
         obs, (world, episode) = super().reset_to_seed(seed, params)
         return obs, EnvState(world, episode, numbers_of(world))
+
+    def step(self, key: Any, state: Any, action: Any, params: Any = None) -> Any:
+        """Advance a world as ``JaxEnv.step`` does.
+
+        Raises
+        ------
+        ParameterError
+            If the action is not of floating-point numbers, or the state is that of another door.
+        """
+        kind = jnp.result_type(action)
+        if not jnp.issubdtype(kind, jnp.floating):
+            raise ParameterError(f"action must be floating-point numbers, which have derivatives, got {kind}")
+        if not isinstance(state, EnvState):
+            raise ParameterError(f"state must be from reset or step of this environment, got {type(state).__name__}")
+        door_state: Any = state
+        return super().step(key, door_state, action, params)
 
     def _advance(self, state: Any, given: jax.Array, shared: Any) -> Any:
         shared = door.EnvParams(self.default_params.config, shared.constants)
@@ -79,19 +98,18 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[Differ
     Parameters
     ----------
     env_id, **keywords
-        As ``pter_gym.envs.jax.make`` takes them.
+        As ``pter_gym.envs.jax.make`` takes them; ``sensors`` is ``"encoders"`` by default.
 
     Raises
     ------
     ParameterError
         As there, and if machine, hand or sensors are such that a step has no derivative here.
     """
-    made = DifferentiableEnv(door.make(env_id, **keywords)[0].env)
+    made = DifferentiableEnv(_vector(env_id, {"sensors": "encoders", **keywords}))
     return made, made.default_params
 
 
-def _whole(number: Any) -> Any:
-    return jnp.asarray(number).astype(jnp.int32)
+_whole = MEANING["int"]
 
 
 def _plain(function: Any) -> Any:
@@ -115,10 +133,11 @@ def _project(constants: Any, first: Any, count: Any, segment: Any, x: Any, y: An
     return _foot_on(segment_at(constants, first, segment), segment, x, y)
 
 
-_MADE: dict[Any, Any] = {
-    _plain(clipped): lambda volts, most: jnp.clip(volts, 0.0, most),
-    _plain(project): _project,
-}
+def _clipped(volts: Any, most: Any) -> Any:
+    return jnp.clip(volts, 0.0, most)
+
+
+_MADE: dict[Any, Any] = {_plain(clipped): _clipped, _plain(project): _project}
 _foot_on, _given_volts, _take_command, _drift_torques, _move_hand, _push_tip, _locate, _judge, _observe = (
     branchless(each, MEANING, _MADE)
     for each in (
@@ -148,8 +167,12 @@ class _Words:
         return numbers_of(lax.dynamic_slice_in_dim(self.words, 2 * first, 2 * count))
 
 
-def _advancing(advance: Any, config: Config, frame_skip: int) -> Any:
-    """Return a step as a function of a world's numbers, an action, the other parts of its state, and what is shared."""
+def _following(config: Config, frame_skip: int) -> Any:
+    """Return the function of JAX whose derivative is that of a step.
+
+    From a world's numbers, an action and the constants, it returns the numbers, the observation and the reward that a
+    step leads to where the episode goes on.
+    """
     count = int(config.substeps)
     period = config.substep * count
     roll = rolling(True, config.substep)
@@ -169,13 +192,14 @@ def _advancing(advance: Any, config: Config, frame_skip: int) -> Any:
         states = roll(column, volts[None], push[None], jnp.zeros_like(push)[None])
         w.rows |= enumerate(jnp.unstack(states[1]))
 
-    def twin(numbers: Any, action: Any, constants: _Words) -> Any:
-        """Return the numbers, the observation and the reward that a step leads to where the episode goes on."""
-        context = jnp.unstack(constants.part(_whole(numbers[ROW.context_at]), CONSTANT_ROWS))
+    def follow(numbers: Any, action: Any, constants: _Words) -> Any:
+        context: Any = jnp.unstack(constants.part(_whole(numbers[ROW.context_at]), CONSTANT_ROWS))
 
         def world(numbers: Any) -> Column:
-            rows = {**dict(enumerate(jnp.unstack(numbers))), **dict(enumerate(context, STORED_ROWS))}
-            return Column(rows, given=lambda _: 0.0)
+            w = Column({}, given=lambda _: 0.0)
+            w.rows |= enumerate(jnp.unstack(numbers))
+            w.rows |= enumerate(context, STORED_ROWS)
+            return w
 
         def hold(numbers: Any, _: Any) -> Any:
             w = world(numbers)
@@ -191,7 +215,15 @@ def _advancing(advance: Any, config: Config, frame_skip: int) -> Any:
         w = world(numbers)
         _observe(w, 0)
         seen = jnp.stack(flat(load(w, ROW.seen, 0))) * jnp.stack(flat(config.inverse_scale))
-        return numbers, jnp.clip(seen, -BOUND, BOUND), earned.sum()
+        seen = jnp.clip(seen, -BOUND, BOUND)[: int(config.entries)]
+        return numbers, seen.astype(jnp.float32), earned.sum().astype(jnp.float32)
+
+    return follow
+
+
+def _advancing(advance: Any, config: Config, frame_skip: int) -> Any:
+    """Return a step as a function of a world's numbers, an action, the other parts of its state, and what is shared."""
+    follow = _following(config, frame_skip)
 
     def run(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
         del numbers
@@ -204,15 +236,18 @@ def _advancing(advance: Any, config: Config, frame_skip: int) -> Any:
         return found, (numbers, action, shared.constants, flags[FLAG.terminated] | flags[FLAG.truncated])
 
     def pull(kept: Any, by: Any) -> Any:
-        numbers, action, constants, over = kept
+        *given, constants, over = kept
         by_state, by_obs, _, by_reward, _ = by
-        plain = int(config.entries)
-        by_seen = jnp.pad(by_obs[:plain], (0, ENTRIES - plain)).astype(numbers.dtype)
-        found, back = jax.vjp(lambda *given: twin(*given, _Words(constants)), numbers, action)
-        by_found = by_state.numbers, by_seen, by_reward.astype(found[2].dtype)
-        by_given = back(jax.tree.map(lambda each: jnp.where(over, 0.0, each), by_found))
-        return *(jnp.where(over, 0.0, each) for each in by_given), None, None
 
-    step: Any = jax.custom_vjp(run)
+        def unless_over(each: Any) -> Any:
+            return jnp.where(over, 0.0, each)
+
+        _, back = differentiate(lambda *of: follow(*of, _Words(constants)), *given)
+        by_found = by_state.numbers, by_obs[: int(config.entries)], by_reward
+        return *map(unless_over, back(tuple(map(unless_over, by_found)))), None, None
+
+    differentiate: Any = jax.vjp
+    custom: Any = jax.custom_vjp
+    step = custom(run)
     step.defvjp(keep, pull)
     return step

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from functools import cache, reduce
+from functools import cache, partial, reduce
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -52,7 +52,11 @@ def _chosen(condition: Any, x: Any, y: Any) -> Any:
     """Return one of two numbers or records."""
     if isinstance(condition, bool):
         return x if condition else y
-    return jax.tree.map(lambda one, other: jnp.where(condition, one, other), x, y)
+    return jax.tree.map(partial(jnp.where, condition), x, y)
+
+
+def _whole(x: Any) -> Any:
+    return jnp.asarray(x).astype(jnp.int32)
 
 
 def _root(x: Any) -> Any:
@@ -71,7 +75,7 @@ MEANING: dict[str, Any] = {
     "_divide": _divide,
     "abs": jnp.abs,
     "min": _least,
-    "int": lambda x: jnp.asarray(x).astype(jnp.int32),
+    "int": _whole,
     "math": SimpleNamespace(exp=jnp.exp, hypot=jnp.hypot, sqrt=_root, atan2=jnp.arctan2),
 }
 """What functions of the simulator need to be functions of JAX; see ``branchless``."""

@@ -1,0 +1,153 @@
+"""The differentiable environment: the bits of the door, and the gradient of paired runs of it."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.paths import Sine
+from pter_gym.tasks.path_following import PathFollowing
+
+jax = pytest.importorskip("jax")
+jnp = jax.numpy
+
+from pter_gym.envs import jax as door  # noqa: E402  (needs JAX)
+from pter_gym.gradients.env import make  # noqa: E402
+
+WORLDS = 45
+KINDS: dict[str, dict[str, Any]] = {
+    "standard": {"env_id": "PTER/Standard-v0"},
+    "paths": {"env_id": "PTER/Paths-v0", "observe_context": True},
+    "materials": {"env_id": "PTER/Materials-v0", "frame_skip": 1},
+    "voltages": {
+        "task": PathFollowing(path=Sine()),
+        "machine": replace(BASELINE, clutch=replace(BASELINE.clutch, lag="voltage")),
+    },
+}
+
+
+def rode(env: Any, state: Any, obs: Any, gains: Any, shifts: Any) -> Any:
+    """Observations, rewards and ends of worlds, each under a linear policy of its own with shifts."""
+    space = env.action_space()
+    middle, half = 0.5 * (space.low + space.high), 0.5 * (space.high - space.low)
+
+    def step(carry: Any, shift: Any) -> Any:
+        state, obs = carry
+        action = middle + half * jnp.tanh(jnp.einsum("nij,nj->ni", gains, obs) + shift)
+        obs, state, reward, terminated, truncated, _ = jax.vmap(env.step, in_axes=(None, 0, 0))(None, state, action)
+        return (state, obs), (obs, reward, terminated | truncated)
+
+    return jax.lax.scan(step, (state, obs), shifts)[1]
+
+
+def drawn(env: Any, steps: int) -> tuple[Any, Any, Any, Any]:
+    """State and observation of worlds, their gains and shifts."""
+    rng = np.random.default_rng(1)
+    obs, state = jax.vmap(env.reset_to_seed)(7 + np.arange(WORLDS))
+    gains = 0.1 * rng.normal(size=(WORLDS, 4, obs.shape[1]))
+    return state, obs, jnp.asarray(gains, float), jnp.asarray(rng.normal(-0.7, 0.3, (steps, WORLDS, 4)), float)
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["32 bits", "64 bits"])
+def test_a_step_has_the_bits_of_the_door(wide: bool) -> None:
+    with jax.enable_x64(wide):
+        ours, (theirs, _) = make("PTER/Standard-v0")[0], door.make("PTER/Standard-v0", sensors="encoders")
+        found = [jax.jit(partial(rode, env))(*drawn(env, 60)) for env in (ours, theirs)]
+    assert np.asarray(found[0][2]).sum() > WORLDS
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "wide"), [("standard", False), *((kind, True) for kind in KINDS)])
+def test_the_gradient_by_a_policy_is_that_of_paired_runs(kind: str, wide: bool) -> None:
+    """For each world along a random direction of its gains, four steps long, where no run ends.
+
+    Differences over ε and 2·ε tell what curvature, and rounding of observations and actions, make of them; rounding of
+    the scalar itself adds half a unit of each term. With 32 bits the adjoint begins at rounded states, and sums of some
+    hundred operations lose up to 10⁻³ of its scale. A world may cross a switch.
+    """
+    with jax.enable_x64(wide):
+        env, _ = make(**KINDS[kind])
+        state, obs, gains, shifts = drawn(env, 4)
+        rng = np.random.default_rng(2)
+        by = jnp.asarray(0.1 * rng.normal(size=(4, *obs.shape)), float)
+        run = jax.jit(lambda gains: rode(env, state, obs, gains, shifts))
+
+        def total(gains: Any) -> Any:
+            seen, rewards, _ = rode(env, state, obs, gains, shifts)
+            return (by * seen).sum() + rewards.sum()
+
+        gradient = np.asarray(jax.jit(jax.grad(total))(gains), float)
+
+        def values(gains: Any) -> Any:
+            seen, rewards, over = (np.asarray(each, float) for each in run(gains))
+            terms = np.concatenate([np.asarray(by, float) * seen, rewards[..., None]], axis=2)
+            return terms.sum((0, 2)), np.abs(terms).sum((0, 2)), over.any(0)
+
+        z, step = rng.normal(size=gains.shape), 2e-4
+        differences, rounding, usable = [], 0.0, True
+        for size in (step, 2.0 * step):
+            moved = [jnp.asarray(np.asarray(gains) + sign * size * z, float) for sign in (1.0, -1.0)]
+            (high, scale, over), (low, _, too) = map(values, moved)
+            differences.append((high - low) / (2.0 * size))
+            rounding = np.maximum(rounding, np.finfo(np.float32).eps * scale / (2.0 * size))
+            usable &= ~(over | too)
+        found = (gradient * z).sum((1, 2))
+        loss = 0.0 if wide else 1e-3 * np.abs(gradient * z).sum((1, 2))
+        bound = np.abs(differences[1] - differences[0]) + rounding + loss
+        close = np.abs(found - differences[0]) <= bound
+    assert usable.sum() > 0.5 * WORLDS
+    assert close[usable].mean() > 0.95
+    assert np.median(bound[usable] / np.abs(found[usable])) < 0.02
+
+
+@pytest.mark.slow
+def test_the_end_of_an_episode_cuts_the_gradient() -> None:
+    env, _ = make("PTER/Standard-v0", max_episode_steps=2)
+    _, state = env.reset_to_seed(3)
+
+    def earned(action: Any) -> Any:
+        """The rewards of two episodes of two steps."""
+
+        def step(state: Any, _: Any) -> Any:
+            _, state, reward, *_ = env.step(None, state, action)
+            return state, reward
+
+        return jax.lax.scan(step, state, length=4)[1]
+
+    @jax.jit
+    def by(action: Any) -> Any:
+        return jax.jacrev(earned)(action)
+
+    assert [bool(np.any(each)) for each in by(jnp.full(4, -0.2))] == [True, False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"sensors": "torque"}, "sensors"),
+        ({"machine": "couplings-2-1"}, "paper's clutches"),
+        ({"env_id": "PTER/Everything-v0"}, "hand must be"),
+        ({"device": "cuda"}, "device"),
+    ],
+)
+def test_what_has_no_derivative_is_refused(wrong: dict[str, Any], told: str) -> None:
+    with pytest.raises(ParameterError, match=told):
+        make(**wrong)
+
+
+def test_bad_input_and_other_platforms_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    env, _ = make()
+    _, state = env.reset_to_seed(0)
+    with pytest.raises(ParameterError, match="action must be floating-point"):
+        env.step(None, state, np.ones(4, int))
+    with pytest.raises(ParameterError, match="state must be from"):
+        env.step(None, door.EnvState(*state[:2]), np.ones(4))
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    with pytest.raises(ParameterError, match="cpu, got gpu"):
+        make()
