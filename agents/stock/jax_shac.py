@@ -105,16 +105,16 @@ def learn(env, params, seed, steps, worlds, horizon, epochs, rates, noise):
         return ((actor, critic), target, k + 1, state, obs), rows.reward.mean()
 
     carry = optimisers, critic, 0, state, obs
-    carry, earned = lax.scan(update, carry, jax.random.split(key, updates))
-    return actor_of(carry[0][0]), earned
+    carry, _ = lax.scan(update, carry, jax.random.split(key, updates))
+    return actor_of(carry[0][0])
 
 
 def train(
-    seed: int = 0, steps: int = 1_000_000, worlds: int = 64, horizon: int = 16, out: Path = Path("stock")
+    seed: int = 0, steps: int = 1_500_000, worlds: int = 32, horizon: int = 16, out: Path = Path("stock")
 ) -> None:
-    env, params = make("PTER/Standard-v0", sensors="encoders")
+    env, params = make("PTER/Standard-v0")
     settings = {"steps": steps, "worlds": worlds, "horizon": horizon, "epochs": 8, "rates": (2e-3, 2e-3), "noise": 0.3}
-    layers, _ = jax.jit(partial(learn, env, **settings))(params, seed)
+    layers = jax.jit(partial(learn, env, **settings))(params, seed)
     layers = jax.tree.map(np.asarray, layers)
 
     def act(obs):

@@ -122,7 +122,8 @@ class Curve:
         from pter_gym.scenarios import PACES
 
         self.rows: list[dict[str, Any]] = []
-        self._validation = Validation(run.scenario, tuple(PACES), DRAWS)
+        sensors = "encoders" if run.algorithm == "jax_shac.py" else "torque"
+        self._validation = Validation(run.scenario, tuple(PACES), DRAWS, sensors)
         self._begun = process_time()
 
     @property
@@ -253,7 +254,7 @@ def train_library(run: Run, curve: Curve) -> None:
         makers[run.algorithm](environment, run.seed).learn(10**9, callback=Look())
 
 
-SCRIPTS = {"cleanrl_ppo.py": 1_000_000, "jax_ppo.py": 2_000_000}
+SCRIPTS = {"cleanrl_ppo.py": 1_000_000, "jax_ppo.py": 2_000_000, "jax_shac.py": 1_500_000}
 """Scripts of agents/stock, and their decisions in about the time of the libraries."""
 
 

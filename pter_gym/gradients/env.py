@@ -5,7 +5,7 @@ A step has the bits of that door. Its derivative is that of the same step made a
 functions of JAX.
 """
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from pter_gym.gradients._tracing import Column, branchless
 from pter_gym.gradients.jax import MEANING, jax, jnp, lax, numbers_of, rolling
 from pter_gym.paths._projection import foot_on, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND
-
 
 _vector: Any = door._vector  # pyright: ignore[reportPrivateUsage]
 
@@ -242,11 +241,13 @@ def _advancing(advance: Any, config: Config, frame_skip: int) -> Any:
         def unless_over(each: Any) -> Any:
             return jnp.where(over, 0.0, each)
 
-        _, back = differentiate(lambda *of: follow(*of, _Words(constants)), *given)
+        def near(numbers: Any, action: Any) -> Any:
+            return follow(numbers, action, _Words(constants))
+
+        back: Any = cast(Any, jax).vjp(near, *given)[1]
         by_found = by_state.numbers, by_obs[: int(config.entries)], by_reward
         return *map(unless_over, back(tuple(map(unless_over, by_found)))), None, None
 
-    differentiate: Any = jax.vjp
     custom: Any = jax.custom_vjp
     step = custom(run)
     step.defvjp(keep, pull)

@@ -29,12 +29,13 @@ SCRIPTS = sorted(STOCK.glob("*.py"))
 TINY: dict[str, dict[str, Any]] = {
     "cleanrl_ppo": {"steps": 256, "n": 2, "horizon": 64},
     "jax_ppo": {"steps": 512, "worlds": 16, "horizon": 16},
+    "jax_shac": {"steps": 512, "worlds": 16, "horizon": 8},
     "sb3_ppo": {"steps": 64, "worlds": 2},
     "sb3_sac": {"steps": 240, "worlds": 2},
     "sb3_tqc": {"steps": 240, "worlds": 2},
 }
 
-NEEDS = {"jax_ppo": ("jax",), "sb3_tqc": ("sb3_contrib",)}
+NEEDS = {"jax_ppo": ("jax",), "jax_shac": ("jax",), "sb3_tqc": ("sb3_contrib",)}
 
 NEAR_START = 0.25
 """Of the path; an arm that goes no further is stuck."""
