@@ -99,7 +99,6 @@ def branchless(function: Any, meaning: Mapping[str, Any], made: dict[Any, Any]) 
         known = {**plain.__globals__, **{name: cell.cell_contents for name, cell in cells}}
         space: dict[str, Any] = {**meaning, "_choose": choose}
         made[plain] = compile_source(ast.unparse(ast.fix_missing_locations(tree)), tree.body[0].name, space)
-        made[plain] = compile_source(ast.unparse(ast.fix_missing_locations(tree)), tree.body[0].name, space)
         used = {*plain.__code__.co_names, *plain.__code__.co_freevars}  # perhaps its own name, too
         space |= {name: branchless(known[name], meaning, made) for name in used & known.keys() - meaning.keys()}
     return made[plain]
