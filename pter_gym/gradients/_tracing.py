@@ -45,7 +45,9 @@ class _Branchless(ast.NodeTransformer):
         node.decorator_list, node.returns = [], None
         for k, part in enumerate(node.body):
             match part, node.body[-1]:
-                case ast.If(test, [ast.Return(ast.expr() as x)], []), ast.Return(ast.expr() as y) if _varies(test):
+                case ast.If(test, [ast.Return(ast.expr() as x)], []), ast.Return(ast.expr() as y) if k == len(
+                    node.body
+                ) - 2 or _compares(test):
                     chosen = _call("_choose", test, ast.Lambda(_NOTHING, x), ast.Lambda(_NOTHING, y))
                     node.body = [*node.body[:k], *node.body[k + 1 : -1], ast.Return(chosen)]
                     break
@@ -56,9 +58,9 @@ class _Branchless(ast.NodeTransformer):
         return node
 
 
-def _varies(test: ast.expr) -> bool:
-    """Tell whether a condition is of numbers, not of what there is."""
-    return not (isinstance(test, ast.Compare) and isinstance(test.ops[0], ast.Is | ast.IsNot))
+def _compares(test: ast.expr) -> bool:
+    """Tell whether a condition compares numbers, rather than asks what there is."""
+    return isinstance(test, ast.Compare) and not isinstance(test.ops[0], ast.Is | ast.IsNot)
 
 
 _NOTHING = ast.arguments([], [], None, [], [], None, [])
