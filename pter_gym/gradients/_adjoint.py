@@ -16,9 +16,16 @@ from pter_gym._physics import step as _step
 from pter_gym._physics.arm import Load
 from pter_gym._physics.arrangement import Arrangement, Own, sign
 from pter_gym._physics.clutch import PerClutch, Torques
-from pter_gym._physics.friction import resolve, slip_velocities
+from pter_gym._physics.friction import resolve, slip_velocities, torques_on_links
 from pter_gym._physics.open_loop import BODY, scratch
-from pter_gym._physics.step import MOST_PARTS, declared_in, papers, share_before_change, substep_on
+from pter_gym._physics.step import (
+    MOST_PARTS,
+    declared_in,
+    papers,
+    share_before_change,
+    sliding_torques,
+    substep_on,
+)
 from pter_gym.gradients._tracing import Rule, adjoint_of
 
 _STEP: Any = _step
@@ -95,7 +102,37 @@ def resolve_adjoint(
     )
 
 
-FRICTION = Rule(resolve, resolve_adjoint, 9, 2, (PerClutch, Arrangement))
+@device
+def resolve_tangent(
+    m11: float,
+    m12: float,
+    m22: float,
+    p_a: float,
+    p_b: float,
+    c: PerClutch,
+    own: Own,
+    omega_a: float,
+    omega_b: float,
+    d11: float,
+    d12: float,
+    d22: float,
+    d_a: float,
+    d_b: float,
+    d1: float,
+    d2: float,
+    d3: float,
+    d4: float,
+) -> tuple[float, float]:
+    """Return the tangents of the velocities ω of ``friction.resolve``, by those of M (3), p (2) and c (4)."""
+    _ = p_a, p_b, c
+    slip = slip_velocities(omega_a, omega_b, own)
+    less_a, less_b = torques_on_links(sliding_torques(slip, PerClutch(d1, d2, d3, d4)), own)
+    by_a = d_a - d11 * omega_a - d12 * omega_b + less_a
+    by_b = d_b - d12 * omega_a - d22 * omega_b + less_b
+    return by_momentum(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)
+
+
+FRICTION = Rule(resolve, resolve_adjoint, resolve_tangent, 9, 2, (PerClutch, Arrangement))
 
 
 @device

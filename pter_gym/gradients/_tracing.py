@@ -2,15 +2,15 @@
 
 The functions of a substep are straight-line code but for conditional expressions. ``branchless`` makes the same
 function with calls in place of those, for values that have no truth of their own: those of a trace, or JAX's.
-``adjoint_of`` runs a stage of a substep once on such values, which note each operation, and writes out the
-vector–Jacobian product as a function that numba compiles.
+``adjoint_of`` and ``tangent_of`` run a stage of a substep once on such values, which note each operation, and write
+out the vector–Jacobian product, or the Jacobian–vector products, as a function that numba compiles.
 """
 
 import ast
 import inspect
 import math
 import textwrap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import FunctionType, SimpleNamespace
 from typing import Any, NamedTuple
@@ -256,11 +256,15 @@ _PULLS: dict[str, tuple[str, ...]] = {
     "hypot": ("{g} * {0} / math.hypot({0}, {1})", "{g} * {1} / math.hypot({0}, {1})"),
     "where": ("", "({g} if {0} else 0.0)", "(0.0 if {0} else {g})"),
 }
-"""What an operation adds to the adjoint of each of its operands, by its own adjoint g; truths have none."""
+"""What an operation adds to the adjoint of each of its operands, by its own adjoint g; truths have none.
+
+That is linear in g with the operand's derivative as its factor, so it is also what an operand's tangent g adds to that
+of the operation.
+"""
 
 
 class Rule(NamedTuple):
-    """A function whose adjoint is written by hand, in place of a trace through it.
+    """A function whose derivatives are written by hand, in place of a trace through it.
 
     Attributes
     ----------
@@ -269,6 +273,9 @@ class Rule(NamedTuple):
     adjoint
         Compiled: takes what ``function`` takes, the results and their adjoints, and returns the adjoints of the first
         ``numbers`` numbers that it takes; those of all others are zero.
+    tangent
+        Compiled: takes what ``function`` takes, the results and the tangents of the first ``numbers`` numbers, and
+        returns those of the results.
     numbers, results
         How many there are.
     records
@@ -277,6 +284,7 @@ class Rule(NamedTuple):
 
     function: Any
     adjoint: Any
+    tangent: Any
     numbers: int
     results: int
     records: tuple[type[Any], ...]
@@ -285,6 +293,30 @@ class Rule(NamedTuple):
         """Note the call."""
         trace: _Trace = next(each.trace for each in flat(given) if isinstance(each, _Value))
         return trace.note("rule", *given, results=self.results)
+
+    @property
+    def names(self) -> dict[str, Any]:
+        """What generated code may name."""
+        functions = {"math": math, "forward": self.function, "pull": self.adjoint, "push": self.tangent}
+        return {**functions, **{kind.__name__: kind for kind in self.records}}
+
+
+class _Stage:
+    """A stage of a substep as a trace: what it reads, computes, writes and returns."""
+
+    def __init__(self, stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...], rule: Rule) -> None:
+        self.trace = trace = _Trace()
+        self.read: dict[int, _Value] = {}
+        self.scalars = tuple(_Value(trace, name) for name in scalars)
+        column = Column({}, lambda row: self.read.setdefault(row, trace.new()))
+        plain = getattr(rule.function, "py_func", rule.function)
+        self.returned = branchless(stage, _MEANING, {plain: rule.traced})(column, 0, *self.scalars, *constants)
+        self.written = {row: value for row, value in column.rows.items() if value is not self.read.get(row)}
+
+    @property
+    def lines(self) -> list[str]:
+        """The lines that read and compute."""
+        return [*(f"{value} = w[{row}, i]" for row, value in self.read.items()), *(_forward(*s) for s in self.trace.steps)]
 
 
 def adjoint_of(stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...], ignored: range, rule: Rule) -> Any:
@@ -309,38 +341,72 @@ def adjoint_of(stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...],
         (entries, 1), the adjoints of its entries after it, into those before it. ``seed`` is the adjoint of the
         returned number, if there is one. Returns the adjoint of the only scalar, 0 if there is none.
     """
-    trace = _Trace()
-    read: dict[int, _Value] = {}
-
-    def given(row: int) -> _Value:
-        return read.setdefault(row, trace.new())
-
-    column = Column({}, given)
-    arguments = tuple(_Value(trace, name) for name in scalars)
-    plain = getattr(rule.function, "py_func", rule.function)
-    returned = branchless(stage, _MEANING, {plain: rule.traced})(column, 0, *arguments, *constants)
+    made = _Stage(stage, scalars, constants, rule)
     adjoints = _Adjoints(rule)
-    lines = [f"{value} = w[{row}, i]" for row, value in read.items()]
-    lines += [_forward(*step) for step in trace.steps]
-    for row, value in column.rows.items():
-        if row not in ignored and value is not read.get(row):
+    lines = made.lines
+    for row, value in made.written.items():
+        if row not in ignored:
             lines += [f"b{row} = bar[{row}, 0]", f"bar[{row}, 0] = 0.0"]
             adjoints.add(value, f"b{row}")
-    if returned is not None:
-        adjoints.add(returned, "seed")
-    for step in reversed(trace.steps):
+    seeds = () if made.returned is None else ("seed",)
+    for seed in seeds:
+        adjoints.add(made.returned, seed)
+    for step in reversed(made.trace.steps):
         lines += adjoints.through(*step)
-    for row, value in read.items():
+    for row, value in made.read.items():
         lines += [f"bar[{row}, 0] += {pull}" for pull in adjoints.of(value)]
-    lines.append(f"return {' + '.join(pull for name in arguments for pull in adjoints.of(name)) or '0.0'}")
-    header = f"def adjoint({', '.join(('w', 'i', 'bar', *scalars, *(('seed',) if returned is not None else ())))}):"
-    names = {
-        "math": math,
-        "forward": rule.function,
-        "backward": rule.adjoint,
-        **{kind.__name__: kind for kind in rule.records},
-    }
-    return device(compile_source("\n    ".join([header, *lines]), "adjoint", names))
+    lines.append(f"return {' + '.join(pull for name in made.scalars for pull in adjoints.of(name)) or '0.0'}")
+    return _compiled("adjoint", ("bar", *scalars, *seeds), lines, rule)
+
+
+def tangent_of(
+    stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...], active: Collection[int], lanes: int, rule: Rule
+) -> Any:
+    """Return a stage of a substep with its Jacobian–vector products, compiled.
+
+    Parameters
+    ----------
+    stage, scalars, constants, rule
+        As ``adjoint_of`` takes them; what ``stage`` returns is not differentiated.
+    active
+        Rows whose entries vary and are written; all others, and the scalars, have no tangents.
+    lanes
+        How many tangents there are.
+
+    Returns
+    -------
+    Callable
+        ``tangent(w, i, dot, *scalars)``: does to the active rows of column ``i`` of ``w`` what the stage does, and turns
+        ``dot`` (entries, at least ``lanes``), the tangents of the entries before it, into those after it.
+    """
+    made = _Stage(stage, scalars, constants, rule)
+    inner = [f"d{value} = dot[{row}, j]" for row, value in made.read.items() if row in active]
+    varying = {value.name for row, value in made.read.items() if row in active}
+
+    def dot(value: Any) -> str:
+        return f"d{value}" if isinstance(value, _Value) and value.name in varying else ""
+
+    for results, kind, of in made.trace.steps:
+        numbers = flat(of)[: rule.numbers] if kind == "rule" else of
+        if kind == "rule":
+            given = [*map(repr, of), *map(repr, results), *(dot(value) or "0.0" for value in numbers)]
+            line = f"push({', '.join(given)})"
+        else:
+            pulls = zip(of, _PULLS.get(kind, ("",) * len(of)), strict=True)
+            line = " + ".join(pull.format(*of, g=dot(value)) for value, pull in pulls if pull and dot(value))
+        if line and any(map(dot, numbers)):
+            inner.append(f"{', '.join(f'd{value}' for value in results)} = {line}")
+            varying |= {value.name for value in results}
+    written = {row: value for row, value in made.written.items() if row in active}
+    inner += [f"dot[{row}, j] = {dot(value) or '0.0'}" for row, value in written.items()]
+    writes = [f"w[{row}, i] = {value}" for row, value in written.items()]
+    lines = [*made.lines, *writes, f"for j in range({lanes}):", *(f"    {line}" for line in inner)]
+    return _compiled("tangent", ("dot", *scalars), lines, rule)
+
+
+def _compiled(name: str, arguments: tuple[str, ...], lines: list[str], rule: Rule) -> Any:
+    header = f"def {name}({', '.join(('w', 'i', *arguments))}):"
+    return device(compile_source("\n    ".join([header, *lines]), name, {**rule.names}))
 
 
 def _forward(made: tuple[_Value, ...], kind: str, of: tuple[Any, ...]) -> str:
@@ -372,7 +438,7 @@ class _Adjoints:
             yield f"g{value} = {' + '.join(self.of(value)) or '0.0'}"
         if kind == "rule":
             everything = [*map(repr, of), *map(repr, made), *(f"g{value}" for value in made)]
-            yield f"p{made[0]} = backward({', '.join(everything)})"
+            yield f"p{made[0]} = pull({', '.join(everything)})"
             for k, value in enumerate(flat(of)[: self.rule.numbers]):
                 self.add(value, f"p{made[0]}[{k}]")
             return

@@ -1,0 +1,105 @@
+"""Substeps with their tangents: forward mode, for few parameters and many results.
+
+Each tangent is a lane, and all lanes share the numbers of the substep itself.
+"""
+
+from typing import Any
+
+from pter_gym._compiled.compiler import device, outlined
+from pter_gym._compiled.records import flat
+from pter_gym._physics.open_loop import BODY
+from pter_gym._physics.step import MOST_PARTS
+from pter_gym.gradients import _adjoint
+from pter_gym.gradients._adjoint import FRICTION, aim, drift, kick_stages
+from pter_gym.gradients._tracing import tangent_of
+
+_ADJOINT: Any = _adjoint
+_SHORTEST_PART: float = _ADJOINT._SHORTEST_PART
+_move_omega: Any = _ADJOINT._move_omega
+
+MOTION = frozenset(flat(BODY.motion))
+TORQUES = frozenset(
+    flat((
+        *(BODY.torques, BODY.lagged_volts, BODY.command, BODY.steady, BODY.machine.breakaway, BODY.machine.dynamic),
+        *(BODY.machine.voltage_decay, BODY.machine.torque_decay, BODY.machine.scale),
+    ))
+)  # fmt: skip
+"""Rows that vary with the clutches, but for the friction of the axes."""
+
+_KICK = MOTION | TORQUES | frozenset(
+    flat((
+        *(BODY.machine.arm.m11, BODY.machine.arm.m22, BODY.machine.arm.coupling, BODY.machine.arm.dry_a),
+        *(BODY.machine.arm.dry_b, BODY.machine.arm.viscous_a, BODY.machine.arm.viscous_b, BODY.arrangement.dry),
+        *(BODY.impact, BODY.omega, BODY.limit, BODY.span, BODY.changes),
+    ))
+)  # fmt: skip
+
+
+def substep_tangents(own_in: Any, lanes: int, torque_lanes: int) -> Any:
+    """Return a substep with tangents, for machines whose clutches ``own_in`` tells.
+
+    Parameters
+    ----------
+    own_in
+        As ``substep_on`` takes it.
+    lanes
+        How many tangents there are.
+    torque_lanes
+        How many of them, the first, may have tangents of the clutches' torques and voltages.
+
+    Returns
+    -------
+    Callable
+        ``advance(body, dot, h, aims)`` does to a body with its command and its load what ``open_loop.advance`` does,
+        energies apart, and to ``dot`` (entries, lanes), the tangents of its entries by numbers of the motion, the
+        clutches, the inertias and the friction of the axes. ``aims`` tells whether commands may have changed.
+    """
+    stages = kick_stages(own_in)
+    find_over, share = stages.find, stages.share
+
+    @device
+    def find_in_span(w: Any, i: int) -> None:
+        find_over(w, i, w[BODY.span, i])
+
+    @device
+    def take_part(w: Any, i: int) -> None:
+        """Take the kick up to the first change, and find the rest of it."""
+        span = w[BODY.span, i]
+        first = share(w, i) * span
+        find_over(w, i, first)
+        _move_omega(w, i, w[BODY.omega.a, i], w[BODY.omega.b, i])
+        find_over(w, i, span - first)
+
+    aims = tangent_of(aim, (), (False,), TORQUES, torque_lanes, FRICTION)
+    relax = tangent_of(drift, ("h",), (False,), TORQUES, torque_lanes, FRICTION)
+    turn = tangent_of(drift, ("h",), (False,), MOTION, lanes, FRICTION)
+    find = tangent_of(find_in_span, (), (), _KICK, lanes, FRICTION)
+    part = tangent_of(take_part, (), (), _KICK, lanes, FRICTION)
+
+    @outlined
+    def divide(body: Any, dot: Any) -> None:
+        for _ in range(MOST_PARTS - 1):
+            if body[BODY.changes, 0] == 0.0 or not share(body, 0) < 1.0 - _SHORTEST_PART:
+                break
+            part(body, 0, dot)
+
+    @device
+    def advance(body: Any, dot: Any, h: float, aim_again: bool) -> None:
+        lags = body[BODY.machine.voltage_decay, 0] != 0.0
+        for half in range(2):
+            if lags or (aim_again and half == 0):
+                aims(body, 0, dot)
+            relax(body, 0, dot, h)
+            turn(body, 0, dot, h)
+            if half == 0:
+                body[BODY.span, 0] = h
+                for j in range(lanes):
+                    dot[BODY.span, j] = 0.0
+                find(body, 0, dot)
+                if body[BODY.changes, 0] != 0.0:
+                    divide(body, dot)
+                _move_omega(body, 0, body[BODY.omega.a, 0], body[BODY.omega.b, 0])
+                for j in range(lanes):
+                    _move_omega(dot, j, dot[BODY.omega.a, j], dot[BODY.omega.b, j])
+
+    return advance
