@@ -16,14 +16,35 @@ from pter_gym._compiled.compiler import compile_kernel
 from pter_gym._compiled.records import store
 from pter_gym._physics.arm import Load, Motion
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.open_loop import BODY, advance, advance_declared, body_of, initial_state, scratch
+from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state, scratch
+from pter_gym._physics.step import declared_in
+from pter_gym._physics.step import papers as papers_own
+from pter_gym.gradients._tangent import substep_tangents
 from pter_gym.params import Machine
+from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.log import interpolated
+from pter_gym.tools.identification.parameters import Shape
 
 Array = NDArray[np.float64]
 
 LONGEST_SUBSTEP = 0.5e-3
 """Longest substep of the simulator in a window [s]."""
+
+ORDER = (*at.SLOPES, at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY, *range(at.SLOPES[0]), *at.DRY, *at.VISCOUS)
+"""Coordinates in the order of the kernel's lanes; those of the clutches come first, those of a window's start last."""
+
+DELAY_LANE = ORDER.index(at.DELAY)
+START_LANE = len(ORDER)
+LANES = START_LANE + 4
+TORQUE_LANES = 12
+"""Lanes in which clutches have tangents: those of the clutches' coordinates, in whole vectors."""
+
+SMALL = 1e-4
+"""Steps of differences where formulas are smooth, over the usual ones: they are right to about 10⁻⁹."""
+
+advance: Any = None
+lanes = 0
+"""What the kernel below calls, and how many tangents it has; ``compile_kernel`` binds these names."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +68,18 @@ class Inputs:
     charge: Array
     force: Array
 
-    def volts(self, delay: float) -> Array:
-        """Return the mean voltage of each substep [V], shape (substeps in all, 4), a time [s] after it was recorded."""
-        rows = len(self.charge)
+    def volts(self, delay: float) -> tuple[Array, Array]:
+        """Return the mean voltage of each substep [V] a time [s] after it was recorded, and its derivative by that.
+
+        Both of shape (substeps in all, 4).
+        """
+        interval = self.step * self.substeps
+        held = np.diff(self.charge, axis=0) / interval
         ends = self.step * np.arange(len(self.force) + 1, dtype=np.float64) - delay
-        times = self.step * self.substeps * np.arange(rows, dtype=np.float64)
-        first = (self.charge[1] - self.charge[0]) / times[1]
-        last = (self.charge[-1] - self.charge[-2]) / times[1]
-        passed = interpolated(ends, times, self.charge)
-        passed += np.minimum(ends, 0.0)[:, None] * first + np.maximum(ends - times[-1], 0.0)[:, None] * last
-        return np.maximum(np.diff(passed, axis=0) / self.step, 0.0)
+        row = np.floor(ends / interval).astype(int).clip(0, len(held) - 1)
+        rate = held[row]
+        passed = self.charge[row] + rate * (ends - interval * row)[:, None]
+        return np.maximum(np.diff(passed, axis=0) / self.step, 0.0), -np.diff(rate, axis=0) / self.step
 
 
 def make_inputs(interval: float, volts: Array, force: Array, longest: float = LONGEST_SUBSTEP) -> Inputs:
@@ -90,34 +113,120 @@ def predict(machine: Machine, inputs: Inputs, delay: float, starts: Array, lengt
     length
         Rows of a window after the one with which it begins.
     """
-    volts = inputs.volts(delay)
-    settled = initial_state(machine, (0.0, 0.0), volts=np.minimum(volts[0], machine.clutch.voltage_max))
-    body = body_of(replace(machine, substep=inputs.step), settled)
+    volts, by_delay = inputs.volts(delay)
+    body = _body(machine, inputs, volts[0])
+    return _run(machine, inputs, body, np.empty((BODY_WIDTH, 0)), volts, by_delay, starts, length)[0]
+
+
+def differentiate(shape: Shape, p: Array, inputs: Inputs, starts: Array, length: int) -> tuple[Array, Array, Array]:
+    """Return what ``predict`` does at coordinates, and its exact derivatives by them and by the starts.
+
+    Parameters
+    ----------
+    shape, p
+        Coordinates and what they mean, shape (16,).
+    inputs, starts, length
+        As ``predict`` takes them.
+
+    Returns
+    -------
+    angles, by_coordinates, by_start
+        Shapes (windows, length, 2), (windows, length, 2, 16) and (windows, length, 2, 4).
+    """
+    machine = shape.machine(p)
+    volts, by_delay = inputs.volts(float(p[at.DELAY]))
+    tangents = np.zeros((BODY_WIDTH, LANES))
+    for lane, i in enumerate(ORDER):
+        ends: list[Array] = []
+        for sign in (1.0, -1.0):
+            near = p.copy()
+            near[i] = np.clip(p[i] + sign * SMALL * at.STEPS[i], at.LOWEST[i], shape.highest[i])
+            ends.append(near)
+        bodies = [_body(shape.machine(near), inputs, volts[0])[:, 0] for near in ends]
+        tangents[:, lane] = (bodies[0] - bodies[1]) / (ends[0][i] - ends[1][i])
+    body = _body(machine, inputs, volts[0])
+    angles, by = _run(machine, inputs, body, tangents, volts, by_delay, starts, length)
+    return angles, by[..., np.argsort(ORDER)], by[..., START_LANE:]
+
+
+def _body(machine: Machine, inputs: Inputs, volts: Array) -> Array:
+    """Return a machine whose clutches have settled at voltages, as kernels take it."""
+    settled = initial_state(machine, (0.0, 0.0), volts=np.minimum(volts, machine.clutch.voltage_max))
+    return body_of(replace(machine, substep=inputs.step), settled)
+
+
+def _run(
+    machine: Machine,
+    inputs: Inputs,
+    body: Array,
+    tangents: Array,
+    volts: Array,
+    by_delay: Array,
+    starts: Array,
+    length: int,
+) -> tuple[Array, Array]:
     record = np.empty((len(starts), length, 2))
-    _kernel(papers=machine.has_paper_clutches)(body, volts, inputs.force, starts, inputs.step, inputs.substeps, record)
-    return record
+    by = np.empty((*record.shape, tangents.shape[1]))
+    kernel = _kernel(papers=machine.has_paper_clutches, lanes=tangents.shape[1])
+    kernel(body, tangents, volts, by_delay, inputs.force, starts, inputs.step, inputs.substeps, record, by)
+    return record, by
 
 
 def _build(digest: str) -> Any:
-    def kernel(given: Any, volts: Any, force: Any, starts: Any, h: float, substeps: int, record: Any) -> None:
+    def kernel(
+        given: Any,
+        tangents: Any,
+        volts: Any,
+        by_delay: Any,
+        force: Any,
+        starts: Any,
+        h: float,
+        substeps: int,
+        record: Any,
+        by: Any,
+    ) -> None:
+        """Fill the angles of each row of each window, and their tangents."""
         _ = digest
         body = scratch(given)
+        dot = np.empty((BODY_WIDTH, lanes))
+        dot[:] = tangents
         k = 0
         for window in range(record.shape[0]):
             a, b = starts[window, 0], starts[window, 1]
             motion = Motion(a, b, starts[window, 2], starts[window, 3], np.cos(a), np.sin(a), np.cos(b), np.sin(b))
             store(body, BODY.motion, 0, motion)
+            for j in range(lanes):
+                store(dot, BODY.motion, j, Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+            if lanes > 0:
+                first = lanes - 4
+                dot[BODY.motion.theta_a, first] = dot[BODY.motion.theta_b, first + 1] = 1.0
+                dot[BODY.motion.omega_a, first + 2] = dot[BODY.motion.omega_b, first + 3] = 1.0
+                dot[BODY.motion.cos_a, first], dot[BODY.motion.sin_a, first] = -motion.sin_a, motion.cos_a
+                dot[BODY.motion.cos_b, first + 1], dot[BODY.motion.sin_b, first + 1] = -motion.sin_b, motion.cos_b
             for row in range(record.shape[1]):
                 for _substep in range(substeps):
-                    command = PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3])
-                    advance(body, command, Load(force[k, 0], force[k, 1], 0.0, 0.0, 0.0, 0.0), h)
+                    changed = k == 0
+                    for x in range(4):
+                        changed |= (volts[k, x] != volts[k - 1, x]) | (by_delay[k, x] != by_delay[k - 1, x])
+                    if changed:
+                        store(body, BODY.command, 0, PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3]))
+                        if lanes > 0:
+                            for x in range(4):
+                                dot[BODY.command.x1 + x, DELAY_LANE] = by_delay[k, x]
+                    store(body, BODY.load, 0, Load(force[k, 0], force[k, 1], 0.0, 0.0, 0.0, 0.0))
+                    advance(body, dot, h, changed)
                     k += 1
                 record[window, row, 0] = body[BODY.motion.theta_a, 0]
                 record[window, row, 1] = body[BODY.motion.theta_b, 0]
+                for j in range(lanes):
+                    by[window, row, 0, j] = dot[BODY.motion.theta_a, j]
+                    by[window, row, 1, j] = dot[BODY.motion.theta_b, j]
 
     return kernel
 
 
 @cache
-def _kernel(*, papers: bool) -> Any:
-    return compile_kernel(_build) if papers else compile_kernel(_build, advance=advance_declared)
+def _kernel(*, papers: bool, lanes: int) -> Any:
+    own_in = papers_own if papers else declared_in(BODY)
+    substep = substep_tangents(own_in, lanes, min(lanes, TORQUE_LANES))
+    return compile_kernel(_build, advance=substep, lanes=lanes)

@@ -57,7 +57,7 @@ def test_windows_are_the_simulator():
     start = np.array([[0.7, 2.2, 1.0, -2.0]])
     angles = predict(OTHER, inputs, 0.0, start, 30)
     state = initial_state(machine, start[0, :2], start[0, 2:], volts=volts[0])
-    way = simulate(machine, state, inputs.volts(0.0), inputs.force)
+    way = simulate(machine, state, inputs.volts(0.0)[0], inputs.force)
     assert np.array_equal(angles[0], way.theta[1::2])
 
 
@@ -66,11 +66,11 @@ def test_a_delay_shifts_the_voltages():
     volts[10:, 2] = 6.0
     inputs = make_inputs(1e-3, volts, np.zeros((21, 2)))
     assert inputs.step == 0.5e-3
-    shifted = inputs.volts(2.25e-3)[:, 2]
+    shifted = inputs.volts(2.25e-3)[0][:, 2]
     assert np.allclose(shifted[:24], 0.0)
     assert shifted[24] == pytest.approx(3.0)  # half of this substep is before the step of the voltage
     assert np.allclose(shifted[25:], 6.0)
-    assert np.allclose(inputs.volts(0.0)[:, 2], np.repeat(volts[:-1, 2], 2))
+    assert np.allclose(inputs.volts(0.0)[0][:, 2], np.repeat(volts[:-1, 2], 2))
 
 
 def test_the_lag_is_that_of_the_clutches():
