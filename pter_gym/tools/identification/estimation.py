@@ -2,8 +2,9 @@
 
 The angles at the beginning of each window are measured with noise, the velocities are not measured at all. So each
 window's start is estimated together with the machine: to first order it is projected out of the residuals and of their
-derivatives, which leaves a small dense problem in the machine's coordinates for SciPy's least squares. Then the starts
-are mended, windows that fit badly get less weight, and the search goes on.
+derivatives, which leaves a small dense problem in the machine's coordinates for Gauss–Newton. The derivatives are
+exact: a simulation carries them along. Then the starts are mended, windows that fit badly get less weight, and the
+search goes on.
 
 Intervals come from a jackknife, to first order: how far the coordinates would go without each pair of neighbouring
 windows. Residuals of one window are one error that grows, and not many errors. To these comes what changes when the log
@@ -11,21 +12,20 @@ is cut, filtered and simulated in another way.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, stats
+from scipy import stats
 
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.parameters import Shape
-from pter_gym.tools.identification.shooting import Inputs, predict
+from pter_gym.tools.identification.shooting import Inputs, differentiate, predict
 from pter_gym.tools.identification.windows import Windows
 
 Array = NDArray[np.float64]
 
-_OPTIMIZE: Any = optimize
 _STATS: Any = stats
 _LINEAR: Any = np.linalg
 
@@ -35,11 +35,17 @@ ROUNDS = 3
 EVALUATIONS = 12
 """Most evaluations of the residuals in a round."""
 
+DAMPING = 1e-3
+"""Of the first Gauss–Newton step, over the information on each coordinate."""
+
+CLOSE = 1e-5
+"""Share of the sum of squares that ends a round if a step gains less."""
+
+SHORTEST = 1e-4
+"""Length of a step that ends a round, over ``parameters.STEPS``."""
+
 BAD = 2.0
 """Residuals of a window over the median of all from which it gets less weight."""
-
-START_STEPS = (1e-3, 1e-3, 2e-2, 2e-2)
-"""Steps of the derivatives by the start of a window [rad, rad/s]."""
 
 START_ERRORS = (0.01, 0.01, 0.3, 0.3)
 """How wrong a start may be [rad, rad/s]: keeps what no angle tells from wandering off."""
@@ -61,6 +67,28 @@ UNSEEN = 1e6
 
 BLOCK = 2
 """Windows whose gradients count as one error."""
+
+
+class Point(NamedTuple):
+    """What one simulation of all windows tells.
+
+    Attributes
+    ----------
+    angles
+        That are predicted [rad], shape (windows, 2·length).
+    residual, jacobian
+        Less what a wrong start makes [rad], and by all coordinates, shapes (windows, 2·length) and (…, 16).
+    by_start
+        Derivatives of the angles by the admitted changes of a start, shape (windows, 2·length, 4).
+    correction
+        How wrong each start is, shape (windows, 4).
+    """
+
+    angles: Array
+    residual: Array
+    jacobian: Array
+    by_start: Array
+    correction: Array
 
 
 @dataclass
@@ -91,7 +119,7 @@ class Fit:
     weights: Array = field(default_factory=lambda: np.empty(0))
     spread: Array = field(default_factory=lambda: np.zeros((len(at.NAMES), len(at.NAMES))))
     on_step: Callable[[], None] = lambda: None
-    _known: dict[bytes, tuple[Array, Array, Array]] = field(default_factory=dict[bytes, tuple[Array, Array, Array]])
+    _known: dict[bytes, Point] = field(default_factory=dict[bytes, Point])
 
     def __post_init__(self) -> None:
         """Begin with the starts as they were measured."""
@@ -106,53 +134,67 @@ class Fit:
                 self._search_once()
             if self.free and left > 1:
                 self._look_around()
-            residual, _, correction = self._residual(self.p)
-            self.starts = self.starts - np.einsum("wij,wj->wi", self._ways, correction)
-            size = np.sqrt(np.mean(residual**2, axis=1))
+            here = self._at(self.p)
+            size = np.sqrt(np.mean(here.residual**2, axis=1))
             moving = self.windows.used & (np.abs(self.windows.ways).sum(axis=(1, 2)) > 0.0)
             usual = max(float(np.median(size[moving])) if moving.any() else 0.0, 1e-12)
             self.weights = self.windows.used * np.minimum(1.0, BAD * usual / np.maximum(size, 1e-12))
             self.weights /= 1.0 + self.shaken() / usual**2
+            self.starts = self.starts - np.einsum("wij,wj->wi", self._ways, here.correction)
             self._known.clear()
         return self
 
     def _search_once(self) -> None:
-        free = self.free
+        """Go down by damped Gauss–Newton steps within the bounds."""
+        low, high = at.LOWEST[self.free] + 1e-9, self.shape.highest[self.free] - 1e-9
+        self.p = self._with(self.p[self.free].clip(low, high))
+        information, gradient, least = self._equations(self.p)
+        damping = DAMPING
+        for _ in range(EVALUATIONS):
+            x = self.p[self.free]
+            inside = ~((x <= low) & (gradient > 0.0) | (x >= high) & (gradient < 0.0))
+            damped = information + np.diag(damping * np.diag(information) + 1e-9 / at.STEPS[self.free] ** 2)
+            step = np.zeros(len(x))
+            step[inside] = -_LINEAR.solve(damped[np.ix_(inside, inside)], gradient[inside])
+            step = (x + step).clip(low, high) - x
+            if np.abs(step / at.STEPS[self.free]).max(initial=0.0) < SHORTEST:
+                return
+            tried = self._with(x + step)
+            found = self._equations(tried)
+            gained = least - found[2]
+            if gained > 0.0:
+                self.p, damping = tried, 0.1 * damping
+                information, gradient, least = found
+                if gained < CLOSE * least:
+                    return
+            else:
+                damping *= 30.0
 
-        def residual(x: Array) -> Array:
-            return self._scaled(self._residual(self._with(x))[0]).ravel()
-
-        def jacobian(x: Array) -> Array:
-            return self._scaled(self.jacobian(self._with(x))).reshape(-1, len(free))
-
-        low, high = at.LOWEST[free], self.shape.highest[free]
-        begin = self.p[free].clip(low + 1e-9, high - 1e-9)
-        options: Any = {"bounds": (low, high), "x_scale": at.STEPS[free], "max_nfev": EVALUATIONS}
-        found = _OPTIMIZE.least_squares(residual, begin, jacobian, xtol=1e-4, ftol=1e-5, **options)
-        self.p = self._with(found.x)
+    def _equations(self, p: Array) -> tuple[Array, Array, float]:
+        """Return the information on the free coordinates, the gradient, and the weighted sum of squares."""
+        here = self._at(p)
+        residual = self._scaled(here.residual).ravel()
+        jacobian = self._scaled(here.jacobian).reshape(len(residual), -1)[:, self.free]
+        return jacobian.T @ jacobian, jacobian.T @ residual, float(residual @ residual)
 
     def _look_around(self) -> None:
         """Go on along the directions that the log shows least, if that is better.
 
-        The sum of squares is rough, as clutches break away at whole substeps: in a long flat valley the
-        search by derivatives stops early.
+        The sum of squares is rough, as clutches break away or do not: in a long flat valley the search by derivatives
+        stops early.
         """
-        jacobian = self._scaled(self.jacobian(self.p)) * at.STEPS[self.free]
-        sizes, ways = np.linalg.eigh(np.einsum("wij,wik->jk", jacobian, jacobian))
-        least = self._sum(self.p)
-        unit = np.sqrt(least / max(self.weights.sum() * jacobian.shape[1], 1.0))
+        information, _, least = self._equations(self.p)
+        steps = at.STEPS[self.free]
+        sizes, ways = np.linalg.eigh(information * np.outer(steps, steps))
+        unit = np.sqrt(least / max(self.weights.sum() * self.windows.measured[0].size, 1.0))
         for size, way in list(zip(sizes, ways.T, strict=True))[:WEAKEST]:
             long = min(unit / np.sqrt(max(size, 1e-12)), 0.3)
             here = self.p[self.free]
-            tried = [self._with(here + k * long * way * at.STEPS[self.free]) for k in DISTANCES]
+            tried = [self._with(here + k * long * way * steps) for k in DISTANCES]
             tried = [p.clip(at.LOWEST, self.shape.highest) for p in tried]
-            sums = [self._sum(p) for p in tried]
+            sums = [float(np.sum(self._scaled(self._near(p)) ** 2)) for p in tried]
             if min(sums) < least:
                 least, self.p = min(sums), tried[int(np.argmin(sums))]
-
-    def _sum(self, p: Array) -> float:
-        """Return the weighted sum of squares."""
-        return float(np.sum(self._scaled(self._residual(p)[0]) ** 2))
 
     def _with(self, x: Array) -> Array:
         p = self.p.copy()
@@ -163,12 +205,11 @@ class Fit:
         weights = np.sqrt(self.weights) / self.windows.noise
         return values * weights.reshape(-1, *[1] * (values.ndim - 1))
 
-    def predicted(self, p: Array, starts: Array) -> Array:
+    def predicted(self, p: Array, inputs: Inputs | None = None) -> Array:
         """Return the predicted angles [rad], shape (windows, 2·length); what is not finite becomes large."""
         w = self.windows
-        machine = self.shape.machine(p)
-        angles = predict(machine, w.inputs, float(p[at.DELAY]), starts, w.length)
-        return np.nan_to_num(angles.reshape(len(starts), -1), nan=1e3, posinf=1e3, neginf=-1e3)
+        angles = predict(self.shape.machine(p), inputs or w.inputs, float(p[at.DELAY]), self.starts, w.length)
+        return _finite(angles.reshape(len(self.starts), -1))
 
     @property
     def _ways(self) -> Array:
@@ -178,57 +219,42 @@ class Fit:
         ways[:, 2:, 2:] = self.windows.ways
         return ways
 
-    def _residual(self, p: Array) -> tuple[Array, Array, Array]:
-        """Return residuals without what a wrong start makes, the derivatives by the start, and how wrong it is."""
+    def _at(self, p: Array) -> Point:
+        """Return what a simulation at coordinates tells."""
         key = p.tobytes()
         if key not in self._known:
             self.on_step()
-            ways = self._ways
-            off = self.predicted(p, self.starts) - self.windows.measured.reshape(len(self.starts), -1)
-            by_start = np.stack(
-                [
-                    (
-                        self.predicted(p, self.starts + e * ways[:, :, j])
-                        - self.predicted(p, self.starts - e * ways[:, :, j])
-                    )
-                    / (2.0 * e)
-                    for j, e in enumerate(START_STEPS)
-                ],
-                axis=-1,
-            )
-            residual, correction = self._projected(by_start, off[:, :, None])
+            w, rows = self.windows, self.windows.measured[0].size
+            angles, by, by_start = differentiate(self.shape, p, w.inputs, self.starts, w.length)
+            angles = _finite(angles.reshape(-1, rows))
+            off = angles - w.measured.reshape(-1, rows)
+            by_start = np.nan_to_num(by_start.reshape(-1, rows, 4)) @ self._ways
+            told = np.concatenate([off[:, :, None], np.nan_to_num(by.reshape(-1, rows, by.shape[-1]))], axis=2)
+            left, along = self._projected(by_start, told)
             if len(self._known) > 3:
                 self._known.clear()
-            self._known[key] = residual[:, :, 0], by_start, correction[:, :, 0]
+            self._known[key] = Point(angles, left[:, :, 0], left[:, :, 1:], by_start, along[:, :, 0])
         return self._known[key]
 
     def _projected(self, by_start: Array, values: Array) -> tuple[Array, Array]:
         """Return values (windows, rows, k) without their part along the derivatives by the start; how large it is."""
-        normal = np.einsum("wij,wik->wjk", by_start, by_start)
+        across = np.swapaxes(by_start, 1, 2)
+        normal = across @ by_start
         largest = np.trace(normal, axis1=1, axis2=2)[:, None, None]
         normal += np.diag(self.windows.noise**2 / np.square(START_ERRORS)) + SINGULAR * largest * np.eye(4)
-        along: Array = _LINEAR.solve(normal, np.einsum("wij,wik->wjk", by_start, values))
-        return values - np.einsum("wij,wjk->wik", by_start, along), along
+        along: Array = _LINEAR.solve(normal, across @ values)
+        return values - by_start @ along, along
 
-    def jacobian(self, p: Array) -> Array:
-        """Return the derivatives of the residuals by the free coordinates, shape (windows, 2·length, free)."""
-        _, by_start, _ = self._residual(p)
-        columns: list[Array] = []
-        for i in self.free:
-            self.on_step()
-            ends: list[Array] = []
-            for sign in (1.0, -1.0):
-                near = p.copy()
-                near[i] = np.clip(p[i] + sign * at.STEPS[i], at.LOWEST[i], self.shape.highest[i])
-                ends.append(near)
-            change = self.predicted(ends[0], self.starts) - self.predicted(ends[1], self.starts)
-            columns.append(change / max(ends[0][i] - ends[1][i], 1e-12))
-        return self._projected(by_start, np.stack(columns, axis=-1))[0]
+    def _near(self, p: Array, inputs: Inputs | None = None) -> Array:
+        """Return the residuals [rad] at other coordinates or inputs, with the derivatives by the start of here."""
+        here = self._at(self.p)
+        off = self.predicted(p, inputs) - self.windows.measured.reshape(here.angles.shape)
+        return self._projected(here.by_start, off[:, :, None])[0][:, :, 0]
 
     def covariance(self) -> tuple[Array, float]:
         """Return the covariance of the free coordinates, and by what quantile its roots become a 95 % interval."""
-        residual = self._scaled(self._residual(self.p)[0])
-        jacobian = self._scaled(self.jacobian(self.p))
+        here = self._at(self.p)
+        residual, jacobian = self._scaled(here.residual), self._scaled(here.jacobian[:, :, self.free])
         gradients = np.einsum("wij,wi->wj", jacobian, residual)
         squares = np.einsum("wij,wik->wjk", jacobian, jacobian)
         first = np.arange(0, len(gradients), BLOCK)
@@ -261,7 +287,7 @@ class Fit:
 
     def sizes(self) -> Array:
         """Return the root mean square of each window's residuals [rad], shape (windows,)."""
-        return np.sqrt(np.mean(self._residual(self.p)[0] ** 2, axis=1))
+        return np.sqrt(np.mean(self._at(self.p).residual ** 2, axis=1))
 
     def shaken(self) -> Array:
         """Return the mean square [rad²] by which noise of the forces moves each window's angles, shape (windows,)."""
@@ -270,17 +296,15 @@ class Fit:
 
     def moved(self, inputs: Inputs) -> Array:
         """Return the mean square change [rad²] of each window's angles with other inputs, shape (windows,)."""
-        other = replace(self, windows=replace(self.windows, inputs=inputs))
-        change = other.predicted(self.p, self.starts) - self.predicted(self.p, self.starts)
-        return np.mean(self._projected(self._residual(self.p)[1], change[:, :, None])[0] ** 2, axis=(1, 2))
+        return np.mean((self._near(self.p, inputs) - self._at(self.p).residual) ** 2, axis=1)
 
     def disagree(self, groups: Sequence[NDArray[np.bool_]]) -> None:
         """Add to the spread how far the coordinates would go if each group of windows were the whole log.
 
         To first order; the sum, as in ``compare``.
         """
-        residual = self._scaled(self._residual(self.p)[0])
-        jacobian = self._scaled(self.jacobian(self.p))
+        here = self._at(self.p)
+        residual, jacobian = self._scaled(here.residual), self._scaled(here.jacobian[:, :, self.free])
         ridge = np.diag(1.0 / np.square(at.IGNORANCE[self.free]) + 1e-9)
         changes = np.zeros((len(groups), len(at.NAMES)))
         for change, group in zip(changes, groups, strict=True):
@@ -291,9 +315,12 @@ class Fit:
 
     def misfit(self, p: Array) -> float:
         """Return a sum over the windows that no lone window rules."""
-        residual = self._residual(p)[0]
-        size = np.mean(residual**2, axis=1)[self.windows.used] / self.windows.noise**2
+        size = np.mean(self._near(p) ** 2, axis=1)[self.windows.used] / self.windows.noise**2
         return float(np.sum(size / (1.0 + size / 100.0)))
+
+
+def _finite(angles: Array) -> Array:
+    return np.nan_to_num(angles, nan=1e3, posinf=1e3, neginf=-1e3)
 
 
 def begin(windows: Windows, shape: Shape, free: list[int], p: Array, on_step: Callable[[], None]) -> Fit:

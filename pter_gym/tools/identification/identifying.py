@@ -114,7 +114,7 @@ class Identification:
     def residuals(self) -> Array:
         """Measured less predicted angles [rad], shape (windows, length, 2); NaN for windows that are not used."""
         windows = self.fit.windows
-        off = windows.measured - self.fit.predicted(self.fit.p, self.fit.starts).reshape(windows.measured.shape)
+        off = windows.measured - self.fit.predicted(self.fit.p).reshape(windows.measured.shape)
         return np.where(windows.used[:, None, None], off, np.nan)
 
 
