@@ -32,20 +32,17 @@ _LINEAR: Any = np.linalg
 ROUNDS = 3
 """Times that starts and weights are mended."""
 
-EVALUATIONS = 12
-"""Most evaluations of the residuals in a round."""
+ITERATIONS = 8
+"""Most Gauss–Newton steps in a round."""
 
-DAMPING = 1e-3
-"""Of the first Gauss–Newton step, over the information on each coordinate."""
+DAMPINGS = (1e-6, 1e-2, 0.3, 10.0)
+"""Of a step, over the information on each coordinate: tried until the sum is less."""
 
 CLOSE = 1e-5
-"""Share of the sum of squares that ends a round if a step gains less."""
+"""Share of the sum that ends a round if a step gains less."""
 
-SHORTEST = 1e-4
-"""Length of a step that ends a round, over ``parameters.STEPS``."""
-
-BAD = 2.0
-"""Residuals of a window over the median of all from which it gets less weight."""
+BAD = 4.0
+"""Residuals of a window over the median of all at which it has a quarter of the weight."""
 
 START_ERRORS = (0.01, 0.01, 0.3, 0.3)
 """How wrong a start may be [rad, rad/s]: keeps what no angle tells from wandering off."""
@@ -106,7 +103,9 @@ class Fit:
     starts
         Of the windows, as they are estimated.
     weights
-        Of the windows.
+        Of the windows, by what noise of the forces makes of them.
+    usual
+        Root mean square of a usual window's residuals [rad].
     spread
         Covariance of the coordinates by choices that a result should not depend on, shape (16, 16).
     """
@@ -117,6 +116,7 @@ class Fit:
     p: Array
     starts: Array = field(default_factory=lambda: np.empty(0))
     weights: Array = field(default_factory=lambda: np.empty(0))
+    usual: float = 1.0
     spread: Array = field(default_factory=lambda: np.zeros((len(at.NAMES), len(at.NAMES))))
     on_step: Callable[[], None] = lambda: None
     _known: dict[bytes, Point] = field(default_factory=dict[bytes, Point])
@@ -130,52 +130,47 @@ class Fit:
     def search(self, rounds: int = ROUNDS) -> "Fit":
         """Search, mend starts and weights, and search again."""
         for left in range(rounds, 0, -1):
+            self.usual = self._usual()
             if self.free:
                 self._search_once()
             if self.free and left > 1:
                 self._look_around()
-            here = self._at(self.p)
-            size = np.sqrt(np.mean(here.residual**2, axis=1))
-            moving = self.windows.used & (np.abs(self.windows.ways).sum(axis=(1, 2)) > 0.0)
-            usual = max(float(np.median(size[moving])) if moving.any() else 0.0, 1e-12)
-            self.weights = self.windows.used * np.minimum(1.0, BAD * usual / np.maximum(size, 1e-12))
-            self.weights /= 1.0 + self.shaken() / usual**2
-            self.starts = self.starts - np.einsum("wij,wj->wi", self._ways, here.correction)
+            self.usual = self._usual()
+            self.weights = self.windows.used / (1.0 + self.shaken() / self.usual**2)
+            self.starts = self.starts - np.einsum("wij,wj->wi", self._ways, self._at(self.p).correction)
             self._known.clear()
         return self
+
+    def _usual(self) -> float:
+        """Return the median root mean square of the residuals of windows in which something moves [rad]."""
+        moving = self.windows.used & (np.abs(self.windows.ways).sum(axis=(1, 2)) > 0.0)
+        return max(float(np.median(self.sizes()[moving])) if moving.any() else 0.0, 1e-12)
 
     def _search_once(self) -> None:
         """Go down by damped Gauss–Newton steps within the bounds."""
         low, high = at.LOWEST[self.free] + 1e-9, self.shape.highest[self.free] - 1e-9
         self.p = self._with(self.p[self.free].clip(low, high))
-        information, gradient, least = self._equations(self.p)
-        damping = DAMPING
-        for _ in range(EVALUATIONS):
-            x = self.p[self.free]
+        for _ in range(ITERATIONS):
+            here = self._at(self.p)
+            x, least = self.p[self.free], self._sum(here.residual)
+            residual, jacobian = self._weighed(here)
+            gradient = np.einsum("wij,wi->j", jacobian, residual)
+            information = np.einsum("wij,wik->jk", jacobian, jacobian, optimize=True)
             inside = ~((x <= low) & (gradient > 0.0) | (x >= high) & (gradient < 0.0))
-            damped = information + np.diag(damping * np.diag(information) + 1e-9 / at.STEPS[self.free] ** 2)
-            step = np.zeros(len(x))
-            step[inside] = -_LINEAR.solve(damped[np.ix_(inside, inside)], gradient[inside])
-            step = (x + step).clip(low, high) - x
-            if np.abs(step / at.STEPS[self.free]).max(initial=0.0) < SHORTEST:
-                return
-            tried = self._with(x + step)
-            found = self._equations(tried)
-            gained = least - found[2]
-            if gained > 0.0:
-                self.p, damping = tried, 0.1 * damping
-                information, gradient, least = found
-                if gained < CLOSE * least:
-                    return
+            told = np.diag(information) + 1e-9 / at.STEPS[self.free] ** 2
+            for damping in DAMPINGS:
+                damped = (information + np.diag(damping * told))[np.ix_(inside, inside)]
+                step = np.zeros(len(x))
+                step[inside] = -_LINEAR.solve(damped, gradient[inside])
+                tried = self._with((x + step).clip(low, high))
+                total = self._sum(self._near(tried))
+                if total < least:
+                    break
             else:
-                damping *= 30.0
-
-    def _equations(self, p: Array) -> tuple[Array, Array, float]:
-        """Return the information on the free coordinates, the gradient, and the weighted sum of squares."""
-        here = self._at(p)
-        residual = self._scaled(here.residual).ravel()
-        jacobian = self._scaled(here.jacobian).reshape(len(residual), -1)[:, self.free]
-        return jacobian.T @ jacobian, jacobian.T @ residual, float(residual @ residual)
+                return
+            self.p = tried
+            if total > (1.0 - CLOSE) * least:
+                return
 
     def _look_around(self) -> None:
         """Go on along the directions that the log shows least, if that is better.
@@ -183,16 +178,17 @@ class Fit:
         The sum of squares is rough, as clutches break away or do not: in a long flat valley the search by derivatives
         stops early.
         """
-        information, _, least = self._equations(self.p)
-        steps = at.STEPS[self.free]
-        sizes, ways = np.linalg.eigh(information * np.outer(steps, steps))
-        unit = np.sqrt(least / max(self.weights.sum() * self.windows.measured[0].size, 1.0))
+        here = self._at(self.p)
+        jacobian = self._weighed(here)[1] * at.STEPS[self.free]
+        sizes, ways = np.linalg.eigh(np.einsum("wij,wik->jk", jacobian, jacobian, optimize=True))
+        least = self._sum(here.residual)
+        unit = np.sqrt(least / max(self.weights.sum() * jacobian.shape[1], 1.0))
         for size, way in list(zip(sizes, ways.T, strict=True))[:WEAKEST]:
             long = min(unit / np.sqrt(max(size, 1e-12)), 0.3)
-            here = self.p[self.free]
-            tried = [self._with(here + k * long * way * steps) for k in DISTANCES]
+            x = self.p[self.free]
+            tried = [self._with(x + k * long * way * at.STEPS[self.free]) for k in DISTANCES]
             tried = [p.clip(at.LOWEST, self.shape.highest) for p in tried]
-            sums = [float(np.sum(self._scaled(self._near(p)) ** 2)) for p in tried]
+            sums = [self._sum(self._near(p)) for p in tried]
             if min(sums) < least:
                 least, self.p = min(sums), tried[int(np.argmin(sums))]
 
@@ -201,9 +197,19 @@ class Fit:
         p[self.free] = x
         return p
 
-    def _scaled(self, values: Array) -> Array:
-        weights = np.sqrt(self.weights) / self.windows.noise
-        return values * weights.reshape(-1, *[1] * (values.ndim - 1))
+    def _told(self, residual: Array) -> Array:
+        """Return how much of each window's sum of squares counts: no lone window rules, shape (windows,)."""
+        return 1.0 / (1.0 + np.mean(residual**2, axis=1) / (BAD * self.usual) ** 2)
+
+    def _sum(self, residual: Array) -> float:
+        """Return what the search makes small."""
+        sums = np.sum((residual / self.windows.noise) ** 2, axis=1)
+        return float(np.sum(self.weights * self._told(residual) * sums))
+
+    def _weighed(self, here: Point) -> tuple[Array, Array]:
+        """Return residuals and their derivatives by the free coordinates, times the roots of the windows' weights."""
+        weights = np.sqrt(self.weights) * self._told(here.residual) / self.windows.noise
+        return weights[:, None] * here.residual, weights[:, None, None] * here.jacobian[:, :, self.free]
 
     def predicted(self, p: Array, inputs: Inputs | None = None) -> Array:
         """Return the predicted angles [rad], shape (windows, 2·length); what is not finite becomes large."""
@@ -253,8 +259,7 @@ class Fit:
 
     def covariance(self) -> tuple[Array, float]:
         """Return the covariance of the free coordinates, and by what quantile its roots become a 95 % interval."""
-        here = self._at(self.p)
-        residual, jacobian = self._scaled(here.residual), self._scaled(here.jacobian[:, :, self.free])
+        residual, jacobian = self._weighed(self._at(self.p))
         gradients = np.einsum("wij,wi->wj", jacobian, residual)
         squares = np.einsum("wij,wik->wjk", jacobian, jacobian)
         first = np.arange(0, len(gradients), BLOCK)
@@ -303,8 +308,7 @@ class Fit:
 
         To first order; the sum, as in ``compare``.
         """
-        here = self._at(self.p)
-        residual, jacobian = self._scaled(here.residual), self._scaled(here.jacobian[:, :, self.free])
+        residual, jacobian = self._weighed(self._at(self.p))
         ridge = np.diag(1.0 / np.square(at.IGNORANCE[self.free]) + 1e-9)
         changes = np.zeros((len(groups), len(at.NAMES)))
         for change, group in zip(changes, groups, strict=True):
