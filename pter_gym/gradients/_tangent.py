@@ -15,7 +15,7 @@ from pter_gym.gradients._tracing import tangent_of
 
 _ADJOINT: Any = _adjoint
 _SHORTEST_PART: float = _ADJOINT._SHORTEST_PART
-_move_omega: Any = _ADJOINT._move_omega
+_lags, _move_omega = _ADJOINT._lags, _ADJOINT._move_omega
 
 MOTION = frozenset(flat(BODY.motion))
 TORQUES = frozenset(
@@ -26,7 +26,7 @@ TORQUES = frozenset(
 )  # fmt: skip
 """Rows that vary with the clutches, but for the friction of the axes."""
 
-_KICK = MOTION | TORQUES | frozenset(
+KICK = MOTION | TORQUES | frozenset(
     flat((
         *(BODY.machine.arm.m11, BODY.machine.arm.m22, BODY.machine.arm.coupling, BODY.machine.arm.dry_a),
         *(BODY.machine.arm.dry_b, BODY.machine.arm.viscous_a, BODY.machine.arm.viscous_b, BODY.arrangement.dry),
@@ -54,6 +54,29 @@ def substep_tangents(own_in: Any, lanes: int, torque_lanes: int) -> Any:
         energies apart, and to ``dot`` (entries, lanes), the tangents of its entries by numbers of the motion, the
         clutches, the inertias and the friction of the axes. ``aims`` tells whether commands may have changed.
     """
+    kick = _kick_tangents(own_in, lanes)
+    aim_torques = tangent_of(aim, (), (False,), TORQUES, torque_lanes, FRICTION)
+    relax = tangent_of(drift, ("h",), (False,), TORQUES, torque_lanes, FRICTION)
+    turn = tangent_of(drift, ("h",), (False,), MOTION, lanes, FRICTION)
+
+    @device
+    def advance(body: Any, dot: Any, h: float, aims: bool) -> None:
+        lags = _lags(body)
+        if lags | aims:
+            aim_torques(body, 0, dot)
+        relax(body, 0, dot, h)
+        turn(body, 0, dot, h)
+        kick(body, dot, h)
+        if lags:
+            aim_torques(body, 0, dot)
+        relax(body, 0, dot, h)
+        turn(body, 0, dot, h)
+
+    return advance
+
+
+def _kick_tangents(own_in: Any, lanes: int) -> Any:
+    """Return ``kick(body, dot, h)``: a kick over h [s] with its tangents, divided where a clutch changes."""
     stages = kick_stages(own_in)
     find_over, share = stages.find, stages.share
 
@@ -70,11 +93,7 @@ def substep_tangents(own_in: Any, lanes: int, torque_lanes: int) -> Any:
         _move_omega(w, i, w[BODY.omega.a, i], w[BODY.omega.b, i])
         find_over(w, i, span - first)
 
-    aims = tangent_of(aim, (), (False,), TORQUES, torque_lanes, FRICTION)
-    relax = tangent_of(drift, ("h",), (False,), TORQUES, torque_lanes, FRICTION)
-    turn = tangent_of(drift, ("h",), (False,), MOTION, lanes, FRICTION)
-    find = tangent_of(find_in_span, (), (), _KICK, lanes, FRICTION)
-    part = tangent_of(take_part, (), (), _KICK, lanes, FRICTION)
+    find, part = (tangent_of(stage, (), (), KICK, lanes, FRICTION) for stage in (find_in_span, take_part))
 
     @outlined
     def divide(body: Any, dot: Any) -> None:
@@ -84,22 +103,15 @@ def substep_tangents(own_in: Any, lanes: int, torque_lanes: int) -> Any:
             part(body, 0, dot)
 
     @device
-    def advance(body: Any, dot: Any, h: float, aim_again: bool) -> None:
-        lags = body[BODY.machine.voltage_decay, 0] != 0.0
-        for half in range(2):
-            if lags or (aim_again and half == 0):
-                aims(body, 0, dot)
-            relax(body, 0, dot, h)
-            turn(body, 0, dot, h)
-            if half == 0:
-                body[BODY.span, 0] = h
-                for j in range(lanes):
-                    dot[BODY.span, j] = 0.0
-                find(body, 0, dot)
-                if body[BODY.changes, 0] != 0.0:
-                    divide(body, dot)
-                _move_omega(body, 0, body[BODY.omega.a, 0], body[BODY.omega.b, 0])
-                for j in range(lanes):
-                    _move_omega(dot, j, dot[BODY.omega.a, j], dot[BODY.omega.b, j])
+    def kick(body: Any, dot: Any, h: float) -> None:
+        body[BODY.span, 0] = h
+        for j in range(lanes):
+            dot[BODY.span, j] = 0.0
+        find(body, 0, dot)
+        if body[BODY.changes, 0] != 0.0:
+            divide(body, dot)
+        _move_omega(body, 0, body[BODY.omega.a, 0], body[BODY.omega.b, 0])
+        for j in range(lanes):
+            _move_omega(dot, j, dot[BODY.omega.a, j], dot[BODY.omega.b, j])
 
-    return advance
+    return kick

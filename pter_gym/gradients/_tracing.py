@@ -316,7 +316,10 @@ class _Stage:
     @property
     def lines(self) -> list[str]:
         """The lines that read and compute."""
-        return [*(f"{value} = w[{row}, i]" for row, value in self.read.items()), *(_forward(*s) for s in self.trace.steps)]
+        return [
+            *(f"{value} = w[{row}, i]" for row, value in self.read.items()),
+            *(_forward(*s) for s in self.trace.steps),
+        ]
 
 
 def adjoint_of(stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...], ignored: range, rule: Rule) -> Any:
@@ -376,8 +379,8 @@ def tangent_of(
     Returns
     -------
     Callable
-        ``tangent(w, i, dot, *scalars)``: does to the active rows of column ``i`` of ``w`` what the stage does, and turns
-        ``dot`` (entries, at least ``lanes``), the tangents of the entries before it, into those after it.
+        ``tangent(w, i, dot, *scalars)``: does to the active rows of column ``i`` of ``w`` what the stage does, and
+        turns ``dot`` (entries, at least ``lanes``), the tangents of the entries before it, into those after it.
     """
     made = _Stage(stage, scalars, constants, rule)
     inner = [f"d{value} = dot[{row}, j]" for row, value in made.read.items() if row in active]

@@ -19,6 +19,7 @@ from pter_gym._physics.step import papers
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.gradients._adjoint import (
     FIRST,
+    FRICTION,
     LAST,
     aim,
     drift,
@@ -28,7 +29,8 @@ from pter_gym.gradients._adjoint import (
     stage_adjoint,
 )
 from pter_gym.gradients._machine import numbers_of
-from pter_gym.gradients._tracing import Column, branchless
+from pter_gym.gradients._tangent import KICK, TORQUES
+from pter_gym.gradients._tracing import Column, branchless, tangent_of
 from pter_gym.params import BASELINE, MACHINES, Hand, Machine
 
 EPS = float(np.finfo(float).eps)
@@ -88,6 +90,11 @@ def test_friction_never_amplifies_a_change_of_momentum():
         size = np.linalg.norm(factor.T @ by_p @ factor, 2)
         condition = (x[0] + x[2]) ** 2 / (x[0] * x[2] - x[1] ** 2)
         assert size == pytest.approx(0.0 if mode == ClutchMode.ZERO_DOF else 1.0, abs=10.0 * condition * EPS)
+
+
+def shortened(w: Any, i: int) -> None:
+    """A stage that keeps the share after which a clutch changes."""
+    w[BODY.span, i] = STAGES.share(w, i)
 
 
 @cache
@@ -155,6 +162,34 @@ def test_each_stage_has_the_adjoint_that_autodiff_of_its_twin_in_jax_has(name: s
             assert np.max(np.abs(bar[:, 0] - wanted) / scale) < 1e-9
             assert by_scalar == pytest.approx(float(sum(by_scalars)), rel=1e-9)
             checked += 1
+
+
+@pytest.mark.parametrize("name", ["aim", "drift", "find", "share"])
+def test_each_stage_has_the_tangents_that_its_adjoint_has(name: str):
+    """b·(J·v) = (Jᵀ·b)·v, with the same sums in another order: to 10⁵ roundings of their largest term."""
+    stage: Any = {"aim": aim, "drift": drift, "find": STAGES.find, "share": shortened}[name]
+    constants = (True,) if name in ("aim", "drift") else ()
+    scalars = () if name == "share" else ("h",) if name in ("drift", "find") else ()
+    rng, active, checked = np.random.default_rng(8), [*TORQUES, *KICK], 0
+    back = stage_adjoint(stage, *scalars, constants=constants)
+    push = tangent_of(stage, scalars, constants, KICK | TORQUES, 5, FRICTION)
+    while checked < 300:
+        body = random_body(rng)
+        if name == "share":
+            STAGES.find(body, 0, SUBSTEP)
+            if body[BODY.changes, 0] == 0.0 or not STAGES.share(body, 0) < 1.0:
+                continue
+        by, v, given = np.zeros((BODY_WIDTH, 1)), np.zeros((BODY_WIDTH, 5)), (SUBSTEP,) * len(scalars)
+        by[active, 0], v[active] = rng.normal(size=len(active)), rng.normal(size=(len(active), 5))
+        bar, dot, moved, after = by.copy(), v.copy(), body.copy(), body.copy()
+        with np.errstate(divide="ignore", invalid="ignore"):  # in branches that are not taken
+            back(body, 0, bar, *given)
+            push(moved, 0, dot, *given)
+            stage(after, 0, *given, *constants)
+        np.testing.assert_array_equal(moved[active], after[active])
+        size = np.abs(bar).T @ np.abs(v) + np.abs(by).T @ np.abs(dot)
+        assert np.all(np.abs(by.T @ dot - bar.T @ v) <= 1e5 * EPS * size)
+        checked += 1
 
 
 ALL: dict[str, Machine] = {

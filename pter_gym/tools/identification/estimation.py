@@ -50,14 +50,11 @@ START_ERRORS = (0.01, 0.01, 0.3, 0.3)
 RATIOS = (1.0, 1.08, 1.18, 1.3, 1.45, 1.6)
 """Ratios of breakaway to dynamic torque that are tried first."""
 
-WEAKEST = 2
-"""Directions in which the search looks around."""
-
-DISTANCES = (-40.0, -12.0, -4.0, 4.0, 12.0, 40.0)
-"""How far it looks, over the standard error that independent residuals would have."""
-
 SINGULAR = 1e-12
 """What keeps the equations of a start solvable where a prediction went astray, over their trace."""
+
+NULL = 1e-10
+"""Information along a null vector, over the largest: all that its coordinates may do is then unknown."""
 
 UNSEEN = 1e6
 """Variance of a coordinate that no window shows."""
@@ -129,12 +126,10 @@ class Fit:
 
     def search(self, rounds: int = ROUNDS) -> "Fit":
         """Search, mend starts and weights, and search again."""
-        for left in range(rounds, 0, -1):
+        for _ in range(rounds):
             self.usual = self._usual()
             if self.free:
                 self._search_once()
-            if self.free and left > 1:
-                self._look_around()
             self.usual = self._usual()
             self.weights = self.windows.used / (1.0 + self.shaken() / self.usual**2)
             self.starts = self.starts - np.einsum("wij,wj->wi", self._ways, self._at(self.p).correction)
@@ -171,26 +166,6 @@ class Fit:
             self.p = tried
             if total > (1.0 - CLOSE) * least:
                 return
-
-    def _look_around(self) -> None:
-        """Go on along the directions that the log shows least, if that is better.
-
-        The sum of squares is rough, as clutches break away or do not: in a long flat valley the search by derivatives
-        stops early.
-        """
-        here = self._at(self.p)
-        jacobian = self._weighed(here)[1] * at.STEPS[self.free]
-        sizes, ways = np.linalg.eigh(np.einsum("wij,wik->jk", jacobian, jacobian, optimize=True))
-        least = self._sum(here.residual)
-        unit = np.sqrt(least / max(self.weights.sum() * jacobian.shape[1], 1.0))
-        for size, way in list(zip(sizes, ways.T, strict=True))[:WEAKEST]:
-            long = min(unit / np.sqrt(max(size, 1e-12)), 0.3)
-            x = self.p[self.free]
-            tried = [self._with(x + k * long * way * at.STEPS[self.free]) for k in DISTANCES]
-            tried = [p.clip(at.LOWEST, self.shape.highest) for p in tried]
-            sums = [self._sum(self._near(p)) for p in tried]
-            if min(sums) < least:
-                least, self.p = min(sums), tried[int(np.argmin(sums))]
 
     def _with(self, x: Array) -> Array:
         p = self.p.copy()
@@ -273,7 +248,8 @@ class Fit:
         without = (information - parts[told]) / scale + SINGULAR * np.eye(len(size))
         changes = _LINEAR.solve(without, (sums[told] / size)[:, :, None])[:, :, 0] / size
         robust: Array = changes.T @ changes
-        inverse: Array = _LINEAR.pinv(information / scale, rcond=1e-10, hermitian=True) / scale
+        sizes, ways = np.linalg.eigh(information / scale)
+        inverse = (ways / np.maximum(sizes, NULL * sizes.max(initial=0.0)) @ ways.T) / scale
         spread = np.sum(residual**2) / max(self.weights.sum() * residual.shape[1], 1.0)
         naive = inverse * spread
         unseen = np.diag(information) * at.STEPS[self.free] ** 2 < 1.0
@@ -281,6 +257,17 @@ class Fit:
         robust += self.spread[np.ix_(self.free, self.free)]
         robust[unseen, unseen] = UNSEEN
         return robust, float(_STATS.t.ppf(0.975, max(blocks - len(self.free), 1)))
+
+    def weakest(self) -> Array:
+        """Return the null vector of the information, or what is nearest to one: a change of coordinates, shape (16,).
+
+        The log tells least about changes along it; the largest of them is one of ``parameters.STEPS``.
+        """
+        jacobian = self._weighed(self._at(self.p))[1] * at.STEPS[self.free]
+        _, ways = np.linalg.eigh(np.einsum("wij,wik->jk", jacobian, jacobian, optimize=True))
+        way = np.zeros(len(at.NAMES))
+        way[self.free] = ways[:, 0] / ways[np.abs(ways[:, 0]).argmax(), 0]
+        return way * at.STEPS
 
     def compare(self, others: Sequence[Windows]) -> None:
         """Find the spread: search on with the log cut in other ways."""

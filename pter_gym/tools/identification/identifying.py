@@ -31,8 +31,13 @@ ENOUGH = 0.3
 FEWEST_LEVELS = 3
 """Fewest voltages that tell a straight segment from a quadratic one."""
 
-STEPS_IN_ALL = 500
+STEPS_IN_ALL = 45
 """About how many steps of progress an identification takes."""
+
+TORQUES = ("torque_25", "torque_50", "torque_75", "torque_100")
+
+ALONG = 0.2
+"""Share of the largest change, over the numbers' scales, from which a number is part of what a log leaves open."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +167,7 @@ def identify(
 
     free = [i for i in range(len(at.NAMES)) if i not in why]
     fit = begin(windows, shape, free, p, step).search()
-    fit = _without_unseen(fit, why, before)
+    unsure = _without_unseen(fit, why, before)
     fit.compare([cut(log, motion, start, float(np.exp(fit.p[at.TIME_CONSTANT])), other) for other in OTHERS])
     verdict, groups = judge(fit, log, motion)
     if fit.free and not verdict.explained:
@@ -173,7 +178,7 @@ def identify(
         start=start,
         machine=fit.shape.machine(fit.p),
         delay=float(fit.p[at.DELAY]),
-        findings=_findings(fit, why, log, verdict.explained),
+        findings=_findings(fit, why, unsure if verdict.explained else None, log),
         fit=fit,
         verdict=verdict,
         slipped=slipped,
@@ -257,8 +262,12 @@ def _hopeless(log: Log, live: tuple[int, ...], breakaways: NDArray[np.int64]) ->
     return why
 
 
-def _without_unseen(fit: Fit, why: dict[int, str], before: Array) -> Fit:
-    """Return a search without coordinates that the log does not show, which keep their values; add the reasons."""
+def _without_unseen(fit: Fit, why: dict[int, str], before: Array) -> set[str]:
+    """Search without coordinates that the log does not show, which keep their values; add the reasons.
+
+    Returns the names of numbers that it shows only in combination with one that is kept.
+    """
+    unsure: set[str] = set()
     while fit.free:
         covariance, _ = fit.covariance()
         errors = dict(zip(fit.free, np.sqrt(np.diag(covariance)), strict=True))
@@ -270,11 +279,29 @@ def _without_unseen(fit: Fit, why: dict[int, str], before: Array) -> Fit:
             excess = {i: errors[i] / at.IGNORANCE[i] for i in fit.free if i != at.EXTRA}
             worst = max(excess, key=lambda i: excess[i]) if excess else 0
             if not excess or excess[worst] <= 1.0:
-                return fit
+                break
+            together = _left_open(fit, worst)
             why[worst], fit.p[worst] = reasons.unseen(worst, fit.p[worst], before[worst])
+            if together:
+                shown = (f"{name} {change:+.2g} %" for name, change in together.items() if name not in TORQUES)
+                why[worst] += reasons.TOGETHER.format(", ".join(shown))
+                unsure |= set(together)
         fit.free = [i for i in fit.free if i not in why]
         fit.search(1)
-    return fit
+    return unsure
+
+
+def _left_open(fit: Fit, worst: int) -> dict[str, float]:
+    """Return the changes of numbers [%] that together are hardly seen, if a coordinate is not unseen by itself."""
+    way = fit.weakest()
+    if abs(way[worst]) < ALONG * at.STEPS[worst]:
+        return {}
+    ends = [_numbers(fit, (fit.p + e * way).clip(at.LOWEST, fit.shape.highest)) for e in (1.0, -1.0)]
+    changes = {a.name: (a.value - b.value) / max(a.scale, 1e-300) for a, b in zip(*ends, strict=True)}
+    largest = max(map(abs, changes.values()))
+    found = {name: change / largest for name, change in changes.items() if abs(change) > ALONG * largest}
+    alone = set(found) <= {reasons.NAMES[worst], "slope", *TORQUES}
+    return {} if alone or len(found) < 2 else found
 
 
 def _is_straight(fit: Fit, error: float) -> bool:
@@ -283,13 +310,13 @@ def _is_straight(fit: Fit, error: float) -> bool:
     return not extra > max(2.0 * error, 0.01 * fit.shape.top)
 
 
-def _findings(fit: Fit, why: dict[int, str], log: Log, explained: bool) -> list[Finding]:
-    """Return the numbers with their intervals."""
+def _numbers(fit: Fit, p: Array) -> list[Quantity]:
+    return quantities(fit.shape.machine(p), float(p[at.DELAY]), fit.shape.top)
 
-    def numbers(p: Array) -> list[Quantity]:
-        return quantities(fit.shape.machine(p), float(p[at.DELAY]), fit.shape.top)
 
-    here = numbers(fit.p)
+def _findings(fit: Fit, why: dict[int, str], unsure: set[str] | None, log: Log) -> list[Finding]:
+    """Return the numbers with their intervals; ``unsure`` is None if the model does not explain the log."""
+    here = _numbers(fit, fit.p)
     start = quantities(fit.shape.start, 0.0, fit.shape.top)
     covariance, quantile = fit.covariance() if fit.free else (np.empty((0, 0)), 2.0)
     columns: list[Array] = []
@@ -297,7 +324,9 @@ def _findings(fit: Fit, why: dict[int, str], log: Log, explained: bool) -> list[
         unit = np.eye(len(fit.p))[i]
         ends = [(fit.p + e * at.STEPS[i] * unit).clip(at.LOWEST, fit.shape.highest) for e in (1e-3, -1e-3)]
         width = float(ends[0][i] - ends[1][i])
-        columns.append(np.array([(a.value - b.value) / width for a, b in zip(*map(numbers, ends), strict=True)]))
+        columns.append(
+            np.array([(a.value - b.value) / width for a, b in zip(*(_numbers(fit, p) for p in ends), strict=True)])
+        )
     slopes = np.stack(columns, axis=1) if columns else np.zeros((len(here), 0))
     errors = quantile * np.sqrt(np.maximum(np.einsum("qi,ij,qj->q", slopes, covariance, slopes), 0.0))
     kept = {name: why[i] for name, i in reasons.OWNERS.items() if i in why}
@@ -308,7 +337,7 @@ def _findings(fit: Fit, why: dict[int, str], log: Log, explained: bool) -> list[
     found: list[Finding] = []
     for q, before, error, by_free in zip(here, start, errors, slopes, strict=True):
         reason = kept.get(q.name, "") or ("" if by_free.any() else reasons.UNMOVED)
-        sure = explained and error <= SURE * q.scale
+        sure = unsure is not None and q.name not in unsure and error <= SURE * q.scale
         found.append(
             Finding(
                 quantity=q,
@@ -318,7 +347,7 @@ def _findings(fit: Fit, why: dict[int, str], log: Log, explained: bool) -> list[
                 status="kept" if reason else "identified" if sure else "uncertain",
                 relative=log.force is None and q.name in reasons.SCALED and not reason,
                 reason=reason,
-                remedy=reasons.remedy(q.name) if reason or (explained and not sure) else "",
+                remedy=reasons.remedy(q.name) if reason or (unsure is not None and not sure) else "",
             )
         )
     return found

@@ -12,6 +12,7 @@ NO_CLUTCH = "no clutch was on while it slipped"
 STRAIGHT = "the torque is straight up to {:.3g} V, the highest voltage at which a clutch slipped"
 NO_JUMP = "the clutches break away without a jump: T_s is at most T_k, and then cannot be seen"
 
+TOGETHER = "; these changes together leave the motion as it is: {}"
 NO_STEPS = "V1 to V4 never change"
 UNMOVED = "the log shows none of the numbers from which it follows"
 FEW_LEVELS = "clutches slipped at fewer than three voltages"
@@ -43,6 +44,9 @@ OWNERS = MappingProxyType(
     }
 )
 """The coordinate without which a number is not known."""
+
+NAMES = MappingProxyType({place: name for name, place in OWNERS.items()})
+"""The number that a coordinate is for."""
 
 SCALED = (
     *("inertia_b", "coupling", "torque_25", "torque_50", "torque_75", "torque_100", "slope", "curvature"),

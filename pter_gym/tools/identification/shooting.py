@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.compiler import compile_kernel
+from pter_gym._compiled.compiler import compile_kernel, device
 from pter_gym._compiled.records import store
 from pter_gym._physics.arm import Load, Motion
-from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state, scratch
 from pter_gym._physics.step import declared_in
 from pter_gym._physics.step import papers as papers_own
@@ -30,7 +29,17 @@ Array = NDArray[np.float64]
 LONGEST_SUBSTEP = 0.5e-3
 """Longest substep of the simulator in a window [s]."""
 
-ORDER = (*at.SLOPES, at.EXTRA, at.KNEE, at.RATIO, at.TIME_CONSTANT, at.DELAY, *range(at.SLOPES[0]), *at.DRY, *at.VISCOUS)
+ORDER = (
+    *at.SLOPES,
+    at.EXTRA,
+    at.KNEE,
+    at.RATIO,
+    at.TIME_CONSTANT,
+    at.DELAY,
+    *range(at.SLOPES[0]),
+    *at.DRY,
+    *at.VISCOUS,
+)
 """Coordinates in the order of the kernel's lanes; those of the clutches come first, those of a window's start last."""
 
 DELAY_LANE = ORDER.index(at.DELAY)
@@ -172,6 +181,31 @@ def _run(
     return record, by
 
 
+@device
+def _begin(body: Any, dot: Any, lanes: int, a: float, b: float, omega_a: float, omega_b: float) -> None:
+    """Begin a window with the angles a and b [rad]; the last four lanes are the derivatives by its start."""
+    motion = Motion(a, b, omega_a, omega_b, np.cos(a), np.sin(a), np.cos(b), np.sin(b))
+    store(body, BODY.motion, 0, motion)
+    for j in range(lanes):
+        store(dot, BODY.motion, j, Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    if lanes > 0:
+        store(dot, BODY.motion, lanes - 4, Motion(1.0, 0.0, 0.0, 0.0, -motion.sin_a, motion.cos_a, 0.0, 0.0))
+        store(dot, BODY.motion, lanes - 3, Motion(0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -motion.sin_b, motion.cos_b))
+        dot[BODY.motion.omega_a, lanes - 2] = dot[BODY.motion.omega_b, lanes - 1] = 1.0
+
+
+@device
+def _command(body: Any, dot: Any, lanes: int, volts: Any, by_delay: Any, k: int) -> bool:
+    """Give a substep its voltages; tell whether they, or their derivatives, are others than before."""
+    changed = k == 0
+    for x in range(4):
+        changed |= (volts[k, x] != volts[k - 1, x]) | (by_delay[k, x] != by_delay[k - 1, x])
+        body[BODY.command.x1 + x, 0] = volts[k, x]
+        if lanes > 0:
+            dot[BODY.command.x1 + x, DELAY_LANE] = by_delay[k, x]
+    return changed
+
+
 def _build(digest: str) -> Any:
     def kernel(
         given: Any,
@@ -192,35 +226,17 @@ def _build(digest: str) -> Any:
         dot[:] = tangents
         k = 0
         for window in range(record.shape[0]):
-            a, b = starts[window, 0], starts[window, 1]
-            motion = Motion(a, b, starts[window, 2], starts[window, 3], np.cos(a), np.sin(a), np.cos(b), np.sin(b))
-            store(body, BODY.motion, 0, motion)
-            for j in range(lanes):
-                store(dot, BODY.motion, j, Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-            if lanes > 0:
-                first = lanes - 4
-                dot[BODY.motion.theta_a, first] = dot[BODY.motion.theta_b, first + 1] = 1.0
-                dot[BODY.motion.omega_a, first + 2] = dot[BODY.motion.omega_b, first + 3] = 1.0
-                dot[BODY.motion.cos_a, first], dot[BODY.motion.sin_a, first] = -motion.sin_a, motion.cos_a
-                dot[BODY.motion.cos_b, first + 1], dot[BODY.motion.sin_b, first + 1] = -motion.sin_b, motion.cos_b
+            _begin(body, dot, lanes, starts[window, 0], starts[window, 1], starts[window, 2], starts[window, 3])
             for row in range(record.shape[1]):
                 for _substep in range(substeps):
-                    changed = k == 0
-                    for x in range(4):
-                        changed |= (volts[k, x] != volts[k - 1, x]) | (by_delay[k, x] != by_delay[k - 1, x])
-                    if changed:
-                        store(body, BODY.command, 0, PerClutch(volts[k, 0], volts[k, 1], volts[k, 2], volts[k, 3]))
-                        if lanes > 0:
-                            for x in range(4):
-                                dot[BODY.command.x1 + x, DELAY_LANE] = by_delay[k, x]
+                    changed = _command(body, dot, lanes, volts, by_delay, k)
                     store(body, BODY.load, 0, Load(force[k, 0], force[k, 1], 0.0, 0.0, 0.0, 0.0))
                     advance(body, dot, h, changed)
                     k += 1
-                record[window, row, 0] = body[BODY.motion.theta_a, 0]
-                record[window, row, 1] = body[BODY.motion.theta_b, 0]
-                for j in range(lanes):
-                    by[window, row, 0, j] = dot[BODY.motion.theta_a, j]
-                    by[window, row, 1, j] = dot[BODY.motion.theta_b, j]
+                for link in range(2):
+                    record[window, row, link] = body[BODY.motion.theta_a + link, 0]
+                    for j in range(lanes):
+                        by[window, row, link, j] = dot[BODY.motion.theta_a + link, j]
 
     return kernel
 

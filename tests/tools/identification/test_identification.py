@@ -17,6 +17,7 @@ from pter_gym.tools.identification import (
     Identification,
     Log,
     Recorder,
+    experiment,
     identify,
     preset_of,
     quantities,
@@ -24,7 +25,8 @@ from pter_gym.tools.identification import (
     record_log,
     write_log,
 )
-from pter_gym.tools.identification.shooting import make_inputs, predict
+from pter_gym.tools.identification.parameters import DELAY, NAMES, STEPS, Shape
+from pter_gym.tools.identification.shooting import Inputs, differentiate, make_inputs, predict
 from pter_gym.tools.identification.windows import lagged
 
 EXACT = Recorder(angle_resolution=0.0, angle_noise=1e-6, force_noise=0.0, delay=0.006)
@@ -80,6 +82,45 @@ def test_the_lag_is_that_of_the_clutches():
     assert np.allclose(behind[50:, 0], 5.0 * (1.0 - np.exp(-np.arange(50) * 0.1)))
 
 
+def crossing(clutches: str, lag: str) -> tuple[Shape, np.ndarray, Inputs, np.ndarray]:
+    """A shape, coordinates, inputs and starts of windows in which clutches slip, stick and break away."""
+    rng = np.random.default_rng(3)
+    start = BASELINE if clutches == "paper" else find_machine(clutches)
+    arm = replace(OTHER.arm, dry_a=0.2, dry_b=0.1, viscous_a=0.1, viscous_b=0.2)
+    machine = replace(OTHER, arm=arm, clutch=replace(OTHER.clutch, lag=lag), clutches=start.clutches)
+    shape = Shape(machine, 18.0)
+    volts = np.repeat(rng.uniform(0.0, 18.0, (41, 4)) * (rng.uniform(size=(41, 4)) < 0.4), 10, axis=0)
+    volts[:, len(machine.clutches) :] = 0.0
+    force = np.repeat(rng.normal(0.0, 40.0, (41, 2)), 10, axis=0)
+    starts = np.column_stack([rng.uniform(0.4, 1.0, 4), rng.uniform(2.0, 2.5, 4), rng.normal(0.0, 0.5, (4, 2))])
+    return shape, shape.coordinates(machine, 3.3e-3), make_inputs(2e-3, volts, force), starts
+
+
+@pytest.mark.parametrize(("clutches", "lag"), [("paper", "torque"), ("paper", "voltage"), ("couplings-1-2", "torque")])
+def test_windows_have_the_derivatives_of_central_differences(clutches: str, lag: str):
+    """By each coordinate and each number of a start, over 800 substeps of stick-slip.
+
+    A difference over 2·10⁻⁶ steps loses 10⁻¹⁶ rad to rounding per substep, and the formulas from coordinates to the
+    kernel's constants are differentiated by differences that are right to 10⁻⁹.
+    """
+    shape, p, inputs, starts = crossing(clutches, lag)
+    angles, by_p, by_start = differentiate(shape, p, inputs, starts, 100)
+
+    def predicted(p: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        return predict(shape.machine(p), inputs, float(p[DELAY]), starts, 100)
+
+    assert np.array_equal(angles, predicted(p, starts))
+    for i, step in enumerate(1e-5 * STEPS):
+        e = step * np.eye(len(p))[i]
+        difference = (predicted(p + e, starts) - predicted(p - e, starts)) / (2.0 * step)
+        np.testing.assert_allclose(
+            by_p[..., i], difference, rtol=1e-4, atol=400 * 1e-16 / step + 1e-7, err_msg=NAMES[i]
+        )
+    for j, e in enumerate(1e-6 * np.eye(4)):
+        difference = (predicted(p, starts + e) - predicted(p, starts - e)) / 2e-6
+        np.testing.assert_allclose(by_start[..., j], difference, rtol=1e-4, atol=1e-7)
+
+
 def test_a_simulated_log_is_what_the_model_predicts():
     """Its forces and angles are those of the same instants: half a substep of the record between them is 0.12 mrad."""
     log = record_log(OTHER, replace(SHORT, levels=(10.0,)), replace(EXACT, angle_noise=0.0))
@@ -129,6 +170,24 @@ def test_what_no_clutch_shows_is_named_and_kept():
     assert "fewer than three voltages" in told["curvature"].reason
     assert told["knee"].quantity.value == BASELINE.clutch.dynamic.knee
     assert told["inertia_a"].status == told["inertia_b"].status == "identified"
+
+
+@pytest.mark.slow
+def test_a_combination_that_the_log_leaves_open_is_named(monkeypatch: pytest.MonkeyPatch):
+    """With a clutch at one voltage throughout, its torque and the axis's dry friction are one number."""
+    monkeypatch.setattr(
+        experiment, "voltages", lambda _experiment, times, _clutches: np.tile([5.0, 0, 0, 0], (len(times), 1))
+    )
+    machine = replace(OTHER, arm=replace(OTHER.arm, dry_a=0.3))
+    log = record_log(machine, replace(SHORT, levels=(6.0, 14.0)), Recorder(delay=0.006))
+    found = identify(log, BASELINE)
+    told = {finding.quantity.name: finding for finding in found.findings}
+    assert found.verdict.explained
+    open_ones = [each for each in told.values() if "these changes together" in each.reason]
+    assert len(open_ones) == 1
+    assert re.search(r"slope -0\.\d+ %.*dry_a \+1 %", open_ones[0].reason)
+    assert {told["slope"].status, told["dry_a"].status} == {"kept", "uncertain"}
+    assert told["inertia_a"].status == told["dry_b"].status == "identified"
 
 
 @pytest.mark.long
