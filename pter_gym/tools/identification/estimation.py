@@ -47,8 +47,11 @@ BAD = 4.0
 START_ERRORS = (0.01, 0.01, 0.3, 0.3)
 """How wrong a start may be [rad, rad/s]: keeps what no angle tells from wandering off."""
 
-RATIOS = (1.0, 1.08, 1.18, 1.3, 1.45, 1.6)
-"""Ratios of breakaway to dynamic torque that are tried first."""
+LEAST_RATIO = 1.001
+"""Ratio of breakaway to dynamic torque from which the search goes up: at 1 and below nothing depends on it."""
+
+RATIOS = (1.02, 1.08, 1.18, 1.3, 1.45, 1.6)
+"""Ratios that are tried at first, and where the search has come down to the least."""
 
 SINGULAR = 1e-12
 """What keeps the equations of a start solvable where a prediction went astray, over their trace."""
@@ -127,6 +130,8 @@ class Fit:
     def search(self, rounds: int = ROUNDS) -> "Fit":
         """Search, mend starts and weights, and search again."""
         for _ in range(rounds):
+            if self.without_jump:
+                self.choose_ratio()
             self.usual = self._usual()
             if self.free:
                 self._search_once()
@@ -136,6 +141,17 @@ class Fit:
             self._known.clear()
         return self
 
+    @property
+    def without_jump(self) -> bool:
+        """Whether the ratio of breakaway to dynamic torque is as small as can be."""
+        return bool(at.RATIO in self.free and self.p[at.RATIO] <= LEAST_RATIO + 1e-6)
+
+    def choose_ratio(self) -> None:
+        """Take the best of several ratios of breakaway to dynamic torque, if it is searched."""
+        if at.RATIO in self.free:
+            tried = [np.concatenate([self.p[: at.RATIO], [r], self.p[at.RATIO + 1 :]]) for r in RATIOS]
+            self.p = min([self.p, *tried], key=self.misfit)
+
     def _usual(self) -> float:
         """Return the median root mean square of the residuals of windows in which something moves [rad]."""
         moving = self.windows.used & (np.abs(self.windows.ways).sum(axis=(1, 2)) > 0.0)
@@ -143,7 +159,8 @@ class Fit:
 
     def _search_once(self) -> None:
         """Go down by damped Gauss–Newton steps within the bounds."""
-        low, high = at.LOWEST[self.free] + 1e-9, self.shape.highest[self.free] - 1e-9
+        lowest = np.where(np.arange(len(self.p)) == at.RATIO, LEAST_RATIO, at.LOWEST)
+        low, high = lowest[self.free] + 1e-9, self.shape.highest[self.free] - 1e-9
         self.p = self._with(self.p[self.free].clip(low, high))
         for _ in range(ITERATIONS):
             here = self._at(self.p)
@@ -317,7 +334,5 @@ def _finite(angles: Array) -> Array:
 def begin(windows: Windows, shape: Shape, free: list[int], p: Array, on_step: Callable[[], None]) -> Fit:
     """Return a search at the best of several ratios of breakaway to dynamic torque."""
     fit = Fit(windows, shape, free, p, on_step=on_step)
-    if at.RATIO in free:
-        tried = [np.concatenate([p[: at.RATIO], [ratio], p[at.RATIO + 1 :]]) for ratio in RATIOS]
-        fit.p = min(tried, key=fit.misfit)
+    fit.choose_ratio()
     return fit

@@ -1,5 +1,6 @@
 """From a log to a machine: what is identified, how well, and what the log does not show."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -277,6 +278,7 @@ def _without_unseen(fit: Fit, why: dict[int, str], before: Array) -> set[str]:
             fit.shape = replace(fit.shape, kept_knee=knee)
         else:
             excess = {i: errors[i] / at.IGNORANCE[i] for i in fit.free if i != at.EXTRA}
+            excess |= {at.RATIO: math.inf} if fit.without_jump else {}
             worst = max(excess, key=lambda i: excess[i]) if excess else 0
             if not excess or excess[worst] <= 1.0:
                 break

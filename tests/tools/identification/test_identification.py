@@ -96,7 +96,9 @@ def crossing(clutches: str, lag: str) -> tuple[Shape, np.ndarray, Inputs, np.nda
     return shape, shape.coordinates(machine, 3.3e-3), make_inputs(2e-3, volts, force), starts
 
 
-@pytest.mark.parametrize(("clutches", "lag"), [("paper", "torque"), ("paper", "voltage"), ("couplings-1-2", "torque")])
+@pytest.mark.parametrize(
+    ("clutches", "lag"), [("paper", "normal_force"), ("paper", "voltage"), ("couplings-1-2", "normal_force")]
+)
 def test_windows_have_the_derivatives_of_central_differences(clutches: str, lag: str):
     """By each coordinate and each number of a start, over 800 substeps of stick-slip.
 
@@ -178,7 +180,7 @@ def test_a_combination_that_the_log_leaves_open_is_named(monkeypatch: pytest.Mon
     monkeypatch.setattr(
         experiment, "voltages", lambda _experiment, times, _clutches: np.tile([5.0, 0, 0, 0], (len(times), 1))
     )
-    machine = replace(OTHER, arm=replace(OTHER.arm, dry_a=0.3))
+    machine = replace(BASELINE, arm=replace(OTHER.arm, dry_a=0.3))
     log = record_log(machine, replace(SHORT, levels=(6.0, 14.0)), Recorder(delay=0.006))
     found = identify(log, BASELINE)
     told = {finding.quantity.name: finding for finding in found.findings}
