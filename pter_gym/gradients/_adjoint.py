@@ -29,7 +29,7 @@ from pter_gym._physics.step import (
 from pter_gym.gradients._tracing import Rule, adjoint_of
 
 _STEP: Any = _step
-_SHORTEST_PART: float = _STEP._SHORTEST_PART
+SHORTEST_PART: float = _STEP._SHORTEST_PART
 
 FIRST, LAST = int(BODY.motion.theta_a), int(BODY.lagged_volts.x4) + 1
 """Rows of a body's state: motion, torques, lagged voltages."""
@@ -206,7 +206,7 @@ def _drift_adjoint(body: Any, bar: Any, h: float, whole: bool, aims: bool) -> No
 
 
 @device
-def _move_omega(w: Any, i: int, omega_a: float, omega_b: float) -> None:
+def move_omega(w: Any, i: int, omega_a: float, omega_b: float) -> None:
     w[BODY.motion.omega_a, i] = omega_a
     w[BODY.motion.omega_b, i] = omega_b
 
@@ -216,7 +216,7 @@ def _take_adjoint(bar: Any) -> None:
     """Pull adjoints back through the step from the velocities of before a kick to those that were found."""
     bar[BODY.omega.a, 0] += bar[BODY.motion.omega_a, 0]
     bar[BODY.omega.b, 0] += bar[BODY.motion.omega_b, 0]
-    _move_omega(bar, 0, 0.0, 0.0)
+    move_omega(bar, 0, 0.0, 0.0)
 
 
 def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
@@ -241,13 +241,13 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
             omega_a, omega_b = w[BODY.motion.omega_a, i], w[BODY.motion.omega_b, i]
             find(w, i, span)
             part = share(w, i) if w[BODY.changes, i] != 0.0 else 1.0
-            if not part < 1.0 - _SHORTEST_PART:
+            if not part < 1.0 - SHORTEST_PART:
                 return whole_adjoint(w, i, bar, span)
             first = part * span
             find(w, i, first)
-            _move_omega(w, i, w[BODY.omega.a, i], w[BODY.omega.b, i])
+            move_omega(w, i, w[BODY.omega.a, i], w[BODY.omega.b, i])
             by_rest = rest_adjoint(w, i, bar, span - first)
-            _move_omega(w, i, omega_a, omega_b)
+            move_omega(w, i, omega_a, omega_b)
             by_first = whole_adjoint(w, i, bar, first) - by_rest
             find(w, i, span)
             share_adjoint(w, i, bar, by_first * span)
@@ -262,7 +262,7 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
 
 
 @device
-def _lags(body: Any) -> bool:
+def lags(body: Any) -> bool:
     """Tell whether it is the voltage that lags, so what clutches tend to changes within a control step."""
     return body[BODY.machine.voltage_decay, 0] != 0.0
 
@@ -306,7 +306,7 @@ def _steps(own_in: Any) -> tuple[Any, Any]:
         count = len(force)
         for k in range(count + 1):
             _keep(tape, k, 0, body)
-            if _lags(body) | (k == 0):
+            if lags(body) | (k == 0):
                 aim(body, 0, (k > 0) & (k < count))
             drift(body, 0, h, (k > 0) & (k < count))
             _keep(tape, k, 1, body)
@@ -334,7 +334,7 @@ def _steps(own_in: Any) -> tuple[Any, Any]:
                 by_target[k, 0], by_target[k, 1] = bar[BODY.load.target_x, 0], bar[BODY.load.target_y, 0]
                 store(bar, BODY.load, 0, Load(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
             _bring_back(body, tape[k, 0], 0)
-            _drift_adjoint(body, bar, h, (k > 0) & (k < count), _lags(body) | (k == 0))
+            _drift_adjoint(body, bar, h, (k > 0) & (k < count), lags(body) | (k == 0))
 
     return forward, backward
 

@@ -9,13 +9,8 @@ from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.records import flat
 from pter_gym._physics.open_loop import BODY
 from pter_gym._physics.step import MOST_PARTS
-from pter_gym.gradients import _adjoint
-from pter_gym.gradients._adjoint import FRICTION, aim, drift, kick_stages
+from pter_gym.gradients._adjoint import FRICTION, SHORTEST_PART, aim, drift, kick_stages, lags, move_omega
 from pter_gym.gradients._tracing import tangent_of
-
-_ADJOINT: Any = _adjoint
-_SHORTEST_PART: float = _ADJOINT._SHORTEST_PART
-_lags, _move_omega = _ADJOINT._lags, _ADJOINT._move_omega
 
 MOTION = frozenset(flat(BODY.motion))
 TORQUES = frozenset(
@@ -61,13 +56,12 @@ def substep_tangents(own_in: Any, lanes: int, torque_lanes: int) -> Any:
 
     @device
     def advance(body: Any, dot: Any, h: float, aims: bool) -> None:
-        lags = _lags(body)
-        if lags | aims:
+        if lags(body) | aims:
             aim_torques(body, 0, dot)
         relax(body, 0, dot, h)
         turn(body, 0, dot, h)
         kick(body, dot, h)
-        if lags:
+        if lags(body):
             aim_torques(body, 0, dot)
         relax(body, 0, dot, h)
         turn(body, 0, dot, h)
@@ -90,7 +84,7 @@ def _kick_tangents(own_in: Any, lanes: int) -> Any:
         span = w[BODY.span, i]
         first = share(w, i) * span
         find_over(w, i, first)
-        _move_omega(w, i, w[BODY.omega.a, i], w[BODY.omega.b, i])
+        move_omega(w, i, w[BODY.omega.a, i], w[BODY.omega.b, i])
         find_over(w, i, span - first)
 
     find, part = (tangent_of(stage, (), (), KICK, lanes, FRICTION) for stage in (find_in_span, take_part))
@@ -98,7 +92,7 @@ def _kick_tangents(own_in: Any, lanes: int) -> Any:
     @outlined
     def divide(body: Any, dot: Any) -> None:
         for _ in range(MOST_PARTS - 1):
-            if body[BODY.changes, 0] == 0.0 or not share(body, 0) < 1.0 - _SHORTEST_PART:
+            if body[BODY.changes, 0] == 0.0 or not share(body, 0) < 1.0 - SHORTEST_PART:
                 break
             part(body, 0, dot)
 
@@ -110,8 +104,8 @@ def _kick_tangents(own_in: Any, lanes: int) -> Any:
         find(body, 0, dot)
         if body[BODY.changes, 0] != 0.0:
             divide(body, dot)
-        _move_omega(body, 0, body[BODY.omega.a, 0], body[BODY.omega.b, 0])
+        move_omega(body, 0, body[BODY.omega.a, 0], body[BODY.omega.b, 0])
         for j in range(lanes):
-            _move_omega(dot, j, dot[BODY.omega.a, j], dot[BODY.omega.b, j])
+            move_omega(dot, j, dot[BODY.omega.a, j], dot[BODY.omega.b, j])
 
     return kick

@@ -363,7 +363,7 @@ def adjoint_of(stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...],
 
 
 def tangent_of(
-    stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...], active: Collection[int], lanes: int, rule: Rule
+    stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...], active: Collection[float], lanes: int, rule: Rule
 ) -> Any:
     """Return a stage of a substep with its Jacobian–vector products, compiled.
 

@@ -3,7 +3,7 @@
     python -m tests.campaigns.identification --machines 100 --processes 2 --write    the table into docs/identify.md
     python -m tests.campaigns.identification --machines 3 --first 7                  machines 7, 8 and 9 alone
 
-An hour on two cores; with ``--journal FILE`` a campaign goes on where it was stopped.
+A few minutes on two cores; with ``--journal FILE`` a campaign goes on where it was stopped.
 
 Machine number k is drawn from the seed and k: inertias, coupling, torque curve, T_s/T_k, the clutches' own factors,
 time constant, delay, friction of the axes, encoders and the noise of the force. Its log is that of the experiment,
@@ -31,7 +31,7 @@ from pter_gym.tools.identification.verdict import MOST
 
 PACKAGE = Path(pter_gym.__file__).parent
 
-DECIDING = ("params", "_compiled", "_physics", "tools/identification")
+DECIDING = ("params", "_compiled", "_physics", "gradients", "tools/identification")
 """Rooms of the package whose sources a journal is of."""
 
 PAGE = Path(__file__).parents[2] / "docs" / "identify.md"

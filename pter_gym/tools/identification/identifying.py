@@ -298,8 +298,8 @@ def _left_open(fit: Fit, worst: int) -> dict[str, float]:
     way = fit.weakest()
     if abs(way[worst]) < ALONG * at.STEPS[worst]:
         return {}
-    ends = [_numbers(fit, (fit.p + e * way).clip(at.LOWEST, fit.shape.highest)) for e in (1.0, -1.0)]
-    changes = {a.name: (a.value - b.value) / max(a.scale, 1e-300) for a, b in zip(*ends, strict=True)}
+    high, low = (_numbers(fit, (fit.p + e * way).clip(at.LOWEST, fit.shape.highest)) for e in (1.0, -1.0))
+    changes = {a.name: (a.value - b.value) / max(a.scale, 1e-300) for a, b in zip(high, low, strict=True)}
     largest = max(map(abs, changes.values()))
     found = {name: change / largest for name, change in changes.items() if abs(change) > ALONG * largest}
     alone = set(found) <= {reasons.NAMES[worst], "slope", *TORQUES}

@@ -222,7 +222,7 @@ def _build(digest: str) -> Any:
         """Fill the angles of each row of each window, and their tangents."""
         _ = digest
         body = scratch(given)
-        dot = np.empty((BODY_WIDTH, lanes))
+        dot: Any = np.empty((BODY_WIDTH, lanes))
         dot[:] = tangents
         k = 0
         for window in range(record.shape[0]):
