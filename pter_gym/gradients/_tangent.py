@@ -9,7 +9,7 @@ from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.records import flat
 from pter_gym._physics.open_loop import BODY
 from pter_gym._physics.step import MOST_PARTS
-from pter_gym.gradients._adjoint import FRICTION, SHORTEST_PART, aim, drift, kick_stages, lags, move_omega
+from pter_gym.gradients._adjoint import FRICTION, SHORTEST_PART, Kick, aim, drift, kick_stages, lags, move_omega
 from pter_gym.gradients._tracing import tangent_of
 
 MOTION = frozenset(flat(BODY.motion))
@@ -69,13 +69,12 @@ def substep_tangents(own_in: Any, lanes: int, torque_lanes: int) -> Any:
     return advance
 
 
-def _kick_tangents(own_in: Any, lanes: int) -> Any:
-    """Return ``kick(body, dot, h)``: a kick over h [s] with its tangents, divided where a clutch changes."""
-    stages = kick_stages(own_in)
+def stages_in_span(stages: Kick) -> tuple[Any, Any]:
+    """Return two stages of a kick over the time that is in the column: all of it, and a divided one's next part."""
     find_over, share = stages.find, stages.share
 
     @device
-    def find_in_span(w: Any, i: int) -> None:
+    def find(w: Any, i: int) -> None:
         find_over(w, i, w[BODY.span, i])
 
     @device
@@ -87,7 +86,14 @@ def _kick_tangents(own_in: Any, lanes: int) -> Any:
         move_omega(w, i, w[BODY.omega.a, i], w[BODY.omega.b, i])
         find_over(w, i, span - first)
 
-    find, part = (tangent_of(stage, (), (), KICK, lanes, FRICTION) for stage in (find_in_span, take_part))
+    return find, take_part
+
+
+def _kick_tangents(own_in: Any, lanes: int) -> Any:
+    """Return ``kick(body, dot, h)``: a kick over h [s] with its tangents, divided where a clutch changes."""
+    stages = kick_stages(own_in)
+    share = stages.share
+    find, part = (tangent_of(stage, (), (), KICK, lanes, FRICTION) for stage in stages_in_span(stages))
 
     @outlined
     def divide(body: Any, dot: Any) -> None:

@@ -29,7 +29,7 @@ from pter_gym.gradients._adjoint import (
     stage_adjoint,
 )
 from pter_gym.gradients._machine import numbers_of
-from pter_gym.gradients._tangent import KICK, TORQUES
+from pter_gym.gradients._tangent import KICK, stages_in_span
 from pter_gym.gradients._tracing import Column, branchless, tangent_of
 from pter_gym.params import BASELINE, MACHINES, Hand, Machine
 
@@ -90,11 +90,6 @@ def test_friction_never_amplifies_a_change_of_momentum():
         size = np.linalg.norm(factor.T @ by_p @ factor, 2)
         condition = (x[0] + x[2]) ** 2 / (x[0] * x[2] - x[1] ** 2)
         assert size == pytest.approx(0.0 if mode == ClutchMode.ZERO_DOF else 1.0, abs=10.0 * condition * EPS)
-
-
-def shortened(w: Any, i: int) -> None:
-    """A stage that keeps the share after which a clutch changes."""
-    w[BODY.span, i] = STAGES.share(w, i)
 
 
 @cache
@@ -164,18 +159,21 @@ def test_each_stage_has_the_adjoint_that_autodiff_of_its_twin_in_jax_has(name: s
             checked += 1
 
 
-@pytest.mark.parametrize("name", ["aim", "drift", "find", "share"])
+@pytest.mark.parametrize("name", ["aim", "drift", "find", "part"])
 def test_each_stage_has_the_tangents_that_its_adjoint_has(name: str):
-    """b·(J·v) = (Jᵀ·b)·v, with the same sums in another order: to 10⁵ roundings of their largest term."""
-    stage: Any = {"aim": aim, "drift": drift, "find": STAGES.find, "share": shortened}[name]
+    """b·(J·v) = (Jᵀ·b)·v, the same sums in another order: they differ by at most 10⁵ roundings of their largest terms.
+
+    Derivatives of the share of a kick before a change are large where the slip hardly leaves its band.
+    """
+    stage: Any = {"aim": aim, "drift": drift, "find": STAGES.find, "part": stages_in_span(STAGES)[1]}[name]
     constants = (True,) if name in ("aim", "drift") else ()
-    scalars = () if name == "share" else ("h",) if name in ("drift", "find") else ()
-    rng, active, checked = np.random.default_rng(8), [*TORQUES, *KICK], 0
+    scalars = ("h",) if name in ("drift", "find") else ()
+    rng, active, checked = np.random.default_rng(8), sorted(KICK), 0
     back = stage_adjoint(stage, *scalars, constants=constants)
-    push = tangent_of(stage, scalars, constants, KICK | TORQUES, 5, FRICTION)
+    push = tangent_of(stage, scalars, constants, KICK, 5, FRICTION)
     while checked < 300:
         body = random_body(rng)
-        if name == "share":
+        if name == "part":
             STAGES.find(body, 0, SUBSTEP)
             if body[BODY.changes, 0] == 0.0 or not STAGES.share(body, 0) < 1.0:
                 continue
