@@ -71,8 +71,6 @@ class Point(NamedTuple):
 
     Attributes
     ----------
-    angles
-        That are predicted [rad], shape (windows, 2·length).
     residual, jacobian
         Less what a wrong start makes [rad], and by all coordinates, shapes (windows, 2·length) and (…, 16).
     by_start
@@ -81,7 +79,6 @@ class Point(NamedTuple):
         How wrong each start is, shape (windows, 4).
     """
 
-    angles: Array
     residual: Array
     jacobian: Array
     by_start: Array
@@ -224,14 +221,13 @@ class Fit:
             self.on_step()
             w, rows = self.windows, self.windows.measured[0].size
             angles, by, by_start = differentiate(self.shape, p, w.inputs, self.starts, w.length)
-            angles = _finite(angles.reshape(-1, rows))
-            off = angles - w.measured.reshape(-1, rows)
+            off = _finite(angles.reshape(-1, rows)) - w.measured.reshape(-1, rows)
             by_start = np.nan_to_num(by_start.reshape(-1, rows, 4)) @ self._ways
             told = np.concatenate([off[:, :, None], np.nan_to_num(by.reshape(-1, rows, by.shape[-1]))], axis=2)
             left, along = self._projected(by_start, told)
             if len(self._known) > 3:
                 self._known.clear()
-            self._known[key] = Point(angles, left[:, :, 0], left[:, :, 1:], by_start, along[:, :, 0])
+            self._known[key] = Point(left[:, :, 0], left[:, :, 1:], by_start, along[:, :, 0])
         return self._known[key]
 
     def _projected(self, by_start: Array, values: Array) -> tuple[Array, Array]:
@@ -246,7 +242,7 @@ class Fit:
     def _near(self, p: Array, inputs: Inputs | None = None) -> Array:
         """Return the residuals [rad] at other coordinates or inputs, with the derivatives by the start of here."""
         here = self._at(self.p)
-        off = self.predicted(p, inputs) - self.windows.measured.reshape(here.angles.shape)
+        off = self.predicted(p, inputs) - self.windows.measured.reshape(here.residual.shape)
         return self._projected(here.by_start, off[:, :, None])[0][:, :, 0]
 
     def covariance(self) -> tuple[Array, float]:
