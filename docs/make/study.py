@@ -63,7 +63,7 @@ class Run(NamedTuple):
     ----------
     part
         Of the study: ``"noise"`` with λ per control step, ``"sight"`` with λ per decision, ``"ends"`` with
-        Stable-Baselines3, ``"readme"`` with README's arguments, or ``"stock"``.
+        Stable-Baselines3, ``"readme"`` with README's arguments, ``"stock"``, or ``"long"`` with a script given longer.
     algorithm
         Its name.
     noise
@@ -101,7 +101,8 @@ def planned(period: int) -> Iterator[Run]:
     for scenario, seed in product(("standard", "everything"), SEEDS[:5]):
         yield from (Run("stock", name, "", period, scenario, seed) for name in STOCK)
         if scenario == "standard":
-            yield from (Run("stock", name, "", period, scenario, seed) for name in SCRIPTS)
+            yield from (Run("stock", name, "", period, scenario, seed) for name in SCRIPTS["stock"])
+            yield from (Run("long", name, "", period, scenario, seed) for name in SCRIPTS["long"])
         else:
             yield Run("stock", "PPO", "", period, scenario, seed)
     for seed, each, noise in product(SEEDS[:3], PERIODS, EXPLORATIONS):
@@ -254,14 +255,17 @@ def train_library(run: Run, curve: Curve) -> None:
         makers[run.algorithm](environment, run.seed).learn(10**9, callback=Look())
 
 
-SCRIPTS = {"cleanrl_ppo.py": 1_000_000, "jax_ppo.py": 2_000_000, "jax_shac.py": 1_500_000}
-"""Scripts of agents/stock, and their decisions in about the time of the libraries."""
+SCRIPTS = {
+    "stock": {"cleanrl_ppo.py": 1_000_000, "jax_ppo.py": 2_000_000, "jax_shac.py": 1_500_000},
+    "long": {"jax_ppo.py": 3_000_000, "jax_shac.py": 4_000_000},
+}
+"""Scripts of agents/stock and their decisions, by part: in about the time of the libraries, and longer."""
 
 
 def train_script(run: Run, curve: Curve) -> None:
     """Run a script of agents/stock, and score the policy that it would take to the leaderboard."""
     train: Any = runpy.run_path(str(STOCK_SCRIPTS / run.algorithm))["train"]
-    steps = SCRIPTS[run.algorithm]
+    steps = SCRIPTS[run.part][run.algorithm]
 
     def look(_: str, policies: dict[str, Any], **__: Any) -> None:
         curve.look(steps, next(iter(policies.values())))
@@ -276,7 +280,7 @@ def train_script(run: Run, curve: Curve) -> None:
 def one(run: Run) -> list[dict[str, Any]]:
     """Train, and return the scores on the way."""
     curve = Curve(run)
-    how = train_script if run.algorithm in SCRIPTS else train_fast if run.algorithm == "fast PPO" else train_library
+    how = train_script if run.algorithm.endswith(".py") else train_fast if run.algorithm == "fast PPO" else train_library
     how(run, curve)
     return curve.rows
 

@@ -90,6 +90,15 @@ def stock_table(curves: Curves, scenario: str) -> str:
     return table(["Algorithm", *ENDS], [summary([name], mine[name]) for name in order], "---")
 
 
+def gradients_table(curves: Curves) -> str:
+    """Return the table of scripts that were also given longer: one with gradients beside one without."""
+    longer = {run.algorithm for run in curves if run.part == "long"}
+    mine = {run: curve for run, curve in curves.items() if run.algorithm in longer}
+    runs = [pair for part in ("stock", "long") for pair in grouped(mine, part, lambda run: run.algorithm).items()]
+    rows = [summary([name], each) for name, each in sorted(runs, key=lambda pair: pair[0])]
+    return table(["Script", *ENDS], rows, "---")
+
+
 ENDS = ("Path error [mm]", "Manoeuvre and ranks", "Medium pace by seed [mm]", "Decisions", "Core")
 
 
@@ -117,7 +126,8 @@ def learning_curves(curves: Curves, scenario: str) -> Figure:
 
 
 def make(curves: Curves) -> None:
-    """Write the page's tables and its figures."""
+    """Write the page's tables and its figures, and the table of docs/gradients.md."""
+    write_block(DOCS / "gradients.md", "learning", gradients_table(curves))
     for part in ("noise", "sight", "ends", "readme"):
         write_block(PAGE, part, noise_table(curves, part))
     for scenario in ("standard", "everything"):

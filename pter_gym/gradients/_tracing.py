@@ -43,14 +43,14 @@ class _Branchless(ast.NodeTransformer):
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         self.generic_visit(node)
         node.decorator_list, node.returns = [], None
-        for k, part in enumerate(node.body):
-            match part, node.body[-1]:
-                case ast.If(test, [ast.Return(ast.expr() as x)], []), ast.Return(ast.expr() as y) if k == len(
-                    node.body
-                ) - 2 or _compares(test):
-                    chosen = _call("_choose", test, ast.Lambda(_NOTHING, x), ast.Lambda(_NOTHING, y))
-                    node.body = [*node.body[:k], *node.body[k + 1 : -1], ast.Return(chosen)]
-                    break
+        *before, last = node.body
+        for k, part in enumerate(before):
+            match part, last:
+                case ast.If(test, [ast.Return(ast.expr() as x)], []), ast.Return(ast.expr() as y):
+                    if part is before[-1] or _compares(test):
+                        chosen = _call("_choose", test, ast.Lambda(_NOTHING, x), ast.Lambda(_NOTHING, y))
+                        node.body = [*before[:k], *before[k + 1 :], ast.Return(chosen)]
+                        break
                 case _:
                     pass
         for argument in node.args.args:
