@@ -280,8 +280,9 @@ def train_script(run: Run, curve: Curve) -> None:
 def one(run: Run) -> list[dict[str, Any]]:
     """Train, and return the scores on the way."""
     curve = Curve(run)
-    how = train_script if run.algorithm.endswith(".py") else train_fast if run.algorithm == "fast PPO" else train_library
-    how(run, curve)
+    scripted = run.algorithm.endswith(".py")
+    train = train_script if scripted else train_fast if run.algorithm == "fast PPO" else train_library
+    train(run, curve)
     return curve.rows
 
 
