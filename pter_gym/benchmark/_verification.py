@@ -86,7 +86,8 @@ def verify(
     results = results if isinstance(results, ResultsFolder) else ResultsFolder(results)
     contents = results.read()
     if not contents.runs and not contents.left_out:
-        raise ParameterError(f"results must be a folder with files in runs, there are none in {str(results.path)!r}")
+        found = "there are none in" if results.path.is_dir() else "there is no folder"
+        raise ParameterError(f"results must be a folder with files in runs, {found} {str(results.path)!r}")
 
     @lru_cache(1)
     def batches_of(scenario: str, pace: str, count: int, fresh: int) -> Batches:
