@@ -139,7 +139,7 @@ def predictive(results: Path) -> str:
 def leaderboard(results: Path, scenario: str) -> str:
     """All leaderboards of a scenario, and why some policies have no rank."""
     header = ["", "Policy", "Path error [mm]", *(f"{title} [mm]" for title in ERRORS)]
-    header += ["Arrives [%]", "Mean pace off [%]", "Segments off [%]"]
+    header += ["Arrives [%]", "Mean pace error [%]", "Segment pace error [%]"]
     parts: list[str] = []
     for pace, board in boards(results, scenario).items():
         rows = [
@@ -218,7 +218,7 @@ def against_tuned(results: Path) -> str:
         if run.conditions.fresh is not None:
             groups[run.conditions.scenario, run.conditions.pace].append(run)
     rows: list[list[str]] = []
-    kinds = ("Larger path error", "An interval that contains 0", "No rank", "Higher peak acceleration")
+    kinds = ("Larger path error", "An interval that contains 0", "Not ranked", "Higher peak acceleration")
     exceptions: dict[str, list[str]] = {kind: [] for kind in kinds}
     for (scenario, pace), runs in groups.items():
         found = {run.conditions.policy: run for run in runs}

@@ -63,7 +63,7 @@ class Column(NamedTuple):
 COLUMNS = (
     Column("Path error [mm]", "path_error_m", 1000.0, by_rank=True),
     Column("Arrives [%]", "completed", 100.0, by_rank=False),
-    Column("Segments off the pace [%]", "segment_pace_error", 100.0, by_rank=True),
+    Column("Segment pace error [%]", "segment_pace_error", 100.0, by_rank=True),
 )
 
 

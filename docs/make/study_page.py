@@ -99,7 +99,7 @@ def gradients_table(curves: Curves) -> str:
     return table(["Script", *ENDS], rows, "---")
 
 
-ENDS = ("Path error [mm]", "Manoeuvre and ranks", "Medium pace by seed [mm]", "Decisions", "Core")
+ENDS = ("Path error [mm]", "Manoeuvre, ranked", "Medium pace by seed [mm]", "Decisions", "CPU time")
 
 
 @styled

@@ -98,7 +98,7 @@ def validation_table(first: str, planned: Mapping[str, Sequence[tuple[Path, Argu
         for name, (folder, given) in zip(planned, turn, strict=True):
             if finish(folder, given, train=train):
                 found[name].append(validated(folder)[1])
-    header = [first, "Path error [mm]", "95 % interval of the mean [mm]", "Ranks", "Medium pace by seed [mm]"]
+    header = [first, "Path error [mm]", "95 % interval of the mean [mm]", "Seeds ranked", "Medium pace by seed [mm]"]
     return table(header, (validation_row(name, scores) for name, scores in found.items() if scores), "---")
 
 
