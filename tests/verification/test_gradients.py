@@ -225,6 +225,7 @@ def changed(machine: Any, place: str, value: float) -> Any:
     return replace(machine, **{name: changed(getattr(machine, name), rest, value) if rest else value})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ALL)
 def test_a_rollout_has_the_gradient_of_paired_rollouts(kind: str):
     """By all that goes in, over 30 control steps of sticking and slipping in which no pair has another order of events.
@@ -325,6 +326,7 @@ def test_the_derivative_holds_on_both_sides_of_each_switch():
         seen += 1
 
 
+@pytest.mark.slow
 def test_jax_has_the_same_motion_and_gradient():
     jax = pytest.importorskip("jax")
     from pter_gym.gradients.jax import make_rollout

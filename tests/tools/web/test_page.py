@@ -124,7 +124,7 @@ def test_another_name_that_leads_here_is_not(hosts: tuple[str, ...], served: int
 
 
 def test_idle_connections_end_and_leave_room(served: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(site._Handler, "timeout", 1.0)
+    monkeypatch.setattr(site._Handler, "timeout", 0.3)
     begun = threads()
     idle = [socket.create_connection(("127.0.0.1", served), timeout=30) for _ in range(3 * MOST)]
     for each in idle:
