@@ -88,6 +88,8 @@ def _tables(own: "Machine") -> dict[str, bytes]:
 class _Server(ThreadingHTTPServer):
     """Has a thread for each of a number of connections, and closes those beyond it."""
 
+    request_queue_size = MOST
+
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._free = BoundedSemaphore(MOST)
