@@ -128,8 +128,9 @@ def claims() -> str:
     count = Counter(each["kind"] for each in stored)
     return (
         f"`pter reproduce` makes the paper's figures and table, and checks {len(stored)} of its claims:\n"
-        f"{count['prediction']} are met by prediction, {count['calibration']} by calibration and "
-        f"{count['construction']} by construction; {count['not met']} are [not met](docs/reproduction.md).\n"
+        f"{count['prediction']} are predictions that hold, {count['calibration']} hold because parameters were fitted\n"
+        f"to them, {count['construction']} follow from how the model is built, and {count['not met']} are "
+        "[not met](docs/reproduction.md).\n"
     )
 
 
