@@ -39,7 +39,12 @@ def find_base(name: str, scenario: str) -> Base | None:
 
 
 def make_interface(
-    settings: TrainingSettings, scenario: str, draws: Randomisation | Mixture, seed: int, nominal: Machine = BASELINE
+    settings: TrainingSettings,
+    scenario: str,
+    draws: Randomisation | Mixture,
+    seed: int,
+    nominal: Machine = BASELINE,
+    base: Base | None = None,
 ) -> Interface:
     """Return the interface of a policy, its scales taken from a short run without a network.
 
@@ -55,8 +60,10 @@ def make_interface(
         Seed of the run and its random actions.
     nominal
         The machine that a base controller is bound to.
+    base
+        A base controller in place of the one that the settings name.
     """
-    base = find_base(settings.base, scenario)
+    base = base or find_base(settings.base, scenario)
     plain = Interface(
         inputs=(Input("pace"),),
         reach=settings.reach,

@@ -1,16 +1,17 @@
-"""What each clutch buys: tuned laws and trained policies on machines with other clutches, docs/which-clutches.md.
+"""What each clutch buys: tuned laws and policies that correct them, on machines with other clutches; which-clutches.md.
 
     python docs/make/arrangements.py                does what is missing, one run on each core, then makes the page
     python docs/make/arrangements.py --minutes 60   stops beginning new runs after an hour; the next call goes on
     python docs/make/arrangements.py --no-run       makes the page of what there is
 
-A run is a line of docs/make/arrangements.jsonl: a law tuned at each pace, or a policy trained at all of them. Gains are
-searched without those that are known, which were found on the paper's machine, and the best law is chosen by training
-draws; scores are those of fresh evaluation episodes. Needs the extra `agents`; takes hours.
+A run is a line of docs/make/arrangements.jsonl: a law tuned at each pace, or a policy trained at all of them, which
+corrects the best law. Gains are searched without those that are known, which were found on the paper's machine, and the
+best law is chosen by training draws; scores are those of fresh evaluation episodes. Needs the extra `agents`; takes two
+hours.
 """
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -39,7 +40,11 @@ CLUTCHES = {
 
 SCENARIOS = ("standard", "paths")
 LAWS = ("single-dof", "velocity-ratio", "torque-feedback", "impedance")
-POLICY = "ppo"
+POLICY = "residual"
+SETTINGS: dict[str, Any] = {"truncation": 0.5, "history": (), "averages": ()}
+SETTINGS |= dict.fromkeys(("hidden", "value_hidden"), (64, 64))
+"""In place of the policy's own settings: laws may be far from the path, and small networks learn in less time."""
+
 FRESH = 20261125
 """Seed of the episodes that are scored."""
 
@@ -71,53 +76,71 @@ class Run(NamedTuple):
 
 
 Found = dict[str, Any]
-"""By pace: path errors [mm] of the episodes by stratum, and other mean scores; values of a law in training [m]."""
+"""By pace: path errors [mm] of the episodes by stratum, and other mean scores. Of a law too: gains, and values on
+training draws [m], by pace; of a policy: the law that it corrects."""
 
 
-def planned(scenarios: Iterable[str], laws: Iterable[str], seeds: int) -> Iterator[Run]:
-    """Return all runs, what matters most first: all arrangements before the next law or seed."""
+def planned_laws(scenarios: Iterable[str], laws: Iterable[str]) -> Iterator[Run]:
+    """Return the runs of laws, all arrangements before the next law."""
     for law, scenario, name in product(laws, scenarios, CLUTCHES):
         yield Run(name, scenario, law, 0)
-    for seed, scenario, name in product(range(seeds), scenarios, CLUTCHES):
+
+
+def planned_policies(scenarios: Iterable[str], seeds: int) -> Iterator[Run]:
+    """Return the runs of policies, all arrangements before the next seed."""
+    for scenario, seed, name in product(scenarios, range(seeds), CLUTCHES):
         yield Run(name, scenario, POLICY, seed)
 
 
-def tuned(run: Run, sizes: Sizes) -> tuple[PaceSchedule, dict[str, float]]:
-    """Return a law with gains for each pace, and their values on other training draws [m]."""
+def best_law(runs: Mapping[Run, Found], arrangement: str, scenario: str) -> str | None:
+    """Return the law that is best on training draws."""
+    mine = {
+        run.what: found for run, found in runs.items() if run[:2] == (arrangement, scenario) and "training" in found
+    }
+    return min(mine, key=lambda law: sum(mine[law]["training"].values()), default=None)
+
+
+def tuned(run: Run, sizes: Sizes) -> tuple[PaceSchedule, Found]:
+    """Return a law with gains for each pace; the gains, and their values on other training draws [m]."""
     from pter_gym.tools.tuning import tune
     from pter_gym.tools.tuning.search import make
 
-    knots: list[Any] = []
-    values: dict[str, float] = {}
+    found: Found = {"gains": {}, "training": {}}
     search: dict[str, Any] = {"trials": sizes.trials, "starts": sizes.starts, "episodes": sizes.draws}
     with TemporaryDirectory() as folder:
-        for pace, speed in PACES.items():
+        for pace in PACES:
             storage = Path(folder) / f"{pace}.journal"
-            found = tune(run.what, run.scenario, pace, machine=run.machine, known=False, storage=storage, **search)
-            knots.append((speed, make(run.what, found.gains)))
-            values[pace] = found.assessment.value
-    return PaceSchedule(tuple(knots)), values
+            best = tune(run.what, run.scenario, pace, machine=run.machine, known=False, storage=storage, **search)
+            found["gains"][pace], found["training"][pace] = best.gains, best.assessment.value
+    knots = tuple((speed, make(run.what, found["gains"][pace])) for pace, speed in PACES.items())
+    return PaceSchedule(knots), found
 
 
-def trained(run: Run, sizes: Sizes) -> Any:
-    """Return a policy, trained as `pter train ppo` does."""
+def trained(run: Run, sizes: Sizes) -> tuple[Any, Found]:
+    """Return a policy, trained as `pter train residual` does, and the law that it corrects."""
     from pter_agents import training
     from pter_agents.algorithms import load_settings
     from pter_agents.prepare import make_interface
     from pter_gym.policies import NeuralPolicy
+    from pter_gym.policies._interface import Base
     from pter_gym.scenarios._own_machine import OwnMachine
 
-    settings, own = load_settings(POLICY), OwnMachine(run.machine)
+    runs = of_size(sizes)
+    law = best_law(runs, run.arrangement, run.scenario)
+    assert law, "laws come before policies"
+    gains = runs[Run(run.arrangement, run.scenario, law, 0)]["gains"]
+    base = Base(controller=law, paces=tuple(PACES.values()), gains=tuple(gains[pace] for pace in PACES))
+    settings, own = replace(load_settings(POLICY), **SETTINGS), OwnMachine(run.machine)
     given: dict[str, Any] = {"scenario": run.scenario, "pace": "all", "steps": sizes.steps, "seed": run.seed}
     arguments = training.Arguments(algorithm=POLICY, settings=settings, machine=own, **given)
     draws = training.make_draws(arguments)
-    interface = make_interface(settings, run.scenario, draws, run.seed, own.machine)
+    interface = make_interface(settings, run.scenario, draws, run.seed, own.machine, base)
     worlds = training.make_training_worlds(arguments, draws, interface)
     model = training.make_model(arguments, worlds)
     try:
         while model.steps < sizes.steps:
             model.advance()
-        return NeuralPolicy(worlds.interface, model.actor())
+        return NeuralPolicy(worlds.interface, model.actor()), {"law": law}
     finally:
         model.close()
         worlds.close()
@@ -146,13 +169,18 @@ def scored(run: Run, policy: Any, sizes: Sizes) -> Found:
 
 def one(run: Run, sizes: Sizes) -> Found:
     """Tune or train, and return the scores."""
-    policy, values = (trained(run, sizes), {}) if run.what == POLICY else tuned(run, sizes)
-    return {**scored(run, policy, sizes), "training": values, "seconds": round(process_time(), 1)}
+    policy, how = (trained if run.what == POLICY else tuned)(run, sizes)
+    return {**scored(run, policy, sizes), **how, "seconds": round(process_time(), 1)}
 
 
 def stored() -> dict[tuple[Run, Sizes], Found]:
     """Return the runs that are finished."""
     return {(Run(*run), Sizes(*of)): found for (run, of), found in finished(SCRIPT)}
+
+
+def of_size(sizes: Sizes) -> dict[Run, Found]:
+    """Return the finished runs of a size."""
+    return {run: found for (run, of), found in stored().items() if of == sizes}
 
 
 def tell(key: tuple[Run, Sizes], found: Found) -> str:
@@ -175,12 +203,12 @@ def main(
         print(json.dumps(one(Run(*run), Sizes(*of))))
         return
     if not no_run:
-        runs = ((run, sizes) for run in planned(scenarios, laws, seeds))
-        perform(SCRIPT, stored(), runs, minutes, tell)
+        for runs in (planned_laws(scenarios, laws), planned_policies(scenarios, seeds)):
+            perform(SCRIPT, stored(), ((run, sizes) for run in runs), minutes, tell)
     from arrangements_page import make
 
-    found = {run: result for (run, of), result in stored().items() if of == sizes}
-    make(found, CLUTCHES)
+    found = of_size(sizes)
+    make(found, {key: best_law(found, *key) for key in product(CLUTCHES, scenarios)}, CLUTCHES)
 
 
 if __name__ == "__main__":

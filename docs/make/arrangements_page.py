@@ -25,12 +25,6 @@ TEXT = """# Which clutches a passive arm needs
 (The answer in three sentences: is the coupling worth its clutch, does the inverting gear matter, which ratio is best
 for a line and for a circle?)
 
-Only the paper's arrangement was built. On each, control laws are tuned with the same number of trials at each pace,
-without the gains that are known for PTER, and `pter train ppo` trains policies. *Best law* has the smallest error on
-training draws. Path errors in mm are means over fresh episodes at the slow, medium and brisk pace, with 95 % bootstrap
-intervals over the episodes of each seed. † misses the limits of a rank at some pace; of policies, the seeds that keep
-them are counted. `python docs/make/arrangements.py` makes table and figure.
-
 <!-- arrangements -->
 <!-- /arrangements -->
 
@@ -38,15 +32,14 @@ them are counted. `python docs/make/arrangements.py` makes table and figure.
 """
 
 Found = Mapping[str, Any]
-Entries = Mapping[tuple[str, str], tuple[Sequence[Found], Sequence[Found]]]
-"""By arrangement and scenario: the best law, as a list of at most one, and the policies of all seeds."""
+Entries = Mapping[tuple[str, str], tuple[Found | None, Found | None]]
+"""By arrangement and scenario: the best law and the median policy."""
 
 
-def interval(seeds: Sequence[Found], kind: str | None = None) -> Interval:
-    """Return the mean path error [mm] over paces, seeds and episodes, of one kind of path or all."""
+def interval(found: Found, kind: str | None = None) -> Interval:
+    """Return the mean path error [mm] over paces and episodes, of one kind of path or all."""
     rows = [
-        (error, (seed, pace, stratum))
-        for seed, found in enumerate(seeds)
+        (error, (pace, stratum))
         for pace in PACES
         for stratum, errors in found[pace]["errors"].items()
         for error in errors
@@ -56,16 +49,22 @@ def interval(seeds: Sequence[Found], kind: str | None = None) -> Interval:
     return bootstrap_interval(values, strata=strata)
 
 
-def cell(seeds: Sequence[Found], kind: str | None = None) -> str:
-    """Return a path error, with its interval and how many seeds keep the limits of a rank unless it is of a kind."""
-    if not seeds:
+def marked(found: Found) -> str:
+    """Return a path error, with a mark unless it keeps the limits of a rank."""
+    return f"{interval(found).value:.1f}{'' if ranks(found) else BELOW}"
+
+
+def cell(found: Found | None, *more: str) -> str:
+    """Return a path error with its interval and its mark, and what more there is to say."""
+    if not found:
         return "–"
-    value, low, high = interval(seeds, kind)
-    if kind:
-        return f"{value:.1f}"
-    kept = sum(map(ranks, seeds))
-    ranked = f", {kept} of {len(seeds)}" if len(seeds) > 1 else "" if kept else BELOW
-    return f"{value:.1f} ({low:.1f} … {high:.1f}){ranked}"
+    _, low, high = interval(found)
+    return f"{marked(found)} ({low:.1f} … {high:.1f}) {' '.join(more)}"
+
+
+def on(kind: str, *found: Found | None) -> str:
+    """Return path errors on one kind of path."""
+    return " / ".join(f"{interval(each, kind).value:.1f}" if each else "–" for each in found)
 
 
 @styled
@@ -76,10 +75,10 @@ def figure_of(entries: Entries) -> Figure:
     panels = figure.subplots(1, len(scenarios), sharey=True, squeeze=False)[0]
     for axes, scenario in zip(panels, scenarios, strict=True):
         for k, (who, look) in enumerate(looks(WHO).items()):
-            there = [y for y, name in enumerate(names) if entries[name, scenario][k]]
-            told = np.array([interval(entries[names[y], scenario][k]) for y in there]).reshape(-1, 3)
+            shown = {y: found for y, name in enumerate(names) if (found := entries[name, scenario][k])}
+            told = np.array([interval(found) for found in shown.values()]).reshape(-1, 3)
             spread = [told[:, 0] - told[:, 1], told[:, 2] - told[:, 0]]
-            y = np.array(there) + 0.2 * k - 0.1
+            y = np.array(list(shown)) + 0.2 * k - 0.1
             axes.errorbar(told[:, 0], y, xerr=spread, fmt=look.marker, color=look.colour, markersize=4.0, label=who)
         axes.set(xscale="log", title=scenario)
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -92,21 +91,34 @@ def figure_of(entries: Entries) -> Figure:
     return figure
 
 
-def make(runs: Mapping[Any, Found], clutches: Mapping[str, Sequence[Connection]]) -> None:
-    """Write the page's table and its figure; the page too, if there is none."""
-    scenarios = sorted({run.scenario for run in runs}, key=list(SCENARIOS).index)
-    entries: dict[tuple[str, str], tuple[list[Found], list[Found]]] = {}
+def make(
+    runs: Mapping[Any, Found], laws: Mapping[tuple[str, str], str | None], clutches: Mapping[str, Sequence[Connection]]
+) -> None:
+    """Write the page's table and its figure; the page too, if there is none.
+
+    Parameters
+    ----------
+    runs
+        What was found.
+    laws
+        The best law by arrangement and scenario.
+    clutches
+        The arrangements.
+    """
+    scenarios = sorted({scenario for _, scenario in laws}, key=list(SCENARIOS).index)
+    entries: dict[tuple[str, str], tuple[Found | None, Found | None]] = {}
     rows: list[list[str]] = []
     for name, declared in clutches.items():
         rows.append([f"`{name}`", signed(", ".join(f"({each.row[0]:g}, {each.row[1]:g})" for each in declared))])
         for scenario in scenarios:
-            mine = {run.what: found for run, found in runs.items() if run[:2] == (name, scenario) and found["training"]}
-            best = sorted(mine, key=lambda law: sum(mine[law]["training"].values()))[:1]
-            policies = [each for run, each in runs.items() if run[:2] == (name, scenario) and not each["training"]]
-            both = entries[name, scenario] = [mine[law] for law in best], policies
-            rows[-1] += [", ".join([cell(both[0]), *best]), cell(policies)]
-            if scenario == "paths":
-                rows[-1] += [f"{cell(both[0], kind)} / {cell(both[1], kind)}" for kind in KINDS]
+            mine = {run: found for run, found in sorted(runs.items()) if run[:2] == (name, scenario)}
+            best = next((found for run, found in mine.items() if run.what == laws[name, scenario]), None)
+            policies = [found for found in mine.values() if "law" in found]
+            ordered = sorted(policies, key=lambda found: interval(found).value)
+            middle = ordered[(len(ordered) - 1) // 2] if ordered else None
+            both = entries[name, scenario] = best, middle
+            rows[-1] += [cell(best, laws[name, scenario] or ""), cell(middle, "of", ", ".join(map(marked, policies)))]
+            rows[-1] += [on(kind, *both) for kind in KINDS if scenario == "paths"]
     header = ["Arrangement", "Rows of W"]
     for scenario in scenarios:
         header += [f"`{scenario}`: {who}" for who in WHO]

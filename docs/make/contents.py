@@ -31,7 +31,7 @@ BELOW = {
     "path-following": ("environment", "task", "worlds", "constants", "laws", "reward"),
     "scenarios/index": tuple(f"scenarios/{name}" for name in SCENARIOS),
     "policies": ("data",),
-    "controllers": ("classical-control",),
+    "controllers": ("classical-control", "which-clutches"),
     "scoring": ("bound", "trust"),
     "model": ("hands", "gradients"),
     "paper-figures": ("reproduction", "calibration"),
