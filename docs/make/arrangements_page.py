@@ -9,7 +9,6 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from pages import BELOW, DOCS, IMAGES, signed, table, write_block
 from study_page import ranks
 
-from pter_gym._internal.files import write_text_atomic
 from pter_gym.benchmark.statistics import Interval, bootstrap_interval
 from pter_gym.params import Connection
 from pter_gym.scenarios import PACES, SCENARIOS
@@ -19,17 +18,6 @@ PAGE = DOCS / "which-clutches.md"
 WHO = ("best law", "policy")
 KINDS = ("Line", "Circle")
 """Paths of the scenario `paths` that have columns of their own."""
-
-TEXT = """# Which clutches a passive arm needs
-
-(The answer in three sentences: is the coupling worth its clutch, does the inverting gear matter, which ratio is best
-for a line and for a circle?)
-
-<!-- arrangements -->
-<!-- /arrangements -->
-
-![Path error of each arrangement](images/arrangements.png)
-"""
 
 Found = Mapping[str, Any]
 Entries = Mapping[tuple[str, str], tuple[Found | None, Found | None]]
@@ -94,7 +82,7 @@ def figure_of(entries: Entries) -> Figure:
 def make(
     runs: Mapping[Any, Found], laws: Mapping[tuple[str, str], str | None], clutches: Mapping[str, Sequence[Connection]]
 ) -> None:
-    """Write the page's table and its figure; the page too, if there is none.
+    """Write the page's table and its figure.
 
     Parameters
     ----------
@@ -117,13 +105,12 @@ def make(
             ordered = sorted(policies, key=lambda found: interval(found).value)
             middle = ordered[(len(ordered) - 1) // 2] if ordered else None
             both = entries[name, scenario] = best, middle
-            rows[-1] += [cell(best, laws[name, scenario] or ""), cell(middle, "of", ", ".join(map(marked, policies)))]
+            seeds = ", ".join(map(marked, policies))
+            rows[-1] += [cell(best, laws[name, scenario] or ""), cell(middle, "seeds:", seeds)]
             rows[-1] += [on(kind, *both) for kind in KINDS if scenario == "paths"]
     header = ["Arrangement", "Rows of W"]
     for scenario in scenarios:
         header += [f"`{scenario}`: {who}" for who in WHO]
         header += [f"{kind}: law / policy" for kind in KINDS if scenario == "paths"]
-    if not PAGE.exists():
-        write_text_atomic(PAGE, TEXT)
     write_block(PAGE, "arrangements", table(header, rows, "---"))
     save(figure_of(entries), IMAGES / "arrangements.png")
