@@ -128,7 +128,7 @@ def distances(blocks: Blocks) -> Figure:
             errors = [line[who].error.mean() for _, line in there]
             axes.scatter(errors, [row for row, _ in there], 28.0, look.colour, look.marker, label=who, zorder=3)
         axes.set(xscale="log", title=f"{pace}, {speed:g} m/s")
-        axes.set_xticks((0.5, 1.0, 2.0, 5.0, 10.0, 20.0), ("0.5", "1", "2", "5", "10", "20"))
+        axes.set_xticks((0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0), ("0.1", "0.2", "0.5", "1", "2", "5", "10", "20"))
         axes.set_xticks([], minor=True)
         axes.grid(visible=False, axis="y")
         label(axes, "path error [mm]", "")
