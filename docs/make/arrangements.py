@@ -6,8 +6,8 @@
 
 A run is a line of docs/make/arrangements.jsonl: a law tuned at each pace, or a policy trained at all of them, which
 corrects the best law. Gains are searched without those that are known, which were found on the paper's machine, and the
-best law is chosen by training draws; scores are those of fresh evaluation episodes. Needs the extra `agents`; takes two
-hours.
+best law is chosen by training draws; scores are those of fresh evaluation episodes. Needs the extra `agents`; takes
+about two hours of CPU time.
 """
 
 import json
@@ -41,8 +41,13 @@ CLUTCHES = {
 SCENARIOS = ("standard", "paths")
 LAWS = ("single-dof", "velocity-ratio", "torque-feedback", "impedance")
 POLICY = "residual"
-SETTINGS: dict[str, Any] = {"truncation": 0.5, "history": (), "averages": ()}
-SETTINGS |= dict.fromkeys(("hidden", "value_hidden"), (64, 64))
+SETTINGS: dict[str, Any] = {
+    "truncation": 0.5,
+    "history": (),
+    "averages": (),
+    "hidden": (64, 64),
+    "value_hidden": (64, 64),
+}
 """In place of the policy's own settings: laws may be far from the path, and small networks learn in less time."""
 
 FRESH = 20261125

@@ -6,7 +6,7 @@ as one of ``gymnasium.make_vec`` with that seed.
 """
 
 from functools import cache
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, Self, cast
 
 import gymnasium
 from gymnasium import spaces
@@ -94,6 +94,17 @@ class JaxEnv:
         arrays = env.batch.device_arrays()
         self.default_params = EnvParams(words_of(arrays["config"]), words_of(arrays["constants"]))
         self._empty = words_of(arrays["worlds"][0, :, 0])
+
+    @classmethod
+    def from_id(cls, env_id: str, keywords: dict[str, Any]) -> Self:
+        """Return the environment of an id and arguments as ``make`` takes them."""
+        fixed: dict[str, Any] = {"autoreset_mode": "SAME_STEP", "telemetry": False, "num_threads": 1, "num_envs": 1}
+        for name in (*fixed, "render_mode", "device"):
+            if name in keywords:
+                raise ParameterError(f"{name} must not be given: JAX has its own way")
+        if not env_id.startswith("PTER/"):
+            raise ParameterError(f"env_id must be an id of PTER, got {env_id!r}")
+        return cls(cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped))
 
     def reset(self, key: jax.Array, params: EnvParams | None = None) -> tuple[jax.Array, EnvState]:
         """Return the first observation, float32 (len(observation_layout),), and the state of a world.
@@ -191,19 +202,8 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
     ParameterError
         If an argument is out of range, or JAX would run this on something else than a CPU.
     """
-    made = JaxEnv(_vector(env_id, keywords))
+    made = JaxEnv.from_id(env_id, keywords)
     return made, made.default_params
-
-
-def _vector(env_id: str, keywords: dict[str, Any]) -> PathFollowingVectorEnv:
-    """Return one world for Gymnasium."""
-    fixed: dict[str, Any] = {"autoreset_mode": "SAME_STEP", "telemetry": False, "num_threads": 1, "num_envs": 1}
-    for name in (*fixed, "render_mode", "device"):
-        if name in keywords:
-            raise ParameterError(f"{name} must not be given: JAX has its own way")
-    if not env_id.startswith("PTER/"):
-        raise ParameterError(f"env_id must be an id of PTER, got {env_id!r}")
-    return cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped)
 
 
 def _many(run: Any) -> Any:

@@ -18,11 +18,9 @@ from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym.envs import jax as door
 from pter_gym.errors import ParameterError
 from pter_gym.gradients._tracing import Column, branchless
-from pter_gym.gradients.jax import MEANING, jax, jnp, lax, numbers_of, rolling
+from pter_gym.gradients.jax import MEANING, floats_of, jax, jnp, lax, rolling
 from pter_gym.paths._projection import foot_on, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND
-
-_vector: Any = door._vector  # pyright: ignore[reportPrivateUsage]
 
 
 class EnvState(NamedTuple):
@@ -66,7 +64,7 @@ class DifferentiableEnv(door.JaxEnv):
     def reset_to_seed(self, seed: Any, params: Any = None) -> tuple[jax.Array, Any]:
         """Return what ``JaxEnv.reset_to_seed`` does, and the world's numbers."""
         obs, (world, episode) = super().reset_to_seed(seed, params)
-        return obs, EnvState(world, episode, numbers_of(world))
+        return obs, EnvState(world, episode, floats_of(world))
 
     def step(self, key: Any, state: Any, action: Any, params: Any = None) -> Any:
         """Advance a world as ``JaxEnv.step`` does.
@@ -104,7 +102,7 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[Differ
     ParameterError
         As there, and if machine, hand or sensors are such that a step has no derivative here.
     """
-    made = DifferentiableEnv(_vector(env_id, {"sensors": "encoders", **keywords}))
+    made = DifferentiableEnv.from_id(env_id, {"sensors": "encoders", **keywords})
     return made, made.default_params
 
 
@@ -163,7 +161,7 @@ class _Words:
         return self.part(first, 1)[0]
 
     def part(self, first: Any, count: int) -> Any:
-        return numbers_of(lax.dynamic_slice_in_dim(self.words, 2 * first, 2 * count))
+        return floats_of(lax.dynamic_slice_in_dim(self.words, 2 * first, 2 * count))
 
 
 def _following(config: Config, frame_skip: int) -> Any:
@@ -227,7 +225,7 @@ def _advancing(advance: Any, config: Config, frame_skip: int) -> Any:
     def run(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
         del numbers
         (world, episode), *rest = advance(state, action, shared)
-        return EnvState(world, episode, numbers_of(world)), *rest
+        return EnvState(world, episode, floats_of(world)), *rest
 
     def keep(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
         found = run(numbers, action, state, shared)

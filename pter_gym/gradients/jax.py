@@ -26,8 +26,7 @@ from pter_gym._compiled.records import flat
 from pter_gym._physics.model import arrangement_of, model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, State
 from pter_gym.gradients._adjoint import FIRST, LAST, kernels
-from pter_gym.gradients._machine import copied, divided
-from pter_gym.gradients._machine import numbers_of as _places
+from pter_gym.gradients._machine import copied, divided, numbers_of
 from pter_gym.gradients._rollout import STATE, UNITS
 from pter_gym.gradients._tracing import branchless
 from pter_gym.params import Machine
@@ -119,7 +118,7 @@ def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> 
     if jax.default_backend() != "cpu":
         raise ParameterError(f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu")
     held, substeps = divided(machine, period)
-    known = {place: value for place, value in _places(held).items() if place != "substep"}
+    known = {place: value for place, value in numbers_of(held).items() if place != "substep"}
     fixed = jnp.asarray(flat(arrangement_of(held)))
     to_model = branchless(model_of, MEANING, {})
     roll = rolling(held.has_paper_clutches, held.substep)
@@ -189,7 +188,7 @@ def rolling(papers: bool, substep: float) -> Any:
     def call(name: str, results: tuple[tuple[int, ...], ...], given: tuple[Any, ...]) -> tuple[Any, ...]:
         many = _calling(names[name], tuple(2 * math.prod(shape) for shape in results))
         found = many(tuple(words[None] for words in (h, *map(_words, given))), ())
-        return tuple(numbers_of(words[0]).reshape(shape) for words, shape in zip(found, results, strict=True))
+        return tuple(floats_of(words[0]).reshape(shape) for words, shape in zip(found, results, strict=True))
 
     def run(body: Any, volts: Any, force: Any, target: Any) -> Any:
         return call("forward", ((len(volts) + 1, LAST - FIRST),), (body, volts, force, target))[0]
@@ -232,7 +231,7 @@ def _words(numbers: jax.Array) -> jax.Array:
     return jnp.where(exponent[:, None] == 0, 0, jnp.stack([low, high], axis=1)).reshape(-1)
 
 
-def numbers_of(words: jax.Array) -> jax.Array:
+def floats_of(words: jax.Array) -> jax.Array:
     """Return words as numbers of the width that JAX is set to."""
     if jnp.result_type(float) == jnp.float64:
         return lax.bitcast_convert_type(words.reshape(-1, 2), jnp.float64)
