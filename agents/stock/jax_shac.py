@@ -112,7 +112,7 @@ def learn(env, params, seed, steps, worlds, horizon, epochs, rates, noise):
 def train(
     seed: int = 0, steps: int = 1_500_000, worlds: int = 32, horizon: int = 16, out: Path = Path("stock")
 ) -> None:
-    env, params = make("PTER/Standard-v0")
+    env, params = make("PTER/Standard-v0", episode_end="constant")
     settings = {"steps": steps, "worlds": worlds, "horizon": horizon, "epochs": 8, "rates": (2e-3, 2e-3), "noise": 0.3}
     layers = jax.jit(partial(learn, env, **settings))(params, seed)
     layers = jax.tree.map(np.asarray, layers)

@@ -96,15 +96,15 @@ class JaxEnv:
         self._empty = words_of(arrays["worlds"][0, :, 0])
 
     @classmethod
-    def from_id(cls, env_id: str, keywords: dict[str, Any]) -> Self:
-        """Return the environment of an id and arguments as ``make`` takes them."""
+    def from_id(cls, env_id: str, keywords: dict[str, Any], **own: Any) -> Self:
+        """Return the environment of an id and arguments as ``make`` takes them, and those of this class alone."""
         fixed: dict[str, Any] = {"autoreset_mode": "SAME_STEP", "telemetry": False, "num_threads": 1, "num_envs": 1}
         for name in (*fixed, "render_mode", "device"):
             if name in keywords:
                 raise ParameterError(f"{name} must not be given: JAX has its own way")
         if not env_id.startswith("PTER/"):
             raise ParameterError(f"env_id must be an id of PTER, got {env_id!r}")
-        return cls(cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped))
+        return cls(cast(Any, gymnasium.make_vec(env_id, **fixed, **keywords).unwrapped), **own)
 
     def reset(self, key: jax.Array, params: EnvParams | None = None) -> tuple[jax.Array, EnvState]:
         """Return the first observation, float32 (len(observation_layout),), and the state of a world.

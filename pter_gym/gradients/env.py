@@ -5,7 +5,7 @@ A step has the bits of that door. Its derivative is that of the same step made a
 functions of JAX.
 """
 
-from typing import Any, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast, get_args
 
 import numpy as np
 
@@ -40,14 +40,20 @@ class EnvState(NamedTuple):
     numbers: jax.Array
 
 
+EpisodeEnd = Literal["raise", "constant"]
+"""What to do with a derivative that would pass through the end of an episode, where there is a jump."""
+
+
 class DifferentiableEnv(door.JaxEnv):
     """Pure functions of one world as ``JaxEnv`` has them, whose ``step`` has a derivative; make one with ``make``.
 
-    Observation, reward and next state are differentiated by the action and the state. A step in which an episode ends
-    counts as constant. So does ``params``, of which ``step`` takes the constants alone.
+    Observation, reward and next state are differentiated by the action and the state. ``params`` counts as constant;
+    ``step`` takes its constants alone.
     """
 
-    def __init__(self, env: Any) -> None:
+    def __init__(self, env: Any, episode_end: EpisodeEnd) -> None:
+        if episode_end not in get_args(EpisodeEnd):
+            raise ParameterError(f"episode_end must be among {', '.join(get_args(EpisodeEnd))}, got {episode_end!r}")
         if not env.batch.machine.has_paper_clutches:
             raise ParameterError("machine must have the paper's clutches for a step to be differentiated")
         if env.batch.device_arrays()["worlds"].shape[1] != BASIC_ROWS:
@@ -59,7 +65,8 @@ class DifferentiableEnv(door.JaxEnv):
             raise ParameterError('sensors must be "encoders" for a step to be differentiated')
         super().__init__(env)
         config = np.asarray(self.default_params.config).view(np.float64)
-        self._advance_one = _advancing(super()._advance, load(config[:, None], CONFIG, 0), self.frame_skip)
+        follow = _following(load(config[:, None], CONFIG, 0), self.frame_skip)
+        self._advance_one = _advancing(super()._advance, follow, len(self.observation_layout), episode_end)
 
     def reset_to_seed(self, seed: Any, params: Any = None) -> tuple[jax.Array, Any]:
         """Return what ``JaxEnv.reset_to_seed`` does, and the world's numbers."""
@@ -86,23 +93,30 @@ class DifferentiableEnv(door.JaxEnv):
         shared = door.EnvParams(self.default_params.config, shared.constants)
         state, obs, final, reward, flags = self._advance_one(state.numbers, given, state[:2], shared)
         over = flags[FLAG.terminated] | flags[FLAG.truncated]
-        return state, obs, jnp.where(over, lax.stop_gradient(final), obs), reward, flags
+        return state, obs, jnp.where(over, final, obs), reward, flags
 
 
-def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[DifferentiableEnv, Any]:
+def make(
+    env_id: str = "PTER/PathFollowing-v0", *, episode_end: EpisodeEnd = "raise", **keywords: Any
+) -> tuple[DifferentiableEnv, Any]:
     """Return a differentiable environment of an id, and what its worlds share.
 
     Parameters
     ----------
     env_id, **keywords
         As ``pter_gym.envs.jax.make`` takes them; ``sensors`` is ``"encoders"`` by default.
+    episode_end
+        A derivative that would pass through a step in which an episode ends raises an error: a ``ParameterError``, or
+        within ``jit``, ``vmap`` and ``scan`` the error of JAX that quotes it. With ``"constant"``, state, observations
+        and reward after such a step count as constant.
 
     Raises
     ------
     ParameterError
         As there, and if machine, hand or sensors are such that a step has no derivative here.
     """
-    made = DifferentiableEnv.from_id(env_id, {"sensors": "encoders", **keywords})
+    keywords = {"sensors": "encoders", **keywords}
+    made = DifferentiableEnv.from_id(env_id, keywords, episode_end=episode_end)
     return made, made.default_params
 
 
@@ -218,9 +232,18 @@ def _following(config: Config, frame_skip: int) -> Any:
     return follow
 
 
-def _advancing(advance: Any, config: Config, frame_skip: int) -> Any:
+def _refused(passes: Any) -> Any:
+    """Return zeros, unless a derivative passes through the end of an episode."""
+    if np.any(passes):
+        raise ParameterError(
+            "gradient must not pass through the end of an episode, where there is a jump: give fewer steps, apply "
+            'jax.lax.stop_gradient where an episode ends, or make the environment with episode_end="constant"'
+        )
+    return np.zeros(passes.shape, np.float32)
+
+
+def _advancing(advance: Any, follow: Any, entries: int, episode_end: EpisodeEnd) -> Any:
     """Return a step as a function of a world's numbers, an action, the other parts of its state, and what is shared."""
-    follow = _following(config, frame_skip)
 
     def run(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
         del numbers
@@ -234,16 +257,24 @@ def _advancing(advance: Any, config: Config, frame_skip: int) -> Any:
 
     def pull(kept: Any, by: Any) -> Any:
         *given, constants, over = kept
-        by_state, by_obs, _, by_reward, _ = by
+        by_state, by_obs, by_final, by_reward, _ = by
+        none: Any = np.float32(0.0)
+        if episode_end == "raise":
+            ends = by_state.numbers, by_obs, by_final, by_reward
+            passes = over & jnp.any(jnp.concatenate([jnp.ravel(each) != 0.0 for each in ends]))
+            if isinstance(passes, cast(Any, jax).core.Tracer):
+                none = jax.pure_callback(_refused, none, passes, vmap_method="expand_dims")
+            else:
+                none = _refused(passes)
 
         def unless_over(each: Any) -> Any:
-            return jnp.where(over, 0.0, each)
+            return jnp.where(over, none, each)
 
         def near(numbers: Any, action: Any) -> Any:
             return follow(numbers, action, _Words(constants))
 
         back: Any = cast(Any, jax).vjp(near, *given)[1]
-        by_found = by_state.numbers, by_obs[: int(config.entries)], by_reward
+        by_found = by_state.numbers, by_obs[:entries], by_reward
         return *map(unless_over, back(tuple(map(unless_over, by_found)))), None, None
 
     custom: Any = jax.custom_vjp

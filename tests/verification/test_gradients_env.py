@@ -106,23 +106,54 @@ def test_the_gradient_by_a_policy_is_that_of_paired_runs(kind: str, wide: bool) 
     assert np.median(bound[usable] / np.abs(found[usable])) < 0.02
 
 
+def paid(env: Any, action: Any, pays: Any) -> Any:
+    """The rewards of four steps with an action, weighted."""
+    _, state = env.reset_to_seed(3)
+
+    def step(state: Any, _: Any) -> Any:
+        _, state, reward, *_ = env.step(None, state, action)
+        return state, reward
+
+    return jax.lax.scan(step, state, length=4)[1] @ pays
+
+
 @pytest.mark.slow
 def test_the_end_of_an_episode_cuts_the_gradient() -> None:
+    env, _ = make("PTER/Standard-v0", max_episode_steps=2, episode_end="constant")
+    by = jax.jit(jax.grad(partial(paid, env)))
+    found = [by(jnp.full(4, -0.2), pays) for pays in np.eye(4, dtype=np.float32)]
+    assert [bool(np.any(each)) for each in found] == [True, False, True, False]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("many", [False, True], ids=["one", "vmap"])
+@pytest.mark.parametrize("compiled", [False, True], ids=["alone", "jit"])
+def test_a_gradient_through_the_end_of_an_episode_raises(compiled: bool, many: bool) -> None:
+    env, _ = make("PTER/Standard-v0", max_episode_steps=2)
+    by: Any = jax.grad(partial(paid, env))
+    pays = np.eye(4, dtype=np.float32)
+    by, given = (jax.vmap(by, (None, 0)), pays) if many else (by, pays[1])
+    by = jax.jit(by) if compiled else by
+    with pytest.raises((ValueError, jax.errors.JaxRuntimeError), match="ParameterError: gradient must not pass"):
+        jax.block_until_ready(by(jnp.full(4, -0.2), given))
+
+
+def test_a_gradient_before_the_end_or_without_it_does_not_raise() -> None:
     env, _ = make("PTER/Standard-v0", max_episode_steps=2)
     _, state = env.reset_to_seed(3)
 
-    def earned(action: Any) -> Any:
-        """The rewards of two episodes of two steps."""
+    def last(action: Any, weight: Any, final: Any) -> Any:
+        _, after, first, *_ = env.step(None, state, action)
+        _, _, second, _, over, info = env.step(None, after, action)
+        assert over
+        return first + weight * second + final @ info["final_observation"]
 
-        def step(state: Any, _: Any) -> Any:
-            _, state, reward, *_ = env.step(None, state, action)
-            return state, reward
-
-        return jax.lax.scan(step, state, length=4)[1]
-
-    by = jax.jit(jax.grad(lambda action, pays: earned(action) @ pays))
-    found = [by(jnp.full(4, -0.2), pays) for pays in np.eye(4, dtype=np.float32)]
-    assert [bool(np.any(each)) for each in found] == [True, False, True, False]
+    by = jax.grad(last)
+    nothing = jnp.zeros(len(env.observation_layout))
+    assert np.any(by(jnp.full(4, -0.2), 0.0, nothing))
+    for through in ((1.0, nothing), (0.0, nothing + 1.0)):
+        with pytest.raises(ParameterError, match="end of an episode"):
+            by(jnp.full(4, -0.2), *through)
 
 
 @pytest.mark.parametrize(
@@ -132,6 +163,7 @@ def test_the_end_of_an_episode_cuts_the_gradient() -> None:
         ({"machine": "couplings-2-1"}, "paper's clutches"),
         ({"env_id": "PTER/Everything-v0"}, "hand must be"),
         ({"device": "cuda"}, "device"),
+        ({"episode_end": "ignore"}, "episode_end must be among raise, constant"),
     ],
 )
 def test_what_has_no_derivative_is_refused(wrong: dict[str, Any], told: str) -> None:
