@@ -111,8 +111,8 @@ def summary(blocks: Blocks) -> str:
     apart = [block["apart"] for block in blocks.values()]
     together = sum(each < TOGETHER for each in apart)
     return (
-        f"\nThis took {seconds / 3600.0:.1f} hours of CPU time, for {len(blocks)} runs. At the end of each control step, "
-        f"the environment and the differentiated rollout differ by less than {TOGETHER:.0e} rad or rad/s in {together} "
+        f"\nThis took {seconds / 3600.0:.1f} hours of CPU time, for {len(blocks)} runs. At the end of each control "
+        f"step, environment and differentiated rollout differ by less than {TOGETHER:.0e} rad or rad/s in {together} "
         f"of them, and by at most {max(apart):.0e} in the others.\n"
     )
 

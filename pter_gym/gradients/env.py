@@ -18,7 +18,7 @@ from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym.envs import jax as door
 from pter_gym.errors import ParameterError
 from pter_gym.gradients._tracing import Column, branchless
-from pter_gym.gradients.jax import MEANING, floats_of, jax, jnp, lax, rolling
+from pter_gym.gradients.jax import MEANING, custom_vmap, floats_of, jax, jnp, lax, rolling
 from pter_gym.paths._projection import foot_on, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND
 
@@ -65,8 +65,8 @@ class DifferentiableEnv(door.JaxEnv):
             raise ParameterError('sensors must be "encoders" for a step to be differentiated')
         super().__init__(env)
         config = np.asarray(self.default_params.config).view(np.float64)
-        follow = _following(load(config[:, None], CONFIG, 0), self.frame_skip)
-        self._advance_one = _advancing(super()._advance, follow, len(self.observation_layout), episode_end)
+        loaded = load(config[:, None], CONFIG, 0)
+        self._advance_one = _advancing(super()._advance, loaded, self.frame_skip, episode_end)
 
     def reset_to_seed(self, seed: Any, params: Any = None) -> tuple[jax.Array, Any]:
         """Return what ``JaxEnv.reset_to_seed`` does, and the world's numbers."""
@@ -232,18 +232,30 @@ def _following(config: Config, frame_skip: int) -> Any:
     return follow
 
 
-def _refused(passes: Any) -> Any:
-    """Return zeros, unless a derivative passes through the end of an episode."""
-    if np.any(passes):
-        raise ParameterError(
-            "gradient must not pass through the end of an episode, where there is a jump: give fewer steps, apply "
-            'jax.lax.stop_gradient where an episode ends, or make the environment with episode_end="constant"'
-        )
-    return np.zeros(passes.shape, np.float32)
+def _refuse() -> None:
+    raise ParameterError(
+        "gradient must not pass through the end of an episode, where there is a jump: take fewer steps, apply "
+        'jax.lax.stop_gradient where an episode ends, or make the environment with episode_end="constant"'
+    )
 
 
-def _advancing(advance: Any, follow: Any, entries: int, episode_end: EpisodeEnd) -> Any:
+@custom_vmap
+def _none_unless(passes: Any) -> Any:
+    """Return zero, or raise an error if a derivative passes through the end of an episode."""
+    none: Any = np.float32(0.0)
+    made: Any = lax.cond(passes, lambda: jax.pure_callback(_refuse, none), lambda: none)
+    return made
+
+
+@_none_unless.def_vmap
+def _(size: int, _: Any, passes: Any) -> Any:
+    none: Any = _none_unless(passes.any())
+    return jnp.broadcast_to(none, size), True
+
+
+def _advancing(advance: Any, config: Config, frame_skip: int, episode_end: EpisodeEnd) -> Any:
     """Return a step as a function of a world's numbers, an action, the other parts of its state, and what is shared."""
+    follow = _following(config, frame_skip)
 
     def run(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
         del numbers
@@ -263,9 +275,9 @@ def _advancing(advance: Any, follow: Any, entries: int, episode_end: EpisodeEnd)
             ends = by_state.numbers, by_obs, by_final, by_reward
             passes = over & jnp.any(jnp.concatenate([jnp.ravel(each) != 0.0 for each in ends]))
             if isinstance(passes, cast(Any, jax).core.Tracer):
-                none = jax.pure_callback(_refused, none, passes, vmap_method="expand_dims")
-            else:
-                none = _refused(passes)
+                none = _none_unless(passes)
+            elif passes:
+                _refuse()
 
         def unless_over(each: Any) -> Any:
             return jnp.where(over, none, each)
@@ -274,7 +286,7 @@ def _advancing(advance: Any, follow: Any, entries: int, episode_end: EpisodeEnd)
             return follow(numbers, action, _Words(constants))
 
         back: Any = cast(Any, jax).vjp(near, *given)[1]
-        by_found = by_state.numbers, by_obs[:entries], by_reward
+        by_found = by_state.numbers, by_obs[: int(config.entries)], by_reward
         return *map(unless_over, back(tuple(map(unless_over, by_found)))), None, None
 
     custom: Any = jax.custom_vjp

@@ -14,6 +14,7 @@ try:
     import jax
     from jax import lax
     from jax import numpy as _numpy
+    from jax.custom_batching import custom_vmap as _custom_vmap
 
     from pter_gym._engine import xla as _xla
     from pter_gym._engine.xla import rounded, words_of
@@ -32,6 +33,7 @@ from pter_gym.gradients._tracing import branchless
 from pter_gym.params import Machine
 
 jnp: Any = _numpy
+custom_vmap: Any = _custom_vmap
 _XLA: Any = _xla
 _many: Any = _door._many  # pyright: ignore[reportPrivateUsage]
 _double_rows, _opened = _XLA._double_rows, _XLA._opened
@@ -172,7 +174,7 @@ def _floats(name: str, values: Any, shape: tuple[int, ...]) -> jax.Array:
 
 
 def _spread(name: str, values: Any, shape: tuple[int, int, int]) -> jax.Array:
-    found = jnp.shape(values)
+    found = np.shape(values)
     accepted = (shape[-1:], shape[::2], shape)
     if found not in accepted:
         raise ParameterError(f"{name} must have a shape among {accepted}, got {found}")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from documents import DOCS, blocks_of, run_program
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Sine
@@ -72,7 +73,7 @@ def test_the_gradient_by_a_policy_is_that_of_paired_runs(kind: str, wide: bool) 
     hundred operations lose up to 10⁻³ of its scale. A world may cross a switch.
     """
     with jax.enable_x64(wide):
-        env, _ = make(**KINDS[kind])
+        env, _ = make(**KINDS[kind], episode_end="constant")
         state, obs, gains, shifts = drawn(env, 4)
         rng = np.random.default_rng(2)
         by = jnp.asarray(0.1 * rng.normal(size=(4, *obs.shape)), float)
@@ -181,3 +182,11 @@ def test_bad_input_and_other_platforms_are_refused(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
     with pytest.raises(ParameterError, match="cpu, got gpu"):
         make()
+
+
+@pytest.mark.slow
+def test_the_page_on_gradients_runs() -> None:
+    shown: dict[str, Any] = run_program(blocks_of(DOCS / "gradients.md"), "gradients.md")
+    for found in (shown["gradient"].volts, shown["by_volts"], shown["by_action"]):
+        assert np.isfinite(found).all()
+        assert np.any(found)
