@@ -243,8 +243,7 @@ def _refuse() -> None:
 def _none_unless(passes: Any) -> Any:
     """Return zero, or raise an error if a derivative passes through the end of an episode."""
     none: Any = np.float32(0.0)
-    made: Any = lax.cond(passes, lambda: jax.pure_callback(_refuse, none), lambda: none)
-    return made
+    return cast(Any, lax).cond(passes, lambda: jax.pure_callback(_refuse, none), lambda: none)
 
 
 @_none_unless.def_vmap
