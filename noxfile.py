@@ -153,12 +153,10 @@ def wheels(session: nox.Session) -> None:
     package_works(session, ".whl")
 
 
-@nox.session(python="3.13", tags=["gate"])
+@nox.session(python="3.13", tags=["long"])
 def newest(session: nox.Session) -> None:
-    """The core's tests on the newest Python; in the gate without slow ones and those far from the interpreter."""
-    far = [f"--ignore=tests/{room}" for room in ("benchmark", "notebooks", "tools")]
-    whole = "PTER_LONG" in os.environ
-    pytest_in_copy(session, "-m", CORE if whole else f"{CORE} and not slow", *([] if whole else far))
+    """The core's tests on the newest Python."""
+    pytest_in_copy(session, "-m", CORE)
 
 
 @nox.session(venv_backend="none", tags=["long"])
