@@ -16,7 +16,7 @@ from pter_gym._engine.step import clipped, drift_torques, given_volts, move_hand
 from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANT_ROWS, FLAG, ROW, STORED_ROWS, Config
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym.envs import jax as door
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.gradients._tracing import Column, branchless
 from pter_gym.gradients.jax import MEANING, custom_vmap, floats_of, jax, jnp, lax, rolling
 from pter_gym.paths._projection import foot_on, project, segment_at
@@ -53,7 +53,7 @@ class DifferentiableEnv(door.JaxEnv):
 
     def __init__(self, env: Any, episode_end: EpisodeEnd) -> None:
         if episode_end not in get_args(EpisodeEnd):
-            raise ParameterError(f"episode_end must be among {', '.join(get_args(EpisodeEnd))}, got {episode_end!r}")
+            raise unknown_name("episode_end", episode_end, get_args(EpisodeEnd))
         if not env.batch.machine.has_paper_clutches:
             raise ParameterError("machine must have the paper's clutches for a step to be differentiated")
         if env.batch.device_arrays()["worlds"].shape[1] != BASIC_ROWS:
@@ -240,16 +240,16 @@ def _refuse() -> None:
 
 
 @custom_vmap
-def _none_unless(passes: Any) -> Any:
+def _zero_unless(passes: Any) -> Any:
     """Return zero, or raise an error if a derivative passes through the end of an episode."""
-    none: Any = np.float32(0.0)
-    return cast(Any, lax).cond(passes, lambda: jax.pure_callback(_refuse, none), lambda: none)
+    zero: Any = np.float32(0.0)
+    return cast(Any, lax).cond(passes, lambda: jax.pure_callback(_refuse, zero), lambda: zero)
 
 
-@_none_unless.def_vmap
+@_zero_unless.def_vmap
 def _(size: int, _: Any, passes: Any) -> Any:
-    none: Any = _none_unless(passes.any())
-    return jnp.broadcast_to(none, size), True
+    zero: Any = _zero_unless(passes.any())
+    return jnp.broadcast_to(zero, size), True
 
 
 def _advancing(advance: Any, config: Config, frame_skip: int, episode_end: EpisodeEnd) -> Any:
@@ -269,17 +269,17 @@ def _advancing(advance: Any, config: Config, frame_skip: int, episode_end: Episo
     def pull(kept: Any, by: Any) -> Any:
         *given, constants, over = kept
         by_state, by_obs, by_final, by_reward, _ = by
-        none: Any = np.float32(0.0)
+        zero: Any = np.float32(0.0)
         if episode_end == "raise":
             ends = by_state.numbers, by_obs, by_final, by_reward
             passes = over & jnp.any(jnp.concatenate([jnp.ravel(each) != 0.0 for each in ends]))
             if isinstance(passes, cast(Any, jax).core.Tracer):
-                none = _none_unless(passes)
+                zero = _zero_unless(passes)
             elif passes:
                 _refuse()
 
         def unless_over(each: Any) -> Any:
-            return jnp.where(over, none, each)
+            return jnp.where(over, zero, each)
 
         def near(numbers: Any, action: Any) -> Any:
             return follow(numbers, action, _Words(constants))

@@ -114,21 +114,21 @@ def test_the_gradient_by_a_policy_is_that_of_paired_runs(kind: str, wide: bool) 
     assert np.median(bound[usable] / np.abs(found[usable])) < 0.02
 
 
-def paid(env: Any, action: Any, pays: Any) -> Any:
-    """The rewards of four steps with an action, weighted."""
-    _, state = env.reset_to_seed(3)
-
-    def step(state: Any, _: Any) -> Any:
-        _, state, reward, *_ = env.step(None, state, action)
-        return state, reward
-
-    return jax.lax.scan(step, state, length=4)[1] @ pays
-
-
 @pytest.mark.slow
 def test_the_end_of_an_episode_cuts_the_gradient() -> None:
     env, _ = make("PTER/Standard-v0", max_episode_steps=2, episode_end="constant")
-    by = jax.jit(jax.grad(partial(paid, env)))
+    _, state = env.reset_to_seed(3)
+
+    def earned(action: Any) -> Any:
+        """The rewards of two episodes of two steps."""
+
+        def step(state: Any, _: Any) -> Any:
+            _, state, reward, *_ = env.step(None, state, action)
+            return state, reward
+
+        return jax.lax.scan(step, state, length=4)[1]
+
+    by = jax.jit(jax.grad(lambda action, pays: earned(action) @ pays))
     found = [by(jnp.full(4, -0.2), pays) for pays in np.eye(4, dtype=np.float32)]
     assert [bool(np.any(each)) for each in found] == [True, False, True, False]
 
