@@ -34,7 +34,7 @@ def learn(seed: int = 0, steps: int = 250_000):
 
 def train(seed: int = 0, steps: int = 250_000, out: Path = Path("stock")) -> None:
     policies = {f"rllib-ppo-{seed}": learn(seed, steps), "torque-feedback": find_policy("torque-feedback")}
-    print_boards(run_scenario("standard", policies, fresh=seed, results=ResultsFolder(out)))
+    print_boards(run_scenario("standard", policies, seed=seed, results=ResultsFolder(out)))
 
 
 if __name__ == "__main__":

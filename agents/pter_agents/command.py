@@ -6,10 +6,10 @@ from typing import Annotated
 import tyro
 
 from pter_agents.algorithms import ALGORITHMS, ALL, load_settings, smoke_settings
-from pter_gym._commands.arguments import IS_FILE, Check, MachineName, among
+from pter_gym._commands.arguments import MachineName
 from pter_gym._internal.terminal import progress_bar, say, terminal
-from pter_gym.errors import ParameterError, needs_extra, unknown_name
-from pter_gym.scenarios import PACES, SCENARIOS
+from pter_gym.errors import ParameterError, needs_extra
+from pter_gym.scenarios import SCENARIOS
 
 TRAINED = "What to train: " + ", ".join(f"{name} ({each.action})" for name, each in ALGORITHMS.items()) + "."
 
@@ -19,23 +19,15 @@ SMOKE_ROLLOUTS = 3
 SMOKE_EPISODES = 8
 
 
-def check_trained(field: str, policy: str) -> None:
-    """Raise a ParameterError unless a policy is a shipped trained one, or may be the path of another."""
-    from pter_gym.policies._files import is_here, is_path, shipped_policies
-
-    if policy not in (known := shipped_policies()) and not is_path(policy) and not is_here(policy):
-        raise unknown_name(field, policy, known)
-
-
 def train(
-    algo: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ALGO", help=TRAINED), among(lambda: ALGORITHMS)],
-    scenario: Annotated[str, tyro.conf.arg(help=DRAWN), among(lambda: (ALL, *SCENARIOS))] = "standard",
-    pace: Annotated[str, among(lambda: (ALL, *PACES))] = ALL,
+    algo: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ALGO", help=TRAINED)],
+    scenario: Annotated[str, tyro.conf.arg(help=DRAWN)] = "standard",
+    pace: str = ALL,
     steps: int = 20_000_000,
     seed: int = 0,
     out: Path = Path("pter-run"),
     resume: bool = False,
-    config: Annotated[Path | None, tyro.conf.arg(metavar="FILE"), IS_FILE] = None,
+    config: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     smoke: bool = False,
     machine: MachineName = None,
 ) -> None:
@@ -132,7 +124,7 @@ def _export_run(run: Path, name: str | None, out: Path) -> Path:
 
 
 def retrain(
-    policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY"), Check(check_trained)],
+    policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY")],
     out: Path = Path("pter-retrain"),
 ) -> None:
     """Train a policy again from its card, and score both.

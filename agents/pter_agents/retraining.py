@@ -15,6 +15,9 @@ from pter_gym.policies import Neural, read_policy
 SUFFIX = "-again"
 """Of the name of a policy that was trained again."""
 
+FRESH_SEED = 1
+"""Seed of the fresh episodes on which policies are scored."""
+
 
 def arguments_of(about: Mapping[str, Any]) -> Arguments:
     """Return how a policy was trained, according to its card.
@@ -81,7 +84,7 @@ def compare(shipped: Neural, again: Neural, episodes: int | None = None) -> Sequ
     policies = {each.card.name: each for each in (shipped, again)}
     boards: list[Leaderboard] = []
     for each in scenarios_of(arguments_of(shipped.card.about)):
-        boards += leaderboards(run_scenario(each, policies, episodes=episodes, fresh="derived"))
+        boards += leaderboards(run_scenario(each, policies, episodes=episodes, seed=FRESH_SEED))
     return boards
 
 

@@ -15,7 +15,7 @@ from pter_gym._internal.files import FilePath, find_path, write_files_atomic
 from pter_gym._internal.plugins import load_artist
 from pter_gym._internal.terminal import make_folder
 from pter_gym._version import __version__
-from pter_gym.benchmark._evaluation import run_scenario
+from pter_gym.benchmark import run_scenario
 from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
 from pter_gym.benchmark.simulation import record_episode, time_limit
 from pter_gym.policies import SHIPPED, Neural, read_policy, shipped_policies
@@ -63,9 +63,12 @@ observation, info = env.reset(seed=0)
 action = policy(observation)
 ```
 
-`pter benchmark --scenario $scenario --policies path/to/this/folder --fresh derived` scores it.
+`pter benchmark --scenario $scenario --policies path/to/this/folder --seed 1` scores it.
 """)
 """What the hub reads of a card, in YAML, of which JSON is a part, and what people read."""
+
+FRESH_SEED = 1
+"""Seed of the fresh episodes on which policies are scored."""
 
 
 def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -> Path:
@@ -78,7 +81,7 @@ def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -
     out
         The folder; created if needed.
     episodes
-        Fresh episodes at each pace, at least 1. Their seed is derived from the policy's content.
+        Fresh episodes at each pace, at least 1.
 
     Raises
     ------
@@ -96,7 +99,7 @@ def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -
     scenario = scenario_of(neural.card.about.get("scenario"))
     make_folder(where)
     told = {name: neural}
-    runs = run_scenario(scenario.name, told, episodes=episodes, fresh="derived")
+    runs = run_scenario(scenario.name, told, episodes=episodes, seed=FRESH_SEED)
     written = source / f"{name}{TEXT}"
     text = written.read_text("utf-8") if written.is_file() else f"# {name}\n"
     parts = {f"{name}{ending}": (source / f"{name}{ending}").read_bytes() for ending in (WEIGHTS, CARD)}
@@ -121,7 +124,7 @@ def model_card(name: str, text: str, scenario: Scenario, boards: Sequence[Leader
         for score, unit, factor, digits in SHOWN:
             value, low, high = (round(factor * each, digits) for each in board.standings[0].scores[score])
             cells.append(f"{value} ({low} … {high})")
-            told = {"pace_m_s": PACES[board.pace], "interval_95": [low, high], "fresh": str(board.fresh)}
+            told = {"pace_m_s": PACES[board.pace], "interval_95": [low, high], "seed": board.seed}
             metrics.append(
                 {
                     "type": score,

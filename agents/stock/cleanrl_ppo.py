@@ -53,7 +53,7 @@ def train(seed: int = 0, steps: int = 5_000_000, n: int = 16, horizon: int = 204
     spaces = {"observation_space": envs.single_observation_space, "action_space": envs.single_action_space}
     model = SimpleNamespace(**spaces, predict=lambda obs, **_: (actor(limited(obs)).detach().numpy(), None))
     policies = {f"cleanrl-ppo-{seed}": from_sb3(model, seen), "torque-feedback": find_policy("torque-feedback")}
-    print_boards(run_scenario("standard", policies, fresh=seed, results=ResultsFolder(out)))
+    print_boards(run_scenario("standard", policies, seed=seed, results=ResultsFolder(out)))
 
 
 if __name__ == "__main__":

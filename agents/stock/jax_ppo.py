@@ -141,7 +141,7 @@ def train(
         return obs @ layers[-1][0] + layers[-1][1]
 
     policies = {f"jax-ppo-{seed}": from_actions(act, env.env), "torque-feedback": find_policy("torque-feedback")}
-    print_boards(run_scenario("standard", policies, fresh=seed, results=ResultsFolder(out)))
+    print_boards(run_scenario("standard", policies, seed=seed, results=ResultsFolder(out)))
 
 
 if __name__ == "__main__":

@@ -123,7 +123,7 @@ def train(
         return np.tanh(obs @ layers[-1][0] + layers[-1][1])
 
     policies = {f"jax-shac-{seed}": from_actions(act, env.env), "torque-feedback": find_policy("torque-feedback")}
-    print_boards(run_scenario("standard", policies, fresh=seed, results=ResultsFolder(out)))
+    print_boards(run_scenario("standard", policies, seed=seed, results=ResultsFolder(out)))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import numpy as np
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark._naming import find_policy
 from pter_gym.benchmark._recorded import Travel
-from pter_gym.benchmark.metrics import Scores, ranked_scores
+from pter_gym.benchmark.metrics import Scores
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit
 from pter_gym.controllers import bind
@@ -32,7 +32,7 @@ SEGMENT = 128
 COLUMNS = (COLUMN.time, COLUMN.arc_length, COLUMN.normal_error, COLUMN.is_success)
 """What ranked scores need of the telemetry."""
 
-LEAST = ("free", "locked", "random")
+BASELINES = ("free", "locked", "random")
 """Policies that know nothing; any that has learned something is better than each of them."""
 
 UNSEEN = 10_000
@@ -104,7 +104,13 @@ class Examination:
         telemetry = episodes.telemetry
         telemetry[np.arange(len(telemetry))[:, None] > np.array(self.limits)] = np.nan
         time, arc_length, errors, success = np.moveaxis(telemetry, -1, 0)
-        return ranked_scores(Travel(time, arc_length, errors, success, self.tasks))
+        travel = Travel(time, arc_length, errors, success, self.tasks)
+        return {
+            "path_error_m": travel.path_error(),
+            "completed": travel.completed(),
+            "mean_pace_error": travel.mean_pace_error(),
+            "segment_pace_error": travel.segment_pace_error(),
+        }
 
 
 def examine(
@@ -132,6 +138,6 @@ def examine(
         One machine in place of those that the scenario draws, as in ``find_scenario``; policies know about it.
     """
     examination = Examination(scenario, pace, episodes, seed, machine)
-    known = {name: find_policy(name) for name in LEAST}
+    known = {name: find_policy(name) for name in BASELINES}
     found = {name: examination.judge(policy) for name, policy in {**known, **policies}.items()}
     return dict(sorted(found.items(), key=lambda item: item[1].value))

@@ -110,7 +110,8 @@ class ModelPolicy(BoundPolicy):
         self._low, self._high = space.low.astype(np.float64), space.high.astype(np.float64)
         self._model, self._normalise, self._voltage_max = model, normalise, voltage_max
         self.frame_skip = frame_skip
-        self.reset()
+        self._state: Any = None
+        self._begins: bool | NDArray[np.bool_] = True
 
     def bind(self, machine: Machine, layout: Layout) -> "ModelPolicy":
         """Return the policy for a nominal machine and the layout of the observations that it will get.
@@ -128,14 +129,11 @@ class ModelPolicy(BoundPolicy):
         bound.layout = layout
         return bound
 
-    def reset(self) -> None:
-        """Forget the recurrent states: new episodes begin."""
-        self._state: Any = None
-        self._begins: bool | NDArray[np.bool_] = True
-
-    def forget(self, worlds: NDArray[np.bool_]) -> None:
-        """Forget the recurrent states of some worlds, (N,): the model is told that episodes begin in them."""
-        self._begins = worlds | self._begins
+    def reset(self, worlds: NDArray[np.bool_] | None = None) -> None:
+        """Begin new episodes in these worlds, (N,), in all where None: the model is told in its next decision."""
+        if worlds is None:
+            self._state = None
+        self._begins = True if worlds is None else worlds | self._begins
 
     def act(self, observations: Observations) -> NDArray[np.float64]:
         """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries)."""
