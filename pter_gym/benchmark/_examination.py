@@ -40,13 +40,7 @@ UNSEEN = 10_000
 
 
 class Assessment(NamedTuple):
-    """The scores that count for a policy.
-
-    Attributes
-    ----------
-    path_error_m, completed, mean_pace_error, segment_pace_error
-        Means of the scores that decide ranks.
-    """
+    """Means over draws of the scores that decide ranks."""
 
     path_error_m: float
     completed: float
@@ -68,19 +62,7 @@ class Assessment(NamedTuple):
 
 
 class Examination:
-    """Training draws of a scenario on which policies are scored; the same for all policies.
-
-    Parameters
-    ----------
-    scenario, pace
-        Names.
-    episodes
-        Number of draws.
-    seed
-        Seed of the draws, ≥ 0.
-    machine
-        One machine in place of those that the scenario draws, as in ``find_scenario``; policies know about it.
-    """
+    """Training draws of a scenario on which policies are scored; parameters are as in ``examine``."""
 
     def __init__(self, scenario: str, pace: str, episodes: int, seed: int, machine: AnyMachine | None = None) -> None:
         drawn = find_scenario(scenario, machine)
@@ -94,8 +76,7 @@ class Examination:
 
     def judge(self, policy: AnyPolicy) -> Assessment:
         """Return the scores that count for a policy."""
-        scores = self.scores(policy)
-        return Assessment(*(float(scores[name].mean()) for name in Assessment._fields))
+        return Assessment(*(float(values.mean()) for values in self.scores(policy).values()))
 
     def scores(self, policy: AnyPolicy) -> Scores:
         """Return the ranked scores of a policy on all draws, as in the benchmark."""

@@ -79,23 +79,9 @@ def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
 
 
 class ModelPolicy(BoundPolicy):
-    """A model as a policy of the machine as it is; ``bind`` makes one for another machine.
+    """A model as a policy of a machine with this largest voltage [V]; ``bind`` makes one for another machine.
 
-    Parameters
-    ----------
-    model
-        An object with ``predict``.
-    normalise
-        Turns observations into what the model was trained on.
-    frame_skip
-        Control steps for which an action is held.
-    voltage_max
-        Largest voltage [V].
-
-    Attributes
-    ----------
-    sensors
-        The sensors whose readings the observations must include.
+    ``sensors`` names the sensors whose readings the observations must include.
     """
 
     any_frame_skip = False
@@ -114,13 +100,7 @@ class ModelPolicy(BoundPolicy):
         self._begins: bool | NDArray[np.bool_] = True
 
     def bind(self, machine: Machine, layout: Layout) -> "ModelPolicy":
-        """Return the policy for a nominal machine and the layout of the observations that it will get.
-
-        Raises
-        ------
-        ParameterError
-            If the observations have another number of entries.
-        """
+        """Return the policy for a machine and a layout, or raise a ParameterError if that has other entries."""
         if len(layout) != len(self.layout):
             raise ParameterError(
                 f"observations must have the {len(self.layout)} entries of the model, got {len(layout)}"

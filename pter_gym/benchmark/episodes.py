@@ -86,15 +86,7 @@ def scenarios(folder: FilePath = FOLDER) -> tuple[str, ...]:
 
 
 def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Episodes:
-    """Return the stored evaluation episodes of a scenario at a pace.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such scenario or pace.
-    DataError
-        If a file in the folder is missing or was changed.
-    """
+    """Return the stored evaluation episodes of a scenario at a pace, or raise a DataError if they were changed."""
     speed = find_pace(pace)
     return _stored(scenario, folder).at_pace(speed)
 
@@ -126,14 +118,7 @@ def store_episodes(
 ) -> Path:
     """Write the evaluation episodes of a scenario and their checksum; the same episodes give the same bytes.
 
-    Parameters
-    ----------
-    scenario, version
-        Name and version of the scenario.
-    machines, tasks, seeds, strata
-        One entry per episode, as in ``Episodes``; the tasks' pace is set on reading.
-    folder
-        Where to write; created if needed.
+    Parameters are as in ``Episodes``, with the version of the scenario and the folder, created if needed.
     """
     folder = find_path("folder", folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -3,7 +3,6 @@
 import json
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -16,36 +15,26 @@ from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
 from pter_gym.benchmark.metrics import SCORES
 from pter_gym.benchmark.runs import Sample, ScenarioRun
-from pter_gym.benchmark.statistics import LEVEL, RESAMPLES
 from pter_gym.errors import DataError, ParameterError
-
-SUMMARY = "benchmark.json"
 
 NAMES = ("version", "scenario", "pace", "policy", "training_seed", "seed")
 """What a file says about a run, beside its numbers."""
 
 
-@dataclass(frozen=True)
 class ResultsFolder:
-    """A folder of results.
-
-    Files are written atomically, and several benchmarks may write to one folder at once.
+    """A folder of results. Files are written atomically, so several benchmarks may share it.
 
     Attributes
     ----------
     path
         Where it is.
+    summary
+        The file with all leaderboards.
     """
 
-    path: Path
-
     def __init__(self, path: FilePath) -> None:
-        object.__setattr__(self, "path", find_path("path", path))
-
-    @property
-    def summary(self) -> Path:
-        """The file with all leaderboards."""
-        return self.path / SUMMARY
+        self.path = find_path("path", path)
+        self.summary = self.path / "benchmark.json"
 
     def make(self) -> None:
         """Make the folder if needed; raise a ParameterError if it is not writable, or if links lead elsewhere."""
@@ -55,7 +44,7 @@ class ResultsFolder:
         make_folder(self.path / "runs")
 
     def add(self, runs: Sequence[ScenarioRun]) -> None:
-        """Store the runs of all training seeds of one policy at one pace, replacing earlier ones of the same name."""
+        """Store the runs of all training seeds of one policy at one pace, in place of earlier ones of that name."""
         for run in runs:
             write_run(self.path, run)
         number = len(runs)
@@ -63,11 +52,11 @@ class ResultsFolder:
             path.unlink(missing_ok=True)
             number += 1
 
-    def files(self) -> tuple[Path, ...]:
+    def files(self) -> list[Path]:
         """Return the files of runs."""
-        return tuple(sorted((self.path / "runs").glob("*.json")))
+        return sorted((self.path / "runs").glob("*.json"))
 
-    def runs(self) -> tuple[ScenarioRun, ...]:
+    def runs(self) -> list[ScenarioRun]:
         """Return all runs; a file that cannot be read is left out, with a warning from the logger ``pter_gym``."""
         runs: list[ScenarioRun] = []
         for path in self.files():
@@ -75,16 +64,13 @@ class ResultsFolder:
                 runs.append(read_run(path))
             except DataError as error:
                 logging.getLogger("pter_gym").warning("left out %s", error)
-        return tuple(runs)
+        return runs
 
     def summarise(self) -> tuple[Leaderboard, ...]:
         """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
         self.make()
         boards = leaderboards(self.runs())
-        content = {
-            "intervals": {"level": LEVEL, "resamples": RESAMPLES},
-            "leaderboards": [board.as_json() for board in boards],
-        }
+        content = {"leaderboards": [board.as_json() for board in boards]}
         write_text_atomic(self.summary, json.dumps(content, indent=2, allow_nan=False) + "\n")
         return boards
 
@@ -115,33 +101,22 @@ def write_run(folder: FilePath, run: ScenarioRun) -> None:
 
 
 def read_run(path: FilePath) -> ScenarioRun:
-    """Return the run in a file.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read or holds something else; it names the file.
-    """
+    """Return the run in a file, or raise a DataError that names the file if it holds something else."""
     path = find_path("path", path)
     with reading(path.name):
         content = parse_json(read_bytes(path, MOST_JSON))
+        strata = tuple(content["strata"])
         run = ScenarioRun(
             **{name: content[name] for name in NAMES},
-            strata=tuple(content["strata"]),
-            scores={name: _numbers(content[name], (len(content["strata"]),), name) for name in SCORES},
+            strata=strata,
+            scores={name: np.array(content[name]).reshape(len(strata)) for name in SCORES},
             samples=tuple(
-                Sample(each["episode"], *(_numbers(each[name], (-1, 2), name) for name in ("tip_m", "theta_rad")))
+                Sample(each["episode"], *(np.array(each[name]).reshape(-1, 2) for name in ("tip_m", "theta_rad")))
                 for each in content["samples"]
             ),
         )
+        if any(values.dtype.kind not in "bif" for values in run.scores.values()):
+            raise ValueError("scores must be numbers")
         if run_path(path.parents[1], run).name != path.name:
             raise ValueError(f"policy must be that of the file's name, got {run.policy!r:.200}")
         return run
-
-
-def _numbers(values: Any, shape: tuple[int, ...], name: str) -> Any:
-    """Return an array of numbers or of booleans, or raise a ValueError unless it has the shape."""
-    array = np.array(values)
-    if array.dtype.kind not in "bif" or array.ndim != len(shape) or array.shape[-1] != shape[-1]:
-        raise ValueError(f"{name} must be numbers of the shape {shape}, got the shape {array.shape}")
-    return array

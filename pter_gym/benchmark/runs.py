@@ -50,17 +50,7 @@ class PerSeed:
 
 @dataclass(frozen=True)
 class Sample:
-    """One episode for plotting, at some of its K control instants.
-
-    Attributes
-    ----------
-    episode
-        Its number in the scenario.
-    tip
-        Tip position [m], shape (K, 2).
-    theta
-        Absolute link angles [rad], shape (K, 2).
-    """
+    """One episode, by its number, at some of its K control instants: tip [m] and link angles [rad], (K, 2) each."""
 
     episode: int
     tip: NDArray[np.float64]
@@ -159,12 +149,14 @@ def run_scenario(
         folder.make()
     runs: list[ScenarioRun] = []
     for pace, drawn in sets.items():
-        for name, trained in named.items():
-            for number, policy in enumerate(trained):
-                scores, samples = evaluate(policy, drawn, num_threads)
-                runs.append(ScenarioRun(scenario, pace, name, number, seed, drawn.strata, scores, samples))
+        for name, policy in named.items():
+            trained = [
+                ScenarioRun(scenario, pace, name, number, seed, drawn.strata, *evaluate(each, drawn, num_threads))
+                for number, each in enumerate(versions_of(policy))
+            ]
             if folder:
-                folder.add(runs[-len(trained) :])
+                folder.add(trained)
+            runs += trained
             on_progress(f"{name}, {pace}")
     return tuple(runs)
 
@@ -207,22 +199,26 @@ def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
 def sample_numbers(strata: Sequence[str]) -> list[int]:
     """Return the numbers of the episodes that are kept for plotting."""
     first_of_each = (strata.index(stratum) for stratum in dict.fromkeys(strata))
-    return sorted(list(dict.fromkeys([*first_of_each, *range(len(strata))]))[:MAX_SAMPLES])
+    return sorted([*dict.fromkeys([*first_of_each, *range(len(strata))])][:MAX_SAMPLES])
 
 
-def _named(policies: Policies, scenario: str) -> dict[str, tuple[AnyPolicy, ...]]:
-    """Return the versions of each policy, one per training seed, by name."""
+def versions_of(policy: AnyPolicy | PerSeed) -> tuple[AnyPolicy, ...]:
+    """Return a policy's version from each of its training seeds."""
+    return policy.policies if isinstance(policy, PerSeed) else (policy,)
+
+
+def _named(policies: Policies, scenario: str) -> Mapping[str, AnyPolicy | PerSeed]:
+    """Return the policies by name, or raise a ParameterError for one that cannot be scored under its name."""
     if not isinstance(policies, Mapping):
         policies = {(name := text_of(given)): find_policy(name, scenario) for given in names_in("policies", policies)}
     if not policies:
         raise ParameterError("policies must hold at least one name")
-    named = {name: each.policies if isinstance(each, PerSeed) else (each,) for name, each in policies.items()}
-    for name, trained in named.items():
+    for name, policy in policies.items():
         check_name(name)
-        for each in cast("tuple[object, ...]", trained):
+        for each in cast("tuple[object, ...]", versions_of(policy)):
             if not isinstance(each, Controller) and not callable(each):
                 raise ParameterError(f"policies must have a method bind or be callable, {name!r} is {each!r:.200}")
-    return named
+    return policies
 
 
 def _sample(number: int, telemetry: NDArray[np.float64]) -> Sample:

@@ -9,49 +9,35 @@ from pter_gym._internal.files import FilePath
 from pter_gym.benchmark._naming import find_policy, is_code
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.results import ResultsFolder, read_run
-from pter_gym.benchmark.runs import PerSeed, ScenarioRun, evaluate
-from pter_gym.benchmark.simulation import AnyPolicy
+from pter_gym.benchmark.runs import AnyPolicy, PerSeed, ScenarioRun, evaluate, versions_of
 from pter_gym.errors import ParameterError, PterError
 
 SAME = "same"
 
+Policies = Mapping[str, AnyPolicy | PerSeed]
+
 
 class Verdict(NamedTuple):
-    """The result for one file: its name, and ``same``, what differs, or why it cannot be run again."""
+    """The name of a file, and ``same``, which score differs, or why the run cannot be repeated."""
 
     file: str
     finding: str
 
     @property
     def same(self) -> bool:
-        """Whether the repeated scores equal the file's."""
+        """Whether all scores are the same."""
         return self.finding == SAME
 
 
 def verify(
     results: ResultsFolder | FilePath,
-    policies: Mapping[str, AnyPolicy | PerSeed] | None = None,
-    *,
-    num_threads: int = 2,
+    policies: Policies | None = None,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[Verdict, ...]:
-    """Repeat every run in a folder of results; return what each file's scores are compared with those.
+    """Repeat the runs in a folder, or raise a ParameterError if it has none; return a verdict for each file.
 
-    Parameters
-    ----------
-    results
-        The folder, or its path.
-    policies
-        By their names in the results. Missing ones are looked up as ``find_policy`` does, but no code is imported.
-    num_threads
-        As in ``run_scenario``.
-    on_progress
-        Called with the name of each file before it is run again.
-
-    Raises
-    ------
-    ParameterError
-        If the folder holds no run.
+    Policies that are not given by name are looked up as ``find_policy`` does, but no code is imported. ``on_progress``
+    is called with the name of each file before it is repeated.
     """
     results = results if isinstance(results, ResultsFolder) else ResultsFolder(results)
     if not results.files():
@@ -60,26 +46,22 @@ def verify(
     for path in results.files():
         on_progress(path.name)
         try:
-            finding = _repeat(read_run(path), policies or {}, num_threads)
+            verdicts.append(Verdict(path.name, _repeat(read_run(path), policies or {})))
         except PterError as error:
-            finding = f"cannot be run again: {error}"
-        verdicts.append(Verdict(path.name, finding))
+            verdicts.append(Verdict(path.name, f"cannot be repeated: {error}"))
     return tuple(verdicts)
 
 
-def _repeat(run: ScenarioRun, policies: Mapping[str, AnyPolicy | PerSeed], num_threads: int) -> str:
+def _repeat(run: ScenarioRun, policies: Policies) -> str:
     """Return the first score that differs when a run is repeated, in words, or ``SAME``."""
     if run.policy not in policies and is_code(run.policy):
         raise ParameterError(f"policies must hold {run.policy!r}, whose code is not imported")
-    policy = policies[run.policy] if run.policy in policies else find_policy(run.policy, run.scenario)
-    trained = policy.policies if isinstance(policy, PerSeed) else (policy,)
-    if run.training_seed >= len(trained):
+    versions = versions_of(policies.get(run.policy) or find_policy(run.policy, run.scenario))
+    if run.training_seed >= len(versions):
         raise ParameterError(f"policies must hold {run.training_seed + 1} training seeds of {run.policy!r}")
     episodes = find_episodes(run.scenario, run.pace, run.seed).first(run.episodes)
-    if run.strata != episodes.strata:
-        return "differs: strata"
-    scores, _ = evaluate(trained[run.training_seed], episodes, num_threads)
+    scores, _ = evaluate(versions[run.training_seed], episodes)
     for name, values in scores.items():
         for k in np.flatnonzero(run.scores[name] != values):
-            return f"differs: {name} of episode {k} is {run.scores[name][k]}, repeated {values[k]}"
-    return SAME
+            return f"{name} of episode {k} differs: {run.scores[name][k]}, repeated {values[k]}"
+    return SAME if run.strata == episodes.strata else "strata differ"
