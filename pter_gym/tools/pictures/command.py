@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import MachineName, PaceName, ScenarioName, split
+from pter_gym._commands.arguments import MachineName, among, split
 from pter_gym._internal.files import check_target
 from pter_gym._internal.terminal import progress_bar, say
 from pter_gym.errors import ParameterError
-from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 
 if TYPE_CHECKING:
     from pter_gym.benchmark.simulation import Episode
@@ -26,8 +26,8 @@ WINDOW_RATE = 50
 
 def watch(
     policies: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME,…")],
-    scenario: ScenarioName = "standard",
-    pace: PaceName = "medium",
+    scenario: Annotated[str, tyro.conf.arg(metavar="NAME"), among(lambda: SCENARIOS)] = "standard",
+    pace: Annotated[str, tyro.conf.arg(metavar="NAME"), among(lambda: PACES)] = "medium",
     seed: int = 0,
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mp4|gif|png")] = None,
     csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv|npz")] = None,
@@ -46,7 +46,7 @@ def watch(
         policies: Separated by commas, as for `pter benchmark --scenario`.
         scenario: Scenario that draws the episode.
         pace: Commanded pace.
-        seed: Seed of the episode, at least 0.
+        seed: Seed of the episode, and of random and predictive policies, at least 0.
         out: Video to write, or with .png the final picture, with the tip's trail; its folder must exist.
         csv: File for the episode's whole telemetry; see docs/watching.md. Its folder must exist.
         size: Width and height of the picture in pixels.
@@ -132,7 +132,7 @@ def simulate(
     from pter_gym.benchmark import find_policy
     from pter_gym.benchmark.simulation import record_episode, time_limit
 
-    policies = {name: find_policy(name, scenario) for name in names}
+    policies = {name: find_policy(name, seed, scenario) for name in names}
     episodes: dict[str, Episode] = {}
     with progress_bar() as progress:
         steps = time_limit(task)

@@ -2,12 +2,14 @@
 
 import json
 from pathlib import Path
+from typing import Annotated
 
+from pter_gym._commands.arguments import at_least
 from pter_gym._internal.terminal import make_folder, say, terminal
 
 
 def speed(
-    quick: bool = False, max_worlds: int = 4_000_000, out: Path = Path("pter-speed")
+    quick: bool = False, max_worlds: Annotated[int, at_least(1)] = 4_000_000, out: Path = Path("pter-speed")
 ) -> None:
     """Measure the simulator's speed and compare it with its peers.
 

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from pter_gym.benchmark._runs import Sample, ScenarioRun, join_seeds
 from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.leaderboard import Leaderboard
 from pter_gym.benchmark.ranking import PACE_ERROR, Standing
-from pter_gym.benchmark.runs import Sample, ScenarioRun, join_seeds
 from pter_gym.benchmark.statistics import performance_profile
 from pter_gym.scenarios import PACES
 from pter_gym.tools.figures import MILLIMETRE, REFERENCE, WIDTH, Look, label, looks, styled
@@ -130,8 +130,8 @@ def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun]) -> Figure:
         The runs behind it.
     """
     first = _runs_of(board.standings[0], board, runs)[0]
-    best = first.samples
-    episodes = find_episodes(first.scenario, first.pace, first.seed)
+    best, at = first.samples, first.conditions
+    episodes = find_episodes(at.scenario, at.pace, at.fresh_seed)
     rows, columns = (1, len(best)) if len(best) < 3 else (2, 2)
     edges = np.vstack([_shown(episodes, sample) for sample in best])
     low, high = edges.min(axis=0) - 0.03, edges.max(axis=0) + 0.03
@@ -143,6 +143,8 @@ def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun]) -> Figure:
         _draw_scene(axes, episodes, best[place])
         for standing in reversed(board.standings):
             run = _runs_of(standing, board, runs)[0]
+            if run.conditions.data != at.data:
+                continue
             x, y = run.samples[place].tip.T
             alpha = 0.55 if standing.reason else 1.0
             axes.plot(x, y, alpha=alpha, linewidth=1.2, zorder=4, **_look(by_policy, standing))
@@ -155,7 +157,7 @@ def trajectories(board: Leaderboard, runs: Sequence[ScenarioRun]) -> Figure:
     for axes in panels[len(best) :]:
         axes.set_visible(False)
     scene = {
-        f"the arm under {shown(board.standings[0].policy)}, half-way": Line2D([], [], **_ARM, color=picture.LINK_A),
+        f"the arm under {shown(board.standings[0].label)}, half-way": Line2D([], [], **_ARM, color=picture.LINK_A),
         "desired path": Line2D([], [], **_DESIRED),
     }
     _legend(figure, [board], f"{_pace(board)}; {_FAINT}", scene)
@@ -213,15 +215,20 @@ def _panels(boards: Sequence[Leaderboard], height: float) -> tuple[Figure, list[
     return figure, np.ravel(figure.subplots(1, len(boards), sharey=True)).tolist()
 
 
+def _labels(boards: Sequence[Leaderboard]) -> dict[str, str]:
+    """Return each policy's label by its name, in order of the names."""
+    return dict(sorted((standing.policy, standing.label) for board in boards for standing in board.standings))
+
+
 def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
-    return looks(sorted({standing.policy for board in boards for standing in board.standings}))
+    return looks(_labels(boards))
 
 
 def _runs_of(standing: Standing, board: Leaderboard, runs: Sequence[ScenarioRun]) -> list[ScenarioRun]:
     """Return the runs of a policy's training seeds."""
     wanted = board.pace, standing.policy
     own = (run for run in runs if board.has_episodes_of(run))
-    return [run for run in own if (run.pace, run.policy) == wanted]
+    return [run for run in own if (run.conditions.pace, run.conditions.policy) == wanted]
 
 
 def _pace(board: Leaderboard) -> str:
@@ -232,6 +239,6 @@ def _legend(
     figure: Figure, boards: Sequence[Leaderboard], note: str, more: Mapping[str, Line2D] = MappingProxyType({})
 ) -> None:
     """Add a legend of all policies below the panels, and a note on what was run."""
-    kind = "stored" if boards[0].seed is None else "fresh"
+    kind = "stored" if boards[0].fresh is None else "fresh"
     ran = f"{boards[0].scenario}, {boards[0].episodes} {kind} episode{'s' if boards[0].episodes > 1 else ''}"
-    name_policies(figure, _looks(boards), list(_looks(boards)), f"{ran}; {note}", more)
+    name_policies(figure, _looks(boards), list(_labels(boards).values()), f"{ran}; {note}", more)
