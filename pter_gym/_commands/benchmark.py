@@ -23,7 +23,7 @@ POLICIES = ("residual", "single-dof-tuned", "torque-feedback", "impedance")
 FILM_PACE = "medium"
 """Pace of the film, if it is among those that are run."""
 
-FILM_SUFFIX = ".gif"
+FILM_SUFFIX = ".webp"
 
 MAX_FILMED = 4
 """Most policies in a film."""
@@ -100,8 +100,7 @@ def film_policies(
         name: record_episode(policy, machine, goal, 0, limit, nominal=scenario.nominal).telemetry
         for name, policy in list(policies.items())[:MAX_FILMED]
     }
-    film = artist.film_of(machine, goal, episodes, artist.RATES[FILM_SUFFIX])
     path = folder / f"{scenario.name}-{pace}{FILM_SUFFIX}"
-    task = progress.add_task("filming", total=len(film))
-    artist.write_film(film, path, lambda: progress.advance(task))
+    task = progress.add_task("filming", total=1.0)
+    artist.write_film(machine, goal, episodes, path, on_progress=lambda done: progress.update(task, completed=done))
     return path

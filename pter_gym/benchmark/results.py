@@ -14,7 +14,7 @@ from pter_gym._internal.reading import MOST_JSON, parse_json, read_bytes, readin
 from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
 from pter_gym.benchmark.metrics import SCORES
-from pter_gym.benchmark.runs import Sample, ScenarioRun
+from pter_gym.benchmark.runs import ScenarioRun
 from pter_gym.errors import DataError, ParameterError
 
 NAMES = ("version", "scenario", "pace", "policy", "training_seed", "seed")
@@ -91,10 +91,6 @@ def write_run(folder: FilePath, run: ScenarioRun) -> None:
         "episodes": run.episodes,
         "strata": run.strata,
         **{name: run.scores[name].tolist() for name in SCORES},
-        "samples": [
-            {"episode": each.episode, "tip_m": each.tip.tolist(), "theta_rad": each.theta.tolist()}
-            for each in run.samples
-        ],
     }
     lines = (f"{json.dumps(name)}: {json.dumps(part, allow_nan=False)}" for name, part in content.items())
     write_text_atomic(run_path(folder, run), "{\n" + ",\n".join(lines) + "\n}\n")
@@ -110,10 +106,6 @@ def read_run(path: FilePath) -> ScenarioRun:
             **{name: content[name] for name in NAMES},
             strata=strata,
             scores={name: np.array(content[name]).reshape(len(strata)) for name in SCORES},
-            samples=tuple(
-                Sample(each["episode"], *(np.array(each[name]).reshape(-1, 2) for name in ("tip_m", "theta_rad")))
-                for each in content["samples"]
-            ),
         )
         if any(values.dtype.kind not in "bif" for values in run.scores.values()):
             raise ValueError("scores must be numbers")

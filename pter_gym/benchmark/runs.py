@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath
 from pter_gym._version import __version__
-from pter_gym.benchmark._measures import column, vector
 from pter_gym.benchmark._naming import check_name, find_policy, text_of
 from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.metrics import SCORES, Scores, score_episodes
@@ -29,12 +27,6 @@ if TYPE_CHECKING:
 CHUNK = 64
 """Episodes that are simulated together."""
 
-MAX_SAMPLES = 4
-"""Episodes of a run that are kept for plotting: the first of each stratum, then the first ones."""
-
-MAX_INSTANTS = 200
-"""Largest number of instants that are kept of such an episode."""
-
 
 @dataclass(frozen=True)
 class PerSeed:
@@ -46,15 +38,6 @@ class PerSeed:
         """Check that no policy appears twice: a copy does not count as another seed."""
         if not self.policies or len({id(each) for each in self.policies}) < len(self.policies):
             raise ParameterError(f"policies must be one or more, all of them different, got {self.policies!r:.200}")
-
-
-@dataclass(frozen=True)
-class Sample:
-    """One episode, by its number, at some of its K control instants: tip [m] and link angles [rad], (K, 2) each."""
-
-    episode: int
-    tip: NDArray[np.float64]
-    theta: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -73,8 +56,6 @@ class ScenarioRun:
         One label per episode.
     scores
         One entry per episode under each name.
-    samples
-        Some episodes for plotting.
     version
         Of the package.
     """
@@ -86,7 +67,6 @@ class ScenarioRun:
     seed: int | None
     strata: tuple[str, ...]
     scores: Scores
-    samples: tuple[Sample, ...]
     version: str = __version__
 
     @property
@@ -151,7 +131,7 @@ def run_scenario(
     for pace, drawn in sets.items():
         for name, policy in named.items():
             trained = [
-                ScenarioRun(scenario, pace, name, number, seed, drawn.strata, *evaluate(each, drawn, num_threads))
+                ScenarioRun(scenario, pace, name, number, seed, drawn.strata, evaluate(each, drawn, num_threads))
                 for number, each in enumerate(versions_of(policy))
             ]
             if folder:
@@ -161,13 +141,12 @@ def run_scenario(
     return tuple(runs)
 
 
-def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2) -> tuple[Scores, tuple[Sample, ...]]:
-    """Return the scores of a policy on episodes, and some of the episodes for plotting."""
+def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2) -> Scores:
+    """Return the scores of a policy, bound to the nominal machine, on episodes."""
     sensors = sensors_of(policy)
     acting = bind(policy, BASELINE, observation_layout(BASELINE, sensors))
-    kept = sample_numbers(episodes.strata)
 
-    def evaluate_from(start: int) -> tuple[Scores, list[Sample]]:
+    def evaluate_from(start: int) -> Scores:
         chunk = slice(start, start + CHUNK)
         tasks = episodes.tasks[chunk]
         limits = [time_limit(task) for task in tasks]
@@ -175,14 +154,11 @@ def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2) -> tup
         telemetry = run(batch, acting, episodes.seeds[chunk], limits).telemetry
         for world, limit in enumerate(limits):
             telemetry[limit + 1 :, world] = np.nan
-        scores = score_episodes(telemetry, tasks, voltage_max=batch.machine.clutch.voltage_max)
-        return scores, [_sample(k, telemetry[:, k - start]) for k in kept if start <= k < start + len(tasks)]
+        return score_episodes(telemetry, tasks, voltage_max=batch.machine.clutch.voltage_max)
 
-    starts = range(0, len(episodes), CHUNK)
     with ThreadPoolExecutor(num_threads if acting.compiled else 1, thread_name_prefix="pter-benchmark") as pool:
-        parts = list(pool.map(evaluate_from, starts))
-    scores = {name: np.concatenate([part[name] for part, _ in parts]) for name in SCORES}
-    return scores, tuple(sample for _, samples in parts for sample in samples)
+        parts = list(pool.map(evaluate_from, range(0, len(episodes), CHUNK)))
+    return {name: np.concatenate([part[name] for part in parts]) for name in SCORES}
 
 
 def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
@@ -194,12 +170,6 @@ def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
         strata=tuple(f"{stratum}, seed {run.training_seed}" for run in runs for stratum in run.strata),
         scores={name: np.concatenate([run.scores[name] for run in runs]) for name in SCORES},
     )
-
-
-def sample_numbers(strata: Sequence[str]) -> list[int]:
-    """Return the numbers of the episodes that are kept for plotting."""
-    first_of_each = (strata.index(stratum) for stratum in dict.fromkeys(strata))
-    return sorted([*dict.fromkeys([*first_of_each, *range(len(strata))])][:MAX_SAMPLES])
 
 
 def versions_of(policy: AnyPolicy | PerSeed) -> tuple[AnyPolicy, ...]:
@@ -219,10 +189,3 @@ def _named(policies: Policies, scenario: str) -> Mapping[str, AnyPolicy | PerSee
             if not isinstance(each, Controller) and not callable(each):
                 raise ParameterError(f"policies must have a method bind or be callable, {name!r} is {each!r:.200}")
     return policies
-
-
-def _sample(number: int, telemetry: NDArray[np.float64]) -> Sample:
-    finished = telemetry[np.isfinite(column(telemetry, "time"))]
-    shown = np.unique(np.linspace(0, len(finished) - 1, MAX_INSTANTS).round().astype(int))
-    theta = np.stack([column(finished, "theta_a"), column(finished, "theta_b")], axis=-1)
-    return Sample(number, vector(finished, "tip")[shown].round(5), theta[shown].round(5))
