@@ -34,7 +34,7 @@ def benchmark(
     scenario: ScenarioName = "standard",
     paces: tuple[PaceName, ...] = tuple(PACES),
     episodes: Annotated[int | None, tyro.conf.arg(metavar="COUNT")] = None,
-    seed: int | None = None,
+    seed: Annotated[int | None, tyro.conf.arg(metavar="NUMBER")] = None,
     film: bool = True,
     out: Path = Path("pter-benchmark"),
 ) -> None:
@@ -102,5 +102,9 @@ def film_policies(
     }
     path = folder / f"{scenario.name}-{pace}{FILM_SUFFIX}"
     task = progress.add_task("filming", total=1.0)
-    artist.write_film(machine, goal, episodes, path, on_progress=lambda done: progress.update(task, completed=done))
+
+    def show(share: float) -> None:
+        progress.update(task, completed=share)
+
+    artist.write_film(machine, goal, episodes, path, on_progress=show)
     return path

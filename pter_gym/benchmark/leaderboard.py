@@ -33,7 +33,7 @@ COLUMNS = (
     Column("worst_path_error_m", "worst\n1/20\n\\[mm]", MILLIMETRES, "{:.1f}"),
     Column("later_path_error_m", "after\n1/10\n\\[mm]", MILLIMETRES, "{:.1f}"),
     Column("rms_error_m", "rms\n\n\\[mm]", MILLIMETRES, "{:.1f}"),
-    Column("completed", "comp-\nleted\n\\[%]", 100.0, "{:.3g}"),
+    Column("completed", "completed\n\n\\[%]", 100.0, "{:.3g}"),
     Column("mean_pace_error", "mean\npace\n\\[±%]", 100.0, "{:.3g}"),
     Column("segment_pace_error", "segm.\npace\n\\[±%]", 100.0, "{:.3g}"),
 )

@@ -144,13 +144,13 @@ def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
 def _runs_of(standing: Standing, board: Leaderboard, runs: Sequence[ScenarioRun]) -> list[ScenarioRun]:
     """Return the runs behind a standing, one for each training seed."""
     wanted = (standing.policy, board.pace)
-    return [run for run in runs if (run.conditions.policy, run.conditions.pace) == wanted]
+    return [run for run in runs if (run.policy, run.pace) == wanted]
 
 
 def _board_legend(figure: Figure, boards: Sequence[Leaderboard], note: str) -> None:
     """Add a legend of all policies below the panels, and a note on what was run."""
     board, by_policy = boards[0], _looks(boards)
-    kind = "stored" if board.fresh is None else "fresh"
+    kind = "stored" if board.seed is None else "fresh"
     ran = f"{board.scenario}, {board.episodes} {kind} episode{'s' if board.episodes > 1 else ''}"
     handles = [
         Line2D([], [], color=look.colour, linestyle=look.dashes, marker=look.marker, markersize=5.5)
