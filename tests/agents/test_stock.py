@@ -51,7 +51,7 @@ def test_a_script_trains_and_scores(script: Path, tmp_path: Path, capsys: Any, m
     module.train(**TINY[script.stem], seed=3, out=tmp_path)
     runs = ResultsFolder(tmp_path).runs()
     name = f"{script.stem.replace('_', '-')}-3"
-    assert {(run.conditions.policy, run.conditions.pace, run.conditions.fresh) for run in runs} == {
+    assert {(run.policy, run.pace, run.seed) for run in runs} == {
         (policy, "brisk", 3) for policy in (name, "torque-feedback")
     }
     assert name in capsys.readouterr().out
