@@ -6,7 +6,7 @@ The names below are imported on first use.
 
 from typing import TYPE_CHECKING
 
-from pter_gym._internal.lazy import lazy_names
+import lazy_loader
 
 if TYPE_CHECKING:
     from pter_gym._engine.batch import Batch, Returns
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Batch", "PathFollowingEnv", "PathFollowingVectorEnv", "Returns", "make_vector_env"]
 
-__getattr__, __dir__ = lazy_names(
+__getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
-    {
-        "pter_gym._engine.batch": ("Batch", "Returns"),
-        "pter_gym.envs._single": ("PathFollowingEnv",),
-        "pter_gym.envs._vector": ("PathFollowingVectorEnv", "make_vector_env"),
+    submod_attrs={
+        "pter_gym._engine.batch": ["Batch", "Returns"],
+        "_single": ["PathFollowingEnv"],
+        "_vector": ["PathFollowingVectorEnv", "make_vector_env"],
     },
 )

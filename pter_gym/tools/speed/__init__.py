@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from pter_gym._internal.lazy import lazy_names
+import lazy_loader
 
 if TYPE_CHECKING:
     from pter_gym.tools.speed.measurement import Plan, Speed, make_plan, measure
@@ -10,19 +10,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Plan", "Speed", "as_json", "make_plan", "measure", "notes", "tables"]
 
-__getattr__, __dir__ = lazy_names(
+__getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
-    {
-        "pter_gym.tools.speed.measurement": (
-            "Plan",
-            "Speed",
-            "make_plan",
-            "measure",
-        ),
-        "pter_gym.tools.speed.report": (
-            "as_json",
-            "notes",
-            "tables",
-        ),
+    submod_attrs={
+        "measurement": ["Plan", "Speed", "make_plan", "measure"],
+        "report": ["as_json", "notes", "tables"],
     },
 )
