@@ -78,7 +78,7 @@ def score_of(s: Any, error: Any, length: Any, pace: Any, period: float) -> Any:
 
     from pter_gym.benchmark._measures import SEGMENTS
     from pter_gym.benchmark._recorded import PRICE as POWER
-    from pter_gym.tasks.path_following._allowance import ALLOWANCE, START
+    from pter_gym.tasks.path_following._rules import ALLOWANCE, START
 
     furthest, size = cummax(s), jnp.abs(error)
     time = period * jnp.arange(len(s), dtype=s.dtype)

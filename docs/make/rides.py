@@ -25,7 +25,7 @@ from pter_gym.gradients._adjoint import FIRST, LAST, backward_step, forward_step
 from pter_gym.hands._model import intent_speed
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
-from pter_gym.tasks.path_following._situation import PathVector, to_world
+from pter_gym.tasks.path_following._rules import PathVector, to_world
 from pter_gym.tasks.path_following._specification import held_machine, substeps
 
 Array = NDArray[np.float64]
