@@ -19,7 +19,7 @@ from pter_gym.controllers import Free
 from pter_gym.params import BASELINE
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import TELEMETRY
-from pter_gym.tasks.path_following._allowance import ALLOWANCE
+from pter_gym.tasks.path_following._rules import ALLOWANCE
 
 
 def path_average(arc_length: Array, error: Array, length: float, error_max: float) -> float:

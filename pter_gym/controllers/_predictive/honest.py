@@ -24,7 +24,7 @@ from pter_gym.hands import RecordedForces
 from pter_gym.params import Machine
 from pter_gym.paths._projection import Foot
 from pter_gym.tasks.path_following import PathFollowing, substeps
-from pter_gym.tasks.path_following._situation import PathVector
+from pter_gym.tasks.path_following._rules import PathVector
 
 SLIPPING = 0.05
 """Slip velocity [rad/s] from which on a clutch's sensor tells its dynamic torque."""
