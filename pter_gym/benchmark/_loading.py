@@ -25,7 +25,7 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> Act
         Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
         its wrappers. Tuned gains are those for its scenario.
     seed
-        Seed of the random policy and of planners.
+        Seed of the random policy.
 
     Raises
     ------

@@ -84,15 +84,12 @@ class NeuralPolicy:
         self._network = network
         self._begin(0)
 
-    def reset(self) -> None:
-        """Forget the past: new episodes begin."""
-        self._begin(0)
-
-    def forget(self, worlds: NDArray[np.bool_]) -> None:
-        """Forget the past of some worlds, bool (N,): new episodes begin in them."""
-        if self._past.worlds == len(worlds):
+    def reset(self, worlds: NDArray[np.bool_] | None = None) -> None:
+        """Begin new episodes in these worlds, (N,), or in all by default."""
+        if worlds is None:
+            self._past = None
+        elif self._past is not None:
             self._past.forget(worlds)
-            self._memory = np.where(worlds[:, None], self._network.begin(len(worlds)), self._memory)
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return clutch voltages [V].
