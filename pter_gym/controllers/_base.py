@@ -50,7 +50,7 @@ class BoundPolicy(ABC):
     compiled: bool = False
 
     def reset(self, worlds: Mask | None = None) -> None:  # noqa: B027
-        """Begin new episodes in these worlds, a bool array (N,), or in all by default; a policy with memory clears it."""
+        """Begin new episodes in these worlds, a bool array (N,), or in all by default."""
 
     @abstractmethod
     def act(self, observations: Observations) -> Any:

@@ -2,8 +2,8 @@
 
 ``Impedance`` and ``TorqueFeedback`` are the paper's (sections III-A and IV-B.3, Fig. 6). ``SingleDof`` and
 ``VelocityRatio`` follow later work on PTER in their ideas: Swanson and Book, "Path-following control for dissipative
-passive haptic displays", Symposium on Haptic Interfaces 2003, and Swanson's dissertation, Georgia Institute of Technology
-2003. Their laws and gains are chosen here; none of those works' results is reproduced.
+passive haptic displays", Symposium on Haptic Interfaces 2003, and Swanson's dissertation, Georgia Institute of
+Technology 2003. Their laws and gains are chosen here; none of those works' results is reproduced.
 """
 
 from dataclasses import dataclass, fields

@@ -96,8 +96,8 @@ def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[floa
 def steps_before(obs: Any, memory: Any) -> float:
     """Return the number of earlier control steps in the episode, and count this one.
 
-    An episode begins when a tip that was under way is back at the start, whether or not the policy was told; the memory
-    of the previous episode is then cleared. An episode that the law joins midway counts as having had ``JOINED_MIDWAY``.
+    An episode begins when a tip that was under way is back at the start, even without a reset of the policy; the memory
+    of the previous episode is then cleared. An episode that the law joins midway has had ``JOINED_MIDWAY`` steps.
     """
     progress = float(obs[SEEN.progress])
     if (progress < START_PROGRESS) & (memory[MEMORY.progress] >= 2.0 * START_PROGRESS):

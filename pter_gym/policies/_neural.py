@@ -62,8 +62,8 @@ class Neural:
 class NeuralPolicy:
     """A trained policy that is ready to act: ``policy(observation) -> volts``.
 
-    With a history or an LSTM it has memory, and does not detect when an episode begins: call ``reset``, or ``forget``
-    if only some worlds begin. ``pter_gym.load_policy`` returns a policy that detects this.
+    With a history or an LSTM it has memory, and does not detect when an episode begins: call
+    ``reset``, with a mask if only some worlds begin.
 
     Parameters
     ----------
@@ -87,9 +87,10 @@ class NeuralPolicy:
     def reset(self, worlds: NDArray[np.bool_] | None = None) -> None:
         """Begin new episodes in these worlds, (N,), or in all by default."""
         if worlds is None:
-            self._past = None
-        elif self._past is not None:
+            self._begin(0)
+        elif self._past.worlds == len(worlds):
             self._past.forget(worlds)
+            self._memory = np.where(worlds[:, None], self._network.begin(len(worlds)), self._memory)
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return clutch voltages [V].
