@@ -13,7 +13,6 @@ from pter_gym._compiled.layout import Layout
 from pter_gym.controllers import Controller, bind
 from pter_gym.envs._shared import nominal_machine
 from pter_gym.errors import ActionError, ParameterError
-from pter_gym.params import Machine
 
 Observations = NDArray[np.float32]
 Actions = NDArray[np.float32]
@@ -44,12 +43,11 @@ class ActingPolicy:
 
     def __init__(self, policy: Controller | Callable[[Observations], Any], env: Any) -> None:
         check_wrappers(env)
-        self._single = isinstance(env, gymnasium.Env)
-        self._worlds: int = 1 if self._single else env.num_envs
-        machines: set[Machine] = attributes(env, "nominal_machine")
-        machine = nominal_machine(machines)
+        machine = nominal_machine(attributes(env, "nominal_machine"))
         (layout,) = attributes(env, "observation_layout")
         (skip,) = attributes(env, "frame_skip")
+        self._single = isinstance(env, gymnasium.Env)
+        self._worlds: int = 1 if self._single else env.num_envs
         self._voltage_max = machine.clutch.voltage_max
         self._normalised = check_spaces(env, layout, self._voltage_max)
         self._shape = (len(layout),) if self._single else (self._worlds, len(layout))

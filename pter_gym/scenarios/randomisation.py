@@ -208,7 +208,7 @@ class Randomisation:
         require_whole(self, "contexts", at_least=1)
         require_whole(self, "seed", at_least=0)
 
-    def pairs(self) -> tuple[Pair, ...]:
+    def pairs(self) -> list[Pair]:
         """Return the pairs, the same for the same seed; they are drawn once and shared.
 
         Raises
@@ -216,7 +216,7 @@ class Randomisation:
         ParameterError
             If too few of the drawn tasks suit their machines.
         """
-        return _pairs(self)
+        return list(_pairs(self))
 
     def draw(self, rng: np.random.Generator) -> Pair:
         """Return a matching pair; a path that does not fit the workspace is drawn again."""
@@ -260,6 +260,6 @@ class Mixture:
         known = isinstance(parts, tuple) and len(parts) > 0 and all(isinstance(part, Randomisation) for part in parts)
         require(known, self, "parts", self.parts, "a tuple of at least one Randomisation")
 
-    def pairs(self) -> tuple[Pair, ...]:
+    def pairs(self) -> list[Pair]:
         """Return the pairs, the same for the same seeds; see ``Randomisation.pairs``."""
-        return tuple(pair for part in self.parts for pair in part.pairs())
+        return [pair for part in self.parts for pair in part.pairs()]
