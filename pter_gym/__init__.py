@@ -78,7 +78,7 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
 gymnasium.register(
     id="PTER/PathFollowing-v0",
     entry_point="pter_gym.envs._single:PathFollowingEnv",
-    vector_entry_point="pter_gym.envs._vector:make_vector_env",
+    vector_entry_point="pter_gym.envs._vector:PathFollowingVectorEnv",
     max_episode_steps=1000,
 )
 

@@ -82,7 +82,7 @@ def benchmark(
             the scenario, so it cannot be tuned to them. By default the stored episodes are run.
         machine: Clutch material of the standard test, or the preset of a machine of your own.
         time_constants: Time constants of the standard test's clutches [s], separated by commas; one episode each.
-        seed: Seed of the standard test's episodes, and of random and predictive policies, at least 0.
+        seed: Seed of the standard test's episodes, and of the random policy, at least 0.
         isolated: Whether each policy that is code runs in a separate process; see docs/trust.md.
         film: Whether to film the policies on a training draw of the scenario.
         out: Folder for the results, created if necessary.
