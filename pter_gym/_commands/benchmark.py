@@ -36,8 +36,7 @@ DERIVED = "derived"
 PACE = "medium"
 """Pace of the film, if it is among those that are run."""
 
-FILM = ".gif"
-"""Kind of film: Pillow alone can write it."""
+FILM = ".webp"
 
 FILMED = 4
 """Most policies in a film."""
@@ -207,10 +206,9 @@ def film_policies(
         name: record_episode(policy, machine, goal, seed, limit, nominal=scenario.nominal).telemetry
         for name, policy in policies.items()
     }
-    film = artist.film_of(machine, goal, films, artist.RATES[FILM])
+    task = progress.add_task("filming", total=1.0)
     path = out / f"{scenario.name}-{pace}{FILM}"
-    task = progress.add_task("filming", total=len(film))
-    artist.write_film(film, path, lambda: progress.advance(task))
+    artist.write_film(machine, goal, films, path, on_progress=lambda share: progress.update(task, completed=share))
     return path
 
 

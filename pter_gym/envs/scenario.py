@@ -111,3 +111,6 @@ def _split(scenario: str, keywords: dict[str, Any]) -> tuple[Randomisation, dict
     drawn = training_draws(scenario, **{name: keywords[name] for name in known})
     rest = {name: value for name, value in keywords.items() if name not in known}
     return drawn, {"action_unit": "normalised", "frame_skip": FRAME_SKIP, **rest}
+
+
+make_env.metadata = PathFollowingEnv.metadata  # pyright: ignore[reportFunctionMemberAccess]  # for rgb_array_list
