@@ -13,7 +13,8 @@ from pter_gym.errors import ParameterError
 def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
     """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
 
-    It detects by itself when episodes begin, and returns actions in the environment's unit.
+    It returns actions in the environment's unit. Call its ``reset()`` after ``env.reset()``, and ``reset(worlds)`` with
+    a mask where worlds of a vector environment begin new episodes.
 
     Parameters
     ----------

@@ -10,8 +10,7 @@ from urllib.parse import quote
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.benchmark.tuned import TUNED, find_tuned
-from pter_gym.controllers import CONTROLLERS
-from pter_gym.controllers._impedance import Impedance
+from pter_gym.controllers import CONTROLLERS, Impedance
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.policies._files import is_here, is_path

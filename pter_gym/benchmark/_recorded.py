@@ -23,7 +23,7 @@ from pter_gym.benchmark._measures import (
     way_integral,
 )
 from pter_gym.tasks.path_following import PathFollowing
-from pter_gym.tasks.path_following._allowance import ALLOWANCE, START
+from pter_gym.tasks.path_following._rules import ALLOWANCE, START
 
 START_UP = 0.2
 """Start-up interval [s] that accelerations leave out: the push begins at once, and no policy causes its jolt.

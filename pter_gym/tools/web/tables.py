@@ -13,8 +13,8 @@ import numpy as np
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import width
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.hand import INSTANT
 from pter_gym._engine.law import Memory
+from pter_gym._engine.step import INSTANT
 from pter_gym._engine.world import CONFIG, ROW, ROWS
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark._measures import SEGMENTS
@@ -31,8 +31,8 @@ from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, check_machine
-from pter_gym.tasks.path_following._allowance import ALLOWANCE, START
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
+from pter_gym.tasks.path_following._rules import ALLOWANCE, START
 from pter_gym.tasks.path_following._specification import SHARPEST
 from pter_gym.tools.web.kernels import MOST_ARCS
 from pter_gym.tools.web.site import STATIC
