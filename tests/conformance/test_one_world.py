@@ -1,6 +1,6 @@
-"""The functions of one world, which a GPU and a web page call, do what the block kernel does to many.
+"""The functions of one world, which a web page calls, do what the block kernel does to many.
 
-Here they run as plain Python; ``test_cuda.py`` and ``tests/tools/web`` run what is made of them.
+Here they run as plain Python; ``tests/tools/web`` runs what is made of them.
 """
 
 from dataclasses import replace
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pter_gym._compiled.records import load
 from pter_gym._engine import kernels
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.episode import conclude_step, fetch_world, take_context
-from pter_gym._engine.step import given_volts, move_worlds, take_command
+from pter_gym._engine.episode import fetch_world, take_context
+from pter_gym._engine.step import conclude_step, given_volts, move_worlds, take_command
 from pter_gym._engine.world import BASIC_ROWS, CONFIG, LANES, REFUSE, ROW, ROWS
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.hands import HumanArm, RecordedForces

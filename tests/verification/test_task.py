@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from pter_gym._compiled.records import load, store
-from pter_gym._engine.hand import hand_force
-from pter_gym._engine.sensing import gaussians, take_reading
-from pter_gym._engine.starts import place, spread
+from pter_gym._engine.episode import place, spread
+from pter_gym._engine.step import gaussians, hand_force, take_reading
 from pter_gym._engine.world import ROW, ROWS, Target
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch
