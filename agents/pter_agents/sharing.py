@@ -90,7 +90,7 @@ def share_policy(policy: FilePath, out: FilePath, *, episodes: int = EPISODES) -
         If the folder cannot be written.
     """
     episodes, where = whole_number("episodes", episodes), find_path("out", out)
-    load_artist("film").check_ending(Path(FILM))
+    load_artist("film").check_suffix(Path(FILM))
     name, source = (str(policy), SHIPPED) if policy in shipped_policies() else find_exported(policy)
     neural = read_policy(name, source)
     scenario = scenario_of(neural.card.about.get("scenario"))
@@ -147,10 +147,8 @@ def model_card(name: str, text: str, scenario: Scenario, boards: Sequence[Leader
 
 def _film(name: str, policy: Neural, scenario: Scenario) -> bytes:
     """Return a video of one training draw at medium pace."""
-    artist = load_artist("film")
     ((machine, task),) = scenario.randomisation("medium", contexts=1, seed=0).pairs()
     episode = record_episode(policy, machine, task, 0, time_limit(task))
-    film = artist.film_of(machine, task, {name: episode.telemetry}, artist.RATES[Path(FILM).suffix])
     with TemporaryDirectory() as folder:
-        artist.write_film(film, Path(folder) / FILM)
+        load_artist("film").write_film(machine, task, {name: episode.telemetry}, Path(folder) / FILM)
         return (Path(folder) / FILM).read_bytes()

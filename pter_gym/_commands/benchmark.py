@@ -36,8 +36,7 @@ DERIVED = "derived"
 PACE = "medium"
 """Pace of the film, if it is among those that are run."""
 
-FILM = ".gif"
-"""Kind of film: Pillow alone can write it."""
+FILM = ".webp"
 
 FILMED = 4
 """Most policies in a film."""
@@ -82,7 +81,7 @@ def benchmark(
             the scenario, so it cannot be tuned to them. By default the stored episodes are run.
         machine: Clutch material of the standard test, or the preset of a machine of your own.
         time_constants: Time constants of the standard test's clutches [s], separated by commas; one episode each.
-        seed: Seed of the standard test's episodes, and of random and predictive policies, at least 0.
+        seed: Seed of the standard test's episodes, and of the random policy, at least 0.
         isolated: Whether each policy that is code runs in a separate process; see docs/trust.md.
         film: Whether to film the policies on a training draw of the scenario.
         out: Folder for the results, created if necessary.
@@ -207,10 +206,9 @@ def film_policies(
         name: record_episode(policy, machine, goal, seed, limit, nominal=scenario.nominal).telemetry
         for name, policy in policies.items()
     }
-    film = artist.film_of(machine, goal, films, artist.RATES[FILM])
+    task = progress.add_task("filming", total=1.0)
     path = out / f"{scenario.name}-{pace}{FILM}"
-    task = progress.add_task("filming", total=len(film))
-    artist.write_film(film, path, lambda: progress.advance(task))
+    artist.write_film(machine, goal, films, path, on_progress=lambda share: progress.update(task, completed=share))
     return path
 
 

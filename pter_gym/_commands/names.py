@@ -36,12 +36,11 @@ def machines() -> Names:
 
 
 def policies() -> Names:
-    """Return all that acts: controllers, those with tuned gains, planners, and trained policies."""
-    from pter_gym.benchmark._naming import PLANNERS
+    """Return all that acts: controllers, those with tuned gains, and trained policies."""
     from pter_gym.benchmark.tuned import TUNED
     from pter_gym.controllers import CONTROLLERS
 
-    return {"controllers": list(CONTROLLERS), "tuned": list(TUNED), "planners": list(PLANNERS), **trained()}
+    return {"controllers": list(CONTROLLERS), "tuned": list(TUNED), **trained()}
 
 
 def trained() -> Names:

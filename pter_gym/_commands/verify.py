@@ -28,7 +28,7 @@ def verify(
     Args:
         results: Folder of `pter benchmark --out`.
         policies: Policies as package.module:attribute that may be imported, separated by commas.
-        seed: Seed of random and predictive policies, at least 0.
+        seed: Seed of the random policy, at least 0.
     """
     from pter_gym.benchmark import Isolated, ResultsFolder
     from pter_gym.benchmark import verify as run_again

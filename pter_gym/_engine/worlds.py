@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -82,6 +83,13 @@ def check_shared(pairs: Sequence[Pair]) -> None:
         check_machine(task, machine)
 
 
+@lru_cache(maxsize=16)
+def checked_constants(pairs: tuple[Pair, ...]) -> Array:
+    """Return the constants of pairs that fit together; worlds that draw from the same pairs share them."""
+    check_shared(pairs)
+    return constants_of(pairs)
+
+
 def empty_blocks(contexts: Array, draws: int, rows: int) -> Array:
     """Return blocks of worlds (B, rows, lanes) that have not begun, whose constants begin at ``contexts`` (N,)."""
     n = len(contexts)
@@ -106,8 +114,8 @@ class WorldArrays:
         self.num_worlds = len(machines) if drawing is None else drawing
         self.draws = drawing is not None
         self.pairs, numbers = distinct(machines, tasks)
-        check_shared(self.pairs)
-        self._constants: Any = constants_of(self.pairs)
+        checked = checked_constants.__wrapped__ if drawing is None else checked_constants
+        self._constants: Any = checked(tuple(self.pairs))
         self._worlds: Any = empty_blocks(
             float(CONTEXT_WIDTH) * numbers if drawing is None else np.zeros(drawing),
             1 if drawing is None else len(self.pairs),

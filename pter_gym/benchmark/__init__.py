@@ -11,7 +11,8 @@ The names are imported when they are first used, so a policy can act without loa
 
 from typing import TYPE_CHECKING
 
-from pter_gym._internal.lazy import lazy_names
+import lazy_loader
+
 from pter_gym.benchmark._from_sb3 import from_actions, from_sb3
 from pter_gym.scenarios import PACES
 
@@ -51,17 +52,17 @@ __all__ = [
     "verify",
 ]
 
-__getattr__, __dir__ = lazy_names(
+__getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
-    {
-        "pter_gym.benchmark._evaluation": ("PerSeed", "run_scenario"),
-        "pter_gym.benchmark._examination": ("Assessment", "Examination", "examine"),
-        "pter_gym.benchmark._isolation": ("Isolated",),
-        "pter_gym.benchmark.leaderboard": ("Leaderboard", "leaderboards", "print_boards"),
-        "pter_gym.benchmark.metrics": ("Score", "score", "score_episodes"),
-        "pter_gym.benchmark._naming": ("find_policy",),
-        "pter_gym.benchmark._results": ("ResultsFolder",),
-        "pter_gym.benchmark._standard": ("Result", "Run", "run_standard_test"),
-        "pter_gym.benchmark._verification": ("Verdict", "verify"),
+    submod_attrs={
+        "_evaluation": ["PerSeed", "run_scenario"],
+        "_examination": ["Assessment", "Examination", "examine"],
+        "_isolation": ["Isolated"],
+        "leaderboard": ["Leaderboard", "leaderboards", "print_boards"],
+        "metrics": ["Score", "score", "score_episodes"],
+        "_naming": ["find_policy"],
+        "_results": ["ResultsFolder"],
+        "_standard": ["Result", "Run", "run_standard_test"],
+        "_verification": ["Verdict", "verify"],
     },
 )

@@ -33,8 +33,6 @@ from pter_gym.benchmark.episodes import DERIVED, Episodes, check_fresh, find_epi
 from pter_gym.benchmark.metrics import SCORES, Scores, score_episodes
 from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
 from pter_gym.controllers import BoundPolicy, Controller, bind
-from pter_gym.controllers._base import Plans
-from pter_gym.controllers._predictive import UNPRIVILEGED
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
@@ -208,7 +206,6 @@ class Part(NamedTuple):
 
     scores: Scores
     samples: list[Sample]
-    plans: Plans | None
     decision_ms: float
 
 
@@ -236,7 +233,7 @@ class Batches:
         scores = score_episodes(telemetry, tasks, voltage_max=batch.machine.clutch.voltage_max)
         kept = [k for k in sample_numbers(self.episodes.strata) if chunk.start <= k < chunk.stop]
         samples = [_sample(k, telemetry[:, k - chunk.start]) for k in kept]
-        return Part(scores, samples, rollout.plans, rollout.decision_ms)
+        return Part(scores, samples, rollout.decision_ms)
 
 
 def evaluate(bound: Bound, batches: Batches, num_threads: int) -> tuple[Scores, tuple[Sample, ...], Planning | None]:
@@ -249,17 +246,7 @@ def evaluate(bound: Bound, batches: Batches, num_threads: int) -> tuple[Scores, 
     else:
         parts = [one(number) for number in numbers]
     scores = {name: np.concatenate([part.scores[name] for part in parts]) for name in SCORES}
-    return scores, tuple(sample for part in parts for sample in part.samples), _planning(bound, batches, parts)
-
-
-def _planning(bound: Bound, batches: Batches, parts: Sequence[Part]) -> Planning | None:
-    """Return how a policy planned, if it did; it counts as privileged unless it is known to use only observations."""
-    plans = next((part.plans for part in parts if part.plans), None)
-    if plans is None:
-        return None
-    seconds = plans.horizon * batches.episodes.tasks[0].control_period
-    took = float(np.mean([part.decision_ms for part in parts]))
-    return Planning(bound.kind not in UNPRIVILEGED, round(seconds, 6), plans.rollouts, round(took, 2))
+    return scores, tuple(sample for part in parts for sample in part.samples), None
 
 
 def _sample(number: int, telemetry: NDArray[np.float64]) -> Sample:

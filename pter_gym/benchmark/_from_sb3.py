@@ -128,14 +128,13 @@ class ModelPolicy(BoundPolicy):
         bound.layout = layout
         return bound
 
-    def reset(self) -> None:
-        """Forget the recurrent states: new episodes begin."""
-        self._state: Any = None
-        self._begins: bool | NDArray[np.bool_] = True
-
-    def forget(self, worlds: NDArray[np.bool_]) -> None:
-        """Forget the recurrent states of some worlds, (N,): the model is told that episodes begin in them."""
-        self._begins = worlds | self._begins
+    def reset(self, worlds: NDArray[np.bool_] | None = None) -> None:
+        """Begin new episodes in these worlds, (N,), or in all by default: the model is told where they begin."""
+        if worlds is None:
+            self._state: Any = None
+            self._begins: bool | NDArray[np.bool_] = True
+        else:
+            self._begins = worlds | self._begins
 
     def act(self, observations: Observations) -> NDArray[np.float64]:
         """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries)."""

@@ -15,6 +15,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from pter_gym._compiled.compiler import content_digest
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.controllers import BoundPolicy
 from pter_gym.controllers._base import Policy
@@ -45,7 +46,8 @@ def identity_of(policy: AnyPolicy, bound: BoundPolicy) -> str | None:
     try:
         if type(bound) is not Policy:
             return _sha256(["policy", _plain(policy)])
-        return _sha256(["law", bound.fingerprint, _plain(bound.layout)]) if bound.fingerprint else None
+        digest = content_digest(bound.law)
+        return _sha256(["law", bound.gains.tobytes().hex(), digest, _plain(bound.layout)]) if digest else None
     except _UnknownError:
         return None
 

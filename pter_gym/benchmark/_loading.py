@@ -13,7 +13,8 @@ from pter_gym.errors import ParameterError
 def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> ActingPolicy:
     """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
 
-    It detects by itself when episodes begin, and returns actions in the environment's unit.
+    It returns actions in the environment's unit. Call its ``reset()`` after ``env.reset()``, and ``reset(worlds)`` with
+    a mask where worlds of a vector environment begin new episodes.
 
     Parameters
     ----------
@@ -25,7 +26,7 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> Act
         Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
         its wrappers. Tuned gains are those for its scenario.
     seed
-        Seed of the random policy and of planners.
+        Seed of the random policy.
 
     Raises
     ------

@@ -10,18 +10,10 @@ from typing import Any, cast
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.benchmark.tuned import SUFFIX, TUNED, find_tuned
-from pter_gym.controllers import CONTROLLERS, Random
-from pter_gym.controllers._impedance import Impedance
+from pter_gym.controllers import CONTROLLERS, Impedance, Random
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.policies._files import is_here, is_path
-
-PLANNERS = ("predictive", "predictive-honest")
-"""Policies that plan."""
-
-GUIDE = "single-dof-tuned"
-GUIDE_TABLE = Path(__file__).parents[1] / "presets" / "guide.toml"
-"""The law that guides planners, with gains of its own: a plan cannot follow a law that switches between its knots."""
 
 CODE = re.compile(r"\w+(\.\w+)*:\w+(\.\w+)*")
 """How an attribute of a module is written."""
@@ -38,16 +30,15 @@ def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard"
         - a built-in controller, such as ``impedance``, with a damper for each commanded pace where the paper's gains
           need one;
         - a controller with tuned gains, such as ``impedance-tuned``;
-        - a planner, ``predictive`` or ``predictive-honest``;
         - a trained policy of the package, such as ``residual``, or the path of an exported one;
         - ``package.module:attribute``: a controller or a callable from observations to volts. A class is called
           without arguments. The module is imported into this process; if it is found nowhere else, it is looked up in
           the current folder, which is then appended to ``sys.path``.
     seed
-        Seed of the random policy and of planners.
+        Seed of the random policy.
     scenario
         Scenario whose gains and dampers to use. With None, as in the paper's standard test, controllers have their
-        default gains, and there are neither tuned controllers nor planners.
+        default gains, and there are no tuned controllers.
 
     Raises
     ------
@@ -59,18 +50,13 @@ def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard"
     name = text_of(name)
     if is_code(name):
         return _import(name)
-    known = (*CONTROLLERS, *(() if scenario is None else (*TUNED, *PLANNERS)), *shipped_policies())
+    known = (*CONTROLLERS, *(() if scenario is None else TUNED), *shipped_policies())
     if is_path(name) or name in shipped_policies() or (name not in known and is_here(name)):
         return read_policy(name)
-    if scenario is None and name in (*TUNED, *PLANNERS):
+    if scenario is None and name in TUNED:
         raise ParameterError(f"policies: {name!r} needs a scenario to take its gains from")
     if name not in known:
         raise unknown_name("policies", name, known)
-    if name in PLANNERS:
-        from pter_gym.controllers._predictive import Honest, Privileged, Settings
-
-        kind = Privileged if name == "predictive" else Honest
-        return kind(find_tuned(GUIDE, scenario, path=GUIDE_TABLE), Settings(seed=seed))
     if name in TUNED:
         return find_tuned(name, scenario)
     controller = Random(seed=seed) if name == "random" else CONTROLLERS[name]()
@@ -89,7 +75,7 @@ def is_code(name: str) -> bool:
 
 def is_built_in(name: str) -> bool:
     """Tell whether this is the name of a built-in or shipped policy."""
-    return name.removesuffix(SUFFIX) in (*CONTROLLERS, *PLANNERS, *shipped_policies())
+    return name.removesuffix(SUFFIX) in (*CONTROLLERS, *shipped_policies())
 
 
 def text_of(name: FilePath) -> str:

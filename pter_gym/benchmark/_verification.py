@@ -67,7 +67,7 @@ def verify(
         By their names in the results. Missing ones are looked up by name, as ``find_policy`` does, but code named in
         the results is not imported.
     seed
-        Seed of the random policy and of planners, if they are found by name.
+        Seed of the random policy, if they are found by name.
     num_threads
         As in ``run_scenario``.
     on_progress

@@ -1,4 +1,4 @@
-"""Run episodes of a policy of any kind: a compiled law, a network, a planner or a plain callable."""
+"""Run episodes of a policy of any kind: a compiled law, a network or a plain callable."""
 
 import math
 import time
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym.controllers import BoundPolicy, Controller, Policy, bind
-from pter_gym.controllers._base import Plans
 from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensors, observation_layout
 
@@ -43,8 +42,6 @@ class Rollout:
         Control steps so far.
     ended
         Which episodes have ended, bool (N,).
-    plans
-        How the policy plans, if it does; then it was given the worlds.
     seen
         Observations at the control steps that were decided one by one.
     """
@@ -54,7 +51,6 @@ class Rollout:
         self.obs, first = batch.reset(seeds)
         self.steps = 0
         self.ended = np.zeros(batch.num_worlds, np.bool_)
-        self.plans: Plans | None = None
         self.seen: list[Observations] = [self.obs]
         self._columns = columns
         self._rows = [first[None][..., self._columns]]
@@ -63,14 +59,10 @@ class Rollout:
         self._volts: Any = None
 
     def begin(self, policy: BoundPolicy) -> None:
-        """Tell a policy that new episodes begin; only a planner is given the worlds."""
-        self.plans = policy.plans
+        """Begin new episodes with a policy."""
         if isinstance(policy, Policy):
             self._memory = policy.empty_memory(self.batch.num_worlds)
-        if self.plans is None:
-            policy.reset()
-        else:
-            policy.reset_in(self.batch)
+        policy.reset()
 
     def advance(self, policy: BoundPolicy, steps: int) -> None:
         """Go on by one control step; by so many with a compiled law that decides at each, inside the kernel."""

@@ -62,8 +62,8 @@ class Neural:
 class NeuralPolicy:
     """A trained policy that is ready to act: ``policy(observation) -> volts``.
 
-    With a history or an LSTM it has memory, and does not detect when an episode begins: call ``reset``, or ``forget``
-    if only some worlds begin. ``pter_gym.load_policy`` returns a policy that detects this.
+    With a history or an LSTM it has memory, and does not detect when an episode begins: call
+    ``reset``, with a mask if only some worlds begin.
 
     Parameters
     ----------
@@ -84,13 +84,11 @@ class NeuralPolicy:
         self._network = network
         self._begin(0)
 
-    def reset(self) -> None:
-        """Forget the past: new episodes begin."""
-        self._begin(0)
-
-    def forget(self, worlds: NDArray[np.bool_]) -> None:
-        """Forget the past of some worlds, bool (N,): new episodes begin in them."""
-        if self._past.worlds == len(worlds):
+    def reset(self, worlds: NDArray[np.bool_] | None = None) -> None:
+        """Begin new episodes in these worlds, (N,), or in all by default."""
+        if worlds is None:
+            self._begin(0)
+        elif self._past.worlds == len(worlds):
             self._past.forget(worlds)
             self._memory = np.where(worlds[:, None], self._network.begin(len(worlds)), self._memory)
 

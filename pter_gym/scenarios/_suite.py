@@ -15,8 +15,8 @@ from pter_gym.errors import ParameterError, unknown_name
 
 if TYPE_CHECKING:
     from pter_gym.params import Machine
-    from pter_gym.scenarios._own_machine import AnyMachine
-    from pter_gym.scenarios.randomisation import Randomisation, Vary
+    from pter_gym.scenarios._own_machine import AnyMachine, OwnMachine
+    from pter_gym.scenarios.randomisation import Distribution, Randomisation, Vary
     from pter_gym.tasks.path_following import PathFollowing
 
 PACES = MappingProxyType({"slow": 0.12, "medium": 0.25, "brisk": 0.5})
@@ -50,7 +50,7 @@ class Scenario:
     own
         The machine in place of those that it would draw, if any; see ``find_scenario``.
     own_varied
-        What varies with that machine; by default the entry of ``_variations.VARIED``.
+        What varies, for a scenario that is not in the suite; by default the entry of ``_variations.VARIED``.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Scenario:
     episodes: int
     stratum: Literal["path", "hand"] = "path"
     place: int | None = None
-    own: "Machine | None" = None
+    own: "OwnMachine | None" = None
     own_varied: Varied | None = None
 
     @property
@@ -67,7 +67,7 @@ class Scenario:
         """The machine that controllers are bound to: the scenario's own, or the paper's."""
         from pter_gym.params import BASELINE
 
-        return self.own or BASELINE
+        return self.own.machine if self.own else BASELINE
 
     @property
     def id(self) -> str:
@@ -114,18 +114,22 @@ class Scenario:
 
         speeds = PACES.values()
         commanded = LogUniform(min(speeds), max(speeds)) if pace is None else OneOf((find_pace(pace),))
-        drawn = self.task.fields if isinstance(self.task, Vary) else {}
-        base = self.task.base if isinstance(self.task, Vary) else self.task
+        base, drawn = self._task
         known = [item.name for item in fields(base) if item.name not in (*drawn, "pace")]
         for name in stated:
             if name not in known:
                 raise ParameterError(
                     f"{name} must be one of what all episodes of {self.name} share: {', '.join(known)}"
                 )
-        base = replace(base, **stated)
-        return Randomisation(
-            machine=self.machine, task=Vary(base, **drawn, pace=commanded), contexts=contexts, seed=seed
-        )
+        task = Vary(replace(base, **stated), **drawn, pace=commanded)
+        return Randomisation(machine=self.machine, task=task, contexts=contexts, seed=seed, own=self.own)
+
+    @property
+    def _task(self) -> "tuple[PathFollowing, dict[str, Distribution]]":
+        """The fields of the task that all episodes share, and those that are drawn."""
+        from pter_gym.scenarios.randomisation import Vary
+
+        return (self.task.base, self.task.fields) if isinstance(self.task, Vary) else (self.task, {})
 
 
 def find_pace(pace: float | str) -> float:
@@ -166,9 +170,11 @@ def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
         raise unknown_name("scenario", name, SCENARIOS)
     if machine is None:
         return SCENARIOS[name]
-    from pter_gym.scenarios._own_machine import on_machine
+    from pter_gym.scenarios._own_machine import as_sensed, find_own
 
-    return on_machine(SCENARIOS[name], machine)
+    found = replace(SCENARIOS[name], own=find_own(machine))
+    as_sensed(found._task[0], found.own)  # raises where the delay is too long
+    return found
 
 
 _SUITE = (

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import fill
 import pytest
-from pages import read_block
 from safetensors.numpy import load_file
 
 from documents import DOCS, NOTEBOOKS, README, ROOT, blocks_of, cells_of, readme, run_extending, run_program
@@ -56,11 +55,10 @@ def test_readme_example_runs(capsys: pytest.CaptureFixture[str]):
 
 @pytest.mark.long
 def test_the_results_in_the_readme_are_those_of_its_command(tmp_path: Path) -> None:
-    """The same seed and the same numbers."""
     _, *given = shlex.split(readme("command: results"))
     assert main([*given, "--out", str(tmp_path)]) == 0
-    (table,) = (each for each in fill.OF_FOLDER["results"] if each.page == "README.md")
-    assert table.make(tmp_path) == read_block(README, table.name)
+    (block,) = (block for block in fill.blocks() if block.page == README and block.source == "board")
+    assert block.make(tmp_path) == block.content
 
 
 @pytest.mark.parametrize(
