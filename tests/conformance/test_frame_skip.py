@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import pter_gym
 from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import ROW
 from pter_gym.benchmark import from_actions
 from pter_gym.benchmark.simulation import run
 from pter_gym.controllers import Impedance, bind
@@ -125,7 +126,7 @@ def test_ids_of_scenarios_hold_theirs_too() -> None:
     rows, rewards, *_ = vector.step(action[None])
     assert rows[0].tobytes() == obs.tobytes()
     assert rewards[0] == reward
-    assert single.unwrapped.batch.clock()[0, 2] == 3
+    assert single.unwrapped.batch.get_state()["worlds"][0, ROW.step, 0] == 3
 
 
 @pytest.mark.parametrize("mode", ["SAME_STEP", "NEXT_STEP"])
