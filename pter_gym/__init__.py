@@ -3,7 +3,7 @@
 ``import pter_gym`` registers the environment ids and loads nothing heavy; the rest is imported on first use.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium
 import lazy_loader
@@ -44,9 +44,20 @@ __all__ = [
     "simulate",
 ]
 
-__getattr__, __dir__, _ = lazy_loader.attach(
+__getattr__, __dir__, _ = cast(Any, lazy_loader.attach)(
     __name__,
-    submodules=["benchmark", "controllers", "envs", "gradients", "hands", "params", "paths", "policies", "scenarios", "tasks"],
+    submodules=[
+        "benchmark",
+        "controllers",
+        "envs",
+        "gradients",
+        "hands",
+        "params",
+        "paths",
+        "policies",
+        "scenarios",
+        "tasks",
+    ],
     submod_attrs={
         "_physics.open_loop": ["State", "Trajectory", "initial_state", "simulate"],
         "params": [

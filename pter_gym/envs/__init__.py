@@ -3,7 +3,7 @@
 ``scenario`` has the training draws of the scenarios' ids; ``sb3`` is for Stable-Baselines3, ``jax`` for JAX.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import lazy_loader
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Batch", "PathFollowingEnv", "PathFollowingVectorEnv", "Returns"]
 
-__getattr__, __dir__, _ = lazy_loader.attach(
+__getattr__, __dir__, _ = cast(Any, lazy_loader.attach)(
     __name__,
     submodules=["jax", "sb3", "scenario"],
     submod_attrs={
