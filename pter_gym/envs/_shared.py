@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
 
 class Arguments(TypedDict, total=False):
-    """Arguments of all environments; ``PathFollowingEnv`` describes them. Vector environments take one machine and
-    task for all worlds, or a sequence with one for each.
+    """Arguments of all environments, which ``PathFollowingEnv`` describes.
+
+    Vector environments take one machine and task for all worlds, or a sequence with one for each.
     """
 
     machine: Machine | str | Sequence[Machine | str] | None
