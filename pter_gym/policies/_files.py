@@ -132,7 +132,7 @@ def write_policy(policy: "TrainedPolicy", path: FilePath) -> Path:
     tensors: dict[str, NDArray[Any]] = {}
     for k, (weight, bias) in enumerate(policy.layers):
         tensors |= {f"layer_{k}.weight": np.ascontiguousarray(weight), f"layer_{k}.bias": np.ascontiguousarray(bias)}
-    card = {"interface": _codec().to_plain(policy.interface), "about": dict(policy.about)}
+    card = {"interface": interface_codec().to_plain(policy.interface), "about": dict(policy.about)}
     text = json.dumps(card, ensure_ascii=False, allow_nan=False)
     data = save_tensors(tensors, {"format": FORMAT, "card": text})
     _parse(data, path.stem)
@@ -165,7 +165,7 @@ def _parse(data: bytes, name: str) -> "TrainedPolicy":
     if told.get("format") != FORMAT:
         raise ValueError(f"format must be {FORMAT!r}, got {told.get('format')!r:.40}")
     card = parse_json(told["card"].encode(), MAX_HEADER)
-    interface = _codec().from_plain(card["interface"])
+    interface = interface_codec().from_plain(card["interface"])
     if not isinstance(interface, Interface):
         raise ValueError("interface must be an Interface")
     try:
@@ -180,7 +180,7 @@ def _parse(data: bytes, name: str) -> "TrainedPolicy":
     return TrainedPolicy(interface, layers, name, dict(card["about"]))
 
 
-def _codec() -> Codec:
+def interface_codec() -> Codec:
     from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
     from pter_gym.policies._interface import Input, Interface
 

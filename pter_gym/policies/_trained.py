@@ -63,9 +63,7 @@ class TrainedPolicy:
         for k, ((weight, bias), (before, after)) in enumerate(zip(self.layers, pairwise(sizes), strict=True)):
             for what, array, shape in (("weight", weight, (after, before)), ("bias", bias, (after,))):
                 if array.dtype != np.float32 or array.shape != shape or not np.isfinite(array).all():
-                    raise DataError(
-                        f"layer_{k}.{what} must be finite float32 {shape}, got {array.dtype} {array.shape}"
-                    )
+                    raise DataError(f"layer_{k}.{what} must be finite float32 {shape}, got {array.dtype} {array.shape}")
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -138,9 +136,7 @@ class NetworkPolicy(Policy):
 
     any_frame_skip = False
 
-    def __init__(
-        self, gains: NDArray[np.float64], network: Network, layout: Layout, frame_skip: int, law: Any
-    ) -> None:
+    def __init__(self, gains: NDArray[np.float64], network: Network, layout: Layout, frame_skip: int, law: Any) -> None:
         self.frame_skip = frame_skip
         self._network = network
         super().__init__(gains, layout, law)
