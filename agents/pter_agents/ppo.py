@@ -367,7 +367,8 @@ class PPO:
         samples = samples_of(s, self._worlds, learned.weights, carry, rows)
 
         def update(kept: Any, chosen: jax.Array) -> tuple[Any, jax.Array]:
-            weights, adam, loss = descend(s, *kept, jax.tree.map(lambda x: x[chosen], samples), deviation, rate)
+            mine = jax.tree.map(lambda x: x[chosen], samples)
+            weights, adam, loss = descend(s, kept[0], kept[1], mine, deviation, rate)
             return (weights, adam), loss
 
         (weights, adam), losses = lax.scan(update, learned[:2], orders[0])

@@ -152,10 +152,7 @@ class RunFolder:
 
 
 def policy_of(
-    interface: Interface,
-    state: Mapping[str, NDArray[Any]],
-    name: str = "policy",
-    about: Mapping[str, Any] | None = None,
+    interface: Interface, state: State, name: str = "policy", about: Mapping[str, Any] | None = None
 ) -> TrainedPolicy:
     """Return the policy of a training's state, as ``pter_agents.ppo.PPO.get_state`` returns it."""
     count = sum(each.startswith(".weights.policy") for each in state) // 2

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from pter_gym import params
 from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
@@ -132,9 +132,8 @@ class Settings(RewardWeights):
         require_number(self, "persistence", at_least=0.0, below=1.0)
         require_flag(self, "normalised")
         for name in ("history", "averages", "hidden", "value_hidden"):
-            sizes: Any = getattr(self, name)
-            whole = type(sizes) is tuple and all(type(size) is int and 1 <= size <= 1024 for size in sizes)
-            require(whole, self, name, sizes, "whole numbers from 1 to 1024")
+            sizes = getattr(self, name)
+            require(_are_sizes(sizes), self, name, sizes, "whole numbers from 1 to 1024")
         require(self.worlds % PARTS == 0, self, "worlds", self.worlds, f"a multiple of {PARTS}")
         samples = self.worlds * self.steps
         even = samples % self.minibatch == 0 and self.minibatch % PARTS == 0
@@ -153,6 +152,10 @@ class Settings(RewardWeights):
     def learning_rate_at(self, done: float) -> float:
         """Return the learning rate after a share of the training."""
         return self.learning_rate_end + (self.learning_rate - self.learning_rate_end) * max(1.0 - done, 0.0)
+
+
+def _are_sizes(value: Any) -> bool:
+    return type(value) is tuple and all(type(each) is int and 1 <= each <= 1024 for each in cast(Any, value))
 
 
 def load_settings(algorithm: str, file: FilePath | None = None, **changes: Any) -> Settings:

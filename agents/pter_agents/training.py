@@ -90,16 +90,14 @@ def _learn(arguments: Arguments, model: PPO, folder: RunFolder, on_progress: Cal
         validate()
         return save()
     except FloatingPointError as error:
-        raise TrainingDivergedError(
-            f"training stopped after {model.steps} steps: {error}; {_newest(folder)}"
-        ) from error
+        raise TrainingDivergedError(_stopped(model, folder, error)) from error
     except OSError as error:
-        raise StorageError(f"training stopped after {model.steps} steps: {error}; {_newest(folder)}") from error
+        raise StorageError(_stopped(model, folder, error)) from error
 
 
-def _newest(folder: RunFolder) -> str:
-    found = folder.checkpoints()
-    return f"the newest checkpoint is {found[-1][1]}" if found else "there is no checkpoint"
+def _stopped(model: PPO, folder: RunFolder, error: Exception) -> str:
+    newest = "".join(f"; the newest checkpoint is {path}" for _, path in folder.checkpoints()[-1:])
+    return f"training stopped after {model.steps} steps: {error}{newest}"
 
 
 def check_same(known: Arguments, given: Arguments) -> None:

@@ -21,8 +21,8 @@ __all__ = [
     "write_policy",
 ]
 
-attach: Any = lazy_loader.attach
-__getattr__, __dir__, _ = attach(
+lazy: Any = lazy_loader
+__getattr__, __dir__, _ = lazy.attach(
     __name__,
     submod_attrs={
         "_files": ["SHIPPED", "policies_in", "read_policy", "shipped_policies", "write_policy"],

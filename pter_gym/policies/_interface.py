@@ -105,9 +105,8 @@ class Interface:
 
     def __post_init__(self) -> None:
         """Check each field by itself."""
-        inputs: Any = self.inputs
-        known = type(inputs) is tuple and all(isinstance(each, Input) for each in inputs)
-        require(known and 0 < len(self.inputs) <= MAX_INPUTS, self, "inputs", self.inputs, f"1 to {MAX_INPUTS} inputs")
+        known = {type(each) for each in self.inputs} == {Input} and len(self.inputs) <= MAX_INPUTS
+        require(known, self, "inputs", self.inputs, f"1 to {MAX_INPUTS} inputs")
         for name in ("reach", "voltage_max"):
             require_number(self, name, above=0.0)
         require_kind(self, "base", PaceSchedule, type(None))
