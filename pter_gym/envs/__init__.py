@@ -1,6 +1,6 @@
 """Interfaces to the simulator: Gymnasium's single and vector environments, and those of other libraries.
 
-``scenario`` has the training draws of the scenarios' ids; ``sb3`` and ``rsl_rl`` are for Stable-Baselines3 and rsl-rl.
+``scenario`` has the training draws of the scenarios' ids; ``sb3`` is for Stable-Baselines3.
 The names below are imported on first use.
 """
 

@@ -11,14 +11,13 @@ from pathlib import Path
 import fill
 import pytest
 from pages import read_block
-from safetensors.numpy import load_file
 
 from documents import DOCS, NOTEBOOKS, README, ROOT, blocks_of, cells_of, readme, run_extending, run_program
 from pter_gym import params
 from pter_gym._commands.main import main
 from pter_gym.benchmark.tuned import TABLE
 from pter_gym.params._preset import PRESET, format_preset
-from pter_gym.policies import SHIPPED, read_policy, write_policy
+from pter_gym.policies import read_policy, write_policy
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.glob("**/*.md")])
 PARAMETER_CLASSES = [item for _, item in inspect.getmembers(params, dataclasses.is_dataclass) if inspect.isclass(item)]
@@ -95,9 +94,8 @@ def test_the_page_on_extending_runs(capsys: pytest.CaptureFixture[str]):
 def test_the_page_on_trained_policies_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    card = dataclasses.replace(read_policy("residual").card, name="mine")
     (tmp_path / "policies").mkdir()
-    write_policy(card, load_file(SHIPPED / "residual.safetensors"), "", tmp_path / "policies")
+    write_policy(read_policy("residual"), tmp_path / "policies" / "mine")
     monkeypatch.chdir(tmp_path)
     run_program(blocks_of(DOCS / "policies.md"), "policies.md")
     arrived, many = capsys.readouterr().out.splitlines()

@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 from hypothesis import given
 from hypothesis import strategies as st
+from pter_gym.policies._cards import fields_of
 
 import pter_gym
 from pter_gym._compiled.layout import Layout
@@ -24,7 +25,6 @@ from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import BASELINE, DELRIN_THEORETICAL, Machine
 from pter_gym.policies import Card, Input, Interface, write_policy
-from pter_gym.policies._cards import fields_of
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import STARTS, PathFollowing, observation_layout
 

@@ -12,7 +12,7 @@ from pter_gym.params import BASELINE
 from pter_gym.policies import policies_in, read_policy
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.datasets import LEVELS, Episode, actors_of, record_episodes, recording
-from pter_gym.tools.datasets.levels import STAGES, Exploring, stages
+from pter_gym.tools.datasets.levels import STAGES, stages
 from pter_gym.tools.datasets.recording import EPISODES_OF_A_SEED, environment_of
 
 STEPS = 400
