@@ -38,7 +38,8 @@ def test_a_compiled_network_is_that_of_numpy(name: str) -> None:
         present = np.clip((seen - center) / scale, -10.0, 10.0)
         past = [present, *(past or [present] * 64)]
         shares = 1.0 / np.array(interface.averages)[:, None, None]
-        means = np.array([present] * len(shares)) if means is None else means + shares * (present - means)
+        means = np.repeat(present[None], len(shares), axis=0) if means is None else means
+        means = means + shares.reshape(-1, 1, 1) * (present - means)
         values = np.hstack([present, *(past[age] for age in interface.history), *means])
         for k, (weight, bias) in enumerate(trained.layers):
             values = values @ weight.T.astype(float) + bias
