@@ -101,7 +101,6 @@ REFUSED = {
     "train residual --scenario standad": ("--scenario", "'standard'"),
     "train residual --config own.toml": ("--config", "'own.toml' does not exist"),
     "export nowhere": ("RUN", "run.json"),
-    "retrain impedance": ("POLICY", "residual"),
     "verify nowhere": ("RESULTS", "nowhere"),
 }
 
