@@ -21,7 +21,7 @@ from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.hands import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.hands._library import Grade
 from pter_gym.params import Hand
-from pter_gym.params._preset import PRESET, SECTIONS
+from pter_gym.params._fields import SHIPPED
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Tuple, Uniform, Vary
@@ -212,10 +212,10 @@ def described(value: Any) -> str:
 def preset(section: str) -> str:
     """Numbers of a section of the preset: value, unit and where each comes from."""
     rows: list[list[str]] = []
-    for item in fields(SECTIONS[section]):
-        value = getattr(getattr(PRESET, section), item.name)
-        shown = ", ".join(map(number, value if isinstance(value, tuple) else (value,)))
-        rows.append([code(item.name), shown, item.metadata["unit"], PRESET.provenance[f"{section}.{item.name}"]])
+    for name, entry in SHIPPED[section].items():
+        value = entry["value"]
+        shown = ", ".join(map(number, value if isinstance(value, list) else (value,)))
+        rows.append([code(name), shown, entry["unit"], entry["from"]])
     return table(["Name", "Value", "Unit", "Provenance"], rows)
 
 

@@ -132,16 +132,9 @@ def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
 @device
 def _after_resets(w: Any, lanes: int, present: float) -> float:
     """Return ``present``, or −1 where a lane may have drawn other constants."""
-    drawing = 0
     for i in range(lanes):
-        drawing += 1 if w[ROW.draws, i] != 1.0 else 0
-    return present if drawing == 0 else -1.0
-
-
-@device
-def _goes_on(w: Any, lanes: int, ended: int) -> bool:
-    """Return whether there is anything to do for a block."""
-    return ended == NEXT_STEP or count_nonzero(w, ROW.alive, lanes) > 0
+        present = present if w[ROW.draws, i] == 1.0 else -1.0
+    return present
 
 
 @device
@@ -217,7 +210,7 @@ def _build_advance(digest: str) -> Any:
             _gather(w, worlds, b)
             present = _take_contexts(w, width, constants, present)
             for step in range(steps * held):
-                if not _goes_on(w, lanes, ended):
+                if ended != NEXT_STEP and count_nonzero(w, ROW.alive, lanes) == 0:
                     break
                 t, k = divmod(step, held)
                 if has_law:

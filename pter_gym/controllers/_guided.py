@@ -213,7 +213,8 @@ class PaceSchedule:
 
 def _are_knots(knots: Any) -> bool:
     """Return whether this is a tuple of pairs of a finite pace > 0 and a guiding controller."""
-    return isinstance(knots, tuple) and len(cast("tuple[Any, ...]", knots)) > 0 and all(map(_is_knot, knots))
+    given = cast("tuple[Any, ...]", knots) if isinstance(knots, tuple) else ()
+    return len(given) > 0 and all(map(_is_knot, given))
 
 
 def _is_knot(knot: Any) -> bool:

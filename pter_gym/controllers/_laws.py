@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import read
 from pter_gym._engine.law import MEMORY
@@ -19,6 +19,7 @@ from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between, slip_velocities
 from pter_gym.controllers._allocation import allocate, passive_high, passive_low
 from pter_gym.controllers._gains import NOMINAL, OWN, Gains, Nominal, clutch_voltage, read_gains
+from pter_gym.controllers._network import HEADER, HEADER_WIDTH, NETWORK, decide
 from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
 from pter_gym.tasks.path_following._observation import SEEN
 
@@ -226,9 +227,38 @@ def random_volts(gains: Any, memory: Any) -> PerClutch:
     return PerClutch(gains[2] * u1, gains[3] * u2, gains[4] * u3, gains[5] * u4)
 
 
+@outlined
+def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Return the voltages of a trained network, which may correct a guiding law for the paper's clutches."""
+    count = int(gains[HEADER.base])
+    base = middle(gains)
+    if count > 0:
+        base = guide(obs, scales, gains[HEADER_WIDTH : HEADER_WIDTH + count], memory)
+    return decide(obs, scales, gains, memory, base)
+
+
+@device
+def network_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Return the voltages of a trained network, which may correct a guiding law for other clutches."""
+    count = int(gains[HEADER.base])
+    base = middle(gains)
+    if count > 0:
+        base = guide_declared(obs, scales, gains[HEADER_WIDTH : HEADER_WIDTH + count], memory)
+    return decide(obs, scales, gains, memory, base)
+
+
+@device
+def middle(gains: Any) -> PerClutch:
+    """Return the voltages [V] that a network without a base controller corrects: the middle of the range."""
+    half = 0.5 * gains[HEADER.voltage_max]
+    return PerClutch(half, half, half, half)
+
+
 @device
 def built_in(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of the built-in law that the first gain names."""
+    if gains[0] == NETWORK:
+        return network(obs, scales, gains, memory)
     if gains[0] >= IMPEDANCE:
         return guide(obs, scales, gains, memory)
     if gains[0] == RANDOM:

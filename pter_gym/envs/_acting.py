@@ -17,7 +17,7 @@ from pter_gym.errors import ActionError, ParameterError
 Observations = NDArray[np.float32]
 Actions = NDArray[np.float32]
 
-CHANGING = (gymnasium.ObservationWrapper, gymnasium.ActionWrapper, VectorObservationWrapper, VectorActionWrapper)
+CHANGING: Any = (gymnasium.ObservationWrapper, gymnasium.ActionWrapper, VectorObservationWrapper, VectorActionWrapper)
 """Wrappers that change what passes between a policy and the worlds."""
 
 
@@ -74,7 +74,9 @@ class ActingPolicy:
         if worlds is not None:
             mask = np.asarray(worlds)
             if mask.dtype != np.bool_ or mask.shape != (self._worlds,):
-                raise ParameterError(f"worlds must be a bool array with the shape ({self._worlds},), got {worlds!r:.200}")
+                raise ParameterError(
+                    f"worlds must be a bool array with the shape ({self._worlds},), got {worlds!r:.200}"
+                )
             if not mask.any():
                 return
             worlds = mask

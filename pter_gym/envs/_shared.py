@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 
 
 class Arguments(TypedDict, total=False):
-    """Arguments of all environments; ``PathFollowingEnv`` describes them. Vector environments take one machine and
-    task for all worlds, or a sequence with one for each."""
+    """Arguments of all environments, which ``PathFollowingEnv`` describes.
+
+    Vector environments take one machine and task for all worlds, or a sequence with one for each.
+    """
 
     machine: Machine | str | Sequence[Machine | str] | None
     task: PathFollowing | Sequence[PathFollowing] | None
@@ -48,7 +50,7 @@ def make_batch(
     Raises
     ------
     ParameterError
-        If a randomisation is given together with a task or another machine than the default, or a value is out of range.
+        If a value is out of range, or a randomisation is given with a task or another machine than the default.
     """
     machines, tasks = _find_pairs(machine, task, randomisation)
     return Batch(
@@ -95,8 +97,8 @@ class Worlds:
         """
         return nominal_machine({machine for machine, _ in self.batch.pairs})
 
-    def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
-        """Return the spaces of one world's observation and action."""
+    def _spaces(self) -> tuple[Any, Any]:
+        """Return the spaces of one world's observation and action, each a ``Box``."""
         return (
             spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32),
             spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32),

@@ -81,9 +81,7 @@ class JaxEnv:
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
         if jax.default_backend() != "cpu":
-            raise ParameterError(
-                f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu"
-            )
+            raise ParameterError(f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu")
         step = STEP if env.batch.machine.has_paper_clutches else DECLARED_STEP
         register_calls(step)
         self._step = _stepping(step)
@@ -208,15 +206,15 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
 def _many(run: Any) -> Any:
     """Return a function of many worlds whose ``vmap`` is the same function of more of them.
 
-    Its arguments are a tuple of arrays that worlds have of their own, in their first axis, and what they share. A branch
-    of ``lax.cond`` maps that too, in equal rows; where rows differ, observations and rewards are NaN.
+    Its arguments are a tuple of arrays that worlds have of their own, in their first axis, and what they share. A
+    branch of ``lax.cond`` maps that too, in equal rows; where rows differ, observations and rewards are NaN.
     """
     call = custom_vmap(run)
 
     @call.def_vmap
     def _(size: int, mapped: Any, own: Any, shared: Any) -> Any:
-        repeated = jax.tree.map(lambda x, has_axis: x if has_axis else x[None], shared, mapped[1])
-        shared = jax.tree.map(lambda x: x[0], repeated)
+        repeated = jax.tree.map(_with_axis, shared, mapped[1])
+        shared = jax.tree.map(_first, repeated)
         same = jnp.array([(x == x[:1]).all() for x in jax.tree.leaves(repeated)]).all()
         each = zip(own, mapped[0], strict=True)
         spread = [x if has_axis else jnp.broadcast_to(x, (size, *x.shape)) for x, has_axis in each]
@@ -226,6 +224,14 @@ def _many(run: Any) -> Any:
         return tuple(x.reshape(size, -1, *x.shape[1:]) for x in found), (True,) * len(found)
 
     return call
+
+
+def _with_axis(x: jax.Array, has_axis: bool) -> jax.Array:
+    return x if has_axis else x[None]
+
+
+def _first(x: jax.Array) -> jax.Array:
+    return x[0]
 
 
 def _one(call: Any, own: Any, shared: EnvParams) -> Any:

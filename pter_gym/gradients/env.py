@@ -25,7 +25,7 @@ from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANT_ROWS, FLAG, ROW,
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym.envs import jax as door
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.gradients._tracing import Column, branchless
+from pter_gym.gradients._branchless import Column, branchless
 from pter_gym.gradients.jax import MEANING, custom_vmap, floats_of, jax, jnp, lax, rolling
 from pter_gym.paths._projection import foot_on, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND

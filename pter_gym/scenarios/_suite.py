@@ -9,14 +9,14 @@ their strata follow from these. This module imports nothing heavy, since ``impor
 
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 from pter_gym.errors import ParameterError, unknown_name
 
 if TYPE_CHECKING:
     from pter_gym.params import Machine
     from pter_gym.scenarios._own_machine import AnyMachine, OwnMachine
-    from pter_gym.scenarios.randomisation import Distribution, Randomisation, Vary
+    from pter_gym.scenarios.randomisation import Randomisation, Vary
     from pter_gym.tasks.path_following import PathFollowing
 
 PACES = MappingProxyType({"slow": 0.12, "medium": 0.25, "brisk": 0.5})
@@ -114,7 +114,8 @@ class Scenario:
 
         speeds = PACES.values()
         commanded = LogUniform(min(speeds), max(speeds)) if pace is None else OneOf((find_pace(pace),))
-        base, drawn = self._task
+        base = self.shared_task
+        drawn = {} if base is self.task else cast("Vary[PathFollowing]", self.task).fields
         known = [item.name for item in fields(base) if item.name not in (*drawn, "pace")]
         for name in stated:
             if name not in known:
@@ -125,11 +126,11 @@ class Scenario:
         return Randomisation(machine=self.machine, task=task, contexts=contexts, seed=seed, own=self.own)
 
     @property
-    def _task(self) -> "tuple[PathFollowing, dict[str, Distribution]]":
-        """The fields of the task that all episodes share, and those that are drawn."""
+    def shared_task(self) -> "PathFollowing":
+        """The task of all episodes, before some of its fields are drawn."""
         from pter_gym.scenarios.randomisation import Vary
 
-        return (self.task.base, self.task.fields) if isinstance(self.task, Vary) else (self.task, {})
+        return self.task.base if isinstance(self.task, Vary) else self.task
 
 
 def find_pace(pace: float | str) -> float:
@@ -172,8 +173,9 @@ def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
         return SCENARIOS[name]
     from pter_gym.scenarios._own_machine import as_sensed, find_own
 
-    found = replace(SCENARIOS[name], own=find_own(machine))
-    as_sensed(found._task[0], found.own)  # raises where the delay is too long
+    own = find_own(machine)
+    found = replace(SCENARIOS[name], own=own)
+    as_sensed(found.shared_task, own)  # raises where the delay is too long
     return found
 
 

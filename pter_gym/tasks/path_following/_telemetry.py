@@ -90,9 +90,7 @@ def reason_of(telemetry: ArrayLike, machine: Machine | str | None, task: PathFol
         return None
     theta_a, theta_b = row[COLUMN.theta.a], row[COLUMN.theta.b]
     q = Motion(theta_a, theta_b, 0.0, 0.0, math.cos(theta_a), math.sin(theta_a), math.cos(theta_b), math.sin(theta_b))
-    at = PathState(
-        row[COLUMN.arc_length], row[COLUMN.normal_error], UnitVector(1.0, 0.0), 0.0, PathVector(0.0, 0.0)
-    )
+    at = PathState(row[COLUMN.arc_length], row[COLUMN.normal_error], UnitVector(1.0, 0.0), 0.0, PathVector(0.0, 0.0))
     end = ending(at, q, row[COLUMN.kinetic_energy], limits)
     order = (
         (Reason.ARRIVED, end.arrived),

@@ -177,11 +177,6 @@ def test_networks_answer_as_in_python(name: str, page: Any, recorded: Any) -> No
     """Sums in another order differ by rounding, and so a float32 voltage now and then by a last place."""
     shipped = read_policy(name)
     layout = pages_batch().layout
-    interface = shipped.card.interface.bind(BASELINE, layout)
-    past, memory = interface.begin(1), shipped.network.begin(1)
-    seen = [interface.see(row[None], past)[0] for row in recorded]
-    outputs = np.array([shipped.network(inputs, memory)[0][0] for inputs in seen])
-    np.testing.assert_allclose(page["answers"][f"{name}: outputs"], outputs, rtol=1e-12, atol=1e-12)
     policy = shipped.bind(BASELINE, layout)
     expected = np.array([policy(row) for row in recorded])
     found = np.array(page["answers"][name], np.float32)

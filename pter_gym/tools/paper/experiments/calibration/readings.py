@@ -78,7 +78,7 @@ def setup_of(preset: Preset, reading: Reading | None = None) -> Setup:
     """Return the machines, the task and the controller of a preset under a reading of the paper."""
     reading = Reading() if reading is None else reading
     if reading.delrin_rule == "static":
-        preset = replace(preset, delrin=replace(preset.delrin, mu_dynamic_present=MU_STATIC_PRESENT))
+        preset = replace(preset, delrin={**preset.delrin, "mu_dynamic_present": MU_STATIC_PRESENT})
     return Setup(
         machines={
             name: replace(machine, clutch=replace(machine.clutch, lag=reading.lag))

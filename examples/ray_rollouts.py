@@ -1,4 +1,4 @@
-"""Episodes on a Ray cluster: `python agents/at_scale/ray_rollouts.py --workers 2`, then what each worker has."""
+"""Episodes on a Ray cluster: `python examples/ray_rollouts.py --workers 2`, then what each worker has."""
 
 import time
 
@@ -16,10 +16,10 @@ class Worker:
         options = {"frame_skip": 1, "telemetry": False, "num_threads": 1}
         self.envs = gymnasium.make_vec("pter_gym:PTER/Standard-v0", worlds, **options)
         self.policy = pter_gym.load_policy(policy, self.envs)
-        self.envs.step(self.policy(self.envs.reset(seed=0)[0]))  # kernels load before the clock runs
 
     def episodes(self, seed: int) -> tuple[np.ndarray, float]:
         begin, steps, (obs, _) = time.perf_counter(), 0, self.envs.reset(seed=seed)
+        self.policy.reset()
         returns, running = np.zeros(self.envs.num_envs), np.ones(self.envs.num_envs, bool)
         while running.any():
             obs, rewards, terminated, truncated, _ = self.envs.step(self.policy(obs))
