@@ -1,16 +1,12 @@
 """The paper's standard test (section IV-A) for any policy."""
 
-import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
-from pter_gym._version import __version__
 from pter_gym.benchmark.metrics import Score, score
 from pter_gym.benchmark.simulation import AnyPolicy, sensors_of, simulate
 from pter_gym.controllers import bind
@@ -53,24 +49,6 @@ class Result:
     seed: int
     runs: dict[str, tuple[Run, ...]]
 
-    def as_json(self) -> dict[str, Any]:
-        """Return what ``benchmark.json`` holds; lengths in m, times in s, energies in J.
-
-        ``config_hash`` is the SHA-256 of everything that the test depends on except the policies and the seed.
-        """
-        time_constants = [run.time_constant for run in next(iter(self.runs.values()))]
-        config = {"machine": asdict(self.machine), "task": asdict(self.task), "time_constants": time_constants}
-        return {
-            "scenario": "standard",
-            "seed": self.seed,
-            "version": __version__,
-            "config_hash": hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest(),
-            "policies": {
-                name: [{"time_constant_s": run.time_constant, **asdict(run.score)} for run in runs]
-                for name, runs in self.runs.items()
-            },
-        }
-
 
 def run_standard_test(
     policies: Mapping[str, AnyPolicy],
@@ -93,7 +71,7 @@ def run_standard_test(
     time_constants
         Time constants of the clutches [s]; one episode each.
     seed
-        Seed ≥ 0 of the episodes and of the random policy.
+        Seed ≥ 0 of the episodes.
     on_progress
         Called with each policy's name when it is done.
 
