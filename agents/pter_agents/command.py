@@ -5,35 +5,17 @@ from typing import Annotated, Literal
 
 import tyro
 
-<<<<<<< HEAD
-from pter_agents.algorithms import ALGORITHMS, ALL, load_settings, smoke_settings
-from pter_gym._commands.arguments import MachineName
-from pter_gym._internal.terminal import progress_bar, say, terminal
-from pter_gym.errors import ParameterError, needs_extra
-from pter_gym.scenarios import SCENARIOS
-
-TRAINED = "What to train: " + ", ".join(f"{name} ({each.action})" for name, each in ALGORITHMS.items()) + "."
-
-DRAWN = f"Scenario whose draws are trained on: {', '.join(SCENARIOS)}, or all."
-=======
 from pter_gym._internal.terminal import progress_bar, say, terminal
 from pter_gym.errors import needs_extra
->>>>>>> main
 
 SMOKE_ROLLOUTS = 3
 SMOKE_EPISODES = 8
 
 
 def train(
-<<<<<<< HEAD
-    algo: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ALGO", help=TRAINED)],
-    scenario: Annotated[str, tyro.conf.arg(help=DRAWN)] = "standard",
-    pace: str = ALL,
-=======
     algo: Annotated[Literal["ppo", "residual"], tyro.conf.Positional],
     scenario: str = "standard",
     pace: str = "all",
->>>>>>> main
     steps: int = 20_000_000,
     seed: int = 0,
     out: Path = Path("pter-run"),
@@ -108,68 +90,4 @@ def export(
     """
     from pter_agents import exporting
 
-<<<<<<< HEAD
-    is_run = (run / RUN).is_file()
-    if not is_run and hub is None:
-        raise ParameterError(f"RUN must be the folder of a run, there is no {RUN} in {str(run)!r}")
-    policy = _export_run(run, name, out) if is_run else run
-    if hub is not None:
-        from pter_agents.sharing import share_policy
-
-        with terminal(errors=True).status("scoring and filming"):
-            say(f"wrote {share_policy(str(policy), hub)}")
-
-
-def _export_run(run: Path, name: str | None, out: Path) -> Path:
-    """Turn a run into a policy and return the path of its card."""
-    try:
-        with terminal(errors=True).status("loading"):
-            from pter_agents.exporting import export_run
-    except ImportError as error:
-        raise needs_extra("training", "agents") from error
-    with terminal(errors=True).status("exporting"):
-        path, difference = export_run(run, out, name=name)
-    say(f"largest difference between both: {difference:.1e} of the largest voltage")
-    say(f"wrote {path}")
-    return path
-
-
-def retrain(
-    policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY")],
-    out: Path = Path("pter-retrain"),
-) -> None:
-    """Train a policy again from its card, and score both.
-
-    Scores are from fresh episodes whose seed follows from the content of both policies, so neither has seen them.
-    Policies that were trained on a custom machine are scored on training draws with that machine.
-
-    Example: pter retrain residual --out again
-
-    Args:
-        policy: Name of a shipped trained policy, or the path of another one's card.
-        out: Folder for the run and the new policy, created if necessary. An interrupted run there is continued.
-    """
-    try:
-        with terminal(errors=True).status("loading"):
-            from pter_agents import retraining
-    except ImportError as error:
-        raise needs_extra("training", "agents") from error
-    from pter_gym.benchmark.leaderboard import table
-
-    shipped = retraining.find_trained(policy)
-    with progress_bar() as progress:
-        task = progress.add_task(shipped.card.name, total=None)
-        again = retraining.retrain(
-            shipped, out, on_progress=lambda done, of: progress.update(task, completed=done, total=of)
-        )
-    own = retraining.arguments_of(shipped.card.about).machine is not None
-    with terminal(errors=True).status("scoring both"):
-        if own:
-            shown = retraining.examine_both(shipped, again)
-        else:
-            shown = [part for board in retraining.compare(shipped, again) for part in (table(board), "")]
-    terminal().print(*shown, sep="\n")
-    say(f"wrote {out / again.card.name}.json")
-=======
     say(f"wrote {exporting.export(run, out, name=name)}")
->>>>>>> main
