@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, cast, get_args
 
-from pter_gym.benchmark.metrics import Score
+from pter_gym.benchmark.scores import Score
 from pter_gym.controllers import TorqueFeedback
 from pter_gym.hands import MultiSineHand, eq5
 from pter_gym.params import Machine, paper_machines_of, quantity, require, require_flag, require_numbers

@@ -6,8 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._measures import column, low_pass, vector
-from pter_gym.benchmark._recorded import START_UP
+from pter_gym.benchmark._measures import START_UP, column, low_pass, vector
 from pter_gym.params import MU_STATIC_PRESENT, Lag, paper_machines_of
 from pter_gym.params._preset import Preset
 from pter_gym.tools.paper.experiments.setup import TIME_CONSTANTS, ErrorAverage, Setup, controller_of, task_of

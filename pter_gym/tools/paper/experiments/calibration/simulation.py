@@ -12,8 +12,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.law import MEMORY
 from pter_gym._engine.world import ROW
 from pter_gym._physics.clutch import PerClutch, lag_left
-from pter_gym.benchmark._measures import column, low_pass, vector
-from pter_gym.benchmark._recorded import START_UP
+from pter_gym.benchmark._measures import START_UP, column, low_pass, vector
 from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN
