@@ -73,7 +73,7 @@ def texts_of(function: Any, reached: list[FunctionType] | None = None) -> list[s
     return texts
 
 
-def _text(value: Any, reached: list[FunctionType]) -> str:
+def _text(value: Any, reached: list[FunctionType]) -> str:  # noqa: C901  (one case for each kind of value)
     def of(*values: Any) -> str:
         return f"({','.join(_text(each, reached) for each in values)},)"
 

@@ -13,7 +13,7 @@ and writes by name::
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from numba import types
 from numba.extending import overload
@@ -131,7 +131,9 @@ def store(w: Any, at: R, i: Any, value: R) -> None:
 def read(array: Any, at: R, first: Any) -> R:
     """Read a record from an array (numbers,) in which it begins at ``first``; ``at`` holds its places from there."""
     places: Any = at
-    return type(places)(*(read(array, place, first) for place in places)) if isinstance(at, tuple) else array[first + at]
+    if isinstance(at, tuple):
+        return type(places)(*(read(array, place, first) for place in places))
+    return array[first + places]
 
 
 def write(array: Any, at: R, value: R) -> None:
@@ -189,7 +191,8 @@ def _compiled(function: Any, arguments: str, number: str, record: str = "at", *,
         return written(arguments, [number.replace("AT", path) for path in _paths(kinds[record])], names)
 
     # numba passes types by the names of the function's arguments
-    build = compile_source(f"def build({arguments}):\n    return source({record}={record})", "build", {"source": source})
+    text = f"def build({arguments}):\n    return source({record}={record})"
+    build = compile_source(text, "build", {"source": source})
     overload(function, jit_options={**WITHOUT_ARRAYS, "pipeline_class": Part})(build)
 
 

@@ -134,11 +134,12 @@ def test_a_recording_in_microseconds_is_refused_before_memory_is_taken() -> None
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("time,along\n0,1\n", "no column across"),
-        ("time,along,across\n0.1,1,1\n0.2,1,1\n", "rising from 0"),
-        ("time,along,across\n0,1,1\n0.2,1,1\n0.1,1,1\n", "rising from 0"),
+        ("time,along\n0,1\n", "column across"),
+        ("time,along,across\n0.1,1,1\n0.2,1,1\n", "line 2"),
+        ("time,along,across\n0,1,1\n0.2,1,1\n0.1,1,1\n", "line 4"),
+        ("time,along,across\n0,1,1\n10,1,1\n20,1,1\n", "are these seconds"),
         ("time,along,across\n0,1,inf\n", "line 2: across must be a finite number"),
-        ("time,along,across\n", "rising from 0"),
+        ("time,along,across\n", "time"),
     ],
 )
 def test_bad_recordings_are_refused(tmp_path: File, text: str, message: str) -> None:
