@@ -2,25 +2,20 @@
 
 from typing import TYPE_CHECKING
 
-from pter_gym._internal.lazy import lazy_names
+import lazy_loader
 
 if TYPE_CHECKING:
+    from pter_gym.tools.tuning.gains_file import add_gains
     from pter_gym.tools.tuning.search import EPISODES, TRIALS, TunedGains, tune
-    from pter_gym.tools.tuning.shipping import add_gains
     from pter_gym.tools.tuning.spaces import SPACES
 
 __all__ = ["EPISODES", "SPACES", "TRIALS", "TunedGains", "add_gains", "tune"]
 
-__getattr__, __dir__ = lazy_names(
+__getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
-    {
-        "pter_gym.tools.tuning.search": (
-            "EPISODES",
-            "TRIALS",
-            "TunedGains",
-            "tune",
-        ),
-        "pter_gym.tools.tuning.shipping": ("add_gains",),
-        "pter_gym.tools.tuning.spaces": ("SPACES",),
+    submod_attrs={
+        "gains_file": ["add_gains"],
+        "search": ["EPISODES", "TRIALS", "TunedGains", "tune"],
+        "spaces": ["SPACES"],
     },
 )
