@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from pter_gym._internal.lazy import lazy_names
+import lazy_loader
 
 if TYPE_CHECKING:
     from pter_gym.tools.identification.experiment import EXPERIMENT, RECORDER, Experiment, Recorder, record_log
@@ -30,31 +30,14 @@ __all__ = [
     "write_log",
 ]
 
-__getattr__, __dir__ = lazy_names(
+__getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
-    {
-        "pter_gym.tools.identification.experiment": (
-            "EXPERIMENT",
-            "RECORDER",
-            "Experiment",
-            "Recorder",
-            "record_log",
-        ),
-        "pter_gym.tools.identification.identifying": (
-            "Finding",
-            "Identification",
-            "identify",
-        ),
-        "pter_gym.tools.identification.log": (
-            "Log",
-            "read_log",
-            "write_log",
-        ),
-        "pter_gym.tools.identification.parameters": (
-            "Quantity",
-            "quantities",
-        ),
-        "pter_gym.tools.identification.preset": ("preset_of",),
-        "pter_gym.tools.identification.report": ("report",),
+    submod_attrs={
+        "experiment": ["EXPERIMENT", "RECORDER", "Experiment", "Recorder", "record_log"],
+        "identifying": ["Finding", "Identification", "identify"],
+        "log": ["Log", "read_log", "write_log"],
+        "parameters": ["Quantity", "quantities"],
+        "preset": ["preset_of"],
+        "report": ["report"],
     },
 )

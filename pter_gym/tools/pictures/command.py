@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import MachineName, among, split
+from pter_gym._commands.arguments import MachineName, PaceName, ScenarioName, split
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
 from pter_gym._internal.terminal import progress_bar, say
 from pter_gym.envs._size import check_size
 from pter_gym.errors import ParameterError
-from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
+from pter_gym.scenarios import find_scenario
 
 if TYPE_CHECKING:
     from pter_gym.benchmark.simulation import Episode
@@ -22,8 +22,8 @@ MAX_POLICIES = 16
 
 def watch(
     policies: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME,…")],
-    scenario: Annotated[str, tyro.conf.arg(metavar="NAME"), among(lambda: SCENARIOS)] = "standard",
-    pace: Annotated[str, tyro.conf.arg(metavar="NAME"), among(lambda: PACES)] = "medium",
+    scenario: ScenarioName = "standard",
+    pace: PaceName = "medium",
     seed: int = 0,
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.webp|mp4|png")] = None,
     csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv|npz")] = None,
@@ -59,7 +59,7 @@ def watch(
     seed = whole_number("seed", seed, at_least=0)
     drawn = find_scenario(scenario, machine)
     held, task = drawn.randomisation(pace, contexts=1, seed=seed).pairs()[0]
-    found = {name: find_policy(name, seed, scenario) for name in names}
+    found = {name: find_policy(name, scenario) for name in names}
     telemetry: dict[str, Any] = {}
     for name, policy in found.items():
         episode = record_episode(policy, held, task, seed, time_limit(task), nominal=drawn.nominal)

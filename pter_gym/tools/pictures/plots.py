@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-from pter_gym.benchmark._runs import ScenarioRun, join_seeds
 from pter_gym.benchmark.leaderboard import Leaderboard
 from pter_gym.benchmark.ranking import PACE_ERROR, Standing
+from pter_gym.benchmark.runs import ScenarioRun, join_seeds
 from pter_gym.benchmark.statistics import performance_profile
 from pter_gym.scenarios import PACES
 from pter_gym.tools.figures import MILLIMETRE, REFERENCE, WIDTH, Look, label, legend_below, looks, save, styled
@@ -144,13 +144,13 @@ def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
 def _runs_of(standing: Standing, board: Leaderboard, runs: Sequence[ScenarioRun]) -> list[ScenarioRun]:
     """Return the runs behind a standing, one for each training seed."""
     wanted = (standing.policy, board.pace)
-    return [run for run in runs if (run.conditions.policy, run.conditions.pace) == wanted]
+    return [run for run in runs if (run.policy, run.pace) == wanted]
 
 
 def _board_legend(figure: Figure, boards: Sequence[Leaderboard], note: str) -> None:
     """Add a legend of all policies below the panels, and a note on what was run."""
     board, by_policy = boards[0], _looks(boards)
-    kind = "stored" if board.fresh is None else "fresh"
+    kind = "stored" if board.seed is None else "fresh"
     ran = f"{board.scenario}, {board.episodes} {kind} episode{'s' if board.episodes > 1 else ''}"
     handles = [
         Line2D([], [], color=look.colour, linestyle=look.dashes, marker=look.marker, markersize=5.5)

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._standard import Run
 from pter_gym.params import TIME_CONSTANT
 from pter_gym.tasks.path_following import COLUMN
 from pter_gym.tools.paper.experiments.setup import Setup
 from pter_gym.tools.paper.experiments.time_constants import standard_runs
+from pter_gym.tools.paper.standard_test import Run
 from pter_gym.units import INCH_POUND
 
 Array = NDArray[np.float64]

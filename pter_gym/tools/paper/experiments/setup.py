@@ -1,9 +1,9 @@
 """Setup of the paper's experiments: three machines, one task, one controller, and how runs are averaged."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from typing import Literal, cast, get_args
 
 from pter_gym.benchmark.metrics import Score
 from pter_gym.controllers import TorqueFeedback
@@ -25,19 +25,14 @@ PAPER_MACHINES = paper_machines_of(STUDY)
 """The three machines of Table I by name, as the experiments have them."""
 
 
-def values_of(section: Any) -> dict[str, Any]:
-    """Return the numbers of a section of a preset by their names."""
-    return {item.name: getattr(section, item.name) for item in fields(section)}
-
-
 def task_of(preset: Preset) -> PathFollowing:
     """Return the standard test of a preset."""
-    return PathFollowing(path=Line(**values_of(preset.path)), hand=eq5(preset.hand.force_max, preset.hand.push))
+    return PathFollowing(path=Line(**preset.path), hand=eq5(preset.hand["force_max"], preset.hand["push"]))
 
 
 def controller_of(preset: Preset) -> TorqueFeedback:
     """Return the controller of a preset."""
-    return TorqueFeedback(**values_of(preset.controller))
+    return TorqueFeedback(**preset.controller)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._standard import Run, run_standard_test
 from pter_gym.controllers import Policy
 from pter_gym.params import Machine, with_friction
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.paper.experiments.setup import Setup
+from pter_gym.tools.paper.standard_test import Run, run_standard_test
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from pter_gym.benchmark._measures import column, low_pass, vector
 from pter_gym.benchmark._recorded import START_UP
-from pter_gym.benchmark._standard import TIME_CONSTANTS as SIX
-from pter_gym.benchmark._standard import Run
 from pter_gym.params import MU_STATIC_PRESENT, Lag, paper_machines_of
 from pter_gym.params._preset import Preset
 from pter_gym.tools.paper.experiments.setup import TIME_CONSTANTS, ErrorAverage, Setup, controller_of, task_of
 from pter_gym.tools.paper.experiments.time_constants import standard_runs
+from pter_gym.tools.paper.standard_test import TIME_CONSTANTS as SIX
+from pter_gym.tools.paper.standard_test import Run
 from pter_gym.units import INCH
 
 Array = NDArray[np.float64]
@@ -78,7 +78,7 @@ def setup_of(preset: Preset, reading: Reading | None = None) -> Setup:
     """Return the machines, the task and the controller of a preset under a reading of the paper."""
     reading = Reading() if reading is None else reading
     if reading.delrin_rule == "static":
-        preset = replace(preset, delrin=replace(preset.delrin, mu_dynamic_present=MU_STATIC_PRESENT))
+        preset = replace(preset, delrin={**preset.delrin, "mu_dynamic_present": MU_STATIC_PRESENT})
     return Setup(
         machines={
             name: replace(machine, clutch=replace(machine.clutch, lag=reading.lag))

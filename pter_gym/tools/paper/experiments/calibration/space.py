@@ -7,17 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE, TIME_CONSTANT, Arm, TorqueCurve
-from pter_gym.params._preset import (
-    PRESET,
-    ArmValues,
-    ClutchValues,
-    ControllerValues,
-    DelrinValues,
-    HandValues,
-    PathValues,
-    Preset,
-    SensingValues,
-)
+from pter_gym.params._preset import PRESET, ClutchValues, Preset, SensingValues
 from pter_gym.paths import Line
 from pter_gym.tools.paper.experiments.feedback import BEST_GAIN
 from pter_gym.units import INCH_POUND
@@ -103,7 +93,7 @@ def decode(point: Array) -> Preset:
     room = min(math.sqrt(HAND_MAX**2 - values["push"] ** 2) / EQ5_PEAK, HAND_MAX)
     damping = min(2.0 * values["damping_ratio"] * math.sqrt(values["stiffness"] * across), across / 0.01)
     return Preset(
-        arm=ArmValues(**{name: getattr(arm, name) for name in ArmValues.__dataclass_fields__}),
+        arm=arm,
         clutch=ClutchValues(
             slope=curve.slope,
             knee=curve.knee,
@@ -113,21 +103,23 @@ def decode(point: Array) -> Preset:
             voltage_max=TABLE_VOLTS[-1],
             scale=(1.0,) * 4,
         ),
-        delrin=DelrinValues(
-            dynamic_scale=rounded(values["delrin_scale"]),
-            breakaway_ratio=rounded(max(LEAST_RATIO, 1.0 + values["delrin_jump"] * (values["breakaway_ratio"] - 1.0))),
-            mu_dynamic_present=rounded(values["mu_dynamic"]),
-        ),
-        path=PathValues(x=line.x, y=line.y, direction=line.direction, length=line.length),
-        hand=HandValues(push=rounded(values["push"]), force_max=rounded(values["disturbance"] * room)),
-        controller=ControllerValues(
-            stiffness=rounded(values["stiffness"]),
-            damping_normal=rounded(damping),
-            damping_tangential=rounded(min(values["damping_tangential"], along / 0.01)),
-            slip_threshold=rounded(values["slip_threshold"]),
-            table_volts=TABLE_VOLTS,
-            feedback=BEST_GAIN / INCH_POUND,
-        ),
+        delrin={
+            "dynamic_scale": rounded(values["delrin_scale"]),
+            "breakaway_ratio": rounded(
+                max(LEAST_RATIO, 1.0 + values["delrin_jump"] * (values["breakaway_ratio"] - 1.0))
+            ),
+            "mu_dynamic_present": rounded(values["mu_dynamic"]),
+        },
+        path={"x": line.x, "y": line.y, "direction": line.direction, "length": line.length},
+        hand={"push": rounded(values["push"]), "force_max": rounded(values["disturbance"] * room)},
+        controller={
+            "stiffness": rounded(values["stiffness"]),
+            "damping_normal": rounded(damping),
+            "damping_tangential": rounded(min(values["damping_tangential"], along / 0.01)),
+            "slip_threshold": rounded(values["slip_threshold"]),
+            "table_volts": TABLE_VOLTS,
+            "feedback": BEST_GAIN / INCH_POUND,
+        },
         sensing=SensingValues(delay=0.0),
         provenance=ORIGINS,
     )
