@@ -158,12 +158,12 @@ def tremors() -> None:
 def identified() -> None:
     """Draw torque curves that are identified from the log of the machine in docs/identify.md."""
     from pter_gym.tools.identification import Recorder, identify, record_log
-    from pter_gym.tools.identification.pictures import curves
+    from pter_gym.tools.identification.picture import picture
     from pter_gym.tools.pictures.plots import save
 
     arm = replace(BASELINE.arm, inertia_a=0.7, inertia_b=0.6, coupling=0.1)
     machine = replace(BASELINE, arm=arm, clutch_scale=(0.9, 1.1, 1.05, 0.95))
-    save(curves(identify(record_log(machine, recorder=Recorder(delay=0.012)))), IMAGES / "identified.png")
+    save(picture(identify(record_log(machine, recorder=Recorder(delay=0.012)))), IMAGES / "identified.png")
 
 
 def paper() -> None:

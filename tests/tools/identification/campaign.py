@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 import pter_gym
 from pter_gym.params import BASELINE, Arm, Clutch, Machine, TorqueCurve
 from pter_gym.tools.identification import Identification, Recorder, identify, quantities, record_log
-from pter_gym.tools.identification.verdict import MOST
+from pter_gym.tools.identification.verdict import MAX_UNEXPLAINED as MOST
 
 PACKAGE = Path(pter_gym.__file__).parent
 
@@ -135,7 +135,13 @@ def outcomes(found: Identification, machine: Machine, delay: float) -> list[Outc
     )
     true = quantities(same, delay, found.fit.shape.top)
     return [
-        Outcome(q.name, f.status, (f.quantity.value - q.value) / q.scale, f.share, f.low <= q.value <= f.high)
+        Outcome(
+            q.name,
+            f.status,
+            (f.quantity.value - q.value) / q.scale,
+            f.half_width / max(f.quantity.scale, 1e-300),
+            f.low <= q.value <= f.high,
+        )
         for f, q in zip(found.findings, true, strict=True)
     ]
 
