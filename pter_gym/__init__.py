@@ -6,8 +6,8 @@
 from typing import TYPE_CHECKING
 
 import gymnasium
+import lazy_loader
 
-from pter_gym._internal.lazy import lazy_names
 from pter_gym._version import __version__
 from pter_gym.scenarios._suite import SCENARIOS
 
@@ -44,11 +44,23 @@ __all__ = [
     "simulate",
 ]
 
-__getattr__, __dir__ = lazy_names(
+__getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
-    {
-        "pter_gym._physics.open_loop": ("State", "Trajectory", "initial_state", "simulate"),
-        "pter_gym.params": (
+    [
+        "benchmark",
+        "controllers",
+        "envs",
+        "gradients",
+        "hands",
+        "params",
+        "paths",
+        "policies",
+        "scenarios",
+        "tasks",
+    ],
+    submod_attrs={
+        "_physics.open_loop": ["State", "Trajectory", "initial_state", "simulate"],
+        "params": [
             "BASELINE",
             "DELRIN_EXPERIMENTAL",
             "DELRIN_THEORETICAL",
@@ -57,16 +69,16 @@ __getattr__, __dir__ = lazy_names(
             "Hand",
             "Machine",
             "TorqueCurve",
-        ),
-        "pter_gym.benchmark._loading": ("load_policy",),
-        "pter_gym.tasks.path_following": ("PathFollowing",),
+        ],
+        "benchmark._loading": ["load_policy"],
+        "tasks.path_following": ["PathFollowing"],
     },
 )
 
 gymnasium.register(
     id="PTER/PathFollowing-v0",
     entry_point="pter_gym.envs._single:PathFollowingEnv",
-    vector_entry_point="pter_gym.envs._vector:make_vector_env",
+    vector_entry_point="pter_gym.envs._vector:PathFollowingVectorEnv",
     max_episode_steps=1000,
 )
 

@@ -11,9 +11,8 @@ from conformance.test_law_faults import compile_law
 from documents import run_extending
 from pter_gym._engine.batch import Batch
 from pter_gym._physics import open_loop
-from pter_gym.benchmark.simulation import record_episode, simulate
+from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
-from pter_gym.controllers._predictive import Privileged, Settings
 from pter_gym.params import BASELINE, TIME_CONSTANT
 from pter_gym.params._preset import PRESET
 from pter_gym.tasks.path_following import PathFollowing
@@ -28,8 +27,6 @@ def main(part: str) -> None:
     if part == "steps":
         simulate(batch, policy, [0], 1)
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
-        plans = Privileged(Free(), Settings(samples=8, rounds=1, elite=1, horizon=10))
-        record_episode(plans, BASELINE, PathFollowing(), 0, 1)
         if find_spec("pter_gym.tools.paper"):
             from pter_gym.tools.paper.experiments.calibration import Case, run_cases, setup_of
 

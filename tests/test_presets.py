@@ -1,4 +1,4 @@
-"""Preset files: what must be there, and the border of each range."""
+"""Preset files: what must be there, and machines as presets."""
 
 import re
 from dataclasses import replace
@@ -19,19 +19,12 @@ from pter_gym.params import (
     Machine,
     find_machine,
     machine_of,
+    preset,
     save_preset,
 )
-from pter_gym.params._preset import PRESET, SECTIONS, format_preset, load_preset, parse_preset, preset
+from pter_gym.params._preset import PRESET, SECTIONS, format_preset, load_preset, parse_preset
 
 TEXT = format_preset(PRESET, "for tests")
-
-
-def without(section: str, name: str | None = None) -> str:
-    """The text without a section, or without one of its numbers."""
-    head, body = TEXT.split(f"[{section}]\n")
-    if name is None:
-        return head + body.partition("\n\n")[2]
-    return f"{head}[{section}]\n" + re.sub(rf"(?m)^{name} = .*\n", "", body, count=1)
 
 
 def with_value(section: str, name: str, value: str) -> str:
@@ -42,64 +35,44 @@ def with_value(section: str, name: str, value: str) -> str:
 
 
 @pytest.mark.parametrize("section", SECTIONS)
-def test_every_section_has_to_be_there(section: str):
-    with pytest.raises(ParameterError, match=f"section '{section}' is missing"):
-        parse_preset(without(section))
-
-
-def test_a_number_alone_says_neither_unit_nor_origin():
-    with pytest.raises(ParameterError, match=r"arm\.coupling must be a table with value, unit and from"):
-        parse_preset(re.sub(r"(?m)^coupling = .*", "coupling = 0.1", TEXT))
-
-
-@pytest.mark.parametrize(
-    ("section", "name", "unit"), [("arm", "coupling", "kg·m²"), ("clutch", "knee", "V"), ("hand", "push", "N")]
-)
-def test_a_parameter_has_value_unit_and_origin_of_the_file(section: str, name: str, unit: str):
-    found = preset(section, name)
-    assert found.default == getattr(getattr(PRESET, section), name)
-    assert dict(found.metadata) == {
-        "unit": unit,
-        "provenance": PRESET.provenance[f"{section}.{name}"],
-        "later": False,
-    }
-
-
-def test_every_number_has_to_be_there():
-    with pytest.raises(ParameterError, match="field of clutch 'knee' is missing"):
-        parse_preset(without("clutch", "knee"))
-
-
-ZERO = {
-    "arm": ("coupling", "dry_a", "dry_b", "viscous_a", "viscous_b"),
-    "clutch": ("knee", "curvature", "scale"),
-    "path": ("x", "y", "direction"),
-    "hand": ("push", "force_max"),
-    "controller": ("stiffness", "damping_normal", "damping_tangential", "slip_threshold", "feedback"),
-    "sensing": ("delay",),
-}
-"""What may be 0."""
+def test_every_section_and_number_has_to_be_there(section: str):
+    head, body = TEXT.split(f"[{section}]\n")
+    with pytest.raises(ParameterError, match=section):
+        parse_preset(head + body.partition("\n\n")[2])
+    with pytest.raises(ParameterError, match=section):
+        parse_preset(f"{head}[{section}]\n{body.partition(chr(10))[2]}")
 
 
 @pytest.mark.parametrize(
-    ("section", "name"),
-    [(section, name) for section, kind in SECTIONS.items() for name in kind.__dataclass_fields__],
+    ("old", "new", "named"),
+    [
+        (r"^coupling = .*", "coupling = 0.1", r"arm\.coupling"),
+        (r"^(knee = .*)unit = \"V\"", r'\1unit = "kV"', r"clutch\.knee\.unit"),
+        (r"^(knee = .*)from = \"fitted", r'\1from = "guess', r"clutch\.knee\.from"),
+        (r"^knee = ", "knees = ", "knees"),
+        (r"^length_a = { value = [^,]*", "length_a = { value = 0.0", r"Arm\.length_a"),
+        (r"^slope = { value = [^,]*", "slope = { value = -1.0", r"TorqueCurve\.slope"),
+        (r"^breakaway_ratio = { value = [^,]*", "breakaway_ratio = { value = 0.0", r"TorqueCurve\.slope"),
+        (r"^time_constant = { value = [^,]*", "time_constant = { value = 0", r"Clutch\.time_constant"),
+        (r"^push = { value = [^,]*", "push = { value = [1.0]", r"hand\.push"),
+        (r"^push = { value = [^,]*", 'push = { value = "1.0"', r"hand\.push"),
+        (r"^table_volts = { value = [^\]]*\]", "table_volts = { value = 4.0", r"controller\.table_volts"),
+    ],
 )
-def test_numbers_that_may_be_zero_and_others(section: str, name: str):
-    value = "[0.0, 0.0, 0.0, 0.0]" if name in ("scale", "table_volts") else "0.0"
-    if name in (*ZERO.get(section, ()), "table_volts"):
-        found = getattr(getattr(parse_preset(with_value(section, name, value)), section), name)
-        assert set(found if isinstance(found, tuple) else [found]) == {0.0}
-    else:
-        with pytest.raises(ParameterError, match=rf"{section}\.{name} must be a finite number and > 0"):
-            parse_preset(with_value(section, name, value))
+def test_a_wrong_entry_is_refused(old: str, new: str, named: str, tmp_path: Path):
+    text, count = re.subn(old, new, TEXT, count=1, flags=re.MULTILINE)
+    assert count == 1
+    with pytest.raises(ParameterError, match=named):
+        parse_preset(text)
+    (tmp_path / "own.toml").write_text(text, "utf-8")
+    with pytest.raises(DataError, match=named):
+        load_preset(tmp_path / "own.toml")
 
 
-@pytest.mark.parametrize("name", ["knee", "force_max", "stiffness", "delay"])
-def test_nothing_of_these_is_below_zero(name: str):
-    section = next(section for section, kind in SECTIONS.items() if name in kind.__dataclass_fields__)
-    with pytest.raises(ParameterError, match=rf"{section}\.{name} must be a finite number and ≥ 0"):
-        parse_preset(with_value(section, name, "-0.001"))
+def test_a_parameter_has_value_unit_and_origin_of_the_file():
+    found = preset("clutch", "knee")
+    assert found.default == PRESET.clutch.knee
+    assert (found.metadata["unit"], found.metadata["provenance"]) == ("V", PRESET.provenance["clutch.knee"])
 
 
 def test_a_missing_clutch_generates_no_torque():
@@ -110,16 +83,12 @@ def test_a_missing_clutch_generates_no_torque():
     assert not found.torque.any()
     assert np.abs(found.omega[-1]).max() > 0.1
     np.testing.assert_array_equal(found.theta, expected.theta)
-    with pytest.raises(ParameterError, match=r"Machine\.clutch_scale must be a tuple of 4 finite numbers ≥ 0"):
-        replace(machine, clutch_scale=(1.0, 1.0, 1.0, -0.1))
 
 
 def test_a_file_from_before_friction_of_the_axes_has_none():
-    text = format_preset(PRESET, "title")
-    older = "\n".join(line for line in text.splitlines() if not line.startswith(("dry_", "viscous_")))
+    older = "\n".join(line for line in TEXT.splitlines() if not line.startswith(("dry_", "viscous_")))
     found = parse_preset(older)
     assert found.arm == PRESET.arm
-    assert found.provenance["arm.dry_a"] == "chosen: not in the file"
     assert parse_preset(format_preset(found, "title")) == found
 
 
@@ -139,9 +108,7 @@ def test_a_file_declares_clutches_by_name_and_row():
     assert found.clutches == (Connection("A to ground", (1.0, 0.0)), Connection('gear "1:2"', (1.0, -0.5)))
     assert found.provenance["clutches.A to ground"] == "chosen: a brake"
     assert parse_preset(format_preset(found, "title")) == found
-    machine = machine_of(found)
-    assert machine.clutches == found.clutches
-    assert machine.slot_scale == (1.0, 0.5, 0.0, 0.0)
+    assert machine_of(found).slot_scale == (1.0, 0.5, 0.0, 0.0)
 
 
 def test_a_file_without_the_section_has_the_papers_clutches():
@@ -150,36 +117,26 @@ def test_a_file_without_the_section_has_the_papers_clutches():
     assert "[clutches]" not in TEXT
 
 
+FIVE = "".join(f'\n"{k}" = {{ value = [1.0, {k}.0], unit = "1", from = "chosen: x" }}' for k in range(1, 6))
+SAME = "".join(f'\n"{k}" = {{ value = [1.0, 1.0], unit = "1", from = "chosen: x" }}' for k in range(4))
+
+
 @pytest.mark.parametrize(
-    ("section", "scale", "message"),
+    ("section", "scale", "named"),
     [
-        ("[clutches]\n", "[]", "clutches must be a table of 1 to 4 clutches"),
-        (TWO_ROWS, "[1.0, 1.0, 1.0, 1.0]", r"clutch\.scale must be 2 numbers, one for each clutch"),
-        (TWO_ROWS.replace("-0.5", '"x"'), "[1.0, 1.0]", 'clutches.gear "1:2" must be a finite number'),
-        (TWO_ROWS.replace("-0.5", "-200.0"), "[1.0, 1.0]", r"Connection\.row must be .* 0\.01 ≤ r ≤ 100"),
-        (TWO_ROWS.replace("[1.0, -0.5]", "[1.0]"), "[1.0, 1.0]", r"Connection\.row must be"),
-        (TWO_ROWS.replace("[1.0, -0.5]", "1.0"), "[1.0, 1.0]", 'clutches.gear "1:2" must be a list of numbers'),
-        (TWO_ROWS.replace("chosen: a brake", "a brake"), "[1.0, 1.0]", r"clutches\.A to ground\.from must begin with"),
-        (TWO_ROWS.replace('"A to ground"', '""'), "[1.0, 1.0]", r"Connection\.name must be 1 to 40 characters"),
-        (TWO_ROWS.replace('unit = "1"', 'unit = "m"'), "[1.0, 1.0]", r"clutches\.A to ground\.unit must be '1'"),
+        ("[clutches]\n", "[]", "clutches"),
+        (f"[clutches]{FIVE}\n", "[1.0, 1.0, 1.0, 1.0, 1.0]", "clutches"),
+        (f"[clutches]{SAME}\n", "[1.0, 1.0, 1.0, 1.0]", r"Machine\.clutches"),
+        (TWO_ROWS, "[1.0, 1.0, 1.0, 1.0]", r"clutch\.scale"),
+        (TWO_ROWS.replace("-0.5", '"x"'), "[1.0, 1.0]", 'clutches.gear "1:2"'),
+        (TWO_ROWS.replace("-0.5", "-200.0"), "[1.0, 1.0]", r"Connection\.row"),
+        (TWO_ROWS.replace("[1.0, -0.5]", "[1.0]"), "[1.0, 1.0]", r"Connection\.row"),
+        (TWO_ROWS.replace('"A to ground"', '""'), "[1.0, 1.0]", r"Connection\.name"),
     ],
 )
-def test_clutches_that_a_file_cannot_declare(section: str, scale: str, message: str, tmp_path: Path):
-    with pytest.raises(ParameterError, match=message):
+def test_clutches_that_a_file_cannot_declare(section: str, scale: str, named: str):
+    with pytest.raises(ParameterError, match=named):
         parse_preset(with_clutches(section, scale))
-    file = tmp_path / "own.toml"
-    file.write_text(with_clutches(section, scale), "utf-8")
-    with pytest.raises(DataError, match=message):
-        find_machine(str(file))
-
-
-def test_a_fifth_clutch_and_clutches_of_one_row_are_refused():
-    five = "".join(f'\n"{k}" = {{ value = [1.0, {k}.0], unit = "1", from = "chosen: x" }}' for k in range(1, 6))
-    with pytest.raises(ParameterError, match="clutches must be a table of 1 to 4 clutches"):
-        parse_preset(with_clutches(f"[clutches]{five}\n", "[1.0, 1.0, 1.0, 1.0, 1.0]"))
-    same = "".join(f'\n"{k}" = {{ value = [1.0, 1.0], unit = "1", from = "chosen: x" }}' for k in range(4))
-    with pytest.raises(ParameterError, match=r"Machine\.clutches must be of at least two different rows"):
-        machine_of(parse_preset(with_clutches(f"[clutches]{same}\n", "[1.0, 1.0, 1.0, 1.0]")))
 
 
 @pytest.mark.parametrize("name", [*ARRANGEMENTS, "delrin_theoretical"])
@@ -190,8 +147,7 @@ def test_a_machine_is_saved_as_a_preset(name: str, tmp_path: Path):
     file = tmp_path / "own.toml"
     save_preset(own, file, origin="chosen: for tests", title="A machine")
     found = find_machine(str(file))
-    breakaway = vars(found.clutch.breakaway)
-    assert breakaway == pytest.approx(vars(own.clutch.breakaway), rel=1e-15)
+    assert vars(found.clutch.breakaway) == pytest.approx(vars(own.clutch.breakaway), rel=1e-15)
     assert replace(found, clutch=replace(found.clutch, breakaway=own.clutch.breakaway)) == own
 
 
@@ -199,20 +155,17 @@ OTHER_CURVE = replace(BASELINE.clutch.breakaway, curvature=1.0)
 
 
 @pytest.mark.parametrize(
-    ("machine", "message"),
+    ("machine", "named"),
     [
-        (replace(BASELINE, hand=Hand(mass=1.0)), r"Machine\.hand must be"),
-        (replace(BASELINE, substep=1e-3), r"Machine\.substep must be"),
-        (replace(BASELINE, clutch=replace(BASELINE.clutch, lag="voltage")), r"Clutch\.lag must be 'normal_force'"),
-        (
-            replace(BASELINE, clutch=replace(BASELINE.clutch, breakaway=OTHER_CURVE)),
-            r"Clutch\.breakaway must be a mult",
-        ),
+        (replace(BASELINE, hand=Hand(mass=1.0)), r"Machine\.hand"),
+        (replace(BASELINE, substep=1e-3), r"Machine\.substep"),
+        (replace(BASELINE, clutch=replace(BASELINE.clutch, lag="voltage")), r"Clutch\.lag"),
+        (replace(BASELINE, clutch=replace(BASELINE.clutch, breakaway=OTHER_CURVE)), r"Clutch\.breakaway"),
     ],
 )
-def test_what_a_preset_cannot_hold_is_not_saved(machine: Machine, message: str, tmp_path: Path):
+def test_what_a_preset_cannot_hold_is_not_saved(machine: Machine, named: str, tmp_path: Path):
     file = tmp_path / "own.toml"
-    with pytest.raises(ParameterError, match=message):
+    with pytest.raises(ParameterError, match=named):
         save_preset(machine, file, origin="chosen: for tests")
     assert not file.exists()
 
@@ -223,13 +176,12 @@ SHORT = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.5))
 def test_numbers_that_are_not_changed_keep_their_origin(tmp_path: Path):
     save_preset(SHORT, tmp_path / "own.toml", origin="chosen: shorter")
     found = load_preset(tmp_path / "own.toml")
-    changed = {name for name, origin in found.provenance.items() if origin != PRESET.provenance.get(name)}
-    assert changed == {"arm.length_a"}
-    assert found.provenance["arm.length_a"] == "chosen: shorter"
+    changed = {name: origin for name, origin in found.provenance.items() if origin != PRESET.provenance.get(name)}
+    assert changed == {"arm.length_a": "chosen: shorter"}
 
 
 def test_a_preset_needs_an_origin_and_a_name_that_commands_take(tmp_path: Path):
-    with pytest.raises(ParameterError, match=r"arm\.length_a\.from must begin with one of"):
+    with pytest.raises(ParameterError, match=r"arm\.length_a\.from"):
         save_preset(SHORT, tmp_path / "own.toml", origin="a guess")
-    with pytest.raises(ParameterError, match=r"path must end in \.toml"):
+    with pytest.raises(ParameterError, match="path"):
         save_preset(BASELINE, tmp_path / "own.txt", origin="chosen: for tests")

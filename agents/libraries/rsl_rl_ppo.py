@@ -4,13 +4,37 @@ import gymnasium
 import torch
 import tyro
 from gymnasium.wrappers.vector import TransformReward
+from rsl_rl.env import VecEnv
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
 from pter_gym.benchmark import examine, from_actions
-from pter_gym.envs.rsl_rl import RslRlVecEnv
 
 NETWORK = {"class_name": "MLPModel", "hidden_dims": [64, 64], "activation": "tanh", "obs_normalization": True}
+
+
+class RslRlVecEnv(VecEnv):
+    """A vector environment with `autoreset_mode="SAME_STEP"`, as rsl-rl needs it; actions are clipped to the bounds."""
+
+    def __init__(self, envs, seed: int) -> None:
+        self.envs, self.cfg, self.device = envs, {}, torch.device("cpu")
+        self.num_envs, self.num_actions = envs.action_space.shape
+        self.max_episode_length = envs.unwrapped.max_episode_steps or 0
+        self.episode_length_buf = torch.zeros(self.num_envs, dtype=torch.long)
+        self.obs = self.grouped(envs.reset(seed=seed)[0])
+
+    def grouped(self, obs) -> TensorDict:
+        return TensorDict({"policy": torch.as_tensor(obs)}, [self.num_envs])
+
+    def get_observations(self) -> TensorDict:
+        return self.obs
+
+    def step(self, actions):
+        obs, rewards, *flags, _ = self.envs.step(actions.detach().clamp(-1.0, 1.0).numpy())
+        terminated, truncated = map(torch.as_tensor, flags)
+        done, self.obs = terminated | truncated, self.grouped(obs)
+        self.episode_length_buf = torch.where(done, 0, self.episode_length_buf + 1)
+        return self.obs, torch.as_tensor(rewards).float(), done, {"time_outs": truncated & ~terminated}
 
 
 def settings(horizon: int) -> dict:

@@ -1,1 +1,1 @@
-"""Reinforcement-learning training and export for PTER, on top of pter_gym's public interface."""
+"""Training on the batch engine, and export of what it has learned; needs the extra ``agents``."""

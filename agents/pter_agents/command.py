@@ -1,52 +1,39 @@
-"""``pter train``, ``pter export`` and ``pter retrain``."""
+"""``pter train`` and ``pter export``."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
-from pter_agents.algorithms import ALGORITHMS, ALL, load_settings, smoke_settings
-from pter_gym._commands.arguments import IS_FILE, Check, MachineName, among
 from pter_gym._internal.terminal import progress_bar, say, terminal
-from pter_gym.errors import ParameterError, needs_extra, unknown_name
-from pter_gym.scenarios import PACES, SCENARIOS
-
-TRAINED = "What to train: " + ", ".join(f"{name} ({each.action})" for name, each in ALGORITHMS.items()) + "."
-
-DRAWN = f"Scenario whose draws are trained on: {', '.join(SCENARIOS)}, or all."
+from pter_gym.errors import needs_extra
 
 SMOKE_ROLLOUTS = 3
 SMOKE_EPISODES = 8
 
 
-def check_trained(field: str, policy: str) -> None:
-    """Raise a ParameterError unless a policy is a shipped trained one, or may be the path of another."""
-    from pter_gym.policies._files import is_here, is_path, shipped_policies
-
-    if policy not in (known := shipped_policies()) and not is_path(policy) and not is_here(policy):
-        raise unknown_name(field, policy, known)
-
-
 def train(
-    algo: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ALGO", help=TRAINED), among(lambda: ALGORITHMS)],
-    scenario: Annotated[str, tyro.conf.arg(help=DRAWN), among(lambda: (ALL, *SCENARIOS))] = "standard",
-    pace: Annotated[str, among(lambda: (ALL, *PACES))] = ALL,
+    algo: Annotated[Literal["ppo", "residual"], tyro.conf.Positional],
+    scenario: str = "standard",
+    pace: str = "all",
     steps: int = 20_000_000,
     seed: int = 0,
     out: Path = Path("pter-run"),
     resume: bool = False,
-    config: Annotated[Path | None, tyro.conf.arg(metavar="FILE"), IS_FILE] = None,
+    config: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     smoke: bool = False,
-    machine: MachineName = None,
+    machine: str | None = None,
 ) -> None:
-    """Train a policy on a scenario's training draws.
+    """Train a policy on a scenario's training draws by PPO.
 
     The run's folder holds the two newest checkpoints, validation.json with scores on drawn episodes that are not
-    used for training, progress.csv, and logs for TensorBoard.
+    used for training, and progress.csv.
 
     Example: pter train residual --smoke --out residual-run
 
     Args:
+        algo: What to train: the clutch voltages (ppo), or corrections to a controller (residual).
+        scenario: Scenario whose draws are trained on, or all.
         pace: Commanded pace, or all of them.
         steps: Total decisions in all worlds, each held for frame_skip control steps.
         seed: Seed of weights, worlds, draws and actions, at least 0.
@@ -56,29 +43,28 @@ def train(
         smoke: Train for a few seconds to check that everything works.
         machine: Clutch material, or the preset of a machine of your own, instead of those that the scenario draws.
     """
-    try:
-        with terminal(errors=True).status("loading"):
-            settings = load_settings(algo, config)
+    with terminal(errors=True).status("loading"):
+        from pter_agents.settings import SMOKE, Arguments, load_settings
+        from pter_gym.scenarios._own_machine import find_own
+
+        settings = load_settings(algo, config, **(SMOKE if smoke else {}))
+        episodes = SMOKE_EPISODES if smoke else Arguments.validation_episodes
+        arguments = Arguments(
+            algorithm=algo,
+            scenario=scenario,
+            pace=pace,
+            steps=SMOKE_ROLLOUTS * settings.worlds * settings.steps if smoke else steps,
+            seed=seed,
+            settings=settings,
+            validation_episodes=episodes,
+            machine=None if machine is None else find_own(machine),
+        )
+        try:
             from pter_agents import training
-            from pter_gym.scenarios._own_machine import find_own
-    except ImportError as error:
-        raise needs_extra("training", "agents") from error
-    episodes = training.Arguments.validation_episodes
-    if smoke:
-        settings = smoke_settings(algo, settings)
-        steps, episodes = SMOKE_ROLLOUTS * settings.worlds * settings.steps, SMOKE_EPISODES
-    arguments = training.Arguments(
-        algorithm=algo,
-        scenario=scenario,
-        pace=pace,
-        steps=steps,
-        seed=seed,
-        settings=settings,
-        validation_episodes=episodes,
-        machine=None if machine is None else find_own(machine),
-    )
+        except ImportError as error:
+            raise needs_extra("training", "agents") from error
     with progress_bar() as progress:
-        task = progress.add_task(f"{algo}, {scenario}", total=steps)
+        task = progress.add_task(f"{algo}, {scenario}", total=arguments.steps)
         path = training.train(
             arguments, out, resume=resume, on_progress=lambda done: progress.update(task, completed=done)
         )
@@ -86,84 +72,22 @@ def train(
 
 
 def export(
-    run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")],
+    run: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")],
     name: str | None = None,
-    out: Path = Path(),
-    hub: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None,
+    out: Path | None = None,
 ) -> None:
-    """Turn a run of `pter train` into a policy.
+    """Turn a run of `pter train` into a policy that can be used and shared.
 
-    A policy is three files: weights without code, a card, and a model card in Markdown. The command checks that the
-    run's policy and the exported one give the same voltages.
+    The folder then holds NAME.safetensors, weights without code, and README.md, a model card. That is the layout of
+    the Hugging Face Hub; nothing is uploaded.
 
-    Example: pter export residual-run --name mine --out policies --hub mine-on-hub
+    Example: pter export residual-run --name mine
 
     Args:
-        run: Folder of the run; with --hub also a trained policy, by its name or its path.
+        run: Folder of the run, or a trained policy by its name or path.
         name: Name of the policy; by default the algorithm's.
-        out: Folder for the files, created if necessary.
-        hub: Folder for the policy in the layout of the Hugging Face Hub, with scores and a video. Nothing is uploaded.
+        out: Folder for the files, created if necessary; by default NAME.
     """
-    from pter_gym.policies._files import RUN
+    from pter_agents import exporting
 
-    is_run = (run / RUN).is_file()
-    if not is_run and hub is None:
-        raise ParameterError(f"RUN must be the folder of a run, there is no {RUN} in {str(run)!r}")
-    policy = _export_run(run, name, out) if is_run else run
-    if hub is not None:
-        from pter_agents.sharing import share_policy
-
-        with terminal(errors=True).status("scoring and filming"):
-            say(f"wrote {share_policy(str(policy), hub)}")
-
-
-def _export_run(run: Path, name: str | None, out: Path) -> Path:
-    """Turn a run into a policy and return the path of its card."""
-    try:
-        with terminal(errors=True).status("loading"):
-            from pter_agents.exporting import export_run
-    except ImportError as error:
-        raise needs_extra("training", "agents") from error
-    with terminal(errors=True).status("exporting"):
-        path, difference = export_run(run, out, name=name)
-    say(f"largest difference between both: {difference:.1e} of the largest voltage")
-    say(f"wrote {path}")
-    return path
-
-
-def retrain(
-    policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY"), Check(check_trained)],
-    out: Path = Path("pter-retrain"),
-) -> None:
-    """Train a policy again from its card, and score both.
-
-    Scores are from fresh episodes whose seed follows from the content of both policies, so neither has seen them.
-    Policies that were trained on a custom machine are scored on training draws with that machine.
-
-    Example: pter retrain residual --out again
-
-    Args:
-        policy: Name of a shipped trained policy, or the path of another one's card.
-        out: Folder for the run and the new policy, created if necessary. An interrupted run there is continued.
-    """
-    try:
-        with terminal(errors=True).status("loading"):
-            from pter_agents import retraining
-    except ImportError as error:
-        raise needs_extra("training", "agents") from error
-    from pter_gym.benchmark.leaderboard import table
-
-    shipped = retraining.find_trained(policy)
-    with progress_bar() as progress:
-        task = progress.add_task(shipped.card.name, total=None)
-        again = retraining.retrain(
-            shipped, out, on_progress=lambda done, of: progress.update(task, completed=done, total=of)
-        )
-    own = retraining.arguments_of(shipped.card.about).machine is not None
-    with terminal(errors=True).status("scoring both"):
-        if own:
-            shown = retraining.examine_both(shipped, again)
-        else:
-            shown = [part for board in retraining.compare(shipped, again) for part in (table(board), "")]
-    terminal().print(*shown, sep="\n")
-    say(f"wrote {out / again.card.name}.json")
+    say(f"wrote {exporting.export(run, out, name=name)}")

@@ -1,213 +1,151 @@
-"""Export a run as a policy: weights without code, a card, and a model card in Markdown."""
+"""Export a run as a policy in a folder of its own, in the layout of the Hugging Face Hub: weights and model card."""
 
 import json
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-import torch
-from numpy.typing import NDArray
-from torch import nn
-
-from pter_agents.algorithms import Model, load_settings, smoke_settings
-from pter_agents.checkpoints import load_checkpoint, steps_of
-from pter_agents.networks import Actor
-from pter_agents.settings import PLAIN
-from pter_agents.training import Arguments, RunFolder, make_draws, make_model, make_training_worlds
-from pter_agents.worlds import ALL, TrainingWorlds
+from pter_agents.runs import RunFolder, policy_of
+from pter_agents.settings import NO_BASE, Arguments, load_settings
 from pter_gym import __version__
-from pter_gym._internal.files import FilePath, find_path
+from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.terminal import make_folder
-from pter_gym.benchmark import PACES
-from pter_gym.errors import DataError
-from pter_gym.params import Machine
-from pter_gym.policies import Card, read_policy, write_policy
-from pter_gym.policies._cards import fields_of
-from pter_gym.policies._files import check_name
-from pter_gym.scenarios import find_scenario
+from pter_gym.errors import ParameterError
+from pter_gym.policies import TrainedPolicy, read_policy, write_policy
+from pter_gym.policies._files import ENDING, RUN, check_name
+from pter_gym.scenarios import PACES, SCENARIOS
 
-SAME = 1e-6
-"""Largest difference between a run's policy and the exported one, relative to the largest voltage."""
-
-TRIES = 100
-"""Control steps over which both are compared, each in all worlds."""
-
-Tensors = dict[str, NDArray[np.float32]]
+README = "README.md"
+"""Name of the model card."""
 
 
-def export_run(run: FilePath, out: FilePath, *, name: str | None = None) -> tuple[Path, float]:
-    """Write the newest checkpoint of a run as a policy; return its card's path and the largest difference.
+def export(source: FilePath, out: FilePath | None = None, *, name: str | None = None) -> Path:
+    """Write a policy and its model card to a folder, and return the policy's file.
 
     Parameters
     ----------
-    run
-        Folder of the run.
+    source
+        Folder of a run, whose newest checkpoint is exported, or a trained policy by its name or path.
     out
-        Folder for the policy; created if needed.
+        Folder for the two files, which must hold nothing else; by default ``name`` in the current folder.
     name
-        Name of the policy; by default, the algorithm's.
+        Name of the policy; by default, the algorithm's or the policy's own.
 
     Raises
     ------
     ParameterError
-        If there is no run with a checkpoint, or a policy cannot have this name.
+        If there is no such run or policy, it cannot have this name, or the folder holds other files.
     DataError
-        If the run cannot be read, or the two policies act differently.
+        If the run or the policy cannot be read.
     StorageError
-        If the policy cannot be written.
+        If the files cannot be written.
     """
-    folder, out = RunFolder(run), find_path("out", out)
-    arguments, interface = folder.read()
-    name = arguments.algorithm if name is None else name
+    run = find_path("source", source)
+    policy = read_run(run) if (run / RUN).is_file() else read_policy(source)
+    name = name or policy.name
     check_name(name)
+    out = Path(name) if out is None else find_path("out", out)
     make_folder(out)
-    settings = arguments.settings
-    few = replace(arguments, settings=smoke_settings(arguments.algorithm, settings, contexts=settings.contexts))
-    worlds = make_training_worlds(few, make_draws(few), interface)
-    model = make_model(few, worlds)
-    try:
-        steps = load_newest(model, folder)
-        actor = model.actor()
-        card = Card(
-            name=name,
-            observation=fields_of(worlds.env.observation_layout),
-            voltage_max=worlds.interface.voltage_max,
-            interface=interface,
-            hidden=settings.hidden,
-            weights_sha256="",
-            about=about_run(arguments, folder, steps),
-            squashed=actor.squashed,
-            lstm=actor.units,
-            clutches=tuple(each.row for each in arguments.nominal.clutches),
-        )
-        files = card, tensors_of(actor), model_card(card)
-        with TemporaryDirectory() as trial:
-            write_policy(*files, Path(trial))
-            difference = compare(actor.exact(), worlds, arguments.nominal, name, Path(trial))
-    finally:
-        model.close()
-        worlds.close()
-    if not difference <= SAME:
-        raise DataError(f"the exported policy differs from the run's by {difference:.1e} of the largest voltage")
-    return write_policy(*files, out), difference
+    file = f"{name}{ENDING}"
+    if others := sorted(path.name for path in out.iterdir() if path.name not in (README, file)):
+        raise ParameterError(f"out must be a folder for this policy alone, {str(out)!r} holds {', '.join(others):.200}")
+    write_text_atomic(out / README, model_card(name, policy))
+    return write_policy(policy, out / file)
 
 
-def load_newest(model: Model, folder: RunFolder) -> int:
-    """Load the networks of the newest checkpoint of a run, which may still be training, and return its control steps.
-
-    Raises
-    ------
-    DataError
-        If the run has no checkpoint, or it cannot be read.
-    """
-    while True:
-        newest = folder.newest()
-        if newest is None:
-            raise DataError(f"there is no checkpoint in {folder.path}")
-        try:
-            load_checkpoint(model, newest, weights_only=True)
-        except DataError:
-            if newest.exists():
-                raise
-        else:
-            return steps_of(newest)
+def read_run(path: FilePath) -> TrainedPolicy:
+    """Return the policy of a run's newest checkpoint; raises as ``export``."""
+    folder = RunFolder(path)
+    arguments, interface = folder.read()
+    steps, state = folder.load()
+    about = about_run(arguments, steps, folder.scores().get(steps, {}))
+    return policy_of(interface, state, arguments.algorithm, about)
 
 
-def tensors_of(actor: Actor) -> Tensors:
-    """Return the weights of a policy by their names in its file."""
-    found: dict[str, torch.Tensor] = {}
-    for k, layer in enumerate(layer for layer in actor.layers if isinstance(layer, nn.Linear)):
-        found[f"layer_{k}.weight"] = layer.weight
-        found[f"layer_{k}.bias"] = layer.bias
-    if actor.lstm is not None:
-        ((inputs, hidden, bias, another),) = actor.lstm.all_weights
-        found |= {"lstm.weight_inputs": inputs, "lstm.weight_hidden": hidden, "lstm.bias": bias + another}
-    return {name: tensor.detach().numpy().astype(np.float32) for name, tensor in found.items()}
-
-
-def compare(actor: Actor, worlds: TrainingWorlds, nominal: Machine, name: str, folder: Path) -> float:
-    """Return the largest difference between the voltages of a run and a policy, relative to the largest voltage."""
-    layout = worlds.env.observation_layout
-    policy = read_policy(name, folder).bind(nominal, layout)
-    obs: Any = worlds.env.reset(seed=0)[0]  # worlds that end begin again and are not forgotten, for both policies alike
-    past, memory = worlds.interface.begin(worlds.count), actor.begin(worlds.count)
-    largest = 0.0
-    for _ in range(TRIES):
-        inputs, base = worlds.interface.see(obs, past)
-        outputs, memory = actor(inputs, memory)
-        theirs = worlds.interface.volts(base, outputs)
-        mine = policy(obs)
-        largest = max(largest, float(np.abs(mine - theirs).max()))
-        obs = worlds.env.step(mine)[0]
-    return largest / nominal.clutch.voltage_max
-
-
-def about_run(arguments: Arguments, folder: RunFolder, steps: int) -> dict[str, Any]:
+def about_run(arguments: Arguments, steps: int, scores: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a card says about the training."""
-    settings = arguments.settings
-    usual = load_settings(arguments.algorithm)
-    changed = {name: value for name, value in vars(settings).items() if value != getattr(usual, name)}
+    settings, usual = asdict(arguments.settings), asdict(load_settings(arguments.algorithm))
+    changed = {name: value for name, value in settings.items() if value != usual[name]}
     options = {name: getattr(arguments, name) for name in ("scenario", "pace", "steps", "seed")}
     options |= ({"config": "FILE"} if changed else {}) | ({"machine": "FILE"} if arguments.machine else {})
-    told = {name: value for name, value in arguments.as_json().items() if name != "settings" and value is not None}
+    command = " ".join(("pter train", arguments.algorithm, *(f"--{name} {value}" for name, value in options.items())))
+    scenario = SCENARIOS.get(arguments.scenario)
     return {
         "algorithm": arguments.algorithm,
-        "corrects": None if settings.base == PLAIN else settings.base,
-        "scenario": ALL if arguments.scenario == ALL else find_scenario(arguments.scenario).id,
+        "corrects": None if arguments.settings.base == NO_BASE else arguments.settings.base,
+        "scenario": scenario.id if scenario else arguments.scenario,
         "pace": arguments.pace,
-        "command": " ".join(
-            [f"pter train {arguments.algorithm}", *(f"--{name} {value}" for name, value in options.items())]
-        ),
-        "arguments": told,
+        "command": command,
         "config": changed,
-        "settings": vars(settings),
+        "settings": settings,
         "steps": steps,
         "seed": arguments.seed,
-        "versions": {"pter-gym": __version__, **{package: version(package) for package in ("numpy", "torch")}},
-        "validation": folder.scores().get(steps, {}),
+        "versions": {"pter-gym": __version__, **{each: version(each) for each in ("numpy", "jax")}},
+        "validation": dict(scores),
     }
 
 
-def model_card(card: Card) -> str:
-    """Return the model card in Markdown."""
-    about, interface = card.about, card.interface
-    what = f"corrects the controller `{about['corrects']}`" if about["corrects"] else "sets the clutch voltages"
-    drawn = "all scenarios" if about["scenario"] == ALL else f"`{about['scenario']}`"
-    lstm = f"an LSTM of {card.lstm}, " if card.lstm else ""
-    outputs = "4 outputs behind tanh" if card.squashed else "4 outputs"
-    meaning = f"of ±1 is ±{interface.reach:g} V, limited to 0…{card.voltage_max:g} V"
+def model_card(name: str, policy: TrainedPolicy) -> str:
+    """Return the model card in Markdown, with metadata for the Hub."""
+    about, interface = policy.about, policy.interface
+    what = f"corrects the controller `{about['corrects']}`" if about.get("corrects") else "sets the clutch voltages"
+    meaning = f"of ±1 is ±{interface.reach:g} V, limited to 0…{interface.voltage_max:g} V"
     if interface.normalised:
-        meaning = f"a within ±1 is {card.voltage_max:g} V · ((a + 1)/2)²"
+        meaning = f"a within ±1 is {interface.voltage_max:g} V · ((a + 1)/2)²"
     lines = [
-        f"# {card.name}",
+        "---",
+        "license: mit",
+        "library_name: pter-gym",
+        "pipeline_tag: reinforcement-learning",
+        "tags: [reinforcement-learning, robotics, haptics, gymnasium, pter-gym]",
+        "---",
         "",
-        f"A policy that {what}, trained by `{about['algorithm']}` on the training draws of {drawn}.",
+        f"# {name}",
         "",
-        f"- Command: `{about['command']}` ({about['steps']} control steps)",
-        *(f"- In the file: `{name} = {json.dumps(value)}`" for name, value in about["config"].items()),
-        f"- Versions: {', '.join(f'{name} {number}' for name, number in about['versions'].items())}",
-        f"- Network: {interface.size} inputs, {lstm}tanh layers of {', '.join(map(str, card.hidden))}, {outputs}",
+        f"A policy for the passive haptic arm PTER that {what}.",
+        "",
+        f"- Trained by `{about.get('algorithm')}` on the training draws of `{about.get('scenario')}`",
+        f"- Command: `{about.get('command')}` ({about.get('steps')} decisions)",
+        *(f"- In the file: `{key} = {json.dumps(value)}`" for key, value in about.get("config", {}).items()),
+        f"- Versions: {', '.join(f'{key} {number}' for key, number in about.get('versions', {}).items())}",
+        f"- Network: {policy.sizes[0]} inputs, tanh layers of {', '.join(map(str, policy.sizes[1:-1]))}, 4 outputs",
         f"- An output {meaning}",
-        f"- Observations: {', '.join(name for name, _, _ in card.observation)}",
+        f"- Inputs: {', '.join(each.name for each in interface.inputs)}",
         "",
-        "It is made for the simulator. On a real machine its clutches, sensors and hand differ from what it has seen.",
+        "It is made for the simulator. A real machine's clutches, sensors and hand differ from what it has seen.",
+        "",
+        *_score_table(about.get("validation", {})),
+        "```python",
+        "import gymnasium",
+        "import pter_gym",
+        "",
+        f'env = gymnasium.make("PTER/Standard-v0", pace="medium", frame_skip={interface.frame_skip})',
+        'policy = pter_gym.load_policy("path/to/this/folder", env)',
+        "observation, info = env.reset(seed=0)",
+        "policy.reset()",
+        "action = policy(observation)",
+        "```",
+        "",
+        "`pter benchmark --policies path/to/this/folder` scores it.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _score_table(validation: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Return the scores of the validation as lines of Markdown."""
+    if not validation:
+        return []
+    return [
+        "Scores on drawn validation episodes, which are neither trained on nor the benchmark's:",
+        "",
+        "| pace | path error [mm] | completed [%] | mean pace error [%] | segment pace error [%] |",
+        "|---|---|---|---|---|",
+        *(
+            f"| {pace} ({PACES[pace]:g} m/s) | {1000 * s['path_error_m']:.1f} | {100 * s['completed']:.1f} | "
+            f"{100 * s['mean_pace_error']:.1f} | {100 * s['segment_pace_error']:.1f} |"
+            for pace, s in validation.items()
+        ),
         "",
     ]
-    validation: dict[str, dict[str, float]] = about["validation"]
-    if validation:
-        lines += [
-            "Scores on drawn validation episodes, which are neither trained on nor the benchmark's:",
-            "",
-            "| pace | path error [mm] | at the end [%] | mean pace error [%] | segment pace error [%] |",
-            "|---|---|---|---|---|",
-            *(
-                f"| {pace} ({PACES[pace]:g} m/s) | {1000 * s['path_error_m']:.1f} | {100 * s['completed']:.1f} | "
-                f"{100 * s['mean_pace_error']:.1f} | {100 * s['segment_pace_error']:.1f} |"
-                for pace, s in validation.items()
-            ),
-            "",
-        ]
-    return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""``TrainingWorlds`` as pure JAX functions, for training in one compiled call.
+"""The worlds of a training as pure JAX functions, for training in one compiled call.
 
 Differences between trainings are in ``Shared`` and not in the code, so one compilation serves them all.
 """
@@ -9,11 +9,12 @@ import jax
 import numpy as np
 from jax import numpy as jnp
 
-from pter_agents.worlds import TrainingWorlds
+from pter_agents.worlds import Training
 from pter_gym._engine.world import ROW
 from pter_gym._engine.xla import call_law, register_law, rounded, words_of
+from pter_gym.controllers._network import INPUT_LIMIT
 from pter_gym.envs.jax import EnvParams, EnvState, JaxEnv
-from pter_gym.policies._interface import LIMIT, quantities, squared
+from pter_gym.policies._interface import available, quantities, to_volts
 from pter_gym.tasks.path_following._context import CONTEXT
 
 CONTEXT_AT, ENERGY_MAX = int(ROW.context_at), int(CONTEXT.task.energy_max)
@@ -101,22 +102,24 @@ class JaxWorlds:
         Arguments of the functions besides the state.
     """
 
-    def __init__(self, worlds: TrainingWorlds) -> None:
-        interface, env, truth = worlds.interface, worlds.env, worlds.truth
+    def __init__(self, training: Training) -> None:
+        interface, env, base, truth = training.interface, training.env, training.base, training.truth
         self._env = JaxEnv(env)
         self._layout = env.observation_layout
         self._interface = interface
         self._ages = np.array((0, *interface.history))
-        base = interface.base
         self._law = None if base is None else register_law(base.law)[0]
         blank = np.zeros((1, 0)) if base is None else base.empty_memory(1)
-        known = [np.zeros(0)] * 3 if truth is None else [*truth]
+        names = available(self._layout, residual=base is not None)
+        places, centers, scales = zip(
+            *((names.index(each.name), each.center, each.scale) for each in interface.inputs), strict=True
+        )
         self.shared = Shared(
             self._env.default_params,
             jnp.asarray(self._layout.scales, jnp.float32),
             jnp.asarray(env.batch.device_arrays()["constants"], jnp.float32),
-            _scaled(interface.columns, interface.center, interface.scale),
-            _scaled(*known),
+            _scaled(places, centers, scales),
+            _scaled(truth.entries, truth.center, truth.scale),
             (words_of(self._layout.scales), words_of(np.zeros(0) if base is None else base.gains)),
             words_of(blank[0]),
             jnp.asarray(1.0 / np.array(interface.averages), jnp.float32),
@@ -139,7 +142,7 @@ class JaxWorlds:
     def step(self, shared: Shared, state: State, outputs: jax.Array) -> tuple[State, Step]:
         """Advance all worlds by one decision, the network's outputs (N, 4)."""
         step = jax.vmap(self._env.step, (None, 0, 0, None))
-        given = self._volts(state.base, outputs)
+        given = to_volts(outputs, state.base, self._interface)
         obs, env, rewards, terminated, truncated, told = step(None, state.env, given, shared.params)
         state = state._replace(env=env, known=self._truth(shared, env.world))
         after = self._see(shared, state, obs, terminated | truncated)
@@ -169,12 +172,6 @@ class JaxWorlds:
             rows=jnp.where(each, present, rows), means=jnp.where(each, present, means), memory=memory, base=base
         )
 
-    def _volts(self, base: jax.Array, outputs: jax.Array) -> jax.Array:
-        most, limited = self._interface.voltage_max, jnp.clip(outputs, -1.0, 1.0)
-        if self._interface.normalised:
-            return squared((limited + 1.0) * (most / 2.0), most)
-        return jnp.clip(base + self._interface.reach * limited, 0.0, most)
-
     def _truth(self, shared: Shared, world: jax.Array) -> jax.Array:
         """Return the entries of ``Batch.truth``, scaled."""
         rows = world.shape[1] // 2
@@ -192,4 +189,4 @@ def _scaled(entries: Any, center: Any, scale: Any) -> Scaled:
 
 
 def _scale(values: jax.Array, to: Scaled) -> jax.Array:
-    return jnp.clip((values - to.center) / to.scale, -LIMIT, LIMIT)
+    return jnp.clip((values - to.center) / to.scale, -INPUT_LIMIT, INPUT_LIMIT)

@@ -1,23 +1,47 @@
-"""Hyper-parameters common to all algorithms: a frozen dataclass that each algorithm extends."""
+"""What is trained: hyper-parameters and the arguments of a run."""
 
-from dataclasses import dataclass, fields
-from typing import Any, get_args
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, cast
 
+from pter_gym import params
+from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
+from pter_gym._internal.files import FilePath, find_path
+from pter_gym._internal.reading import MOST_TOML, parse_toml, read_text, reading
+from pter_gym.benchmark import PACES
 from pter_gym.benchmark.tuned import TUNED
-from pter_gym.errors import unknown_name
-from pter_gym.params import require, require_flag, require_number, require_whole
-from pter_gym.tasks.path_following import MAX_DELAY, STARTS, RewardWeights, Sensing, Sensors
+from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.params import BASELINE, Machine, require, require_flag, require_kind, require_number, require_whole
+from pter_gym.scenarios import SCENARIOS
+from pter_gym.scenarios._own_machine import OwnMachine
+from pter_gym.tasks.path_following import STARTS, RewardWeights
 
-PLAIN = "none"
+ALGORITHMS = ("ppo", "residual")
+"""What ``pter train`` trains: the clutch voltages, or corrections to a controller. Each has a table NAME.toml here."""
+
+ALL = "all"
+"""Name for all scenarios of ``worlds.MIXED``, and for a commanded pace that is drawn among those of the scores."""
+
+NO_BASE = "none"
 """Name of the base of a policy that corrects no controller."""
 
-BASES = (PLAIN, "impedance", "torque-feedback", *TUNED)
+BASES = (NO_BASE, "impedance", "torque-feedback", *TUNED)
 """What a policy may correct: the paper's controllers with a damper for each pace, and those with tuned gains."""
+
+PARTS = 2
+"""Parts of the worlds, each on a core; the results depend on their number, not on the number of cores."""
+
+SMOKE = {"worlds": 64, "steps": 32, "contexts": 16, "minibatch": 512, "epochs": 2}
+"""Hyper-parameters of a short run that shows that training works, not that it learns."""
+
+CODEC = Codec((*dataclasses_in(params), OwnMachine))
+"""Stores the machine of a training."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingSettings(RewardWeights):
-    """Hyper-parameters of the worlds and of the networks' inputs and outputs, in addition to the reward weights.
+class Settings(RewardWeights):
+    """Hyper-parameters, besides the reward weights.
 
     Attributes
     ----------
@@ -25,29 +49,16 @@ class TrainingSettings(RewardWeights):
         Controller that the policy corrects, ``"none"`` for none; its gains are those for the scenario.
     reach
         Voltage of an action of 1, relative to the base or to the middle of the range [V].
-    start
-        Mean action of the untrained policy.
     normalised
-        Whether its actions are the environments' normalised actions, mapped quadratically to the voltage range;
-        ``reach`` is then not used.
-    sensors
-        What the worlds measure: ``"encoders"``, ``"torque"`` or ``"force"``. The benchmark has torque sensors and
-        accepts no policy that was trained with others.
-    delay
-        Sensor delay in control steps, in training and validation; 0 leaves the scenario's sensors unchanged.
-    blind
-        Observations that the networks do not see, by name or by group: ``"torque"`` is ``torque_1`` to ``torque_4``.
-        The base controller of a residual policy and a privileged value network still see them.
+        Whether its actions are the environments' normalised actions; ``reach`` is then not used.
     history, averages
-        Delays, in control steps, at which the networks also see their inputs, and time constants, in control steps, of
-        averages that they also see.
+        Delays, in decisions, at which the networks also see their inputs, and time constants, in decisions, of averages
+        that they also see.
     hidden, value_hidden
-        Units of the hidden layers of policy and value.
-    privileged
-        Whether the value network also sees the true state of a world and the parameters of its machine and task.
+        Units of the hidden layers of policy and value. The value network also sees the true state of a world and the
+        parameters of its machine and task.
     frame_skip
-        Control steps for which a decision is held, in training and by the policy. Steps below, histories, averages,
-        discounts and the exploration's persistence count decisions.
+        Control steps for which a decision is held. Steps, discounts and the exploration's persistence count decisions.
     worlds, steps
         Worlds that are simulated at once, and steps of each between two updates.
     episode
@@ -58,68 +69,192 @@ class TrainingSettings(RewardWeights):
         Distance from the path at which a training episode is truncated [m].
     contexts
         Number of drawn machines and tasks to train on.
+    minibatch, epochs
+        Samples of a gradient step, and gradient steps for each sample.
+    learning_rate
+        Initial learning rate; it falls linearly to ``learning_rate_end``.
+    discount, trace
+        γ, and λ of generalised advantage estimation, for one step.
+    deviation, deviation_end
+        Initial and final σ of the exploration. After ``exploring``, a share of the training, it falls exponentially.
+    persistence
+        ρ of the exploration: the share of its noise that remains one step later.
+    reward_scale
+        Factor of the rewards for the value network.
+    clip, value_weight, max_gradient
+        Clip range of the likelihood ratio, weight of the value loss, and limit of the gradient norm.
     """
 
     base: str
     reach: float
-    start: float
     normalised: bool
-    sensors: Sensors
-    delay: int
-    blind: tuple[str, ...]
     history: tuple[int, ...]
     averages: tuple[int, ...]
     hidden: tuple[int, ...]
     value_hidden: tuple[int, ...]
-    privileged: bool
     worlds: int
     steps: int
     episode: int
     starts: str
     truncation: float
     contexts: int
+    minibatch: int
+    epochs: int
+    learning_rate: float
+    learning_rate_end: float
+    discount: float
+    trace: float
+    deviation: float
+    deviation_end: float
+    exploring: float
+    persistence: float
+    reward_scale: float
+    clip: float
+    value_weight: float
+    max_gradient: float
     frame_skip: int = 1
 
     def __post_init__(self) -> None:
         """Check each field by itself."""
-        for name, known in (("base", BASES), ("sensors", get_args(Sensors)), ("starts", STARTS)):
+        for name, known in (("base", BASES), ("starts", STARTS)):
             if getattr(self, name) not in known:
                 raise unknown_name(name, getattr(self, name), known)
-        for name in ("reach", "truncation"):
-            require_number(self, name, above=0.0)
-        require_number(self, "start", at_least=-1.0, at_most=1.0)
-        require_whole(self, "delay", at_least=0, below=MAX_DELAY + 1)
-        for name in ("worlds", "steps", "episode", "contexts", "frame_skip"):
+        for name in ("worlds", "steps", "episode", "contexts", "frame_skip", "minibatch", "epochs"):
             require_whole(self, name)
-        for name in ("privileged", "normalised"):
-            require_flag(self, name)
-        for name in ("hidden", "value_hidden"):
-            sizes = _tuple_of(self, name, int, "whole numbers from 1 to 1024")
-            fits = len(sizes) > 0 and all(1 <= size <= 1024 for size in sizes)
-            require(fits, self, name, sizes, "whole numbers from 1 to 1024")
-        _tuple_of(self, "blind", str, "a list of names")
-        for name in ("history", "averages"):
-            _tuple_of(self, name, int, "whole numbers")
+        above_zero = ("reach", "truncation", "learning_rate", "max_gradient", "reward_scale", "deviation")
+        for name in (*above_zero, "deviation_end"):
+            require_number(self, name, above=0.0)
+        for name in ("discount", "trace", "exploring"):
+            require_number(self, name, at_least=0.0, at_most=1.0)
+        for name in ("learning_rate_end", "value_weight"):
+            require_number(self, name, at_least=0.0)
+        require_number(self, "clip", above=0.0, below=1.0)
+        require_number(self, "persistence", at_least=0.0, below=1.0)
+        require_flag(self, "normalised")
+        for name in ("history", "averages", "hidden", "value_hidden"):
+            sizes = getattr(self, name)
+            require(_are_sizes(sizes), self, name, sizes, "whole numbers from 1 to 1024")
+        require(self.worlds % PARTS == 0, self, "worlds", self.worlds, f"a multiple of {PARTS}")
+        samples = self.worlds * self.steps
+        even = samples % self.minibatch == 0 and self.minibatch % PARTS == 0
+        require(even, self, "minibatch", self.minibatch, f"an even divisor of worlds × steps = {samples}")
         self.reward()
-
-    @property
-    def seen(self) -> dict[str, Any]:
-        """Fields of the task that all episodes of training and validation share."""
-        return {"sensing": Sensing(delay=self.delay)} if self.delay else {}
-
-    @property
-    def stated(self) -> dict[str, Any]:
-        """Fields of the task that all training episodes share."""
-        own = {"reward": self.reward(), "starts": STARTS[self.starts], "truncation_error": self.truncation}
-        return {**own, **self.seen}
 
     def reward(self) -> RewardWeights:
         """Return the weights of the reward."""
         return RewardWeights(**{item.name: getattr(self, item.name) for item in fields(RewardWeights)})
 
+    def deviation_at(self, done: float) -> float:
+        """Return σ after a share of the training."""
+        fallen = max(0.0, done - self.exploring) / (1.0 - self.exploring) if self.exploring < 1.0 else 0.0
+        return self.deviation * (self.deviation_end / self.deviation) ** min(fallen, 1.0)
 
-def _tuple_of(settings: TrainingSettings, name: str, kind: type, accepted: str) -> tuple[Any, ...]:
-    """Return a field, or raise a ParameterError unless it is a tuple of values of one type."""
-    value: Any = getattr(settings, name)
-    require(type(value) is tuple and all(type(each) is kind for each in value), settings, name, value, accepted)
-    return value
+    def learning_rate_at(self, done: float) -> float:
+        """Return the learning rate after a share of the training."""
+        return self.learning_rate_end + (self.learning_rate - self.learning_rate_end) * max(1.0 - done, 0.0)
+
+
+def _are_sizes(value: Any) -> bool:
+    return type(value) is tuple and all(type(each) is int and 1 <= each <= 1024 for each in cast(Any, value))
+
+
+def load_settings(algorithm: str, file: FilePath | None = None, **changes: Any) -> Settings:
+    """Return the hyper-parameters of an algorithm; those in a TOML file, then ``changes``, replace the defaults.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such algorithm or hyper-parameter (the nearest is suggested), or a value is out of range.
+    DataError
+        If the file cannot be read.
+    """
+    if algorithm not in ALGORITHMS:
+        raise unknown_name("algorithm", algorithm, ALGORITHMS)
+    values = _read_table(Path(__file__).parent / f"{algorithm}.toml")
+    if file is not None:
+        values |= _read_table(find_path("config", file))
+    return settings_from(values | changes)
+
+
+def settings_from(values: Mapping[str, Any]) -> Settings:
+    """Return hyper-parameters from plain values; raises as ``load_settings``."""
+    known = [item.name for item in fields(Settings)]
+    for name in values:
+        if name not in known:
+            raise unknown_name("config", name, known)
+    try:
+        return Settings(**{name: tuple_of(value) for name, value in values.items()})
+    except TypeError as error:
+        raise ParameterError(f"config: {error}") from None
+
+
+def _read_table(file: Path) -> dict[str, Any]:
+    with reading(f"config {file} cannot be read"):
+        return parse_toml(read_text(file, MOST_TOML))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """The arguments of a training run.
+
+    Attributes
+    ----------
+    algorithm
+        One of ``ALGORITHMS``.
+    scenario, pace
+        Names; both may be ``"all"``.
+    steps
+        Total decisions in all worlds; rounded up to whole rollouts.
+    seed
+        Seed ≥ 0 of weights, worlds, training draws and actions.
+    settings
+        Hyper-parameters.
+    checkpoint_every, validate_every
+        Rollouts between two checkpoints, and between two validations.
+    validation_episodes
+        Episodes of a validation at each pace.
+    machine
+        A machine in place of those that the scenario draws; None draws them.
+    """
+
+    algorithm: str
+    scenario: str
+    pace: str
+    steps: int
+    seed: int
+    settings: Settings
+    checkpoint_every: int = 10
+    validate_every: int = 40
+    validation_episodes: int = 64
+    machine: OwnMachine | None = None
+
+    def __post_init__(self) -> None:
+        """Check names and numbers."""
+        for name, known in (("algorithm", ALGORITHMS), ("scenario", (ALL, *SCENARIOS)), ("pace", (ALL, *PACES))):
+            if getattr(self, name) not in known:
+                raise unknown_name(name, getattr(self, name), known)
+        for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
+            require_whole(self, name)
+        require_whole(self, "seed", at_least=0, below=2**31)
+        require_kind(self, "machine", OwnMachine, type(None))
+
+    @property
+    def nominal(self) -> Machine:
+        """The machine that a base controller is bound to."""
+        return BASELINE if self.machine is None else self.machine.machine
+
+    @property
+    def paces(self) -> tuple[str, ...]:
+        """Names of the commanded paces in training."""
+        return tuple(PACES) if self.pace == ALL else (self.pace,)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {**asdict(self), "machine": CODEC.to_plain(self.machine)}
+
+
+def arguments_from(content: Mapping[str, Any]) -> Arguments:
+    """Return arguments from plain data, as made by ``Arguments.as_json``."""
+    values = dict(content)
+    settings = settings_from(values.pop("settings"))
+    return Arguments(settings=settings, machine=CODEC.from_plain(values.pop("machine", None)), **values)

@@ -9,11 +9,10 @@ from typing import Any
 from pter_agents.worlds import draws_for
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import score_episodes
-from pter_gym.benchmark.simulation import AnyPolicy, simulate, time_limit
+from pter_gym.benchmark.simulation import simulate, time_limit
+from pter_gym.controllers import Controller
+from pter_gym.params import BASELINE, Machine
 from pter_gym.scenarios._own_machine import OwnMachine
-from pter_gym.tasks.path_following import Sensors
-
-Scores = dict[str, dict[str, float]]
 
 SEED = 2**31 + 1
 """Seed of the draws, larger than any seed of a run."""
@@ -36,38 +35,26 @@ class Validation:
         Names of commanded paces.
     episodes
         Number at each pace; with all scenarios, rounded up to equal shares.
-    sensors
-        What the worlds measure.
     machine
         A machine in place of those that the scenario draws.
-    **stated
-        Fields of the task that all episodes share.
     """
 
-    def __init__(
-        self,
-        scenario: str,
-        paces: Sequence[str],
-        episodes: int,
-        sensors: Sensors = "torque",
-        machine: OwnMachine | None = None,
-        **stated: Any,
-    ) -> None:
+    def __init__(self, scenario: str, paces: Sequence[str], episodes: int, machine: OwnMachine | None = None) -> None:
         self._tasks: dict[str, Any] = {}
         self._batches: dict[str, Batch] = {}
         for pace in paces:
-            draws = draws_for(scenario, pace, contexts=episodes, seed=SEED, machine=machine, **stated)
+            draws = draws_for(scenario, pace, contexts=episodes, seed=SEED, machine=machine)
             machines, tasks = zip(*draws.pairs(), strict=True)
             self._tasks[pace] = tasks
-            self._batches[pace] = Batch(machines, tasks, sensors=sensors)
+            self._batches[pace] = Batch(machines, tasks, sensors="torque")
 
-    def scores(self, policy: AnyPolicy) -> Scores:
-        """Return a policy's mean scores for each pace."""
-        found: Scores = {}
+    def scores(self, policy: Controller, nominal: Machine = BASELINE) -> dict[str, dict[str, float]]:
+        """Return the mean scores for each pace of a policy that is bound to a nominal machine."""
+        found: dict[str, dict[str, float]] = {}
         for pace, batch in self._batches.items():
             tasks = self._tasks[pace]
             seeds = list(range(FIRST_RESET, FIRST_RESET + len(tasks)))
-            telemetry = simulate(batch, policy, seeds, max(map(time_limit, tasks)))
+            telemetry = simulate(batch, policy.bind(nominal, batch.layout), seeds, max(map(time_limit, tasks)))
             values = score_episodes(telemetry, tasks)
             found[pace] = {name: float(values[name].mean()) for name in SCORES}
         return found

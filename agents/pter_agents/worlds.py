@@ -1,38 +1,45 @@
-"""The worlds to train on: a scenario's training draws with a policy's inputs and outputs."""
+"""The worlds to train on: a scenario's training draws, and what the networks see of them."""
 
-from collections.abc import Mapping
-from copy import deepcopy
-from dataclasses import replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from pter_agents.algorithms import ALL
-from pter_gym.benchmark import PACES
+from pter_agents.settings import ALL, NO_BASE, Arguments, Settings
+from pter_gym.benchmark import PACES, find_policy
+from pter_gym.benchmark.tuned import FALLBACK
+from pter_gym.controllers import PaceSchedule
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
-from pter_gym.params import BASELINE, Machine
-from pter_gym.policies._interface import LIMIT, Interface
+from pter_gym.policies import Input, Interface
+from pter_gym.policies._interface import available, clutch_rows, middle_volts, quantities, to_volts
 from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios._own_machine import OwnMachine
 from pter_gym.scenarios.randomisation import Mixture, OneOf, Randomisation, Vary
-from pter_gym.tasks.path_following import Sensors
+from pter_gym.tasks.path_following import STARTS
+
+Draws = Randomisation | Mixture
 
 MIXED = ("standard", "paths", "hands", "materials", "everything")
 """The scenarios of ``ALL``, on which shipped policies were trained; later ones show how policies do on others."""
 
-WIDEST = "everything"
+MOST_VARIED = "everything"
 """The scenario that has half of the draws of ``ALL``; the others share the rest evenly."""
 
-Rows = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
+"""Chosen scales [m, 1, m/s]: with a good policy these are far smaller than random actions make them."""
+
+SAMPLE_WORLDS, SAMPLE_STEPS = 256, 200
+
+DEVIATION = 0.4
+"""Standard deviation of the random actions."""
 
 
 def draws_for(
     scenario: str, pace: str, *, contexts: int, seed: int, machine: OwnMachine | None = None, **stated: Any
-) -> Randomisation | Mixture:
+) -> Draws:
     """Return machines and tasks of a scenario at a pace.
 
     Parameters
@@ -55,13 +62,12 @@ def draws_for(
     """
     if pace not in (ALL, *PACES):
         raise unknown_name("pace", pace, (ALL, *PACES))
-    if scenario == ALL:
-        share = -(-contexts // (2 * (len(MIXED) - 1)))
-        shares = {each: (len(MIXED) - 1) * share if each == WIDEST else share for each in MIXED}
-        return Mixture(
-            parts=tuple(_draws(each, pace, machine, contexts=own, seed=seed, **stated) for each, own in shares.items())
-        )
-    return _draws(scenario, pace, machine, contexts=contexts, seed=seed, **stated)
+    if scenario != ALL:
+        return _draws(scenario, pace, machine, contexts=contexts, seed=seed, **stated)
+    share = -(-contexts // (2 * (len(MIXED) - 1)))
+    shares = {each: (len(MIXED) - 1) * share if each == MOST_VARIED else share for each in MIXED}
+    parts = (_draws(each, pace, machine, contexts=own, seed=seed, **stated) for each, own in shares.items())
+    return Mixture(parts=tuple(parts))
 
 
 def _draws(
@@ -80,144 +86,125 @@ def all_paces() -> tuple[float, ...]:
     return tuple(pace for pace in PACES.values() for _ in range(round(pace / slowest)))
 
 
-def make_worlds(
-    draws: Randomisation | Mixture, count: int, episode: int, sensors: Sensors = "torque", frame_skip: int = 1
-) -> PathFollowingVectorEnv:
-    """Return worlds that take voltages and are reset in the same step in which they end.
-
-    Parameters
-    ----------
-    draws
-        Machines and tasks.
-    count
-        Number of worlds.
-    episode
-        Steps after which an episode is truncated.
-    sensors
-        The sensors.
-    frame_skip
-        Control steps in a step.
-    """
-    return PathFollowingVectorEnv(
-        count,
-        randomisation=draws,
-        max_episode_steps=episode,
-        sensors=sensors,
-        frame_skip=frame_skip,
-        autoreset_mode=AutoresetMode.SAME_STEP,
-        telemetry=False,
-        num_threads=1,
-    )
-
-
-class Truth(NamedTuple):
-    """The entries of ``Batch.truth`` that vary, with their centres and scales."""
+@dataclass(frozen=True)
+class Truth:
+    """The entries of ``Batch.truth`` that vary, with their centers and scales."""
 
     entries: NDArray[np.intp]
     center: NDArray[np.float64]
     scale: NDArray[np.float64]
 
 
-class Step(NamedTuple):
-    """Result of a step of N worlds.
+@dataclass(frozen=True)
+class Training:
+    """The worlds of a training, as the networks meet them.
 
     Attributes
-    ----------
-    inputs
-        The networks' current inputs, (N, size); for worlds that have ended, after their reset.
-    rewards, terminated, truncated
-        (N,) each.
-    ended, last
-        Indices of the worlds that have ended, and the networks' inputs at their end.
-    """
-
-    inputs: Rows
-    rewards: NDArray[np.float64]
-    terminated: Mask
-    truncated: Mask
-    ended: NDArray[np.intp]
-    last: Rows
-
-
-class TrainingWorlds:
-    """Worlds with a policy's inputs as observations and its outputs as actions.
-
-    The inputs of the value network alone follow those of the policy. With an episode's last observation, they are from
-    one control step earlier, since the world has already been reset.
-
-    Parameters
     ----------
     env
         The worlds.
     interface
-        The network's inputs and outputs.
+        The policy's inputs and outputs.
     truth
-        Scaling of the truth about a world for the value network; None if it has the same inputs as the policy.
-    nominal
-        The machine that a base controller is bound to.
+        Inputs of the value network alone.
+    base
+        The bound policy of the base controller, if any.
     """
 
-    def __init__(
-        self,
-        env: PathFollowingVectorEnv,
-        interface: Interface,
-        truth: Truth | None = None,
-        nominal: Machine = BASELINE,
-    ) -> None:
-        self.env = env
-        self.count = env.num_envs
-        self.interface = interface.bind(nominal, env.observation_layout)
-        self.size = interface.size + (0 if truth is None else len(truth.center))
-        self._past = self.interface.begin(self.count)
-        self._base = np.zeros((self.count, 4))
-        self.truth = truth
-        self._known = np.zeros((self.count, self.size - interface.size))
-        self._returns = np.zeros(self.count)
-        self.finished: list[float] = []
-        """Returns of the episodes that have ended; a reader may clear the list."""
+    env: PathFollowingVectorEnv
+    interface: Interface
+    truth: Truth
+    base: Any
 
-    def reset(self, seed: int) -> Rows:
-        """Start new episodes with consecutive seeds from ``seed`` on, and return the networks' inputs, (N, size)."""
-        self._returns[:] = 0.0
-        self._past.forget(np.ones(self.count, np.bool_))
-        return self._see(self.env.reset(seed=seed)[0])
+    @property
+    def size(self) -> int:
+        """Number of inputs of the value network."""
+        return self.interface.size + len(self.truth.entries)
 
-    def step(self, outputs: Rows) -> Step:
-        """Advance all worlds by one decision, the network's outputs (N, 4)."""
-        obs, rewards, terminated, truncated, infos = self.env.step(self.interface.volts(self._base, outputs))
-        done = terminated | truncated
-        ended = np.flatnonzero(done)
-        last = np.empty((0, self.size), np.float32)
-        self._returns += rewards
-        if len(ended):
-            final = obs.copy()
-            final[ended] = np.stack(list(infos["final_obs"][ended]))
-            seen = self.interface.see(final, deepcopy(self._past))[0]
-            last = np.hstack([seen, self._known])[ended].astype(np.float32)
-            self._past.forget(done)
-            self.finished += self._returns[ended].tolist()
-            self._returns[ended] = 0.0
-        return Step(self._see(obs), rewards, terminated, truncated, ended, last)
 
-    def get_state(self) -> dict[str, Any]:
-        """Return the changing state."""
-        own = {"base": self._base, "known": self._known, "returns": self._returns}
-        return {**own, "worlds": self.env.get_state(), "past": self._past.get_state()}
+def make_training(arguments: Arguments) -> Training:
+    """Return the worlds of a training; centers and scales of the inputs are those of a short run without a network."""
+    s, nominal = arguments.settings, arguments.nominal
+    stated = {"reward": s.reward(), "starts": STARTS[s.starts], "truncation_error": s.truncation}
+    draws = draws_for(
+        arguments.scenario,
+        arguments.pace,
+        contexts=s.contexts,
+        seed=arguments.seed,
+        machine=arguments.machine,
+        **stated,
+    )
+    schedule = find_base(s.base, arguments.scenario)
+    interface = Interface(
+        (Input("pace"),),
+        s.reach,
+        schedule,
+        s.history,
+        s.averages,
+        s.normalised,
+        s.frame_skip,
+        nominal.clutch.voltage_max,
+        clutch_rows(nominal),
+    )
+    env = _make_worlds(draws, s.worlds, s)
+    base = None if schedule is None else schedule.bind(nominal, env.observation_layout)
+    inputs, truth = _sample(_make_worlds(draws, SAMPLE_WORLDS, s), interface, base, arguments.seed)
+    return Training(env, replace(interface, inputs=inputs), truth, base)
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Restore the state from ``get_state``; arrays may be tensors."""
-        self.env.set_state({name: np.asarray(part) for name, part in state["worlds"].items()})
-        self._past.set_state(state["past"])
-        for name, mine in (("base", self._base), ("known", self._known), ("returns", self._returns)):
-            mine[:] = state[name]
 
-    def close(self) -> None:
-        """Stop the worlds."""
-        self.env.close()
+def find_base(name: str, scenario: str) -> PaceSchedule | None:
+    """Return the base controller with its gains over the commanded pace, or None."""
+    if name == NO_BASE:
+        return None
+    policy = find_policy(name, scenario=FALLBACK if scenario == ALL else scenario)
+    assert isinstance(policy, PaceSchedule)
+    return policy
 
-    def _see(self, obs: Any) -> Rows:
-        inputs, self._base = self.interface.see(obs, self._past)
-        if self.truth is not None:
-            known = (self.env.batch.truth()[:, self.truth.entries] - self.truth.center) / self.truth.scale
-            self._known = known.clip(-LIMIT, LIMIT)
-        return np.hstack([inputs, self._known]).astype(np.float32)
+
+def _make_worlds(draws: Draws, count: int, settings: Settings) -> PathFollowingVectorEnv:
+    """Return worlds that take voltages and are reset in the same step in which they end."""
+    return PathFollowingVectorEnv(
+        count,
+        randomisation=draws,
+        max_episode_steps=settings.episode,
+        frame_skip=settings.frame_skip,
+        autoreset_mode=AutoresetMode.SAME_STEP,
+        telemetry=False,
+        num_threads=1,
+    )
+
+
+def _sample(env: PathFollowingVectorEnv, interface: Interface, base: Any, seed: int) -> tuple[tuple[Input, ...], Truth]:
+    """Return all inputs and the truth, with the mean and standard deviation of each under random actions."""
+    layout, rng = env.observation_layout, np.random.default_rng(seed)
+    residual = base is not None
+    obs: Any = env.reset(seed=seed)[0]
+    seen: list[NDArray[Any]] = []
+    true: list[NDArray[Any]] = []
+    for _ in range(SAMPLE_STEPS):
+        volts = base.act(obs).astype(np.float64) if residual else middle_volts(len(obs), interface)
+        seen.append(quantities(obs * layout.scales, volts, layout, residual=residual))
+        true.append(env.batch.truth())
+        outputs = DEVIATION * rng.standard_normal((len(obs), 4))
+        obs = env.step(to_volts(outputs, volts, interface).astype(np.float32))[0]
+    env.close()
+    center, scale, varies = _moments(seen)
+    names = available(layout, residual=residual)
+    inputs = (
+        Input(name, 0.0, FIXED[name]) if name in FIXED else Input(name, _rounded(c), _rounded(s) if v else 1.0)
+        for name, c, s, v in zip(names, center, scale, varies, strict=True)
+    )
+    center, scale, varies = _moments(true)
+    return tuple(inputs), Truth(np.flatnonzero(varies), center[varies], scale[varies])
+
+
+def _moments(rows: list[NDArray[Any]]) -> tuple[Any, Any, Any]:
+    """Return mean and standard deviation of each column, and whether it varies."""
+    values = np.concatenate(rows)
+    deviation = values.std(axis=0)
+    return values.mean(axis=0), deviation, deviation > 1e-6 * (1.0 + np.abs(values).max(axis=0))
+
+
+def _rounded(value: float) -> float:
+    """Return a number with four significant digits."""
+    return float(f"{value:.4g}")

@@ -16,7 +16,7 @@ def train(seed: int = 0, steps: int = 3_000_000, worlds: int = 4, out: Path = Pa
     venv = VecNormalize(make_vec_env("PTER/Standard-v0", n_envs=worlds, seed=seed))
     model = PPO("MlpPolicy", venv, seed=seed, device="cpu").learn(steps)
     policies = {f"sb3-ppo-{seed}": from_sb3(model, venv), "torque-feedback": find_policy("torque-feedback")}
-    print_boards(run_scenario("standard", policies, fresh=seed, results=ResultsFolder(out)))
+    print_boards(run_scenario("standard", policies, seed=seed, results=ResultsFolder(out)))
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ def train(seed: int = 0, steps: int = 300_000, worlds: int = 4, out: Path = Path
     venv = VecNormalize(venv, norm_reward=False)
     model = TQC("MlpPolicy", venv, seed=seed, device="cpu").learn(steps)
     policies = {f"sb3-tqc-{seed}": from_sb3(model, venv), "torque-feedback": find_policy("torque-feedback")}
-    print_boards(run_scenario("standard", policies, fresh=seed, results=ResultsFolder(out)))
+    print_boards(run_scenario("standard", policies, seed=seed, results=ResultsFolder(out)))
 
 
 if __name__ == "__main__":

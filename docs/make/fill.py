@@ -1,154 +1,82 @@
-"""Fill the tables of README.md and docs: each stands between `<!-- name -->` and `<!-- /name -->` in its page.
+"""Fill the generated blocks of README.md and docs.
 
-    python docs/make/fill.py                     what the code declares; a test checks that it is up to date
-    python docs/make/fill.py --results FOLDER    the leaderboards; --score-first runs their benchmark, in six minutes
-    python docs/make/fill.py --planned FOLDER    what planning reaches; docs/classical-control.md has the commands
-    python docs/make/fill.py --offline FOLDER    docs/data.md, from the scripts in agents/stock/offline
-    python docs/make/fill.py --data FOLDER       docs/data.md, from the data sets of `pter record`
+    python docs/make/fill.py                     blocks `<!-- made: … -->`, from the code; a test checks them
+    python docs/make/fill.py --results FOLDER    blocks `<!-- board: … -->` too, from a folder of `pter benchmark`
+    python docs/make/fill.py --results FOLDER --score-first    runs that benchmark before, in some minutes
 
-FOLDER is what `--out` named; its `benchmark.json` is read. A table that is missing here is made by a study, which
-CONTRIBUTING.md lists.
+A block asks for a function of `made` or `boards` by name, with arguments, and ends with `<!-- /made: … -->`.
 """
 
 import re
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import boards
-import declared
 import made
 import tyro
-from pages import DOCS, ROOT, write_block
+from markup import DOCS, README
 
-from pter_gym._compiled.records import layout_of
-from pter_gym._engine.law import Memory
-from pter_gym._engine.world import BASIC_ROWS, CONSTANT_ROWS, STORED_ROWS
-from pter_gym.controllers._gains import Nominal
-from pter_gym.scenarios import SCENARIOS
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensing, Starts
+from pter_gym._internal.files import write_text_atomic
 
-NUMBERS = ENVIRONMENT, TASK, WORLDS, CONSTANTS, LAWS = tuple(
-    f"docs/{name}.md" for name in ("environment", "task", "worlds", "constants", "laws")
-)
-"""Pages of every number, with its unit and meaning."""
+BLOCK = re.compile(r"^<!-- (made|board): (.+?) -->\n(.*?)^<!-- /\1: \2 -->$", re.MULTILINE | re.DOTALL)
 
-CLASSICAL, SUITE = "docs/classical-control.md", "docs/scenarios/index.md"
-STOCK, AT_SCALE = ROOT / "agents" / "stock", ROOT / "agents" / "at_scale"
+SEED = 0
+"""Of the fresh episodes on which all boards are scored."""
 
 
-class Table(NamedTuple):
-    """A table of a page.
+class Block(NamedTuple):
+    """A generated block: its page, what makes it, the name and arguments it asks for, and its content."""
 
-    Attributes
-    ----------
-    page
-        From the root of the checkout.
-    name
-        In its markers.
-    make
-        Returns its Markdown, from the folder that it is made of if there is one.
-    """
+    page: Path
+    source: str
+    asked: str
+    content: str
 
-    page: str
-    name: str
-    make: Callable[..., str]
-
-
-def asked_for() -> Iterator[Table]:
-    """Return the blocks that pages ask of `made`."""
-    for page in sorted(DOCS.rglob("*.md")):
-        for asked in re.findall(r"^<!-- made: (.+) -->$", page.read_text("utf-8"), re.MULTILINE):
-            place = page.relative_to(ROOT).as_posix()
-            yield Table(place, f"made: {asked}", partial(made.markdown, page, asked))
+    def make(self, results: Path | None = None) -> str:
+        """Return what the block should contain."""
+        name, *arguments = self.asked.split()
+        if self.source == "board":
+            return f"{boards.BOARDS[name](results, *arguments).strip()}\n"
+        up = "../" * len(self.page.relative_to(DOCS).parts[1:]) if self.page != README else "docs/"
+        return f"{made.MADE[name](*arguments).strip().replace('](/', f']({up}')}\n"
 
 
-DECLARED = (
-    *asked_for(),
-    Table(ENVIRONMENT, "observation", declared.observation),
-    Table(ENVIRONMENT, "context", declared.context),
-    Table(ENVIRONMENT, "telemetry", partial(declared.entries_table, TELEMETRY)),
-    Table(TASK, "reward", partial(declared.fields_table, RewardWeights)),
-    Table(TASK, "task", partial(declared.fields_table, PathFollowing)),
-    Table(TASK, "starts", partial(declared.fields_table, Starts)),
-    Table(TASK, "sensing", partial(declared.fields_table, Sensing)),
-    Table(WORLDS, "stored by every world", partial(declared.world_table, 0, BASIC_ROWS)),
-    Table(WORLDS, "stored by some worlds", partial(declared.world_table, BASIC_ROWS, STORED_ROWS)),
-    Table(CONSTANTS, "constants", partial(declared.world_table, STORED_ROWS, STORED_ROWS + CONSTANT_ROWS)),
-    Table(LAWS, "memory", partial(declared.entries_table, layout_of(Memory))),
-    Table(LAWS, "nominal", partial(declared.entries_table, layout_of(Nominal))),
-    Table(LAWS, "gains", declared.gains),
-    Table("docs/scoring.md", "scores of an episode", declared.scores),
-    Table("docs/reproduction.md", "standard test", declared.standard_test),
-    Table("README.md", "claims", declared.claims),
-    *(
-        Table("docs/your-algorithm.md", path.stem, partial(declared.script, path))
-        for path in sorted(STOCK.glob("*.py"))
-    ),
-    *(Table("docs/at-scale.md", path.stem, partial(declared.script, path)) for path in sorted(AT_SCALE.glob("*.py"))),
-)
+def blocks() -> Iterator[Block]:
+    """Yield all generated blocks."""
+    for page in (README, *sorted(DOCS.rglob("*.md"))):
+        for found in BLOCK.finditer(page.read_text("utf-8")):
+            yield Block(page, *found.groups())
 
-SHOWN = "residual", "ppo-standard", "single-dof-tuned", "torque-feedback-tuned", "torque-feedback", "impedance"
-"""Policies whose scores README shows."""
 
-OF_FOLDER = {
-    "results": (
-        Table(
-            "README.md",
-            "board: standard",
-            partial(boards.by_pace, scenario="standard", names=SHOWN),
-        ),
-        Table(SUITE, "suite", boards.suite),
-        Table(SUITE, "board: everything", partial(boards.by_pace, scenario="everything")),
-        Table(SUITE, "gap", partial(boards.gaps, scenario="standard")),
-        *(
-            Table(f"docs/scenarios/{each}.md", "scores", partial(boards.leaderboard, scenario=each))
-            for each in SCENARIOS
-        ),
-        Table(CLASSICAL, "board: standard", boards.by_tuning),
-        Table(CLASSICAL, "board: everything", partial(boards.classical, scenario="everything", details=True)),
-        Table("docs/agents.md", "against tuned", boards.against_tuned),
-        Table("docs/scoring.md", "first by", boards.first_by),
-    ),
-    "planned": (Table(CLASSICAL, "predictive", boards.predictive),),
-    "offline": (Table("docs/data.md", "results", boards.by_seed),),
-    "data": (Table("docs/data.md", "sets", boards.data_sets),),
-}
-"""By the option that names the folder."""
+def write(block: Block, content: str) -> None:
+    """Replace the content of a block in its page."""
+    text = block.page.read_text("utf-8")
+    first, last = (f"<!-- {slash}{block.source}: {block.asked} -->" for slash in ("", "/"))
+    write_text_atomic(block.page, text.replace(f"{first}\n{block.content}{last}", f"{first}\n{content}{last}"))
 
 
 def score(results: Path) -> None:
-    """Run the benchmark of the pages: all policies on the fresh episodes of all scenarios, and the stored of one."""
+    """Run all policies on fresh episodes of all scenarios."""
     from pter_gym._commands.main import main as pter
     from pter_gym.benchmark.tuned import TUNED
     from pter_gym.policies import shipped_policies
+    from pter_gym.scenarios import SCENARIOS
 
     policies = ",".join((*boards.LEFT_OUT, "impedance", "torque-feedback", *TUNED, *shipped_policies()))
-    for scenario, *fresh in (["standard"], *([each, "--fresh", "derived"] for each in SCENARIOS)):
-        if status := pter(
-            ["benchmark", "--scenario", scenario, *fresh, "--no-film", "--policies", policies, "--out", str(results)]
-        ):
+    for scenario in SCENARIOS:
+        options = ["--scenario", scenario, "--seed", str(SEED), "--no-film", "--policies", policies]
+        if status := pter(["benchmark", *options, "--out", str(results)]):
             raise SystemExit(status)
 
 
-def main(
-    results: Path | None = None,
-    planned: Path | None = None,
-    offline: Path | None = None,
-    data: Path | None = None,
-    score_first: bool = False,
-) -> None:
-    """Fill the tables of what the code declares, and those made of the folders that are given."""
-    folders = {"results": results, "planned": planned, "offline": offline, "data": data}
-    if score_first and results is not None:
+def main(results: Path | None = None, score_first: bool = False) -> None:
+    """Fill what the code declares and, with a folder of results, the leaderboards."""
+    if results is not None and score_first:
         score(results)
-    for table in DECLARED:
-        write_block(ROOT / table.page, table.name, table.make())
-    for option, folder in folders.items():
-        for table in OF_FOLDER[option] if folder is not None else ():
-            write_block(ROOT / table.page, table.name, table.make(folder))
-            print(f"{table.page}: {table.name}")
+    for block in blocks():
+        if block.source == "made" or results is not None:
+            write(block, block.make(results))
 
 
 if __name__ == "__main__":

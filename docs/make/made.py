@@ -1,43 +1,40 @@
-"""What pages take from the code, as Markdown: `fill.py` puts it between `<!-- made: NAME … -->` and its end."""
+"""Blocks made from the code: README and the pages ask for them by `<!-- made: NAME … -->`."""
 
 import inspect
 import json
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import fields
+from dataclasses import MISSING, Field, fields
 from importlib import import_module
-from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import docstring_parser
 import pictures
 import tyro
-from declared import code, fields_table
-from pages import DOCS, IMAGES, ROOT, signed, text_table
+from markup import IMAGES, README, code, number, table
 
 from pter_gym._commands.main import commands as find_commands
 from pter_gym._commands.main import load_command
-from pter_gym._commands.names import names_of
-from pter_gym._internal.plugins import summary as summary_of
 from pter_gym.controllers import CONTROLLERS
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.hands import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.hands._library import Grade
 from pter_gym.params import Hand
-from pter_gym.params._preset import PRESET, SECTIONS
+from pter_gym.params._fields import SHIPPED
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
-from pter_gym.scenarios.randomisation import LogUniform, OneOf, Repeat, Shared, Tuple, Uniform, Vary
-from pter_gym.tools.paper.reproduce.chapters import PRODUCTS
-from pter_gym.tools.paper.reproduce.report import SIGNS
+from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Tuple, Uniform, Vary
+from pter_gym.tasks.path_following import TELEMETRY, Sensors
 
 MADE: dict[str, Callable[..., str]] = {}
+
+SENSORS: tuple[Sensors, ...] = get_args(Sensors)
 
 
 def made(function: Callable[..., str]) -> Callable[..., str]:
     """Offer a function to pages."""
-    MADE[function.__name__] = function
-    return function
+    return MADE.setdefault(function.__name__, function)
 
 
 def named(name: str) -> Any:
@@ -46,46 +43,99 @@ def named(name: str) -> Any:
     return getattr(import_module(module), attribute)
 
 
-def number(value: float) -> str:
-    """Return a number with a typographic minus sign."""
-    return signed(f"{value:.4g}")
+# --- the environment ---
 
 
 @made
 def summary(name: str) -> str:
-    """The first line of the docstring of a class."""
+    """Return the first line of the docstring of a class."""
     return inspect.cleandoc(named(name).__doc__).partition("\n")[0]
 
 
 @made
 def docstring(name: str) -> str:
-    """What follows the first line of the docstring of a class, which is Markdown."""
+    """Return what follows the first line of the docstring of a class, which is Markdown."""
     return inspect.cleandoc(named(name).__doc__).partition("\n")[2]
 
 
 @made
 def parameters(name: str) -> str:
-    """Fields of a class of parameters."""
-    return fields_table(named(name))
+    """Return the fields of a class of parameters."""
+    rows = (
+        [code(item.name), item.metadata["unit"], default(item), item.metadata["provenance"]]
+        for item in fields(named(name))
+    )
+    return table(["Name", "Unit", "Default", "Provenance"], rows)
+
+
+def default(item: Field[Any]) -> str:
+    """Return the default of a field: a number or several, the class of a default record, or the names of several."""
+    if item.default is MISSING:
+        return "none"
+    if isinstance(item.default, tuple):
+        return ", ".join(getattr(each, "name", None) or f"{each:g}" for each in item.default)
+    return f"{item.default:g}" if isinstance(item.default, (int, float)) else code(f"{type(item.default).__name__}()")
 
 
 @made
 def readme(*name: str) -> str:
-    """The block of code below the comment of this name in README.md."""
-    comment, text = re.escape(" ".join(name)), (ROOT / "README.md").read_text("utf-8")
+    """Return the block of code below the comment of this name in README.md."""
+    comment, text = re.escape(" ".join(name)), README.read_text("utf-8")
     (block,) = re.findall(rf"^<!-- {comment} -->\n(```.*?^```)$", text, re.MULTILINE | re.DOTALL)
     return block
 
 
 @made
 def spaces() -> str:
-    """Both spaces of the environment, by its arguments."""
-    units, sensors = ("volt", "normalised"), ("encoders", "torque", "force")
+    """Return both spaces of the environment, by its arguments."""
+    units = ("volt", "normalised")
     rows = [["action", f'action_unit="{each}"', PathFollowingEnv(action_unit=each).action_space] for each in units]
-    rows += [["observation", f'sensors="{each}"', PathFollowingEnv(sensors=each).observation_space] for each in sensors]
-    return text_table(
-        ["Space", "Argument", "What it is"], ([name, code(how), code(str(what))] for name, how, what in rows)
-    )
+    rows += [["observation", f'sensors="{each}"', PathFollowingEnv(sensors=each).observation_space] for each in SENSORS]
+    return table(["Space", "Argument", "What it is"], ([name, code(how), code(str(what))] for name, how, what in rows))
+
+
+@made
+def observation() -> str:
+    """Return all entries that an observation may contain, and the sensors that measure them."""
+    names = {each: PathFollowingEnv(sensors=each).observation_layout.names for each in SENSORS}
+
+    def measured_by(name: str) -> str:
+        found = [each for each in SENSORS if name in names[each]]
+        return "all" if len(found) == len(SENSORS) else ", ".join(map(code, found))
+
+    layout = PathFollowingEnv(sensors="force").observation_layout
+    rows = ([*entry(each), measured_by(each.name)] for each in layout.fields)
+    return table(["Name", "Unit", "Scale", "Meaning", "Sensors"], rows)
+
+
+@made
+def context() -> str:
+    """Return the entries that `observe_context` appends to an observation."""
+    plain, whole = (PathFollowingEnv(observe_context=each).observation_layout for each in (False, True))
+    return table(["Name", "Unit", "Scale", "Meaning"], map(entry, whole.fields[len(plain) :]))
+
+
+def entry(each: Any) -> list[str]:
+    """Return the cells of an entry of an observation."""
+    return [code(each.name), each.unit, f"{each.scale:g}", each.meaning]
+
+
+@made
+def telemetry() -> str:
+    """Return the entries of telemetry."""
+    return table(["Name", "Unit", "Meaning"], ([code(each.name), each.unit, each.meaning] for each in TELEMETRY.fields))
+
+
+@made
+def scores() -> str:
+    """Return every score of an episode with its unit and meaning."""
+    from pter_gym.benchmark.metrics import METRICS
+
+    rows = ([code(name), each.unit, each.meaning] for name, each in METRICS.items())
+    return table(["Score", "Unit", "Meaning"], rows)
+
+
+# --- scenarios ---
 
 
 @made
@@ -105,7 +155,7 @@ env = gymnasium.make("{found.id}")
 
 {found.asks} Each training episode draws:
 
-{text_table(["What", "Unit", "Drawn"], drawn)}
+{table(["What", "Unit", "Drawn"], drawn)}
 The pace is drawn unless one is given. Everything else is as in [the robot in equations](../model.md)."""
 
 
@@ -139,10 +189,10 @@ def described(value: Any) -> str:
             return f"uniform in {number(low)} … {number(high)}"
         case LogUniform(low, high):
             return f"log-uniform in {number(low)} … {number(high)}"
-        case Repeat(of, count):
-            return f"{count} values, each {described(of)}"
         case Shared(common, own, count):
             return f"{count} values: one factor {described(common)}, times one each {described(own)}"
+        case Tuple((first, *rest) as of) if rest and all(each == first for each in rest):
+            return f"{len(of)} values, each {described(first)}"
         case Tuple(of):
             return f"({'; '.join(map(described, of))})"
         case OneOf(options):
@@ -155,15 +205,18 @@ def described(value: Any) -> str:
             return str(value)
 
 
+# --- machines, hands and the paper ---
+
+
 @made
 def preset(section: str) -> str:
     """Numbers of a section of the preset: value, unit and where each comes from."""
     rows: list[list[str]] = []
-    for item in fields(SECTIONS[section]):
-        value = getattr(getattr(PRESET, section), item.name)
-        shown = ", ".join(map(number, value if isinstance(value, tuple) else (value,)))
-        rows.append([code(item.name), shown, item.metadata["unit"], PRESET.provenance[f"{section}.{item.name}"]])
-    return text_table(["Name", "Value", "Unit", "Provenance"], rows)
+    for name, entry in SHIPPED[section].items():
+        value = entry["value"]
+        shown = ", ".join(map(number, value if isinstance(value, list) else (value,)))
+        rows.append([code(name), shown, entry["unit"], entry["from"]])
+    return table(["Name", "Value", "Unit", "Provenance"], rows)
 
 
 @made
@@ -186,7 +239,7 @@ def arms() -> str:
         for arm in sorted(LIBRARY_ARMS.values(), key=lambda arm: get_args(Grade).index(arm.grade))
     )
     header = ["Grade", "Name", "Mass [kg]", "Damping [N·s/m]", "Stiffness [N/m]", "Axes", "The person", "Source"]
-    return text_table(header, rows)
+    return table(header, rows)
 
 
 @made
@@ -201,29 +254,23 @@ def tremors() -> str:
         ]
         for each in LIBRARY_TREMORS.values()
     )
-    return text_table(["Grade", "Name", "Band [Hz]", "Acceleration [m/s²]", "Source"], rows)
+    return table(["Grade", "Name", "Band [Hz]", "Acceleration [m/s²]", "Source"], rows)
 
 
 @made
-def paper() -> str:
-    """Each figure and table of the paper: our picture, and its claims with what was measured."""
-    claims: list[dict[str, Any]] = json.loads((IMAGES / "paper" / "claims.json").read_text("utf-8"))
-    parts: list[str] = []
-    for name, product in PRODUCTS.items():
-        shown = "\n\n".join(f"![{product.title}](/images/paper/{stem}.png)" for stem in product.pictures)
-        rows = [
-            [
-                f"{SIGNS[each['kind']]} {each['kind']}",
-                each["claim"],
-                f"{number(each['measured'])}{'' if each['unit'] == '1' else ' ' + each['unit']}: {each['what']}",
-                each["section"],
-            ]
-            for each in claims
-            if each["figure"] == name
-        ]
-        said = text_table(["Verdict", "The paper says", "We measure", "Section"], rows) if rows else ""
-        parts.append(f"## {product.place}: {product.title}\n\n{product.remark}\n\n{shown}\n\n{said}")
-    return "\n\n".join(parts)
+def claims() -> str:
+    """Return how many claims of the paper are met, and how, in the run that docs/images/paper holds."""
+    stored = json.loads((IMAGES / "paper" / "claims.json").read_text("utf-8"))
+    count = Counter(each["kind"] for each in stored)
+    return (
+        f"`pter reproduce` makes the paper's figures and table, and checks {len(stored)} of its claims:\n"
+        f"{count['prediction']} are predictions that hold, {count['calibration']} hold because parameters were fitted\n"
+        f"to them, {count['construction']} follow from how the model is built, and {count['not met']} are "
+        "[not met](/reproduction.md).\n"
+    )
+
+
+# --- policies and commands ---
 
 
 @made
@@ -265,47 +312,52 @@ def scenarios() -> str:
 
 @made
 def commands() -> str:
-    """All commands, with what each is for."""
-    rows = ([f"[`pter {name}`](commands/{name}.md)", summary_of(entry)] for name, entry in find_commands().items())
-    return text_table(["Command", "What it does"], rows)
+    """Return all commands, with what each is for."""
+    rows = (
+        [f"[`pter {name}`](/commands/{name}.md)", documented(name).short_description or ""] for name in find_commands()
+    )
+    return table(["Command", "What it does"], rows)
+
+
+def documented(name: str) -> docstring_parser.Docstring:
+    """Return the parsed docstring of a command."""
+    return docstring_parser.parse(inspect.getdoc(load_command(name)) or "")
 
 
 @made
 def command(name: str) -> str:
-    """What a command does, an example, its arguments and the names that they accept."""
-    function = load_command(name)
-    told = docstring_parser.parse(inspect.getdoc(function) or "")
-    text, example = re.fullmatch(r"(.*?)\s*Example: `?(.*?)`?", told.description or "", re.DOTALL).groups()  # type: ignore[union-attr]
-    meanings = {each.arg_name: each.description or "" for each in told.params}
+    """Return what a command does, an example and its arguments."""
+    function, doc = load_command(name), documented(name)
+    text, example = re.fullmatch(r"(.*?)\s*Example: `?(.*?)`?", doc.description or "", re.DOTALL).groups()  # type: ignore[union-attr]
+    meanings = {each.arg_name: each.description or "" for each in doc.params}
     hints = get_type_hints(function, include_extras=True)
     rows = (
-        argument_row(hints[each.name], each, meanings.get(each.name))
+        argument(hints[each.name], each, meanings.get(each.name, ""))
         for each in inspect.signature(function).parameters.values()
     )
-    parts = [text, f"```sh\n{example}\n```", text_table(["Argument", "Default", "What it is"], rows)]
-    names = [[kind, ", ".join(map(code, names))] for kind, names in names_of(function).items()]
-    return "\n\n".join(map(str.strip, [*parts, *([text_table(["Names", "Accepted"], names)] if names else [])]))
+    return "\n\n".join([text, f"```sh\n{example}\n```", table(["Argument", "Default", "What it is"], rows)])
 
 
-def argument_row(hint: Any, argument: inspect.Parameter, meaning: str | None) -> list[str]:
-    """A row for an argument: how it is typed, its default, what it is."""
-    told = [each for each in get_args(hint) if type(each).__name__ == "_ArgConfig"]
-    metavar = next((each.metavar for each in told if each.metavar), None)
-    meaning = meaning or next((each.help for each in told if each.help), "")
-    name = next((each.name for each in told if each.name), None) or argument.name
-    kind = (get_args(hint) or (hint,))[0]
-    value = metavar or {int: "INT", float: "FLOAT", Path: "PATH", str: "TEXT"}.get(kind, "TEXT")
-    if tyro.conf.Positional in get_args(hint):
-        return [code(metavar or argument.name.upper()), "", " ".join(meaning.split())]
+def argument(hint: Any, parameter: inspect.Parameter, meaning: str) -> list[str]:
+    """Return the cells of an argument: how it is typed, its default, what it is."""
+    kind, *annotations = get_args(hint) if hasattr(hint, "__metadata__") else (hint,)
+    given = [each for each in annotations if type(each).__name__ == "_ArgConfig"]
+    meaning = meaning or next((each.help for each in given if each.help), "")
+    name = next((each.name for each in given if each.name), None) or parameter.name
     option = f"--{name.replace('_', '-')}"
-    typed = f"{option}, --no-{option[2:]}" if kind is bool else f"{option} {value}"
-    return [code(typed), default_text(argument.default), " ".join(meaning.split())]
+    if tyro.conf.Positional in get_args(hint):
+        option = name.upper()
+    elif kind is bool:
+        option += f", --no-{option[2:]}"
+    choices = [str(each) for part in (kind, *get_args(kind)) if get_origin(part) is Literal for each in get_args(part)]
+    meaning += f" One of {', '.join(map(code, choices))}." if choices else ""
+    return [code(option), default_text(parameter.default), " ".join(meaning.split())]
 
 
 def default_text(value: Any) -> str:
-    """How a table shows the default of an argument."""
+    """Return how a table shows the default of an argument."""
     match value:
-        case None:
+        case None | inspect.Parameter.empty:
             return ""
         case bool():
             return "yes" if value else "no"
@@ -313,10 +365,3 @@ def default_text(value: Any) -> str:
             return f"{value:,}"
         case _:
             return code(str(value))
-
-
-def markdown(page: Path, asked: str) -> str:
-    """What a block of a page asks for; links to pictures are relative to the page."""
-    name, *given = asked.split()
-    up = "../" * len(page.relative_to(DOCS).parts[1:])
-    return MADE[name](*given).strip().replace("](/images/", f"]({up}images/") + "\n"

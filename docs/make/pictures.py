@@ -2,47 +2,48 @@
 
     python docs/make/pictures.py error-against-pace.png --results FOLDER
 
-needs the folder of `fill.py --results`; all others need the extra `render`. A name below `moving` is a film, `policies`
-a still picture of each policy at the end of one episode, `paper` the paper's figures and claims.
+needs a folder of `pter benchmark`; all others need the extra `render`. A name below `moving` is a film, `policies` a
+still picture of each policy at the end of one episode, `paper` the paper's figures and claims.
 """
 
 import io
 import re
+import shutil
 from collections.abc import Callable
-from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import boards
 import gymnasium
 import numpy as np
 import tyro
-from pages import IMAGES
+from markup import IMAGES
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from pter_gym._internal.files import write_bytes_atomic, write_files_atomic
-from pter_gym._physics.friction import ClutchMode
+from pter_gym._internal.files import write_bytes_atomic
 from pter_gym.benchmark import find_policy
-from pter_gym.benchmark._measures import column, four
-from pter_gym.benchmark.simulation import record_episode, simulate, time_limit
+from pter_gym.benchmark.simulation import record_episode, time_limit
 from pter_gym.controllers import CONTROLLERS, TorqueFeedback
-from pter_gym.params import BASELINE, Machine
+from pter_gym.params import Machine
 from pter_gym.policies import shipped_policies
-from pter_gym.scenarios import SCENARIOS, find_scenario
+from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tools.figures import MUTED, WIDTH, label, legend_below, png, styled
 
 FALLING = ("free", "locked", "random")
-COMPARED = ("torque-feedback", "ppo-standard")
-CLASSICAL = ("impedance", "impedance-tuned", "velocity-ratio-tuned", "single-dof-tuned")
 SIDE_BY_SIDE = ("single-dof-tuned", "residual")
 SIDE_BY_SIDE_SCENARIOS = ("paths", "hands", "tremor")
 SHOWN = "residual"
 PACE = "medium"
 DRAWS = 16
-SEED, FILM_SEED = 2**31 + 3, 2**31 + 15  # of no training
-SETTLED = 0.5  # s: the start is over
+FILM_SEED = 2**31 + 15  # of no training
 EPISODE = {"standard": 0, "paths": 5, "hands": 3, "materials": 8, "everything": 15, "tremor": 1}
 """The draw of each scenario that is shown: those of paths and everything have different paths."""
 
 RATE = 12.5  # frames in a second, in real time
+MARKERS = "os^DvPX<>p*dh"
 
 
 def policy_names() -> list[str]:
@@ -54,18 +55,37 @@ def policy_names() -> list[str]:
 # --- figures ---
 
 
-def error_against_pace(results: Path) -> None:
-    """Draw path error against commanded pace on `standard`."""
-    import boards
-    import figures
-
-    from pter_gym.tools.pictures.plots import save
-
-    found = boards.boards(results, "standard")
+@styled
+def error_against_pace(results: Path) -> Figure:
+    """Return path errors over commanded paces on `standard`; markers are hollow where a policy has no rank."""
+    found = boards.boards_of(results, "standard")
     names = [name for name in policy_names() if name not in FALLING and name in found["slow"]["policies"]]
-    scores = {name: [board["policies"][name] for board in found.values()] for name in names}
-    note = f"standard, {boards.episodes_text(found['slow']).partition(',')[0]}; bars: 95 % intervals"
-    save(figures.error_against_pace(scores, note), IMAGES / "error-against-pace.png")
+    figure = Figure(figsize=(WIDTH, 4.0))
+    axes = figure.add_subplot()
+    paces = np.array(list(PACES.values()))
+    for place, (name, marker) in enumerate(zip(names, MARKERS, strict=False)):
+        scores = [board["policies"][name] for board in found.values()]
+        at = paces * 1.022 ** (place - 0.5 * (len(names) - 1))  # apart, so that intervals do not cover each other
+        low, value, high = (
+            1000 * np.array([each["path_error_m"][key] for each in scores]) for key in ("low", "value", "high")
+        )
+        (line,) = axes.plot(at, value, marker=marker, label=name)
+        colour = line.get_color()
+        axes.errorbar(at, value, (value - low, high - value), fmt="none", ecolor=colour, elinewidth=1.2)
+        faces = [colour if each["rank"] else "white" for each in scores]
+        axes.scatter(at, value, 40.0, faces, marker, edgecolors=colour, zorder=4)
+    axes.set(xscale="log", yscale="log", xlim=(min(paces) / 1.25, max(paces) * 1.25))
+    axes.set_xticks(paces, [f"{pace:g}\n{name}" for name, pace in PACES.items()])
+    axes.set_xticks([], minor=True)
+    axes.yaxis.set_major_formatter("{x:g}")
+    label(axes, "commanded pace [m/s]", "path error [mm]")
+    dots = [
+        Line2D([], [], color=MUTED, marker="o", linestyle="none", markerfacecolor=face) for face in (MUTED, "white")
+    ]
+    note = f"standard, {boards.episodes_text(found['slow'])}; bars: 95 % intervals"
+    lines, labels = axes.get_legend_handles_labels()
+    legend_below(figure, [*lines, *dots], [*labels, "ranked", "no rank"], note)
+    return figure
 
 
 def pter() -> None:
@@ -82,99 +102,14 @@ def pter() -> None:
     env.close()
 
 
-def clutches() -> None:
-    """Draw the first of some episodes under the paper's torque feedback and under a trained policy."""
-    import figures
-
-    from pter_gym._engine.batch import Batch
-    from pter_gym.tools.pictures.plots import save
-
-    machines, tasks = zip(
-        *find_scenario("standard").randomisation(PACE, contexts=DRAWS, seed=SEED).pairs(), strict=True
-    )
-    batch, episodes = Batch(machines, tasks), dict[str, np.ndarray]()
-    for name in COMPARED:
-        policy = find_policy(name, scenario="standard")
-        telemetry = simulate(batch, policy, range(SEED, SEED + DRAWS), max(map(time_limit, tasks)))
-        first = telemetry[:, 0]
-        episodes[name] = first[np.isfinite(column(first, "time"))]
-        describe(name, telemetry)
-    save(figures.clutches(episodes, machines[0].clutch.voltage_max), IMAGES / "clutches.png")
-
-
-def describe(name: str, telemetry: np.ndarray) -> None:
-    """Print the numbers that the page says about the picture: errors and voltages of the start, shares of the modes."""
-    for when in (0.2, SETTLED):
-        row = round(when / 0.01)
-        errors = np.percentile(1000.0 * np.abs(column(telemetry[row], "normal_error")), (0, 25, 50, 75, 100))
-        volts = four(telemetry[1 : row + 1], "volts").mean(axis=(0, 1))
-        print(f"{name}, after {when:g} s: quartiles {errors.round()} mm; voltages so far {volts.round(1)}")
-    time, mode = column(telemetry, "time"), column(telemetry, "mode")
-    for when, counted in (("until", (time > 0.0) & (time <= SETTLED)), ("after", time > SETTLED)):
-        shares = (f"{each.name} {100 * (mode[counted] == each).mean():.0f} %" for each in ClutchMode)
-        print(f"{name}, {when} {SETTLED:g} s: {', '.join(shares)}")
-
-
-@cache
-def classical_episodes() -> dict[str, np.ndarray]:
-    """Return the telemetry of one drawn episode under each of four laws."""
-    from classical import episodes
-
-    drawn = {name: episodes(name, PACE, draws=1)[:, 0] for name in CLASSICAL}
-    return {name: rows[np.isfinite(rows[:, 0])] for name, rows in drawn.items()}
-
-
-def classical_trajectories() -> None:
-    """Draw where four laws take the tip in one drawn episode."""
-    import figures
-    from classical import drawn_task
-
-    from pter_gym.tools.pictures.plots import save
-
-    shown = figures.arm_and_deviation(classical_episodes(), BASELINE.arm, drawn_task(PACE).path)
-    save(shown, IMAGES / "classical-trajectories.png")
-
-
-def classical_clutches() -> None:
-    """Draw what four laws do with the clutches in that episode."""
-    import figures
-
-    from pter_gym.tools.pictures.plots import save
-
-    save(figures.clutches(classical_episodes(), BASELINE.clutch.voltage_max), IMAGES / "classical-clutches.png")
-
-
-def tremors() -> None:
-    """Draw force and spectrum of the library's tremors."""
-    import figures
-
-    from pter_gym.hands import LIBRARY_TREMORS, find_hand
-    from pter_gym.tools.pictures.plots import save
-
-    hands = {name: find_hand(name) for name in LIBRARY_TREMORS}
-    save(figures.force_and_spectrum(hands, LIBRARY_TREMORS), IMAGES / "tremors.png")
-
-
-def identified() -> None:
-    """Draw torque curves that are identified from the log of the machine in docs/identify.md."""
-    from pter_gym.tools.identification import Recorder, identify, record_log
-    from pter_gym.tools.identification.picture import picture
-    from pter_gym.tools.pictures.plots import save
-
-    arm = replace(BASELINE.arm, inertia_a=0.7, inertia_b=0.6, coupling=0.1)
-    machine = replace(BASELINE, arm=arm, clutch_scale=(0.9, 1.1, 1.05, 0.95))
-    save(picture(identify(record_log(machine, recorder=Recorder(delay=0.012)))), IMAGES / "identified.png")
-
-
 def paper() -> None:
     """Draw the paper's figures and check its claims, as `pter reproduce` does."""
-    from pter_gym.tools.paper.experiments import Study
-    from pter_gym.tools.paper.reproduce.chapters import PRODUCTS
-    from pter_gym.tools.paper.reproduce.results import results
+    from pter_gym._commands.main import main as run
 
-    files, _ = results(Study(), PRODUCTS, print)
-    kept = {name: content for name, content in files.items() if name.endswith((".png", "claims.json"))}
-    write_files_atomic(IMAGES / "paper", kept)
+    with TemporaryDirectory() as folder:
+        run(["reproduce", "--out", folder])
+        for path in (*Path(folder).glob("*.png"), Path(folder) / "claims.json"):
+            shutil.copy(path, IMAGES / "paper")
 
 
 # --- films ---
@@ -241,11 +176,6 @@ def policies() -> None:
 
 PICTURES: dict[str, Callable[[], None]] = {
     "pter.png": pter,
-    "clutches.png": clutches,
-    "classical-trajectories.png": classical_trajectories,
-    "classical-clutches.png": classical_clutches,
-    "tremors.png": tremors,
-    "identified.png": identified,
     "paper": paper,
     "moving/side-by-side.webp": side_by_side,
     **{f"moving/{name}.webp": partial(alone, name) for name in SCENARIOS},
@@ -255,9 +185,12 @@ PICTURES: dict[str, Callable[[], None]] = {
 
 def main(names: tyro.conf.Positional[tuple[str, ...]] = (), results: Path | None = None) -> None:
     """Make pictures, all by default but that of the results, which needs their folder."""
-    every = PICTURES | ({} if results is None else {"error-against-pace.png": partial(error_against_pace, results)})
-    for name in names or every:
-        every[name]()
+    drawn = dict(PICTURES)
+    if results is not None:
+        path = IMAGES / "error-against-pace.png"
+        drawn[path.name] = lambda: write_bytes_atomic(path, png(error_against_pace(results)))
+    for name in names or drawn:
+        drawn[name]()
         print(f"wrote {IMAGES / name}")
 
 

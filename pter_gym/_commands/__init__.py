@@ -1,1 +1,1 @@
-"""``pter``: one file for each command."""
+"""``pter``: one file for each command of the core."""

@@ -1,18 +1,19 @@
 """``pter``: the commands. Other packages add theirs by the entry-point group ``pter.commands``."""
 
+import ast
 import functools
 import sys
 from collections.abc import Callable
 from contextlib import suppress
 from importlib.metadata import EntryPoint
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import tyro
 from rich.table import Table
 
-from pter_gym._commands.arguments import PATHS, as_typed, check_arguments
-from pter_gym._commands.names import names_table
-from pter_gym._internal.plugins import COMMANDS, registered, summary
+from pter_gym._internal.plugins import COMMANDS, registered
 from pter_gym._internal.terminal import accept_all_characters, close_output, end_on_interrupt, say, terminal
 from pter_gym._version import __version__
 from pter_gym.errors import PterError, unknown_name
@@ -23,8 +24,6 @@ OWN = ("benchmark", "verify")
 """Commands of the core: command NAME is the function NAME in NAME.py, beside this file."""
 
 DESCRIPTION = "PTER, a passive haptic arm with four friction clutches."
-
-HELP = ("-h", "--help")
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it."""
@@ -51,7 +50,7 @@ def parse(name: str, command: Command, arguments: list[str]) -> dict[str, Any]:
     def keep(**given: Any) -> dict[str, Any]:
         return given
 
-    return tyro.cli(keep, prog=f"pter {name}", args=arguments, registry=PATHS)
+    return tyro.cli(keep, prog=f"pter {name}", args=arguments)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -79,26 +78,29 @@ def _run(arguments: list[str]) -> int:
     if name == "--version":
         say(f"pter {__version__}")
         return 0
-    if name in HELP:
+    if name in ("-h", "--help"):
         _print_overview()
         return 0
-    command: Command | None = None
     try:
         command = load_command(name)
-        if not set(HELP).isdisjoint(rest):
-            return _print_help(name, command)
-        given = parse(name, command, rest)
-        check_arguments(command, given)
-        return command(**given) or 0
+        return command(**parse(name, command, rest)) or 0
     except PterError as error:
-        text = as_typed(str(error), command)
-        complain(text)
+        complain(str(error))
         return 2
 
 
 def complain(text: str) -> None:
     """Print what is wrong."""
     terminal(errors=True).print(f"error: {text}", style="red", soft_wrap=True, markup=False)
+
+
+def summary(entry: EntryPoint) -> str:
+    """Return the first line of a command's docstring from its file: importing all commands takes seconds."""
+    spec = find_spec(entry.module)
+    source = Path(spec.origin).read_text("utf-8") if spec and spec.origin else ""
+    functions = [node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)]
+    found = [ast.get_docstring(node) or "" for node in functions if node.name == entry.attr]
+    return found[0].partition("\n")[0] if found else ""
 
 
 def _print_overview() -> None:
@@ -109,19 +111,7 @@ def _print_overview() -> None:
     for name, entry in commands().items():
         table.add_row(f"  {name}", summary(entry))
     console.print(table)
-    console.print("\n`pter COMMAND --help` explains a command; `pter --version` tells the version.")
-
-
-def _print_help(name: str, command: Command) -> int:
-    """Print what tyro knows of a command, and the names that it accepts."""
-    try:
-        parse(name, command, ["--help"])
-    except SystemExit as end:
-        table = names_table(command)
-        if table.row_count:
-            terminal().print("names\n", table, sep="")
-        return int(end.code or 0)
-    return 0
+    console.print("\n`pter COMMAND --help` explains a command; `pter --version` prints the version.")
 
 
 if __name__ == "__main__":

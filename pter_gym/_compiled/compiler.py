@@ -16,7 +16,6 @@ from numba.core.registry import CPUDispatcher
 
 from pter_gym._compiled import pipeline
 from pter_gym._compiled.digests import content_digest, digest_of, files_of
-from pter_gym._compiled.stored import StoredKernels
 
 __all__ = ["WITHOUT_ARRAYS", "Device", "compile_kernel", "content_digest", "device", "files_of", "inlined", "outlined"]
 
@@ -31,13 +30,13 @@ WITHOUT_ARRAYS: Any = {**_INLINED, **_WITHOUT_WRAPPERS, "_nrt": False}
 _KERNEL: Any = {"nogil": True, "error_model": "numpy", "pipeline_class": pipeline.Kernel}
 
 _NUMBA: Any = config
-# numba reads a file of settings from the present folder, which may be somebody else's: where to keep code, for instance
+# numba would read settings, such as where to cache code, from a file in the working directory
 _NUMBA._config_fname = ""
 _NUMBA.reload_config()
 
 
 class Device(CPUDispatcher):
-    """A function that is compiled for compiled callers alone; for others it is the Python function that it was.
+    """A function that is compiled for compiled callers; from Python, calls the original function.
 
     Without the wrappers by which Python calls compiled code, kernels compile in three quarters of the time.
     """
@@ -81,7 +80,7 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
 
     Numba's cache sees only the file of the kernel itself (numba issue 1833). So ``build`` gets a digest of everything
     that the kernel reaches and returns the kernel with that digest in its closure, which is part of numba's cache key.
-    A kernel that has no digest is compiled in memory, by each process.
+    A kernel without a digest is compiled by each process, in memory.
 
     Parameters
     ----------
@@ -93,24 +92,24 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     """
     digest = digest_of(_bind(cast(FunctionType, build("")), inlined))
     function = _bind(cast(FunctionType, build(digest or "")), inlined)
-    stored = digest is not None and all(map(_has_module, inlined.values()))
     kernel: Any = numba.njit(**_KERNEL)(function)
-    if hasattr(kernel, "compile"):  # not with NUMBA_DISABLE_JIT=1
-        pipeline.compile_apart(kernel, stored=stored and _is_stored(kernel))
+    if not _NUMBA.DISABLE_JIT:
+        cacheable = digest is not None and all(map(_has_module, inlined.values()))
+        pipeline.announce(kernel, cached=cacheable and _enable_caching(kernel))
     return cast(Function, kernel)
 
 
-def _is_stored(kernel: Any) -> bool:
-    """Let a kernel be stored on the disk; tell whether there is a folder for it."""
+def _enable_caching(kernel: Any) -> bool:
+    """Cache a kernel on the disk; return whether there is a folder for it."""
     try:
-        kernel._cache = StoredKernels(kernel.py_func)
+        kernel.enable_caching()
     except RuntimeError:
         return False
     return True
 
 
 def _has_module(value: object) -> bool:
-    """Tell whether a function is in a module: others, as after ``exec``, could not be loaded from a cache."""
+    """Return whether a function is in a module: a cache could not load others, as after ``exec``."""
     function = getattr(value, "py_func", value)
     return not isinstance(function, FunctionType) or inspect.getmodule(function) is not None
 

@@ -1,7 +1,7 @@
 """What compiled code depends on, as a digest: equal digests mean equal code, in any process.
 
 The rooms of this package that kernels are made of count as a whole, by their source files. Of a user's law, and of any
-other function, count its bytecode and the values that it reads.
+other function, its bytecode counts, and so do its module and the values that it reads.
 """
 
 import builtins
@@ -32,20 +32,14 @@ SOURCES = (
 # read once, with the code itself: a file that changes later is not what this process compiles
 _SOURCES_DIGEST = hashlib.sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()
 
-_KNOWN = ("builtins", "math", "cmath", "_operator", "operator", "typing", "numpy", "numba")
+_LIBRARIES = ("builtins", "math", "cmath", "_operator", "operator", "typing", "numpy", "numba")
 """Libraries whose parts count by their names."""
 
 _CONSTANTS = (bool, int, float, complex, str, bytes, type(None), type(...))
 
-_UNREADABLE = ("IMPORT_NAME", "LOAD_BUILD_CLASS")
-"""Instructions after which it is unknown what a function reads."""
-
 
 def digest_of(function: Callable[..., Any]) -> str | None:
-    """Return a hash of a function, compiled or not, of all that it reads and of the package's sources.
-
-    It is None where ``content_digest`` is.
-    """
+    """Return a hash of a function, of all that it reads and of the package's sources; None as ``content_digest``."""
     content = content_digest(function)
     return content and hashlib.sha256(f"{_SOURCES_DIGEST}\n{content}".encode()).hexdigest()
 
@@ -56,9 +50,8 @@ def content_digest(function: Callable[..., Any]) -> str | None:
     That is so where it reads an object, a list, or a module that is neither a library's nor of ``ROOMS``. What is of a
     library or of ``ROOMS`` counts by its name alone.
     """
-    content = _Content()
     try:
-        texts = content.of_all(function)
+        texts = _Content().of_all(function)
     except _UnknownError:
         return None
     return hashlib.sha256("\n".join(texts).encode()).hexdigest()
@@ -88,7 +81,7 @@ class _Content:
         """Return the texts of a function and of all that it reads."""
         texts = [self.of(function)]
         for reached in self.reached:  # grows on the way
-            texts.append(self.of(reached.__code__))
+            texts.append(f"{reached.__module__}{self.of(reached.__code__)}")
             texts.extend(f"{name}={self.of(value)}" for name, value in _reads(reached))
         return texts
 
@@ -96,17 +89,17 @@ class _Content:
         """Return the text of a value."""
         if type(value) in _CONSTANTS:
             return repr(value)
-        if isinstance(value, np.ndarray | np.generic):
-            return _array(cast("Any", value))
+        if type(value) is np.ndarray or isinstance(value, np.generic):
+            return _array(value)
         if isinstance(value, types.Number | types.Boolean):
             return f"numba.{value.name}"
-        return _name(value) or self._function(value) or self._several(value)
+        return _name(value) or self._function(value) or self._tuple(value)
 
     def _function(self, value: Any) -> str:
         """Return the text of a function, compiled or not, or of its code."""
         if isinstance(value, Dispatcher):
             compiled = cast(Any, value)
-            return f"{self.of(compiled.py_func)}{self.of(tuple(sorted(compiled.targetoptions.items())))}"
+            return self.of((compiled.py_func, *sorted(compiled.targetoptions.items())))
         if isinstance(value, FunctionType):
             if value not in self.reached:
                 self.reached.append(value)
@@ -117,31 +110,24 @@ class _Content:
             return self.of((value.co_code, value.co_exceptiontable, *names, *counts, value.co_consts))
         return ""
 
-    def _several(self, value: Any) -> str:
-        """Return the text of a tuple, also one with names, of its class, or of a set among the constants of code."""
-        kind = cast(Any, type(value))
-        if kind is tuple:
-            return f"({','.join(map(self.of, value))},)"
-        if kind is frozenset:
-            return f"{{{','.join(sorted(map(self.of, value)))}}}"
-        if _has_fields(value):
-            return f"{value.__qualname__}{self.of((value._fields, tuple(value._field_defaults.items())))}"
-        if _has_fields(kind):
-            return f"{self.of(kind)}{self.of(tuple(value))}"
+    def _tuple(self, value: Any) -> str:
+        """Return the text of a tuple, also a named one, of of a class of such, or of a set in code."""
+        if isinstance(value, frozenset):
+            return f"{{{','.join(sorted(map(self.of, cast(Any, value))))}}}"
+        if isinstance(value, tuple):
+            named = "" if type(cast(Any, value)) is tuple else self.of(type(cast(Any, value)))
+            return f"{named}({','.join(map(self.of, cast(Any, value)))},)"
+        if isinstance(value, type) and hasattr(value, "_fields"):
+            record: Any = value
+            return f"{record.__qualname__}{self.of((record._fields, *record._field_defaults.items()))}"
         raise _UnknownError
-
-
-def _has_fields(kind: Any) -> bool:
-    """Tell whether something is a class of named tuples."""
-    return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(cast(Any, kind), "_fields")
 
 
 def _array(array: Any) -> str:
-    """Return the text of an array or of a scalar of NumPy, if it holds no addresses."""
-    kind = cast(Any, type(array))
-    if not (kind is np.ndarray or issubclass(kind, np.generic)) or array.dtype.hasobject:
+    """Return the text of an array or of a scalar of NumPy, unless it holds addresses."""
+    if array.dtype.hasobject:
         raise _UnknownError
-    return f"{kind.__name__} {array.dtype!r}{array.shape}{hashlib.sha256(array.tobytes()).hexdigest()}"
+    return f"{type(array).__name__} {array.dtype!r}{array.shape}{hashlib.sha256(array.tobytes()).hexdigest()}"
 
 
 def _name(value: Any) -> str:
@@ -158,30 +144,27 @@ def _name(value: Any) -> str:
 
 def _counts_by_name(module: str) -> bool:
     library, room, *_ = (*module.split("."), "")
-    return library in _KNOWN or (library == PACKAGE.name and room in ROOMS)
+    return library in _LIBRARIES or (library == PACKAGE.name and room in ROOMS)
 
 
 def _reads(function: FunctionType) -> Iterator[tuple[str, Any]]:
     """Yield what a function reads outside itself, by name, and its defaults."""
     code = function.__code__
-    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
-        try:
-            yield name, cell.cell_contents
-        except ValueError:
-            raise _UnknownError from None
     scope = {**vars(builtins), **function.__globals__}
-    for name in sorted(set(_globals(code))):
-        if name not in scope:
-            raise _UnknownError
-        yield name, scope[name]
-    yield "defaults", function.__defaults__
-    yield "defaults by name", tuple((function.__kwdefaults__ or {}).items())
+    try:
+        yield from (
+            (name, cell.cell_contents) for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True)
+        )
+        yield from ((name, scope[name]) for name in sorted(set(_globals(code))))
+    except (ValueError, KeyError):  # it is not there yet
+        raise _UnknownError from None
+    yield "defaults", (function.__defaults__, *(function.__kwdefaults__ or {}).items())
 
 
 def _globals(code: CodeType) -> Iterator[str]:
     """Yield the global names that code and the functions within it read."""
     for each in dis.get_instructions(code):
-        if each.opname in _UNREADABLE:
+        if each.opname in ("IMPORT_NAME", "LOAD_BUILD_CLASS"):  # after which it is unknown what it reads
             raise _UnknownError
         if each.opname == "LOAD_GLOBAL":
             yield each.argval

@@ -1,94 +1,55 @@
-"""How numba compiles kernels and their parts: in half of its usual time, in a thread that Ctrl-C stops.
+"""How numba compiles kernels and their parts: in half of its usual time.
 
-Numba optimises each function and makes machine code of it, also where the function is copied into every kernel that
-calls it. Here only kernels get that far. It builds a constant record again wherever an entry of it is read; here the
-entry alone is read. The collector of unused memory, which finds nothing meanwhile, waits.
+Numba optimises each function and makes machine code of it, even where the function is copied into every kernel that
+calls it. Here only kernels get that far. Numba also rebuilds a constant record wherever an entry of it is read; here
+only the entry is read.
 """
 
-import gc
+import functools
 import logging
 import multiprocessing
 from collections import Counter
-from collections.abc import Generator, Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import contextmanager
-from threading import Event, local
-from typing import Any, NamedTuple, cast
+from collections.abc import Iterator
+from threading import Timer
+from typing import Any, cast
 
 from numba.core import compiler_machinery, ir, ir_utils
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
-from numba.core.compiler_lock import global_compiler_lock
 from numba.core.untyped_passes import TranslateByteCode
 
 PATIENCE = 1.0
 """Seconds of compiling after which the user gets a message."""
 
-STORED = "compiling, once: about 20 s"
-NOT_STORED = "compiling for this process alone, as it cannot be stored: about 20 s"
+CACHED = "compiling, once: about 20 s"
+NOT_CACHED = "compiling for this process alone, as it cannot be stored: about 20 s"
 
 _machinery: Any = compiler_machinery
 
 _log = logging.getLogger(__name__.partition(".")[0])
 
 
-class _Job(NamedTuple):
-    """What the compiling thread and the waiting one share."""
+def announce(kernel: Any, *, cached: bool) -> None:
+    """Let a kernel log a message when it has been compiling for longer than ``PATIENCE``."""
+    compiler = kernel._compiler
+    compile_now = compiler.compile
 
-    began: Event
-    stop: Event
-
-
-_thread = local()
-_told: set[str] = set()
-
-
-def compile_apart(kernel: Any, *, stored: bool) -> None:
-    """Let a kernel compile in a thread of its own: an interrupt (Ctrl-C) within LLVM would break the process.
-
-    After an interrupt the thread ends before the next function, and the kernel compiles again when it is called.
-    """
-    compile_here = kernel.compile
-
-    def compile_there(signature: Any) -> Any:
-        if cast(Any, global_compiler_lock).is_locked():  # within what calls it, whose thread waits for no other
-            return compile_here(signature)
-        job = _Job(Event(), Event())
-        thread = ThreadPoolExecutor(1, thread_name_prefix="pter-compiler")
+    def compile_announced(*signature: Any) -> Any:
+        timer = Timer(PATIENCE, warn, (CACHED if cached else NOT_CACHED,))
+        timer.daemon = True
+        timer.start()
         try:
-            future = thread.submit(_run, job, compile_here, signature)
-            if not wait([future], PATIENCE).done and job.began.is_set():
-                tell(STORED if stored else NOT_STORED)
-            return future.result()
+            return compile_now(*signature)
         finally:
-            job.stop.set()
-            thread.shutdown(wait=False)
+            timer.cancel()
 
-    kernel.compile = compile_there
-
-
-def _run(job: _Job, compile_here: Any, signature: Any) -> Any:
-    _thread.job = job
-    with cast(Any, global_compiler_lock), _without_collector():
-        return compile_here(signature)
+    compiler.compile = compile_announced
 
 
-@contextmanager
-def _without_collector() -> Generator[None]:
-    """Keep Python from looking for unused cycles: a sixth of the time, for 80 MB. Holds numba's lock."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
-
-
-def tell(text: str) -> None:
-    """Log a warning once, and not in each worker process."""
-    if multiprocessing.parent_process() is None and text not in _told:
-        _told.add(text)
+@functools.cache
+def warn(text: str) -> None:
+    """Log a warning once, and in no worker process."""
+    if multiprocessing.parent_process() is None:
         _log.warning("%s: %s", _log.name, text)
 
 
@@ -102,7 +63,7 @@ class _FoldRecords(_machinery.FunctionPass):
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:
-        """Change the function; tell whether anything has changed."""
+        """Change the function; return whether anything has changed."""
         blocks = state.func_ir.blocks
         records = _fold(blocks)
         if records:
@@ -157,15 +118,6 @@ def _drop_unused(blocks: Any, records: set[str]) -> None:
 
 class Kernel(CompilerBase):
     """Numba's steps for a kernel."""
-
-    def __init__(self, *args: Any) -> None:
-        """Begin to compile a function, unless the caller was interrupted."""
-        job: _Job | None = getattr(_thread, "job", None)
-        if job is not None:
-            if job.stop.is_set():
-                raise KeyboardInterrupt
-            job.began.set()
-        super().__init__(*args)
 
     def define_pipelines(self) -> list[Any]:
         """Return numba's usual steps and the one for records."""

@@ -82,12 +82,12 @@ def parts(kind: type[Any]) -> Iterator[tuple[str, Entry | None, type[Any]]]:
 
 
 def is_record(kind: Any) -> bool:
-    """Tell whether a kind is that of a record, not of a number."""
+    """Return whether a kind is that of a record, not of a number."""
     return isinstance(kind, type) and issubclass(kind, tuple)
 
 
 def _holds_many(value: Any) -> bool:
-    """Tell whether a value is a record, not a number."""
+    """Return whether a value is a record, not a number."""
     return isinstance(value, tuple)
 
 

@@ -12,7 +12,7 @@ from pter_gym._engine.kernels import advance_kernel, reset_kernel
 from pter_gym._engine.law import empty_memory, no_law
 from pter_gym._engine.threads import Threads
 from pter_gym._engine.world import CONFIG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
-from pter_gym._engine.worlds import WorldArrays, number_drawing, number_of_pairs
+from pter_gym._engine.worlds import WorldArrays, listed
 from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import Machine
@@ -117,29 +117,23 @@ class Batch(WorldArrays):
     ) -> None:
         if action_unit not in get_args(ActionUnit):
             raise ParameterError(f"action_unit must be one of {', '.join(get_args(ActionUnit))}, got {action_unit!r}")
-        if num_threads < 1:
-            raise ParameterError(f"num_threads must be ≥ 1, got {num_threads!r}")
-        if max_steps is not None and max_steps < 1:
-            raise ParameterError(f"max_steps must be ≥ 1 or None, got {max_steps!r}")
-        given = number_of_pairs(machines, tasks, None if draws else num_worlds)
-        drawing = number_drawing(num_worlds) if draws else None
-        listed_machines = [machines] * given if isinstance(machines, Machine) else list(machines)
-        listed_tasks = [tasks] * given if isinstance(tasks, PathFollowing) else list(tasks)
-        self.machine = listed_machines[0]
-        self.task = listed_tasks[0]
+        self._threads = Threads(whole_number("num_threads", num_threads))
+        limit = NO_LIMIT if max_steps is None else whole_number("max_steps", max_steps)
+        all_machines, all_tasks = listed(machines, tasks, None if draws else num_worlds)
+        drawing = whole_number("num_worlds", num_worlds) if draws else None
+        self.machine, self.task = all_machines[0], all_tasks[0]
         self.layout = observation_layout(self.machine, sensors, TOLD if observe_context else None)
         voltage_max = self.machine.clutch.voltage_max
         self.action_low, self.action_high = (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
         self.frame_skip = whole_number("frame_skip", frame_skip)
-        self._config = np.array([*flat(self._shared(observe_context, max_steps)), *self.layout.scales])
-        super().__init__(listed_machines, listed_tasks, drawing)
+        self._config = np.array([*flat(self._shared(observe_context, limit)), *self.layout.scales])
+        super().__init__(all_machines, all_tasks, drawing)
         self._actions = np.empty((self.num_worlds, 4))
         self._records = int(telemetry)
         self._final_obs = np.empty((0, len(self.layout)), np.float32)
         self._shape = (self.num_worlds, len(self.layout))
         self._alone = np.empty(1), np.empty((FLAGS, 1), np.bool_)
         self._advance = self._kernel()
-        self._threads = Threads(num_threads)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all but the kernel, which another process has or compiles by itself."""
@@ -154,7 +148,7 @@ class Batch(WorldArrays):
         """Return the kernel for the clutches of these worlds, with a law inside."""
         return advance_kernel(law, declared=not self.machine.has_paper_clutches)
 
-    def _shared(self, observe_context: bool, max_steps: int | None) -> Config:
+    def _shared(self, observe_context: bool, limit: float) -> Config:
         """Return what all worlds share."""
         entries = len(self.layout) - (len(TOLD) if observe_context else 0)
         inverse = np.zeros(ENTRIES)
@@ -165,7 +159,7 @@ class Batch(WorldArrays):
             slack=4.0 * float(np.spacing(np.float32(self.action_high))),
             substep=held_machine(self.task, self.machine).substep,
             substeps=substeps(self.task, self.machine),
-            limit=NO_LIMIT if max_steps is None else max_steps,
+            limit=limit,
             frame_skip=self.frame_skip,
             has_law=0.0,
             entries=entries,
@@ -258,22 +252,7 @@ class Batch(WorldArrays):
         obs = np.empty(self._shape, np.float32)
         telemetry = np.empty((1, 1, COLUMNS))
         rewards, flags = self._alone
-        refused = self._advance(
-            self._worlds,
-            self._words,
-            self._actions,
-            obs,
-            self._final_obs,
-            rewards,
-            flags,
-            telemetry,
-            self._config,
-            self._constants,
-            REFUSE,
-            1,
-            0,
-            1,
-        )
+        refused = self._run(self._advance, self._actions, obs, rewards, flags, telemetry, self._config, REFUSE, 1)
         if refused >= 0:
             self._refuse(refused)
         (terminated,), (truncated,), (success,) = flags.tolist()
@@ -308,22 +287,6 @@ class Batch(WorldArrays):
             clipped.
         """
         telemetry = np.full((steps, self.num_worlds, COLUMNS), np.nan)
-        obs, _ = self._follow(obs, law, gains, memory, telemetry, steps)
-        return obs, telemetry
-
-    def outcome(
-        self, obs: Observations, law: Any, gains: Array, steps: int, memory: Array
-    ) -> tuple[Observations, NDArray[np.bool_]]:
-        """Run a compiled control law as ``rollout`` does, without telemetry, which takes a good part of the time.
-
-        Returns the last observations, and bool (FLAGS, N): whether the episode ended in these steps, and how.
-        """
-        return self._follow(obs, law, gains, memory, np.empty((0, self.num_worlds, COLUMNS)), steps)
-
-    def _follow(
-        self, obs: Observations, law: Any, gains: Array, memory: Array | None, telemetry: Array, steps: int
-    ) -> tuple[Observations, NDArray[np.bool_]]:
-        """Run a law and write the telemetry, if there is room for it; return the last observations and the flags."""
         obs = obs.copy()
         memory = self.empty_memory() if memory is None else memory
         config: Any = np.concatenate([self._config, gains])
@@ -336,14 +299,14 @@ class Batch(WorldArrays):
             volts = self._row(refused)[[*ROW.command]]
             self._worlds[:], memory[:] = worlds, kept
             raise ActionError(f"the law's voltages of world {refused} must be finite, got {volts.tolist()}")
-        return obs, flags
+        return obs, telemetry
 
     def empty_memory(self) -> Array:
         """Return the memory of a law at the start of an episode; see ``pter_gym._engine.law``."""
         return empty_memory(self.num_worlds)
 
     def device_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays that a kernel on another device needs: worlds, words, config, constants, who has begun."""
+        """Return the arrays that kernels get: worlds, words, config and constants, and which worlds have begun."""
         return {**self._changing, "config": self._config, "constants": self._constants}
 
     @property
@@ -372,7 +335,7 @@ class Batch(WorldArrays):
         refused = kernel(*arguments, 0, 0, 0)
         if refused >= 0:
             return refused
-        found = self._threads.share_out(partial(kernel, *arguments, steps), shares)
+        found = self._threads.run_parallel(partial(kernel, *arguments, steps), shares)
         return min((world for world in found if world >= 0), default=-1)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""How an episode of one world begins, is judged after each control step, and ends."""
+"""How an episode of one world begins and ends, and what a control step returns and records."""
 
 import math
 from typing import Any
@@ -7,19 +7,18 @@ import numpy as np
 
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.philox import uniform4
-from pter_gym._compiled.records import load, store
-from pter_gym._engine.hand import plan_hand, plans
-from pter_gym._engine.recording import record_reset, record_step, tip_acceleration
-from pter_gym._engine.sensing import (
-    observe_reading,
-    observe_world,
-    scale_entries,
+from pter_gym._compiled.records import load, read, store, write
+from pter_gym._engine.step import (
+    locate,
+    plan_hand,
+    plans,
+    reachable,
     see,
-    situated,
     take_reading,
+    tip_acceleration,
+    was_alive,
     write_observation,
 )
-from pter_gym._engine.starts import explore, place, spread
 from pter_gym._engine.world import (
     BASIC_ROWS,
     CONFIG,
@@ -30,21 +29,29 @@ from pter_gym._engine.world import (
     SAME_STEP,
     STORED_ROWS,
     Arrays,
-    Flags,
 )
-from pter_gym._physics.arm import UnitVector, Vector, kinetic_energy, tip_position
+from pter_gym._physics.arm import PerLink, UnitVector, Vector, kinetic_energy, moving, tip_position, tip_velocity
+from pter_gym._physics.clutch import PerClutch, scaled, steady_torques
+from pter_gym._physics.friction import mode_of, slip_velocities
 from pter_gym.hands._model import SINES, unit_vector
-from pter_gym.paths._projection import project, segment_at
-from pter_gym.tasks.path_following._allowance import in_start_up
-from pter_gym.tasks.path_following._context import CONTEXT_WIDTH
-from pter_gym.tasks.path_following._reward import Outcome, reward_terms, total
-from pter_gym.tasks.path_following._situation import reached_end, singular, strayed, too_fast
-from pter_gym.tasks.path_following._specification import MAX_DELAY
+from pter_gym.paths._projection import Foot, point_at, project, segment_at, segment_of
+from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
+from pter_gym.tasks.path_following._rules import PathVector, motion_at, singular, strayed, to_world
+from pter_gym.tasks.path_following._specification import MAX_DELAY, MAX_START_SPEED_ACROSS, MAX_START_SPEED_ALONG
+from pter_gym.tasks.path_following._telemetry import COLUMN
 
-_RESET_STREAM = np.uint64(0x5245534554)
-_FIRST_DRAWS = np.uint64(0)
-_SECOND_DRAWS = np.uint64(1)
+_RESET_STREAM, _START_STREAM = np.uint64(0x5245534554), np.uint64(0x5354415254)
+_FIRST_DRAWS, _SECOND_DRAWS = np.uint64(0), np.uint64(1)
+_KIND, _GRIPS, _MOTION = np.uint64(0), np.uint64(1), np.uint64(2)
 _ONE = np.uint64(1)
+
+COVERED = 0.92
+"""Episodes that begin moving do so within this share of the path."""
+
+RELEASED = 0.2
+"""Share of the clutches that are released where an episode begins with settled ones."""
+
+# --- from the blocks and back ---
 
 
 @device
@@ -71,17 +78,7 @@ def take_context(w: Any, i: int, constants: Any) -> None:
         w[STORED_ROWS + row, i] = constants[first + row]
 
 
-@device
-def locate(w: Any, i: int, constants: Any) -> None:
-    """Project the tip onto the path."""
-    x, y = tip_position(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
-    path = load(w, ROW.task.path, i)
-    foot = project(constants, int(path.first), int(path.arcs), int(w[ROW.foot.segment, i]), x, y)
-    w[ROW.travel, i] = foot.arc_length - w[ROW.foot.arc_length, i]
-    store(w, ROW.foot, i, foot)
-    advance = foot.arc_length - w[ROW.reached, i]
-    w[ROW.advance, i] = advance if advance > 0.0 else 0.0
-    w[ROW.reached, i] = foot.arc_length if advance > 0.0 else w[ROW.reached, i]
+# --- how an episode begins ---
 
 
 @outlined
@@ -120,90 +117,154 @@ def start_episode(w: Any, i: int, seed: np.uint64, episode: np.uint64, config: A
 
 
 @device
-def judge_step(w: Any, i: int, period: float, limit: float) -> None:
-    """Count the step, and find the reward and whether the episode ends. A world that had ended stays so."""
-    began = w[ROW.alive, i] != 0.0
-    w[ROW.began, i] = w[ROW.alive, i]
-    w[ROW.step, i] += 1.0
-    at = situated(w, i)
-    length = w[ROW.task.path.length, i]
-    pace, ratio = w[ROW.task.pace, i], w[ROW.pace_ratio, i]
-    ratio += w[ROW.task.pace_decay, i] * (w[ROW.travel, i] / (period * pace) - ratio)
-    excused = (ratio < 1.0) & in_start_up(w[ROW.reached, i], length, pace, w[ROW.step, i] * period)
-    w[ROW.pace_ratio, i] = 1.0 if excused else ratio
-    at_end = reached_end(at.arc_length, length)
-    success = at_end & (abs(at.normal_error) <= w[ROW.task.arrival, i])
-    error_max, truncation_error = w[ROW.task.error_max, i], w[ROW.task.truncation_error, i]
-    left_workspace = strayed(at.arc_length, at.normal_error, error_max) & (error_max < truncation_error)
-    q = load(w, ROW.motion, i)
-    lost = singular(q, w[ROW.task.singularity_margin, i]) | too_fast(
-        kinetic_energy(load(w, ROW.machine.arm, i), q), w[ROW.task.energy_max, i]
-    )
-    failure = (not success) & (at_end | left_workspace | lost)
-    acceleration = tip_acceleration(w, i, period)
-    outcome = Outcome(
-        at=at,
-        advance=w[ROW.advance, i],
-        reached=w[ROW.reached, i],
-        path_length=length,
-        pace=pace,
-        pace_ratio=w[ROW.pace_ratio, i],
-        acceleration=math.sqrt(acceleration.x * acceleration.x + acceleration.y * acceleration.y),
-        volts=load(w, ROW.command, i),
-        last_volts=load(w, ROW.last_command, i),
-        voltage_max=w[ROW.machine.voltage_max, i],
-        energy=load(w, ROW.energy, i),
-        failed=failure,
-    )
-    terms = reward_terms(load(w, ROW.task.weight, i), outcome, period)
-    store(w, ROW.terms, i, terms)
-    w[ROW.reward, i] = total(terms)
-    terminated = success | failure
-    astray = (not terminated) & strayed(at.arc_length, at.normal_error, truncation_error)
-    truncated = astray | (w[ROW.step, i] >= limit)
-    w[ROW.alive, i] = 1.0 if began & (not terminated) & (not truncated) else 0.0
-    end = Flags(1.0 if terminated else 0.0, 1.0 if truncated else 0.0, 1.0 if success else 0.0)
-    store(w, ROW.end, i, end)
+def spread(draw: float, half_range: float) -> float:
+    """Return an even draw from ±half_range for one from [0, 1)."""
+    return half_range * (2.0 * draw - 1.0)
 
 
 @device
-def has_begun(w: Any, i: int) -> bool:
-    """Tell whether a world that ``judge_step`` has judged was alive before the step."""
-    return w[ROW.began, i] != 0.0
+def place(w: Any, i: int, point: Vector, heading: UnitVector, offset: float) -> None:
+    """Put the arm at rest with the tip beside a point of the path, to its left by ``offset`` [m]."""
+    x = point.x - offset * heading.sin
+    y = point.y + offset * heading.cos
+    store(w, ROW.motion, i, motion_at(load(w, ROW.machine.arm, i), x, y))
+
+
+@outlined
+def explore(w: Any, i: int, seed: np.uint64, episode: np.uint64, constants: Any) -> None:
+    """Begin an episode as ``Starts`` says: some moving, some gripped, the others as they are."""
+    kind, along, aside, speed = uniform4(seed, _START_STREAM, _KIND, episode)
+    grips = uniform4(seed, _START_STREAM, _GRIPS, episode)
+    across, _, _, _ = uniform4(seed, _START_STREAM, _MOTION, episode)
+    starts = load(w, ROW.task.starts, i)
+    if kind < starts.moving:
+        foot = beside(w, i, along, spread(aside, starts.offset), constants)
+        set_going(w, i, foot, PathVector(MAX_START_SPEED_ALONG * speed, spread(across, MAX_START_SPEED_ACROSS)))
+    if kind < starts.moving + starts.gripped:
+        grip(w, i, PerClutch(gripping(grips[0]), gripping(grips[1]), gripping(grips[2]), gripping(grips[3])))
 
 
 @device
-def conclude_step(
-    w: Any, width: int, lanes: int, words: Any, first: int, config: Any, constants: Any, with_extras: bool
-) -> None:
-    """Find what a control step has led to: place, reward, end, the hand's next plan, observation.
+def beside(w: Any, i: int, along: float, offset: float, constants: Any) -> Foot:
+    """Put the tip at rest beside the path and return its projection.
 
-    Parameters
-    ----------
-    w, width, lanes
-        The first ``width`` columns are looked at; the first ``lanes`` of them are worlds.
-    words, first
-        Seed and episode count of all worlds (N, 2), and the number of the world in the first column.
-    with_extras
-        Whether there may be hands that plan or sensors that are not ideal.
+    ``along`` is a share of ``COVERED`` of the path, ``offset`` the distance from it [m], taken as 0 where the workspace
+    has no such place.
     """
-    period = config[CONFIG.substep] * config[CONFIG.substeps]
-    for i in range(width):
-        locate(w, i, constants)
-    for i in range(width):
-        judge_step(w, i, period, config[CONFIG.limit])
-    if with_extras:
-        for i in range(lanes):
-            if plans(w, i):
-                plan_hand(w, i, constants, period, config[CONFIG.substeps])
-    for i in range(width):
-        observe_world(w, i)
-    if with_extras:
-        for i in range(lanes):
-            if w[ROW.task.sensing.is_ideal, i] == 0.0:
-                take_reading(w, i, words[first + i, 0], words[first + i, 1])
-                observe_reading(w, i, constants)
-    scale_entries(w, 0, width, config)
+    path = load(w, ROW.task.path, i)
+    first, count = int(path.first), int(path.arcs)
+    s = COVERED * along * path.length
+    x, y = point_at(constants, first, count, s)
+    foot = project(constants, first, count, segment_of(constants, first, count, s), x, y)
+    place(w, i, Vector(x, y), foot.heading, offset)
+    width = min(w[ROW.task.error_max, i], w[ROW.task.truncation_error, i])
+    if strayed(s, offset, width) | singular(load(w, ROW.motion, i), w[ROW.task.singularity_margin, i]):
+        place(w, i, Vector(x, y), foot.heading, 0.0)
+    w[ROW.foot.segment, i] = foot.segment
+    w[ROW.reached, i] = s
+    w[ROW.intent, i] = s
+    return foot
+
+
+@device
+def set_going(w: Any, i: int, foot: Foot, speed: PathVector) -> None:
+    """Give the tip a speed relative to the commanded pace."""
+    pace = w[ROW.task.pace, i]
+    velocity = to_world(PathVector(pace * speed.along, pace * speed.across), foot.heading)
+    store(w, ROW.motion, i, moving(load(w, ROW.machine.arm, i), load(w, ROW.motion, i), velocity))
+    w[ROW.pace_ratio, i] = speed.along
+
+
+@device
+def grip(w: Any, i: int, shares: PerClutch) -> None:
+    """Let the clutches have settled at shares of the largest voltage."""
+    most = w[ROW.machine.voltage_max, i]
+    volts = reachable(PerClutch(shares.x1 * most, shares.x2 * most, shares.x3 * most, shares.x4 * most), most)
+    machine = load(w, ROW.machine, i)
+    store(w, ROW.command, i, volts)
+    store(w, ROW.lagged_volts, i, volts)
+    store(w, ROW.torques, i, scaled(steady_torques(machine.breakaway, machine.dynamic, volts), machine.scale, 1.0))
+
+
+@device
+def gripping(draw: float) -> float:
+    """Return a share of the largest voltage for a draw from [0, 1): 0 if it is below ``RELEASED``, otherwise even."""
+    return (draw - RELEASED) / (1.0 - RELEASED) if draw > RELEASED else 0.0
+
+
+# --- what is recorded ---
+
+
+@outlined
+def record_reset(w: Any, i: int, telemetry: Any, t: int, world: int, constants: Any) -> None:
+    """Write the telemetry (T, N, K) of a world that is not stepping: its pose, the rest zero."""
+    for column in range(telemetry.shape[2]):
+        telemetry[t, world, column] = 0.0
+    record_pose(w, i, telemetry[t, world], 0.0, constants)
+
+
+@device
+def record_pose(w: Any, i: int, row: Any, time: float, constants: Any) -> None:
+    """Write what the telemetry of a world, (K,), says of the pose, of machine and task."""
+    arm = load(w, ROW.machine.arm, i)
+    q = load(w, ROW.motion, i)
+    x, y = tip_position(arm, q)
+    v_x, v_y = tip_velocity(arm, q)
+    context_at = w[ROW.context_at, i]
+    row[COLUMN.time] = time
+    write(row, COLUMN.theta, PerLink(q.theta_a, q.theta_b))
+    write(row, COLUMN.tip, Vector(x, y))
+    write(row, COLUMN.tip_velocity, Vector(v_x, v_y))
+    row[COLUMN.arc_length] = w[ROW.foot.arc_length, i]
+    row[COLUMN.reached] = w[ROW.reached, i]
+    row[COLUMN.normal_error] = w[ROW.foot.normal_error, i]
+    row[COLUMN.context] = (context_at - w[ROW.draws_from, i]) / CONTEXT_WIDTH
+    own = read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i]))
+    papers = own.number == 0.0
+    row[COLUMN.mode] = mode_of(q.omega_a, q.omega_b) if papers else mode_of(q.omega_a, q.omega_b, own)
+    row[COLUMN.kinetic_energy] = kinetic_energy(arm, q)
+    write(row, COLUMN.volts, load(w, ROW.command, i))
+    write(row, COLUMN.told, read(constants, CONTEXT.told, int(context_at)))
+
+
+@outlined
+def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: float, constants: Any) -> None:
+    """Write the telemetry (T, N, K) of a control step."""
+    row = telemetry[t, world]
+    record_pose(w, i, row, w[ROW.step, i] * period, constants)
+    q = load(w, ROW.motion, i)
+    own = read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i]))
+    papers = own.number == 0.0
+    slip = slip_velocities(q.omega_a, q.omega_b) if papers else slip_velocities(q.omega_a, q.omega_b, own)
+    torque = load(w, ROW.torque, i)
+    write(row, COLUMN.acceleration, tip_acceleration(w, i, period))
+    write(row, COLUMN.force, total_force(w, i))
+    write(row, COLUMN.torque, torque)
+    power = PerClutch(torque.x1 * slip.x1, torque.x2 * slip.x2, torque.x3 * slip.x3, torque.x4 * slip.x4)
+    write(row, COLUMN.power, power)
+    write(row, COLUMN.energy, load(w, ROW.energy, i))
+    write(row, COLUMN.terms, load(w, ROW.terms, i))
+    row[COLUMN.reward] = w[ROW.reward, i]
+    row[COLUMN.is_success] = w[ROW.end.success, i]
+    row[COLUMN.terminated] = w[ROW.end.terminated, i]
+
+
+@device
+def total_force(w: Any, i: int) -> Vector:
+    """Return the force of the hand on the tip at the control instant [N], that of its spring and damper included."""
+    arm = load(w, ROW.machine.arm, i)
+    q = load(w, ROW.motion, i)
+    force = load(w, ROW.force, i)
+    to = load(w, ROW.target.position, i)
+    x, y = tip_position(arm, q)
+    v_x, v_y = tip_velocity(arm, q)
+    return Vector(
+        force.x + arm.stiffness * (to.x - x) - arm.damping * v_x,
+        force.y + arm.stiffness * (to.y - y) - arm.damping * v_y,
+    )
+
+
+# --- how a step ends ---
 
 
 @device
@@ -227,7 +288,7 @@ def end_step(w: Any, i: int, world: int, a: Arrays, t: int, ended: int) -> None:
     records = a.telemetry.shape[0] > 0
     period = a.config[CONFIG.substep] * a.config[CONFIG.substeps]
     begins = ended == NEXT_STEP
-    if has_begun(w, i):
+    if was_alive(w, i):
         write_observation(w, i, a.obs, world, a.config, a.constants)
         a.rewards[world] = w[ROW.reward, i]
         for flag in range(FLAGS):

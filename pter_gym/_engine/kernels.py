@@ -14,27 +14,21 @@ import numpy as np
 from pter_gym._compiled.compiler import compile_kernel, device, inlined
 from pter_gym._compiled.prefetch import LINE, prefetch
 from pter_gym._compiled.records import store
-from pter_gym._engine.episode import (
-    conclude_step,
-    end_step,
-    fetch_world,
-    has_begun,
-    put_back,
-    start_episode,
-    take_context,
-)
+from pter_gym._engine.episode import end_step, fetch_world, put_back, record_reset, start_episode, take_context
 from pter_gym._engine.law import no_law
-from pter_gym._engine.recording import record_reset
-from pter_gym._engine.sensing import see, write_observation
 from pter_gym._engine.step import (
     are_finite,
+    conclude_step,
     given_volts,
     is_refused,
     move_declared,
     move_worlds,
     no_arrangements,
+    see,
     take_arrangements,
     take_command,
+    was_alive,
+    write_observation,
 )
 from pter_gym._engine.world import (
     BASIC_ROWS,
@@ -138,16 +132,9 @@ def _scatter_alive(w: Any, lanes: int, worlds: Any, b: int) -> None:
 @device
 def _after_resets(w: Any, lanes: int, present: float) -> float:
     """Return ``present``, or −1 where a lane may have drawn other constants."""
-    drawing = 0
     for i in range(lanes):
-        drawing += 1 if w[ROW.draws, i] != 1.0 else 0
-    return present if drawing == 0 else -1.0
-
-
-@device
-def _goes_on(w: Any, lanes: int, ended: int) -> bool:
-    """Tell whether there is anything to do for a block."""
-    return ended == NEXT_STEP or count_nonzero(w, ROW.alive, lanes) > 0
+        present = present if w[ROW.draws, i] == 1.0 else -1.0
+    return present
 
 
 @device
@@ -172,15 +159,15 @@ def _close(w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: in
         for row in range(i, rows, lanes):
             for lane in range(0, width, LINE):
                 prefetch(worlds, b + 1, row, lane)
-        rode = has_begun(w, i)
+        began = was_alive(w, i)
         earned = w[ROW.reward, i] + (a.rewards[begin + i] if k > 0 else 0.0)
-        over = w[ROW.alive, i] == 0.0 if rode else k == 0
-        if over or (rode and k + 1 == held):
+        over = w[ROW.alive, i] == 0.0 if began else k == 0
+        if over or (began and k + 1 == held):
             end_step(w, i, begin + i, a, t, ended)
-        if rode:
+        if began:
             a.rewards[begin + i] = earned
         begins = w[ROW.alive, i] != 0.0
-        if over and (held > 1 if begins else rode):
+        if over and (held > 1 if begins else began):
             put_back(w, i, worlds, begin + i)
             w[ROW.alive, i] = 0.0
 
@@ -223,7 +210,7 @@ def _build_advance(digest: str) -> Any:
             _gather(w, worlds, b)
             present = _take_contexts(w, width, constants, present)
             for step in range(steps * held):
-                if not _goes_on(w, lanes, ended):
+                if ended != NEXT_STEP and count_nonzero(w, ROW.alive, lanes) == 0:
                     break
                 t, k = divmod(step, held)
                 if has_law:

@@ -1,20 +1,65 @@
-"""How worlds move in a control step: functions on a column, or the first columns, of an array with the rows ``ROW``."""
+"""One control step of a world: functions on column ``i``, or the first columns, of an array with the rows ``ROW``.
+
+``take_command`` takes an action, ``move_worlds`` moves hand and arm through the substeps, and ``conclude_step`` finds
+what that has led to. The two last functions of this file list the stages in their order. Each loads what it needs from
+a world, calls the physics or the task's rules, and stores what these return.
+"""
 
 import math
 from typing import Any
 
 import numpy as np
 
-from pter_gym._compiled.compiler import device
-from pter_gym._compiled.records import load, read, store
-from pter_gym._engine.world import CONFIG, REFUSE, ROW, SAME_STEP
-from pter_gym._physics.arm import Load, Vector, tip_velocity
+from pter_gym._compiled.compiler import device, outlined
+from pter_gym._compiled.philox import uniform4
+from pter_gym._compiled.records import load, read, rows, store, width
+from pter_gym._engine.world import (
+    CONFIG,
+    CONFIG_WIDTH,
+    CONSTANT_ROWS,
+    REFUSE,
+    ROW,
+    SAME_STEP,
+    Drive,
+    Flags,
+    Reading,
+    Target,
+)
+from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
-from pter_gym._physics.step import Energy, count_nonzero, declared_in, papers, substep_on, torques_at
-from pter_gym.hands._model import advance_sines, renew_sines, sum_of_sines
+from pter_gym._physics.step import Energy, control_step_on, count_nonzero, declared_in, papers, torques_at
+from pter_gym.hands._model import advance_sines, intent_speed, renew_sines, sum_of_sines, unit_vector
+from pter_gym.paths._projection import point_at, project
 from pter_gym.tasks.path_following._context import CONTEXT
-from pter_gym.tasks.path_following._situation import PathVector, to_world
+from pter_gym.tasks.path_following._observation import BOUND, ENTRIES, observation
+from pter_gym.tasks.path_following._rules import (
+    Outcome,
+    PathState,
+    PathVector,
+    ending,
+    has_failed,
+    is_truncated,
+    path_state,
+    recent_pace,
+    reward_terms,
+    to_path,
+    to_world,
+    total,
+)
+from pter_gym.tasks.path_following._specification import MAX_DELAY
+
+FORCES = rows(PathVector)
+INSTANT = width(PathVector)
+"""Numbers of a recording at a control instant."""
+
+_NOISE_STREAM = np.uint64(0x4E4F495345)
+
+_FIRST_SEEN = ROW.seen.cos_a
+_FIRST_INVERSE_SCALE = CONFIG.inverse_scale.cos_a
+
+
+# --- the command ---
 
 
 @device
@@ -25,7 +70,7 @@ def clipped(volts: float, voltage_max: float) -> float:
 
 @device
 def is_refused(alive: float, actions: Any, low: float, high: float, ended: int, world: int) -> bool:
-    """Tell whether a world has ended and may not, or its action is not a number within the bounds."""
+    """Return whether a world has ended and may not, or its action is not a number within the bounds."""
     refused = False
     for clutch in range(4):
         refused |= not ((actions[world, clutch] >= low) & (actions[world, clutch] <= high))
@@ -56,35 +101,74 @@ def given_volts(actions: Any, world: int, low: float, high: float, voltage_max: 
 
 @device
 def are_finite(volts: PerClutch) -> bool:
-    """Tell whether all voltages are finite numbers."""
+    """Return whether all voltages are finite numbers."""
     return math.isfinite(volts.x1) & math.isfinite(volts.x2) & math.isfinite(volts.x3) & math.isfinite(volts.x4)
+
+
+@device
+def reachable(volts: PerClutch, most: float) -> PerClutch:
+    """Return the voltages [V] that reach the clutches."""
+    return PerClutch(clipped(volts.x1, most), clipped(volts.x2, most), clipped(volts.x3, most), clipped(volts.x4, most))
 
 
 @device
 def take_command(w: Any, i: int, volts: PerClutch) -> None:
     """Take the command of a control step, keep the last one and the tip's velocity, and clear the step's energies."""
-    most = w[ROW.machine.voltage_max, i]
     store(w, ROW.last_command, i, load(w, ROW.command, i))
-    store(
-        w,
-        ROW.command,
-        i,
-        PerClutch(clipped(volts.x1, most), clipped(volts.x2, most), clipped(volts.x3, most), clipped(volts.x4, most)),
-    )
+    store(w, ROW.command, i, reachable(volts, w[ROW.machine.voltage_max, i]))
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     store(w, ROW.start_velocity, i, Vector(v_x, v_y))
     store(w, ROW.energy, i, Energy(0.0, 0.0, 0.0, 0.0))
 
 
+# --- the hand ---
+
+
 @device
-def drift_torques(w: Any, i: int, period: float) -> None:
-    """Find what the friction's drift has made of the clutch torques by the present control step."""
-    w[ROW.drift, i] = between(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
+def plans(w: Any, i: int) -> bool:
+    """Return whether the hand of a world has a recording or an intent."""
+    return (w[ROW.hand.record_count, i] > 0.0) | (w[ROW.hand.intent_speed, i] > 0.0)
+
+
+@outlined
+def plan_hand(w: Any, i: int, constants: Any, period: float, count: float) -> None:
+    """Plan what the hand does by itself in the next control step of ``count`` substeps."""
+    if w[ROW.hand.record_count, i] > 0.0:
+        store(w, ROW.drive, i, recorded(w, i, constants, count))
+    if w[ROW.hand.intent_speed, i] > 0.0:
+        store(w, ROW.target, i, intended(w, i, constants, period))
+
+
+@device
+def recorded(w: Any, i: int, constants: Any, count: float) -> Drive:
+    """Return the recorded forces of the next control step."""
+    last = int(w[ROW.hand.record_count, i]) - 1
+    now = int(w[ROW.step, i])
+    begin = int(w[ROW.hand.record_first, i]) + INSTANT * (now if now < last else last)
+    force = read(constants, FORCES, begin)
+    then = read(constants, FORCES, begin + (INSTANT if now < last else 0))
+    return Drive(force, PathVector((then.along - force.along) / count, (then.across - force.across) / count))
+
+
+@device
+def intended(w: Any, i: int, constants: Any, period: float) -> Target:
+    """Move the intended point on by a control step; return where it was and the velocity at which it goes on."""
+    hand = load(w, ROW.hand, i)
+    path = load(w, ROW.task.path, i)
+    at = w[ROW.intent, i]
+    moved = at + period * intent_speed(period * (w[ROW.step, i] + 0.5), hand.intent_rise, hand.intent_speed)
+    leash = w[ROW.foot.arc_length, i] + hand.intent_lead
+    moved = moved if moved < leash else leash
+    moved = moved if moved > at else at
+    x, y = point_at(constants, int(path.first), int(path.arcs), at)
+    to_x, to_y = point_at(constants, int(path.first), int(path.arcs), moved)
+    w[ROW.intent, i] = moved
+    return Target(Vector(x, y), Vector((to_x - x) / period, (to_y - y) / period))
 
 
 @device
 def move_hand(w: Any, i: int, h: float, whole: bool, guides: bool) -> None:
-    """Move what the hand does by itself on by half a substep or a whole one."""
+    """Advance what the hand does by itself by half a substep or a whole one."""
     half_turn = load(w, ROW.hand.half_turn, i)
     sines = advance_sines(load(w, ROW.sines, i), half_turn)
     store(w, ROW.sines, i, advance_sines(sines, half_turn) if whole else sines)
@@ -99,22 +183,56 @@ def move_hand(w: Any, i: int, h: float, whole: bool, guides: bool) -> None:
 
 
 @device
-def push_tip(w: Any, i: int, guides: bool) -> None:
-    """Find what the hand does by itself [N]: push, disturbance, recorded force, its damper's pull to a moving target.
-
-    The directions along and across the path are those at the control instant.
-    """
+def active_force(w: Any, i: int, guides: bool) -> PathVector:
+    """Return what the hand does by itself [N]: push, disturbance and recorded force, not its spring and damper."""
     along = w[ROW.hand.push, i]
     across = sum_of_sines(load(w, ROW.hand.amplitude, i), load(w, ROW.sines, i))
     if guides:
         along += w[ROW.drive.force.along, i]
         across += w[ROW.drive.force.across, i]
-    force = to_world(PathVector(along, across), load(w, ROW.foot.heading, i))
+    return PathVector(along, across)
+
+
+@device
+def push_tip(w: Any, i: int, guides: bool) -> None:
+    """Find the force on the tip [N], but for the spring and what the damper makes of the tip's own velocity.
+
+    The directions along and across the path are those at the control instant.
+    """
+    force = to_world(active_force(w, i, guides), load(w, ROW.foot.heading, i))
     if guides:
         damping = w[ROW.machine.arm.damping, i]
         pull = load(w, ROW.target.velocity, i)
         force = Vector(force.x + damping * pull.x, force.y + damping * pull.y)
     store(w, ROW.force, i, force)
+
+
+@device
+def hand_force(w: Any, i: int) -> PathVector:
+    """Return the force of the hand on the tip along and across the path at a control instant [N]."""
+    arm = load(w, ROW.machine.arm, i)
+    q = load(w, ROW.motion, i)
+    target = load(w, ROW.target, i)
+    x, y = tip_position(arm, q)
+    v_x, v_y = tip_velocity(arm, q)
+    pull = to_path(
+        Vector(
+            arm.stiffness * (target.position.x - x) + arm.damping * (target.velocity.x - v_x),
+            arm.stiffness * (target.position.y - y) + arm.damping * (target.velocity.y - v_y),
+        ),
+        load(w, ROW.foot.heading, i),
+    )
+    active = active_force(w, i, True)
+    return PathVector(active.along + pull.along, active.across + pull.across)
+
+
+# --- the motion ---
+
+
+@device
+def drift_torques(w: Any, i: int, period: float) -> None:
+    """Find what the friction's drift has made of the clutch torques by the present control step."""
+    w[ROW.drift, i] = between(1.0 + w[ROW.task.friction_drift, i] * period * w[ROW.step, i], 0.1, 10.0)
 
 
 @device
@@ -125,59 +243,13 @@ def load_on(w: Any, i: int) -> Load:
     return Load(force.x, force.y, 0.0, 0.0, to.x, to.y)
 
 
-_aim, _drift, _ = substep_on(ROW, load_on)
-
-
 @device
-def drift_worlds(w: Any, lanes: int, h: float, whole: bool, aims: bool, guides: bool) -> None:
-    """Let worlds drift for half a substep or a whole one, towards new steady torques if ``aims``."""
-    if aims:
-        for i in range(lanes):
-            _aim(w, i, whole)
-    for i in range(lanes):
-        _drift(w, i, h, whole)
+def move_hands(w: Any, lanes: int, h: float, whole: bool, guides: bool) -> None:
+    """Advance the hands of the first ``lanes`` worlds, and find the forces that the next kick needs."""
     for i in range(lanes):
         move_hand(w, i, h, whole, guides)
     for i in range(lanes):
         push_tip(w, i, guides)
-
-
-def _mover(own_in: Any) -> Any:
-    """Return what moves worlds whose clutches ``own_in`` tells; see ``substep_on``."""
-    _, _, kick = substep_on(ROW, load_on, own_in)
-
-    @device
-    def sense_torques(w: Any, i: int) -> None:
-        """Find the torques [N·m] that the clutches generate now, and bring the sines' vectors back to unit length."""
-        q = load(w, ROW.motion, i)
-        arm = load(w, ROW.machine.arm, i)
-        threshold = w[ROW.machine.slip_threshold, i]
-        torques = load(w, ROW.torques, i)
-        store(w, ROW.torque, i, torques_at(q, arm, load_on(w, i), torques, threshold, own_in(w, i)))
-        store(w, ROW.sines, i, renew_sines(load(w, ROW.sines, i)))
-
-    @device
-    def move(w: Any, lanes: int, config: Any, guides: bool) -> None:
-        """Move the worlds in the first ``lanes`` columns, which have taken their commands, through a control step.
-
-        ``guides`` says that hands may have more than a push and sines.
-        """
-        h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
-        lags_voltage = count_nonzero(w, ROW.machine.voltage_decay, lanes) > 0
-        for i in range(lanes):
-            drift_torques(w, i, h * count)
-        for k in range(count + 1):
-            drift_worlds(w, lanes, h, (k > 0) & (k < count), lags_voltage | (k == 0), guides)
-            if k < count:
-                kick(w, lanes, h)
-        for i in range(lanes):
-            sense_torques(w, i)
-
-    return move
-
-
-move_worlds, move_declared = _mover(papers), _mover(declared_in(ROW))
-"""What moves worlds with the paper's clutches, and with others."""
 
 
 @device
@@ -190,3 +262,267 @@ def take_arrangements(w: Any, lanes: int, constants: Any) -> None:
     """Read the arrangement of the first ``lanes`` worlds."""
     for i in range(lanes):
         store(w, ROW.arrangement, i, read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i])))
+
+
+# --- the judgement ---
+
+
+@device
+def locate(w: Any, i: int, constants: Any) -> None:
+    """Project the tip onto the path."""
+    x, y = tip_position(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
+    path = load(w, ROW.task.path, i)
+    foot = project(constants, int(path.first), int(path.arcs), int(w[ROW.foot.segment, i]), x, y)
+    w[ROW.travel, i] = foot.arc_length - w[ROW.foot.arc_length, i]
+    store(w, ROW.foot, i, foot)
+    advance = foot.arc_length - w[ROW.reached, i]
+    w[ROW.advance, i] = advance if advance > 0.0 else 0.0
+    w[ROW.reached, i] = foot.arc_length if advance > 0.0 else w[ROW.reached, i]
+
+
+@device
+def present_state(w: Any, i: int) -> PathState:
+    """Return the state of a world's tip relative to its path."""
+    v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
+    return path_state(load(w, ROW.foot, i), v_x, v_y)
+
+
+@device
+def tip_acceleration(w: Any, i: int, period: float) -> Vector:
+    """Return the mean acceleration of the tip over a control step [m/s²]."""
+    v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
+    return Vector((v_x - w[ROW.start_velocity.x, i]) / period, (v_y - w[ROW.start_velocity.y, i]) / period)
+
+
+@device
+def judge_step(w: Any, i: int, period: float, limit: float) -> None:
+    """Count the step, and find the reward and whether the episode ends. A world that had ended stays so."""
+    w[ROW.began, i] = w[ROW.alive, i]
+    w[ROW.step, i] += 1.0
+    task, q, step = load(w, ROW.task, i), load(w, ROW.motion, i), w[ROW.step, i]
+    at, reached = present_state(w, i), w[ROW.reached, i]
+    ratio = recent_pace(w[ROW.pace_ratio, i], w[ROW.travel, i], reached, step * period, period, task)
+    end = ending(at, q, kinetic_energy(load(w, ROW.machine.arm, i), q), task)
+    failed = has_failed(end)
+    acceleration = tip_acceleration(w, i, period)
+    outcome = Outcome(
+        at=at,
+        advance=w[ROW.advance, i],
+        reached=reached,
+        path_length=task.path.length,
+        pace=task.pace,
+        pace_ratio=ratio,
+        acceleration=math.sqrt(acceleration.x * acceleration.x + acceleration.y * acceleration.y),
+        volts=load(w, ROW.command, i),
+        last_volts=load(w, ROW.last_command, i),
+        voltage_max=w[ROW.machine.voltage_max, i],
+        energy=load(w, ROW.energy, i),
+        failed=failed,
+    )
+    terms = reward_terms(task.weight, outcome, period)
+    terminated = end.arrived | failed
+    truncated = is_truncated(at, step, limit, terminated, task)
+    w[ROW.pace_ratio, i] = ratio
+    store(w, ROW.terms, i, terms)
+    w[ROW.reward, i] = total(terms)
+    w[ROW.alive, i] = 1.0 if (w[ROW.began, i] != 0.0) & (not terminated) & (not truncated) else 0.0
+    flags = Flags(1.0 if terminated else 0.0, 1.0 if truncated else 0.0, 1.0 if end.arrived else 0.0)
+    store(w, ROW.end, i, flags)
+
+
+@device
+def was_alive(w: Any, i: int) -> bool:
+    """Return whether a world that ``judge_step`` has judged was alive before the step."""
+    return w[ROW.began, i] != 0.0
+
+
+# --- the sensors ---
+
+
+@device
+def gaussians(seed: np.uint64, episode: np.uint64, draw: int) -> tuple[float, float, float, float]:
+    """Return four independent standard normal numbers (Box and Muller)."""
+    u0, u1, u2, u3 = uniform4(seed, _NOISE_STREAM, np.uint64(draw), episode)
+    r = math.sqrt(-2.0 * math.log(1.0 - u0))
+    s = math.sqrt(-2.0 * math.log(1.0 - u2))
+    return (
+        r * math.cos(2.0 * np.pi * u1),
+        r * math.sin(2.0 * np.pi * u1),
+        s * math.cos(2.0 * np.pi * u3),
+        s * math.sin(2.0 * np.pi * u3),
+    )
+
+
+@device
+def quantised(value: float, resolution: float) -> float:
+    """Return the nearest multiple of a resolution, or the value where there is none."""
+    return resolution * math.floor(value / resolution + 0.5) if resolution > 0.0 else value
+
+
+@outlined
+def take_reading(w: Any, i: int, seed: np.uint64, episode: np.uint64) -> None:
+    """Read the sensors of a world, and keep the readings before."""
+    for age in range(MAX_DELAY, 0, -1):
+        store(w, ROW.readings[age], i, load(w, ROW.readings[age - 1], i))
+    step = int(w[ROW.step, i])
+    sensing = load(w, ROW.task.sensing, i)
+    q = load(w, ROW.motion, i)
+    torque = load(w, ROW.torque, i)
+    force = hand_force(w, i)
+    g0, g1, g2, g3 = gaussians(seed, episode, 2 * step)
+    n0, n1, n2, n3 = gaussians(seed, episode, 2 * step + 1)
+    reading = Reading(
+        theta=PerLink(
+            quantised(q.theta_a, sensing.angle_resolution),
+            quantised(q.theta_b, sensing.angle_resolution),
+        ),
+        omega=PerLink(q.omega_a + sensing.velocity_noise * g0, q.omega_b + sensing.velocity_noise * g1),
+        torque=PerClutch(
+            torque.x1 + sensing.torque_noise * n0,
+            torque.x2 + sensing.torque_noise * n1,
+            torque.x3 + sensing.torque_noise * n2,
+            torque.x4 + sensing.torque_noise * n3,
+        ),
+        force=PathVector(force.along + sensing.force_noise * g2, force.across + sensing.force_noise * g3),
+    )
+    store(w, ROW.readings.now, i, reading)
+
+
+@device
+def observe_world(w: Any, i: int) -> None:
+    """Find the present observation as ideal sensors see it, in SI units."""
+    seen = observation(
+        load(w, ROW.motion, i),
+        present_state(w, i),
+        w[ROW.task.path.length, i],
+        w[ROW.task.pace, i],
+        load(w, ROW.command, i),
+        load(w, ROW.torque, i),
+        hand_force(w, i),
+    )
+    store(w, ROW.seen, i, seen)
+
+
+@outlined
+def observe_reading(w: Any, i: int, constants: Any) -> None:
+    """Find the present observation from what the sensors read, now or earlier, in SI units."""
+    reading = load(w, ROW.readings[int(w[ROW.task.sensing.delay, i])], i)
+    a, b = unit_vector(reading.theta.a), unit_vector(reading.theta.b)
+    q = Motion(reading.theta.a, reading.theta.b, reading.omega.a, reading.omega.b, a.cos, a.sin, b.cos, b.sin)
+    arm = load(w, ROW.machine.arm, i)
+    path = load(w, ROW.task.path, i)
+    x, y = tip_position(arm, q)
+    v_x, v_y = tip_velocity(arm, q)
+    foot = project(constants, int(path.first), int(path.arcs), int(w[ROW.foot.segment, i]), x, y)
+    seen = observation(
+        q,
+        path_state(foot, v_x, v_y),
+        path.length,
+        w[ROW.task.pace, i],
+        load(w, ROW.command, i),
+        reading.torque,
+        reading.force,
+    )
+    store(w, ROW.seen, i, seen)
+
+
+@device
+def scale_entries(w: Any, first: int, last: int, config: Any) -> None:
+    """Bring the observations in columns ``first`` … ``last`` − 1 from SI units to their scales, within ±BOUND."""
+    for k in range(ENTRIES):
+        inverse_scale = config[_FIRST_INVERSE_SCALE + k]
+        for i in range(first, last):
+            w[_FIRST_SEEN + k, i] = between(w[_FIRST_SEEN + k, i] * inverse_scale, -BOUND, BOUND)
+
+
+@device
+def see(w: Any, i: int, config: Any, constants: Any) -> None:
+    """Find the present observation of a world with any sensors."""
+    if w[ROW.task.sensing.is_ideal, i] != 0.0:
+        observe_world(w, i)
+    else:
+        observe_reading(w, i, constants)
+    scale_entries(w, i, i + 1, config)
+
+
+@device
+def write_observation(w: Any, i: int, obs: Any, world: int, config: Any, constants: Any) -> None:
+    """Write what was observed, and what is told of the context, to a row of the observations (N, entries)."""
+    plain = int(config[CONFIG.entries])
+    for k in range(ENTRIES):  # not over the entries: compilers unroll what they can count
+        if k < plain:
+            obs[world, k] = w[_FIRST_SEEN + k, i]
+    told = int(w[ROW.context_at, i]) + CONSTANT_ROWS - plain
+    for k in range(plain, obs.shape[1]):
+        obs[world, k] = between(constants[told + k] / config[CONFIG_WIDTH + k], -BOUND, BOUND)
+
+
+# --- the stages of a control step, in their order ---
+
+
+def _mover(own_in: Any) -> Any:
+    """Return what moves worlds whose clutches are those of ``own_in``; see ``substep_on``."""
+    control_step = control_step_on(ROW, load_on, own_in, move_hands)
+
+    @device
+    def sense_torques(w: Any, i: int) -> None:
+        """Find the torques [N·m] that the clutches generate now."""
+        q = load(w, ROW.motion, i)
+        arm = load(w, ROW.machine.arm, i)
+        threshold = w[ROW.machine.slip_threshold, i]
+        torques = load(w, ROW.torques, i)
+        store(w, ROW.torque, i, torques_at(q, arm, load_on(w, i), torques, threshold, own_in(w, i)))
+
+    @device
+    def move(w: Any, lanes: int, config: Any, guides: bool) -> None:
+        """Move the worlds in the first ``lanes`` columns, which have taken their commands, through a control step.
+
+        ``guides`` says that hands may have more than a push and sines.
+        """
+        h, count = config[CONFIG.substep], int(config[CONFIG.substeps])
+        for i in range(lanes):
+            drift_torques(w, i, h * count)
+        control_step(w, lanes, h, count, count_nonzero(w, ROW.machine.voltage_decay, lanes) > 0, guides)
+        for i in range(lanes):
+            sense_torques(w, i)
+            store(w, ROW.sines, i, renew_sines(load(w, ROW.sines, i)))
+
+    return move
+
+
+move_worlds, move_declared = _mover(papers), _mover(declared_in(ROW))
+"""What moves worlds with the paper's clutches, and with others."""
+
+
+@device
+def conclude_step(
+    w: Any, width: int, lanes: int, words: Any, first: int, config: Any, constants: Any, with_extras: bool
+) -> None:
+    """Find what a control step has led to: place, reward, end, the hand's next plan, observation.
+
+    Parameters
+    ----------
+    w, width, lanes
+        The first ``width`` columns are looked at; the first ``lanes`` of them are worlds.
+    words, first
+        Seed and episode count of all worlds (N, 2), and the number of the world in the first column.
+    with_extras
+        Whether there may be hands that plan or sensors that are not ideal.
+    """
+    period = config[CONFIG.substep] * config[CONFIG.substeps]
+    for i in range(width):
+        locate(w, i, constants)
+    for i in range(width):
+        judge_step(w, i, period, config[CONFIG.limit])
+    if with_extras:
+        for i in range(lanes):
+            if plans(w, i):
+                plan_hand(w, i, constants, period, config[CONFIG.substeps])
+    for i in range(width):
+        observe_world(w, i)
+    if with_extras:
+        for i in range(lanes):
+            if w[ROW.task.sensing.is_ideal, i] == 0.0:
+                take_reading(w, i, words[first + i, 0], words[first + i, 1])
+                observe_reading(w, i, constants)
+    scale_entries(w, 0, width, config)

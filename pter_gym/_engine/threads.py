@@ -36,7 +36,7 @@ class Threads:
         share = -(-blocks // self.count)
         return [(first, min(first + share, blocks)) for first in range(0, blocks, share)]
 
-    def share_out(self, call: Callable[[int, int], int], shares: list[Share]) -> list[int]:
+    def run_parallel(self, call: Callable[[int, int], int], shares: list[Share]) -> list[int]:
         """Return what a compiled function does of each share, in any order; it is called in all threads at once.
 
         An interrupt (Ctrl-C) waits for all.

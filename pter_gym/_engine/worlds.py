@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from pter_gym._compiled.records import flat
 from pter_gym._engine.world import BASIC_ROWS, LANES, ROW, STORED_ROWS
 from pter_gym._physics.arm import Linkage, Motion, kinetic_energy
-from pter_gym.errors import ParameterError, ResetNeededError
+from pter_gym.errors import ParameterError
 from pter_gym.hands import Operator
 from pter_gym.params import Machine
 from pter_gym.paths import Path
@@ -21,47 +22,34 @@ Array = NDArray[np.float64]
 Pair = tuple[Machine, PathFollowing]
 
 
-def number_drawing(num_worlds: int | None) -> int:
-    """Return the number of worlds that draw, or raise a ParameterError."""
-    if num_worlds is None or num_worlds < 1:
-        raise ParameterError(f"num_worlds must be ≥ 1 where worlds draw their machines and tasks, got {num_worlds!r}")
-    return num_worlds
-
-
-def number_of_pairs(
+def listed(
     machines: Machine | Sequence[Machine], tasks: PathFollowing | Sequence[PathFollowing], num_worlds: int | None
-) -> int:
-    """Return the number of worlds that machines and tasks give, or raise a ParameterError where they disagree."""
+) -> tuple[list[Machine], list[PathFollowing]]:
+    """Return machines and tasks as lists of one length, or raise a ParameterError where they disagree."""
     for field, items, kind in (("machines", machines, Machine), ("tasks", tasks, PathFollowing)):
         given = cast("Sequence[object]", items if isinstance(items, Sequence) else (items,))
         if not all(isinstance(item, kind) for item in given):
             raise ParameterError(f"{field} must be a {kind.__name__} or a sequence of them, got {items!r:.200}")
-    lengths = {len(items) for items in (machines, tasks) if not isinstance(items, (Machine, PathFollowing))}
-    if num_worlds is not None:
-        lengths.add(num_worlds)
+    lengths = {len(items) for items in (machines, tasks) if isinstance(items, Sequence)}
+    lengths |= set() if num_worlds is None else {num_worlds}
     lengths = lengths or {1}
     if len(lengths) > 1 or min(lengths) < 1:
         raise ParameterError(f"num_worlds must be ≥ 1 and the number of machines and of tasks, got {sorted(lengths)}")
-    return lengths.pop()
-
-
-def is_plain(task: PathFollowing) -> bool:
-    """Tell whether a task does with the rows that every world stores."""
-    return not task.hand.plans and task.sensing == IDEAL_SENSING
+    count = lengths.pop()
+    return (
+        list(machines) if isinstance(machines, Sequence) else [machines] * count,
+        list(tasks) if isinstance(tasks, Sequence) else [tasks] * count,
+    )
 
 
 def distinct(machines: Sequence[Machine], tasks: Sequence[PathFollowing]) -> tuple[list[Pair], Array]:
     """Return the pairs of machine and task without repeats, and the number of each world's, (N,)."""
-    numbers: dict[tuple[int, int], int] = {}
-    pairs: list[Pair] = []
-    index = np.empty(len(machines))
-    for world, pair in enumerate(zip(machines, tasks, strict=True)):
-        key = id(pair[0]), id(pair[1])
-        if key not in numbers:
-            numbers[key] = len(pairs)
-            pairs.append(pair)
-        index[world] = numbers[key]
-    return pairs, index
+    pairs: dict[tuple[int, int], tuple[int, Pair]] = {}
+    index = [
+        pairs.setdefault((id(pair[0]), id(pair[1])), (len(pairs), pair))[0]
+        for pair in zip(machines, tasks, strict=True)
+    ]
+    return [pair for _, pair in pairs.values()], np.array(index, np.float64)
 
 
 def constants_of(pairs: Sequence[Pair]) -> Array:
@@ -95,6 +83,13 @@ def check_shared(pairs: Sequence[Pair]) -> None:
         check_machine(task, machine)
 
 
+@lru_cache(maxsize=16)
+def checked_constants(pairs: tuple[Pair, ...]) -> Array:
+    """Return the constants of pairs that fit together; worlds that draw from the same pairs share them."""
+    check_shared(pairs)
+    return constants_of(pairs)
+
+
 def empty_blocks(contexts: Array, draws: int, rows: int) -> Array:
     """Return blocks of worlds (B, rows, lanes) that have not begun, whose constants begin at ``contexts`` (N,)."""
     n = len(contexts)
@@ -110,40 +105,21 @@ def empty_blocks(contexts: Array, draws: int, rows: int) -> Array:
 
 
 class WorldArrays:
-    """N worlds that have not begun, without the kernels that move them.
+    """N worlds that have not begun, without the kernels that move them: what ``Batch`` is built on.
 
-    Parameters
-    ----------
-    machines, tasks
-        One for each world, or where worlds draw one for each pair to draw from.
-    drawing
-        Number of worlds that draw one of the pairs at each reset, or None where each world keeps its own.
-
-    Attributes
-    ----------
-    num_worlds
-        N.
-    draws
-        Whether worlds draw their pairs.
-    pairs
-        The distinct pairs of machine and task; ``context`` holds their numbers.
-
-    Raises
-    ------
-    ParameterError
-        If the worlds disagree on what they must share, or a machine cannot do its task.
+    ``machines`` and ``tasks`` hold one for each world, or one for each pair of which ``drawing`` worlds draw.
     """
 
     def __init__(self, machines: Sequence[Machine], tasks: Sequence[PathFollowing], drawing: int | None = None) -> None:
         self.num_worlds = len(machines) if drawing is None else drawing
         self.draws = drawing is not None
         self.pairs, numbers = distinct(machines, tasks)
-        check_shared(self.pairs)
-        self._constants: Any = constants_of(self.pairs)
+        checked = checked_constants.__wrapped__ if drawing is None else checked_constants
+        self._constants: Any = checked(tuple(self.pairs))
         self._worlds: Any = empty_blocks(
             float(CONTEXT_WIDTH) * numbers if drawing is None else np.zeros(drawing),
             1 if drawing is None else len(self.pairs),
-            BASIC_ROWS if all(is_plain(task) for _, task in self.pairs) else STORED_ROWS,
+            STORED_ROWS if any(t.hand.plans or t.sensing != IDEAL_SENSING for _, t in self.pairs) else BASIC_ROWS,
         )
         self._words = np.zeros((self.num_worlds, 2), np.uint64)
         self._seeded = np.zeros(self.num_worlds, np.bool_)
@@ -165,31 +141,6 @@ class WorldArrays:
         fresh = chosen & ~given & ~self._seeded
         words[fresh, 0] = np.frombuffer(os.urandom(8 * int(fresh.sum())), np.uint64)
         return words
-
-    def record_forces(self, forces: Array) -> None:
-        """Replace the recorded forces of all hands.
-
-        Parameters
-        ----------
-        forces
-            Along and across the path at the control instants [N], shape (T, 2), as ``RecordedForces.sampled`` gives
-            them.
-
-        Raises
-        ------
-        ParameterError
-            If the hands have no recording in common, or it has another number of instants.
-        """
-        recordings = {
-            (int(context[CONTEXT.hand.record_first]), int(context[CONTEXT.hand.record_count]))
-            for context in self._constants[: CONTEXT_WIDTH * len(self.pairs)].reshape(-1, CONTEXT_WIDTH)
-        }
-        first, count = recordings.pop()
-        if recordings or count == 0 or forces.shape != (count, 2):
-            raise ParameterError(
-                f"forces must be those of the recording that all hands share, ({count}, 2), got {forces.shape}"
-            )
-        self._constants[first : first + 2 * count] = forces.ravel()
 
     @property
     def _changing(self) -> dict[str, NDArray[Any]]:
@@ -223,40 +174,21 @@ class WorldArrays:
             mine[:] = state[name]
 
     def _fits(self, worlds: Any) -> bool:
-        """Tell whether worlds from elsewhere point at constants, arcs and instants that exist."""
-        if not ((worlds[:, ROW.step] >= 0.0) & (worlds[:, ROW.step] < 2.0**31)).all():
-            return False
-        same = np.array_equal(
-            worlds[:, ROW.draws_from : ROW.draws + 1], self._worlds[:, ROW.draws_from : ROW.draws + 1]
-        )
+        """Return whether worlds from elsewhere point at constants, arcs and instants that exist, in slow motion."""
+        drawn = worlds[:, ROW.draws_from : ROW.draws + 1]
         numbers = (worlds[:, ROW.context_at] - worlds[:, ROW.draws_from]) / CONTEXT_WIDTH
-        if not same or not np.isin(numbers, np.arange(int(worlds[:, ROW.draws].max()))).all():
+        if not np.array_equal(drawn, self._worlds[:, ROW.draws_from : ROW.draws + 1]) or not (
+            np.isin(numbers, np.arange(int(worlds[:, ROW.draws].max()))).all()
+            and ((worlds[:, ROW.step] >= 0.0) & (worlds[:, ROW.step] < 2.0**31)).all()
+        ):
             return False
         places = worlds[:, ROW.context_at].astype(np.intp)
         arms: Any = [self._constants[places + row] for row in CONTEXT.machine.arm]
         motions: Any = [worlds[:, row] for row in ROW.motion]
         energy = kinetic_energy(Linkage(*arms), Motion(*motions))
-        held = energy <= self._constants[places + CONTEXT.task.energy_max]
-        if not (held | (worlds[:, ROW.alive] == 0.0)).all():
-            return False
-        arcs = self._constants[worlds[:, ROW.context_at].astype(np.intp) + CONTEXT.task.path.arcs]
-        return bool(
-            np.isin(worlds[:, ROW.foot.segment], np.arange(int(arcs.max()))).all()
-            and (worlds[:, ROW.foot.segment] < arcs).all()
-        )
-
-    def clock(self) -> NDArray[np.uint64]:
-        """Return where each world is in time, (N, 3): its seed, its episode, and the control steps since the reset.
-
-        Raises
-        ------
-        ResetNeededError
-            If a world was never reset.
-        """
-        if not self._seeded.all():
-            raise ResetNeededError(f"world {self._seeded.argmin()} needs a reset: it was never reset")
-        steps = self._worlds[:, ROW.step].reshape(-1)[: self.num_worlds]
-        return np.column_stack([self._words, steps.astype(np.uint64)])
+        held = (energy <= self._constants[places + CONTEXT.task.energy_max]) | (worlds[:, ROW.alive] == 0.0)
+        segments, arcs = worlds[:, ROW.foot.segment], self._constants[places + CONTEXT.task.path.arcs]
+        return bool(held.all() and ((segments >= 0.0) & (segments < arcs) & (segments == segments.round())).all())
 
     @property
     def context(self) -> list[int]:

@@ -3,7 +3,6 @@
 import os
 import re
 import secrets
-import stat
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -14,14 +13,11 @@ from pter_gym.errors import ParameterError, StorageError
 FilePath = str | os.PathLike[str]
 """What is accepted as a path: a string or a ``pathlib.Path``, absolute, relative, or from ``~`` on."""
 
-LONGEST = 255
-"""Most bytes of a name in a path; common file systems allow no more."""
-
-ROOM = 1 << 16
-"""Bytes for which there must be room before any work begins."""
+MAX_NAME_BYTES = 255
+"""Longest name in a path that common file systems allow [B]."""
 
 TEMPORARY = re.compile(r"\.[0-9a-f]{16}\.tmp")
-"""Names of files that are not yet what they will be."""
+"""Names of files that are being written."""
 
 
 def find_path(field: str, path: FilePath) -> Path:
@@ -29,7 +25,7 @@ def find_path(field: str, path: FilePath) -> Path:
     found = None
     with suppress(TypeError, ValueError, RuntimeError):  # not a path, a name that files cannot have, no such user
         expanded = Path(path).expanduser()
-        if all(len(os.fsencode(part)) <= LONGEST for part in expanded.parts):
+        if all(len(os.fsencode(part)) <= MAX_NAME_BYTES for part in expanded.parts):
             found = expanded
     if found is None or os.fspath(path) == "" or "\0" in str(found):
         raise ParameterError(f"{field} must be a path, as a string or a pathlib.Path, got {path!r:.200}")
@@ -37,51 +33,34 @@ def find_path(field: str, path: FilePath) -> Path:
 
 
 def check_target(field: str, path: Path) -> None:
-    """Raise a ParameterError unless a file can be written: its folder exists, takes files, and has some room."""
-    try:
-        there = stat.S_ISDIR(path.stat().st_mode)
-        folder = path.resolve().parent
-    except FileNotFoundError:
-        there, folder = False, path.resolve().parent
-    except OSError as error:
-        raise ParameterError(f"{field} must be a file that can be written, got {str(path)!r}: {error}") from None
-    if there:
-        raise ParameterError(f"{field} must be a file, got the folder {str(path)!r}")
-    if not folder.is_dir():
+    """Raise a ParameterError unless a file can be written: its folder exists and takes files."""
+    folder = path.resolve().parent
+    if path.is_dir() or not folder.is_dir():
         raise ParameterError(f"{field} must be a file in a folder that exists, got {str(path)!r}")
     check_folder(field, folder)
 
 
 def check_folder(field: str, folder: Path) -> None:
-    """Raise a ParameterError unless a folder can be written to and has some room; this writes a temporary file."""
+    """Raise a ParameterError unless a folder can be written to; this writes a temporary file."""
     try:
-        with TemporaryFile(dir=folder) as file:
-            file.write(bytes(ROOM))
-            file.flush()
+        with TemporaryFile(dir=folder):
+            pass
     except OSError as error:
         raise ParameterError(
-            f"{field} must be in a folder that can be written to, with room for {ROOM // 1024} kB, "
-            f"got {str(folder)!r}: {error.strerror}"
+            f"{field} must be in a folder that can be written to, got {str(folder)!r}: {error.strerror}"
         ) from None
 
 
 def write_bytes_atomic(path: FilePath, data: bytes) -> None:
-    """Write a file whole or not at all: no other process ever sees a part of it.
+    """Write or replace a file whole or not at all: no other process ever sees a part of it.
 
-    The data go to a temporary file in the same directory, to the disk, and only then to their name. If anything fails
-    or interrupts, an earlier file of that name stays as it was and the temporary file is removed.
-
-    Parameters
-    ----------
-    path
-        File to write or replace; its directory must exist. A symbolic link is followed.
-    data
-        The whole content.
+    The data go to a temporary file in the same folder, which must exist, then to the disk, and only then to their name.
+    A symbolic link is followed.
 
     Raises
     ------
     StorageError
-        If it cannot be written.
+        If it cannot be written; an earlier file of that name stays as it was.
     """
     target = find_path("path", path)
     try:
@@ -102,8 +81,6 @@ def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
 
 
 def _replace(path: Path, data: bytes) -> None:
-    with suppress(FileNotFoundError):
-        path.stat()  # refuses links in a circle, of which resolve says so in some versions of Python only
     target = path.resolve()
     temporary = target.with_name(f".{secrets.token_hex(8)}.tmp")
     try:

@@ -11,19 +11,10 @@ from pter_gym.errors import ParameterError, StorageError
 
 @contextmanager
 def locked(path: Path, *, busy: str | None = None) -> Generator[None]:
-    """Hold a lock.
+    """Hold the lock of a file, which is not removed afterwards.
 
-    Parameters
-    ----------
-    path
-        File of the lock, in a folder that exists; it is not removed.
-    busy
-        Message of the ParameterError raised if another process holds the lock; by default this waits for it.
-
-    Raises
-    ------
-    StorageError
-        If the file cannot be created.
+    By default this waits for another process that holds it; with a message ``busy`` it raises a ParameterError. It
+    raises a StorageError if the file cannot be created.
     """
     lock = FileLock(path)
     try:

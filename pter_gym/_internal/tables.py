@@ -30,33 +30,28 @@ def read_columns(file: FilePath, names: Sequence[str]) -> dict[str, NDArray[np.f
         text = read_bytes(file, MOST_CSV).decode("utf-8-sig")
         rows = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
         header = [name.strip() for name in next(rows, ())]
-        places = [_place(name, header) for name in names]
-        values = [_numbers(row, places, header, rows.line_num) for row in rows if row]
+        for name in names:
+            if header.count(name) != 1:
+                raise ValueError(f"there must be one column {name}; the columns are {', '.join(header):.200}")
+        values = [_numbers(row, names, header, rows.line_num) for row in rows if row]
     except (OSError, ValueError, csv.Error) as error:
         raise ParameterError(f"{file} cannot be read as CSV: {error}") from None
     return dict(zip(names, np.array(values, np.float64).reshape(-1, len(names)).T, strict=True))
 
 
-def _place(name: str, header: Sequence[str]) -> int:
-    if header.count(name) != 1:
-        found = "more than one" if name in header else "no"
-        raise ValueError(f"{found} column {name}; the columns are {', '.join(header):.200}")
-    return header.index(name)
-
-
-def _numbers(row: Sequence[str], places: Sequence[int], header: Sequence[str], line: int) -> list[float]:
-    """Return the numbers of a row in some columns."""
+def _numbers(row: Sequence[str], names: Sequence[str], header: Sequence[str], line: int) -> list[float]:
+    """Return the numbers of a row in some columns: in ASCII, and without Python's underscores."""
     if len(row) > len(header):
         raise ValueError(f"line {line} has {len(row)} entries, the first has {len(header)}")
-    return [_number(row[at] if at < len(row) else "", header[at], line) for at in places]
-
-
-def _number(text: str, name: str, line: int) -> float:
-    """Return the number that a text writes in ASCII and without Python's underscores."""
-    try:
-        value = float(text if text.isascii() and "_" not in text else "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueError(f"line {line}: {name} must be a finite number, got {text!r:.60}")
-    return value
+    texts = dict(zip(header, row, strict=False))
+    found: list[float] = []
+    for name in names:
+        text = texts.get(name, "")
+        try:
+            value = float(text if text.isascii() and "_" not in text else "")
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise ValueError(f"line {line}: {name} must be a finite number, got {text!r:.60}")
+        found.append(value)
+    return found

@@ -13,7 +13,7 @@ from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy,
 from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.friction import mode_of, slip_velocities, without_dry
 from pter_gym._physics.model import arrangement_of, model_of
-from pter_gym._physics.step import Body, Energy, declared_in, kick_torques, papers, substep_on
+from pter_gym._physics.step import Body, Energy, control_step_on, declared_in, kick_torques, papers
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine, find_machine
 
@@ -247,7 +247,7 @@ def _load_on(body: Any, i: int) -> Load:
 
 def _functions(own_in: Any) -> tuple[Any, Any]:
     """Return ``advance`` and ``row_of`` for machines whose clutches ``own_in`` tells; see ``substep_on``."""
-    aim, drift, kick = substep_on(BODY, _load_on, own_in)
+    control_step = control_step_on(BODY, _load_on, own_in)
 
     @device
     def advance(body: Any, command: PerClutch, on: Load, h: float) -> None:
@@ -255,11 +255,7 @@ def _functions(own_in: Any) -> tuple[Any, Any]:
         store(body, BODY.command, 0, command)
         store(body, BODY.load, 0, on)
         store(body, BODY.energy, 0, Energy(-0.0, -0.0, -0.0, -0.0))  # the sum with −0 keeps the sign of a zero
-        aim(body, 0, False)
-        drift(body, 0, h, False)
-        kick(body, 1, h)
-        aim(body, 0, False)
-        drift(body, 0, h, False)
+        control_step(body, 1, h, 1, True, False)
 
     @device
     def row_of(body: Any) -> Row:

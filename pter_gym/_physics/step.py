@@ -371,6 +371,45 @@ def substep_on(at: Any, load_on: Any, own_in: Any = papers) -> tuple[Any, Any, A
     return aim, drift, kick
 
 
+@device
+def no_hands(w: Any, lanes: int, h: float, whole: bool, guides: bool) -> None:
+    """Leave the loads as they are."""
+
+
+def control_step_on(at: Any, load_on: Any, own_in: Any = papers, move_hands: Any = no_hands) -> Any:
+    """Return what moves machines through a control step: the one place for the order of a substep's stages.
+
+    Parameters
+    ----------
+    at, load_on, own_in
+        As ``substep_on`` takes them.
+    move_hands
+        ``move_hands(w, lanes, h, whole, guides)`` changes the loads with the drift before a kick.
+
+    Returns
+    -------
+    Callable
+        ``control_step(w, lanes, h, count, aims, guides)`` makes ``count`` substeps of h [s] for the first ``lanes``
+        machines. ``aims`` says that steady torques change within the step, as with voltages that lag.
+    """
+    aim, drift, kick = substep_on(at, load_on, own_in)
+
+    @device
+    def control_step(w: Any, lanes: int, h: float, count: int, aims: bool, guides: bool) -> None:
+        for k in range(count + 1):
+            whole = (k > 0) & (k < count)
+            if aims | (k == 0):
+                for i in range(lanes):
+                    aim(w, i, whole)
+            for i in range(lanes):
+                drift(w, i, h, whole)
+            move_hands(w, lanes, h, whole, guides)
+            if k < count:
+                kick(w, lanes, h)
+
+    return control_step
+
+
 def _parts_on(at: Any, load_on: Any, own_in: Any) -> tuple[Any, Any, Any]:
     """Return what makes a kick, each for the machine in column ``i`` of an array; see ``substep_on``."""
 

@@ -1,41 +1,36 @@
-"""Run policies on the paper's standard test and on the evaluation episodes of the scenarios, and rank them.
+"""Run policies on the evaluation episodes of the scenarios, score and rank them.
 
-``_naming`` finds policies and makes them act in an environment, ``_isolation`` runs them in processes of their own,
-``_from_sb3`` accepts models of learning libraries; ``simulation`` runs episodes, and ``_evaluation`` the episodes of a
-scenario; ``metrics`` declares the scores, ``statistics`` combines many, ``ranking`` decides on ranks, ``leaderboard``
-shows them, and ``_results`` stores the results. ``_identity`` identifies a policy by its content, and ``_verification``
-runs results again. ``_standard`` is the paper's test.
+``episodes`` → ``simulation``, ``runs`` → ``metrics`` → ``statistics`` → ``ranking``, ``leaderboard``: episodes are
+simulated with policies, each run is scored, scores become intervals, and these a leaderboard. ``results`` stores runs
+in a folder, and ``verification`` repeats them.
 
 The names are imported when they are first used, so a policy can act without loading the code for scores.
 """
 
 from typing import TYPE_CHECKING
 
-from pter_gym._internal.lazy import lazy_names
+import lazy_loader
+
 from pter_gym.benchmark._from_sb3 import from_actions, from_sb3
 from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
-    from pter_gym.benchmark._evaluation import PerSeed, run_scenario
     from pter_gym.benchmark._examination import Assessment, Examination, examine
-    from pter_gym.benchmark._isolation import Isolated
     from pter_gym.benchmark._naming import find_policy
-    from pter_gym.benchmark._results import ResultsFolder
-    from pter_gym.benchmark._standard import Result, Run, run_standard_test
-    from pter_gym.benchmark._verification import Verdict, verify
     from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards, print_boards
     from pter_gym.benchmark.metrics import Score, score, score_episodes
+    from pter_gym.benchmark.results import ResultsFolder
+    from pter_gym.benchmark.runs import PerSeed, ScenarioRun, run_scenario
+    from pter_gym.benchmark.verification import Verdict, verify
 
 __all__ = [
     "PACES",
     "Assessment",
     "Examination",
-    "Isolated",
     "Leaderboard",
     "PerSeed",
-    "Result",
     "ResultsFolder",
-    "Run",
+    "ScenarioRun",
     "Score",
     "Verdict",
     "examine",
@@ -45,23 +40,20 @@ __all__ = [
     "leaderboards",
     "print_boards",
     "run_scenario",
-    "run_standard_test",
     "score",
     "score_episodes",
     "verify",
 ]
 
-__getattr__, __dir__ = lazy_names(
+__getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
-    {
-        "pter_gym.benchmark._evaluation": ("PerSeed", "run_scenario"),
-        "pter_gym.benchmark._examination": ("Assessment", "Examination", "examine"),
-        "pter_gym.benchmark._isolation": ("Isolated",),
-        "pter_gym.benchmark.leaderboard": ("Leaderboard", "leaderboards", "print_boards"),
-        "pter_gym.benchmark.metrics": ("Score", "score", "score_episodes"),
-        "pter_gym.benchmark._naming": ("find_policy",),
-        "pter_gym.benchmark._results": ("ResultsFolder",),
-        "pter_gym.benchmark._standard": ("Result", "Run", "run_standard_test"),
-        "pter_gym.benchmark._verification": ("Verdict", "verify"),
+    submod_attrs={
+        "_examination": ["Assessment", "Examination", "examine"],
+        "_naming": ["find_policy"],
+        "leaderboard": ["Leaderboard", "leaderboards", "print_boards"],
+        "metrics": ["Score", "score", "score_episodes"],
+        "results": ["ResultsFolder"],
+        "runs": ["PerSeed", "ScenarioRun", "run_scenario"],
+        "verification": ["Verdict", "verify"],
     },
 )

@@ -8,7 +8,7 @@ import numpy as np
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark._naming import find_policy
 from pter_gym.benchmark._recorded import Travel
-from pter_gym.benchmark.metrics import Scores, ranked_scores
+from pter_gym.benchmark.metrics import Scores
 from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit
 from pter_gym.controllers import bind
@@ -32,7 +32,7 @@ SEGMENT = 128
 COLUMNS = (COLUMN.time, COLUMN.arc_length, COLUMN.normal_error, COLUMN.is_success)
 """What ranked scores need of the telemetry."""
 
-LEAST = ("free", "locked", "random")
+BASELINES = ("free", "locked", "random")
 """Policies that know nothing; any that has learned something is better than each of them."""
 
 UNSEEN = 10_000
@@ -40,13 +40,7 @@ UNSEEN = 10_000
 
 
 class Assessment(NamedTuple):
-    """The scores that count for a policy.
-
-    Attributes
-    ----------
-    path_error_m, completed, mean_pace_error, segment_pace_error
-        Means of the scores that decide ranks.
-    """
+    """Means over draws of the scores that decide ranks."""
 
     path_error_m: float
     completed: float
@@ -68,19 +62,7 @@ class Assessment(NamedTuple):
 
 
 class Examination:
-    """Training draws of a scenario on which policies are scored; the same for all policies.
-
-    Parameters
-    ----------
-    scenario, pace
-        Names.
-    episodes
-        Number of draws.
-    seed
-        Seed of the draws, ≥ 0.
-    machine
-        One machine in place of those that the scenario draws, as in ``find_scenario``; policies know about it.
-    """
+    """Training draws of a scenario on which policies are scored; parameters are as in ``examine``."""
 
     def __init__(self, scenario: str, pace: str, episodes: int, seed: int, machine: AnyMachine | None = None) -> None:
         drawn = find_scenario(scenario, machine)
@@ -94,8 +76,7 @@ class Examination:
 
     def judge(self, policy: AnyPolicy) -> Assessment:
         """Return the scores that count for a policy."""
-        scores = self.scores(policy)
-        return Assessment(*(float(scores[name].mean()) for name in Assessment._fields))
+        return Assessment(*(float(values.mean()) for values in self.scores(policy).values()))
 
     def scores(self, policy: AnyPolicy) -> Scores:
         """Return the ranked scores of a policy on all draws, as in the benchmark."""
@@ -104,7 +85,13 @@ class Examination:
         telemetry = episodes.telemetry
         telemetry[np.arange(len(telemetry))[:, None] > np.array(self.limits)] = np.nan
         time, arc_length, errors, success = np.moveaxis(telemetry, -1, 0)
-        return ranked_scores(Travel(time, arc_length, errors, success, self.tasks))
+        travel = Travel(time, arc_length, errors, success, self.tasks)
+        return {
+            "path_error_m": travel.path_error(),
+            "completed": travel.completed(),
+            "mean_pace_error": travel.mean_pace_error(),
+            "segment_pace_error": travel.segment_pace_error(),
+        }
 
 
 def examine(
@@ -132,6 +119,6 @@ def examine(
         One machine in place of those that the scenario draws, as in ``find_scenario``; policies know about it.
     """
     examination = Examination(scenario, pace, episodes, seed, machine)
-    known = {name: find_policy(name) for name in LEAST}
+    known = {name: find_policy(name) for name in BASELINES}
     found = {name: examination.judge(policy) for name, policy in {**known, **policies}.items()}
     return dict(sorted(found.items(), key=lambda item: item[1].value))

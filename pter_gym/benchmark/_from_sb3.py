@@ -79,23 +79,9 @@ def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
 
 
 class ModelPolicy(BoundPolicy):
-    """A model as a policy of the machine as it is; ``bind`` makes one for another machine.
+    """A model as a policy of a machine with this largest voltage [V]; ``bind`` makes one for another machine.
 
-    Parameters
-    ----------
-    model
-        An object with ``predict``.
-    normalise
-        Turns observations into what the model was trained on.
-    frame_skip
-        Control steps for which an action is held.
-    voltage_max
-        Largest voltage [V].
-
-    Attributes
-    ----------
-    sensors
-        The sensors whose readings the observations must include.
+    ``sensors`` names the sensors whose readings the observations must include.
     """
 
     any_frame_skip = False
@@ -110,16 +96,11 @@ class ModelPolicy(BoundPolicy):
         self._low, self._high = space.low.astype(np.float64), space.high.astype(np.float64)
         self._model, self._normalise, self._voltage_max = model, normalise, voltage_max
         self.frame_skip = frame_skip
-        self.reset()
+        self._state: Any = None
+        self._begins: bool | NDArray[np.bool_] = True
 
     def bind(self, machine: Machine, layout: Layout) -> "ModelPolicy":
-        """Return the policy for a nominal machine and the layout of the observations that it will get.
-
-        Raises
-        ------
-        ParameterError
-            If the observations have another number of entries.
-        """
+        """Return the policy for a machine and a layout, or raise a ParameterError if that has other entries."""
         if len(layout) != len(self.layout):
             raise ParameterError(
                 f"observations must have the {len(self.layout)} entries of the model, got {len(layout)}"
@@ -128,14 +109,11 @@ class ModelPolicy(BoundPolicy):
         bound.layout = layout
         return bound
 
-    def reset(self) -> None:
-        """Forget the recurrent states: new episodes begin."""
-        self._state: Any = None
-        self._begins: bool | NDArray[np.bool_] = True
-
-    def forget(self, worlds: NDArray[np.bool_]) -> None:
-        """Forget the recurrent states of some worlds, (N,): the model is told that episodes begin in them."""
-        self._begins = worlds | self._begins
+    def reset(self, worlds: NDArray[np.bool_] | None = None) -> None:
+        """Begin new episodes in these worlds, (N,), in all where None: the model is told in its next decision."""
+        if worlds is None:
+            self._state = None
+        self._begins = True if worlds is None else worlds | self._begins
 
     def act(self, observations: Observations) -> NDArray[np.float64]:
         """Return clutch voltages [V], (N, 4), for observations, float32 (N, entries)."""

@@ -10,10 +10,11 @@ from pter_gym.envs._acting import ActingPolicy
 from pter_gym.errors import ParameterError
 
 
-def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> ActingPolicy:
+def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
     """Return a policy that is ready to act in an environment: ``action = policy(observation)``.
 
-    It detects by itself when episodes begin, and returns actions in the environment's unit.
+    It returns actions in the environment's unit. Call its ``reset()`` after ``env.reset()``, and ``reset(worlds)`` with
+    a mask where worlds of a vector environment begin new episodes.
 
     Parameters
     ----------
@@ -24,8 +25,6 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> Act
     env
         Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
         its wrappers. Tuned gains are those for its scenario.
-    seed
-        Seed of the random policy and of planners.
 
     Raises
     ------
@@ -35,7 +34,7 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any, *, seed: int = 0) -> Act
         If a file of the policy is damaged.
     """
     if isinstance(policy, (str, os.PathLike)):
-        policy = find_policy(cast("FilePath", policy), seed, _scenario_of(env))
+        policy = find_policy(cast("FilePath", policy), _scenario_of(env))
     elif not callable(policy) and not hasattr(policy, "bind"):
         raise ParameterError(
             "policy must be a name, the path of an exported policy, a controller, or a function from observations to "

@@ -21,12 +21,8 @@ SEGMENTS = 10
 class Marks(NamedTuple):
     """The instants when the running maximum of the arc length passed K marks on each of N paths.
 
-    Attributes
-    ----------
-    before, after
-        Rows between which each was passed, shape (K, N).
-    part
-        Position between these rows, from 0 to 1; NaN if the mark was never passed; same shape.
+    Each was passed between the rows ``before`` and ``after``, at ``part`` of the way from one to the other, which is
+    NaN if it was never passed; all have the shape (K, N).
     """
 
     before: NDArray[np.intp]
@@ -56,21 +52,8 @@ def four(telemetry: Array, name: str) -> Array:
     return telemetry[..., first : first + 4]
 
 
-def running_maximum(values: Array) -> Array:
-    """Return the running maximum over the first axis; NaN leaves it unchanged."""
-    return np.fmax.accumulate(values, axis=0)
-
-
 def find_marks(furthest: Array, marks: Array) -> Marks:
-    """Return when marks were passed.
-
-    Parameters
-    ----------
-    furthest
-        Running maximum of the arc length from 0 on [m], shape (R, N).
-    marks
-        Arc lengths ≥ 0 [m], shape (K, N).
-    """
+    """Return when marks (K, N) were passed by the running maximum of the arc length (R, N), from 0 on, all in m."""
     passed = np.stack([furthest >= mark for mark in marks], axis=1)
     after = passed.argmax(axis=0)
     before = np.maximum(after - 1, 0)
@@ -83,14 +66,8 @@ def way_integral(furthest: Array, errors: Array) -> Array:
     """Return ∫|e|ds [m²] up to each row, shape (T + 2, N).
 
     Each new increment of arc length is weighted by the largest error since the previous one, so excursions at a
-    standstill and steps back are counted too.
-
-    Parameters
-    ----------
-    furthest
-        Running maximum of the arc length from 0 on [m], shape (T + 2, N): 0, then each control instant.
-    errors
-        |normal error| [m] at each control instant, shape (T + 1, N); NaN after the end of an episode.
+    standstill and steps back are counted too. ``furthest``, (T + 2, N) [m], is the running maximum of the arc length,
+    from 0 on; ``errors``, (T + 1, N) [m], are |normal error| at each control instant, NaN after the end of an episode.
     """
     parts = np.zeros_like(furthest)
     worst_since = np.zeros_like(furthest[0])
@@ -114,14 +91,8 @@ def smoothness(speed: Array, acceleration: Array, counted: Mask, period: float) 
     Motor Behavior 41 (2009); the logarithm as in Balasubramanian, Melendez-Calderon and Burdet, IEEE Transactions on
     Biomedical Engineering 59 (2012).
 
-    Parameters
-    ----------
-    speed, acceleration
-        Of the tip [m/s] and [m/s²], shapes (T, N) and (T, N, 2).
-    counted
-        Which control steps count, shape (T, N).
-    period
-        Control period [s].
+    Speed [m/s] and acceleration [m/s²] of the tip have the shapes (T, N) and (T, N, 2); ``counted``, (T, N), says which
+    control steps count, and ``period`` is theirs [s].
     """
     both = counted[1:] & counted[:-1]
     squares = np.where(both, (np.diff(acceleration, axis=0) ** 2).sum(axis=-1), 0.0)

@@ -1,33 +1,25 @@
 """Find the policy that a user names: by name, by the path of an exported one, or as ``package.module:attribute``."""
 
 import os
-import re
 import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, cast
+from urllib.parse import quote
 
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym.benchmark.simulation import AnyPolicy
-from pter_gym.benchmark.tuned import SUFFIX, TUNED, find_tuned
-from pter_gym.controllers import CONTROLLERS, Random
-from pter_gym.controllers._impedance import Impedance
+from pter_gym.benchmark.tuned import TUNED, find_tuned
+from pter_gym.controllers import CONTROLLERS, Impedance
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.policies._files import is_here, is_path
 
-PLANNERS = ("predictive", "predictive-honest")
-"""Policies that plan."""
-
-GUIDE = "single-dof-tuned"
-GUIDE_TABLE = Path(__file__).parents[1] / "presets" / "guide.toml"
-"""The law that guides planners, with gains of its own: a plan cannot follow a law that switches between its knots."""
-
-CODE = re.compile(r"\w+(\.\w+)*:\w+(\.\w+)*")
-"""How an attribute of a module is written."""
+MAX_NAME = 180
+"""Most characters of a policy's name, which is part of a file name."""
 
 
-def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard") -> AnyPolicy:
+def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
     """Return the policy that a user names.
 
     Parameters
@@ -38,16 +30,13 @@ def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard"
         - a built-in controller, such as ``impedance``, with a damper for each commanded pace where the paper's gains
           need one;
         - a controller with tuned gains, such as ``impedance-tuned``;
-        - a planner, ``predictive`` or ``predictive-honest``;
         - a trained policy of the package, such as ``residual``, or the path of an exported one;
         - ``package.module:attribute``: a controller or a callable from observations to volts. A class is called
           without arguments. The module is imported into this process; if it is found nowhere else, it is looked up in
           the current folder, which is then appended to ``sys.path``.
-    seed
-        Seed of the random policy and of planners.
     scenario
         Scenario whose gains and dampers to use. With None, as in the paper's standard test, controllers have their
-        default gains, and there are neither tuned controllers nor planners.
+        default gains.
 
     Raises
     ------
@@ -59,21 +48,14 @@ def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard"
     name = text_of(name)
     if is_code(name):
         return _import(name)
-    known = (*CONTROLLERS, *(() if scenario is None else (*TUNED, *PLANNERS)), *shipped_policies())
+    known = (*CONTROLLERS, *TUNED, *shipped_policies())
     if is_path(name) or name in shipped_policies() or (name not in known and is_here(name)):
         return read_policy(name)
-    if scenario is None and name in (*TUNED, *PLANNERS):
-        raise ParameterError(f"policies: {name!r} needs a scenario to take its gains from")
     if name not in known:
         raise unknown_name("policies", name, known)
-    if name in PLANNERS:
-        from pter_gym.controllers._predictive import Honest, Privileged, Settings
-
-        kind = Privileged if name == "predictive" else Honest
-        return kind(find_tuned(GUIDE, scenario, path=GUIDE_TABLE), Settings(seed=seed))
     if name in TUNED:
         return find_tuned(name, scenario)
-    controller = Random(seed=seed) if name == "random" else CONTROLLERS[name]()
+    controller = CONTROLLERS[name]()
     if not isinstance(controller, Impedance) or scenario is None:
         return controller
     from pter_gym.benchmark._pacing import damping_table, paced
@@ -83,13 +65,8 @@ def find_policy(name: FilePath, seed: int = 0, scenario: str | None = "standard"
 
 
 def is_code(name: str) -> bool:
-    """Tell whether a name means an attribute of a module, ``package.module:attribute``."""
+    """Return whether a name means an attribute of a module, ``package.module:attribute``."""
     return ":" in name and not is_path(name)
-
-
-def is_built_in(name: str) -> bool:
-    """Tell whether this is the name of a built-in or shipped policy."""
-    return name.removesuffix(SUFFIX) in (*CONTROLLERS, *PLANNERS, *shipped_policies())
 
 
 def text_of(name: FilePath) -> str:
@@ -103,19 +80,22 @@ def text_of(name: FilePath) -> str:
     return text if is_path(text) else f"./{text}"
 
 
+def check_name(name: object) -> None:
+    """Raise a ParameterError unless something can name a policy in tables and in file names."""
+    good = isinstance(name, str) and name.strip() == name != "" and name.isprintable()
+    if not good or len(quote(str(name), safe=" ")) > MAX_NAME:
+        raise ParameterError(f"policies must have printable names of 1 to {MAX_NAME} characters, got {name!r:.60}")
+
+
 def _import(name: str) -> Any:
     """Return the policy that is an attribute of a module, or an instance of it if it is a class."""
-    if not CODE.fullmatch(name):
-        raise ParameterError(
-            f"policies: there is no {name!r}: code must be written as package.module:attribute, in letters, digits, _"
-        )
     if (here := str(Path.cwd())) not in sys.path:
         sys.path.append(here)
+    entry = EntryPoint(name, name, "")
+    if not entry.pattern.fullmatch(name):
+        raise ParameterError(f"policies must be written as package.module:attribute, got {name!r:.200}")
     try:
-        found = EntryPoint(name, name, "").load()
+        found = entry.load()
     except (ImportError, AttributeError) as error:
-        raise ParameterError(f"policies: there is no {name!r}: {error}") from None
-    try:
-        return found() if isinstance(found, type) else found
-    except TypeError as error:
-        raise ParameterError(f"policies: {name!r} must be made without arguments: {error}") from error
+        raise ParameterError(f"policies must name code that can be imported, got {name!r}: {error}") from None
+    return found() if isinstance(found, type) else found

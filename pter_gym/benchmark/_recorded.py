@@ -18,13 +18,12 @@ from pter_gym.benchmark._measures import (
     mean_over,
     norm,
     pace_errors,
-    running_maximum,
     smoothness,
     vector,
     way_integral,
 )
 from pter_gym.tasks.path_following import PathFollowing
-from pter_gym.tasks.path_following._allowance import ALLOWANCE, START
+from pter_gym.tasks.path_following._rules import ALLOWANCE, START
 
 START_UP = 0.2
 """Start-up interval [s] that accelerations leave out: the push begins at once, and no policy causes its jolt.
@@ -33,9 +32,8 @@ The calibration to the paper uses it too, so it stays a number of its own beside
 """
 
 PRICE = 2.0
-"""Power of the time ratio by which the path error of a slow segment counts, and its slope for a fast one: errors grow
-with the speed, and where the arm starts with its square, so with less a slower ride within the limits would still pay.
-"""
+"""Power of the time ratio by which the path error of a slow segment counts, and its slope for a fast one. With less, a
+slower ride within the limits would still pay, since errors grow with the speed."""
 
 
 class Travel:
@@ -56,7 +54,7 @@ class Travel:
         self.length = np.array([task.path.length for task in tasks])
         self.error_max = np.array([task.error_max for task in tasks])
         self.pace = np.array([task.pace for task in tasks])
-        self.furthest = running_maximum(np.concatenate([np.zeros_like(arc_length[:1]), arc_length]))
+        self.furthest = np.fmax.accumulate(np.concatenate([np.zeros_like(arc_length[:1]), arc_length]), axis=0)
         self.clock = np.concatenate([time[:1], time])
         self.end = np.nanmax(time, axis=0)
 
@@ -113,14 +111,9 @@ class Travel:
         return np.isfinite(self.marks.part[1:])
 
     @cached_property
-    def needed(self) -> Array:
-        """Time for a segment at the pace [s]."""
-        return self.length / SEGMENTS / self.pace
-
-    @cached_property
     def relative_times(self) -> Array:
         """Times spent in the segments over the time at the pace, (SEGMENTS, N)."""
-        return np.diff(self.passed, axis=0) / self.needed
+        return np.diff(self.passed, axis=0) / (self.length / SEGMENTS / self.pace)
 
     def segment_errors(self) -> Array:
         """Return the path errors of the segments [m], (SEGMENTS, N).
@@ -131,7 +124,7 @@ class Travel:
         steps = np.nan_to_num(np.diff(self.clock, axis=0) * self.errors)
         time_integral = np.concatenate([np.zeros_like(steps[:1]), steps.cumsum(axis=0)])
         in_time, on_way = (np.diff(self.marks.find(each), axis=0) for each in (time_integral, self.way_integral))
-        spent = self.relative_times * self.needed
+        spent = self.relative_times * (self.length / SEGMENTS / self.pace)
         in_time = np.divide(in_time, spent, where=spent > 0.0, out=np.zeros_like(spent))
         larger = np.maximum(in_time, on_way * SEGMENTS / self.length)
         ratios = np.where(self.finished, self.relative_times, np.maximum(self.relative_times, 1.0))

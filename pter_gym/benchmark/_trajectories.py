@@ -2,9 +2,8 @@
 
 import csv
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,8 @@ from pter_gym.tasks.path_following import TELEMETRY
 
 Array = NDArray[np.float64]
 
+ENDINGS = (".csv", ".npz")
+
 
 def write_trajectories(episodes: Mapping[str, Array], path: Path) -> None:
     """Write episodes one below another to a file, atomically; the same episodes give the same bytes.
@@ -22,14 +23,10 @@ def write_trajectories(episodes: Mapping[str, Array], path: Path) -> None:
     Parameters
     ----------
     episodes
-        By the name of the policy: telemetry from the reset on, where the time is 0, float64 (T + 1, len(TELEMETRY)).
+        By the name of the policy: telemetry from the reset on, float64 (T + 1, len(TELEMETRY)).
     path
-        A file in a folder that exists.
-
-        - ``.csv``: headings such as ``policy``, ``time [s]`` and ``mode``, then a line for each control step. Numbers
-          have enough digits to recover them exactly.
-        - ``.npz``: an array for each column under its name without the unit, and ``names`` and ``units`` of the
-          columns; no pickles.
+        ``.csv`` has headings such as ``policy`` and ``time [s]``, and all digits of each number; ``.npz`` an array
+        for each column under its name, and ``names`` and ``units`` of the columns.
 
     Raises
     ------
@@ -37,13 +34,13 @@ def write_trajectories(episodes: Mapping[str, Array], path: Path) -> None:
         If the file has another extension.
     """
     check_table(path)
-    write_bytes_atomic(path, WRITERS[path.suffix.lower()](episodes))
+    write_bytes_atomic(path, _as_csv(episodes) if path.suffix.lower() == ".csv" else _as_npz(episodes))
 
 
 def check_table(path: Path) -> None:
     """Raise a ParameterError unless a table can be written to a file with this extension."""
-    if path.suffix.lower() not in WRITERS:
-        raise ParameterError(f"csv must end in {', '.join(WRITERS)}, got {str(path)!r}")
+    if path.suffix.lower() not in ENDINGS:
+        raise ParameterError(f"csv must end in {', '.join(ENDINGS)}, got {str(path)!r}")
 
 
 def _as_csv(episodes: Mapping[str, Array]) -> bytes:
@@ -62,7 +59,3 @@ def _as_npz(episodes: Mapping[str, Array]) -> bytes:
     units = [field.unit for field in TELEMETRY.fields]
     np.savez_compressed(content, policy=policies, names=TELEMETRY.names, units=units, **columns)
     return content.getvalue()
-
-
-WRITERS: Mapping[str, Callable[[Mapping[str, Array]], bytes]] = MappingProxyType({".csv": _as_csv, ".npz": _as_npz})
-"""What a file holds, by its ending."""

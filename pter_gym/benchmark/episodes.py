@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from numbers import Integral
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from pter_gym import hands, params, paths
 from pter_gym._internal.checks import whole_number
@@ -22,7 +22,7 @@ from pter_gym._internal.reading import MOST_JSON, inflate, parse_json, read_byte
 from pter_gym.errors import DataError, ParameterError, unknown_name
 from pter_gym.params import Machine
 from pter_gym.scenarios import find_pace, find_scenario
-from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds, fresh_strata
+from pter_gym.scenarios._evaluation_draws import evaluation_draws, fresh_reset_seeds
 from pter_gym.tasks import path_following
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -31,13 +31,8 @@ FOLDER = Path(__file__).parents[1] / "episodes"
 
 CHECKSUMS = "checksums.json"
 
-T = TypeVar("T")
-
-SEEDS = 2**64
+MAX_SEED = 2**64
 """Seeds of fresh episodes are smaller."""
-
-DERIVED = "derived"
-"""In place of a seed: each policy has fresh episodes of its own, whose seed follows from the policy."""
 
 _OPERATING_SYSTEM, _UNIX = 9, 3
 """Place of a byte in the header of gzip, and its value in the shipped files (RFC 1952)."""
@@ -54,8 +49,6 @@ class Episodes:
     ----------
     scenario
         Name of the scenario.
-    checksum
-        SHA-256 of the file that holds them; for fresh ones, of the JSON that it would hold.
     machines, tasks
         What to simulate; the tasks command the requested pace.
     seeds
@@ -65,7 +58,6 @@ class Episodes:
     """
 
     scenario: str
-    checksum: str
     machines: tuple[Machine, ...]
     tasks: tuple[PathFollowing, ...]
     seeds: tuple[int, ...]
@@ -94,46 +86,24 @@ def scenarios(folder: FilePath = FOLDER) -> tuple[str, ...]:
 
 
 def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Episodes:
-    """Return the stored evaluation episodes of a scenario at a pace.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such scenario or pace.
-    DataError
-        If a file in the folder is missing or was changed.
-    """
+    """Return the stored evaluation episodes of a scenario at a pace, or raise a DataError if they were changed."""
     speed = find_pace(pace)
     return _stored(scenario, folder).at_pace(speed)
 
 
-def stored_checksum(scenario: str) -> str:
-    """Return the checksum of a scenario's stored episodes; raises as ``load_episodes``."""
-    return _stored(scenario, FOLDER).checksum
-
-
-def strata_of(scenario: str, pace: str, fresh: int | None) -> tuple[str, ...]:
-    """Return the strata of ``find_episodes`` without drawing the episodes."""
-    strata = _stored(scenario, FOLDER).strata
-    return strata if fresh is None else fresh_strata(find_scenario(scenario), strata, (fresh, pace))
-
-
-def find_episodes(scenario: str, pace: str, fresh: int | None = None) -> Episodes:
+def find_episodes(scenario: str, pace: str, seed: int | None = None) -> Episodes:
     """Return a scenario's stored evaluation episodes at a pace, or fresh ones from a seed within [0, 2⁶⁴).
 
     There are as many fresh episodes as stored ones in each stratum, in an order given by the seed; each pace has its
     own draws. Raises as ``load_episodes``, and a ParameterError if the seed is out of range.
     """
-    if fresh is None:
+    if seed is None:
         return load_episodes(scenario, pace)
     speed = find_pace(pace)
     find_scenario(scenario)
-    return _draw(scenario, _seed(fresh), pace).at_pace(speed)
-
-
-def check_fresh(fresh: Any) -> int | str | None:
-    """Return which episodes are meant (a seed, ``DERIVED``, or None for stored ones), or raise a ParameterError."""
-    return fresh if fresh is None or (isinstance(fresh, str) and fresh == DERIVED) else _seed(fresh)
+    if whole_number("seed", seed, at_least=0) >= MAX_SEED:
+        raise ParameterError(f"seed must be a whole number within [0, 2⁶⁴), got {seed!r}")
+    return _draw(scenario, int(seed), pace).at_pace(speed)
 
 
 def store_episodes(
@@ -148,14 +118,7 @@ def store_episodes(
 ) -> Path:
     """Write the evaluation episodes of a scenario and their checksum; the same episodes give the same bytes.
 
-    Parameters
-    ----------
-    scenario, version
-        Name and version of the scenario.
-    machines, tasks, seeds, strata
-        One entry per episode, as in ``Episodes``; the tasks' pace is set on reading.
-    folder
-        Where to write; created if needed.
+    Parameters are as in ``Episodes``, with the version of the scenario and the folder, created if needed.
     """
     folder = find_path("folder", folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -174,9 +137,7 @@ def store_episodes(
 def _draw(scenario: str, seed: int, pace: str) -> Episodes:
     found = find_scenario(scenario)
     machines, tasks, strata = zip(*evaluation_draws(found, (seed, pace)), strict=True)
-    seeds = tuple(fresh_reset_seeds(found, (seed, pace)))
-    data = _encode(scenario, found.version, zip(machines, tasks, seeds, strata, strict=True))
-    return Episodes(scenario, hashlib.sha256(data).hexdigest(), machines, tasks, seeds, strata)
+    return Episodes(scenario, machines, tasks, tuple(fresh_reset_seeds(found, (seed, pace))), strata)
 
 
 def _encode(scenario: str, version: int, draws: Iterable[tuple[Machine, PathFollowing, int, str]]) -> bytes:
@@ -195,13 +156,6 @@ def _encode(scenario: str, version: int, draws: Iterable[tuple[Machine, PathFoll
     return json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
 
 
-def _seed(fresh: Any) -> int:
-    number = whole_number("fresh", fresh, at_least=0)
-    if number >= SEEDS:
-        raise ParameterError(f"fresh must be a whole number within [0, 2⁶⁴), got {fresh!r}")
-    return number
-
-
 def _checksums(folder: Path) -> dict[str, str]:
     with reading(f"evaluation data {folder / CHECKSUMS} cannot be read"):
         return dict(parse_json(read_bytes(folder / CHECKSUMS, MOST_JSON)))
@@ -218,34 +172,18 @@ def _stored(scenario: str, folder: FilePath) -> Episodes:
     if found != sums[scenario]:
         raise DataError(f"evaluation data {path} were changed: SHA-256 is {found}, stored was {sums[scenario]}")
     with reading(f"evaluation data {path}"):
-        return _decode(data, found)
+        return _decode(data)
 
 
 @lru_cache(16)
-def _decode(data: bytes, checksum: str) -> Episodes:
+def _decode(data: bytes) -> Episodes:
     content: dict[str, Any] = parse_json(inflate(data, MOST_JSON))
-    parts = [CODEC.from_plain(part) for part in content["parts"]]
+    parts: list[Any] = [CODEC.from_plain(part) for part in content["parts"]]
     entries: list[dict[str, Any]] = content["episodes"]
-    (scenario,) = _all_of(str, [content["scenario"]])
     return Episodes(
-        scenario,
-        checksum,
-        machines=_all_of(Machine, [parts[_whole(entry["machine"], len(parts))] for entry in entries]),
-        tasks=_all_of(PathFollowing, [parts[_whole(entry["task"], len(parts))] for entry in entries]),
-        seeds=tuple(_whole(entry["seed"], SEEDS) for entry in entries),
-        strata=_all_of(str, [entry["stratum"] for entry in entries]),
+        content["scenario"],
+        machines=tuple(parts[entry["machine"]] for entry in entries),
+        tasks=tuple(parts[entry["task"]] for entry in entries),
+        seeds=tuple(entry["seed"] for entry in entries),
+        strata=tuple(entry["stratum"] for entry in entries),
     )
-
-
-def _whole(number: Any, below: int) -> int:
-    if type(number) is not int or not 0 <= number < below:
-        raise ValueError(f"there must be a whole number within [0, {below}), {number!r:.40} is out of range")
-    return number
-
-
-def _all_of(kind: type[T], values: Sequence[Any]) -> tuple[T, ...]:
-    """Return values as a tuple, or raise a TypeError unless all of them are of a kind."""
-    for value in values:
-        if type(value) is not kind:
-            raise TypeError(f"there must be a {kind.__name__}, there is a {type(value).__name__}")
-    return tuple(values)

@@ -1,6 +1,6 @@
 """The leaderboard: policies in order of rank, as a table and as JSON."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -9,12 +9,9 @@ from rich.table import Table
 
 from pter_gym._internal.terminal import terminal
 from pter_gym._version import __version__
-from pter_gym.benchmark._runs import ScenarioRun
-from pter_gym.benchmark.episodes import DERIVED
-from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR, Standing, find_standings
+from pter_gym.benchmark.ranking import Standing, find_standings
+from pter_gym.benchmark.runs import ScenarioRun
 from pter_gym.scenarios import PACES
-
-__all__ = ["COMPLETION", "FULL", "PACE_ERROR", "Leaderboard", "leaderboards", "rank", "table"]
 
 FULL = 200
 """Fewest episodes for a rank that is not provisional."""
@@ -36,7 +33,7 @@ COLUMNS = (
     Column("worst_path_error_m", "worst\n1/20\n\\[mm]", MILLIMETRES, "{:.1f}"),
     Column("later_path_error_m", "after\n1/10\n\\[mm]", MILLIMETRES, "{:.1f}"),
     Column("rms_error_m", "rms\n\n\\[mm]", MILLIMETRES, "{:.1f}"),
-    Column("completed", "at the\nend\n\\[%]", 100.0, "{:.3g}"),
+    Column("completed", "completed\n\n\\[%]", 100.0, "{:.3g}"),
     Column("mean_pace_error", "mean\npace\n\\[±%]", 100.0, "{:.3g}"),
     Column("segment_pace_error", "segm.\npace\n\\[±%]", 100.0, "{:.3g}"),
 )
@@ -51,23 +48,22 @@ class Leaderboard:
     ----------
     scenario, pace
         Names.
-    episodes, data
-        How many of the episodes were run, and the SHA-256 of all of them; None where each policy has its own.
-    config_hash
-        SHA-256 of everything that the scores depend on except the policies.
+    episodes
+        How many of the scenario's episodes were run.
+    seed
+        Seed of fresh episodes; None for the stored ones.
     standings
         One per policy.
-    fresh
-        Seed of fresh episodes, or ``derived``; None for the stored ones.
+    version
+        Of the package that made the runs.
     """
 
     scenario: str
     pace: str
     episodes: int
-    data: str | None
-    config_hash: str
+    seed: int | None
     standings: tuple[Standing, ...]
-    fresh: int | str | None = None
+    version: str = __version__
 
     @property
     def provisional(self) -> bool:
@@ -75,95 +71,66 @@ class Leaderboard:
         return self.episodes < FULL
 
     def has_episodes_of(self, run: ScenarioRun) -> bool:
-        """Tell whether a run, at whatever pace, had the same episodes."""
-        at = run.conditions
-        mine = (self.scenario, self.episodes, self.data, self.fresh)
-        return mine == (at.scenario, at.episodes, at.shared_data, at.fresh)
+        """Return whether a run, at whatever pace, had the same episodes."""
+        mine = (self.version, self.scenario, self.episodes, self.seed)
+        return mine == (run.version, run.scenario, run.episodes, run.seed)
 
     def as_json(self) -> dict[str, Any]:
         """Return this leaderboard's entry in ``benchmark.json``, in SI."""
         return {
+            "version": self.version,
             "scenario": self.scenario,
             "pace": self.pace,
             "pace_m_s": PACES[self.pace],
             "episodes": self.episodes,
-            "episodes_sha256": self.data,
-            "fresh": self.fresh,
-            "version": __version__,
-            "config_hash": self.config_hash,
+            "seed": self.seed,
             "provisional": self.provisional,
             "policies": {standing.policy: standing.as_json() for standing in self.standings},
         }
 
 
 def leaderboards(runs: Sequence[ScenarioRun]) -> tuple[Leaderboard, ...]:
-    """Return a leaderboard for each scenario, pace and set of episodes in runs of the same code."""
-    groups: dict[tuple[str, float, int, str, str], list[ScenarioRun]] = {}
+    """Return a leaderboard for each scenario, pace and set of episodes; runs of other versions are not mixed."""
+    groups: dict[tuple[str, str, int, int, float], list[ScenarioRun]] = {}
     for run in runs:
-        at = run.conditions
-        fresh = "" if at.fresh is None else str(at.fresh)
-        groups.setdefault((at.scenario, PACES[at.pace], at.episodes, fresh, at.shared_data or ""), []).append(run)
+        seed = -1 if run.seed is None else run.seed
+        groups.setdefault((run.version, run.scenario, run.episodes, seed, PACES[run.pace]), []).append(run)
     return tuple(rank(groups[place]) for place in sorted(groups))
 
 
 def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
     """Return the leaderboard of runs on one set of episodes at one pace; a policy's training seeds count as one."""
-    at = runs[0].conditions
-    standings = find_standings(runs)
-    return Leaderboard(at.scenario, at.pace, at.episodes, at.shared_data, at.config_hash, standings, at.fresh)
+    run = runs[0]
+    return Leaderboard(run.scenario, run.pace, run.episodes, run.seed, find_standings(runs), run.version)
 
 
 def table(board: Leaderboard) -> Table:
     """Return a leaderboard for an 80-column terminal, with 95 % intervals, and below it why others are not ranked."""
     kind = "provisional, " if board.provisional else ""
-    which = "episodes" if board.fresh is None else f"fresh episodes, {seed_text(board.fresh)}"
-    notes = [f"– {each.policy}: {each.reason}{_distance(each)}" for each in board.standings if each.reason]
-    notes += [
-        f"{standing.policy}: {p.rollouts:,} plans of {p.horizon_s:g} s, {p.decision_ms:.1f} ms a decision"
-        for standing in board.standings
-        if (p := standing.planning)
-    ]
-    shown = plain_table(
-        f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} {which}",
-        ["#", "policy", *(column.title for column in COLUMNS)],
+    which = "episodes" if board.seed is None else f"fresh episodes, seed {board.seed}"
+    notes = [f"– {each.policy}: {each.reason}" for each in board.standings if each.reason]
+    shown = Table(
+        title=f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} {which}",
         caption=escape("\n".join(notes)),
         caption_justify="left",
+        box=None,
+        padding=(0, 1),
+        collapse_padding=True,
+        pad_edge=False,
     )
+    for header in ("#", "policy", *(column.title for column in COLUMNS)):
+        shown.add_column(header, justify="left" if header == "policy" else "right", no_wrap=True)
     for standing in board.standings:
         place = "–" if standing.rank is None else str(standing.rank)
-        texts = [_cell(standing, column) for column in COLUMNS]
-        shown.add_row(place, escape(standing.label), *texts)
+        shown.add_row(place, escape(standing.policy), *(_cell(standing, column) for column in COLUMNS))
     return shown
-
-
-def _never_arrives(standing: Standing) -> bool:
-    return standing.scores["completed"].value == 0.0
-
-
-def _distance(standing: Standing) -> str:
-    """Return how far the tip moves under a policy that never arrives."""
-    way = standing.scores["path_length_m"].value
-    return f"; its tip moves {way:.2g} m on average" if _never_arrives(standing) else ""
 
 
 def _cell(standing: Standing, column: Column) -> str:
     """Return a score as the table shows it; path errors mean nothing if the policy never arrives."""
-    if column.factor == MILLIMETRES and _never_arrives(standing):
+    if column.factor == MILLIMETRES and standing.scores["completed"].value == 0.0:
         return "–"
     return column.text.format(*(column.factor * each for each in standing.scores[column.score]))
-
-
-def seed_text(fresh: int | str) -> str:
-    """Say which fresh episodes were run."""
-    return "drawn for each policy" if fresh == DERIVED else f"seed {fresh}"
-
-
-def plain_table(title: str, headers: Iterable[str], **options: Any) -> Table:
-    """Return an empty, plain table for an 80-column terminal; numbers are right-aligned."""
-    shown = Table(title=title, box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, **options)
-    for header in headers:
-        shown.add_column(header, justify="left" if header in ("pace", "policy") else "right", no_wrap=True)
-    return shown
 
 
 def print_boards(runs: Sequence[ScenarioRun]) -> None:

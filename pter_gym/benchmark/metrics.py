@@ -1,4 +1,4 @@
-"""Scores of episodes, each declared once, as a field of ``Score``, with its unit, meaning, bounds and function."""
+"""Scores of episodes, each declared once, as a field of ``Score``, with its unit, meaning and function."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark._measures import column
-from pter_gym.benchmark._recorded import PRICE, Array, Recorded, Travel
+from pter_gym.benchmark._recorded import PRICE, Array, Recorded
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -21,41 +21,15 @@ Scores = dict[str, Values]
 
 
 class Metric(NamedTuple):
-    """The declaration of a score.
-
-    Attributes
-    ----------
-    unit, meaning
-        In words.
-    find
-        Computes the scores, (N,), of many episodes.
-    from_travel
-        Whether ``find`` takes ``Travel``, as for the scores that decide ranks; otherwise it takes ``Recorded``.
-    low, high
-        Smallest and largest possible value, None where there is no bound.
-    """
+    """The declaration of a score: its unit, its meaning in words, and what computes it, (N,), for N episodes."""
 
     unit: str
     meaning: str
-    find: Callable[[Any], Values]
-    from_travel: bool = False
-    low: float | None = 0.0
-    high: float | None = None
+    find: Callable[[Recorded], Values]
 
 
-def _of_travel(unit: str, meaning: str, find: Callable[[Travel], Values], *, high: float | None = None) -> Any:
-    return field(metadata={"metric": Metric(unit, meaning, find, True, high=high)})
-
-
-def _of_record(
-    unit: str,
-    meaning: str,
-    find: Callable[[Recorded], Values],
-    *,
-    low: float | None = 0.0,
-    high: float | None = None,
-) -> Any:
-    return field(metadata={"metric": Metric(unit, meaning, find, False, low, high)})
+def _score(unit: str, meaning: str, find: Callable[[Recorded], Values]) -> Any:
+    return field(metadata={"metric": Metric(unit, meaning, find)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,51 +39,44 @@ class Score:
     Every score is finite, whatever the episode. An episode that ends within the start-up interval counts in full.
     """
 
-    path_error_m: float = _of_travel(
+    path_error_m: float = _score(
         "m",
         f"mean over ten segments of the larger of ∫|e|dt/t and ∫|e|ds/(L/10), times r^{PRICE:g} if r = t·v/(L/10) > 1, "
         f"else {1.0 + PRICE:g} − {PRICE:g}r; at most the largest |e| or the workspace's bound, whichever is larger",
-        Travel.path_error,
+        Recorded.path_error,
     )
-    later_path_error_m: float = _of_travel(
-        "m", "the same without the first segment; ranks do not use it", Travel.later_path_error
+    later_path_error_m: float = _score(
+        "m", "the same without the first segment; ranks do not use it", Recorded.later_path_error
     )
-    rms_error_m: float = _of_travel("m", "√(∫e²ds/L); ranks do not use it", Travel.rms_error)
-    mean_error_m: float = _of_travel("m", "time average of |e|; ranks do not use it", Travel.mean_error)
-    path_average_error_m: float = _of_travel("m", "path average ∫|e|ds/L; ranks do not use it", Travel.path_average)
-    mean_pace_error: float = _of_travel("1", "|T·v/L − 1| with the commanded pace v", Travel.mean_pace_error)
-    segment_pace_error: float = _of_travel("1", "mean of |t·v/(L/10) − 1| over ten segments", Travel.segment_pace_error)
-    mean_pace_m_s: float = _of_travel("m/s", "mean speed along the path", Travel.mean_pace)
-    mean_speed_m_s: float = _of_record("m/s", "time average of the tip's speed", lambda e: e.mean(e.speed))
-    mean_acceleration_m_s2: float = _of_record("m/s²", "time average", lambda e: e.mean_of(e.acceleration))
-    rms_acceleration_m_s2: float = _of_record("m/s²", "root of the mean square", lambda e: e.rms_of(e.acceleration))
-    peak_acceleration_m_s2: float = _of_record("m/s²", "largest", lambda e: e.peak_of(e.acceleration))
-    raw_mean_acceleration_m_s2: float = _of_record(
+    rms_error_m: float = _score("m", "√(∫e²ds/L); ranks do not use it", Recorded.rms_error)
+    mean_error_m: float = _score("m", "time average of |e|; ranks do not use it", Recorded.mean_error)
+    path_average_error_m: float = _score("m", "path average ∫|e|ds/L; ranks do not use it", Recorded.path_average)
+    mean_pace_error: float = _score("1", "|T·v/L − 1| with the commanded pace v", Recorded.mean_pace_error)
+    segment_pace_error: float = _score("1", "mean of |t·v/(L/10) − 1| over ten segments", Recorded.segment_pace_error)
+    mean_pace_m_s: float = _score("m/s", "mean speed along the path", Recorded.mean_pace)
+    mean_speed_m_s: float = _score("m/s", "time average of the tip's speed", lambda e: e.mean(e.speed))
+    mean_acceleration_m_s2: float = _score("m/s²", "time average", lambda e: e.mean_of(e.acceleration))
+    rms_acceleration_m_s2: float = _score("m/s²", "root of the mean square", lambda e: e.rms_of(e.acceleration))
+    peak_acceleration_m_s2: float = _score("m/s²", "largest", lambda e: e.peak_of(e.acceleration))
+    raw_mean_acceleration_m_s2: float = _score(
         "m/s²", "time average, not filtered", lambda e: e.mean_of(e.raw_acceleration)
     )
-    raw_rms_acceleration_m_s2: float = _of_record(
+    raw_rms_acceleration_m_s2: float = _score(
         "m/s²", "root of the mean square, not filtered", lambda e: e.rms_of(e.raw_acceleration)
     )
-    raw_peak_acceleration_m_s2: float = _of_record(
-        "m/s²", "largest, not filtered", lambda e: e.peak_of(e.raw_acceleration)
-    )
-    smoothness: float = _of_record(
-        "1", "−ln of the dimensionless jerk; larger is smoother", Recorded.smoothness, low=None, high=0.0
-    )
-    path_length_m: float = _of_record("m", "way of the tip", Recorded.way)
-    completed: bool = _of_travel("1", "the end of the path was reached", Travel.completed, high=1.0)
-    duration_s: float = _of_travel("s", "length of the episode", lambda e: e.end)
-    effort: float = _of_record("1", "mean of (V/V_max)² over time and clutches", Recorded.effort, high=1.0)
-    dissipated_j: float = _of_record("J", "energy taken by the clutches", lambda e: e.total("dissipated"))
-    hand_work_j: float = _of_record("J", "work of the hand", lambda e: e.total("hand_work"), low=None)
-    saturated: float = _of_record(
-        "1", "fraction of the time with a clutch at its largest voltage", Recorded.saturated, high=1.0
-    )
-    stuck: float = _of_record(
+    raw_peak_acceleration_m_s2: float = _score("m/s²", "largest, not filtered", lambda e: e.peak_of(e.raw_acceleration))
+    smoothness: float = _score("1", "−ln of the dimensionless jerk; larger is smoother", Recorded.smoothness)
+    path_length_m: float = _score("m", "way of the tip", Recorded.way)
+    completed: bool = _score("1", "the end of the path was reached", Recorded.completed)
+    duration_s: float = _score("s", "length of the episode", lambda e: e.end)
+    effort: float = _score("1", "mean of (V/V_max)² over time and clutches", Recorded.effort)
+    dissipated_j: float = _score("J", "energy taken by the clutches", lambda e: e.total("dissipated"))
+    hand_work_j: float = _score("J", "work of the hand", lambda e: e.total("hand_work"))
+    saturated: float = _score("1", "fraction of the time with a clutch at its largest voltage", Recorded.saturated)
+    stuck: float = _score(
         "1",
         "fraction of the time at zero degrees of freedom",
         lambda e: e.mean(column(e.steps, "mode") == ClutchMode.ZERO_DOF),
-        high=1.0,
     )
 
 
@@ -164,8 +131,3 @@ def score_episodes(
         raise ValueError(f"an episode needs its reset and at least one step, episode {begun.argmin()} has none")
     episodes = Recorded(telemetry, tasks, voltage_max)
     return {name: metric.find(episodes) for name, metric in METRICS.items()}
-
-
-def ranked_scores(travel: Travel) -> Scores:
-    """Return the scores that decide ranks and their ingredients: path errors, pace, completion."""
-    return {name: metric.find(travel) for name, metric in METRICS.items() if metric.from_travel}

@@ -1,12 +1,13 @@
 """Ranking: by mean path error, for policies that arrive and keep the pace; those that get lost come last."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
-from pter_gym.benchmark._runs import Planning, ScenarioRun, join_seeds, without_copies
-from pter_gym.benchmark.episodes import DERIVED
+import numpy as np
+
 from pter_gym.benchmark.metrics import Scores
+from pter_gym.benchmark.runs import ScenarioRun, join_seeds
 from pter_gym.benchmark.statistics import (
     Array,
     Interval,
@@ -14,7 +15,6 @@ from pter_gym.benchmark.statistics import (
     bootstrap_interval,
     difference_interval,
     probability_of_improvement,
-    unpaired_interval,
     worst_twentieth,
 )
 from pter_gym.scenarios import PACES
@@ -23,14 +23,11 @@ COMPLETION = 0.99
 """Smallest fraction of completed episodes of a policy with a rank."""
 
 LOST = 0.05
-"""Path error [m] of the worst twentieth of the episodes from which on a policy ranks behind those with less. If it is
-off by as much in one of twenty episodes, or more, it stands below all that never are."""
+"""Path error [m] of the worst twentieth of the episodes from which on a policy ranks behind those with less. So a
+policy that gets lost in one of twenty episodes ranks below all that never do."""
 
 PACE_ERROR = 0.15
 """Largest pace errors of a policy with a rank, as means over the episodes."""
-
-PRIVILEGED = "privileged: it knows machine, hand and future, which no controller can; a bound"
-"""Why a policy that knows the future has no rank."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +38,6 @@ class Standing:
     ----------
     policy
         Its name.
-    identity
-        Hash of its content, if that can be determined.
     rank
         From 1, or None if not ranked; policies share a rank if the interval of their difference contains 0.
     reason
@@ -50,46 +45,28 @@ class Standing:
     scores
         Scores over all episodes, as ``summarise`` returns them.
     difference
-        Path error minus the best policy's [m], paired if they ran on the same episodes; None without a best policy.
+        Path error minus the best policy's [m]; None without a best policy.
     probability
-        Probability of a smaller path error than the best policy's on the same episode; None without a best policy, or
-        if policies ran on different episodes.
-    planning
-        For a policy that plans.
+        Probability of a smaller path error than the best policy's on the same episode; None without a best policy.
     """
 
     policy: str
-    identity: str | None
     rank: int | None
     reason: str | None
     scores: dict[str, Interval]
     difference: Interval | None = None
     probability: Interval | None = None
-    planning: Planning | None = None
 
     @property
     def lost(self) -> bool:
         """Whether it strays so far in the worst twentieth of the episodes that it ranks behind policies that do not."""
         return self.scores["worst_path_error_m"].value >= LOST
 
-    @property
-    def privileged(self) -> bool:
-        """Whether it uses information that no controller can have."""
-        return self.planning is not None and self.planning.privileged
-
-    @property
-    def label(self) -> str:
-        """Its name as shown with scores."""
-        return f"{self.policy} (privileged)" if self.privileged else self.policy
-
     def as_json(self) -> dict[str, Any]:
         """Return its entry in ``benchmark.json``, in SI."""
         return {
             "rank": self.rank,
             "reason": self.reason,
-            "privileged": self.privileged,
-            "planning": self.planning and asdict(self.planning),
-            "identity": self.identity,
             **{name: interval._asdict() for name, interval in self.scores.items()},
             "difference_to_best_m": self.difference and self.difference._asdict(),
             "probability_of_improvement": self.probability and self.probability._asdict(),
@@ -103,23 +80,24 @@ def find_standings(runs: Sequence[ScenarioRun]) -> tuple[Standing, ...]:
     is ``lost``.
     """
     seeds: dict[str, list[ScenarioRun]] = {}
-    for run in without_copies(runs)[0]:
-        seeds.setdefault(run.conditions.policy, []).append(run)
-    judged = sorted(((_judge(run), run) for run in map(join_seeds, seeds.values())), key=_place)
+    for run in runs:
+        seeds.setdefault(run.policy, []).append(run)
+    judged = sorted(((_judge(members), _on_each(members)) for members in seeds.values()), key=_place)
+    strata = runs[0].strata
     first, best = judged[0]
     standings: list[Standing] = []
     leader, rank = judged[0], 1
-    for place, (standing, run) in enumerate(judged):
-        against = {} if first.reason or run is best else _against(run, best)
-        apart = standing.lost != leader[0].lost or not _holds_zero(_difference(run, leader[1]))
+    for place, (standing, errors) in enumerate(judged):
+        interval = difference_interval(errors, leader[1], strata=strata)
+        apart = standing.lost != leader[0].lost or not interval.low <= 0.0 <= interval.high
         if apart and not standing.reason:
-            leader, rank = (standing, run), place + 1
+            leader, rank = (standing, errors), place + 1
+        against: dict[str, Interval] = {}
+        if place and not first.reason:
+            against["difference"] = difference_interval(errors, best, strata=strata)
+            against["probability"] = probability_of_improvement(errors, best, strata=strata)
         standings.append(replace(standing, rank=None if standing.reason else rank, **against))
     return tuple(standings)
-
-
-def _holds_zero(interval: Interval) -> bool:
-    return interval.low <= 0.0 <= interval.high
 
 
 def summarise(scores: Scores, strata: Strata = None) -> dict[str, Interval]:
@@ -136,7 +114,7 @@ def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
     )
     limit = f"limit {100 * PACE_ERROR:g} %"
     if completed < COMPLETION:
-        reasons.append(f"arrives in {100 * completed:.3g} % of the episodes ({100 * COMPLETION:g} % needed)")
+        reasons.append(f"completes {100 * completed:.3g} % of the episodes ({100 * COMPLETION:g} % needed)")
     if mean_pace > PACE_ERROR:
         speed = scores["mean_pace_m_s"].value
         way = "fast" if speed > pace else "slow"
@@ -146,39 +124,18 @@ def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
     return "; ".join(reasons) or None
 
 
-def _judge(run: ScenarioRun) -> Standing:
+def _judge(members: Sequence[ScenarioRun]) -> Standing:
     """Return a policy's standing, with the reason if it is not ranked; ranks are assigned later."""
+    run = join_seeds(members)
     scores = summarise(run.scores, run.strata)
-    at = run.conditions
-    privileged = PRIVILEGED if run.planning and run.planning.privileged else None
-    reasons = [reason for reason in (privileged, reason_below(scores, PACES[at.pace])) if reason]
-    return Standing(at.policy, at.identity, None, "; ".join(reasons) or None, scores, planning=run.planning)
+    return Standing(run.policy, None, reason_below(scores, PACES[run.pace]), scores)
 
 
-def _place(judged: tuple[Standing, ScenarioRun]) -> tuple[bool, bool, float, str]:
+def _place(judged: tuple[Standing, Array]) -> tuple[bool, bool, float, str]:
     standing, _ = judged
     return standing.reason is not None, standing.lost, standing.scores["path_error_m"].value, standing.policy
 
 
-def _against(run: ScenarioRun, best: ScenarioRun) -> dict[str, Interval]:
-    """Compare path errors with those of the best policy."""
-    difference = {"difference": _difference(run, best)}
-    if run.conditions.fresh == DERIVED:
-        return difference
-    mine, other = _on_each(run), _on_each(best)
-    strata = run.strata[: len(mine)]
-    return {**difference, "probability": probability_of_improvement(mine, other, strata=strata)}
-
-
-def _difference(run: ScenarioRun, other: ScenarioRun) -> Interval:
-    """Return the path error of one policy minus another's, paired if they ran on the same episodes."""
-    if run.conditions.fresh == DERIVED:
-        errors, others = (each.scores["path_error_m"] for each in (run, other))
-        return unpaired_interval(errors, others, strata=(run.strata, other.strata))
-    mine = _on_each(run)
-    return difference_interval(mine, _on_each(other), strata=run.strata[: len(mine)])
-
-
-def _on_each(run: ScenarioRun) -> Array:
-    """Return the path error on each episode; for several seeds, their mean."""
-    return run.scores["path_error_m"].reshape(-1, run.conditions.episodes).mean(axis=0)
+def _on_each(members: Sequence[ScenarioRun]) -> Array:
+    """Return the path error on each episode, as the mean over training seeds."""
+    return np.mean([run.scores["path_error_m"] for run in members], axis=0)

@@ -1,7 +1,6 @@
-"""Run episodes of a policy of any kind: a compiled law, a network, a planner or a plain callable."""
+"""Run episodes of any policy: a compiled law, a network, or a plain callable."""
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import SKIP
 from pter_gym.controllers import BoundPolicy, Controller, Policy, bind
-from pter_gym.controllers._base import Plans
 from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing, Sensors, observation_layout
 
@@ -24,16 +22,7 @@ Columns = slice | list[int]
 
 
 class Rollout:
-    """New episodes in a batch, one in each world, advanced by a policy.
-
-    Parameters
-    ----------
-    batch
-        N worlds.
-    seeds
-        Seeds of the resets, N of them.
-    columns
-        Columns of the telemetry that are kept; all by default.
+    """New episodes in a batch, one in each of its N worlds, advanced by a policy.
 
     Attributes
     ----------
@@ -43,49 +32,34 @@ class Rollout:
         Control steps so far.
     ended
         Which episodes have ended, bool (N,).
-    plans
-        How the policy plans, if it does; then it was given the worlds.
     seen
         Observations at the control steps that were decided one by one.
     """
 
-    def __init__(self, batch: Batch, seeds: Sequence[int], columns: Columns = slice(None)) -> None:
-        self.batch = batch
+    def __init__(self, batch: Batch, policy: BoundPolicy, seeds: Sequence[int], columns: Columns = slice(None)) -> None:
+        self.batch, self.policy = batch, policy
         self.obs, first = batch.reset(seeds)
+        policy.reset()
         self.steps = 0
         self.ended = np.zeros(batch.num_worlds, np.bool_)
-        self.plans: Plans | None = None
         self.seen: list[Observations] = [self.obs]
         self._columns = columns
-        self._rows = [first[None][..., self._columns]]
-        self._memory = batch.empty_memory()
-        self._decisions: list[tuple[float, int]] = []
+        self._rows = [first[None][..., columns]]
+        self._memory = policy.empty_memory(batch.num_worlds) if isinstance(policy, Policy) else batch.empty_memory()
         self._volts: Any = None
 
-    def begin(self, policy: BoundPolicy) -> None:
-        """Tell a policy that new episodes begin; only a planner is given the worlds."""
-        self.plans = policy.plans
-        if isinstance(policy, Policy):
-            self._memory = policy.empty_memory(self.batch.num_worlds)
-        if self.plans is None:
-            policy.reset()
-        else:
-            policy.reset_in(self.batch)
-
-    def advance(self, policy: BoundPolicy, steps: int) -> None:
-        """Go on by one control step; by so many with a compiled law that decides at each, inside the kernel."""
+    def advance(self, steps: int) -> None:
+        """Advance by ``steps`` control steps inside the kernel if the law is compiled, otherwise by one."""
+        policy = self.policy
         if isinstance(policy, Policy) and policy.frame_skip == 1:
             self._keep(*self.batch.rollout(self.obs, policy.law, policy.gains, steps, self._memory))
         else:
-            self.step(policy)
+            self.step()
 
-    def step(self, policy: BoundPolicy) -> None:
-        """Advance by one control step with a policy's decision; it sees as many entries as its layout has."""
-        if self.steps % policy.frame_skip == 0:
-            obs = self.obs[:, : len(policy.layout)].copy()
-            begin = time.thread_time()
-            self._volts = policy.act(obs)
-            self._decisions.append((time.thread_time() - begin, int((~self.ended).sum())))
+    def step(self) -> None:
+        """Advance by one control step; the policy decides at every ``frame_skip``-th."""
+        if self.steps % self.policy.frame_skip == 0:
+            self._volts = self.policy.act(self.obs[:, : len(self.policy.layout)].copy())
         returns = self.batch.step(self._volts, SKIP)
         self.seen.append(returns.obs)
         self._keep(returns.obs, returns.telemetry)
@@ -101,12 +75,6 @@ class Rollout:
     def telemetry(self) -> Array:
         """Telemetry starting with the reset, (steps + 1, N, columns), NaN after the end of an episode; a new array."""
         return np.concatenate(self._rows)
-
-    @property
-    def decision_ms(self) -> float:
-        """Mean CPU time of a decision for one world [ms], without the first control step; 0 if none."""
-        seconds, decisions = (sum(each) for each in zip((0.0, 0), *self._decisions[1:], strict=True))
-        return 1000.0 * seconds / decisions if decisions else 0.0
 
 
 def run(
@@ -133,12 +101,10 @@ def run(
     stride
         For a compiled law, control steps between checks for ended episodes; by default, it runs to the largest limit.
     """
-    episodes = Rollout(batch, seeds, columns)
-    acting = bind(policy, BASELINE, batch.layout)
-    episodes.begin(acting)
+    episodes = Rollout(batch, bind(policy, BASELINE, batch.layout), seeds, columns)
     last = max(limits)
     while episodes.steps < last and not (episodes.ended | (np.array(limits) <= episodes.steps)).all():
-        episodes.advance(acting, stride or last)
+        episodes.advance(stride or last)
     return episodes
 
 
@@ -178,7 +144,7 @@ def record_episode(
     nominal: Machine = BASELINE,
     on_step: Callable[[], object] = lambda: None,
 ) -> Episode:
-    """Return an episode of a policy in a world of its own, decided step by step.
+    """Return an episode of a policy in a world of its own, truncated after ``max_steps`` control steps.
 
     Parameters
     ----------
@@ -186,18 +152,15 @@ def record_episode(
         It gets force sensors only if it asks for them.
     machine, task, seed
         The episode.
-    max_steps
-        Control steps after which it is truncated.
     nominal
         The machine that the policy is bound to.
     on_step
         Called after each control step.
     """
-    episode = Rollout(Batch(machine, task, 1, sensors="force"), [seed])
     acting = bind(policy, nominal, observation_layout(machine, sensors_of(policy)))
-    episode.begin(acting)
+    episode = Rollout(Batch(machine, task, 1, sensors="force"), acting, [seed])
     while episode.steps < max_steps and not episode.ended.all():
-        episode.step(acting)
+        episode.step()
         on_step()
     telemetry: Any = episode.telemetry[:, 0]
     return Episode(telemetry, np.concatenate(episode.seen), telemetry[1:, [*COLUMN.volts]].astype(np.float32))

@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Statistic = Callable[[Array], Array]
 Strata = Sequence[Hashable] | None
-Pair = tuple[Strata, Strata]
 
 RESAMPLES = 2000
 """Bootstrap samples of an interval."""
@@ -65,18 +64,6 @@ def difference_interval(a: ArrayLike, b: ArrayLike, statistic: Statistic = mean,
     return _interval(statistic(a) - statistic(b), statistic(a[chosen]) - statistic(b[chosen]))
 
 
-def unpaired_interval(
-    a: ArrayLike, b: ArrayLike, statistic: Statistic = mean, *, strata: Pair = (None, None)
-) -> Interval:
-    """Return statistic(a) − statistic(b) on different episodes, shapes (N,) and (M,), resampled independently.
-
-    ``strata`` are those of a and those of b.
-    """
-    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    drawn = statistic(a[resample(len(a), strata[0])]) - statistic(b[resample(len(b), strata[1], seed=SEED + 1)])
-    return _interval(statistic(a) - statistic(b), drawn)
-
-
 def probability_of_improvement(a: ArrayLike, b: ArrayLike, *, strata: Strata = None) -> Interval:
     """Return the fraction of episodes where a's error is smaller than b's, shape (N,) each; ties count half."""
     a, b = _paired(a, b)
@@ -99,8 +86,8 @@ def performance_profile(errors: ArrayLike, thresholds: ArrayLike, *, strata: Str
     return Profile(within.mean(axis=-1), *_percentiles(within @ times_drawn.T / len(errors)))
 
 
-def resample(size: int, strata: Strata, resamples: int = RESAMPLES, seed: int = SEED) -> NDArray[np.intp]:
-    """Return bootstrap samples of episode numbers, shape (resamples, size), each drawn within its stratum."""
+def resample(size: int, strata: Strata) -> NDArray[np.intp]:
+    """Return bootstrap samples of episode numbers, shape (RESAMPLES, size), each drawn within its stratum."""
     if size < 1:
         raise ValueError("statistics need at least one episode")
     labels = [None] * size if strata is None else list(strata)
@@ -109,17 +96,17 @@ def resample(size: int, strata: Strata, resamples: int = RESAMPLES, seed: int = 
     places: dict[Hashable, list[int]] = {}
     for place, name in enumerate(labels):
         places.setdefault(name, []).append(place)
-    return _drawn(tuple(tuple(members) for members in places.values()), resamples, seed)
+    return _drawn(tuple(tuple(members) for members in places.values()))
 
 
 @lru_cache(8)
-def _drawn(groups: tuple[tuple[int, ...], ...], resamples: int, seed: int) -> NDArray[np.intp]:
+def _drawn(groups: tuple[tuple[int, ...], ...]) -> NDArray[np.intp]:
     """Return the samples of ``resample`` from the places in each stratum; all scores of a run share them."""
-    generator = np.random.default_rng(seed)
-    chosen = np.empty((resamples, sum(map(len, groups))), np.intp)
+    generator = np.random.default_rng(SEED)
+    chosen = np.empty((RESAMPLES, sum(map(len, groups))), np.intp)
     for members in groups:
         own = np.array(members)
-        chosen[:, own] = own[generator.integers(len(own), size=(resamples, len(own)))]
+        chosen[:, own] = own[generator.integers(len(own), size=(RESAMPLES, len(own)))]
     chosen.flags.writeable = False
     return chosen
 

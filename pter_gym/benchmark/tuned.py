@@ -6,7 +6,7 @@ all others, the search command, and scores on training draws that the search had
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._internal.reading import MOST_TOML, parse_toml, read_text, reading
@@ -76,15 +76,10 @@ def read_table(path: FilePath = TABLE) -> Table:
     with reading(f"tuned gains {path} cannot be read"):
         table = parse_toml(read_text(path, MOST_TOML)) if path.exists() else {}
         for scenario, controllers in table.items():
-            for controller, paces in _table(controllers, scenario).items():
-                if controller not in TUNABLE:
-                    raise ValueError(f"{scenario}: there is no controller with gains called {controller!r}")
-                for pace, entry in _table(paces, f"{scenario}.{controller}").items():
-                    where = f"{scenario}.{controller}.{pace}"
-                    if pace not in PACES:
-                        raise ValueError(f"{where}: there is no pace {pace!r}")
-                    _table(_table(entry, where).get("gains"), f"{where}.gains")
-                    _table(entry.get("defaults", {}), f"{where}.defaults")
+            for controller, paces in controllers.items():
+                for pace, entry in paces.items():
+                    if controller not in TUNABLE or pace not in PACES or not isinstance(entry["gains"], dict):
+                        raise ValueError(f"{scenario}.{controller}.{pace} must hold gains of a controller at a pace")
     return table
 
 
@@ -98,9 +93,3 @@ def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
     """
     with reading(f"tuned gains {path}"):
         return make_guided(name, {**entry.get("defaults", {}), **entry["gains"]})
-
-
-def _table(value: object, where: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise ValueError(f"{where} must be a table")
-    return cast("dict[str, Any]", value)

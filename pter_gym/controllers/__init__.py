@@ -5,9 +5,14 @@ from pter_gym._compiled.records import rows
 from pter_gym._engine.law import MEMORY, Memory
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.controllers._base import BoundPolicy, Controller, Policy, bind
-from pter_gym.controllers._direction import SingleDof, VelocityRatio
-from pter_gym.controllers._guided import Guided, PaceSchedule
-from pter_gym.controllers._impedance import Impedance, TorqueFeedback
+from pter_gym.controllers._guided import (
+    Guided,
+    Impedance,
+    PaceSchedule,
+    SingleDof,
+    TorqueFeedback,
+    VelocityRatio,
+)
 from pter_gym.controllers._simple import Free, Locked, Random
 
 CONTROLLERS: dict[str, type[Controller]] = {

@@ -1,21 +1,19 @@
-"""Policies: once bound to a nominal machine and an observation layout, they act.
+"""Policies: a *controller* has ``bind``; the *bound policy* that it returns turns observations into volts.
 
-A *controller* is anything with ``bind``: a frozen set of gains, a trained network, a planner. A *bound policy* is the
-result: ``reset`` begins new episodes, ``act`` turns observations into volts. ``bind`` also turns a plain
-callable into one.
+A controller is a frozen set of gains, a trained network, or anything else that fits a nominal machine and the layout of
+its observations. ``bind`` also turns a plain callable into a bound policy.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from hashlib import sha256
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym._compiled.compiler import compile_kernel, content_digest
+from pter_gym._compiled.compiler import compile_kernel
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.law import Memory, empty_memory
 from pter_gym._internal.checks import whole_number
@@ -25,24 +23,10 @@ from pter_gym.params import Machine, find_machine
 
 Observations = NDArray[np.float32]
 Volts = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 
 law: Any = built_in
 """The law that the kernel below inlines; ``compile_kernel`` binds this name to another one."""
-
-
-class Plans(NamedTuple):
-    """How a policy plans; such a policy is given the simulated worlds, and counts as privileged.
-
-    Attributes
-    ----------
-    horizon
-        Control steps that a plan covers.
-    rollouts
-        Number of plans simulated for each decision.
-    """
-
-    horizon: int
-    rollouts: int
 
 
 class BoundPolicy(ABC):
@@ -52,59 +36,21 @@ class BoundPolicy(ABC):
     ----------
     layout
         Layout of the observations that it gets.
-    compiled
-        Whether its law runs inside the kernel, where several threads can run it at once.
-    fingerprint
-        SHA-256 of everything that determines what it does, if that is known.
-    plans
-        How it plans, if it does.
     frame_skip
         Control steps for which its actions are held, as in training.
     any_frame_skip
         Whether it may also act at another period, like an untrained law.
+    compiled
+        Whether its law runs inside the kernel, where several threads can run it at once.
     """
 
     layout: Layout
     frame_skip: int = 1
     any_frame_skip: bool = True
     compiled: bool = False
-    plans: Plans | None = None
 
-    @property
-    def fingerprint(self) -> str | None:
-        """None, as the content of a plain callable cannot be determined."""
-        return None
-
-    def reset(self) -> None:  # noqa: B027
-        """Reset the memory: new episodes begin."""
-
-    def reset_in(self, batch: Any) -> None:  # noqa: ARG002
-        """Forget the past: new episodes begin in these worlds, a ``pter_gym._engine.batch.Batch``.
-
-        Only a policy with ``plans`` is given them.
-        """
-        self.reset()
-
-    def forget(self, worlds: NDArray[np.bool_]) -> None:
-        """Forget the past of some worlds, (N,): new episodes begin in them, and go on in the others.
-
-        A policy with a ``reset`` of its own has to implement this. By default, it can only forget all worlds at once.
-
-        Raises
-        ------
-        ParameterError
-            If it would have to forget some worlds and remember others.
-        """
-        if worlds.all():
-            self.reset()
-        elif type(self).reset is not BoundPolicy.reset:
-            raise self._cannot_forget()
-
-    def _cannot_forget(self) -> ParameterError:
-        return ParameterError(
-            "policy must have a method forget(worlds), with a bool for each world, where episodes begin at different "
-            "times; it has reset alone, which forgets all worlds at once"
-        )
+    def reset(self, worlds: Mask | None = None) -> None:  # noqa: B027
+        """Begin new episodes in these worlds, a bool array (N,), or in all by default."""
 
     @abstractmethod
     def act(self, observations: Observations) -> Any:
@@ -143,13 +89,13 @@ class Controller(Protocol):
         """Return the policy for a nominal machine and the layout of the observations that it will get.
 
         It is a ``BoundPolicy``, or any callable that takes observations, float32 (N, entries), and returns volts,
-        (N, 4). Where it is a ``Policy``, its law runs compiled.
+        (N, 4). The law of a ``Policy`` runs compiled.
         """
         ...
 
 
 class PlainPolicy(BoundPolicy):
-    """A callable from observations to volts as a policy, with its ``reset``, ``forget`` and ``frame_skip`` if any."""
+    """A callable from observations to volts as a policy, with its ``reset(worlds=None)`` and ``frame_skip`` if any."""
 
     def __init__(self, function: Callable[[Observations], Any], layout: Layout) -> None:
         self.layout = layout
@@ -157,21 +103,11 @@ class PlainPolicy(BoundPolicy):
         self.any_frame_skip = not hasattr(function, "frame_skip")
         self._function = function
 
-    def reset(self) -> None:
-        """Tell the callable that new episodes begin."""
+    def reset(self, worlds: Mask | None = None) -> None:
+        """Call the function's ``reset``, without an argument where episodes begin in all worlds."""
         reset = getattr(self._function, "reset", None)
         if callable(reset):
-            reset()
-
-    def forget(self, worlds: NDArray[np.bool_]) -> None:
-        """Tell the callable that new episodes begin in some worlds, (N,)."""
-        forget = getattr(self._function, "forget", None)
-        if callable(forget):
-            forget(worlds)
-        elif worlds.all():
-            self.reset()
-        elif callable(getattr(self._function, "reset", None)):
-            raise self._cannot_forget()
+            reset() if worlds is None or worlds.all() else reset(worlds)
 
     def act(self, observations: Observations) -> Any:
         """Return the callable's voltages."""
@@ -207,7 +143,7 @@ def bind(
 
 @dataclass(eq=False)
 class Policy(BoundPolicy):
-    """A control law that is ready to act: ``policy(observation) -> volts``.
+    """A compiled control law that is ready to act: ``policy(observation) -> volts``.
 
     Attributes
     ----------
@@ -234,20 +170,12 @@ class Policy(BoundPolicy):
         self._scales = self.layout.scales
         self.reset()
 
-    @property
-    def fingerprint(self) -> str | None:
-        """SHA-256 of gains and law (the package's laws by name); None if the law reads something without a digest."""
-        digest = content_digest(self.law)
-        return digest and sha256(self.gains.tobytes() + digest.encode()).hexdigest()
-
-    def reset(self) -> None:
-        """Forget the past of all worlds."""
-        self._memory = self.empty_memory(0)
-
-    def forget(self, worlds: NDArray[np.bool_]) -> None:
-        """Forget the past of some worlds, (N,)."""
-        if len(self._memory) == len(worlds):
-            self._memory[worlds] = self.empty_memory(int(worlds.sum()))
+    def reset(self, worlds: Mask | None = None) -> None:
+        """Begin new episodes in these worlds, (N,), or in all by default."""
+        if worlds is None:
+            self._memory = self.empty_memory(0)
+        elif len(worlds) == len(self._memory):
+            self._memory[worlds] = self.empty_memory(len(worlds))[worlds]
 
     def act(self, observations: Observations) -> Volts:
         """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries), contiguous."""

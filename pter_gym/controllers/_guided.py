@@ -1,4 +1,10 @@
-"""Common parts of guiding controllers: a damper along the path, a torque table, and gains that may follow the pace."""
+"""Guiding controllers: a damper along the path, a torque table, and gains that may follow the pace.
+
+``Impedance`` and ``TorqueFeedback`` are the paper's (sections III-A and IV-B.3, Fig. 6). ``SingleDof`` and
+``VelocityRatio`` follow later work on PTER in their ideas: Swanson and Book, "Path-following control for dissipative
+passive haptic displays", Symposium on Haptic Interfaces 2003, and Swanson's dissertation, Georgia Institute of
+Technology 2003. Their laws and gains are chosen here; none of those works' results is reproduced.
+"""
 
 from dataclasses import dataclass, fields
 from itertools import pairwise
@@ -7,7 +13,7 @@ from typing import Any, ClassVar, cast
 from pter_gym._compiled.layout import Layout
 from pter_gym.controllers._base import Policy
 from pter_gym.controllers._gains import Gains, gains_array
-from pter_gym.controllers._laws import built_in, guide_declared
+from pter_gym.controllers._laws import IMPEDANCE, SINGLE_DOF, VELOCITY_RATIO, built_in, guide_declared
 from pter_gym.errors import ParameterError
 from pter_gym.params import (
     Machine,
@@ -84,6 +90,77 @@ class Guided:
         return bind_rows(self, [(1.0, self.gains())], machine, layout)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Impedance(Guided):
+    """Spring and damper normal to the path, damper along it; allocation; piecewise-linear torque table."""
+
+    kind = IMPEDANCE
+
+    stiffness: float = preset("controller", "stiffness")
+    damping_normal: float = preset("controller", "damping_normal")
+    tip_space: bool = quantity("1", "chosen: allocate for tip force, not joint torque", default=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueFeedback(Impedance):
+    """The impedance controller with a proportional torque loop around each clutch (Fig. 6)."""
+
+    feedback: float = preset("controller", "feedback")
+    hold_when_stuck: bool = quantity("1", "chosen: leave the loop out where it has no effect", default=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steering(Guided):
+    """A damper along the path for the pace, and a law that turns the tip's velocity u·t towards a desired direction.
+
+    With the distance e from the path, its tangent t, normal n and curvature κ, and the speed v along it, the desired
+    direction is t + (lead·κ·v − approach·e)·n. The torque loop is that of ``TorqueFeedback``.
+    """
+
+    approach: float = quantity("1/m", "chosen: this inverse distance turns the tip back by 45 degrees", default=8.0)
+    strength: float = quantity(
+        "N·m", "chosen: torque against a velocity at right angles to the wanted direction", default=40.0
+    )
+    slow: float = quantity("m/s or rad/s", "chosen: a slower tip is turned less, in proportion to its speed")
+    lead: float = quantity("s", "chosen: the wanted direction is turned so much ahead of the path", default=0.0)
+    feedback: float = quantity("V/(N·m)", "chosen: gain of the torque loop", default=0.0)
+    hold_when_stuck: bool = quantity("1", "chosen: leave the torque loop out where it has no effect", default=False)
+
+    ranges = Guided.ranges | {"slow": {"above": 0.0}, "reluctance": {"at_least": 0.0, "below": 1.0}}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SingleDof(Steering):
+    """Single-DOF lines: engage the clutch whose line of motion is closest to the desired direction.
+
+    While one clutch is stuck, the tip has a single degree of freedom, along a line that the pose and the clutch
+    determine. Some clutches turn the tip's velocity towards the desired direction, by the nominal mass matrix. Of these
+    the law engages the clutch with the largest cos² of the angle between its line and that direction. Its torque is
+    ``strength·|sin δ|`` with the angle δ between velocity and desired direction, and adds to what the damper along the
+    path asks of it. ``reluctance`` is added to the cos² of the clutch engaged last, against chatter.
+    """
+
+    kind = SINGLE_DOF
+
+    slow: float = quantity("m/s", "chosen: a slower tip is turned less, in proportion to its speed", default=0.05)
+    reluctance: float = quantity("1", "chosen: advantage of the clutch engaged last", default=0.05)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VelocityRatio(Steering):
+    """Velocity ratio: couple the axes so that the ratio of their velocities moves the tip in the desired direction.
+
+    J⁻¹ turns the desired direction into a ratio of joint velocities. A joint torque normal to it, strength·sin δ with
+    the angle δ between joint velocity and desired ratio, turns the joint velocity there; together with the damper along
+    the path it goes through the allocation of the paper's controller.
+    """
+
+    kind = VELOCITY_RATIO
+
+    slow: float = quantity("rad/s", "chosen: a slower arm is turned less, in proportion to its speed", default=0.1)
+    tip_space: bool = quantity("1", "chosen: allocate for tip force, not joint torque", default=False)
+
+
 @dataclass(frozen=True)
 class PaceSchedule:
     """One controller for all paces: gains piecewise linear in the commanded pace, between those of its knots.
@@ -135,17 +212,17 @@ class PaceSchedule:
 
 
 def _are_knots(knots: Any) -> bool:
-    """Tell whether something is a tuple of pairs of a finite pace > 0 and a guiding controller."""
+    """Return whether this is a tuple of pairs of a finite pace > 0 and a guiding controller."""
     given = cast("tuple[Any, ...]", knots) if isinstance(knots, tuple) else ()
-    return len(given) > 0 and all(_is_knot(knot) for knot in given)
+    return len(given) > 0 and all(map(_is_knot, given))
 
 
 def _is_knot(knot: Any) -> bool:
-    """Tell whether something is a pair of a finite pace > 0 and a guiding controller."""
-    pair = cast("tuple[Any, ...]", knot) if isinstance(knot, tuple) else ()
-    if len(pair) != 2 or not isinstance(pair[0], (int, float)):
-        return False
-    return 0.0 < pair[0] < float("inf") and isinstance(pair[1], Guided)
+    match knot:
+        case (int() | float() as pace, Guided()):
+            return 0.0 < pace < float("inf")
+        case _:
+            return False
 
 
 def bind_rows(first: Guided, rows: list[tuple[float, Gains]], machine: Machine, layout: Layout) -> Policy:

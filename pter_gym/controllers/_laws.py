@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pter_gym._compiled.compiler import device
+from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import read
 from pter_gym._engine.law import MEMORY
@@ -19,6 +19,7 @@ from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between, slip_velocities
 from pter_gym.controllers._allocation import allocate, passive_high, passive_low
 from pter_gym.controllers._gains import NOMINAL, OWN, Gains, Nominal, clutch_voltage, read_gains
+from pter_gym.controllers._network import HEADER, HEADER_WIDTH, NETWORK, decide
 from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
 from pter_gym.tasks.path_following._observation import SEEN
 
@@ -31,10 +32,10 @@ VELOCITY_RATIO = 5.0
 BRAKE_LIMIT = 200.0
 """Largest magnitude of the force along the path that the pace's integral comes to [N]."""
 
-BEGINNING = 0.02
+START_PROGRESS = 0.02
 """Part of the path within which an episode begins; a tip that is back there from twice as far has begun another."""
 
-MANY = 1e6
+JOINED_MIDWAY = 1e6
 """Control steps that no episode has."""
 
 _RANDOM_STREAM = np.uint64(0x52414E444F4D)
@@ -47,7 +48,7 @@ def physical(obs: Any, scales: Any, at: float) -> float:
 
 
 @device
-def see_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
+def observed_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
     """Return the tip as estimated from the observation and the nominal machine."""
     m11, m22, m12 = nominal.inertia_a, nominal.inertia_b, nominal.coupling
     arm = Linkage(nominal.length_a, nominal.length_b, m11, m22, m12, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0)
@@ -96,15 +97,15 @@ def wanted_force(g: Gains, tip: Tip, pace: float, integral: float) -> tuple[floa
 def steps_before(obs: Any, memory: Any) -> float:
     """Return the number of earlier control steps in the episode, and count this one.
 
-    An episode begins when a tip that was under way is back at the start, whether or not the policy was told; the memory
-    of the previous episode is then cleared. An episode that the law joins midway counts as having had ``MANY``.
+    An episode begins when a tip that was under way is back at the start, even without a reset of the policy; the memory
+    of the previous episode is then cleared. An episode that the law joins midway has had ``JOINED_MIDWAY`` steps.
     """
     progress = float(obs[SEEN.progress])
-    if (progress < BEGINNING) & (memory[MEMORY.progress] >= 2.0 * BEGINNING):
+    if (progress < START_PROGRESS) & (memory[MEMORY.progress] >= 2.0 * START_PROGRESS):
         memory[MEMORY.kept] = 0.0
         memory[MEMORY.brake] = 0.0
         memory[MEMORY.steps] = 0.0
-    before = MANY if (memory[MEMORY.steps] == 0.0) & (progress >= BEGINNING) else memory[MEMORY.steps]
+    before = JOINED_MIDWAY if (memory[MEMORY.steps] == 0.0) & (progress >= START_PROGRESS) else memory[MEMORY.steps]
     memory[MEMORY.steps] = before + 1.0
     memory[MEMORY.progress] = progress
     return before
@@ -142,7 +143,7 @@ def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, own: Own) -> PerClu
     pace = physical(obs, scales, SEEN.pace)
     nominal = read(gains, NOMINAL, 0)
     g = read_gains(gains, pace)
-    tip = see_tip(obs, scales, nominal)
+    tip = observed_tip(obs, scales, nominal)
     gripping = g.grip - steps_before(obs, memory) >= 0.5
     integral = 0.0 if gripping else pace_integral(g, tip, pace, memory)
     force_x, force_y = wanted_force(g, tip, pace, integral)
@@ -226,9 +227,38 @@ def random_volts(gains: Any, memory: Any) -> PerClutch:
     return PerClutch(gains[2] * u1, gains[3] * u2, gains[4] * u3, gains[5] * u4)
 
 
+@outlined
+def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Return the voltages of a trained network, which may correct a guiding law for the paper's clutches."""
+    count = int(gains[HEADER.base])
+    base = middle(gains)
+    if count > 0:
+        base = guide(obs, scales, gains[HEADER_WIDTH : HEADER_WIDTH + count], memory)
+    return decide(obs, scales, gains, memory, base)
+
+
+@device
+def network_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
+    """Return the voltages of a trained network, which may correct a guiding law for other clutches."""
+    count = int(gains[HEADER.base])
+    base = middle(gains)
+    if count > 0:
+        base = guide_declared(obs, scales, gains[HEADER_WIDTH : HEADER_WIDTH + count], memory)
+    return decide(obs, scales, gains, memory, base)
+
+
+@device
+def middle(gains: Any) -> PerClutch:
+    """Return the voltages [V] that a network without a base controller corrects: the middle of the range."""
+    half = 0.5 * gains[HEADER.voltage_max]
+    return PerClutch(half, half, half, half)
+
+
 @device
 def built_in(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of the built-in law that the first gain names."""
+    if gains[0] == NETWORK:
+        return network(obs, scales, gains, memory)
     if gains[0] >= IMPEDANCE:
         return guide(obs, scales, gains, memory)
     if gains[0] == RANDOM:

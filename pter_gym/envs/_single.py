@@ -1,29 +1,22 @@
 """The Gymnasium environment: a batch of one world."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import Any, Literal, Unpack, cast
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 
-from pter_gym._compiled.layout import Layout
-from pter_gym._engine.batch import ActionUnit, Batch
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.plugins import load_artist
+from pter_gym.envs._shared import Arguments, Worlds, make_batch
 from pter_gym.errors import ParameterError
-from pter_gym.params import Machine, find_machine
-from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing, Sensors
-from pter_gym.tasks.path_following._observation import BOUND
-
-if TYPE_CHECKING:
-    from pter_gym.scenarios.randomisation import Mixture, Randomisation
+from pter_gym.params import Machine
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
 
 RenderMode = Literal["human", "rgb_array"]
 
 
-class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A hand pushes a passive planar arm along a path; four friction clutches keep it there.
 
     ## Description
@@ -115,46 +108,21 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def __init__(
         self,
-        machine: Machine | str | None = "baseline",
-        task: PathFollowing | None = None,
-        sensors: Sensors = "torque",
-        action_unit: ActionUnit = "volt",
-        randomisation: "Randomisation | Mixture | None" = None,
-        observe_context: bool = False,
-        frame_skip: int = 1,
+        *,
         render_mode: RenderMode | None = None,
         width: int = 840,
         height: int = 600,
+        **arguments: Unpack[Arguments],
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ParameterError(f"render_mode must be one of human, rgb_array or None, got {render_mode!r}")
-        machines, tasks = find_pairs(machine, task, randomisation)
-        self.batch = Batch(
-            machines,
-            tasks,
-            1,
-            draws=randomisation is not None,
-            sensors=sensors,
-            action_unit=action_unit,
-            observe_context=observe_context,
-            frame_skip=frame_skip,
-        )
-        self.metadata = {**self.metadata, "render_fps": frames_per_second(self.batch)}
+        self.batch = make_batch(1, {}, **arguments)
+        self.metadata = {**self.metadata, "render_fps": self._frames_per_second()}
         self.render_mode = render_mode
-        self.action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
-        self.observation_space = spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32)
+        self.observation_space, self.action_space = self._spaces()
+        self._seeded_by: np.random.Generator | None = None
         self._viewer: Any = None if render_mode is None else self._make_viewer(width, height)
         self._rows: list[NDArray[np.float64]] = []
-
-    @property
-    def frame_skip(self) -> int:
-        """Control steps for which an action is held."""
-        return self.batch.frame_skip
-
-    @property
-    def observation_layout(self) -> Layout:
-        """Names, units and scales of the observation's entries."""
-        return self.batch.layout
 
     @property
     def machine(self) -> Machine:
@@ -166,20 +134,30 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """The task of the current episode."""
         return self.batch.pairs[self.batch.context[0]][1]
 
-    @property
-    def telemetry_layout(self) -> Layout:
-        """Names and units of the entries of ``info["telemetry"]``."""
-        return TELEMETRY
-
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start a new episode; without a seed, the next one of the current seed. There are no options."""
+        """Start a new episode; without a seed, the next one of the current seed. There are no options.
+
+        A generator that was assigned to ``np_random`` gives the seed of the next episode, ``np_random_seed``.
+
+        Raises
+        ------
+        ParameterError
+            If the seed is not a whole number within [0, 2⁶⁴), or there are options.
+        """
         if options or not isinstance(cast("object", options), dict | None):
             raise ParameterError(f"options must be empty, got {options!r:.200}")
-        seed = None if seed is None else whole_number("seed", seed, at_least=0)
-        obs, telemetry = self.batch.reset([seed])
-        super().reset(seed=seed)
+        if seed is not None:
+            seed = whole_number("seed", seed, at_least=0)
+            obs, telemetry = self.batch.reset([seed])
+            super().reset(seed=seed)
+        elif self._np_random is None or self._np_random is not self._seeded_by:
+            self._np_random_seed = int(self.np_random.integers(2**63))
+            obs, telemetry = self.batch.reset([self._np_random_seed])
+        else:
+            obs, telemetry = self.batch.reset([None])
+        self._seeded_by = self._np_random
         if self._viewer is not None:
             self._rows = []
             if len(self.batch.pairs) > 1:
@@ -230,41 +208,3 @@ class PathFollowingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def _draw(self) -> NDArray[np.uint8] | None:
         rows: Any = np.array(self._rows)
         return self._viewer.draw(rows[-1], rows[:, [*COLUMN.tip]])
-
-
-def frames_per_second(batch: Batch) -> int:
-    """Return how many steps of an environment make a second, at least 1."""
-    return max(1, round(1.0 / (batch.frame_skip * batch.task.control_period)))
-
-
-def find_pairs(
-    machine: Machine | str | Sequence[Machine | str] | None,
-    task: PathFollowing | Sequence[PathFollowing] | None,
-    randomisation: "Randomisation | Mixture | None",
-) -> tuple[Machine | list[Machine], PathFollowing | Sequence[PathFollowing]]:
-    """Return machines and tasks as a ``Batch`` takes them, from the arguments of an environment.
-
-    Raises
-    ------
-    ParameterError
-        If a randomisation is given together with a task or another machine than the default, or a name is unknown.
-    """
-    if randomisation is not None:
-        if task is not None or machine not in (None, "baseline"):
-            raise ParameterError("task and machine must not be given with a randomisation, which brings both")
-        machines, tasks = zip(*randomisation.pairs(), strict=True)
-        return list(machines), tasks
-    goal = PathFollowing() if task is None else check_tasks(task)
-    if isinstance(machine, Sequence) and not isinstance(machine, str):
-        return [find_machine(each) for each in machine], goal
-    return find_machine(machine), goal
-
-
-def check_tasks(task: PathFollowing | Sequence[PathFollowing]) -> PathFollowing | Sequence[PathFollowing]:
-    """Return a task or tasks as they were given, or raise a ParameterError that names what is not a task."""
-    given: object = task
-    many = isinstance(given, Sequence) and not isinstance(given, str)
-    for each in cast(Sequence[object], given) if many else [given]:
-        if not isinstance(each, PathFollowing):
-            raise ParameterError(f"task must be a PathFollowing, or for many worlds a sequence of them, got {each!r}")
-    return task

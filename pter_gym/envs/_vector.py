@@ -1,33 +1,24 @@
 """The native vector environment: many worlds in one compiled call, with Gymnasium's semantics."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import Any, Literal, Unpack, cast
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from pter_gym._compiled.layout import Layout
 from pter_gym._engine import world
-from pter_gym._engine.batch import ActionUnit, Array, Batch, Observations, Returns
+from pter_gym._engine.batch import Array, Observations, Returns
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.computer import available_cores, available_memory
 from pter_gym._internal.plugins import load_artist
-from pter_gym.envs._single import find_pairs, frames_per_second
-from pter_gym.errors import ParameterError, needs_extra
-from pter_gym.params import Machine
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
-from pter_gym.tasks.path_following._observation import BOUND
+from pter_gym.envs._shared import Arguments, Worlds, make_batch
+from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following._telemetry import COLUMNS
 
-if TYPE_CHECKING:
-    from pter_gym.scenarios.randomisation import Mixture, Randomisation
-
 Mask = NDArray[np.bool_]
-Device = Literal["cpu", "cuda"]
 
 _ENDED = {
     AutoresetMode.NEXT_STEP: world.NEXT_STEP,
@@ -36,7 +27,7 @@ _ENDED = {
 }
 
 
-class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
+class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
     """N worlds of ``PathFollowingEnv`` in one compiled call.
 
     A world with seed s goes through the same episodes, bit for bit, as a single environment that is reset with seed s,
@@ -47,10 +38,6 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
     ----------
     num_envs
         N.
-    machine, task
-        One for all worlds, or a sequence with one for each; see ``PathFollowingEnv``.
-    sensors, action_unit, randomisation, observe_context, frame_skip
-        See ``PathFollowingEnv``.
     autoreset_mode
         When a world whose episode has ended is reset; an ``AutoresetMode`` or its value.
     max_episode_steps
@@ -64,6 +51,9 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         Size of the picture of one world [px].
     num_threads
         Threads for large batches; by default one per core that this process may use. Results do not depend on it.
+    **arguments
+        ``machine`` and ``task``, one for all worlds or a sequence with one for each; ``sensors``, ``action_unit``,
+        ``randomisation``, ``observe_context`` and ``frame_skip``: see ``PathFollowingEnv``.
 
     Raises
     ------
@@ -71,19 +61,10 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         If an argument is out of range, or the worlds would not fit into the memory of this machine.
     """
 
-    device: Device = "cpu"
-    """Where the worlds are."""
-
     def __init__(
         self,
         num_envs: int = 1,
-        machine: Machine | str | Sequence[Machine | str] | None = "baseline",
-        task: PathFollowing | Sequence[PathFollowing] | None = None,
-        sensors: Sensors = "torque",
-        action_unit: ActionUnit = "volt",
-        randomisation: "Randomisation | Mixture | None" = None,
-        observe_context: bool = False,
-        frame_skip: int = 1,
+        *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = 1000,
         telemetry: bool = True,
@@ -91,6 +72,7 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         render_mode: Literal["rgb_array"] | None = None,
         width: int = 320,
         height: int = 240,
+        **arguments: Unpack[Arguments],
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ParameterError(f"render_mode must be rgb_array or None, got {render_mode!r}")
@@ -99,47 +81,24 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         self.num_envs = whole_number("num_envs", num_envs)
         self.max_episode_steps = max_episode_steps
         check_memory(self.num_envs, telemetry)
-        self.batch = Batch(
-            *find_pairs(machine, task, randomisation),
-            self.num_envs,
-            draws=randomisation is not None,
-            sensors=sensors,
-            action_unit=action_unit,
-            observe_context=observe_context,
-            frame_skip=frame_skip,
-            max_steps=None
-            if max_episode_steps is None
-            else whole_number("frame_skip", frame_skip) * whole_number("max_episode_steps", max_episode_steps),
-            telemetry=telemetry or render_mode is not None,
-            num_threads=available_cores() if num_threads is None else whole_number("num_threads", num_threads),
-        )
+        limit = None
+        if max_episode_steps is not None:
+            held = whole_number("frame_skip", arguments.get("frame_skip", 1))
+            limit = held * whole_number("max_episode_steps", max_episode_steps)
+        threads = available_cores() if num_threads is None else whole_number("num_threads", num_threads)
+        engine = {"max_steps": limit, "telemetry": telemetry or render_mode is not None, "num_threads": threads}
+        self.batch = make_batch(self.num_envs, engine, **arguments)
         self.metadata = {
             "render_modes": ["rgb_array"],
-            "render_fps": frames_per_second(self.batch),
+            "render_fps": self._frames_per_second(),
             "autoreset_mode": self.autoreset_mode,
         }
-        self._viewer = self._make_viewer(width, height) if render_mode else None
+        self._viewer = load_artist("worlds")(self.batch.pairs, num_envs, width, height) if render_mode else None
         self._ended = _ENDED[self.autoreset_mode]
         self._records = telemetry
-        self.single_action_space = spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32)
-        self.single_observation_space = spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32)
+        self.single_observation_space, self.single_action_space = self._spaces()
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-
-    @property
-    def frame_skip(self) -> int:
-        """Control steps for which an action is held."""
-        return self.batch.frame_skip
-
-    @property
-    def observation_layout(self) -> Layout:
-        """Names, units and scales of the observation's entries."""
-        return self.batch.layout
-
-    @property
-    def telemetry_layout(self) -> Layout:
-        """Names and units of the entries of ``infos["telemetry"]``."""
-        return TELEMETRY
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -208,10 +167,6 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         """Restore a state from ``get_state`` of an environment with as many worlds."""
         self.batch.set_state(state)
 
-    def _make_viewer(self, width: int, height: int) -> Any:
-        """Return the viewer; only this loads drawing code."""
-        return load_artist("worlds")(self.batch.pairs, self.num_envs, width, height)
-
     def _infos(self, mask: Mask, telemetry: Array, success: Mask) -> dict[str, Any]:
         infos: dict[str, Any] = {"is_success": success, "_is_success": mask}
         if self._records:
@@ -260,36 +215,6 @@ class PathFollowingVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArra
         if not mask.any():
             raise ParameterError("options['reset_mask'] must choose at least one world")
         return np.array(mask, np.bool_)
-
-
-def make_vector_env(num_envs: int = 1, *, device: Device = "cpu", **keywords: Any) -> PathFollowingVectorEnv:
-    """Return the vector environment on a device; the entry point of ``gymnasium.make_vec``.
-
-    Parameters
-    ----------
-    num_envs
-        N.
-    device
-        ``"cpu"`` or ``"cuda"``.
-    **keywords
-        Of ``PathFollowingVectorEnv``.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such device.
-    DependencyError
-        If the CUDA device or what it needs is missing.
-    """
-    if device == "cpu":
-        return PathFollowingVectorEnv(num_envs, **keywords)
-    if device != "cuda":
-        raise ParameterError(f"device must be cpu or cuda, got {device!r}")
-    try:
-        from pter_gym.envs._cuda import CudaPathFollowingVectorEnv
-    except ImportError as error:
-        raise needs_extra('device="cuda"', "gpu") from error
-    return CudaPathFollowingVectorEnv(num_envs, **keywords)
 
 
 def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:

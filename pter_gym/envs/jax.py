@@ -81,10 +81,7 @@ class JaxEnv:
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
         if jax.default_backend() != "cpu":
-            raise ParameterError(
-                f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu; on a GPU, "
-                "gymnasium.make_vec(…, device='cuda') steps worlds for torch"
-            )
+            raise ParameterError(f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu")
         step = STEP if env.batch.machine.has_paper_clutches else DECLARED_STEP
         register_calls(step)
         self._step = _stepping(step)
@@ -99,7 +96,7 @@ class JaxEnv:
     def from_id(cls, env_id: str, keywords: dict[str, Any], **own: Any) -> Self:
         """Return the environment of an id and arguments as ``make`` takes them, and those of this class alone."""
         fixed: dict[str, Any] = {"autoreset_mode": "SAME_STEP", "telemetry": False, "num_threads": 1, "num_envs": 1}
-        for name in (*fixed, "render_mode", "device"):
+        for name in (*fixed, "render_mode"):
             if name in keywords:
                 raise ParameterError(f"{name} must not be given: JAX has its own way")
         if not env_id.startswith("PTER/"):
@@ -209,20 +206,32 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
 def _many(run: Any) -> Any:
     """Return a function of many worlds whose ``vmap`` is the same function of more of them.
 
-    Its arguments are a tuple of arrays that worlds have of their own, in their first axis, and what they share.
+    Its arguments are a tuple of arrays that worlds have of their own, in their first axis, and what they share. A
+    branch of ``lax.cond`` maps that too, in equal rows; where rows differ, observations and rewards are NaN.
     """
     call = custom_vmap(run)
 
     @call.def_vmap
     def _(size: int, mapped: Any, own: Any, shared: Any) -> Any:
-        if any(mapped[1]):
-            raise ParameterError("params must not be mapped: all worlds of one call share them")
+        repeated = jax.tree.map(_with_axis, shared, mapped[1])
+        shared = jax.tree.map(_first, repeated)
+        same = jnp.array([(x == x[:1]).all() for x in jax.tree.leaves(repeated)]).all()
         each = zip(own, mapped[0], strict=True)
         spread = [x if has_axis else jnp.broadcast_to(x, (size, *x.shape)) for x, has_axis in each]
         found = call(tuple(x.reshape(-1, *x.shape[2:]) for x in spread), shared)
+        if any(jax.tree.leaves(mapped[1])):
+            found = [jnp.where(same, x, jnp.nan) if x.dtype == jnp.float32 else x for x in found]
         return tuple(x.reshape(size, -1, *x.shape[1:]) for x in found), (True,) * len(found)
 
     return call
+
+
+def _with_axis(x: jax.Array, has_axis: bool) -> jax.Array:
+    return x if has_axis else x[None]
+
+
+def _first(x: jax.Array) -> jax.Array:
+    return x[0]
 
 
 def _one(call: Any, own: Any, shared: EnvParams) -> Any:

@@ -1,12 +1,13 @@
 """Environments of the scenarios: ``PTER/PathFollowing-v0`` on a scenario's training draws."""
 
+from functools import lru_cache
 from typing import Any
 
 from pter_gym._internal.checks import whole_number
 from pter_gym.envs._single import PathFollowingEnv
-from pter_gym.envs._vector import make_vector_env
+from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.scenarios import find_scenario
+from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.scenarios._own_machine import AnyMachine
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import STARTS, RewardWeights, Starts
@@ -69,12 +70,17 @@ def training_draws(
         "truncation_error": truncation_error,
         "starts": STARTS[starts] if isinstance(starts, str) else starts,
     }
-    return find_scenario(scenario, machine).randomisation(
-        pace,
-        contexts=contexts,
-        seed=whole_number("context_seed", context_seed, at_least=0),
-        **{name: value for name, value in stated.items() if value is not None},
-    )
+    given = {name: value for name, value in stated.items() if value is not None}
+    seed = whole_number("context_seed", context_seed, at_least=0)
+    found = find_scenario(scenario, machine)
+    try:
+        return _randomisation(found, pace, contexts=contexts, seed=seed, **given)
+    except TypeError:  # a value that has no hash and is of a wrong type
+        return found.randomisation(pace, contexts=contexts, seed=seed, **given)
+
+
+_randomisation = lru_cache(maxsize=32)(Scenario.randomisation)
+"""The training draws, the same object for the same arguments, so that its pairs are drawn once."""
 
 
 def make_env(scenario: str, **keywords: Any) -> PathFollowingEnv:
@@ -87,10 +93,10 @@ def make_env(scenario: str, **keywords: Any) -> PathFollowingEnv:
     return PathFollowingEnv(randomisation=drawn, **rest)
 
 
-def make_vec(num_envs: int = 1, *, scenario: str, **keywords: Any) -> Any:
-    """Return many worlds of a scenario; see ``make_env`` and ``pter_gym.envs._vector.make_vector_env``."""
+def make_vec(num_envs: int = 1, *, scenario: str, **keywords: Any) -> PathFollowingVectorEnv:
+    """Return many worlds of a scenario; see ``make_env`` and ``PathFollowingVectorEnv``."""
     drawn, rest = _split(scenario, keywords)
-    return make_vector_env(num_envs, randomisation=drawn, **rest)
+    return PathFollowingVectorEnv(num_envs, randomisation=drawn, **rest)
 
 
 def _split(scenario: str, keywords: dict[str, Any]) -> tuple[Randomisation, dict[str, Any]]:
@@ -105,3 +111,6 @@ def _split(scenario: str, keywords: dict[str, Any]) -> tuple[Randomisation, dict
     drawn = training_draws(scenario, **{name: keywords[name] for name in known})
     rest = {name: value for name, value in keywords.items() if name not in known}
     return drawn, {"action_unit": "normalised", "frame_skip": FRAME_SKIP, **rest}
+
+
+make_env.metadata = PathFollowingEnv.metadata  # pyright: ignore[reportFunctionMemberAccess]  # for rgb_array_list

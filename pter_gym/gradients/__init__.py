@@ -6,11 +6,16 @@ with respect to voltages, forces, the initial state and the machine. ``pter_gym.
 
 from typing import TYPE_CHECKING
 
-from pter_gym._internal.lazy import lazy_names
+import lazy_loader
 
 if TYPE_CHECKING:
     from pter_gym.gradients._rollout import Gradient, Rollout, rollout
 
 __all__ = ["Gradient", "Rollout", "rollout"]
 
-__getattr__, __dir__ = lazy_names(__name__, {"pter_gym.gradients._rollout": ("Gradient", "Rollout", "rollout")})
+__getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
+    __name__,
+    submod_attrs={
+        "_rollout": ["Gradient", "Rollout", "rollout"],
+    },
+)

@@ -263,7 +263,7 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
 
 @device
 def lags(body: Any) -> bool:
-    """Tell whether it is the voltage that lags, so what clutches tend to changes within a control step."""
+    """Return whether it is the voltage that lags, so what clutches tend to changes within a control step."""
     return body[BODY.machine.voltage_decay, 0] != 0.0
 
 

@@ -73,8 +73,8 @@ def _adjoint(lag: str, clutches: int) -> Any:
 
 def copied(value: Any, place: str, number: Any) -> Any:
     """Return a machine, or a part of it, with other numbers: ``number(place, value)``."""
-    if isinstance(value, float):
-        return number(place, value)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return number(place, float(value))
     if not is_dataclass(value):
         return value
     inner = {item.name: getattr(value, item.name) for item in fields(value)}

@@ -10,14 +10,22 @@ from typing import Any, Literal, NamedTuple, cast, get_args
 import numpy as np
 
 from pter_gym._compiled.records import flat, load, store
-from pter_gym._engine.episode import judge_step, locate
-from pter_gym._engine.sensing import observe_world
-from pter_gym._engine.step import clipped, drift_torques, given_volts, move_hand, push_tip, take_command
+from pter_gym._engine.step import (
+    clipped,
+    drift_torques,
+    given_volts,
+    judge_step,
+    locate,
+    move_hand,
+    observe_world,
+    push_tip,
+    take_command,
+)
 from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANT_ROWS, FLAG, ROW, STORED_ROWS, Config
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym.envs import jax as door
 from pter_gym.errors import ParameterError, unknown_name
-from pter_gym.gradients._tracing import Column, branchless
+from pter_gym.gradients._branchless import Column, branchless
 from pter_gym.gradients.jax import MEANING, custom_vmap, floats_of, jax, jnp, lax, rolling
 from pter_gym.paths._projection import foot_on, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND

@@ -27,9 +27,9 @@ from pter_gym._compiled.records import flat
 from pter_gym._physics.model import arrangement_of, model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, State
 from pter_gym.gradients._adjoint import FIRST, LAST, kernels
+from pter_gym.gradients._branchless import branchless
 from pter_gym.gradients._machine import copied, divided, numbers_of
 from pter_gym.gradients._rollout import STATE, UNITS
-from pter_gym.gradients._tracing import branchless
 from pter_gym.params import Machine
 
 jnp: Any = _numpy

@@ -19,7 +19,7 @@ from pter_gym._physics.arm import UnitVector
 from pter_gym.errors import ParameterError
 from pter_gym.hands._model import NO_FORCE, SINES, HandModel, PerSine, Sines
 from pter_gym.params import Hand, preset, quantity, require, require_flag, require_kind, require_number, require_numbers
-from pter_gym.params._preset import PRESET
+from pter_gym.params._fields import SHIPPED
 
 EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
 """Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""
@@ -74,8 +74,8 @@ class MultiSineHand(Operator):
     push: float = preset("hand", "push")
     amplitudes: tuple[float, ...] = quantity(
         "N",
-        f"Fmax/5 each, by Eq. 5; Fmax is {PRESET.provenance['hand.force_max']}",
-        default=(PRESET.hand.force_max / SINES,) * SINES,
+        f"Fmax/5 each, by Eq. 5; Fmax is {SHIPPED['hand']['force_max']['from']}",
+        default=(SHIPPED["hand"]["force_max"]["value"] / SINES,) * SINES,
     )
     frequencies: tuple[float, ...] = quantity("Hz", "published: Eq. 5", default=EQ5_FREQUENCIES)
     phases: tuple[float, ...] = quantity("rad", "published: Eq. 5", default=(0.0,) * SINES)

@@ -4,6 +4,7 @@ from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
 from pter_gym.params._fields import (
     LARGEST,
     SMALLEST,
+    preset,
     quantity,
     require,
     require_flag,
@@ -13,35 +14,30 @@ from pter_gym.params._fields import (
     require_whole,
 )
 from pter_gym.params._machine import (
-    ARRANGEMENTS,
-    BASELINE,
-    BREAKAWAY_SMALL_VOLTAGE,
-    DELRIN_EXPERIMENTAL,
-    DELRIN_THEORETICAL,
-    DYNAMIC_CURVE,
-    MACHINES,
-    MU_DYNAMIC_DELRIN,
-    MU_DYNAMIC_PRESENT,
-    MU_STATIC_DELRIN,
-    MU_STATIC_PRESENT,
-    PRESENT_CLUTCH,
-    TIME_CONSTANT,
     Arm,
     Clutch,
     Hand,
     Lag,
     Machine,
     TorqueCurve,
-    find_machine,
-    is_preset,
-    machine_of,
-    paper_machines_of,
     require_paper_clutches,
     tip_mass,
+)
+from pter_gym.params._named import (
+    ARRANGEMENTS,
+    BASELINE,
+    BREAKAWAY_SMALL_VOLTAGE,
+    DELRIN_EXPERIMENTAL,
+    DELRIN_THEORETICAL,
+    MACHINES,
+    MU_STATIC_PRESENT,
+    PRESENT_CLUTCH,
+    TIME_CONSTANT,
+    find_machine,
+    paper_machines_of,
     with_friction,
 )
-from pter_gym.params._preset import preset
-from pter_gym.params._saving import preset_of, save_preset
+from pter_gym.params._preset import is_preset, machine_of, preset_of, save_preset
 
 __all__ = [
     "ARRANGEMENTS",
@@ -49,12 +45,8 @@ __all__ = [
     "BREAKAWAY_SMALL_VOLTAGE",
     "DELRIN_EXPERIMENTAL",
     "DELRIN_THEORETICAL",
-    "DYNAMIC_CURVE",
     "LARGEST",
     "MACHINES",
-    "MU_DYNAMIC_DELRIN",
-    "MU_DYNAMIC_PRESENT",
-    "MU_STATIC_DELRIN",
     "MU_STATIC_PRESENT",
     "PAPER_CLUTCHES",
     "PRESENT_CLUTCH",

@@ -3,10 +3,15 @@
 import math
 from dataclasses import field
 from numbers import Integral
+from pathlib import Path
 from typing import Any, cast
 
 from pter_gym._internal.checks import is_finite
+from pter_gym._internal.reading import parse_toml
 from pter_gym.errors import ParameterError
+
+SHIPPED = parse_toml((Path(__file__).parents[1] / "presets" / "pter.toml").read_text("utf-8"))
+"""The numbers that the paper does not print: value, unit and source (``from``) by section and field."""
 
 LARGEST = 1e12
 """Largest size of a number that has no bound of its own."""
@@ -21,6 +26,15 @@ def quantity(unit: str, provenance: str, *, later: bool = False, **options: Any)
     A field added ``later`` is stored only if it differs from its default, so that older stored data keep their bytes.
     """
     return field(metadata={"unit": unit, "provenance": provenance, "later": later}, **options)
+
+
+def preset(section: str, name: str) -> Any:
+    """Declare a field with unit, provenance and value from the preset that the package ships."""
+    entry = SHIPPED[section][name]
+    value = entry["value"]
+    return quantity(
+        entry["unit"], entry["from"], default=tuple(cast("list[float]", value)) if isinstance(value, list) else value
+    )
 
 
 def require(condition: bool, owner: object, name: str, value: object, accepted: str) -> None:

@@ -6,32 +6,16 @@ does not print are in one file, ``presets/pter.toml``.
 """
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Literal, cast, get_args
 
-from pter_gym.errors import ParameterError, nearest
-from pter_gym.params._connection import BRAKE_A, BRAKE_B, COUPLED, INVERTED, PAPER_CLUTCHES, SLOTS, Connection
-from pter_gym.params._fields import quantity, require, require_kind, require_number, require_numbers
-from pter_gym.params._preset import PRESET, Preset, load_preset, preset
-from pter_gym.units import from_inch_pounds
+from pter_gym.params._connection import BRAKE_A, BRAKE_B, PAPER_CLUTCHES, SLOTS, Connection
+from pter_gym.params._fields import SHIPPED, preset, quantity, require, require_kind, require_number, require_numbers
 
 Lag = Literal["normal_force", "voltage"]
 
-BREAKAWAY_SMALL_VOLTAGE = from_inch_pounds(63.5)
-"""Breakaway torque of clutch 1 at the small voltage of Figs. 3 and 4 [N·m] (paper section III-B)."""
-
-TIME_CONSTANT = PRESET.clutch.time_constant
-"""Time constant of the clutches by their manufacturer [s] (paper section IV-C.3)."""
-
-MU_STATIC_PRESENT = 0.45
-"""Static friction coefficient of the present clutches (paper section IV-B.2)."""
-
-MU_STATIC_DELRIN = 0.20
-"""Static friction coefficient of Delrin 100 on steel from the literature (paper section IV-B.2)."""
-
-MU_DYNAMIC_DELRIN = 0.35
-"""Dynamic friction coefficient of Delrin 100 on steel from the literature (paper section IV-B.2)."""
+_CLUTCH = SHIPPED["clutch"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,9 +53,9 @@ class TorqueCurve:
     ``T(v) = slope·v + curvature·max(v − knee, 0)²``: zero without voltage, as the paper assumes.
     """
 
-    slope: float = quantity("N·m/V", PRESET.provenance["clutch.slope"])
-    knee: float = quantity("V", PRESET.provenance["clutch.knee"])
-    curvature: float = quantity("N·m/V²", PRESET.provenance["clutch.curvature"])
+    slope: float = quantity("N·m/V", _CLUTCH["slope"]["from"])
+    knee: float = quantity("V", _CLUTCH["knee"]["from"])
+    curvature: float = quantity("N·m/V²", _CLUTCH["curvature"]["from"])
 
     def __post_init__(self) -> None:
         """Check the numbers; whether the curve is monotone depends on the clutch's largest voltage."""
@@ -105,7 +89,7 @@ class Clutch:
     (Eq. 2).
     """
 
-    breakaway: TorqueCurve = quantity("N·m", PRESET.provenance["clutch.breakaway_ratio"])
+    breakaway: TorqueCurve = quantity("N·m", _CLUTCH["breakaway_ratio"]["from"])
     dynamic: TorqueCurve = quantity("N·m", "see TorqueCurve")
     time_constant: float = preset("clutch", "time_constant")
     voltage_max: float = preset("clutch", "voltage_max")
@@ -232,117 +216,3 @@ def tip_mass(arm: Arm) -> float:
     half_difference = 0.5 * (arm.inertia_a - arm.inertia_b)
     smallest = half_sum - math.hypot(half_difference, arm.coupling)
     return smallest / (arm.length_a**2 + arm.length_b**2)
-
-
-DYNAMIC_CURVE = TorqueCurve(slope=PRESET.clutch.slope, knee=PRESET.clutch.knee, curvature=PRESET.clutch.curvature)
-"""Dynamic torque of the present clutches (fitted)."""
-
-MU_DYNAMIC_PRESENT = PRESET.delrin.mu_dynamic_present
-"""Dynamic friction coefficient of the present clutches, which the paper does not print."""
-
-PRESENT_CLUTCH = Clutch(breakaway=DYNAMIC_CURVE.scaled(PRESET.clutch.breakaway_ratio), dynamic=DYNAMIC_CURVE)
-
-
-def with_friction(clutch: Clutch, breakaway: float, dynamic: float) -> Clutch:
-    """Return a clutch of another friction material, given factors on its breakaway and dynamic torque."""
-    return Clutch(
-        breakaway=clutch.breakaway.scaled(breakaway),
-        dynamic=clutch.dynamic.scaled(dynamic),
-        time_constant=clutch.time_constant,
-        voltage_max=clutch.voltage_max,
-        lag=clutch.lag,
-    )
-
-
-def machine_of(preset: Preset) -> Machine:
-    """Return the machine of a preset, with its present clutches."""
-    values = preset.clutch
-    dynamic = TorqueCurve(slope=values.slope, knee=values.knee, curvature=values.curvature)
-    clutch = Clutch(
-        breakaway=dynamic.scaled(values.breakaway_ratio),
-        dynamic=dynamic,
-        time_constant=values.time_constant,
-        voltage_max=values.voltage_max,
-    )
-    scale = (*values.scale, *[1.0] * (SLOTS - len(preset.clutches)))
-    return Machine(arm=Arm(**vars(preset.arm)), clutch=clutch, clutch_scale=scale, clutches=preset.clutches)
-
-
-def paper_machines_of(preset: Preset) -> dict[str, Machine]:
-    """Return the three machines of Table I by name: the present clutches, Delrin as measured and as published."""
-    baseline, delrin = machine_of(preset), preset.delrin
-    scale = delrin.dynamic_scale
-    factors = {
-        "baseline": (1.0, 1.0),
-        "delrin_experimental": (scale * delrin.breakaway_ratio / preset.clutch.breakaway_ratio, scale),
-        "delrin_theoretical": (MU_STATIC_DELRIN / MU_STATIC_PRESENT, MU_DYNAMIC_DELRIN / delrin.mu_dynamic_present),
-    }
-    return {name: replace(baseline, clutch=with_friction(baseline.clutch, *each)) for name, each in factors.items()}
-
-
-PAPER_MACHINES = paper_machines_of(PRESET)
-
-BASELINE = PAPER_MACHINES["baseline"]
-"""PTER with its present clutches (paper section IV-B.1)."""
-
-DELRIN_EXPERIMENTAL = PAPER_MACHINES["delrin_experimental"]
-"""PTER with Delrin clutches as measured on the testbed (paper section IV-B.2)."""
-
-DELRIN_THEORETICAL = PAPER_MACHINES["delrin_theoretical"]
-"""PTER with Delrin clutches as in the literature: T_k > T_s (paper section IV-B.2)."""
-
-ARRANGEMENTS = {
-    "two-brakes": (BRAKE_A, BRAKE_B),
-    "brakes-and-coupling": (BRAKE_A, BRAKE_B, COUPLED),
-    "brakes-and-inverter": (BRAKE_A, BRAKE_B, INVERTED),
-    "couplings-1-2": (BRAKE_A, BRAKE_B, replace(COUPLED, row=(1.0, -0.5)), replace(INVERTED, row=(1.0, 0.5))),
-    "couplings-2-1": (BRAKE_A, BRAKE_B, replace(COUPLED, row=(1.0, -2.0)), replace(INVERTED, row=(1.0, 2.0))),
-    "double-brakes": (
-        BRAKE_A,
-        BRAKE_B,
-        replace(BRAKE_A, name="A to ground, 2"),
-        replace(BRAKE_B, name="B to ground, 2"),
-    ),
-}
-"""Clutches other than the paper's, by name. None of these machines was ever built: PTER has ``PAPER_CLUTCHES``.
-
-In ``couplings-1-2`` axis B turns twice as fast as axis A while a coupling is stuck, in ``couplings-2-1`` half as fast.
-"""
-
-MACHINES = PAPER_MACHINES | {name: replace(BASELINE, clutches=clutches) for name, clutches in ARRANGEMENTS.items()}
-"""Machines that environments and commands know by name; another clutch material is one more entry.
-
-The first three are the paper's; the others are ``BASELINE`` with ``ARRANGEMENTS``, which were never built.
-"""
-
-
-def is_preset(machine: object) -> bool:
-    """Tell whether a machine is given by the path of a preset."""
-    return isinstance(machine, str) and machine.endswith(".toml")
-
-
-def find_machine(machine: Machine | str | None) -> Machine:
-    """Return a machine given as itself, by its name in ``MACHINES``, or by the path of a preset; ``BASELINE`` for None.
-
-    The path ends in ``.toml``, as for the presets that ``pter identify`` writes.
-
-    Raises
-    ------
-    ParameterError
-        If it is neither a machine nor a known name (the nearest names are suggested), or a preset cannot be read.
-    DataError
-        If a preset is damaged, incomplete or out of range.
-    """
-    given = cast("object", machine)
-    if given is None:
-        return BASELINE
-    if isinstance(given, Machine):
-        return given
-    if isinstance(given, str) and given in MACHINES:
-        return MACHINES[given]
-    if isinstance(given, str) and is_preset(given):
-        return machine_of(load_preset(given))
-    raise ParameterError(
-        f"machine must be a Machine or one of {', '.join(MACHINES)} or the path of a preset (.toml), "
-        f"got {given!r:.200}{nearest(given, MACHINES)}"
-    )

@@ -1,148 +1,105 @@
-"""Numbers for everything that the paper does not print, read from a human-readable TOML file.
+"""A machine, and the numbers of the paper's standard test, in a human-readable TOML file.
 
-Every number in the file has its unit and source. ``PRESET`` is the shipped set; ``pter fit`` writes such files.
+Every number in the file has its unit and source. ``PRESET`` is the shipped file; ``pter fit``, ``pter identify`` and
+``save_preset`` write others.
 """
 
 import json
+import math
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
 
-from pter_gym._internal.files import FilePath, find_path
+from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.reading import MOST_TOML, parse_toml, read_text, reading
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
-from pter_gym.params._fields import check_number, quantity
+from pter_gym.params._fields import SHIPPED, check_number, require
+from pter_gym.params._machine import Arm, Clutch, Machine, TorqueCurve
 
-KINDS = ("published", "derived", "fitted", "identified", "chosen")
+ORIGINS = ("published", "derived", "fitted", "identified", "chosen")
 """First words of a provenance."""
 
+SECTIONS = {
+    "arm": "Links: M12 is the coupling times cos(θA − θB) (paper Eqs. 3 and 4); friction of the axes against the base.",
+    "clutch": "The clutches: dynamic torque slope·v + curvature·max(v − knee, 0)²; breakaway is a multiple of it.",
+    "delrin": "Delrin as measured on the testbed, and what the published coefficients scale (paper section IV-B.2).",
+    "path": "The straight path of the standard test: its start from the axis of the drive, its direction and length.",
+    "hand": "The hand of the standard test: a constant push along the path, and Fmax of Eq. 5 across it.",
+    "controller": "Spring and dampers at the tip, knots of the torque table, and the gain of the torque loop.",
+    "sensing": "The time from a voltage to the motion that it makes, as a computer sees both.",
+}
+"""The sections of a preset file in their order, and their headings; their fields are those of ``SHIPPED``."""
+
 Value = float | tuple[float, ...]
-
-
-def number(unit: str, *, default: Any = MISSING, **bounds: float) -> Any:
-    """Declare a number of a preset file: its unit, its bounds (see ``check_number``), and its default if any."""
-    return field(metadata={"unit": unit, "bounds": bounds}, default=default)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ArmValues:
-    """Links: M12 is the coupling times cos(θA − θB) (paper Eqs. 3 and 4); friction of the axes against the base."""
-
-    length_a: float = number("m", above=0.0)
-    length_b: float = number("m", above=0.0)
-    inertia_a: float = number("kg·m²", above=0.0)
-    inertia_b: float = number("kg·m²", above=0.0)
-    coupling: float = number("kg·m²")
-    dry_a: float = number("N·m", at_least=0.0, default=0.0)
-    dry_b: float = number("N·m", at_least=0.0, default=0.0)
-    viscous_a: float = number("N·m·s", at_least=0.0, default=0.0)
-    viscous_b: float = number("N·m·s", at_least=0.0, default=0.0)
+Section = Mapping[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClutchValues:
-    """The present clutches: dynamic torque slope·v + curvature·max(v − knee, 0)²; breakaway is a multiple of it."""
+    """The section ``clutch``: a curve of dynamic torque, T_s/T_k, and each clutch's torques over those of the curve."""
 
-    slope: float = number("N·m/V", above=0.0)
-    knee: float = number("V", at_least=0.0)
-    curvature: float = number("N·m/V²")
-    breakaway_ratio: float = number("1", above=0.0)
-    time_constant: float = number("s", above=0.0)
-    voltage_max: float = number("V", above=0.0)
-    scale: tuple[float, ...] = number("1", at_least=0.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class DelrinValues:
-    """Delrin as measured on the testbed, and what the published coefficients scale (paper section IV-B.2)."""
-
-    dynamic_scale: float = number("1", above=0.0)
-    breakaway_ratio: float = number("1", above=0.0)
-    mu_dynamic_present: float = number("1", above=0.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class PathValues:
-    """The straight path of the standard test: its start from the axis of the drive, its direction and length."""
-
-    x: float = number("m")
-    y: float = number("m")
-    direction: float = number("rad")
-    length: float = number("m", above=0.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class HandValues:
-    """The hand of the standard test: a constant push along the path, and Fmax of Eq. 5 across it."""
-
-    push: float = number("N")
-    force_max: float = number("N", at_least=0.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControllerValues:
-    """Spring and dampers at the tip, knots of the torque table, and the gain of the torque loop."""
-
-    stiffness: float = number("N/m", at_least=0.0)
-    damping_normal: float = number("N·s/m", at_least=0.0)
-    damping_tangential: float = number("N·s/m", at_least=0.0)
-    slip_threshold: float = number("rad/s", at_least=0.0)
-    table_volts: tuple[float, ...] = number("V", at_least=0.0)
-    feedback: float = number("V/(N·m)", at_least=0.0)
+    slope: float
+    knee: float
+    curvature: float
+    breakaway_ratio: float
+    time_constant: float
+    voltage_max: float
+    scale: tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensingValues:
-    """The time from a voltage to the motion that it makes, as a computer sees both."""
+    """The section ``sensing``: a delay [s]."""
 
-    delay: float = number("s", at_least=0.0)
+    delay: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """A complete set of numbers in SI.
+    """A complete set of numbers in SI: the sections of a file, and where each number comes from.
 
     Attributes
     ----------
-    arm, clutch, delrin, path, hand, controller, sensing
-        The sections of the file.
+    arm, clutch, sensing
+        Of a machine.
+    delrin, path, hand, controller
+        Of the paper's standard test: the numbers by name.
     clutches
         What each clutch connects; the paper's four if a file has no section ``clutches``.
     provenance
         Where each number comes from, by section and field: ``preset.provenance["arm.length_a"]``.
     """
 
-    arm: ArmValues
+    arm: Arm
     clutch: ClutchValues
-    delrin: DelrinValues
-    path: PathValues
-    hand: HandValues
-    controller: ControllerValues
+    delrin: Section
+    path: Section
+    hand: Section
+    controller: Section
     sensing: SensingValues
     provenance: Mapping[str, str]
     clutches: tuple[Connection, ...] = PAPER_CLUTCHES
 
+    def __post_init__(self) -> None:
+        """Check the machine."""
+        machine_of(self)
 
-SECTIONS: Mapping[str, type[Any]] = MappingProxyType(
-    {
-        "arm": ArmValues,
-        "clutch": ClutchValues,
-        "delrin": DelrinValues,
-        "path": PathValues,
-        "hand": HandValues,
-        "controller": ControllerValues,
-        "sensing": SensingValues,
-    }
-)
-"""The sections of a preset file, in their order."""
+
+_KINDS: dict[str, Any] = {"arm": Arm, "clutch": ClutchValues, "sensing": SensingValues}
 
 CLUTCHES = "clutches"
 """The section after them, of machines with other clutches than the paper's: the row of W of each clutch by its name."""
 
-ROW = number("1")
+OPTIONAL = ("dry_a", "dry_b", "viscous_a", "viscous_b")
+"""Fields that a file may leave out, as older ones do."""
+
+
+def is_preset(machine: object) -> bool:
+    """Return whether a machine is given by the path of a preset."""
+    return isinstance(machine, str) and machine.endswith(".toml")
 
 
 def load_preset(path: FilePath) -> Preset:
@@ -171,131 +128,171 @@ def parse_preset(text: str) -> Preset:
         tables = parse_toml(text)
     except ValueError as error:
         raise ParameterError(f"it is not TOML: {error}") from None
-    _check_names(tables, (*SECTIONS, CLUTCHES), "section", {CLUTCHES})
+    _check_names("section", tables, (*SECTIONS, CLUTCHES), {CLUTCHES})
     provenance: dict[str, str] = {}
-    sections = {name: _section(kind, name, tables[name], provenance) for name, kind in SECTIONS.items()}
+    sections: dict[str, Any] = {}
+    for name in SECTIONS:
+        _check_names(f"field of {name}", tables[name], SHIPPED[name], OPTIONAL)
+        provenance |= {f"{name}.{each}": "chosen: not in the file" for each in SHIPPED[name]}
+        sections[name] = _KINDS.get(name, _section)(**_values(name, tables[name], provenance))
     if CLUTCHES in tables:
-        sections[CLUTCHES] = _clutches(tables[CLUTCHES], sections["clutch"], provenance)
+        rows = cast("dict[str, tuple[float, float]]", _values(CLUTCHES, tables[CLUTCHES], provenance))
+        if not 0 < len(rows) <= SLOTS or len(sections["clutch"].scale) != len(rows):
+            raise ParameterError(f"{CLUTCHES} and clutch.scale must be of 1 to {SLOTS} clutches, equally many")
+        sections[CLUTCHES] = tuple(Connection(name, row) for name, row in rows.items())
     return Preset(**sections, provenance=MappingProxyType(provenance))
 
 
-def format_preset(preset: Preset, title: str) -> str:
-    """Return the TOML text of a preset, which ``parse_preset`` reads back to the same numbers.
+def _section(**values: Value) -> Section:
+    return MappingProxyType(values)
 
-    Parameters
-    ----------
-    preset
-        What to write.
-    title
-        Heading lines, which become comments.
-    """
+
+def _check_names(what: str, found: Any, known: Collection[str], optional: Collection[str]) -> None:
+    """Raise a ParameterError unless the names in a table are the known ones; some may be missing."""
+    if not isinstance(found, dict):
+        raise ParameterError(f"{what} must be in a table, got {found!r:.200}")
+    names = cast("dict[str, object]", found)
+    for name in names:
+        if name not in known:
+            raise unknown_name(what, name, known)
+    for name in known:
+        if name not in names and name not in optional:
+            raise ParameterError(f"{what} {name!r} is missing")
+
+
+def _values(section: str, table: Section, provenance: dict[str, str]) -> dict[str, Value]:
+    """Return the numbers in a section by name, and note where they come from."""
+    found: dict[str, Value] = {}
+    for name, entry in table.items():
+        where = f"{section}.{name}"
+        like: dict[str, Any] = SHIPPED[section][name] if section in SHIPPED else {"unit": "1", "value": []}
+        _check_names(f"entry of {where}", entry, ("value", "unit", "from"), ())
+        value, unit, origin = entry["value"], entry["unit"], entry["from"]
+        if unit != like["unit"]:
+            raise ParameterError(f"{where}.unit must be {like['unit']!r}, got {unit!r}")
+        if not isinstance(origin, str) or origin.split(":")[0] not in ORIGINS:
+            raise ParameterError(f"{where}.from must begin with one of {', '.join(ORIGINS)}, got {origin!r}")
+        several = isinstance(like["value"], list)
+        if isinstance(value, list) != several:
+            raise ParameterError(
+                f"{where} must be {'a list of numbers' if several else 'a number'}, got {value!r:.200}"
+            )
+        numbers: list[Any] = value if several else [value]
+        for each in numbers:
+            check_number(where, each)
+        found[name] = tuple(map(float, numbers)) if several else float(value)
+        provenance[where] = origin
+    return found
+
+
+def format_preset(preset: Preset, title: str) -> str:
+    """Return the TOML text of a preset, which ``parse_preset`` reads back to the same numbers, under heading lines."""
     return "\n".join(_lines(preset, title)) + "\n"
 
 
 def _lines(preset: Preset, title: str) -> Iterator[str]:
     yield from (f"# {line}".rstrip() for line in title.splitlines())
-    for name, kind in SECTIONS.items():
-        yield ""
-        yield f"# {(kind.__doc__ or '').strip()}"
-        yield f"[{name}]"
-        for item in fields(kind):
-            value, origin = getattr(getattr(preset, name), item.name), preset.provenance[f"{name}.{item.name}"]
-            yield _line(item.name, value, item.metadata["unit"], origin)
+    for section, heading in SECTIONS.items():
+        yield from ("", f"# {heading}", f"[{section}]")
+        values: Any = getattr(preset, section)
+        for name in SHIPPED[section]:
+            value = values[name] if section not in _KINDS else getattr(values, name)
+            yield _line(name, value, SHIPPED[section][name]["unit"], preset.provenance[f"{section}.{name}"])
     if preset.clutches != PAPER_CLUTCHES or any(where.startswith(f"{CLUTCHES}.") for where in preset.provenance):
-        yield ""
-        yield "# What each clutch connects: its row (a, b) of W. It slips at a·ω_A + b·ω_B."
-        yield f"[{CLUTCHES}]"
+        yield from ("", "# What each clutch connects: its row (a, b) of W. It slips at a·ω_A + b·ω_B.", f"[{CLUTCHES}]")
         for each in preset.clutches:
-            name, origin = json.dumps(each.name, ensure_ascii=False), preset.provenance[f"{CLUTCHES}.{each.name}"]
-            yield _line(name, each.row, ROW.metadata["unit"], origin)
+            yield _line(_quoted(each.name), each.row, "1", preset.provenance[f"{CLUTCHES}.{each.name}"])
 
 
 def _line(name: str, value: Value, unit: str, origin: str) -> str:
-    written = repr(list(value)) if isinstance(value, tuple) else repr(value)
-    return f'{name} = {{ value = {written}, unit = "{unit}", from = "{origin}" }}'
+    written = repr(list(value)) if isinstance(value, tuple) else repr(float(value))
+    return f"{name} = {{ value = {written}, unit = {_quoted(unit)}, from = {_quoted(origin)} }}"
 
 
-def _check_names(
-    found: Mapping[str, object], known: Collection[str], what: str, optional: Collection[str] = ()
-) -> None:
-    """Raise a ParameterError unless the names that are found are the known ones; some may be missing."""
-    for name in found:
-        if name not in known:
-            raise ParameterError(f"unknown {what} {name!r}: {unknown_name(what, name, known)}")
-    for name in known:
-        if name not in found and name not in optional:
-            raise ParameterError(f"{what} {name!r} is missing")
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
 
 
-def _section(kind: type[Any], section: str, table: object, provenance: dict[str, str]) -> Any:
-    if not isinstance(table, dict):
-        raise ParameterError(f"{section} must be a table")
-    items: dict[str, Field[Any]] = {item.name: item for item in fields(kind)}
-    entries = cast(dict[str, object], table)
-    optional = {name for name, item in items.items() if item.default is not MISSING}
-    _check_names(entries, items, f"field of {section}", optional)
-    values: dict[str, Value] = {}
-    for name, item in items.items():
-        where = f"{section}.{name}"
-        if name in entries:
-            values[name], provenance[where] = _entry(item, entries[name], where)
-        else:
-            values[name], provenance[where] = cast("Value", item.default), "chosen: not in the file"
-    return kind(**values)
-
-
-def _clutches(table: object, clutch: ClutchValues, provenance: dict[str, str]) -> tuple[Connection, ...]:
-    """Return what the clutches connect, checking that there is a scale for each."""
-    if not isinstance(table, dict) or not 0 < len(cast("dict[str, object]", table)) <= SLOTS:
-        raise ParameterError(f"{CLUTCHES} must be a table of 1 to {SLOTS} clutches, got {table!r:.200}")
-    found: list[Connection] = []
-    for name, entry in cast("dict[str, object]", table).items():
-        where = f"{CLUTCHES}.{name}"
-        row, provenance[where] = _entry(ROW, entry, where)
-        found.append(Connection(name, cast("tuple[float, float]", row)))
-    if len(clutch.scale) != len(found):
-        raise ParameterError(f"clutch.scale must be {len(found)} numbers, one for each clutch, got {clutch.scale!r}")
-    return tuple(found)
-
-
-def _entry(item: "Field[Any]", entry: object, where: str) -> tuple[Value, str]:
-    """Return value and provenance of a field."""
-    if not isinstance(entry, dict):
-        raise ParameterError(f"{where} must be a table with value, unit and from")
-    entry = cast("dict[str, object]", entry)
-    _check_names(entry, ("value", "unit", "from"), f"entry of {where}")
-    if entry["unit"] != item.metadata["unit"]:
-        raise ParameterError(f"{where}.unit must be {item.metadata['unit']!r}, got {entry['unit']!r}")
-    return _value(item, entry["value"], where), _origin(entry["from"], where)
-
-
-def _origin(value: object, where: str) -> str:
-    if not isinstance(value, str) or value.split(":")[0] not in KINDS:
-        raise ParameterError(f"{where}.from must begin with one of {', '.join(KINDS)}, got {value!r}")
-    if not value.isprintable() or '"' in value or "\\" in value:
-        raise ParameterError(f"{where}.from must be one line without quotes and backslashes, got {value!r}")
-    return value
-
-
-def _value(item: "Field[Any]", value: object, where: str) -> Value:
-    if item.type is float:
-        return _number(item, value, where)
-    if not isinstance(value, list):
-        raise ParameterError(f"{where} must be a list of numbers, got {value!r}")
-    return tuple(_number(item, entry, where) for entry in cast("list[object]", value))
-
-
-def _number(item: "Field[Any]", value: object, where: str) -> float:
-    check_number(where, value, **item.metadata["bounds"])
-    return float(cast("float", value))
+def machine_of(preset: Preset) -> Machine:
+    """Return the machine of a preset, with its present clutches."""
+    values = preset.clutch
+    dynamic = TorqueCurve(slope=values.slope, knee=values.knee, curvature=values.curvature)
+    clutch = Clutch(
+        breakaway=dynamic.scaled(values.breakaway_ratio),
+        dynamic=dynamic,
+        time_constant=values.time_constant,
+        voltage_max=values.voltage_max,
+    )
+    scale = (*values.scale, *[1.0] * (SLOTS - len(preset.clutches)))
+    return Machine(arm=preset.arm, clutch=clutch, clutch_scale=scale, clutches=preset.clutches)
 
 
 PRESET = load_preset(Path(__file__).parents[1] / "presets" / "pter.toml")
 """The set of numbers that the package ships."""
 
 
-def preset(section: str, name: str) -> Any:
-    """Declare a field with unit, provenance and value from the preset that the package ships."""
-    values = getattr(PRESET, section)
-    unit = next(item.metadata["unit"] for item in fields(values) if item.name == name)
-    return quantity(unit, PRESET.provenance[f"{section}.{name}"], default=getattr(values, name))
+def preset_of(machine: Machine, base: Preset = PRESET, *, origin: str | None = None) -> Preset:
+    """Return a preset for ``machine_of``, without a hand and with breakaway torque a multiple of dynamic torque.
+
+    Parameters
+    ----------
+    machine
+        Its arm, its clutches, and what these connect.
+    base
+        All other numbers.
+    origin
+        Provenance of the numbers that differ from ``base``, in the form used in preset files.
+    """
+    curve = machine.clutch.dynamic
+    clutch = ClutchValues(
+        **vars(curve),
+        breakaway_ratio=machine.clutch.breakaway.slope / curve.slope,
+        time_constant=machine.clutch.time_constant,
+        voltage_max=machine.clutch.voltage_max,
+        scale=machine.clutch_scale[: len(machine.clutches)],
+    )
+    provenance = dict(base.provenance)
+    if origin is not None:
+        for name, now, was in (("arm", machine.arm, base.arm), ("clutch", clutch, base.clutch)):
+            changed = [each for each, value in vars(now).items() if value != getattr(was, each)]
+            provenance |= {f"{name}.{each}": origin for each in changed}
+        if machine.clutches != base.clutches:
+            provenance |= {f"{CLUTCHES}.{each.name}": origin for each in machine.clutches}
+    sources = MappingProxyType(provenance)
+    return replace(base, arm=machine.arm, clutch=clutch, clutches=machine.clutches, provenance=sources)
+
+
+def save_preset(machine: Machine, path: FilePath, *, origin: str, title: str = "") -> None:
+    """Write a machine as a preset; commands and ``find_machine`` accept its path in place of a machine.
+
+    Parameters
+    ----------
+    machine
+        What to write. A preset cannot hold a hand, or non-default ``slip_threshold``, ``substep`` or ``lag``.
+    path
+        The file, whose name ends in ``.toml``.
+    origin
+        Provenance of the numbers that differ from the package's own preset: one line that begins with ``published:``,
+        ``derived:``, ``fitted:``, ``identified:`` or ``chosen:``.
+    title
+        Heading of the file.
+
+    Raises
+    ------
+    ParameterError
+        If a preset cannot hold the machine, or ``origin`` or ``path`` is not of this form.
+    """
+    file = find_path("path", path)
+    if not is_preset(str(file)):
+        raise ParameterError(f"path must end in .toml, got {str(file)!r}")
+    text = format_preset(preset_of(machine, origin=origin), title)
+    read = machine_of(parse_preset(text))  # which checks it
+    for name in ("hand", "slip_threshold", "substep"):
+        value, usual = getattr(machine, name), getattr(read, name)
+        require(value == usual, machine, name, value, f"{usual!r} in a preset")
+    clutch, usual = machine.clutch, read.clutch
+    require(clutch.lag == usual.lag, clutch, "lag", clutch.lag, f"{usual.lag!r} in a preset")
+    pairs = zip(vars(clutch.breakaway).values(), vars(usual.breakaway).values(), strict=True)
+    alike = all(math.isclose(*pair, rel_tol=1e-9) for pair in pairs)
+    require(alike, clutch, "breakaway", clutch.breakaway, "a multiple of dynamic in a preset")
+    write_text_atomic(file, text)

@@ -1,24 +1,32 @@
-"""Trained policies, stored as data files; they run with numpy and safetensors, without torch."""
+"""Trained policies: safetensors files, whose networks run as compiled laws."""
 
-from pter_gym.policies._cards import Card
-from pter_gym.policies._files import SHIPPED, exported_policies, read_policy, shipped_policies, write_policy
-from pter_gym.policies._interface import Base, Input, Interface
-from pter_gym.policies._network import LSTM, Network
-from pter_gym.policies._neural import Net, Neural, NeuralPolicy
+from typing import TYPE_CHECKING, Any
+
+import lazy_loader
+
+if TYPE_CHECKING:
+    from pter_gym.policies._files import SHIPPED, policies_in, read_policy, shipped_policies, write_policy
+    from pter_gym.policies._interface import Input, Interface
+    from pter_gym.policies._trained import NetworkPolicy, TrainedPolicy
 
 __all__ = [
-    "LSTM",
     "SHIPPED",
-    "Base",
-    "Card",
     "Input",
     "Interface",
-    "Net",
-    "Network",
-    "Neural",
-    "NeuralPolicy",
-    "exported_policies",
+    "NetworkPolicy",
+    "TrainedPolicy",
+    "policies_in",
     "read_policy",
     "shipped_policies",
     "write_policy",
 ]
+
+lazy: Any = lazy_loader
+__getattr__, __dir__, _ = lazy.attach(
+    __name__,
+    submod_attrs={
+        "_files": ["SHIPPED", "policies_in", "read_policy", "shipped_policies", "write_policy"],
+        "_interface": ["Input", "Interface"],
+        "_trained": ["NetworkPolicy", "TrainedPolicy"],
+    },
+)

@@ -42,7 +42,7 @@ def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -
         pace to pace, so a policy cannot use what it remembers from another pace. None draws the stored ones.
     """
     rng = np.random.default_rng(_seed(scenario))
-    draws = Randomisation(machine=scenario.machine, task=scenario.task)
+    draws = Randomisation(machine=scenario.machine, task=scenario.task, own=scenario.own)
     pairs = [draws.draw(rng) for _ in range(scenario.episodes)]
     stored = [_labelled(scenario, machine, _with_phases(task, rng)) for machine, task in pairs]
     if fresh is None:

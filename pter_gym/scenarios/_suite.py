@@ -9,13 +9,13 @@ their strata follow from these. This module imports nothing heavy, since ``impor
 
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 from pter_gym.errors import ParameterError, unknown_name
 
 if TYPE_CHECKING:
     from pter_gym.params import Machine
-    from pter_gym.scenarios._own_machine import AnyMachine
+    from pter_gym.scenarios._own_machine import AnyMachine, OwnMachine
     from pter_gym.scenarios.randomisation import Randomisation, Vary
     from pter_gym.tasks.path_following import PathFollowing
 
@@ -50,7 +50,7 @@ class Scenario:
     own
         The machine in place of those that it would draw, if any; see ``find_scenario``.
     own_varied
-        What varies with that machine; by default the entry of ``_variations.VARIED``.
+        What varies, for a scenario that is not in the suite; by default the entry of ``_variations.VARIED``.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Scenario:
     episodes: int
     stratum: Literal["path", "hand"] = "path"
     place: int | None = None
-    own: "Machine | None" = None
+    own: "OwnMachine | None" = None
     own_varied: Varied | None = None
 
     @property
@@ -67,7 +67,7 @@ class Scenario:
         """The machine that controllers are bound to: the scenario's own, or the paper's."""
         from pter_gym.params import BASELINE
 
-        return self.own or BASELINE
+        return self.own.machine if self.own else BASELINE
 
     @property
     def id(self) -> str:
@@ -114,18 +114,23 @@ class Scenario:
 
         speeds = PACES.values()
         commanded = LogUniform(min(speeds), max(speeds)) if pace is None else OneOf((find_pace(pace),))
-        drawn = self.task.fields if isinstance(self.task, Vary) else {}
-        base = self.task.base if isinstance(self.task, Vary) else self.task
+        base = self.shared_task
+        drawn = {} if base is self.task else cast("Vary[PathFollowing]", self.task).fields
         known = [item.name for item in fields(base) if item.name not in (*drawn, "pace")]
         for name in stated:
             if name not in known:
                 raise ParameterError(
                     f"{name} must be one of what all episodes of {self.name} share: {', '.join(known)}"
                 )
-        base = replace(base, **stated)
-        return Randomisation(
-            machine=self.machine, task=Vary(base, **drawn, pace=commanded), contexts=contexts, seed=seed
-        )
+        task = Vary(replace(base, **stated), **drawn, pace=commanded)
+        return Randomisation(machine=self.machine, task=task, contexts=contexts, seed=seed, own=self.own)
+
+    @property
+    def shared_task(self) -> "PathFollowing":
+        """The task of all episodes, before some of its fields are drawn."""
+        from pter_gym.scenarios.randomisation import Vary
+
+        return self.task.base if isinstance(self.task, Vary) else self.task
 
 
 def find_pace(pace: float | str) -> float:
@@ -166,9 +171,12 @@ def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
         raise unknown_name("scenario", name, SCENARIOS)
     if machine is None:
         return SCENARIOS[name]
-    from pter_gym.scenarios._own_machine import on_machine
+    from pter_gym.scenarios._own_machine import as_sensed, find_own
 
-    return on_machine(SCENARIOS[name], machine)
+    own = find_own(machine)
+    found = replace(SCENARIOS[name], own=own)
+    as_sensed(found.shared_task, own)  # raises where the delay is too long
+    return found
 
 
 _SUITE = (

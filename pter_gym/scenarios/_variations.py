@@ -19,7 +19,7 @@ from pter_gym.hands._tremor import KINDS
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL
 from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
 from pter_gym.scenarios._suite import Varied
-from pter_gym.scenarios.randomisation import LogUniform, OneOf, Repeat, Shared, Tuple, Uniform, Vary
+from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Tuple, Uniform, Vary
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 
 WIDTH = 0.1
@@ -34,8 +34,8 @@ EQ5 = MultiSineHand(random_phases=True)
 FORCES = Vary(
     EQ5,
     push=Uniform(45.0, 75.0),
-    amplitudes=Repeat(Uniform(2.0, 7.0), SINES),
-    frequencies=Repeat(LogUniform(min(EQ5_FREQUENCIES), max(EQ5_FREQUENCIES)), SINES),
+    amplitudes=Tuple((Uniform(2.0, 7.0),) * SINES),
+    frequencies=Tuple((LogUniform(min(EQ5_FREQUENCIES), max(EQ5_FREQUENCIES)),) * SINES),
 )
 """A push along the path, and five sines across it of any amplitude, frequency and phase."""
 
@@ -45,7 +45,7 @@ HUMANS = OneOf(
             HumanArm(impedance=impedance, random_phases=True),
             eagerness=Uniform(1.3, 1.7),
             rise=Uniform(0.2, 0.5),
-            amplitudes=Repeat(Uniform(1.0, 5.0), SINES),
+            amplitudes=Tuple((Uniform(1.0, 5.0),) * SINES),
         )
         for impedance in (RELAXED, NORMAL, TENSE)
     )

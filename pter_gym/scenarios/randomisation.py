@@ -2,21 +2,24 @@
 
 ``Vary(base, field=distribution, …)`` draws some fields of a frozen dataclass ``base``; a field's value may itself be a
 ``Vary``. ``Randomisation`` draws a list of pairs of machine and task from one seed; a world draws one pair at each
-reset.
+reset. Each distribution has ``draw(rng)``, and ``extremes()``, with which a ``Vary`` is checked when it is built.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Generic, Protocol, TypeVar, cast
 
 import numpy as np
 
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, require, require_number, require_whole
+from pter_gym.scenarios._own_machine import OwnMachine, as_sensed
 from pter_gym.tasks.path_following import PathFollowing, check_machine
 
 Drawn = TypeVar("Drawn")
+Pair = tuple[Machine, PathFollowing]
 
 TRIES = 200
 """Draws of one pair of machine and task before a randomisation is refused for paths that leave the arm's reach."""
@@ -61,7 +64,7 @@ class Uniform(_Range):
 
 
 class LogUniform(_Range):
-    """A draw from [low, high] whose logarithm is uniform."""
+    """A draw from [low, high], 0 < low, whose logarithm is uniform."""
 
     def __post_init__(self) -> None:
         """Check that both are finite, positive and in order."""
@@ -71,22 +74,6 @@ class LogUniform(_Range):
     def draw(self, rng: np.random.Generator) -> float:
         """Return a number whose logarithm is drawn uniformly."""
         return math.exp(rng.uniform(math.log(self.low), math.log(self.high)))
-
-
-@dataclass(frozen=True)
-class Repeat:
-    """A tuple of independent draws."""
-
-    of: Distribution
-    count: int
-
-    def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
-        """Return ``count`` independent draws."""
-        return tuple(self.of.draw(rng) for _ in range(self.count))
-
-    def extremes(self) -> Sequence[tuple[Any, ...]]:
-        """Return tuples of one extreme each."""
-        return [(extreme,) * self.count for extreme in self.of.extremes()]
 
 
 @dataclass(frozen=True)
@@ -107,7 +94,7 @@ class Tuple:
 
 @dataclass(frozen=True)
 class Shared:
-    """A tuple of products: one shared factor times an individual factor each."""
+    """A tuple of ``count`` products: one shared factor times an individual factor each."""
 
     common: Distribution
     own: Distribution
@@ -138,8 +125,8 @@ class OneOf:
         return drawn(self.options[int(rng.integers(len(self.options)))], rng)
 
     def extremes(self) -> Sequence[Any]:
-        """Return the extremes of all options."""
-        return [extreme for option in self.options for extreme in extremes(option)]
+        """Return the options, and the extremes of those that are distributions."""
+        return [end for option in self.options for end in (option.extremes() if _draws(option) else [option])]
 
 
 class Vary(Generic[Drawn]):
@@ -187,12 +174,11 @@ class Vary(Generic[Drawn]):
 
 def drawn(value: Any, rng: np.random.Generator) -> Any:
     """Return a draw from a distribution, or the value itself."""
-    return value.draw(rng) if hasattr(value, "draw") else value
+    return value.draw(rng) if _draws(value) else value
 
 
-def extremes(value: Any) -> Sequence[Any]:
-    """Return the extremes of a distribution, or the value itself."""
-    return value.extremes() if hasattr(value, "extremes") else [value]
+def _draws(value: object) -> bool:
+    return hasattr(value, "draw")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,33 +193,37 @@ class Randomisation:
         Number of pairs in the list that worlds draw from.
     seed
         Seed ≥ 0 of the list.
+    own
+        A machine, and the delay of its sensors, in place of those drawn; all else is drawn as without it.
     """
 
     machine: Machine | Vary[Machine] = BASELINE
     task: PathFollowing | Vary[PathFollowing]
     contexts: int = 512
     seed: int = 0
+    own: OwnMachine | None = None
 
     def __post_init__(self) -> None:
         """Check the numbers; distributions have checked themselves."""
-        for name, at_least in (("contexts", 1), ("seed", 0)):
-            require_whole(self, name, at_least=at_least)
+        require_whole(self, "contexts", at_least=1)
+        require_whole(self, "seed", at_least=0)
 
-    def pairs(self) -> list[tuple[Machine, PathFollowing]]:
-        """Return the list, the same for the same seed.
+    def pairs(self) -> list[Pair]:
+        """Return the pairs, the same for the same seed; they are drawn once and shared.
 
         Raises
         ------
         ParameterError
             If too few of the drawn tasks suit their machines.
         """
-        rng = np.random.default_rng([self.seed, 0x5452])
-        return [self.draw(rng) for _ in range(self.contexts)]
+        return list(_pairs(self))
 
-    def draw(self, rng: np.random.Generator) -> tuple[Machine, PathFollowing]:
+    def draw(self, rng: np.random.Generator) -> Pair:
         """Return a matching pair; a path that does not fit the workspace is drawn again."""
         for attempt in range(TRIES):
             machine, task = drawn(self.machine, rng), drawn(self.task, rng)
+            if self.own is not None:
+                machine, task = self.own.machine, as_sensed(task, self.own)
             require(isinstance(machine, Machine), self, "machine", self.machine, "a Machine, or draw one")
             require(isinstance(task, PathFollowing), self, "task", self.task, "a PathFollowing, or draw one")
             try:
@@ -244,6 +234,12 @@ class Randomisation:
             else:
                 return machine, task
         raise AssertionError
+
+
+@lru_cache(maxsize=32)
+def _pairs(randomisation: Randomisation) -> tuple[Pair, ...]:
+    rng = np.random.default_rng([randomisation.seed, 0x5452])
+    return tuple(randomisation.draw(rng) for _ in range(randomisation.contexts))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -260,15 +256,11 @@ class Mixture:
 
     def __post_init__(self) -> None:
         """Check the parts."""
-        known = _are_randomisations(self.parts)
+        given = cast("object", self.parts)
+        parts = cast("tuple[object, ...]", given) if isinstance(given, tuple) else ()
+        known = len(parts) > 0 and all(isinstance(part, Randomisation) for part in parts)
         require(known, self, "parts", self.parts, "a tuple of at least one Randomisation")
 
-    def pairs(self) -> list[tuple[Machine, PathFollowing]]:
-        """Return the list, the same for the same seeds; see ``Randomisation.pairs``."""
+    def pairs(self) -> list[Pair]:
+        """Return the pairs, the same for the same seeds; see ``Randomisation.pairs``."""
         return [pair for part in self.parts for pair in part.pairs()]
-
-
-def _are_randomisations(parts: Any) -> bool:
-    """Tell whether something is a tuple of at least one randomisation."""
-    given = cast("tuple[Any, ...]", parts) if isinstance(parts, tuple) else ()
-    return len(given) > 0 and all(isinstance(part, Randomisation) for part in given)

@@ -1,4 +1,4 @@
-"""One style for all figures: sizes, colours, units on every axis, legends, and how a figure becomes files."""
+"""The style of all figures: sizes, colours, units on every axis, legends, and figures as files."""
 
 import io
 from collections.abc import Callable, Generator, Iterable, Sequence
@@ -9,56 +9,29 @@ from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec
 
 import matplotlib as mpl
-from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pter_gym._internal import palette
+from pter_gym._internal import palette as p
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym.errors import ParameterError
 from pter_gym.units import to_inch_pounds, to_inches
 
 Arguments = ParamSpec("Arguments")
 
-WIDTH = 7.16
-"""Width of a figure [in], that of two columns of a journal."""
-
-DPI = 200
-
-SMALL = 7.5
-"""Size of the smallest text [pt]."""
-
-INK = "#1f2328"
-MUTED = "#646b75"
-
-REFERENCE = "#3b4048"
-"""Colour of what is desired, so no policy has it."""
-
-CLUTCH_COLOURS = (palette.BLUE, palette.ORANGE, palette.GREEN, palette.PURPLE)
+WIDTH, SMALL = 7.16, 7.5
+"""Width of a figure [in], that of two columns of a journal; size of the smallest text [pt]."""
 
 MILLIMETRE = 1e-3
-
+INK, MUTED, REFERENCE = "#1f2328", "#646b75", "#3b4048"
+CLUTCH_COLOURS = (p.BLUE, p.ORANGE, p.GREEN, p.PURPLE)
 COLOURS = (
-    palette.BLUE,
-    palette.VERMILLION,
-    palette.GREEN,
-    palette.PURPLE,
-    palette.ORANGE,
-    palette.SKY_BLUE,
-    palette.BLACK,
-    palette.NAVY,
-    palette.BRICK,
-    palette.SAGE,
-    palette.MAROON,
-    palette.PLUM,
-    palette.SLATE,
-    palette.CORNFLOWER,
-    palette.ULTRAMARINE,
+    *(p.BLUE, p.VERMILLION, p.GREEN, p.PURPLE, p.ORANGE, p.SKY_BLUE, p.BLACK, p.NAVY),
+    *(p.BRICK, p.SAGE, p.MAROON, p.PLUM, p.SLATE, p.CORNFLOWER, p.ULTRAMARINE),
 )
 MARKERS: tuple[Any, ...] = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "d", "h", (4, 1, 45), (6, 1, 0))
 DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (4, 1.5, 1, 1.5)), (0, (1.5, 1.2)))
-"""Solid, dashed, dash-dotted and dotted: lengths in widths of the line."""
 
 
 class Look(NamedTuple):
@@ -80,60 +53,25 @@ def looks(names: Iterable[str]) -> dict[str, Look]:
     return {name: numbered(k) for k, name in enumerate(dict.fromkeys(names))}
 
 
-STYLE: Any = {
-    "axes.axisbelow": True,
-    "axes.edgecolor": MUTED,
-    "axes.grid": True,
-    "axes.labelcolor": INK,
-    "axes.labelsize": 9.0,
-    "axes.linewidth": 0.8,
-    "axes.prop_cycle": cycler(color=COLOURS, linestyle=[numbered(k).dashes for k in range(len(COLOURS))]),
-    "axes.titlelocation": "left",
-    "axes.titlepad": 6.0,
-    "axes.titlesize": 9.0,
-    "errorbar.capsize": 2.5,
-    "figure.constrained_layout.h_pad": 0.07,
-    "figure.constrained_layout.use": True,
-    "figure.constrained_layout.w_pad": 0.07,
-    "figure.dpi": DPI,
-    "figure.figsize": (WIDTH, 4.0),
-    "font.family": "DejaVu Sans",
-    "font.size": 8.5,
-    "grid.color": "#e3e5e9",
-    "grid.linewidth": 0.8,
-    "legend.edgecolor": "none",
-    "legend.fontsize": 8.5,
-    "legend.framealpha": 0.0,
-    "legend.title_fontsize": 8.5,
-    "lines.linewidth": 1.5,
-    "lines.markersize": 5.0,
-    "pdf.fonttype": 42,
-    "text.color": INK,
-    "xtick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "xtick.labelsize": 8.5,
-    "ytick.color": MUTED,
-    "ytick.labelcolor": INK,
-    "ytick.labelsize": 8.5,
-}
-"""Matplotlib's settings; ``matplotlib.style.use(STYLE)`` puts them in force for figures of your own."""
+STYLE = Path(__file__).with_suffix(".mplstyle")
+"""Matplotlib's settings; ``matplotlib.style.use(STYLE)`` applies them to your own figures."""
 
 
 @contextmanager
-def in_force() -> Generator[None]:
-    """Apply the style on top of Matplotlib's defaults; afterwards the user's settings are restored."""
+def _style_applied() -> Generator[None]:
+    """Apply the style on top of Matplotlib's defaults, and restore the user's settings afterwards."""
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update(STYLE)
+        mpl.rcParams.update(mpl.rc_params_from_file(STYLE, use_default_template=False))
         yield
 
 
 def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
-    """Let a function that makes a figure use the style."""
+    """Decorate a function that makes a figure so that it uses the style."""
 
     @wraps(draw)
     def in_style(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
-        with in_force():
+        with _style_applied():
             return draw(*args, **kwargs)
 
     return in_style
@@ -141,8 +79,7 @@ def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
 
 def label(axes: Axes, x: str, y: str) -> None:
     """Name both axes, each with its unit, as in ``time [s]``."""
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
+    axes.set(xlabel=x, ylabel=y)
 
 
 def inches_above(axes: Axes, name: str, unit: float = 1.0) -> None:
@@ -151,10 +88,7 @@ def inches_above(axes: Axes, name: str, unit: float = 1.0) -> None:
 
 
 def inches_right(axes: Axes, name: str, unit: float = 1.0, per: str = "") -> None:
-    """Add an axis in the paper's inches on the right; ``unit`` is the length in metres of one on the left axis.
-
-    ``per`` follows the inches in the unit: ``/s²`` for an acceleration.
-    """
+    """Add an axis in the paper's inches on the right; ``per`` ends its unit: ``/s²`` for an acceleration."""
     axes.secondary_yaxis("right", functions=scaled(to_inches(unit))).set_ylabel(f"{name} [in{per}]")
 
 
@@ -169,12 +103,8 @@ def scaled(factor: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
 
 
 def legend_below(figure: Figure, handles: Sequence[Any], names: Sequence[str], note: str | None = None) -> None:
-    """Show a legend below all axes, in as many columns as fit, and make the figure higher by the legend's height.
-
-    ``note`` goes above the entries; it may have several lines.
-    """
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    columns = min(len(names), 6)
+    """Show a legend below all axes, in as many columns as fit, with a note above its entries; grow the figure by it."""
+    renderer, columns = FigureCanvasAgg(figure).get_renderer(), min(len(names), 6)
     while True:
         legend = figure.legend(handles, names, loc="outside lower center", ncols=columns, title=note)
         box = legend.get_window_extent(renderer)
@@ -187,58 +117,42 @@ def legend_below(figure: Figure, handles: Sequence[Any], names: Sequence[str], n
 
 def legend_of(figure: Figure, axes: Axes, note: str | None = None) -> None:
     """Show a legend below all panels, with everything that has a label in one of them."""
-    handles, names = axes.get_legend_handles_labels()
-    legend_below(figure, handles, names, note)
+    legend_below(figure, *axes.get_legend_handles_labels(), note)
 
 
 def percent(share: float, digits: int = 0, *, signed: bool = False) -> str:
     """Return a share in percent with a typographic minus sign, and no sign if it rounds to zero."""
-    value = f"{100.0 * share:{'+' if signed else ''}z.{digits}f}".replace("-", "−")
-    return f"{value} %"
+    return f"{100.0 * share:{'+' if signed else ''}z.{digits}f}".replace("-", "−") + " %"
 
 
 def png(figure: Figure) -> bytes:
     """Return a figure as the content of a PNG file; the same figure gives the same bytes."""
-    return _content(figure, "png", {"Software": None})
+    return _encode(figure, "png", {"Software": None})
 
 
 def pdf(figure: Figure) -> bytes:
     """Return a figure as the content of a PDF file, in vectors; the same figure gives the same bytes."""
-    return _content(figure, "pdf", {"Creator": None, "Producer": None, "CreationDate": None})
+    return _encode(figure, "pdf", {"Creator": None, "Producer": None, "CreationDate": None})
 
 
-def _content(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
+def _encode(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
     buffer = io.BytesIO()
-    with in_force():
+    with _style_applied():
         figure.savefig(buffer, format=kind, metadata=metadata)
     return buffer.getvalue()
 
 
-def save(figure: Figure, path: FilePath) -> tuple[Path, Path]:
-    """Write a figure as a PNG file and, in vectors, as a PDF file beside it, each atomically.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    path
-        Path of the PNG file.
-
-    Returns
-    -------
-    tuple of Path
-        The PNG and the PDF file.
+def save(figure: Figure, path: FilePath) -> Path:
+    """Write a figure atomically, as PNG or, in vectors, as PDF, and return its path.
 
     Raises
     ------
     ParameterError
-        If the path does not end in ``.png``.
+        If the path ends in neither ``.png`` nor ``.pdf``.
     """
-    first = find_path("path", path)
-    if first.suffix != ".png":
-        raise ParameterError(f"path must end in .png, got {str(path)!r}")
-    second = first.with_suffix(".pdf")
-    contents = {first: png(figure), second: pdf(figure)}
-    for each, content in contents.items():
-        write_bytes_atomic(each, content)
-    return first, second
+    found = find_path("path", path)
+    encode = {".png": png, ".pdf": pdf}.get(found.suffix)
+    if encode is None:
+        raise ParameterError(f"path must end in .png or .pdf, got {str(path)!r}")
+    write_bytes_atomic(found, encode(figure))
+    return found

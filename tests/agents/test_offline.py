@@ -29,5 +29,5 @@ def test_a_script_trains_and_scores(script: Path, tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(sys, "path", [str(OFFLINE), *sys.path])
     load_script(script).train("pter/standard/random-v0", seed=3, steps=4, batch=8, out=tmp_path / "results")
     name = f"{script.stem.replace('_', '-')}-random-3"
-    found = {(run.conditions.policy, run.conditions.pace) for run in ResultsFolder(tmp_path / "results").runs()}
+    found = {(run.policy, run.pace) for run in ResultsFolder(tmp_path / "results").runs()}
     assert found == {(name, pace) for pace in PACES}

@@ -5,7 +5,6 @@ An attack takes an honest policy to one that makes something of a hole; a furthe
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -17,10 +16,10 @@ from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
 from pter_gym.benchmark._measures import SEGMENTS
 from pter_gym.benchmark._recorded import Recorded, pace_factor
-from pter_gym.benchmark._runs import Conditions, ScenarioRun
 from pter_gym.benchmark.leaderboard import rank
 from pter_gym.benchmark.metrics import Scores, score_episodes
 from pter_gym.benchmark.ranking import reason_below, summarise
+from pter_gym.benchmark.runs import ScenarioRun
 from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.benchmark.statistics import difference_interval
 from pter_gym.controllers import BoundPolicy, bind
@@ -293,8 +292,7 @@ def test_who_leaves_the_path_in_some_episodes_stands_below_who_never_does() -> N
             return np.where((np.arange(len(obs)) < count) & ~beyond(0.8)(self, obs), error, 0.0)
 
         found[name] = score_episodes(course.telemetry(tells(error=aside)(honest)), course.tasks)
-    at = Conditions("standard", "brisk", "", 0, 100, "", None, "", "")
-    runs = [ScenarioRun(replace(at, policy=name), ("line",) * 100, scores, ()) for name, scores in found.items()]
+    runs = [ScenarioRun("standard", "brisk", name, 0, None, ("line",) * 100, scores) for name, scores in found.items()]
     standings = {standing.policy: standing for standing in rank(runs).standings}
     assert [standings[name].rank for name in bound] == [1, 2, 3]
     assert all(scores["completed"].all() for scores in found.values())

@@ -73,7 +73,7 @@ Imposter.__name__ = "Machine"
 
 @pytest.mark.parametrize("value", [Imposter(), Impedance(), [1.0], {"a": 1}, Machine])
 def test_what_is_unknown_is_not_stored(value: object) -> None:
-    with pytest.raises(ParameterError, match="stored type must be among"):
+    with pytest.raises(ParameterError, match="stored type"):
         CODEC.to_plain(value)
 
 
@@ -86,17 +86,20 @@ def test_only_finite_numbers(number: float) -> None:
 def test_unknown_names_are_refused_with_the_nearest() -> None:
     plain = CODEC.to_plain(BASELINE)
     assert isinstance(plain, dict)
-    with pytest.raises(ParameterError, match="did you mean 'Machine'"):
-        CODEC.from_plain({**plain, "type": "Machin"})
-    with pytest.raises(ParameterError, match=r"stored fields of Machine .* did you mean 'substep'"):
-        CODEC.from_plain({**plain, "substeps": 1})
-    with pytest.raises(ParameterError, match="no field 'clutch'"):
-        CODEC.from_plain({name: part for name, part in plain.items() if name != "clutch"})
-    for bad in ({}, {"type": 3}, {"type": "os.system"}):
-        with pytest.raises(ParameterError, match="stored type"):
+    arm = plain["arm"]
+    assert isinstance(arm, dict)
+    for bad, named in (
+        ({**plain, "type": "Machin"}, "'Machine'"),
+        ({**plain, "substeps": 1}, "substeps"),
+        ({**plain, "arm": {**arm, "mass": 1.0}}, r"mass.*\$\.arm"),
+        ({name: part for name, part in plain.items() if name != "clutch"}, "clutch"),
+        ({}, "type"),
+        ({"type": 3}, "type"),
+        ({"type": "os.system"}, "type"),
+        (object(), "object"),
+    ):
+        with pytest.raises(ParameterError, match=named):
             CODEC.from_plain(bad)
-    with pytest.raises(ParameterError, match="types that JSON has"):
-        CODEC.from_plain(object())
 
 
 def test_a_missing_field_takes_its_default() -> None:

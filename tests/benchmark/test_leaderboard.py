@@ -25,10 +25,10 @@ def stops_at_the_start(obs: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 CHEATS = {
-    "locked": (Locked(), "arrives in 0 %"),
+    "locked": (Locked(), "completes 0 %"),
     "free": (Free(), "too fast"),
     "rushing": (Impedance(damping_tangential=0.0), "too fast"),
-    "stops at the start": (stops_at_the_start, "arrives in 0 %"),
+    "stops at the start": (stops_at_the_start, "completes 0 %"),
 }
 
 
@@ -66,7 +66,7 @@ def test_the_damper_of_another_pace_is_below_the_line() -> None:
 def test_the_json_is_plain_and_finite_and_the_table_has_a_row_for_each_policy(boards: dict[str, Leaderboard]) -> None:
     assert table(boards["medium"]).row_count == len(CHEATS) + len(HONEST)
     for board in json.loads(json.dumps([board.as_json() for board in boards.values()], allow_nan=False)):
-        assert set(board) >= {"scenario", "pace", "pace_m_s", "version", "config_hash", "policies", "episodes"}
+        assert set(board) >= {"scenario", "pace", "pace_m_s", "version", "policies", "episodes"}
         for policy in board["policies"].values():
             assert (policy["rank"] is None) != (policy["reason"] is None)
             for name in SCORES:

@@ -1,4 +1,4 @@
-"""One runner for policies of all kinds: laws in the kernel, planners, networks and plain callables."""
+"""One runner for policies of all kinds: laws in the kernel, networks and plain callables."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,16 +8,14 @@ import pytest
 from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark import PACES, find_policy, run_standard_test
-from pter_gym.benchmark.simulation import record_episode, run, simulate, time_limit
+from pter_gym.benchmark import PACES, find_policy
+from pter_gym.benchmark.simulation import run, simulate, time_limit
 from pter_gym.controllers import Free, Impedance, PaceSchedule, bind
-from pter_gym.controllers._predictive import Honest, Privileged, Settings
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
 from pter_gym.tasks.path_following import PathFollowing
 
-SETTINGS = Settings(samples=8, rounds=2, elite=2, horizon=10)
 SEEDS = [3, 4, 5]
 
 
@@ -50,31 +48,6 @@ def test_a_schedule_is_between_its_knots_which_may_not_run_into_each_other() -> 
         PaceSchedule(((0.1, Impedance()), (0.2, Impedance())), hold=0.5)
 
 
-@pytest.mark.parametrize("kind", [Privileged, Honest])
-def test_planners_of_one_batch_do_what_each_does_alone(kind: type[Privileged | Honest]) -> None:
-    machines, tasks = drawn("everything", "brisk")
-    policy = kind(Free(), SETTINGS)
-    limits = [6, 8, 7]
-    together = run(Batch(machines, tasks, sensors="force"), policy, SEEDS, limits)
-    assert together.steps == 8
-    assert together.decision_ms > 0.0
-    for world, (machine, task, seed, limit) in enumerate(zip(machines, tasks, SEEDS, limits, strict=True)):
-        alone = record_episode(policy, machine, task, seed, limit)
-        np.testing.assert_array_equal(together.telemetry[: limit + 1, world], alone.telemetry)
-
-
-def test_planners_say_what_they_need_and_do_the_standard_test_too() -> None:
-    policy, task = Honest(Free(), SETTINGS), PathFollowing()
-    with pytest.raises(ParameterError, match='sensors="force"'):
-        bind(policy, BASELINE, Batch(BASELINE, task, 1).layout)
-    batch = Batch(BASELINE, task, 2, sensors="force")
-    obs, _ = batch.reset([0, 1])
-    with pytest.raises(ParameterError, match="batch must be given to reset_in"):
-        bind(policy, BASELINE, batch.layout).act(obs)
-    result = run_standard_test({"honest": policy}, time_constants=(0.1,))
-    assert len(result.runs["honest"][0].telemetry) > 10
-
-
 class Counting:
     """Releases all clutches, and counts its episodes and decisions."""
 
@@ -96,7 +69,6 @@ def test_a_plain_callable_is_told_of_new_episodes_and_moves_as_the_same_law_in_t
     rows = simulate(batch, plain, SEEDS, 15)
     assert (mine.resets, mine.decisions) == (1, 15)
     assert not plain.compiled
-    assert plain.fingerprint is None
     np.testing.assert_array_equal(rows, simulate(batch, Free(), SEEDS, 15))
 
 

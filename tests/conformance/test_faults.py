@@ -7,6 +7,7 @@ import sys
 import threading
 import tracemalloc
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -16,10 +17,14 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import pter_gym  # noqa: F401  (registers the environment)
+from pter_gym._engine.batch import Batch
+from pter_gym._engine.world import ROW
 from pter_gym.envs._vector import BYTES_OF_TELEMETRY, BYTES_PER_WORLD, PathFollowingVectorEnv
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.hands import MultiSineHand
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.params import BASELINE, Arm, Clutch, Hand, Machine, TorqueCurve
+from pter_gym.paths import Line
+from pter_gym.tasks.path_following import PathFollowing, RewardWeights, Starts
 
 ID = "pter_gym:PTER/PathFollowing-v0"
 TASK = PathFollowing(start_offset=0.01, hand=MultiSineHand(random_phases=True))
@@ -367,3 +372,170 @@ def test_an_interrupted_step_is_done_or_not_begun(count: int) -> None:
     found = subprocess.run([sys.executable, "-c", INTERRUPTED, str(count)], capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
     assert int(found.stdout) >= 20, "hardly an interrupt arrived"
+
+
+BAD_SINGLE_ACTIONS: dict[str, Any] = {
+    "nan": np.array([1.0, np.nan, 1.0, 1.0], np.float32),
+    "infinite": np.array([1.0, 1.0, np.inf, 1.0], np.float32),
+    "negative": np.array([-0.01, 1.0, 1.0, 1.0], np.float32),
+    "too large": np.array([1.0, 1.0, 1.0, 24.001], np.float32),
+    "eight ulp too large": np.array([1.0, 1.0, 1.0, 24.0 + 8 * np.spacing(np.float32(24.0))], np.float32),
+    "too short": np.ones(3, np.float32),
+    "two rows": np.ones((2, 4), np.float32),
+    "text": np.array(["a", "b", "c", "d"]),
+    "nothing": None,
+}
+
+
+@pytest.mark.parametrize("action", BAD_SINGLE_ACTIONS.values(), ids=BAD_SINGLE_ACTIONS)
+def test_a_bad_action_of_one_world_is_refused_and_nothing_moves(action: Any) -> None:
+    env: Any = gymnasium.make(ID).unwrapped
+    env.reset(seed=0)
+    env.step(np.full(4, 5.0, np.float32))
+    before = env.batch.get_state()
+    with pytest.raises(ActionError, match="action"):
+        env.step(action)
+    assert same(before, env.batch.get_state())
+
+
+def test_step_before_reset_and_after_the_end() -> None:
+    env: Any = gymnasium.make(ID).unwrapped
+    with pytest.raises(ResetNeededError):
+        env.step(np.zeros(4, np.float32))
+    env.reset(seed=0)
+    while not env.step(np.zeros(4, np.float32))[2]:
+        pass
+    before = env.batch.get_state()
+    with pytest.raises(ResetNeededError):
+        env.step(np.zeros(4, np.float32))
+    assert same(before, env.batch.get_state())
+
+
+@pytest.mark.parametrize("options", [5, 0, {"speed": 1.0}])
+@pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+def test_options_of_another_kind_are_refused(options: Any, make: Any) -> None:
+    with pytest.raises(ParameterError, match="options"):
+        make(ID).reset(seed=0, options=options)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "one", True, 2**64])
+def test_a_bad_seed_is_refused(seed: Any) -> None:
+    env = gymnasium.make(ID)
+    with pytest.raises(ParameterError, match="seed"):
+        env.reset(seed=seed)
+
+
+def _clutch(**changes: Any) -> Clutch:
+    return replace(BASELINE.clutch, **changes)
+
+
+BAD_PARAMETERS: dict[str, Any] = {
+    "length_a": lambda: Arm(length_a=0.0),
+    "length_b": lambda: Arm(length_b=float("nan")),
+    "inertia_a": lambda: Arm(inertia_a=-1.0),
+    "inertia_b": lambda: Arm(inertia_b="heavy"),  # pyright: ignore[reportArgumentType]
+    "coupling": lambda: Arm(inertia_a=1.0, inertia_b=1.0, coupling=1.0),
+    "slope": lambda: TorqueCurve(slope=0.0, knee=1.0, curvature=0.0),
+    "knee": lambda: TorqueCurve(slope=1.0, knee=-1.0, curvature=0.0),
+    "curvature": lambda: TorqueCurve(slope=1.0, knee=1.0, curvature=float("inf")),
+    "dynamic": lambda: _clutch(dynamic=TorqueCurve(slope=1.0, knee=0.0, curvature=-0.1)),
+    "breakaway": lambda: _clutch(breakaway=3.0),
+    "time_constant": lambda: _clutch(time_constant=0.0),
+    "voltage_max": lambda: _clutch(voltage_max=-24.0),
+    "lag": lambda: _clutch(lag="pressure"),
+    "mass": lambda: Hand(mass=-1.0),
+    "damping": lambda: Hand(damping=float("nan")),
+    "hand.stiffness": lambda: replace(BASELINE, hand=Hand(stiffness=1e6)),
+    "slip_threshold": lambda: replace(BASELINE, slip_threshold=0.0),
+    "substep": lambda: replace(BASELINE, substep=0.0),
+    "arm": lambda: Machine(arm=None, clutch=BASELINE.clutch),  # pyright: ignore[reportArgumentType]
+    "length": lambda: Line(length=0.0),
+    "direction": lambda: Line(direction=float("inf")),
+    "pace": lambda: PathFollowing(pace=0.0),
+    "control_period": lambda: PathFollowing(control_period=-0.01),
+    "error_max": lambda: PathFollowing(error_max=0.0),
+    "singularity_margin": lambda: PathFollowing(singularity_margin=1.0),
+    "start_offset": lambda: PathFollowing(start_offset=0.3),
+    "arrival": lambda: PathFollowing(arrival=0.0),
+    "tracking": lambda: RewardWeights(tracking=-1.0),
+    "gripped": lambda: Starts(moving=0.6, gripped=0.5),
+    "starts": lambda: PathFollowing(starts="path"),  # pyright: ignore[reportArgumentType]
+    "path": lambda: PathFollowing(path="line"),  # pyright: ignore[reportArgumentType]
+}
+
+
+@pytest.mark.parametrize(("field", "build"), BAD_PARAMETERS.items(), ids=BAD_PARAMETERS)
+def test_a_bad_parameter_is_named(field: str, build: Any) -> None:
+    with pytest.raises(ParameterError, match=rf"\.{field} must be"):
+        build()
+
+
+def test_what_only_machine_and_task_together_show() -> None:
+    reach = BASELINE.arm.length_a + BASELINE.arm.length_b
+    with pytest.raises(ParameterError, match="control_period"):
+        Batch(replace(BASELINE, substep=1e-6), PathFollowing(control_period=0.02))
+    with pytest.raises(ParameterError, match="path must be within reach"):
+        Batch(BASELINE, PathFollowing(path=Line(x=0.0, y=1.01 * reach, length=0.01)))
+    with pytest.raises(ParameterError, match="path must be within reach"):
+        Batch(BASELINE, PathFollowing(path=Line(x=0.0, y=0.997 * reach, length=0.01)))
+    with pytest.raises(ParameterError, match=r"start_offset must be so small .* got 0\.03"):
+        Batch(BASELINE, PathFollowing(start_offset=0.03))
+    small = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.035, length_b=0.05))
+    beside = PathFollowing(path=Line(x=0.0, y=0.025, length=0.005), start_offset=0.05)
+    with pytest.raises(ParameterError, match="start_offset must be so small"):  # starts on both sides of the base
+        Batch(small, beside)
+    Batch(small, replace(beside, start_offset=0.005))
+    even = replace(BASELINE, arm=replace(BASELINE.arm, length_a=0.5, length_b=0.5))
+    with pytest.raises(ParameterError, match="path must be within reach"):  # for some millimetres, at the base
+        Batch(even, PathFollowing(path=Line(x=-0.8965, y=5e-4, length=1.8), singularity_margin=0.004))
+    with pytest.raises(ParameterError, match=r"hand\.stiffness"):
+        Batch(replace(BASELINE, hand=Hand(stiffness=100.0)), PathFollowing())
+    with pytest.raises(ParameterError, match="substep"):
+        Batch([BASELINE, replace(BASELINE, substep=0.0005)], PathFollowing())
+    with pytest.raises(ParameterError, match="num_worlds"):
+        Batch([], PathFollowing())
+
+
+@pytest.mark.parametrize(
+    ("keywords", "told"),
+    {
+        "starts": ({"starts": "anywhere"}, "starts"),
+        "pace": ({"pace": "fast"}, "pace"),
+        "error_max": ({"error_max": -1.0}, "error_max"),
+        "reward": ({"reward": 3}, "reward"),
+        "context_seed": ({"context_seed": -1}, "context_seed"),
+        "truncation_error": ({"truncation_error": 0.0}, "truncation_error"),
+        "task": ({"task": PathFollowing()}, "task"),
+        "randomisation": ({"randomisation": 1}, "randomisation"),
+    }.values(),
+)
+@pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+def test_a_wrong_argument_is_named_as_the_user_wrote_it(make: Any, keywords: dict[str, Any], told: str) -> None:
+    with pytest.raises(ParameterError, match=told):
+        make("PTER/Standard-v0", **keywords)
+
+
+def test_a_task_that_is_no_task_is_named() -> None:
+    for make in (gymnasium.make, gymnasium.make_vec):
+        with pytest.raises(ParameterError, match="task"):
+            make("PTER/PathFollowing-v0", task="circle")
+
+
+def test_a_state_of_other_machines_is_refused() -> None:
+    """A state says where a world's constants begin; a state that points elsewhere must not be followed."""
+    batch = Batch([BASELINE, replace(BASELINE, clutch_scale=(0.9,) * 4)], PathFollowing())
+    batch.reset([0, 1])
+    state = batch.get_state()
+    for row, value in ((ROW.context_at, 1e9), (ROW.foot.segment, 7.0), (ROW.step, -1.0), (ROW.step, np.nan)):
+        broken = {**state, "worlds": state["worlds"].copy()}
+        broken["worlds"][0, row, 0] = value
+        with pytest.raises(ParameterError, match=r"state\['worlds'\]"):
+            batch.set_state(broken)
+    batch.set_state(state)
+
+
+@pytest.mark.parametrize("wrong", [0, -1, 2.5, True, "3", None])
+@pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+def test_bad_periods_are_refused(make: Any, wrong: Any) -> None:
+    with pytest.raises(ParameterError, match="frame_skip"):
+        make(ID, frame_skip=wrong)

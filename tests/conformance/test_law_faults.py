@@ -43,7 +43,6 @@ def compile_law() -> None:
     obs, _ = batch.reset([0])
     gains, memory = np.array([9.0, 0.0, 0.0]), empty_memory(1, Kept)
     batch.rollout(obs, fails_later, gains, 1, memory)
-    batch.outcome(obs, fails_later, gains, 1, memory)
 
 
 def states(batch: Batch, memory: np.ndarray) -> bytes:
@@ -62,11 +61,9 @@ def test_a_number_that_is_not_finite_is_refused_and_nothing_has_moved(count: int
     match = rf"world {count // 2} must be finite, got \[0\.0, {value}, 0\.0, 24\.0\]"
     with pytest.raises(ActionError, match=match):
         batch.rollout(obs, fails_later, gains, 20, memory)
-    with pytest.raises(ActionError, match=match):
-        batch.outcome(obs, fails_later, gains, 20, memory)
     assert states(batch, memory) == before
     assert obs.tobytes() == seen
-    batch.outcome(obs, fails_later, gains, 2, memory)  # the steps before it go well
+    batch.rollout(obs, fails_later, gains, 2, memory)  # the steps before it go well
     batch.close()
 
 

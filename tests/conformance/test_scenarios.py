@@ -1,59 +1,54 @@
-"""Scenarios and what worlds draw: from the seed alone, the same through every door."""
+"""Scenarios: what they draw, on whose machine, and how their episodes begin."""
 
-import warnings
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
-import pter_gym
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import ROW, SAME_STEP
-from pter_gym.errors import ParameterError
-from pter_gym.hands import HumanArm, MultiSineHand
-from pter_gym.params import BASELINE, Hand
-from pter_gym.paths import Arc
+from pter_gym.benchmark import Examination
+from pter_gym.benchmark.episodes import load_episodes, scenarios
+from pter_gym.controllers import TorqueFeedback, bind
+from pter_gym.envs.scenario import TRUNCATION_ERROR, training_draws
+from pter_gym.errors import ParameterError, ResetNeededError
+from pter_gym.hands import HumanArm
+from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, Hand, machine_of
+from pter_gym.params._preset import PRESET, format_preset
+from pter_gym.paths import Arc, Line
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
-from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Repeat, Shared, Tuple, Uniform, Vary
-from pter_gym.tasks.path_following import PathFollowing
-from pter_gym.tasks.path_following._context import CONTEXT_WIDTH, TOLD
+from pter_gym.scenarios._own_machine import OwnMachine, as_sensed, find_own
+from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Shared, Tuple, Uniform, Vary
+from pter_gym.tasks.path_following import (
+    AT_REST,
+    COLUMN,
+    STARTS,
+    PathFollowing,
+    RewardWeights,
+    Sensing,
+    Starts,
+    observation_layout,
+)
+from pter_gym.tasks.path_following._context import TOLD
 from pter_gym.tasks.path_following._observation import BOUND
 
+MOVING, GRIPPED = Starts(moving=1.0), Starts(gripped=1.0)
+COUNT = 512
+PROGRESS = observation_layout(BASELINE, "torque").names.index("progress")
+NEAR = PathFollowing(truncation_error=0.1)
+"""A task whose disturbance takes a free arm away from the path."""
 
-def test_each_scenario_is_registered_under_its_id() -> None:
-    ids = {name for name in gymnasium.registry if name.startswith("PTER/")}
-    assert ids == {scenario.id for scenario in SCENARIOS.values()} | {"PTER/PathFollowing-v0"}
-    assert pter_gym.__version__
+OWN = replace(
+    PRESET,
+    arm=replace(PRESET.arm, inertia_a=0.7),
+    clutch=replace(PRESET.clutch, scale=(0.9, 1.1, 1.05, 0.95)),
+    sensing=replace(PRESET.sensing, delay=0.012),
+)
 
-
-@pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=lambda scenario: scenario.name)
-def test_gymnasiums_checker_has_nothing_to_say(scenario: Any) -> None:
-    env = gymnasium.make(scenario.id, pace="medium", contexts=8, action_unit="normalised", observe_context=True)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(env.unwrapped, skip_render_check=True)
-
-
-@pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=lambda scenario: scenario.name)
-def test_a_row_of_a_batch_lives_the_episodes_of_a_single_environment(scenario: Any) -> None:
-    options: dict[str, Any] = {"contexts": 16, "observe_context": True, "sensors": "force", "action_unit": "volt"}
-    many: Any = gymnasium.make_vec(scenario.id, num_envs=70, autoreset_mode="SameStep", num_threads=2, **options)
-    alone = gymnasium.make(scenario.id, **options)
-    rng = np.random.default_rng(5)
-    first, infos = many.reset(seed=100)
-    obs, info = alone.reset(seed=166)
-    for _ in range(150):
-        assert obs.tobytes() == first[66].tobytes()
-        assert info["telemetry"].tobytes() == infos["telemetry"][66].tobytes()
-        actions = rng.uniform(0.0, 6.0, (70, 4)).astype(np.float32)
-        first, rewards, _, _, infos = many.step(actions)
-        obs, reward, terminated, truncated, info = alone.step(actions[66])
-        assert reward == rewards[66]
-        if terminated or truncated:
-            obs, info = alone.reset()
+# --- what is drawn ---
 
 
 def test_draws_depend_on_the_seed_alone_and_reach_every_pair() -> None:
@@ -109,7 +104,6 @@ def test_distributions_stay_within_their_ends() -> None:
     ratios = [max(t) / min(t) for t in (shared.draw(rng) for _ in range(500))]
     assert max(ratios) <= 1.1 / 0.9
     assert {OneOf((1, Uniform(2.0, 2.0))).draw(rng) for _ in range(50)} == {1, 2.0}
-    assert Repeat(Uniform(1.0, 1.0), 3).draw(rng) == (1.0,) * 3
     assert Tuple((Uniform(1.0, 1.0), OneOf(("x",)))).draw(rng) == (1.0, "x")
 
 
@@ -122,7 +116,7 @@ def test_distributions_stay_within_their_ends() -> None:
         (lambda: Vary(BASELINE.arm, inertia_a=Uniform(-0.1, 1.0)), r"Arm\.inertia_a must be"),
         (lambda: Vary(BASELINE.arm, inertia=Uniform(0.1, 1.0)), r"Arm has no field 'inertia'"),
         (lambda: Vary(BASELINE.clutch, time_constant=Uniform(0.0, 1.0)), r"Clutch\.time_constant must be"),
-        (lambda: Vary(BASELINE, clutch_scale=Repeat(Uniform(-1.0, 1.0), 4)), r"Machine\.clutch_scale must be"),
+        (lambda: Vary(BASELINE, clutch_scale=Tuple((Uniform(-1.0, 1.0),) * 4)), r"Machine\.clutch_scale must be"),
         (
             lambda: Vary(HumanArm(), impedance=Vary(Hand(mass=1.0, stiffness=1.0), stiffness=Uniform(0.0, 9.0))),
             r"impedance\.stiffness must be",
@@ -158,32 +152,188 @@ def test_a_randomisation_stands_alone() -> None:
         gymnasium.make("PTER/PathFollowing-v0", randomisation=drawn, task=PathFollowing())
 
 
-def test_the_truth_of_a_world_is_its_state_and_its_machine_and_task() -> None:
-    other = replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=0.05))
-    batch = Batch([BASELINE, other, BASELINE], PathFollowing(hand=MultiSineHand(random_phases=True)))
-    batch.reset([0, 1, 0])
-    first = batch.truth()
-    assert first.shape[0] == 3
-    assert np.isfinite(first).all()
-    differing = first[0] != first[1]
-    assert 5 <= differing.sum() < 40, "sines, where the context begins, and what follows from the time constant"
-    batch.step(np.full((3, 4), 7.0))
-    after = batch.truth()
-    changed = (after != first).any(axis=0)
-    assert changed.sum() > 8
-    context = first.shape[1] - CONTEXT_WIDTH
-    assert not changed[context:].any()
-    assert differing[context:].any()
+# --- one's own machine ---
 
 
-def test_a_state_of_other_machines_is_refused() -> None:
-    """A state says where a world's constants begin; a state that points elsewhere must not be followed."""
-    batch = Batch([BASELINE, replace(BASELINE, clutch_scale=(0.9,) * 4)], PathFollowing())
-    batch.reset([0, 1])
-    state = batch.get_state()
-    for row, value in ((ROW.context_at, 1e9), (ROW.foot.segment, 7.0), (ROW.step, -1.0), (ROW.step, np.nan)):
-        broken = {**state, "worlds": state["worlds"].copy()}
-        broken["worlds"][0, row, 0] = value
-        with pytest.raises(ParameterError, match=r"state\['worlds'\]"):
-            batch.set_state(broken)
-    batch.set_state(state)
+@pytest.fixture
+def preset(tmp_path: Path) -> str:
+    path = tmp_path / "own.toml"
+    path.write_text(format_preset(OWN, "own"), "utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_all_else_is_drawn_as_without_it(name: str, preset: str) -> None:
+    drawn = find_scenario(name).randomisation("slow", contexts=40, seed=3).pairs()
+    own = find_scenario(name, preset).randomisation("slow", contexts=40, seed=3).pairs()
+    assert {machine for machine, _ in own} == {machine_of(OWN)}
+    assert {task.sensing.delay for _, task in own} == {1}
+    for (_, theirs), (_, mine) in zip(drawn, own, strict=True):
+        assert replace(mine, sensing=replace(mine.sensing, delay=theirs.sensing.delay)) == theirs
+
+
+def test_a_machine_is_given_by_itself_its_name_or_its_preset(preset: str) -> None:
+    assert find_own("delrin_experimental") == find_own(DELRIN_EXPERIMENTAL) == OwnMachine(DELRIN_EXPERIMENTAL)
+    assert find_own(preset) == find_own(find_own(preset)) == OwnMachine(machine_of(OWN), 0.012)
+    few = PathFollowing(sensing=Sensing(velocity_noise=0.1, delay=1))
+    assert as_sensed(few, OwnMachine(BASELINE)) is few
+    assert as_sensed(few, OwnMachine(BASELINE, 0.02)).sensing == Sensing(velocity_noise=0.1, delay=2)
+    for wrong, field in (
+        (lambda: find_scenario("standard", "delrin_experimentel"), "machine"),
+        (lambda: OwnMachine(BASELINE, -0.01), "delay"),
+        (lambda: OwnMachine("baseline"), "machine"),  # type: ignore[arg-type]
+        (lambda: find_scenario("paths", OwnMachine(BASELINE, 0.03)), "delay"),
+        (lambda: gymnasium.make("PTER/Standard-v0", machine=3), "machine"),
+    ):
+        with pytest.raises(ParameterError, match=field):
+            wrong()
+
+
+def test_environments_and_laws_take_it(preset: str) -> None:
+    env: Any = gymnasium.make("PTER/Everything-v0", machine=preset, contexts=5).unwrapped
+    assert {machine for machine, _ in env.batch.pairs} == {machine_of(OWN)} == {env.nominal_machine}
+    assert {task.sensing.delay for _, task in env.batch.pairs} == {1}
+    own = machine_of(OWN)
+    assert (find_scenario("standard", preset).nominal, find_scenario("standard").nominal) == (own, BASELINE)
+    exam, law = Examination("standard", "slow", 4, 5, preset), TorqueFeedback(feedback=0.5)
+    layout = exam.batch.layout
+    assert exam.judge(law) == exam.judge(bind(law, own, layout))
+    assert exam.judge(law) != exam.judge(bind(law, replace(own, clutch=DELRIN_EXPERIMENTAL.clutch), layout))
+
+
+# --- how episodes begin, and end near the path ---
+
+
+def first_rows(scenario: str, starts: Starts, seed: int = 0) -> tuple[np.ndarray, list[PathFollowing]]:
+    """Return the telemetry of resets, and the tasks that were begun."""
+    pairs = SCENARIOS[scenario].randomisation(contexts=64, starts=starts).pairs()
+    machines, tasks = map(list, zip(*pairs, strict=True))
+    batch = Batch(machines, tasks, COUNT, draws=True)
+    rows = batch.reset(range(seed, seed + COUNT))[1]
+    return rows, [tasks[k] for k in rows[:, COLUMN.context].astype(int)]
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_moving_starts_are_all_along_the_path_and_within_the_workspace(scenario: str) -> None:
+    rows, tasks = first_rows(scenario, MOVING)
+    share = rows[:, COLUMN.arc_length] / [task.path.length for task in tasks]
+    assert share.min() < 0.02
+    assert 0.9 < share.max() < 0.93
+    np.testing.assert_allclose(rows[:, COLUMN.reached], rows[:, COLUMN.arc_length], rtol=1e-12, atol=1e-12)
+    errors = np.abs(rows[:, COLUMN.normal_error])
+    assert (errors <= MOVING.offset + 1e-12).all()
+    assert errors.max() > 0.9 * MOVING.offset
+    speed = np.hypot(*rows[:, [*COLUMN.tip_velocity]].T) / [task.pace for task in tasks]
+    assert speed.max() < 2.07, "twice the pace along the path and half of it across"
+    assert 0.9 < speed.mean() < 1.2
+    assert np.isfinite(rows).all()
+
+
+def test_gripped_starts_are_at_rest_with_settled_clutches() -> None:
+    rows, _ = first_rows("standard", GRIPPED)
+    at_rest, _ = first_rows("standard", AT_REST)
+    np.testing.assert_array_equal(rows[:, [*COLUMN.tip]], at_rest[:, [*COLUMN.tip]])
+    assert not rows[:, [*COLUMN.tip_velocity]].any()
+    volts = rows[:, [*COLUMN.volts]]
+    released = (volts == 0.0).mean()
+    assert abs(released - 0.2) < 4.0 * np.sqrt(0.2 * 0.8 / volts.size)
+    engaged = volts[volts > 0.0]
+    assert abs(engaged.mean() - 12.0) < 4.0 * 24.0 / np.sqrt(12.0 * engaged.size)
+    assert not at_rest[:, [*COLUMN.volts]].any()
+
+
+def test_settled_clutches_hold_what_they_would_after_a_long_time() -> None:
+    task = PathFollowing(starts=GRIPPED)
+    batch = Batch(BASELINE, task, 16)
+    volts = batch.reset(range(16))[1][:, [*COLUMN.volts]]
+    assert volts.any(axis=1).all()
+    gripped = batch.truth()
+    still = Batch(replace(BASELINE, clutch=replace(BASELINE.clutch, time_constant=1e-6)), PathFollowing(), 16)
+    still.reset(range(16))
+    still.step(volts)
+    first, last = ROW.torques.breakaway.x1, ROW.torques.dynamic.x4 + 1
+    np.testing.assert_allclose(gripped[:, first:last], still.truth()[:, first:last], rtol=1e-12)
+
+
+def test_a_moving_start_is_within_a_narrow_workspace_with_the_intent_at_the_tip() -> None:
+    path = Line(x=-0.1, y=0.5, direction=0.0, length=0.2)
+    task = PathFollowing(path=path, hand=HumanArm(), error_max=0.03, starts=MOVING)
+    batch = Batch(BASELINE, task, 16)
+    row = batch.reset(range(16))[1]
+    assert 0.0 < np.abs(row[:, COLUMN.normal_error]).max() <= 0.03 < MOVING.offset
+    ahead = batch.truth()[:, ROW.intent] - row[:, COLUMN.arc_length]
+    assert (ahead >= -1e-12).all()
+    assert (ahead <= task.pace * task.control_period).all()
+    assert row[:, COLUMN.arc_length].max() > 0.1
+
+
+def test_shares_are_kept_and_each_seed_begins_the_same_way() -> None:
+    starts = STARTS["path"]
+    rows, _ = first_rows("standard", starts)
+    again, _ = first_rows("standard", starts)
+    np.testing.assert_array_equal(rows, again)
+    moving = (rows[:, COLUMN.arc_length] > 0.0).mean()
+    gripped = ((rows[:, COLUMN.arc_length] <= 1e-9) & rows[:, [*COLUMN.volts]].any(axis=1)).mean()
+    for found, share in ((moving, starts.moving), (gripped, starts.gripped)):
+        assert abs(found - share) < 4.0 * np.sqrt(share * (1.0 - share) / COUNT)
+
+
+@pytest.mark.parametrize("scenario", scenarios())
+def test_training_is_truncated_near_the_path_and_no_evaluation_is(scenario: str) -> None:
+    evaluated = load_episodes(scenario, "slow").tasks
+    assert all(task.truncation_error > task.error_max for task in evaluated)
+    assert {task.starts for task in evaluated} == {AT_REST}
+    for _, task in training_draws(scenario, contexts=4).pairs():
+        assert task.error_max in {each.error_max for each in evaluated}
+        assert task.truncation_error == TRUNCATION_ERROR <= task.error_max
+
+
+def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
+    free = np.zeros(4)
+    for reward in (RewardWeights(), RewardWeights(failure=0.0)):
+        near: Any = gymnasium.make("PTER/PathFollowing-v0", task=replace(NEAR, reward=reward)).unwrapped
+        wide: Any = gymnasium.make("PTER/PathFollowing-v0", task=PathFollowing(reward=reward)).unwrapped
+        near.reset(seed=0), wide.reset(seed=0)
+        truncated = terminated = False
+        while not (truncated or terminated):
+            observation, pay, terminated, truncated, info = near.step(free)
+            same, as_much, ends, _, told = wide.step(free)
+            assert (observation == same).all()
+            assert pay == as_much
+            assert abs(told["telemetry"][COLUMN.normal_error]) <= 0.1 or truncated
+        assert (terminated, truncated, ends, info["is_success"]) == (False, True, False, False)
+        with pytest.raises(ResetNeededError):
+            near.step(free)
+
+
+@pytest.mark.parametrize(("error_max", "terminated"), [(0.099, True), (0.1, False), (0.101, False)])
+def test_what_is_nearer_ends_an_episode_and_truncation_if_they_are_equal(error_max: float, terminated: bool) -> None:
+    env: Any = gymnasium.make("PTER/PathFollowing-v0", task=replace(NEAR, error_max=error_max)).unwrapped
+    env.reset(seed=0)
+    ends = (False, False)
+    while not any(ends):
+        _, _, *ends, _ = env.step(np.zeros(4))
+    assert tuple(ends) == (terminated, not terminated)
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_a_training_episode_that_strays_is_never_terminated_on_the_way(scenario: str) -> None:
+    worlds: Any = gymnasium.make_vec(SCENARIOS[scenario].id, 64, starts="rest")
+    worlds.reset(seed=0)
+    truncations = 0
+    for _ in range(200):
+        observations, _, terminated, truncated, infos = worlds.step(np.zeros((64, 4)))
+        strayed = np.abs(infos["telemetry"][:, COLUMN.normal_error]) > TRUNCATION_ERROR
+        assert not (terminated & strayed & (observations[:, PROGRESS] < 0.5)).any()
+        truncations += (truncated & strayed).sum()
+    assert truncations > (0 if scenario == "tremor" else 64), (
+        "where every hand is an arm, it holds the tip near the path"
+    )
+
+
+def test_a_scenario_takes_what_its_episodes_share_and_nothing_that_it_draws() -> None:
+    env: Any = gymnasium.make("PTER/Standard-v0", error_max=0.08, starts=MOVING, pace="slow").unwrapped
+    env.reset(seed=0)
+    assert (env.task.error_max, env.task.starts, env.task.pace) == (0.08, MOVING, 0.12)
+    with pytest.raises(ParameterError, match="path must be one of what all episodes of paths share"):
+        SCENARIOS["paths"].randomisation(path=None)

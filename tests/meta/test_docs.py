@@ -10,15 +10,12 @@ from pathlib import Path
 
 import fill
 import pytest
-from pages import read_block
-from safetensors.numpy import load_file
 
 from documents import DOCS, NOTEBOOKS, README, ROOT, blocks_of, cells_of, readme, run_extending, run_program
 from pter_gym import params
 from pter_gym._commands.main import main
 from pter_gym.benchmark.tuned import TABLE
 from pter_gym.params._preset import PRESET, format_preset
-from pter_gym.policies import SHIPPED, read_policy, write_policy
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *DOCS.glob("**/*.md")])
 PARAMETER_CLASSES = [item for _, item in inspect.getmembers(params, dataclasses.is_dataclass) if inspect.isclass(item)]
@@ -56,11 +53,10 @@ def test_readme_example_runs(capsys: pytest.CaptureFixture[str]):
 
 @pytest.mark.long
 def test_the_results_in_the_readme_are_those_of_its_command(tmp_path: Path) -> None:
-    """The same seed and the same numbers."""
     _, *given = shlex.split(readme("command: results"))
     assert main([*given, "--out", str(tmp_path)]) == 0
-    (table,) = (each for each in fill.OF_FOLDER["results"] if each.page == "README.md")
-    assert table.make(tmp_path) == read_block(README, table.name)
+    (block,) = (block for block in fill.blocks() if block.page == README and block.source == "board")
+    assert block.make(tmp_path) == block.content
 
 
 @pytest.mark.parametrize(
@@ -92,17 +88,9 @@ def test_the_page_on_extending_runs(capsys: pytest.CaptureFixture[str]):
     assert "cautious" in capsys.readouterr().out
 
 
-def test_the_page_on_trained_policies_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
-    card = dataclasses.replace(read_policy("residual").card, name="mine")
-    (tmp_path / "policies").mkdir()
-    write_policy(card, load_file(SHIPPED / "residual.safetensors"), "", tmp_path / "policies")
-    monkeypatch.chdir(tmp_path)
+def test_the_page_on_trained_policies_runs(capsys: pytest.CaptureFixture[str]):
     run_program(blocks_of(DOCS / "policies.md"), "policies.md")
-    arrived, many = capsys.readouterr().out.splitlines()
-    assert arrived == "arrived: True"
-    assert int(many.split()[0]) > 0
+    assert capsys.readouterr().out == "arrived: True\n"
 
 
 @pytest.mark.parametrize("given", [each for each in WATCH if "--csv" in each], ids=" ".join)

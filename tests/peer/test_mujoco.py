@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 import pytest
+from mujoco_arm import RATIOS, ArmNumbers, build
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._engine.batch import Batch
@@ -24,9 +25,6 @@ from pter_gym._physics.open_loop import initial_state, simulate
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL, Clutch, Hand, Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
-
-mujoco_arm = pytest.importorskip("pter_gym.tools.speed.mujoco_arm")
-RATIOS, ArmNumbers, build = mujoco_arm.RATIOS, mujoco_arm.ArmNumbers, mujoco_arm.build
 
 STEPS = 800
 SEEDS = range(20)

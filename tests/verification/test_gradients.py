@@ -28,9 +28,10 @@ from pter_gym.gradients._adjoint import (
     resolve_adjoint,
     stage_adjoint,
 )
+from pter_gym.gradients._branchless import Column, branchless
 from pter_gym.gradients._machine import numbers_of
 from pter_gym.gradients._tangent import KICK, stages_in_span
-from pter_gym.gradients._tracing import Column, branchless, tangent_of
+from pter_gym.gradients._tracing import tangent_of
 from pter_gym.params import BASELINE, MACHINES, Hand, Machine
 
 EPS = float(np.finfo(float).eps)
@@ -291,6 +292,19 @@ def parts_of(body: Any) -> int:
     body = body.copy()
     STAGES.whole(body, 1, SUBSTEP)
     return 1 if body[BODY.span, 0] == SUBSTEP else 2
+
+
+def test_whole_numbers_in_a_machine_are_numbers():
+    def gradient(machine: Machine) -> gradients.Gradient:
+        made = gradients.rollout(
+            machine, initial_state(machine, (0.5, 2.0)), np.full((3, 4), 5.0), np.array([5.0, 3.0])
+        )
+        return made.gradient(tip_position=np.ones((4, 2)))
+
+    whole = replace(BASELINE, clutch=replace(BASELINE.clutch, voltage_max=24), clutch_scale=(1, 1, 1, 1))
+    found, expected = gradient(whole), gradient(BASELINE)
+    assert found.machine == expected.machine
+    np.testing.assert_array_equal(found.volts, expected.volts)
 
 
 def test_the_derivative_holds_on_both_sides_of_each_switch():

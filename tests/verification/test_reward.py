@@ -10,10 +10,10 @@ from pter_gym._engine.batch import Batch
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
-from pter_gym.tasks.path_following._allowance import ALLOWANCE
-from pter_gym.tasks.path_following._reward import (
+from pter_gym.tasks.path_following._rules import (
+    ALLOWANCE,
     ERROR_WIDTH,
-    FASTEST,
+    MAX_PACE_RATIO,
     PACE_WINDOW,
     PERFECT,
     PRECISION_WIDTH,
@@ -39,7 +39,7 @@ def expected(rows: np.ndarray, task: PathFollowing) -> dict[str, list[float]]:
         distance = abs(after[COLUMN.normal_error])
         terms["tracking"].append(weight.tracking * new * share * math.exp(-distance / ERROR_WIDTH))
         terms["precision"].append(weight.precision * new * share * math.exp(-distance / PRECISION_WIDTH))
-        off = REST * (1.0 - max(mean, 0.0)) if mean < 1.0 else min(mean, FASTEST) - 1.0
+        off = REST * (1.0 - max(mean, 0.0)) if mean < 1.0 else min(mean, MAX_PACE_RATIO) - 1.0
         terms["pace"].append(-weight.pace * off * PERIOD * pace / length)
     return terms
 

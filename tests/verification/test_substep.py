@@ -27,7 +27,7 @@ from pter_gym._physics.model import implicit_share, model_of
 from pter_gym._physics.open_loop import BODY
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Hand, Machine
-from pter_gym.tasks.path_following._situation import Vector
+from pter_gym.tasks.path_following._rules import Vector
 
 ARM = Linkage(length_a=0.4, length_b=0.7, m11=0.3, m22=0.5, coupling=0.2, damping=7.0, stiffness=30.0, implicit=0.6)
 RUBBING = ARM._replace(viscous_a=0.9, viscous_b=1.7)

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from pter_gym._compiled.records import load, store
-from pter_gym._engine.hand import hand_force
-from pter_gym._engine.sensing import gaussians, take_reading
-from pter_gym._engine.starts import place, spread
+from pter_gym._engine.episode import place, spread
+from pter_gym._engine.step import gaussians, hand_force, take_reading
 from pter_gym._engine.world import ROW, ROWS, Target
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch
@@ -35,20 +34,28 @@ from pter_gym.tasks.path_following import (
     observation_layout,
     reason_of,
 )
-from pter_gym.tasks.path_following._allowance import ALLOWANCE, in_start_up, start_up_allowance
-from pter_gym.tasks.path_following._context import SensingModel, context_of, told_of
+from pter_gym.tasks.path_following._context import context_of, told_of
 from pter_gym.tasks.path_following._observation import observation
-from pter_gym.tasks.path_following._reward import Outcome, Terms, pace_cost, pace_share, reward_terms, total
-from pter_gym.tasks.path_following._situation import (
+from pter_gym.tasks.path_following._rules import (
+    ALLOWANCE,
+    Outcome,
+    PathState,
     PathVector,
-    Situation,
+    SensingModel,
+    Terms,
+    in_start_up,
     motion_at,
+    pace_cost,
+    pace_share,
     reached_end,
+    reward_terms,
     singular,
+    start_up_allowance,
     strayed,
     to_path,
     to_world,
     too_fast,
+    total,
 )
 from pter_gym.tasks.path_following._specification import held_machine, sin_elbow, strongest, substeps
 
@@ -223,7 +230,7 @@ def test_what_a_pace_earns_and_costs():
 
 @pytest.mark.parametrize("failed", [False, True])
 def test_each_term_is_what_its_weight_says(failed: bool):
-    at = Situation(0.0, -0.03, unit(0.0), 0.0, PathVector(0.0, 0.0))
+    at = PathState(0.0, -0.03, unit(0.0), 0.0, PathVector(0.0, 0.0))
     volts = PerClutch(1.0, 2.0, 3.0, 4.0)
     seen = Outcome(
         at=at,
@@ -294,7 +301,7 @@ def test_the_allowance_is_for_the_first_hundredth_of_a_path():
 
 def test_an_observation_holds_what_it_says():
     q = Motion(0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-    at = Situation(0.3, 0.004, unit(0.2), 7.0, PathVector(0.8, 0.9))
+    at = PathState(0.3, 0.004, unit(0.2), 7.0, PathVector(0.8, 0.9))
     volts, torque, force = PerClutch(1.0, 2.0, 3.0, 4.0), PerClutch(5.0, 6.0, 7.0, 8.0), PathVector(9.0, 10.0)
     seen = observation(q, at, 1.5, 0.4, volts, torque, force)
     expected = {
@@ -357,7 +364,7 @@ LAST_ROWS: dict[Reason | None, dict[str, float]] = {
     Reason.MISSED: {"arc_length": 0.5, "normal_error": 0.15},
     Reason.STRAYED: {"arc_length": 0.2, "normal_error": -0.21},
     Reason.SINGULAR: {"arc_length": 0.2, "normal_error": 0.19},
-    Reason.TOO_FAST: {"kinetic_energy": 1e9, "arc_length": 0.5},
+    Reason.TOO_FAST: {"kinetic_energy": 1e9, "arc_length": 0.5, "normal_error": 0.15},
 }
 
 
@@ -414,7 +421,7 @@ def test_ranges_end_where_they_say():
                 MAKE[field](number)
 
 
-def test_what_a_task_is_without_a_word():
+def test_task_defaults():
     task = PathFollowing()
     assert (task.friction_drift, task.start_offset, task.sensing.delay) == (0.0, 0.0, 0)
     assert (task.error_max, task.truncation_error, task.arrival) == (0.25, 0.5, 0.125)

@@ -52,4 +52,4 @@ def score(algorithm: str, network: nn.Module, dataset_id: str, seed: int, out: P
     _, scenario, level = dataset_id.split("/")
     policy = from_actions(lambda observations: network(torch.from_numpy(observations)), minari.load_dataset(dataset_id))
     policies = {f"{algorithm}-{level.removesuffix('-v0')}-{seed}": policy}
-    print_boards(run_scenario(scenario, policies, fresh=seed, results=ResultsFolder(out)))
+    print_boards(run_scenario(scenario, policies, seed=seed, results=ResultsFolder(out)))

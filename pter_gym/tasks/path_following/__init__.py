@@ -1,13 +1,12 @@
 """Follow a path while a hand pushes along it and disturbs across it (paper section IV-A).
 
-One file each: the task as stated by the user (``specification``), the agent's ``observation`` and ``reward``, the
-recorded ``telemetry``, the constants behind them (``context``), and a world's position relative to its path
-(``situation``).
+What a user states is in ``_specification``, and the numbers that kernels make of it in ``_context``. ``_rules`` says
+where the tip is, what that is worth and when an episode is over, ``_observation`` what is seen, and ``_telemetry`` what
+is recorded.
 """
 
-from pter_gym.tasks.path_following._ending import Reason, reason_of
 from pter_gym.tasks.path_following._observation import SEEN, Sensors, observation_layout
-from pter_gym.tasks.path_following._reward import RewardWeights
+from pter_gym.tasks.path_following._rules import RewardWeights
 from pter_gym.tasks.path_following._specification import (
     AT_REST,
     IDEAL_SENSING,
@@ -19,7 +18,7 @@ from pter_gym.tasks.path_following._specification import (
     check_machine,
     substeps,
 )
-from pter_gym.tasks.path_following._telemetry import COLUMN, TELEMETRY
+from pter_gym.tasks.path_following._telemetry import COLUMN, TELEMETRY, Reason, reason_of
 
 __all__ = [
     "AT_REST",

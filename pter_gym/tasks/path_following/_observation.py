@@ -14,7 +14,7 @@ from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
-from pter_gym.tasks.path_following._situation import PathVector, Situation
+from pter_gym.tasks.path_following._rules import PathState, PathVector
 
 Sensors = Literal["encoders", "torque", "force"]
 
@@ -104,7 +104,7 @@ def observation_layout(machine: Machine | str | None, sensors: Sensors, told: La
 @device
 def observation(
     q: Motion,
-    at: Situation,
+    at: PathState,
     path_length: float,
     pace: float,
     volts: PerClutch,

@@ -23,7 +23,7 @@ from pter_gym.params import Arm, Machine, quantity, require, require_kind, requi
 from pter_gym.paths import Line, Path
 from pter_gym.paths._arcs import Arcs, ArcSegment
 from pter_gym.tasks.path_following._observation import BOUND, ERROR_SCALE, SPEED_SCALE
-from pter_gym.tasks.path_following._reward import RewardWeights
+from pter_gym.tasks.path_following._rules import COMMANDED_PACE, RewardWeights
 
 MAX_DELAY = 2
 """Largest delay of the sensors in control steps."""
@@ -31,13 +31,13 @@ MAX_DELAY = 2
 SHARPEST = 0.9
 """Largest ratio of the workspace's half-width to a path's radius of curvature, so that the nearest point is unique."""
 
-WIDEST = BOUND * ERROR_SCALE
+MAX_HALF_WIDTH = BOUND * ERROR_SCALE
 """Largest half-width of a workspace [m]: what an observation can tell."""
 
-ALONG = 2.0
+MAX_START_SPEED_ALONG = 2.0
 """Largest speed along the path of an episode that begins moving, over the commanded pace."""
 
-ASIDE = 0.5
+MAX_START_SPEED_ACROSS = 0.5
 """Largest speed across the path of such an episode, over the commanded pace."""
 
 
@@ -86,7 +86,7 @@ class Starts:
         """Check that shares are between 0 and 1."""
         require_number(self, "moving", at_least=0.0, at_most=1.0)
         require_number(self, "gripped", at_least=0.0, at_most=1.0 - self.moving)
-        require_number(self, "offset", at_least=0.0, at_most=WIDEST)
+        require_number(self, "offset", at_least=0.0, at_most=MAX_HALF_WIDTH)
 
 
 AT_REST = Starts()
@@ -102,13 +102,15 @@ class PathFollowing:
 
     path: Path = quantity("1", "see Line", default=Line())
     hand: Operator = quantity("1", "see MultiSineHand", default=MultiSineHand())
-    pace: float = quantity("m/s", "derived: the baseline's mean tip speed in Table I, 19.69 in/s", default=0.5)
+    pace: float = quantity(
+        "m/s", "derived: the baseline's mean tip speed in Table I, 19.69 in/s", default=COMMANDED_PACE
+    )
     control_period: float = quantity("s", "chosen: 100 Hz control", default=0.01)
     error_max: float = quantity("m", "chosen: the workspace ends this far from the path", default=0.25)
     truncation_error: float = quantity(
         "m",
         "chosen: if not above error_max, an episode is truncated this far from the path; by default none is",
-        default=2.0 * WIDEST,
+        default=2.0 * MAX_HALF_WIDTH,
     )
     arrival: float = quantity(
         "m",
@@ -131,8 +133,8 @@ class PathFollowing:
         require_kind(self, "starts", Starts)
         require_number(self, "pace", above=0.0, at_most=BOUND * SPEED_SCALE)
         require_number(self, "control_period", above=0.0, at_most=1.0)
-        require_number(self, "error_max", above=0.0, at_most=WIDEST)
-        require_number(self, "truncation_error", above=0.0, at_most=2.0 * WIDEST)
+        require_number(self, "error_max", above=0.0, at_most=MAX_HALF_WIDTH)
+        require_number(self, "truncation_error", above=0.0, at_most=2.0 * MAX_HALF_WIDTH)
         require_number(self, "arrival", above=0.0)
         require_number(self, "singularity_margin", above=0.0, below=1.0)
         require_number(self, "start_offset", at_least=0.0, below=min(self.error_max, self.truncation_error))
@@ -230,7 +232,7 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
         "within a control step; a shorter substep or control_period allows more",
     )
     if task.starts.moving > 0.0:
-        fastest = task.pace * math.hypot(ALONG, ASIDE) / task.singularity_margin
+        fastest = task.pace * math.hypot(MAX_START_SPEED_ALONG, MAX_START_SPEED_ACROSS) / task.singularity_margin
         omega_a, omega_b = fastest / arm.length_a, fastest / arm.length_b
         energy = 0.5 * (arm.m11 * omega_a**2 + arm.m22 * omega_b**2) + abs(arm.coupling) * omega_a * omega_b
         require(

@@ -1,15 +1,23 @@
 """The telemetry: the record of each control step, for people, scores and plots. All entries are in their units."""
 
+import math
 from dataclasses import replace
-from typing import Annotated, NamedTuple
+from enum import StrEnum
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import Entry, layout_of, rows, width
-from pter_gym._physics.arm import PerLink, Vector
+from pter_gym._physics.arm import Motion, PerLink, UnitVector, Vector
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.step import Energy
-from pter_gym.tasks.path_following._context import Told
-from pter_gym.tasks.path_following._reward import Terms
+from pter_gym.errors import ParameterError
+from pter_gym.params import Machine, find_machine
+from pter_gym.tasks.path_following._context import Told, context_of
+from pter_gym.tasks.path_following._rules import PathState, PathVector, Terms, ending
+from pter_gym.tasks.path_following._specification import PathFollowing
 
 
 class Telemetry(NamedTuple):
@@ -46,3 +54,48 @@ COLUMNS = width(Telemetry)
 
 TELEMETRY = Layout(tuple(replace(field, scale=1.0) for field in layout_of(Telemetry).fields))
 """Layout of the telemetry."""
+
+
+class Reason(StrEnum):
+    """What has terminated an episode."""
+
+    ARRIVED = "arrived"
+    MISSED = "the end of the path was missed"
+    STRAYED = "the tip left the workspace"
+    SINGULAR = "the arm came near a singular pose"
+    TOO_FAST = "the arm was faster than the simulator can hold"
+
+
+def reason_of(telemetry: ArrayLike, machine: Machine | str | None, task: PathFollowing) -> Reason | None:
+    """Return why an episode was terminated, or None if it continues or was truncated.
+
+    Parameters
+    ----------
+    telemetry
+        The last row of the episode's telemetry, (len(TELEMETRY),).
+    machine, task
+        The episode's machine or its name, and its task.
+
+    Raises
+    ------
+    ParameterError
+        If the row has another shape, or there is no such machine.
+    """
+    given = np.asarray(telemetry, np.float64)
+    if given.shape != (COLUMNS,):
+        raise ParameterError(f"telemetry must have the shape ({COLUMNS},), got {given.shape}")
+    row: Any = given
+    limits = context_of(task, find_machine(machine), (0, 0), (0, 0)).task
+    if row[COLUMN.terminated] == 0.0:
+        return None
+    theta_a, theta_b = row[COLUMN.theta.a], row[COLUMN.theta.b]
+    q = Motion(theta_a, theta_b, 0.0, 0.0, math.cos(theta_a), math.sin(theta_a), math.cos(theta_b), math.sin(theta_b))
+    at = PathState(row[COLUMN.arc_length], row[COLUMN.normal_error], UnitVector(1.0, 0.0), 0.0, PathVector(0.0, 0.0))
+    end = ending(at, q, row[COLUMN.kinetic_energy], limits)
+    order = (
+        (Reason.ARRIVED, end.arrived),
+        (Reason.TOO_FAST, end.too_fast),
+        (Reason.MISSED, end.missed),
+        (Reason.STRAYED, end.strayed),
+    )
+    return next((reason for reason, holds in order if holds), Reason.SINGULAR)

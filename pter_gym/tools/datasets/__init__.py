@@ -5,7 +5,7 @@
 
 from typing import TYPE_CHECKING
 
-from pter_gym._internal.lazy import lazy_names
+import lazy_loader
 
 if TYPE_CHECKING:
     from pter_gym.tools.datasets.levels import LEVELS, Actor, actors_of
@@ -14,21 +14,11 @@ if TYPE_CHECKING:
 
 __all__ = ["LEVELS", "Actor", "Episode", "actors_of", "dataset_id", "record_episodes", "write_dataset"]
 
-__getattr__, __dir__ = lazy_names(
+__getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
     __name__,
-    {
-        "pter_gym.tools.datasets.levels": (
-            "LEVELS",
-            "Actor",
-            "actors_of",
-        ),
-        "pter_gym.tools.datasets.recording": (
-            "Episode",
-            "record_episodes",
-        ),
-        "pter_gym.tools.datasets.writing": (
-            "dataset_id",
-            "write_dataset",
-        ),
+    submod_attrs={
+        "levels": ["LEVELS", "Actor", "actors_of"],
+        "recording": ["Episode", "record_episodes"],
+        "writing": ["dataset_id", "write_dataset"],
     },
 )

@@ -5,19 +5,17 @@ from typing import Annotated
 
 import tyro
 
-from pter_gym._commands.arguments import among, split
+from pter_gym._commands.arguments import split
 from pter_gym._internal.checks import names_in
 from pter_gym._internal.terminal import progress_bar, say
 from pter_gym.errors import unknown_name
-from pter_gym.scenarios import SCENARIOS
+from pter_gym.scenarios import find_scenario
 
 STEPS = 1_000_000
 
 
 def record(
-    scenario: Annotated[
-        str, tyro.conf.arg(metavar="NAME,…"), among(lambda: SCENARIOS, several=True)
-    ] = "standard,everything",
+    scenario: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "standard,everything",
     level: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "expert,medium,replay,random",
     steps: int = STEPS,
     seed: int = 0,
@@ -42,6 +40,8 @@ def record(
     from pter_gym.tools.datasets.writing import default_folder, load_minari
 
     scenarios, levels = names_in("scenario", split(scenario)), names_in("level", split(level))
+    for each in scenarios:
+        find_scenario(each)
     for each in levels:
         if each not in LEVELS:
             raise unknown_name("level", each, LEVELS)

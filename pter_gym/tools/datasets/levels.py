@@ -2,7 +2,6 @@
 
 import tomllib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from pter_gym.benchmark._loading import load_policy
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import unknown_name
-from pter_gym.policies import Net, read_policy
+from pter_gym.policies import read_policy
 
 Actions = NDArray[np.float32]
 Act = Callable[[NDArray[np.float32]], Actions]
@@ -53,38 +52,6 @@ class Actor(NamedTuple):
 
     name: str
     bind: Callable[[PathFollowingVectorEnv, int], Act]
-
-
-@dataclass(frozen=True, eq=False)
-class Exploring:
-    """A network with its training noise, n = ρ·n' + σ·ε with a standard normal ε.
-
-    Attributes
-    ----------
-    network
-        Its mean action; it has no memory of its own.
-    deviation, persistence
-        σ and ρ.
-    rng
-        Random generator of ε.
-    """
-
-    network: Net
-    deviation: float
-    persistence: float
-    rng: np.random.Generator
-
-    def begin(self, worlds: int) -> NDArray[np.float64]:
-        """Return the noise before the first control step of that many worlds, a row for each."""
-        return np.zeros((worlds, 4))
-
-    def __call__(
-        self, inputs: NDArray[np.float64], memory: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return actions (N, 4) for inputs (N, inputs), and their noise, which is remembered."""
-        outputs, _ = self.network(inputs, self.network.begin(len(inputs)))
-        noise = self.persistence * memory + self.deviation * self.rng.standard_normal(outputs.shape)
-        return outputs + noise, noise
 
 
 def actors_of(scenario: str, level: str) -> tuple[Actor, ...]:
@@ -129,13 +96,19 @@ def _uniform(envs: PathFollowingVectorEnv, seed: int) -> Act:
 
 
 def _stage(name: str, deviation: float, persistence: float) -> Actor:
-    """Return a stage of the training, with noise unless its deviation is 0."""
-    policy = read_policy(name, STAGES)
+    """Return a stage of the training, whose normalised actions get its noise, n = ρ·n' + σ·ε with a normal ε."""
+    policy = read_policy(STAGES / name)
 
     def bind(envs: PathFollowingVectorEnv, seed: int) -> Act:
+        acting = load_policy(policy, envs)
         if deviation == 0.0:
-            return load_policy(policy, envs)
-        net = Exploring(policy.network, deviation, persistence, np.random.default_rng(seed))
-        return load_policy(replace(policy, network=net), envs)  # type: ignore[arg-type]
+            return acting
+        rng, noise = np.random.default_rng(seed), np.zeros((envs.num_envs, 4))
+
+        def act(obs: NDArray[np.float32]) -> Actions:
+            noise[:] = persistence * noise + deviation * rng.standard_normal(noise.shape)
+            return np.clip(acting(obs) + noise, -1.0, 1.0).astype(np.float32)
+
+        return act
 
     return Actor(name, bind)

@@ -3,10 +3,15 @@
 The log is cut into windows, a machine is fitted to them, and a verdict says whether the model explains them.
 """
 
-from pter_gym.tools.identification.experiment import EXPERIMENT, RECORDER, Experiment, Recorder, record_log
-from pter_gym.tools.identification.identifying import Finding, Identification, identify, preset_of
-from pter_gym.tools.identification.log import Log, read_log, write_log
-from pter_gym.tools.identification.parameters import Quantity, quantities
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
+if TYPE_CHECKING:
+    from pter_gym.tools.identification.experiment import EXPERIMENT, RECORDER, Experiment, Recorder, record_log
+    from pter_gym.tools.identification.identifying import Finding, Identification, identify, preset_of
+    from pter_gym.tools.identification.log import Log, read_log, write_log
+    from pter_gym.tools.identification.parameters import Quantity, quantities
 
 __all__ = [
     "EXPERIMENT",
@@ -24,3 +29,13 @@ __all__ = [
     "record_log",
     "write_log",
 ]
+
+__getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
+    __name__,
+    submod_attrs={
+        "experiment": ["EXPERIMENT", "RECORDER", "Experiment", "Recorder", "record_log"],
+        "identifying": ["Finding", "Identification", "identify", "preset_of"],
+        "log": ["Log", "read_log", "write_log"],
+        "parameters": ["Quantity", "quantities"],
+    },
+)

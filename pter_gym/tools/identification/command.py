@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from rich.table import Table
 
-from pter_gym._commands.arguments import IS_FILE, IS_MACHINE, Check, numbers
+from pter_gym._commands.arguments import numbers
 from pter_gym._internal.terminal import make_folder, progress_bar, say, terminal
 from pter_gym.errors import ParameterError
 
@@ -19,9 +19,9 @@ MACHINE = "baseline"
 
 
 def identify(
-    log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG.csv"), IS_FILE],
-    machine: Annotated[str, tyro.conf.arg(metavar="NAME|FILE.toml"), IS_MACHINE] = MACHINE,
-    lengths: Annotated[str | None, tyro.conf.arg(metavar="A,B"), Check(numbers)] = None,
+    log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG.csv")],
+    machine: Annotated[str, tyro.conf.arg(metavar="NAME|FILE.toml")] = MACHINE,
+    lengths: Annotated[str | None, tyro.conf.arg(metavar="A,B")] = None,
     voltage_max: float | None = None,
     out: Path = Path("pter-identified"),
 ) -> None:

@@ -26,18 +26,7 @@ from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.errors import ParameterError
 from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE, TIME_CONSTANT, Arm, Machine, TorqueCurve
 from pter_gym.params._fields import check_number
-from pter_gym.params._preset import (
-    PRESET,
-    ArmValues,
-    ClutchValues,
-    ControllerValues,
-    DelrinValues,
-    HandValues,
-    PathValues,
-    Preset,
-    SensingValues,
-    format_preset,
-)
+from pter_gym.params._preset import PRESET, ClutchValues, Preset, SensingValues, format_preset
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import COLUMN, check_machine
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
@@ -63,7 +52,7 @@ class Free:
     logarithmic: bool = False
 
 
-LEAST_RATIO = 1.12
+MIN_RATIO = 1.12
 """Least T_s/T_k of clutches that stick and slip."""
 
 SPACE: tuple[Free, ...] = (
@@ -75,7 +64,7 @@ SPACE: tuple[Free, ...] = (
     Free("small_voltage", "V", 4.0, 8.0, "where breakaway is 63.5 in·lbf: a small voltage, not below the tests"),
     Free("knee", "V", 8.0, 22.0, "the linear segment holds the small voltages"),
     Free("top_torque", "N·m", 15.0, 70.0, "dynamic torque at 24 V of clutches of this kind"),
-    Free("breakaway_ratio", "1", LEAST_RATIO, 1.5, "T_s/T_k: Fig. 9 shows a clear jump"),
+    Free("breakaway_ratio", "1", MIN_RATIO, 1.5, "T_s/T_k: Fig. 9 shows a clear jump"),
     Free("delrin_jump", "1", 0.65, 1.6, "T_s/T_k − 1 over the present clutches': Fig. 9 shows similar jumps"),
     Free("delrin_scale", "1", 0.5, 0.95, "experimental Delrin has less friction than the present clutches"),
     Free("mu_dynamic", "1", 0.37, 0.45, "of the present clutches: above Delrin's 0.35, at most the published μs"),
@@ -129,7 +118,7 @@ def decode(point: Array) -> Preset:
     room = min(math.sqrt(HAND_MAX**2 - values["push"] ** 2) / EQ5_PEAK, HAND_MAX)
     damping = min(2.0 * values["damping_ratio"] * math.sqrt(values["stiffness"] * across), across / 0.01)
     return Preset(
-        arm=ArmValues(**{name: getattr(arm, name) for name in ArmValues.__dataclass_fields__}),
+        arm=arm,
         clutch=ClutchValues(
             slope=curve.slope,
             knee=curve.knee,
@@ -139,21 +128,21 @@ def decode(point: Array) -> Preset:
             voltage_max=TABLE_VOLTS[-1],
             scale=(1.0,) * 4,
         ),
-        delrin=DelrinValues(
-            dynamic_scale=rounded(values["delrin_scale"]),
-            breakaway_ratio=rounded(max(LEAST_RATIO, 1.0 + values["delrin_jump"] * (values["breakaway_ratio"] - 1.0))),
-            mu_dynamic_present=rounded(values["mu_dynamic"]),
-        ),
-        path=PathValues(x=line.x, y=line.y, direction=line.direction, length=line.length),
-        hand=HandValues(push=rounded(values["push"]), force_max=rounded(values["disturbance"] * room)),
-        controller=ControllerValues(
-            stiffness=rounded(values["stiffness"]),
-            damping_normal=rounded(damping),
-            damping_tangential=rounded(min(values["damping_tangential"], along / 0.01)),
-            slip_threshold=rounded(values["slip_threshold"]),
-            table_volts=TABLE_VOLTS,
-            feedback=BEST_GAIN / INCH_POUND,
-        ),
+        delrin={
+            "dynamic_scale": rounded(values["delrin_scale"]),
+            "breakaway_ratio": rounded(max(MIN_RATIO, 1.0 + values["delrin_jump"] * (values["breakaway_ratio"] - 1.0))),
+            "mu_dynamic_present": rounded(values["mu_dynamic"]),
+        },
+        path={"x": line.x, "y": line.y, "direction": line.direction, "length": line.length},
+        hand={"push": rounded(values["push"]), "force_max": rounded(values["disturbance"] * room)},
+        controller={
+            "stiffness": rounded(values["stiffness"]),
+            "damping_normal": rounded(damping),
+            "damping_tangential": rounded(min(values["damping_tangential"], along / 0.01)),
+            "slip_threshold": rounded(values["slip_threshold"]),
+            "table_volts": TABLE_VOLTS,
+            "feedback": BEST_GAIN / INCH_POUND,
+        },
         sensing=SensingValues(delay=0.0),
         provenance=ORIGINS,
     )

@@ -1,9 +1,9 @@
 """Setup of the paper's experiments: three machines, one task, one controller, and the time constants."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 from pter_gym.controllers import TorqueFeedback
 from pter_gym.hands import MultiSineHand, eq5
@@ -22,14 +22,9 @@ PAPER_MACHINES = paper_machines_of(STUDY)
 """The three machines of Table I by name, as the experiments have them."""
 
 
-def values_of(section: Any) -> dict[str, Any]:
-    """Return the numbers of a section of a preset by their names."""
-    return {item.name: getattr(section, item.name) for item in fields(section)}
-
-
 def task_of(preset: Preset) -> PathFollowing:
     """Return the standard test of a preset."""
-    return PathFollowing(path=Line(**values_of(preset.path)), hand=eq5(preset.hand.force_max, preset.hand.push))
+    return PathFollowing(path=Line(**preset.path), hand=eq5(preset.hand["force_max"], preset.hand["push"]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +45,7 @@ class Setup:
 
     machines: Mapping[str, Machine] = field(default_factory=lambda: dict(PAPER_MACHINES))
     task: PathFollowing = field(default_factory=lambda: task_of(STUDY))
-    controller: TorqueFeedback = field(default_factory=lambda: TorqueFeedback(**values_of(STUDY.controller)))
+    controller: TorqueFeedback = field(default_factory=lambda: TorqueFeedback(**STUDY.controller))
     own_table: bool = False
     time_constants: tuple[float, ...] = TIME_CONSTANTS
 
@@ -76,5 +71,5 @@ class Setup:
 
 def setup_of(preset: Preset) -> Setup:
     """Return the machines, the task and the controller of a preset."""
-    controller = TorqueFeedback(**values_of(preset.controller))
+    controller = TorqueFeedback(**preset.controller)
     return Setup(machines=paper_machines_of(preset), task=task_of(preset), controller=controller)

@@ -1,37 +1,33 @@
-"""``pter watch``: an episode of policies as a video, and as a table."""
+"""``pter watch``: an episode of policies as a film, and as a table."""
 
 import math
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from pter_gym._commands.arguments import MachineName, among, split
+from pter_gym._commands.arguments import MachineName, PaceName, ScenarioName, split
+from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
 from pter_gym._internal.terminal import progress_bar, say
+from pter_gym.envs._size import check_size
 from pter_gym.errors import ParameterError
-from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
+from pter_gym.scenarios import find_scenario
 
 if TYPE_CHECKING:
     from pter_gym.benchmark.simulation import Episode
-    from pter_gym.params import Machine
-    from pter_gym.scenarios import Scenario
-    from pter_gym.tasks.path_following import PathFollowing
 
-MOST_POLICIES = 16
-
-WINDOW_RATE = 50
+MAX_POLICIES = 16
 
 
 def watch(
     policies: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME,…")],
-    scenario: Annotated[str, tyro.conf.arg(metavar="NAME"), among(lambda: SCENARIOS)] = "standard",
-    pace: Annotated[str, tyro.conf.arg(metavar="NAME"), among(lambda: PACES)] = "medium",
+    scenario: ScenarioName = "standard",
+    pace: PaceName = "medium",
     seed: int = 0,
-    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.mp4|gif|png")] = None,
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.webp|mp4|png")] = None,
     csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv|npz")] = None,
-    size: Annotated[str | None, tyro.conf.arg(metavar="WIDTHxHEIGHT")] = None,
+    size: Annotated[tuple[int, int] | None, tyro.conf.arg(metavar="WIDTH HEIGHT")] = None,
     speed: float = 1.0,
     machine: MachineName = None,
 ) -> None:
@@ -40,109 +36,70 @@ def watch(
     Opens a window, or writes a file with --out. The episode is a training draw of the scenario; the stored evaluation
     episodes are never read. A window and mp4 need the extra render.
 
-    Example: pter watch torque-feedback,residual --out both.gif
+    Example: pter watch torque-feedback,residual --out both.webp
 
     Args:
         policies: Separated by commas, as for `pter benchmark --scenario`.
         scenario: Scenario that draws the episode.
         pace: Commanded pace.
-        seed: Seed of the episode, and of random and predictive policies, at least 0.
-        out: Video to write, or with .png the final picture, with the tip's trail; its folder must exist.
+        seed: Seed of the episode, and of random policies, at least 0.
+        out: Film to write, or with .png the final picture, with the tip's trail; its folder must exist.
         csv: File for the episode's whole telemetry; see docs/watching.md. Its folder must exist.
         size: Width and height of the picture in pixels.
         speed: Playback speed relative to real time; 0.2 is slow motion.
         machine: Clutch material, or the preset of a machine of your own, instead of the one that the scenario draws.
     """
+    from pter_gym.benchmark import find_policy
+    from pter_gym.benchmark._trajectories import write_trajectories
+    from pter_gym.benchmark.simulation import record_episode, time_limit
+    from pter_gym.tools.pictures import film
+
     names = split(policies)
     check_arguments(names, out, csv, size, speed)
+    seed = whole_number("seed", seed, at_least=0)
     drawn = find_scenario(scenario, machine)
-    held, task = draw(drawn, pace, seed)
-    episodes = simulate(names, scenario, held, task, seed, drawn.nominal)
-    for name, episode in episodes.items():
+    held, task = drawn.randomisation(pace, contexts=1, seed=seed).pairs()[0]
+    found = {name: find_policy(name, scenario) for name in names}
+    telemetry: dict[str, Any] = {}
+    for name, policy in found.items():
+        episode = record_episode(policy, held, task, seed, time_limit(task), nominal=drawn.nominal)
+        telemetry[name] = episode.telemetry
         say(f"{name}: {summary(episode)}")
     if csv:
-        from pter_gym.benchmark._trajectories import write_trajectories
-
-        write_trajectories({name: episode.telemetry for name, episode in episodes.items()}, csv)
+        write_trajectories(telemetry, csv)
         say(f"wrote {csv}")
-    if not out and csv:
-        return
-    from pter_gym.tools.pictures.render.film import RATES, film_of, frames_of, show_film, write_film
+    if out:
+        with progress_bar() as progress:
+            bar = progress.add_task("draw", total=1.0)
 
-    shown = {name: episode.telemetry for name, episode in episodes.items()}
-    rate = RATES[out.suffix.lower()] if out else WINDOW_RATE
-    film = film_of(held, task, shown, rate, speed, parse_size(size))
-    if not out:
-        show_film(film, rate, f"PTER: {', '.join(episodes)}")
-        return
-    with progress_bar() as progress:
-        bar = progress.add_task("draw", total=frames_of(film, out))
-        write_film(film, out, lambda: progress.advance(bar))
-    say(f"wrote {out}, {out.stat().st_size / 1e6:.2f} MB")
+            def show(share: float) -> None:
+                progress.update(bar, completed=share)
+
+            film.write_film(held, task, telemetry, out, speed=speed, size=size, on_progress=show)
+        say(f"wrote {out}, {out.stat().st_size / 1e6:.2f} MB")
+    elif not csv:
+        film.show_film(film.Film(held, task, telemetry, film.WINDOW_RATE, speed, size), f"PTER: {', '.join(found)}")
 
 
-def check_arguments(names: list[str], out: Path | None, csv: Path | None, size: str | None, speed: float) -> None:
+def check_arguments(
+    names: list[str], out: Path | None, csv: Path | None, size: tuple[int, int] | None, speed: float
+) -> None:
     """Check the arguments as far as possible before the simulation; errors name the argument."""
     from pter_gym.benchmark._trajectories import check_table
+    from pter_gym.tools.pictures import film, viewer
 
-    if not 1 <= len(names) <= MOST_POLICIES:
-        raise ParameterError(f"policies must be 1 to {MOST_POLICIES} names separated by commas, got {len(names)}")
+    if not 1 <= len(names) <= MAX_POLICIES:
+        raise ParameterError(f"policies must be 1 to {MAX_POLICIES} names separated by commas, got {len(names)}")
     if not (math.isfinite(speed) and speed > 0.0):
         raise ParameterError(f"speed must be a number > 0, got {speed!r}")
-    parse_size(size)
-    for field, path in (("out", out), ("csv", csv)):
+    if size is not None:
+        check_size(*size)
+    for field, path, check in (("out", out, film.check_suffix), ("csv", csv, check_table)):
         if path:
             check_target(field, path)
-    if csv:
-        check_table(csv)
-    if out:
-        from pter_gym.tools.pictures.render.film import check_ending
-
-        check_ending(out)
-    elif not csv:
-        from pter_gym.tools.pictures.render.window import has_display
-
-        if not has_display():
-            raise ParameterError("out must be given where there is no display, such as --out film.mp4; or --csv")
-
-
-def parse_size(text: str | None) -> tuple[int, int] | None:
-    """Return width and height [px], None for the default ones, or raise a ParameterError."""
-    from pter_gym.envs._size import check_size
-
-    if text is None:
-        return None
-    found = re.fullmatch(r"(\d{1,6})[x×](\d{1,6})", text, re.ASCII)
-    if not found:
-        raise ParameterError(f"size must be WIDTHxHEIGHT in pixels, such as 1280x720, got {text!r}")
-    return check_size(int(found[1]), int(found[2]))
-
-
-def draw(scenario: "Scenario", pace: str, seed: int) -> "tuple[Machine, PathFollowing]":
-    """Return machine and task of a scenario's first training draw from a seed."""
-    from pter_gym._internal.checks import whole_number
-
-    return scenario.randomisation(pace, contexts=1, seed=whole_number("seed", seed, at_least=0)).pairs()[0]
-
-
-def simulate(
-    names: list[str], scenario: str, machine: "Machine", task: "PathFollowing", seed: int, nominal: "Machine"
-) -> "dict[str, Episode]":
-    """Return the episode of each policy by its name."""
-    from pter_gym.benchmark import find_policy
-    from pter_gym.benchmark.simulation import record_episode, time_limit
-
-    policies = {name: find_policy(name, seed, scenario) for name in names}
-    episodes: dict[str, Episode] = {}
-    with progress_bar() as progress:
-        steps = time_limit(task)
-        for name, policy in policies.items():
-            bar = progress.add_task(f"simulate {name}", total=steps)
-            episodes[name] = record_episode(
-                policy, machine, task, seed, steps, nominal=nominal, on_step=lambda bar=bar: progress.advance(bar)
-            )
-            progress.update(bar, completed=steps)
-    return episodes
+            check(path)
+    if not out and not csv and not viewer.has_display():
+        raise ParameterError("out must be given where there is no display, such as --out film.webp; or --csv")
 
 
 def summary(episode: "Episode") -> str:

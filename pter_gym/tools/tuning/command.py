@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from pter_gym._commands.arguments import MachineName, among, at_least, check_file
+from pter_gym._commands.arguments import MachineName, PaceName, ScenarioName, check_file
 from pter_gym._internal.terminal import progress_bar, say
-from pter_gym.scenarios import PACES, SCENARIOS
 
 if TYPE_CHECKING:
     from pter_gym.tools.tuning import TunedGains
@@ -15,11 +14,11 @@ if TYPE_CHECKING:
 
 def tune(
     controller: Annotated[str, tyro.conf.Positional],
-    scenario: Annotated[str, tyro.conf.arg(metavar="NAME"), among(lambda: SCENARIOS)] = "standard",
-    pace: Annotated[str, tyro.conf.arg(metavar="NAME"), among(lambda: PACES)] = "medium",
-    trials: Annotated[int, at_least(1)] = 3000,
-    starts: Annotated[int, at_least(1)] = 5,
-    episodes: Annotated[int, at_least(1)] = 200,
+    scenario: ScenarioName = "standard",
+    pace: PaceName = "medium",
+    trials: int = 3000,
+    starts: int = 5,
+    episodes: int = 200,
     storage: Path = Path("pter-tune.journal"),
     seed: int = 0,
     out: Path | None = None,

@@ -11,12 +11,20 @@ from numba import types
 from numba.np import numpy_support
 
 from pter_gym._compiled.records import store, width, write
-from pter_gym._engine.episode import conclude_step, start_episode
-from pter_gym._engine.hand import recorded
+from pter_gym._engine.episode import record_reset, record_step, start_episode
 from pter_gym._engine.law import Memory
-from pter_gym._engine.recording import record_reset, record_step
-from pter_gym._engine.sensing import see, write_observation
-from pter_gym._engine.step import given_volts, is_refused, move_declared, move_worlds, take_arrangements, take_command
+from pter_gym._engine.step import (
+    conclude_step,
+    given_volts,
+    is_refused,
+    move_declared,
+    move_worlds,
+    recorded,
+    see,
+    take_arrangements,
+    take_command,
+    write_observation,
+)
 from pter_gym._engine.world import CONFIG, REFUSE, ROW, ROWS
 from pter_gym._physics.clutch import lag_left
 from pter_gym.controllers._laws import IMPEDANCE, built_in, guide_declared

@@ -5,6 +5,7 @@ of values. What a page chooses from (machines, hands, paths, laws, networks) are
 """
 
 from dataclasses import asdict
+from itertools import pairwise
 from types import MappingProxyType
 from typing import Any, cast
 
@@ -13,8 +14,8 @@ import numpy as np
 from pter_gym._compiled.layout import Layout
 from pter_gym._compiled.records import width
 from pter_gym._engine.batch import Batch
-from pter_gym._engine.hand import INSTANT
 from pter_gym._engine.law import Memory
+from pter_gym._engine.step import INSTANT
 from pter_gym._engine.world import CONFIG, ROW, ROWS
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.benchmark._measures import SEGMENTS
@@ -31,8 +32,8 @@ from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, check_machine
-from pter_gym.tasks.path_following._allowance import ALLOWANCE, START
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
+from pter_gym.tasks.path_following._rules import ALLOWANCE, START
 from pter_gym.tasks.path_following._specification import SHARPEST
 from pter_gym.tools.web.kernels import MOST_ARCS
 from pter_gym.tools.web.site import STATIC
@@ -132,7 +133,7 @@ def rows_of(machine: Machine) -> tuple[tuple[float, float], ...]:
 
 def policies_for(rows: tuple[tuple[float, float], ...]) -> list[str]:
     """Return the names of the trained policies for clutches with these rows of W."""
-    return [name for name in shipped_policies() if read_policy(name).card.clutches == rows]
+    return [name for name in shipped_policies() if read_policy(name).interface.clutches == rows]
 
 
 def pages_batch() -> Batch:
@@ -180,18 +181,22 @@ def gains(controller: Any, nominal: Machine, layout: Layout) -> list[float]:
 
 def network(name: str, nominal: Machine, layout: Layout) -> dict[str, Any]:
     """Return all but the weights of a trained policy: what its card says that acts, and its base's gains."""
-    card = read_policy(name).card
-    interface = card.interface
+    policy = read_policy(name)
+    interface, sizes = policy.interface, policy.sizes
     return {
-        "observation": [entry for entry, _, _ in card.observation],
+        "observation": layout.names,
         "inputs": [asdict(entry) for entry in interface.inputs],
         "reach": interface.reach,
         "history": interface.history,
         "averages": interface.averages,
         "normalised": interface.normalised,
         "frame_skip": interface.frame_skip,
-        "base": None if interface.base is None else gains(interface.base.schedule(), nominal, layout),
-        "voltage_max": card.voltage_max,
-        "squashed": card.squashed,
-        "shapes": card.shapes,
+        "base": None if interface.base is None else gains(interface.base, nominal, layout),
+        "voltage_max": interface.voltage_max,
+        "squashed": False,
+        "shapes": {
+            f"layer_{k}.{part}": shape
+            for k, (before, after) in enumerate(pairwise(sizes))
+            for part, shape in (("weight", [after, before]), ("bias", [after]))
+        },
     }

@@ -9,10 +9,10 @@ import pytest
 import pter_gym  # noqa: F401  (registers the environments)
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
-from pter_gym.policies import read_policy, shipped_policies
+from pter_gym.policies import policies_in, read_policy
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.datasets import LEVELS, Episode, actors_of, record_episodes, recording
-from pter_gym.tools.datasets.levels import STAGES, Exploring, stages
+from pter_gym.tools.datasets.levels import STAGES, stages
 from pter_gym.tools.datasets.recording import EPISODES_OF_A_SEED, environment_of
 
 STEPS = 400
@@ -77,25 +77,13 @@ def test_the_same_command_gives_the_same_bits() -> None:
         assert a.observations.tobytes() == b.observations.tobytes()
 
 
-def test_noise_lasts_and_is_forgotten() -> None:
-    network = read_policy("stage-6", STAGES).network
-    net = Exploring(network, 0.5, 0.9, np.random.default_rng(0))
-    inputs = np.zeros((2000, network.weights[0].shape[1]))
-    outputs, noise = net(inputs, net.begin(2000))
-    mean, _ = network(inputs, network.begin(2000))
-    np.testing.assert_allclose(outputs - mean, noise, atol=1e-12)
-    assert noise.std() == pytest.approx(0.5, rel=0.05)
-    _, later = net(inputs, noise)
-    assert np.corrcoef(noise.ravel(), later.ravel())[0, 1] == pytest.approx(0.9 / np.sqrt(1.81), abs=0.03)
-
-
 def test_all_stages_are_there_and_said_what_they_are() -> None:
     told = stages()
     names = [each["name"] for each in told["stages"]]
-    assert tuple(names) == shipped_policies(STAGES)
+    assert tuple(names) == policies_in(STAGES)
     assert set(told["medium"].values()) <= set(names)
     for each in told["stages"]:
-        about = read_policy(each["name"], STAGES).card.about
+        about = read_policy(STAGES / each["name"]).about
         assert about["steps"] == each["steps"]
         assert about["settings"]["persistence"] == told["persistence"]
         assert about["scenario"] == "PTER/Everything-v0"

@@ -1,6 +1,5 @@
 """The calibrated preset: Table I as close as it got, the rules of the search, a repeatable search, and bad files."""
 
-import dataclasses
 import math
 import tomllib
 from pathlib import Path
@@ -180,4 +179,3 @@ def test_every_number_of_the_file_has_a_provenance():
     tables = tomllib.loads(FILE.read_text("utf-8"))
     names = {f"{section}.{field}" for section, table in tables.items() for field in table}
     assert names == set(PRESET.provenance)
-    assert all(dataclasses.is_dataclass(getattr(PRESET, section)) for section in tables)

@@ -167,10 +167,3 @@ def test_gymnasium_records_one_world_and_many(tmp_path: Path):
         env.close()
         (video,) = (tmp_path / name).iterdir()
         assert frames_in(video) == 10
-
-
-@pytest.mark.gpu
-def test_worlds_on_a_device_are_not_drawn():
-    pytest.importorskip("numba_cuda")
-    with pytest.raises(ParameterError, match=r'render_mode must be None with device="cuda"'):
-        make_vec(2, device="cuda")

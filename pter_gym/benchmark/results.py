@@ -1,0 +1,114 @@
+"""A folder of results: a JSON file for each run, and ``benchmark.json``, the leaderboards of all of them."""
+
+import json
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from pter_gym._internal.files import FilePath, find_path, write_text_atomic
+from pter_gym._internal.reading import MOST_JSON, parse_json, read_bytes, reading
+from pter_gym._internal.terminal import make_folder
+from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
+from pter_gym.benchmark.metrics import SCORES
+from pter_gym.benchmark.runs import ScenarioRun
+from pter_gym.errors import DataError, ParameterError
+
+NAMES = ("version", "scenario", "pace", "policy", "training_seed", "seed")
+"""What a file says about a run, beside its numbers."""
+
+
+class ResultsFolder:
+    """A folder of results. Files are written atomically, so several benchmarks may share it.
+
+    Attributes
+    ----------
+    path
+        Where it is.
+    summary
+        The file with all leaderboards.
+    """
+
+    def __init__(self, path: FilePath) -> None:
+        self.path = find_path("path", path)
+        self.summary = self.path / "benchmark.json"
+
+    def make(self) -> None:
+        """Make the folder if needed; raise a ParameterError if it is not writable, or if links lead elsewhere."""
+        for path in (*self.path.glob("*"), *self.path.glob("runs/*")):
+            if path.is_symlink():
+                raise ParameterError(f"results must be in a folder without symbolic links, {str(path)!r} is one")
+        make_folder(self.path / "runs")
+
+    def add(self, runs: Sequence[ScenarioRun]) -> None:
+        """Store the runs of all training seeds of one policy at one pace, in place of earlier ones of that name."""
+        for run in runs:
+            write_run(self.path, run)
+        number = len(runs)
+        while (path := run_path(self.path, runs[0], number)).is_file():
+            path.unlink(missing_ok=True)
+            number += 1
+
+    def files(self) -> list[Path]:
+        """Return the files of runs."""
+        return sorted((self.path / "runs").glob("*.json"))
+
+    def runs(self) -> list[ScenarioRun]:
+        """Return all runs; a file that cannot be read is left out, with a warning from the logger ``pter_gym``."""
+        runs: list[ScenarioRun] = []
+        for path in self.files():
+            try:
+                runs.append(read_run(path))
+            except DataError as error:
+                logging.getLogger("pter_gym").warning("left out %s", error)
+        return runs
+
+    def summarise(self) -> tuple[Leaderboard, ...]:
+        """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
+        self.make()
+        boards = leaderboards(self.runs())
+        content = {"leaderboards": [board.as_json() for board in boards]}
+        write_text_atomic(self.summary, json.dumps(content, indent=2, allow_nan=False) + "\n")
+        return boards
+
+
+def run_path(folder: FilePath, run: ScenarioRun, training_seed: int | None = None) -> Path:
+    """Return the file of a run in a folder of results, by default of its own training seed."""
+    number = run.training_seed if training_seed is None else training_seed
+    fresh = "" if run.seed is None else f"-seed{run.seed}"
+    trained = f"-training{number}" if number else ""
+    name = f"{run.scenario}-{run.pace}-{run.policy}-{run.episodes}{fresh}{trained}"
+    return find_path("folder", folder) / "runs" / f"{quote(name, safe=' ')}.json"
+
+
+def write_run(folder: FilePath, run: ScenarioRun) -> None:
+    """Write a run to its file atomically, a line for each entry and each score."""
+    content: dict[str, Any] = {
+        **{name: getattr(run, name) for name in NAMES},
+        "episodes": run.episodes,
+        "strata": run.strata,
+        **{name: run.scores[name].tolist() for name in SCORES},
+    }
+    lines = (f"{json.dumps(name)}: {json.dumps(part, allow_nan=False)}" for name, part in content.items())
+    write_text_atomic(run_path(folder, run), "{\n" + ",\n".join(lines) + "\n}\n")
+
+
+def read_run(path: FilePath) -> ScenarioRun:
+    """Return the run in a file, or raise a DataError that names the file if it holds something else."""
+    path = find_path("path", path)
+    with reading(path.name):
+        content = parse_json(read_bytes(path, MOST_JSON))
+        strata = tuple(content["strata"])
+        run = ScenarioRun(
+            **{name: content[name] for name in NAMES},
+            strata=strata,
+            scores={name: np.array(content[name]).reshape(len(strata)) for name in SCORES},
+        )
+        if any(values.dtype.kind not in "bif" for values in run.scores.values()):
+            raise ValueError("scores must be numbers")
+        if run_path(path.parents[1], run).name != path.name:
+            raise ValueError(f"policy must be that of the file's name, got {run.policy!r:.200}")
+        return run

@@ -1,0 +1,191 @@
+"""Run policies on the evaluation episodes of a scenario, at each commanded pace."""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from pter_gym._engine.batch import Batch
+from pter_gym._internal.checks import names_in
+from pter_gym._internal.files import FilePath
+from pter_gym._version import __version__
+from pter_gym.benchmark._naming import check_name, find_policy, text_of
+from pter_gym.benchmark.episodes import Episodes, find_episodes
+from pter_gym.benchmark.metrics import SCORES, Scores, score_episodes
+from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
+from pter_gym.controllers import Controller, bind
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.scenarios import PACES
+from pter_gym.tasks.path_following import observation_layout
+
+if TYPE_CHECKING:
+    from pter_gym.benchmark.results import ResultsFolder
+
+CHUNK = 64
+"""Episodes that are simulated together."""
+
+
+@dataclass(frozen=True)
+class PerSeed:
+    """One policy trained with several seeds; the seeds share a row of the leaderboard."""
+
+    policies: tuple[AnyPolicy, ...]
+
+    def __post_init__(self) -> None:
+        """Check that no policy appears twice: a copy does not count as another seed."""
+        if not self.policies or len({id(each) for each in self.policies}) < len(self.policies):
+            raise ParameterError(f"policies must be one or more, all of them different, got {self.policies!r:.200}")
+
+
+@dataclass(frozen=True)
+class ScenarioRun:
+    """The scores of one policy on the episodes of one scenario at one pace.
+
+    Attributes
+    ----------
+    scenario, pace, policy
+        Names.
+    training_seed
+        Number of the training seed, for a policy that was trained with several; 0 otherwise.
+    seed
+        Seed of fresh episodes; None for the stored ones.
+    strata
+        One label per episode.
+    scores
+        One entry per episode under each name.
+    version
+        Of the package.
+    """
+
+    scenario: str
+    pace: str
+    policy: str
+    training_seed: int
+    seed: int | None
+    strata: tuple[str, ...]
+    scores: Scores
+    version: str = __version__
+
+    @property
+    def episodes(self) -> int:
+        """How many of the scenario's episodes were run, starting with the first."""
+        return len(self.strata)
+
+
+Policies = Mapping[str, AnyPolicy | PerSeed] | Sequence[FilePath]
+
+
+def run_scenario(
+    scenario: str,
+    policies: Policies,
+    paces: Sequence[str] = tuple(PACES),
+    *,
+    episodes: int | None = None,
+    seed: int | None = None,
+    results: "ResultsFolder | FilePath | None" = None,
+    num_threads: int = 2,
+    on_progress: Callable[[str], None] = lambda _: None,
+) -> tuple[ScenarioRun, ...]:
+    """Run policies on the evaluation episodes of a scenario.
+
+    Parameters
+    ----------
+    scenario
+        Its name.
+    policies
+        By name: controllers, which are bound to the nominal machine, any ``policy(observations) -> volts``, float32
+        (N, entries) to (N, 4), or a ``PerSeed``. Or a list of names of built-in policies and paths of exported ones.
+    paces
+        Names of commanded paces.
+    episodes
+        How many episodes to run, starting with the first; all by default.
+    seed
+        Seed of fresh episodes, within [0, 2⁶⁴); by default, the stored ones.
+    results
+        A folder of results or its path, where each run is stored.
+    num_threads
+        Threads that share the episodes of a compiled law; scores do not depend on their number.
+    on_progress
+        Called with the name of each policy and pace when it is done.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such scenario, policy or pace, or there are fewer episodes than asked for.
+    DataError
+        If the stored episodes were changed.
+    """
+    from pter_gym.benchmark.results import ResultsFolder
+
+    named = _named(policies, scenario)
+    sets = {pace: find_episodes(scenario, pace, seed) for pace in names_in("paces", paces)}
+    if episodes is not None:
+        sets = {pace: full.first(episodes) for pace, full in sets.items()}
+    folder = results if results is None or isinstance(results, ResultsFolder) else ResultsFolder(results)
+    if folder:
+        folder.make()
+    runs: list[ScenarioRun] = []
+    for pace, drawn in sets.items():
+        for name, policy in named.items():
+            trained = [
+                ScenarioRun(scenario, pace, name, number, seed, drawn.strata, evaluate(each, drawn, num_threads))
+                for number, each in enumerate(versions_of(policy))
+            ]
+            if folder:
+                folder.add(trained)
+            runs += trained
+            on_progress(f"{name}, {pace}")
+    return tuple(runs)
+
+
+def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2) -> Scores:
+    """Return the scores of a policy, bound to the nominal machine, on episodes."""
+    sensors = sensors_of(policy)
+    acting = bind(policy, BASELINE, observation_layout(BASELINE, sensors))
+
+    def evaluate_from(start: int) -> Scores:
+        chunk = slice(start, start + CHUNK)
+        tasks = episodes.tasks[chunk]
+        limits = [time_limit(task) for task in tasks]
+        batch = Batch(episodes.machines[chunk], tasks, sensors=sensors)
+        telemetry = run(batch, acting, episodes.seeds[chunk], limits).telemetry
+        for world, limit in enumerate(limits):
+            telemetry[limit + 1 :, world] = np.nan
+        return score_episodes(telemetry, tasks, voltage_max=batch.machine.clutch.voltage_max)
+
+    with ThreadPoolExecutor(num_threads if acting.compiled else 1, thread_name_prefix="pter-benchmark") as pool:
+        parts = list(pool.map(evaluate_from, range(0, len(episodes), CHUNK)))
+    return {name: np.concatenate([part[name] for part in parts]) for name in SCORES}
+
+
+def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
+    """Join the runs of one policy's training seeds on the same episodes into one; seeds become a further stratum."""
+    if len(runs) == 1:
+        return runs[0]
+    return replace(
+        runs[0],
+        strata=tuple(f"{stratum}, seed {run.training_seed}" for run in runs for stratum in run.strata),
+        scores={name: np.concatenate([run.scores[name] for run in runs]) for name in SCORES},
+    )
+
+
+def versions_of(policy: AnyPolicy | PerSeed) -> tuple[AnyPolicy, ...]:
+    """Return a policy's version from each of its training seeds."""
+    return policy.policies if isinstance(policy, PerSeed) else (policy,)
+
+
+def _named(policies: Policies, scenario: str) -> Mapping[str, AnyPolicy | PerSeed]:
+    """Return the policies by name, or raise a ParameterError for one that cannot be scored under its name."""
+    if not isinstance(policies, Mapping):
+        policies = {(name := text_of(given)): find_policy(name, scenario) for given in names_in("policies", policies)}
+    if not policies:
+        raise ParameterError("policies must hold at least one name")
+    for name, policy in policies.items():
+        check_name(name)
+        for each in cast("tuple[object, ...]", versions_of(policy)):
+            if not isinstance(each, Controller) and not callable(each):
+                raise ParameterError(f"policies must have a method bind or be callable, {name!r} is {each!r:.200}")
+    return policies

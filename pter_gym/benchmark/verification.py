@@ -1,0 +1,66 @@
+"""Repeat the runs in a folder of results, and compare their scores bit for bit."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from pter_gym._internal.files import FilePath
+from pter_gym.benchmark._naming import find_policy, is_code
+from pter_gym.benchmark.episodes import find_episodes
+from pter_gym.benchmark.results import ResultsFolder, read_run
+from pter_gym.benchmark.runs import AnyPolicy, PerSeed, ScenarioRun, evaluate, versions_of
+from pter_gym.errors import ParameterError, PterError
+
+SAME = "same"
+
+Policies = Mapping[str, AnyPolicy | PerSeed]
+
+
+class Verdict(NamedTuple):
+    """The name of a file, and ``same``, which score differs, or why the run cannot be repeated."""
+
+    file: str
+    finding: str
+
+    @property
+    def same(self) -> bool:
+        """Whether all scores are the same."""
+        return self.finding == SAME
+
+
+def verify(
+    results: ResultsFolder | FilePath,
+    policies: Policies | None = None,
+    on_progress: Callable[[str], None] = lambda _: None,
+) -> tuple[Verdict, ...]:
+    """Repeat the runs in a folder, or raise a ParameterError if it has none; return a verdict for each file.
+
+    Policies that are not given by name are looked up as ``find_policy`` does, but no code is imported. ``on_progress``
+    is called with the name of each file before it is repeated.
+    """
+    results = results if isinstance(results, ResultsFolder) else ResultsFolder(results)
+    if not results.files():
+        raise ParameterError(f"results must be a folder with files in runs, {str(results.path)!r} has none")
+    verdicts: list[Verdict] = []
+    for path in results.files():
+        on_progress(path.name)
+        try:
+            verdicts.append(Verdict(path.name, _repeat(read_run(path), policies or {})))
+        except PterError as error:
+            verdicts.append(Verdict(path.name, f"cannot be repeated: {error}"))
+    return tuple(verdicts)
+
+
+def _repeat(run: ScenarioRun, policies: Policies) -> str:
+    """Return the first score that differs when a run is repeated, in words, or ``SAME``."""
+    if run.policy not in policies and is_code(run.policy):
+        raise ParameterError(f"policies must hold {run.policy!r}, whose code is not imported")
+    versions = versions_of(policies.get(run.policy) or find_policy(run.policy, run.scenario))
+    if run.training_seed >= len(versions):
+        raise ParameterError(f"policies must hold {run.training_seed + 1} training seeds of {run.policy!r}")
+    episodes = find_episodes(run.scenario, run.pace, run.seed).first(run.episodes)
+    for name, values in evaluate(versions[run.training_seed], episodes).items():
+        for k in np.flatnonzero(run.scores[name] != values):
+            return f"{name} of episode {k} differs: {run.scores[name][k]}, repeated {values[k]}"
+    return SAME if run.strata == episodes.strata else "strata differ"

@@ -1,0 +1,198 @@
+"""A trained network as a law: its inputs from an observation and its history, its layers, and the voltages.
+
+Sizes and weights are entries of the gains, so one compiled law runs every network. In this order: ``Network``; the
+gains of the base controller, if any; for each input its source, its center and its scale; the delays; the weights of
+the present in the averages; the sizes of the layers, from the inputs on; and for each layer its biases, then its
+weights, input by input.
+
+The memory of a world is ``Memory`` of the base controller's law, ``Past``, a ring of recent inputs, the averages and
+two vectors of ``width`` entries for the layers.
+"""
+
+from typing import Annotated, Any, NamedTuple
+
+from pter_gym._compiled.compiler import device, outlined
+from pter_gym._compiled.records import Entry, read, rows, width
+from pter_gym._engine.law import Memory
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.friction import between
+from pter_gym.tasks.path_following._observation import SEEN
+
+NETWORK = 6.0
+"""Kind of the law, its first gain."""
+
+INPUT_LIMIT = 10.0
+"""Inputs of a network are limited to ±INPUT_LIMIT of their scales."""
+
+DERIVED = ("heading_a_cos", "heading_a_sin", "heading_b_cos", "heading_b_sin")
+"""Inputs that are derived from the observation: cosine and sine of the angles from links A and B to the path."""
+
+BASE_INPUTS = ("base_1", "base_2", "base_3", "base_4")
+"""Inputs that are the voltages of the base controller [V]."""
+
+TANH_MAX = 20.0
+"""Beyond this, tanh is ±1 in float64."""
+
+
+class Network(NamedTuple):
+    """Sizes of a network, and what its outputs mean."""
+
+    kind: Annotated[float, Entry("1", "number of the law")]
+    base: Annotated[float, Entry("1", "entries of the base controller's gains, 0 without one")]
+    inputs: Annotated[float, Entry("1", "inputs at one instant")]
+    delays: Annotated[float, Entry("1", "earlier instants whose inputs it sees")]
+    averages: Annotated[float, Entry("1", "averages of each input that it sees")]
+    ring: Annotated[float, Entry("1", "instants that are remembered")]
+    layers: Annotated[float, Entry("1", "layers")]
+    width: Annotated[float, Entry("1", "entries of the largest layer, inputs included")]
+    normalised: Annotated[float, Entry("1", "whether the outputs are the environments' normalised actions")]
+    reach: Annotated[float, Entry("V", "voltage of an output of 1")]
+    voltage_max: Annotated[float, Entry("V", "largest voltage")]
+
+
+class Past(NamedTuple):
+    """The changing state of a network besides its vectors."""
+
+    begun: Annotated[float, Entry("1", "whether the episode has begun")]
+    newest: Annotated[float, Entry("1", "instant of the ring that was written last")]
+
+
+HEADER = rows(Network)
+HEADER_WIDTH = width(Network)
+LAW_WIDTH = width(Memory)
+PAST = rows(Past, LAW_WIDTH)
+VECTORS = LAW_WIDTH + width(Past)
+"""Where the vectors of the memory begin."""
+
+
+def source_of(name: str, names: tuple[str, ...]) -> float:
+    """Return the number by which the law finds an input: the place of an observation's entry, or −1 … −8."""
+    return float(names.index(name) if name in names else -1 - (*DERIVED, *BASE_INPUTS).index(name))
+
+
+def memory_width(network: Network) -> int:
+    """Return the numbers that the law keeps of a world."""
+    vectors = network.inputs * (network.ring + network.averages) + 2 * network.width
+    return VECTORS + int(vectors)
+
+
+@device
+def tanh(x: float) -> float:
+    """Return tanh x to 1e-13, from arithmetic alone: a math library's bits would depend on the computer.
+
+    With e = exp(−2|x|), which is the 64th power of a Taylor series for exp(−|x|/32), tanh |x| = (1 − e)/(1 + e).
+    """
+    z = (abs(x) if abs(x) < TANH_MAX else TANH_MAX) / -32.0
+    e = 1.0
+    for k in range(14, 0, -1):
+        e = 1.0 + z * (1.0 / k) * e
+    for _ in range(6):
+        e *= e
+    size = (1.0 - e) / (1.0 + e)
+    return size if x >= 0.0 else -size
+
+
+@device
+def quantity(obs: Any, scales: Any, base: PerClutch, source: int) -> float:
+    """Return a quantity that a network may see, in its unit; see ``source_of``."""
+    if source >= 0:
+        return obs[source] * scales[source]
+    if source == -5:
+        return base.x1
+    if source == -6:
+        return base.x2
+    if source == -7:
+        return base.x3
+    if source == -8:
+        return base.x4
+    of_b = source <= -3
+    cos, sin = float(obs[SEEN.heading.cos]), float(obs[SEEN.heading.sin])
+    cos_link = float(obs[SEEN.cos_b] if of_b else obs[SEEN.cos_a])
+    sin_link = float(obs[SEEN.sin_b] if of_b else obs[SEEN.sin_a])
+    is_cos = (source == -1) | (source == -3)
+    return cos * cos_link + sin * sin_link if is_cos else sin * cos_link - cos * sin_link
+
+
+@device
+def add_product(out: Any, weights: Any, values: Any, count: int) -> None:
+    """Add a matrix times a vector, each output's terms in the order of the inputs; four inputs at once save stores."""
+    n = out.shape[0]
+    for k in range(0, count - 3, 4):
+        v0, v1, v2, v3 = values[k], values[k + 1], values[k + 2], values[k + 3]
+        w0, w1 = weights[k * n : (k + 1) * n], weights[(k + 1) * n : (k + 2) * n]
+        w2, w3 = weights[(k + 2) * n : (k + 3) * n], weights[(k + 3) * n : (k + 4) * n]
+        for j in range(n):
+            out[j] = (((out[j] + w0[j] * v0) + w1[j] * v1) + w2[j] * v2) + w3[j] * v3
+    for k in range(count - count % 4, count):
+        w = weights[k * n : (k + 1) * n]
+        for j in range(n):
+            out[j] += w[j] * values[k]
+
+
+@outlined
+def decide(obs: Any, scales: Any, gains: Any, memory: Any, base: PerClutch) -> PerClutch:
+    """Return a network's voltages [V]; ``base`` are those that it corrects."""
+    net = read(gains, HEADER, 0)
+    inputs, delays, averages, ring = int(net.inputs), int(net.delays), int(net.averages), int(net.ring)
+    table = HEADER_WIDTH + int(net.base)
+    ages = table + 3 * inputs
+    shares = ages + delays
+    sizes = shares + averages
+    recent = memory[VECTORS : VECTORS + inputs * ring]
+    means = memory[VECTORS + inputs * ring : VECTORS + inputs * (ring + averages)]
+    first = VECTORS + inputs * (ring + averages)
+    wide = int(net.width)
+
+    begins = memory[PAST.begun] == 0.0
+    newest = 0 if begins else (int(memory[PAST.newest]) + 1) % ring
+    memory[PAST.begun], memory[PAST.newest] = 1.0, newest
+    values = memory[first : first + wide]
+    for i in range(inputs):
+        value = quantity(obs, scales, base, int(gains[table + i]))
+        value = (value - gains[table + inputs + i]) / gains[table + 2 * inputs + i]
+        value = between(value, -INPUT_LIMIT, INPUT_LIMIT)
+        values[i] = value
+        if begins:
+            for k in range(ring):
+                recent[k * inputs + i] = value
+        recent[newest * inputs + i] = value
+        for k in range(averages):
+            mean = means[k * inputs + i]
+            means[k * inputs + i] = value if begins else mean + gains[shares + k] * (value - mean)
+            values[(1 + delays + k) * inputs + i] = means[k * inputs + i]
+        for k in range(delays):
+            age = int(gains[ages + k])
+            values[(1 + k) * inputs + i] = recent[((newest + ring - age) % ring) * inputs + i]
+
+    layers = int(net.layers)
+    at = sizes + layers + 1
+    here = 0
+    for layer in range(layers):
+        count, n = int(gains[sizes + layer]), int(gains[sizes + layer + 1])
+        values = memory[first + here * wide : first + here * wide + count]
+        here = 1 - here
+        out = memory[first + here * wide : first + here * wide + n]
+        for j in range(n):
+            out[j] = gains[at + j]
+        add_product(out, gains[at + n : at + n + n * count], values, count)
+        at += n + n * count
+        if layer < layers - 1:
+            for j in range(n):
+                out[j] = tanh(out[j])
+    out = memory[first + here * wide : first + here * wide + 4]
+    return PerClutch(
+        voltage(net, out[0], base.x1),
+        voltage(net, out[1], base.x2),
+        voltage(net, out[2], base.x3),
+        voltage(net, out[3], base.x4),
+    )
+
+
+@device
+def voltage(net: Network, output: float, base: float) -> float:
+    """Return the voltage [V] of an output, which is limited to ±1."""
+    limited = between(output, -1.0, 1.0)
+    if net.normalised != 0.0:
+        linear = (limited + 1.0) * (net.voltage_max / 2.0)
+        return linear * (linear / net.voltage_max)
+    return between(base + net.reach * limited, 0.0, net.voltage_max)

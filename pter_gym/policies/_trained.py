@@ -1,0 +1,148 @@
+"""A trained policy: its interface and weights, and the bound policy that acts."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._compiled.layout import Layout
+from pter_gym._compiled.records import flat
+from pter_gym._engine.law import Memory, empty_memory
+from pter_gym.controllers import Policy
+from pter_gym.controllers._laws import built_in, network_declared
+from pter_gym.controllers._network import LAW_WIDTH, NETWORK, Network, memory_width, source_of
+from pter_gym.errors import DataError, unknown_name
+from pter_gym.params import Machine, find_machine, require
+from pter_gym.policies._interface import Interface, available, clutch_rows
+
+OUTPUTS = 4
+
+MAX_UNITS, MAX_LAYERS = 1024, 8
+"""Largest numbers of units in a hidden layer, and of layers."""
+
+Weights = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedPolicy:
+    """A trained policy; like a controller, it is bound to a nominal machine and a layout before it acts.
+
+    Attributes
+    ----------
+    interface
+        Inputs and outputs of its network.
+    layers
+        Weights, float32 (outputs, inputs), and biases, float32 (outputs,), of each layer; tanh follows all but the
+        last.
+    name
+        Its name.
+    about
+        Scenario, training command, versions, scores: for people; they do not affect how the policy acts.
+
+    Raises
+    ------
+    DataError
+        If the layers do not fit each other or the interface, or hold numbers that are not finite.
+    """
+
+    interface: Interface
+    layers: tuple[tuple[Weights, Weights], ...]
+    name: str = "policy"
+    about: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+    def __post_init__(self) -> None:
+        """Check the layers."""
+        sizes = self.sizes
+        if not 1 <= len(self.layers) <= MAX_LAYERS or max(sizes[1:]) > MAX_UNITS or sizes[-1] != OUTPUTS:
+            raise DataError(
+                f"layers must be 1 to {MAX_LAYERS} of at most {MAX_UNITS} units that end in {OUTPUTS}, got {sizes}"
+            )
+        for k, ((weight, bias), (before, after)) in enumerate(zip(self.layers, pairwise(sizes), strict=True)):
+            for what, array, shape in (("weight", weight, (after, before)), ("bias", bias, (after,))):
+                if array.dtype != np.float32 or array.shape != shape or not np.isfinite(array).all():
+                    raise DataError(f"layer_{k}.{what} must be finite float32 {shape}, got {array.dtype} {array.shape}")
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Number of inputs, and of the units of each layer."""
+        return (self.interface.size, *(bias.size for _, bias in self.layers))
+
+    def bind(self, machine: Machine, layout: Layout) -> "NetworkPolicy":
+        """Return the policy for a nominal machine and the layout of the observations that it will get.
+
+        Raises
+        ------
+        ParameterError
+            If the observations lack an input, or the machine's largest voltage or W differs from those in training.
+        """
+        machine, interface = find_machine(machine), self.interface
+        top, rows = machine.clutch.voltage_max, clutch_rows(machine)
+        require(top == interface.voltage_max, machine.clutch, "voltage_max", top, f"{interface.voltage_max:g} V")
+        require(rows == interface.clutches, machine, "clutches", rows, f"{interface.clutches}, as in its training")
+        names = available(layout, residual=interface.base is not None)
+        for each in interface.inputs:
+            if each.name not in names:
+                raise unknown_name("inputs", each.name, names)
+        base = np.zeros(0) if interface.base is None else interface.base.bind(machine, layout).gains
+        law = built_in if machine.has_paper_clutches else network_declared
+        return NetworkPolicy(*self._gains(base, layout), layout, interface.frame_skip, law)
+
+    def _gains(self, base: NDArray[np.float64], layout: Layout) -> tuple[NDArray[np.float64], Network]:
+        """Return the network as gains of its law; see ``pter_gym.controllers._network``."""
+        interface, sizes = self.interface, self.sizes
+        inputs = interface.inputs
+        header = Network(
+            kind=NETWORK,
+            base=len(base),
+            inputs=len(inputs),
+            delays=len(interface.history),
+            averages=len(interface.averages),
+            ring=1 + max((0, *interface.history)),
+            layers=len(self.layers),
+            width=max(sizes),
+            normalised=float(interface.normalised),
+            reach=interface.reach,
+            voltage_max=interface.voltage_max,
+        )
+        table = (
+            *(source_of(each.name, layout.names) for each in inputs),
+            *(each.center for each in inputs),
+            *(each.scale for each in inputs),
+        )
+        times = (*interface.history, *(1.0 / steps for steps in interface.averages))
+        weights = (part for weight, bias in self.layers for part in (bias, weight.T.ravel()))
+        return np.concatenate([flat(header), base, table, times, sizes, *weights], dtype=np.float64), header
+
+
+class NetworkPolicy(Policy):
+    """A trained policy that is ready to act: ``policy(observation) -> volts``; its network runs compiled.
+
+    Parameters
+    ----------
+    gains
+        Sizes and weights, as ``pter_gym.controllers._network`` describes.
+    network
+        The sizes.
+    layout
+        Layout of the observations.
+    frame_skip
+        Control steps for which a decision is held.
+    law
+        The law that reads the gains.
+    """
+
+    any_frame_skip = False
+
+    def __init__(self, gains: NDArray[np.float64], network: Network, layout: Layout, frame_skip: int, law: Any) -> None:
+        self.frame_skip = frame_skip
+        self._network = network
+        super().__init__(gains, layout, law)
+
+    def empty_memory(self, worlds: int) -> NDArray[np.float64]:
+        """Return the law's state at the start of an episode, a row for each world."""
+        memory = np.zeros((worlds, memory_width(self._network)))
+        memory[:, :LAW_WIDTH] = empty_memory(worlds, Memory)
+        return memory

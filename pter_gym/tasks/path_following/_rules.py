@@ -1,0 +1,458 @@
+"""The rules of path following, as pure functions on records: where am I, what is it worth, is it over.
+
+What is seen is in ``_observation``. The engine loads a world's numbers, calls these functions and stores what they
+return; gradients and the browser's module use the same ones.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import Field, dataclass, field, fields
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from pter_gym._compiled.compiler import device
+from pter_gym._compiled.generated import compile_source
+from pter_gym._compiled.records import Entry
+from pter_gym._physics.arm import (
+    Linkage,
+    Motion,
+    UnitVector,
+    Vector,
+    cos_difference,
+    joint_torque,
+    sin_difference,
+)
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.model import model_of
+from pter_gym._physics.step import Energy
+from pter_gym.hands import MultiSineHand
+from pter_gym.params import BASELINE, quantity, require_number
+from pter_gym.paths import Line
+from pter_gym.paths._projection import Foot
+
+# --- where am I ---
+
+
+class PathVector(NamedTuple):
+    """A vector by its components along and across the path."""
+
+    along: Annotated[float, Entry("", "{} along the path")]
+    across: Annotated[float, Entry("", "{} across the path, positive to its left")]
+
+
+class PathState(NamedTuple):
+    """The tip relative to the path at a control instant [m, 1/m, m/s]."""
+
+    arc_length: float
+    normal_error: float
+    heading: UnitVector
+    curvature: float
+    speed: PathVector
+
+
+@device
+def path_state(foot: Foot, v_x: float, v_y: float) -> PathState:
+    """Return the state of the tip relative to its path, from its projection and its velocity [m/s]."""
+    return PathState(
+        foot.arc_length, foot.normal_error, foot.heading, foot.curvature, to_path(Vector(v_x, v_y), foot.heading)
+    )
+
+
+@device
+def to_path(vector: Vector, heading: UnitVector) -> PathVector:
+    """Return the components of a vector along and across a path with a heading."""
+    return PathVector(
+        vector.x * heading.cos + vector.y * heading.sin,
+        vector.y * heading.cos - vector.x * heading.sin,
+    )
+
+
+@device
+def to_world(vector: PathVector, heading: UnitVector) -> Vector:
+    """Return a vector given by its components along and across a path with a heading."""
+    return Vector(
+        vector.along * heading.cos - vector.across * heading.sin,
+        vector.along * heading.sin + vector.across * heading.cos,
+    )
+
+
+@device
+def motion_at(arm: Linkage, x: float, y: float) -> Motion:
+    """Return the arm at rest with the tip at (x, y) [m]; θB leads θA."""
+    cos = (x * x + y * y - arm.length_a * arm.length_a - arm.length_b * arm.length_b) / (
+        2.0 * arm.length_a * arm.length_b
+    )
+    sin = math.sqrt(1.0 - cos * cos)
+    re = arm.length_a + arm.length_b * cos
+    im = arm.length_b * sin
+    square = x * x + y * y
+    cos_a = (x * re + y * im) / square
+    sin_a = (y * re - x * im) / square
+    cos_b = cos_a * cos - sin_a * sin
+    sin_b = sin_a * cos + cos_a * sin
+    return Motion(math.atan2(sin_a, cos_a), math.atan2(sin_b, cos_b), 0.0, 0.0, cos_a, sin_a, cos_b, sin_b)
+
+
+# --- what is it worth ---
+
+ERROR_WIDTH = 0.06
+"""Distance from the path [m] at which tracking pays 1/e of what it pays on the path."""
+
+PRECISION_WIDTH = 0.006
+"""The same for precision: a few times the mean error of a ranked policy."""
+
+PACE_WINDOW = 0.1
+"""Time constant [s] of the mean of the pace that is judged: about the lag of the clutches."""
+
+MAX_PACE_RATIO = 50.0
+"""Ratio to the commanded pace beyond which a pace costs no more."""
+
+PERFECT = 1000.0
+"""What the whole path at the commanded pace and without error pays."""
+
+REST = 5.0
+"""What rest costs over what twice the pace costs: an episode lasts two path times longer than a ride at the commanded
+pace, and who rests so long loses ``PERFECT``, so whoever stops for ever, however late, has earned nothing."""
+
+ACCELERATION_UNIT = 10.0
+
+
+class Outcome(NamedTuple):
+    """The outcome of a control step.
+
+    Attributes
+    ----------
+    at
+        Position of the tip relative to the path.
+    advance
+        Progress of the tip beyond the previous largest arc length [m].
+    reached
+        The largest arc length so far [m].
+    path_length
+        Length of the path [m].
+    pace
+        Commanded pace [m/s].
+    pace_ratio
+        Rate of change of the arc length over the commanded pace, averaged over about ``PACE_WINDOW``.
+    acceleration
+        Mean acceleration of the tip over the control step [m/s²].
+    volts, last_volts, voltage_max
+        Voltages of this control step and the previous one, and their limit [V].
+    energy
+        Work of the hand and the clutches in the control step [J].
+    failed
+        Whether the tip has left the workspace or missed the end of the path.
+    """
+
+    at: PathState
+    advance: float
+    reached: float
+    path_length: float
+    pace: float
+    pace_ratio: float
+    acceleration: float
+    volts: PerClutch
+    last_volts: PerClutch
+    voltage_max: float
+    energy: Energy
+    failed: bool
+
+
+Find = Callable[[float, Outcome, float], float]
+
+
+def term(unit: str, provenance: str, find: Find, *, default: float) -> Any:
+    """Declare a term of the reward.
+
+    Parameters
+    ----------
+    unit, provenance, default
+        Unit, provenance and default of its weight; see ``quantity``. Stored tasks that lack a term use its default.
+    find
+        Function from the weight, the outcome of a control step and its period [s] to the term; it is compiled.
+    """
+    return field(default=default, metadata={**quantity(unit, provenance).metadata, "find": device(find)})
+
+
+@device
+def mean_square(volts: PerClutch) -> float:
+    """Return the mean squared voltage [V²]."""
+    return 0.25 * (volts.x1 * volts.x1 + volts.x2 * volts.x2 + volts.x3 * volts.x3 + volts.x4 * volts.x4)
+
+
+@device
+def pace_share(ratio: float) -> float:
+    """Return the share of the pay that a pace earns, from its ratio to the commanded one: 1 at ratio 1, else less."""
+    slower = ratio if ratio > 0.0 else 0.0
+    square = ratio * ratio
+    return slower * square if ratio < 1.0 else 1.0 / (square * square)
+
+
+@device
+def paid(weight: float, seen: Outcome, width: float) -> float:
+    """Return the pay for new arc length; ``width`` is the distance from the path [m] at which it is 1/e."""
+    near = math.exp(-abs(seen.at.normal_error) / width)
+    return weight * seen.advance / seen.path_length * pace_share(seen.pace_ratio) * near
+
+
+@device
+def pace_cost(ratio: float) -> float:
+    """Return the cost of a pace, from its ratio to the commanded one: its distance from 1, times ``REST`` if slower."""
+    slower = ratio if ratio > 0.0 else 0.0
+    faster = ratio if ratio < MAX_PACE_RATIO else MAX_PACE_RATIO
+    return REST * (1.0 - slower) if ratio < 1.0 else faster - 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RewardWeights:
+    """Weights of the reward terms."""
+
+    tracking: float = term(
+        "1",
+        "chosen: for the whole path at the commanded pace without error",
+        lambda weight, seen, period: paid(weight, seen, ERROR_WIDTH),  # noqa: ARG005
+        default=PERFECT,
+    )
+    precision: float = term(
+        "1",
+        "chosen: for the whole path at the commanded pace without error; next to nothing 30 mm beside it",
+        lambda weight, seen, period: paid(weight, seen, PRECISION_WIDTH),  # noqa: ARG005
+        default=0.0,
+    )
+    pace: float = term(
+        "1",
+        f"chosen: at twice the commanded pace, in one path time; {REST:g} times as much at rest",
+        lambda weight, seen, period: -weight * pace_cost(seen.pace_ratio) * seen.pace * period / seen.path_length,
+        default=0.1 * PERFECT,
+    )
+    acceleration: float = term(
+        "1/s",
+        f"chosen: per {ACCELERATION_UNIT:g} m/s² of tip acceleration",
+        lambda weight, seen, period: -period * weight * seen.acceleration / ACCELERATION_UNIT,
+        default=0.0,
+    )
+    effort: float = term(
+        "1/s",
+        "chosen: per mean of the squared voltages, relative to the largest",
+        lambda weight, seen, period: -period * weight * mean_square(seen.volts) / (seen.voltage_max * seen.voltage_max),
+        default=0.0,
+    )
+    failure: float = term(
+        "1",
+        "chosen: on leaving the workspace or missing the end of the path, times the part of it that was reached",
+        lambda weight, seen, period: -weight * seen.reached / seen.path_length if seen.failed else 0.0,  # noqa: ARG005
+        default=PERFECT,
+    )
+
+    def __post_init__(self) -> None:
+        """Check that no weight is negative."""
+        for item in fields(self):
+            require_number(self, item.name, at_least=0.0)
+
+
+WEIGHTS: tuple[Field[Any], ...] = fields(RewardWeights)
+"""The weights, in the order of the terms."""
+
+
+def weighted(weight: Field[Any]) -> Any:
+    """Return the type of a term: a number with its weight's unit and meaning."""
+    told = weight.metadata
+    return Annotated[float, Entry(told["unit"], "{}: " + told["provenance"].removeprefix("chosen: "))]
+
+
+_TERMS = [(item.name, weighted(item)) for item in WEIGHTS]
+Terms = NamedTuple("Terms", _TERMS)
+"""One number for each term of the reward."""
+
+
+def _build_reward_terms() -> Any:
+    """Return ``reward_terms(weight, seen, period)``: the weighted terms of a control step of ``period`` [s]."""
+    names = {f"find_{item.name}": item.metadata["find"] for item in WEIGHTS}
+    found = ", ".join(f"find_{item.name}(weight.{item.name}, seen, period)" for item in WEIGHTS)
+    source = f"def reward_terms(weight, seen, period):\n    return Terms({found})\n"
+    return device(compile_source(source, "reward_terms", {**names, "Terms": Terms}))
+
+
+reward_terms = _build_reward_terms()
+
+
+@device
+def total(terms: Any) -> float:
+    """Return the sum of the terms."""
+    found = terms[0]
+    for k in range(1, len(terms)):
+        found += terms[k]
+    return found
+
+
+# --- the numbers of a task ---
+
+
+class PathModel(NamedTuple):
+    """Start and number of a path's arcs in the constants, and its length."""
+
+    first: Annotated[float, Entry("1", "where the path's arcs begin in the constants")]
+    arcs: Annotated[float, Entry("1", "number of the path's arcs")]
+    length: Annotated[float, Entry("m", "length of the path")]
+
+
+class SensingModel(NamedTuple):
+    """Effects between the machine and the observation."""
+
+    angle_resolution: Annotated[float, Entry("rad", "step of the joint encoders")]
+    velocity_noise: Annotated[float, Entry("rad/s", "standard deviation of the angular velocities' noise")]
+    torque_noise: Annotated[float, Entry("N·m", "standard deviation of the torques' noise")]
+    force_noise: Annotated[float, Entry("N", "standard deviation of the force's noise")]
+    delay: Annotated[float, Entry("1", "control steps from measurement to observation")]
+    is_ideal: Annotated[float, Entry("1", "1 if sensors are exact and without delay")]
+
+
+class StartModel(NamedTuple):
+    """How episodes begin."""
+
+    moving: Annotated[float, Entry("1", "share of the episodes that begin anywhere along the path, moving")]
+    gripped: Annotated[float, Entry("1", "share of the episodes that begin at rest with settled clutches")]
+    offset: Annotated[float, Entry("m", "half-range of the distance from the path of those that begin moving")]
+
+
+class TaskModel(NamedTuple):
+    """Constants of one task."""
+
+    path: Annotated[PathModel, Entry()]
+    pace: Annotated[float, Entry("m/s", "commanded mean speed along the path")]
+    pace_decay: Annotated[float, Entry("1", "part of a new speed in the mean that the reward judges")]
+    error_max: Annotated[float, Entry("m", "the workspace ends this far from the path")]
+    truncation_error: Annotated[float, Entry("m", "an episode is truncated this far from the path")]
+    arrival: Annotated[float, Entry("m", "how near to the path its end counts as reached")]
+    singularity_margin: Annotated[float, Entry("1", "smallest |sin(θA − θB)| of the workspace")]
+    energy_max: Annotated[float, Entry("J", "an episode ends as a failure above this kinetic energy")]
+    start_offset: Annotated[float, Entry("m", "half-range of the start's normal offset")]
+    starts: StartModel
+    friction_drift: Annotated[float, Entry("1/s", "relative change of all clutch torques in a second")]
+    weight: Annotated[Terms, Entry("", "weight")]
+    sensing: SensingModel
+
+
+# --- how fast am I: the pace that is judged ---
+
+COMMANDED_PACE = 0.5
+"""The paper's pace [m/s]: the baseline's mean tip speed in Table I, 19.69 in/s."""
+
+TIME_CONSTANTS = 2.0
+"""After this many time constants a clutch has 86 % of a torque that is requested at the start."""
+
+START = 0.01
+"""The allowance covers this part of the path: time lost within it does not count, time lost later does."""
+
+
+def start_up_allowance() -> float:
+    """Return the allowance of the paper's machine with the paper's hand on the paper's line [s].
+
+    It is two time constants of the clutches, plus the time lost while the push accelerates the arm from rest to the
+    paper's pace v: with an effective mass m of the tip along the line and a push F this takes m·v/F, and half of it is
+    lost compared with a start at that pace.
+    """
+    path = Line()
+    arm = model_of(BASELINE).arm
+    (x, y), heading = path.point(0.0), path.heading(0.0)
+    at = motion_at(arm, x, y)
+    torque = np.array(joint_torque(arm, at, math.cos(heading), math.sin(heading)))
+    coupling = arm.coupling * cos_difference(at)
+    mass = 1.0 / float(torque @ np.linalg.solve([[arm.m11, coupling], [coupling, arm.m22]], torque))
+    lost = 0.5 * mass * COMMANDED_PACE / MultiSineHand().push
+    return TIME_CONSTANTS * BASELINE.clutch.time_constant + lost
+
+
+ALLOWANCE = start_up_allowance()
+"""The extra time for the start-up [s], about 0.22 s: the same for all policies and scenarios."""
+
+
+@device
+def in_start_up(reached: float, length: float, pace: float, time: float) -> bool:
+    """Return whether the delay is within the allowance, given the largest arc length so far [m] and the time [s]."""
+    return (reached <= START * length) & (time <= ALLOWANCE + START * length / pace)
+
+
+@device
+def recent_pace(ratio: float, travel: float, reached: float, time: float, period: float, task: TaskModel) -> float:
+    """Return the recent mean of the pace over the commanded one, after a control step.
+
+    Parameters
+    ----------
+    ratio
+        The mean before the step.
+    travel, reached
+        Change of the arc length in the step, and its largest value so far [m].
+    time, period
+        Time since the start of the episode, and length of the step [s].
+    task
+        The task. During start-up a slow pace counts as the commanded one.
+    """
+    ratio += task.pace_decay * (travel / (period * task.pace) - ratio)
+    excused = (ratio < 1.0) & in_start_up(reached, task.path.length, task.pace, time)
+    return 1.0 if excused else ratio
+
+
+# --- is it over ---
+
+
+@device
+def reached_end(arc_length: float, path_length: float) -> bool:
+    """Return whether the tip has reached the end of the path."""
+    return arc_length >= path_length
+
+
+@device
+def strayed(arc_length: float, normal_error: float, furthest: float) -> bool:
+    """Return whether the tip is further than ``furthest`` [m] from the path, or that far behind its start."""
+    return (abs(normal_error) > furthest) | (arc_length < -furthest)
+
+
+@device
+def singular(q: Motion, margin: float) -> bool:
+    """Return whether |sin(θA − θB)| is below the margin or NaN."""
+    return not abs(sin_difference(q)) >= margin
+
+
+@device
+def too_fast(kinetic_energy: float, energy_max: float) -> bool:
+    """Return whether the arm has more kinetic energy [J] than the integrator can hold, or NaN."""
+    return not kinetic_energy <= energy_max
+
+
+class Ending(NamedTuple):
+    """Why an episode may be over. If the tip has arrived, nothing else counts."""
+
+    arrived: bool
+    missed: bool
+    strayed: bool
+    singular: bool
+    too_fast: bool
+
+
+@device
+def ending(at: PathState, q: Motion, kinetic_energy: float, task: TaskModel) -> Ending:
+    """Return what terminates an episode, from the state relative to the path, the arm and its kinetic energy [J]."""
+    at_end = reached_end(at.arc_length, task.path.length)
+    arrived = at_end & (abs(at.normal_error) <= task.arrival)
+    return Ending(
+        arrived=arrived,
+        missed=at_end & (not arrived),
+        strayed=strayed(at.arc_length, at.normal_error, task.error_max) & (task.error_max < task.truncation_error),
+        singular=singular(q, task.singularity_margin),
+        too_fast=too_fast(kinetic_energy, task.energy_max),
+    )
+
+
+@device
+def has_failed(end: Ending) -> bool:
+    """Return whether an episode has been terminated without success."""
+    return (not end.arrived) & (end.missed | end.strayed | end.singular | end.too_fast)
+
+
+@device
+def is_truncated(at: PathState, step: float, limit: float, terminated: bool, task: TaskModel) -> bool:
+    """Return whether an episode is truncated: after ``limit`` control steps, or where the task says so."""
+    astray = (not terminated) & strayed(at.arc_length, at.normal_error, task.truncation_error)
+    return astray | (step >= limit)

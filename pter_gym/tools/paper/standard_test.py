@@ -1,0 +1,98 @@
+"""The paper's standard test (section IV-A) for any policy."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym._engine.batch import Batch
+from pter_gym.benchmark.metrics import Score, score
+from pter_gym.benchmark.simulation import AnyPolicy, sensors_of, simulate
+from pter_gym.controllers import bind
+from pter_gym.errors import ParameterError
+from pter_gym.params import Machine, find_machine
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
+
+TIME_CONSTANTS = (0.01, 0.03, 0.06, 0.105, 0.15, 0.2)
+"""Time constants of the clutches [s] that a run covers; 0.105 is the manufacturer's (paper section IV-C.3)."""
+
+MAX_STEPS = 1000
+"""Control steps after which an episode is truncated."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One episode of one policy.
+
+    Attributes
+    ----------
+    time_constant
+        Time constant of the clutches [s].
+    score
+        Its scores.
+    telemetry
+        float64 (steps + 1, len(TELEMETRY)): the row of the reset, then one row per control step.
+    """
+
+    time_constant: float
+    score: Score
+    telemetry: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Result:
+    """The standard test for several policies, with one Run per time constant for each."""
+
+    task: PathFollowing
+    machine: Machine
+    seed: int
+    runs: dict[str, tuple[Run, ...]]
+
+
+def run_standard_test(
+    policies: Mapping[str, AnyPolicy],
+    *,
+    machine: Machine | str | None = None,
+    task: PathFollowing | None = None,
+    time_constants: Sequence[float] = TIME_CONSTANTS,
+    seed: int = 0,
+    on_progress: Callable[[str], None] = lambda _: None,
+) -> Result:
+    """Run the standard test.
+
+    Parameters
+    ----------
+    policies
+        By name: controllers, which are bound to ``machine``, or any ``policy(observations) -> volts``, float32
+        (N, entries) to (N, 4). ``find_policy(name, scenario=None)`` returns a built-in one.
+    machine, task
+        The machine or its name, with the time constant replaced, and the task; PTER and its task by default.
+    time_constants
+        Time constants of the clutches [s]; one episode each.
+    seed
+        Seed ≥ 0 of the episodes.
+    on_progress
+        Called with each policy's name when it is done.
+
+    Raises
+    ------
+    ParameterError
+        If there is no policy, machine or time constant, or a time constant is not > 0.
+    """
+    if not policies:
+        raise ParameterError("policies must hold at least one policy")
+    if not time_constants:
+        raise ParameterError("time_constants must hold at least one number > 0 s")
+    machine, task = find_machine(machine), PathFollowing() if task is None else task
+    machines = [replace(machine, clutch=replace(machine.clutch, time_constant=tau)) for tau in time_constants]
+    runs: dict[str, tuple[Run, ...]] = {}
+    for name, policy in policies.items():
+        batch = Batch(machines, task, sensors=sensors_of(policy))
+        telemetry = simulate(batch, bind(policy, machine, batch.layout), [seed] * len(machines), MAX_STEPS)
+        episodes = (rows[np.isfinite(rows[:, COLUMN.time])] for rows in telemetry.swapaxes(0, 1))
+        runs[name] = tuple(
+            Run(tau, score(rows, task), rows) for tau, rows in zip(time_constants, episodes, strict=True)
+        )
+        on_progress(name)
+    return Result(task=task, machine=machine, seed=seed, runs=runs)

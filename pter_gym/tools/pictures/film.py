@@ -1,0 +1,226 @@
+"""Films: episodes side by side in frames at equal time intervals, written to a file or shown in a window."""
+
+import io
+import math
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from pter_gym._internal.files import write_bytes_atomic
+from pter_gym.envs._size import HEIGHT, WIDTH, check_size
+from pter_gym.errors import ParameterError, StorageError, needs_extra
+from pter_gym.params import Machine
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from pter_gym.tools.pictures.drawing import Array
+from pter_gym.tools.pictures.picture import Picture, Subject
+from pter_gym.tools.pictures.viewer import Window
+
+TILE = (360, 405)
+"""Width and height of one of several pictures [px]."""
+
+MAX_SIZE = (1920, 1080)
+"""Largest width and height of several pictures together [px]."""
+
+PAUSE = 1.0
+"""Time for which the last frame is shown [s]."""
+
+RATES = MappingProxyType({".webp": 12.5, ".mp4": 50.0, ".png": 50.0})
+"""Endings of files, and frames per second of a film in one."""
+
+WINDOW_RATE = 50.0
+
+
+class Film:
+    """Frames of episodes that begin together; a finished one keeps showing its last state.
+
+    Parameters
+    ----------
+    machine, task
+        What the episodes have in common.
+    episodes
+        Telemetry of each policy by its name, from the reset on, (T + 1, len(TELEMETRY)); at least one.
+    rate
+        Frames per second [1/s].
+    speed
+        Playback speed relative to real time: 0.5 is slow motion.
+    size
+        Width and height [px]; ``default_size`` by default.
+
+    Raises
+    ------
+    ParameterError
+        If the size is out of range.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        task: PathFollowing,
+        episodes: Mapping[str, Any],
+        rate: float,
+        speed: float = 1.0,
+        size: tuple[int, int] | None = None,
+    ) -> None:
+        self.size = width, height = check_size(*(size or default_size(len(episodes))))
+        self.rate = rate
+        self._step = speed / rate
+        self._episodes = list(episodes.values())
+        rows, columns = grid(len(episodes))
+        x = np.linspace(0, width, columns + 1).round().astype(int).tolist()
+        y = np.linspace(0, height, rows + 1).round().astype(int).tolist()
+        self._pictures: list[tuple[int, int, Picture]] = []
+        for k, name in enumerate(episodes):
+            row, column = divmod(k, columns)
+            extent = x[column + 1] - x[column], y[row + 1] - y[row]
+            self._pictures.append((x[column], y[row], Picture(Subject(machine, task, name), *extent)))
+        duration = max(float(telemetry[-1, COLUMN.time]) for telemetry in self._episodes)
+        self._count = 1 + math.ceil(duration / self._step - 1e-9)
+
+    def __len__(self) -> int:
+        """Return the number of frames; the last one stays for ``PAUSE``."""
+        return self._count
+
+    def pixels(self, frame: int) -> NDArray[np.uint8]:
+        """Return a frame as a new array, shape (height, width, 3); the last one for all that follow it."""
+        time = min(frame, self._count - 1) * self._step
+        whole = np.full((*reversed(self.size), 3), 255, np.uint8)
+        for (left, top, picture), telemetry in zip(self._pictures, self._episodes, strict=True):
+            row = int(np.searchsorted(telemetry[:, COLUMN.time], time + 1e-9, side="right")) - 1
+            pixels = picture.draw(telemetry[row], telemetry[: row + 1, [*COLUMN.tip]])
+            pixels[: 1 if top else 0] = pixels[:, : 1 if left else 0] = 227
+            whole[top : top + len(pixels), left : left + pixels.shape[1]] = pixels
+        return whole
+
+
+def grid(count: int) -> tuple[int, int]:
+    """Return rows and columns of a grid for that many pictures: up to three side by side, then about square."""
+    columns = count if count <= 3 else math.ceil(math.sqrt(count))
+    return -(-count // columns), columns
+
+
+def default_size(count: int) -> tuple[int, int]:
+    """Return the size of that many pictures side by side [px]; a single one is as large as an environment's picture."""
+    if count == 1:
+        return WIDTH, HEIGHT
+    rows, columns = grid(count)
+    width, height = columns * TILE[0], rows * TILE[1]
+    scale = min(1.0, MAX_SIZE[0] / width, MAX_SIZE[1] / height)
+    return round(scale * width), round(scale * height)
+
+
+def check_suffix(path: Path) -> None:
+    """Raise a ParameterError unless films can have this extension, a DependencyError if ffmpeg is missing for it."""
+    if path.suffix.lower() not in RATES:
+        raise ParameterError(f"out must end in {', '.join(RATES)}, got {str(path)!r}")
+    if path.suffix.lower() == ".mp4":
+        _load_imageio()
+
+
+def write_film(
+    machine: Machine,
+    task: PathFollowing,
+    episodes: Mapping[str, Array],
+    path: Path,
+    *,
+    speed: float = 1.0,
+    size: tuple[int, int] | None = None,
+    on_progress: Callable[[float], object] = lambda _: None,
+) -> Path:
+    """Write a film of policies on one episode, side by side, to a file atomically, and return its path.
+
+    Parameters
+    ----------
+    machine, task, episodes, speed, size
+        As for ``Film``.
+    path
+        A file that ends in ``.webp``, ``.mp4`` or ``.png``, which holds only the last frame; its folder must exist.
+    on_progress
+        Called with the share of the frames that have been drawn.
+
+    Raises
+    ------
+    DependencyError
+        If ffmpeg is missing for an ``.mp4``.
+    ParameterError
+        If the path has another extension, or the size is out of range.
+    StorageError
+        If the file cannot be written.
+    """
+    check_suffix(path)
+    suffix = path.suffix.lower()
+    film = Film(machine, task, episodes, RATES[suffix], speed, size)
+
+    def frames(count: int) -> Iterator[NDArray[np.uint8]]:
+        for frame in range(count):
+            yield film.pixels(frame)
+            on_progress((frame + 1) / count)
+
+    if suffix == ".webp":
+        content = encode_webp(frames(len(film)), len(film), film.rate)
+    elif suffix == ".mp4":
+        content = _encode_mp4(frames(len(film) + round(PAUSE * film.rate)), film.rate)
+    else:
+        content = _encode_png(film.pixels(len(film) - 1))
+    write_bytes_atomic(path, content)
+    return path
+
+
+def show_film(film: Film, title: str) -> None:
+    """Show a film in a window, looping until it is closed; needs a display."""
+    window = Window(film.size, film.rate, title)
+    count = len(film) + round(PAUSE * film.rate)
+    frame = 0
+    try:
+        while window.is_open():
+            window.show(film.pixels(frame))
+            frame = (frame + 1) % count
+    finally:
+        window.close()
+
+
+def encode_webp(frames: Iterator[NDArray[np.uint8]], count: int, rate: float, quality: int = 70) -> bytes:
+    """Return frames as an animated WebP that repeats; the last frame stays for ``PAUSE``."""
+    images, content = (Image.fromarray(frame) for frame in frames), io.BytesIO()
+    durations = [round(1000.0 / rate)] * (count - 1) + [round(1000.0 * PAUSE)]
+    settings: Any = {"duration": durations, "loop": 0, "quality": quality, "method": 0}
+    next(images).save(content, "WEBP", save_all=True, append_images=images, **settings)
+    return content.getvalue()
+
+
+def _encode_png(frame: NDArray[np.uint8]) -> bytes:
+    content = io.BytesIO()
+    Image.fromarray(frame).save(content, "PNG")
+    return content.getvalue()
+
+
+def _encode_mp4(frames: Iterator[NDArray[np.uint8]], rate: float) -> bytes:
+    """Return H.264, whose width and height must be even: an odd edge loses its last pixels."""
+    imageio = _load_imageio()
+    options = ["-crf", "20", "-movflags", "+faststart"]
+    settings = {"fps": rate, "quality": None, "macro_block_size": 2, "ffmpeg_log_level": "error"}
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "film.mp4"
+            with imageio.get_writer(file, output_params=options, **settings) as video:
+                for frame in frames:
+                    video.append_data(frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2])
+            return file.read_bytes()
+    except OSError as error:
+        raise StorageError(f"the film cannot be made in the folder for temporary files: {error}") from error
+
+
+def _load_imageio() -> Any:
+    try:
+        import imageio.v2 as imageio
+        import imageio_ffmpeg
+
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError) as error:
+        raise needs_extra("mp4 with ffmpeg", "render") from error
+    return imageio

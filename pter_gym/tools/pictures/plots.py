@@ -1,0 +1,159 @@
+"""Figures of a scenario's scores, drawn with Matplotlib."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+
+from pter_gym.benchmark.leaderboard import Leaderboard
+from pter_gym.benchmark.ranking import PACE_ERROR, Standing
+from pter_gym.benchmark.runs import ScenarioRun, join_seeds
+from pter_gym.benchmark.statistics import performance_profile
+from pter_gym.scenarios import PACES
+from pter_gym.tools.figures import MILLIMETRE, REFERENCE, WIDTH, Look, label, legend_below, looks, save, styled
+from pter_gym.tools.pictures.drawing import WORKSPACE
+
+MAX_NAME = 60
+"""Most characters of a name in a picture; longer ones lose their middle."""
+
+UNRANKED = 0.35
+"""Opacity of a policy that is not ranked."""
+
+MIN_PACE = 0.03
+"""Mean pace [m/s] at which slower policies are drawn."""
+
+
+def draw_scenario(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun], folder: Path) -> list[Path]:
+    """Draw the leaderboards of one scenario into a folder as PNG files; return their paths."""
+    mine = [run for run in runs if boards[0].has_episodes_of(run)]
+    figures = {"profiles": profiles(boards, mine), "error-against-pace": error_against_pace(boards)}
+    return [save(figure, folder / f"{boards[0].scenario}-{name}.png") for name, figure in figures.items()]
+
+
+@styled
+def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figure:
+    """Return the performance profiles of a scenario: the share of episodes within an error, a panel for each pace.
+
+    Parameters
+    ----------
+    boards
+        Leaderboards of one scenario, one per pace.
+    runs
+        The runs behind them.
+    """
+    figure = Figure(figsize=(WIDTH, 3.0))
+    panels: list[Axes] = np.ravel(figure.subplots(1, len(boards), sharey=True)).tolist()
+    errors = np.concatenate([run.scores["path_error_m"] for run in runs])
+    low, high = max(float(errors.min()), 1e-5), float(errors.max())
+    thresholds = np.exp(np.linspace(math.log(0.9 * low), math.log(1.1 * max(low, high)), 200))
+    by_policy = _looks(boards)
+    for axes, board in zip(panels, boards, strict=True):
+        axes.set_title(f"{board.pace}, {PACES[board.pace]:g} m/s")
+        for standing in board.standings:
+            run = join_seeds(_runs_of(standing, board, runs))
+            found = performance_profile(run.scores["path_error_m"], thresholds, strata=run.strata)
+            colour, marker, dashes = by_policy[standing.policy]
+            style: Any = {"color": colour, "linestyle": dashes, "marker": marker}
+            style["markevery"] = markers(list(by_policy).index(standing.policy), len(by_policy))
+            style["markerfacecolor"] = "white" if standing.reason else colour
+            alpha = UNRANKED if standing.reason else 1.0
+            x = thresholds / MILLIMETRE
+            axes.fill_between(x, found.low, found.high, color=colour, alpha=0.18 * alpha, linewidth=0.0)
+            axes.plot(x, found.fraction, alpha=alpha, **style)
+        axes.set_xscale("log")
+        plain_ticks(axes, "x")
+        axes.set_xlabel("path error [mm]")
+    panels[0].set_ylabel("share of episodes within it")
+    _board_legend(figure, boards, "hollow and faint: not ranked; bands: 95 % intervals")
+    return figure
+
+
+@styled
+def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
+    """Return each policy's path error over its actual mean pace, with the commanded paces marked."""
+    figure = Figure(figsize=(WIDTH, 3.9))
+    axes = figure.add_subplot()
+    for board in boards:
+        pace = PACES[board.pace]
+        axes.axvspan(pace * (1.0 - PACE_ERROR), pace * (1.0 + PACE_ERROR), color=WORKSPACE, zorder=0)
+        axes.axvline(pace, color=REFERENCE, linewidth=1.0, linestyle=":", zorder=1)
+    for name, (colour, marker, dashes) in _looks(boards).items():
+        standings = [standing for board in boards for standing in board.standings if standing.policy == name]
+        x = np.maximum([standing.scores["mean_pace_m_s"].value for standing in standings], MIN_PACE)
+        y = np.array([standing.scores["path_error_m"] for standing in standings]) / MILLIMETRE
+        axes.plot(x, y[:, 0], color=colour, linestyle=dashes, linewidth=1.2, alpha=0.6)
+        spread = np.maximum([y[:, 0] - y[:, 1], y[:, 2] - y[:, 0]], 0.0)
+        axes.errorbar(x, y[:, 0], spread, fmt="none", ecolor=colour, elinewidth=1.2)
+        for at, error, standing in zip(x, y[:, 0], standings, strict=True):
+            face = "white" if standing.reason else colour
+            axes.plot(at, error, color=colour, marker=marker, markersize=6.0, markerfacecolor=face, linestyle="none")
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    _pace_ticks(axes, {board.pace: PACES[board.pace] for board in boards})
+    plain_ticks(axes, "y")
+    label(axes, "mean pace along the path [m/s]", "path error [mm]")
+    _board_legend(figure, boards, "filled: ranked; hollow: not ranked; bars: 95 % intervals\nshaded: paces that rank")
+    return figure
+
+
+# --- names, legends, ticks ---
+
+
+def shown(name: str, longest: int = MAX_NAME) -> str:
+    """Return a policy's name for pictures: short enough, and without mathematical markup."""
+    half = longest // 2
+    return (name if len(name) <= longest else f"{name[: half - 1]}…{name[-half:]}").replace("$", r"\$")
+
+
+def markers(place: int, count: int) -> tuple[float, float]:
+    """Return the marker positions on one policy's line, apart from those of other policies."""
+    return (0.03 + 0.22 * place / count, 0.22)
+
+
+def plain_ticks(axes: Axes, which: str) -> None:
+    """Label a logarithmic axis at round numbers, without powers of ten."""
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    low, high = axis.get_view_interval()
+    digits = range(1, 10) if high < 4.0 * low else (1, 2, 5) if high < 100.0 * low else (1,)
+    axis.set_major_locator(LogLocator(subs=[float(digit) for digit in digits]))
+    axis.set_major_formatter(StrMethodFormatter("{x:.10g}"))
+    axis.set_minor_locator(NullLocator())
+
+
+def _pace_ticks(axes: Axes, paces: Mapping[str, float]) -> None:
+    """Label a logarithmic axis at each commanded pace [m/s] by its name, and at the slowest pace drawn."""
+    low, high = axes.get_xlim()
+    axes.set_xlim(min(low, 0.9 * min(paces.values())), max(high, 1.1 * max(paces.values())))
+    labels = {pace: f"{pace:g}\n{name}" for name, pace in paces.items()}
+    if low <= MIN_PACE:
+        labels[MIN_PACE] = f"≤ {MIN_PACE:g}"
+    axes.set_xticks(list(labels), list(labels.values()))
+    axes.xaxis.set_minor_locator(NullLocator())
+
+
+def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
+    return looks(sorted({standing.policy for board in boards for standing in board.standings}))
+
+
+def _runs_of(standing: Standing, board: Leaderboard, runs: Sequence[ScenarioRun]) -> list[ScenarioRun]:
+    """Return the runs behind a standing, one for each training seed."""
+    wanted = (standing.policy, board.pace)
+    return [run for run in runs if (run.policy, run.pace) == wanted]
+
+
+def _board_legend(figure: Figure, boards: Sequence[Leaderboard], note: str) -> None:
+    """Add a legend of all policies below the panels, and a note on what was run."""
+    board, by_policy = boards[0], _looks(boards)
+    kind = "stored" if board.seed is None else "fresh"
+    ran = f"{board.scenario}, {board.episodes} {kind} episode{'s' if board.episodes > 1 else ''}"
+    handles = [
+        Line2D([], [], color=look.colour, linestyle=look.dashes, marker=look.marker, markersize=5.5)
+        for look in by_policy.values()
+    ]
+    legend_below(figure, handles, list(map(shown, by_policy)), f"{ran}; {note}")

@@ -1,0 +1,205 @@
+"""Viewers: telemetry in, a picture out, of one world or of many. A window needs pygame, from the extra ``render``."""
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pter_gym.envs._size import HEIGHT, WIDTH, check_size
+from pter_gym.errors import ParameterError, needs_extra
+from pter_gym.params import Machine
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from pter_gym.tools.pictures.drawing import Array
+from pter_gym.tools.pictures.picture import Picture, Subject
+
+Mode = Literal["rgb_array", "human"]
+
+MAX_WORLDS = 64
+"""Worlds that are drawn; more on one screen could not be told apart."""
+
+
+class Viewer:
+    """Draws a PTER that follows a path. Nothing is drawn before the first call of ``draw``.
+
+    Parameters
+    ----------
+    machine, task
+        The subject; it fixes the view, so the same state gives the same picture.
+    mode
+        ``"rgb_array"`` returns pictures and needs no display; ``"human"`` shows them in a window, at most one for each
+        control period. A window that its user closes stays closed, and the program goes on without it.
+    width, height
+        Size of a picture [px].
+
+    Raises
+    ------
+    DependencyError
+        If a window is asked for and pygame is not installed.
+    ParameterError
+        If the mode is not one of the two, or the size is out of range.
+    """
+
+    def __init__(
+        self, machine: Machine, task: PathFollowing, mode: Mode, width: int = WIDTH, height: int = HEIGHT
+    ) -> None:
+        if mode not in get_args(Mode):
+            raise ParameterError(f"mode must be one of {', '.join(get_args(Mode))}, got {mode!r}")
+        self._size = check_size(width, height)
+        self._window = Window(self._size, 1.0 / task.control_period) if mode == "human" else None
+        self._picture: Picture | None = None
+        self.look_at(machine, task)
+
+    def look_at(self, machine: Machine, task: PathFollowing) -> None:
+        """Draw another machine and task from now on; the window stays open."""
+        self._subject = Subject(machine, task)
+
+    def draw(self, telemetry_row: Array, trail: Array) -> NDArray[np.uint8] | None:
+        """Draw one state.
+
+        Parameters
+        ----------
+        telemetry_row
+            float64 (len(TELEMETRY),) of the present control step.
+        trail
+            Past positions of the tip [m], shape (K, 2), oldest first.
+
+        Returns
+        -------
+        picture
+            A new uint8 array (height, width, 3), or None with ``mode="human"``.
+        """
+        if self._window is not None and not self._window.is_open():
+            return None
+        if self._picture is None or self._picture.subject != self._subject:
+            self._picture = Picture(self._subject, *self._size)
+        pixels = self._picture.draw(telemetry_row, trail)
+        return pixels if self._window is None else self._window.show(pixels)
+
+    def close(self) -> None:
+        """Close the window, if there is one. May be called again."""
+        if self._window is not None:
+            self._window.close()
+
+
+class WorldsViewer:
+    """Draws each of N worlds, with the trail of its own episode.
+
+    Parameters
+    ----------
+    pairs
+        Machines and tasks; a world draws one of them for each episode.
+    count
+        N, at most ``MAX_WORLDS``.
+    width, height
+        Size of the picture of one world [px].
+
+    Raises
+    ------
+    ParameterError
+        If there are too many worlds, or the size is out of range.
+    """
+
+    def __init__(self, pairs: Sequence[tuple[Machine, PathFollowing]], count: int, width: int, height: int) -> None:
+        if count > MAX_WORLDS:
+            raise ParameterError(f"num_envs must be at most {MAX_WORLDS} with a render_mode, got {count}")
+        self._pairs = pairs
+        self._size = check_size(width, height)
+        self._pictures: dict[int, Picture] = {}
+        self._rows: Any = None
+        self._unseen = np.ones(count, np.bool_)
+        self._tips: list[Array] = []
+        self._begins = np.zeros(count, np.int64)
+
+    @property
+    def ready(self) -> bool:
+        """Whether all worlds have been seen."""
+        return not self._unseen.any()
+
+    def see(self, rows: Array, worlds: NDArray[np.bool_] | None = None) -> None:
+        """Record telemetry (N, len(TELEMETRY)) after a step, or the worlds that were reset."""
+        told = np.ones(len(rows), np.bool_) if worlds is None else worlds
+        self._rows = rows.copy() if self._rows is None else np.where(told[:, None], rows, self._rows)
+        self._unseen &= ~told
+        self._begins[told & (self._rows[:, COLUMN.time] == 0.0)] = len(self._tips)
+        self._tips.append(self._rows[:, [*COLUMN.tip]])
+        if (past := int(self._begins.min())) > 0:
+            del self._tips[:past]
+            self._begins -= past
+
+    def draw(self, drawn: Sequence[int]) -> tuple[NDArray[np.uint8], ...]:
+        """Return a picture of each world, uint8 (height, width, 3); ``drawn`` holds the numbers of their pairs."""
+        self._pictures = {
+            number: self._pictures.get(number) or Picture(Subject(*self._pairs[number]), *self._size)
+            for number in set(drawn)
+        }
+        tips = np.array(self._tips)
+        return tuple(
+            self._pictures[number].draw(self._rows[world], tips[self._begins[world] :, world])
+            for world, number in enumerate(drawn)
+        )
+
+
+class Window:
+    """A window on the screen that shows pictures of a size [px] at a limited rate [1/s]."""
+
+    def __init__(self, size: tuple[int, int], rate: float, title: str = "PTER") -> None:
+        self._pygame = load_pygame()
+        self._rate = rate
+        try:
+            self._pygame.display.init()
+            self._pygame.display.set_caption(title)
+            self._screen = self._pygame.display.set_mode(size)
+        except self._pygame.error as error:
+            raise ParameterError(f"a window needs a display; where there is none, use rgb_array: {error}") from None
+        self._clock = self._pygame.time.Clock()
+        self._open = True
+
+    def is_open(self) -> bool:
+        """Handle the window's events; return False once it is closed: by its button, Escape, or other code."""
+        pygame = self._pygame
+        if pygame.display.get_surface() is None:
+            self._open = False
+        events = pygame.event.get() if self._open else ()
+        if any(e.type == pygame.QUIT or (e.type == pygame.KEYDOWN and e.key == pygame.K_ESCAPE) for e in events):
+            self.close()
+        return self._open
+
+    def show(self, picture: NDArray[np.uint8]) -> None:
+        """Show a picture (height, width, 3), then wait until the next one is due."""
+        self._pygame.surfarray.blit_array(self._screen, picture.swapaxes(0, 1))
+        self._pygame.display.flip()
+        self._clock.tick(self._rate)
+
+    def close(self) -> None:
+        """Close the window. May be called again."""
+        if self._open:
+            self._open = False
+            self._pygame.display.quit()
+
+
+def load_pygame() -> Any:
+    """Return the module ``pygame``, or raise a DependencyError that says how to install it."""
+    try:
+        import pygame
+    except ImportError as error:
+        raise needs_extra("a window", "render") from error
+    return pygame
+
+
+def has_display() -> bool:
+    """Return whether a window would be seen."""
+    if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
+        return False
+    pygame = load_pygame()
+    was_on = pygame.display.get_init()
+    try:
+        pygame.display.init()
+        return pygame.display.get_driver() not in ("dummy", "offscreen")
+    except pygame.error:
+        return False
+    finally:
+        if not was_on:
+            pygame.display.quit()
