@@ -10,15 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym.benchmark._measures import column
-from pter_gym.tools.paper.experiments.measures import paper_units
-from pter_gym.tools.paper.experiments.study import Study
-from pter_gym.tools.paper.experiments.time_constants import PAPER_TABLE
+from pter_gym.tools.paper.path_tests import PAPER_TABLE, Sweep
+from pter_gym.tools.paper.study import Study
 from pter_gym.units import to_inch_pounds, to_inches
 
+Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
-
-DIGITS = 9
-"""Significant digits of a number in a CSV file."""
 
 
 def csv_text(columns: Mapping[str, ArrayLike]) -> str:
@@ -26,35 +23,31 @@ def csv_text(columns: Mapping[str, ArrayLike]) -> str:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(columns)
-    writer.writerows(zip(*(_cells(np.asarray(values)) for values in columns.values()), strict=True))
+    writer.writerows(zip(*(map(_cell, np.asarray(values).tolist()) for values in columns.values()), strict=True))
     return buffer.getvalue()
 
 
-def _cells(values: NDArray[Any]) -> Iterable[str]:
-    if values.dtype.kind == "f":
-        return ("" if math.isnan(value) else f"{value:.{DIGITS}g}" for value in values.tolist())
-    if values.dtype.kind == "b":
-        return (str(int(value)) for value in values.tolist())
-    return map(str, values.tolist())
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.9g}"
+    return str(int(value)) if isinstance(value, bool) else str(value)
 
 
 def stacked(parts: Iterable[Mapping[str, ArrayLike]]) -> Columns:
     """Return the rows of several parts stacked; a single value is repeated in each row of its part."""
-    tables = list(parts)
-    columns: dict[str, list[NDArray[Any]]] = {name: [] for name in tables[0]}
-    for table in tables:
-        rows = max(np.size(values) for values in table.values())
-        for name, values in table.items():
-            columns[name].append(np.broadcast_to(np.asarray(values), (rows,)))
+    columns: dict[str, list[NDArray[Any]]] = {}
+    for part in parts:
+        for name, values in zip(part, np.broadcast_arrays(*part.values()), strict=True):
+            columns.setdefault(name, []).append(values)
     return {name: np.concatenate(values) for name, values in columns.items()}
 
 
-def length(name: str, metres: NDArray[np.float64], per: str = "") -> Columns:
+def length(name: str, metres: Array, per: str = "") -> Columns:
     """Return a length, or a quantity with ``per``, in SI and in the paper's unit."""
     return {f"{name}_m{per}": metres, f"{name}_in{per}": np.asarray(to_inches(1.0) * metres)}
 
 
-def torque(name: str, newton_metres: NDArray[np.float64]) -> Columns:
+def torque(name: str, newton_metres: Array) -> Columns:
     """Return a torque in SI and in the paper's unit."""
     return {f"{name}_nm": newton_metres, f"{name}_in_lbf": np.asarray(to_inch_pounds(1.0) * newton_metres)}
 
@@ -70,7 +63,7 @@ def single_dof_paths(study: Study) -> Columns:
             **length("tip_y", test.trajectory.tip_position[:, 1]),
             "deviation_from_line_m": test.deviation,
         }
-        for test in study.single_dof.tests
+        for test in study.single_dof
     )
 
 
@@ -86,72 +79,53 @@ def single_dof_torques(study: Study) -> Columns:
             **torque("locked_clutch_torque", np.abs(test.locked_torque)),
             "tip_speed_m_s": np.linalg.norm(test.trajectory.tip_velocity, axis=1),
         }
-        for test in study.single_dof.tests
+        for test in study.single_dof
     )
 
 
 def clutch_step(study: Study) -> Columns:
     """The step response of each clutch."""
-    response = study.step_response
+    step = study.step_response
     return stacked(
-        {
-            "clutch": k + 1,
-            "time_s": response.time,
-            **torque("torque", values),
-            "first_order_torque_nm": response.first_order,
-        }
-        for k, values in enumerate(response.torque)
+        {"clutch": k, "time_s": step.time, **torque("torque", values), "first_order_torque_nm": step.first_order}
+        for k, values in enumerate(step.torque, 1)
     )
 
 
 def torque_curves(study: Study) -> Columns:
     """Fig. 5: the curves, and the bench tests where there is one at the voltage."""
-    curves = study.torque_curves
-    volts = np.union1d(curves.volts, curves.bench_volts)
 
-    def measured(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        column = np.full(len(volts), np.nan)
-        column[np.searchsorted(volts, curves.bench_volts)] = values
-        return column
+    def parts() -> Iterable[Columns]:
+        for name, curves in study.torque_curves.items():
+            volts = np.union1d(curves.volts, curves.bench_volts)
+            measured = np.full((2, len(volts)), np.nan)
+            measured[:, np.searchsorted(volts, curves.bench_volts)] = curves.bench_breakaway, curves.bench_dynamic
+            yield {
+                "model": np.array(name),
+                "volts_v": volts,
+                **torque("breakaway", np.interp(volts, curves.volts, curves.breakaway)),
+                **torque("dynamic", np.interp(volts, curves.volts, curves.dynamic)),
+                "bench_breakaway_nm": measured[0],
+                "bench_dynamic_nm": measured[1],
+            }
 
+    return stacked(parts())
+
+
+def sweeps(found: Mapping[str, Sweep], name: str) -> Columns:
+    """Figs. 7 and 8, and the test of the control laws: all scores over the time constant."""
     return stacked(
         {
-            "model": name,
-            "volts_v": volts,
-            **torque("breakaway", np.interp(volts, curves.volts, material.breakaway)),
-            **torque("dynamic", np.interp(volts, curves.volts, material.dynamic)),
-            "bench_breakaway_nm": measured(material.bench_breakaway),
-            "bench_dynamic_nm": measured(material.bench_dynamic),
-        }
-        for name, material in curves.materials.items()
-    )
-
-
-def errors(study: Study) -> Columns:
-    """Fig. 7: position error over the time constant."""
-    return stacked(
-        {
-            "model": name,
+            name: key,
             "time_constant_s": sweep.time_constant,
             **length("position_error", sweep.position_error),
-            "completed": sweep.completed,
-        }
-        for name, sweep in study.sweeps.items()
-    )
-
-
-def accelerations(study: Study) -> Columns:
-    """Fig. 8: peak acceleration over the time constant, with what the text says too."""
-    return stacked(
-        {
-            "model": name,
-            "time_constant_s": sweep.time_constant,
             **length("peak_acceleration", sweep.peak_acceleration, "_s2"),
             **length("mean_acceleration", sweep.tip_acceleration, "_s2"),
             **length("mean_speed", sweep.tip_speed, "_s"),
             **length("path_length", sweep.path_length),
+            "completed": sweep.completed,
         }
-        for name, sweep in study.sweeps.items()
+        for key, sweep in found.items()
     )
 
 
@@ -165,7 +139,7 @@ def reversals(study: Study) -> Columns:
             "slip_velocity_rad_s": reversal.trajectory.slip_velocity[:, 0],
             "dynamic_torque_nm": reversal.dynamic,
         }
-        for name, reversal in study.reversals.machines.items()
+        for name, reversal in study.reversals.items()
     )
 
 
@@ -203,16 +177,15 @@ TABLE_KEYS = ("position_error_in", "tip_speed_in_s", "tip_acceleration_in_s2")
 
 def table1(study: Study) -> dict[str, dict[str, float]]:
     """Table I as ``table1.json`` holds it, in the paper's units."""
-    return {name: dict(zip(TABLE_KEYS, paper_units(row), strict=True)) for name, row in study.table1.items()}
+    return {name: dict(zip(TABLE_KEYS, row, strict=True)) for name, row in study.table1.items()}
 
 
 def table1_columns(study: Study) -> Columns:
     """Table I beside the paper's."""
-    ours = table1(study)
-    columns: Columns = {"model": np.array(list(ours))}
+    columns: Columns = {"model": np.array(list(study.table1))}
+    ours, papers = np.array(list(study.table1.values())), np.array([PAPER_TABLE[name] for name in study.table1])
     for k, key in enumerate(TABLE_KEYS):
-        columns[key] = np.array([row[key] for row in ours.values()])
-        columns[f"paper_{key}"] = np.array([PAPER_TABLE[name][k] for name in ours])
+        columns |= {key: ours[:, k], f"paper_{key}": papers[:, k]}
     return columns
 
 
@@ -221,11 +194,12 @@ COLUMNS: dict[str, Callable[[Study], Columns]] = {
     "fig4": single_dof_torques,
     "step": clutch_step,
     "fig5": torque_curves,
-    "fig7": errors,
-    "fig8": accelerations,
+    "fig7": lambda study: sweeps(study.sweeps, "model"),
+    "fig8": lambda study: sweeps(study.sweeps, "model"),
     "table1": table1_columns,
     "fig9": reversals,
     "fig10": gains,
     "fig11": lines,
+    "policies": lambda study: sweeps(study.policies, "policy"),
 }
 """The data of each figure or table."""
