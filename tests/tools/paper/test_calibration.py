@@ -73,14 +73,14 @@ def test_rules_hold_at_every_point():
         for clutch in (baseline, experimental):
             assert clutch.breakaway.torque(24.0) / clutch.dynamic.torque(24.0) >= 1.12 - 1e-9
         ratio = preset.clutch.breakaway_ratio
-        mu = preset.delrin.mu_dynamic_present
+        mu = preset.delrin["mu_dynamic_present"]
         assert 0.35 < mu <= 0.45
         assert theoretical.dynamic.slope == pytest.approx(baseline.dynamic.slope * 0.35 / mu)
-        assert 0.64 <= (preset.delrin.breakaway_ratio - 1.0) / (ratio - 1.0) <= 1.61
+        assert 0.64 <= (preset.delrin["breakaway_ratio"] - 1.0) / (ratio - 1.0) <= 1.61
         assert theoretical.breakaway.slope == pytest.approx(baseline.breakaway.slope * 0.20 / 0.45)
-        hand = eq5(preset.hand.force_max, preset.hand.push)
-        peak = max(math.hypot(preset.hand.push, hand.normal_force(t)) for t in seconds)
-        assert max(peak, preset.hand.force_max) <= HAND_MAX + 0.1
+        hand = eq5(preset.hand["force_max"], preset.hand["push"])
+        peak = max(math.hypot(preset.hand["push"], hand.normal_force(t)) for t in seconds)
+        assert max(peak, preset.hand["force_max"]) <= HAND_MAX + 0.1
         if is_accepted(setup):
             for machine in setup.machines.values():
                 check_machine(setup.task, machine)
