@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numba.core import types
@@ -81,7 +81,7 @@ def _text(value: Any, reached: list[FunctionType]) -> str:  # noqa: C901  (one c
         return repr(value)
     if (type(value) is np.ndarray or isinstance(value, np.generic)) and not value.dtype.hasobject:
         content = hashlib.sha256(value.tobytes()).hexdigest()
-        return f"{type(value).__name__} {value.dtype!r}{value.shape}{content}"
+        return f"{type(cast(Any, value)).__name__} {value.dtype!r}{value.shape}{content}"
     if isinstance(value, types.Number | types.Boolean):
         return f"numba.{value.name}"
     if name := _name(value):
@@ -98,12 +98,14 @@ def _text(value: Any, reached: list[FunctionType]) -> str:  # noqa: C901  (one c
             counts = (value.co_argcount, value.co_kwonlyargcount, value.co_flags)
             return of(value.co_code, value.co_exceptiontable, *names, *counts, value.co_consts)
         case frozenset():  # in code
-            return f"{{{','.join(sorted(map(of, value)))}}}"
+            return f"{{{','.join(sorted(map(of, cast(Any, value))))}}}"
         case tuple():
-            return of(*value) if type(value) is tuple else of(type(value), *value)
-        case type(_fields=entries, _field_defaults=defaults):
-            return f"{value.__qualname__}{of(entries, *defaults.items())}"
-        case _:
+            kind: Any = type(cast(Any, value))
+            return of(*cast(Any, value)) if kind is tuple else of(kind, *cast(Any, value))
+        case type() if hasattr(value, "_fields"):
+            record = cast(Any, value)
+            return f"{record.__qualname__}{of(record._fields, *record._field_defaults.items())}"
+        case _:  # pyright: ignore[reportUnknownVariableType]
             raise _UnknownError
 
 

@@ -13,7 +13,7 @@ and writes by name::
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from numba import types
 from numba.extending import overload
@@ -152,7 +152,7 @@ def blend(low: R, high: R, part: Any) -> R:
 
 
 def _numbers(value: Any) -> tuple[Any, ...]:
-    return flat(value) if isinstance(value, tuple) else (value,)
+    return flat(cast(Any, value)) if isinstance(value, tuple) else (value,)
 
 
 def _paths(kind: Any, before: str = "") -> Iterator[str]:
@@ -193,7 +193,8 @@ def _compiled(function: Any, arguments: str, number: str, record: str = "at", *,
     # numba passes types by the names of the function's arguments
     text = f"def build({arguments}):\n    return source({record}={record})"
     build = compile_source(text, "build", {"source": source})
-    overload(function, jit_options={**WITHOUT_ARRAYS, "pipeline_class": Part})(build)
+    options: Any = {**WITHOUT_ARRAYS, "pipeline_class": Part}
+    overload(function, jit_options=options)(build)
 
 
 _compiled(load, "w, at, i", "w[atAT, i]", returns=True)

@@ -155,7 +155,7 @@ class Spline(Path):
 
     def make_arcs(self) -> Arcs:
         """Return arcs through points of the spline."""
-        from scipy.interpolate import CubicSpline, PPoly, make_splprep
+        from scipy import interpolate
 
         points = np.array(self.points) @ [1.0, 1.0j]
         knots = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)))]).tolist()
@@ -163,13 +163,14 @@ class Spline(Path):
             return chain([arc_between(points[0], (points[1] - points[0]) / knots[1], points[1])])
         if self.smooth > 0.0 and len(knots) > 3:
             squares = 2.0 * len(knots) * self.smooth**2
-            fit: Any = make_splprep(np.array(self.points).T, u=knots, s=squares)[0]
-            x, y = (cast(Any, PPoly).from_spline((fit.t, each, 3)) for each in np.asarray(fit.c).reshape(-1, 2).T)
+            scipy: Any = interpolate
+            fit = scipy.make_splprep(np.array(self.points).T, u=knots, s=squares)[0]
+            x, y = (scipy.PPoly.from_spline((fit.t, fit.c[:, k], 3)) for k in (0, 1))
             inner = np.diff(x.x) > 0.0
             knots = [*x.x[:-1][inner].tolist(), float(x.x[-1])]
             coefficients: Any = (x.c + 1j * y.c)[:, inner].T.tolist()
         else:
-            coefficients = CubicSpline(knots, points, bc_type="natural").c.T.tolist()
+            coefficients = interpolate.CubicSpline(knots, points, bc_type="natural").c.T.tolist()
 
         def curve(t: float) -> tuple[complex, complex]:
             piece = min(bisect_right(knots, t), len(knots) - 1) - 1
@@ -256,7 +257,11 @@ def check_points(owner: object, *, at_least: int) -> None:
 def fault_in(points: Sequence[Any], label: Callable[[int], str]) -> str | None:
     """Return what is wrong with the first point that a path cannot have; ``label`` names points by their number."""
     for k, point in enumerate(points):
-        if not isinstance(point, tuple) or len(cast(tuple[Any, ...], point)) != 2 or not all(map(is_finite, point)):
+        if (
+            not isinstance(point, tuple)
+            or len(cast(tuple[Any, ...], point)) != 2
+            or not all(map(is_finite, cast(Any, point)))
+        ):
             return f"{label(k)} is no pair of finite numbers, but {point!r:.100}"
         for name, value in zip("xy", cast(tuple[float, float], point), strict=True):
             if abs(value) > FURTHEST:

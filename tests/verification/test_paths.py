@@ -193,7 +193,7 @@ def test_points_may_be_lists_and_arrays_and_a_path_may_close_and_cross() -> None
 
 
 def test_a_recorded_path_is_smoothed() -> None:
-    """0.8 mm of noise on a circle of radius 150 mm: smoothed, its curvature is that of the circle within a factor of two."""
+    """0.8 mm of noise on a circle of radius 150 mm: smoothed, its curvature is at most twice the circle's."""
     t = np.linspace(0.0, 2.0 * np.pi, 300)
     noise = 0.0008 * np.random.default_rng(0).standard_normal((300, 2))
     points: Any = np.column_stack([0.15 * np.cos(t), 0.6 + 0.15 * np.sin(t)]) + noise

@@ -1,5 +1,4 @@
 import pytest
-
 from pter_gym.tools.paper.experiments import Study
 
 

@@ -6,20 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-import pter_gym
-from pter_gym.errors import ParameterError
-from pter_gym.hands import eq5
-from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE
-from pter_gym.params._preset import PRESET, format_preset, load_preset, parse_preset
-from pter_gym.tasks.path_following import check_machine
-from pter_gym.tasks.path_following._specification import sin_elbow
 from pter_gym.tools.paper.experiments import calibration
 from pter_gym.tools.paper.experiments.calibration import HAND_MAX, SPACE, Reading, decode, setup_of
 from pter_gym.tools.paper.experiments.calibration.objective import is_accepted, misfit
 from pter_gym.tools.paper.experiments.calibration.search import adapted
 from pter_gym.tools.paper.experiments.claims import TABLE_TOLERANCE
 from pter_gym.tools.paper.experiments.setup import STUDY
+
+import pter_gym
+from pter_gym.errors import ParameterError
+from pter_gym.hands import eq5
+from pter_gym.params._preset import PRESET, format_preset, load_preset, parse_preset
+from pter_gym.tasks.path_following import check_machine
+from pter_gym.tasks.path_following._specification import sin_elbow
+from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE
 
 FILE = Path(pter_gym.__file__).parent / "presets" / "pter.toml"
 

@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import spearmanr
-
 from pter_gym.tools.paper.experiments import PAPER_MACHINES, Setup, Study
 from pter_gym.tools.paper.experiments.calibration import SPACE, decode, setup_of
 from pter_gym.tools.paper.experiments.claims import STATEMENTS, TABLE_TOLERANCE, Claim, check
 from pter_gym.tools.paper.experiments.measures import paper_units, rank_correlation
 from pter_gym.tools.paper.experiments.time_constants import PAPER_TABLE
 from pter_gym.tools.paper.reproduce.chapters import PRODUCTS
+from scipy.stats import spearmanr
 
 ROOT = Path(__file__).parents[3]
 

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from oracle.friction import LINE, W
-from pter_gym._physics.friction import ClutchMode
-from pter_gym.params import Machine, TorqueCurve
 from pter_gym.tools.paper.experiments import PAPER_MACHINES, reversals, single_dof, step_response
 from pter_gym.tools.paper.experiments.holding import largest_load
 from pter_gym.tools.paper.experiments.pose import POSE, RESOLUTION, slip_rows, tip, tip_force
 from pter_gym.tools.paper.experiments.reversal import last_before_reversal
 from pter_gym.tools.paper.experiments.torque_curves import RAMP_TIME
+
+from oracle.friction import LINE, W
+from pter_gym._physics.friction import ClutchMode
+from pter_gym.params import Machine, TorqueCurve
 from pter_gym.units import from_inch_pounds
 
 BASELINE, DELRIN_THEORETICAL = PAPER_MACHINES["baseline"], PAPER_MACHINES["delrin_theoretical"]

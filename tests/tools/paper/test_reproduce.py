@@ -4,14 +4,14 @@ import csv
 import json
 
 import pytest
-
-from pter_gym._commands import main as cli
-from pter_gym.errors import ParameterError
 from pter_gym.tools.paper.experiments.claims import STATEMENTS, Claim
 from pter_gym.tools.paper.reproduce import results as results_module
 from pter_gym.tools.paper.reproduce.chapters import PRODUCTS, find_products
 from pter_gym.tools.paper.reproduce.figures import files_of
 from pter_gym.tools.paper.reproduce.results import results
+
+from pter_gym._commands import main as cli
+from pter_gym.errors import ParameterError
 from pter_gym.units import to_inches
 
 

@@ -3,11 +3,6 @@
 from dataclasses import fields, replace
 
 import pytest
-
-from pter_gym.tools.paper.standard_test import run_standard_test
-from pter_gym.benchmark._measures import column, vector
-from pter_gym.controllers import Impedance
-from pter_gym.errors import ParameterError
 from pter_gym.tools.paper.experiments import (
     PAPER_MACHINES,
     Setup,
@@ -17,6 +12,11 @@ from pter_gym.tools.paper.experiments import (
     time_constant_sweep,
 )
 from pter_gym.tools.paper.experiments.time_constants import PAPER_TABLE, TableRow, peak_torque, with_equal_peaks
+
+from pter_gym.benchmark._measures import column, vector
+from pter_gym.controllers import Impedance
+from pter_gym.errors import ParameterError
+from pter_gym.tools.paper.standard_test import run_standard_test
 from pter_gym.units import INCH_POUND
 
 TAUS = [0.03, 0.105]
