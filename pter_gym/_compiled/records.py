@@ -142,12 +142,12 @@ def write(array: Any, at: R, value: R) -> None:
         array[place] = part
 
 
-def blend(low: R, high: R, part: Any) -> R:
+def lerp(low: R, high: R, part: Any) -> R:
     """Return the record that lies a part of the way from one record to another of its kind."""
     a: Any = low
     b: Any = high
     if isinstance(low, tuple):
-        return type(a)(*(blend(x, y, part) for x, y in zip(a, b, strict=True)))
+        return type(a)(*(lerp(x, y, part) for x, y in zip(a, b, strict=True)))
     return a + part * (b - a)
 
 
@@ -201,4 +201,4 @@ _compiled(load, "w, at, i", "w[atAT, i]", returns=True)
 _compiled(store, "w, at, i, value", "w[atAT, i] = valueAT", returns=False)
 _compiled(read, "array, at, first", "array[first + atAT]", returns=True)
 _compiled(write, "array, at, value", "array[atAT] = valueAT", returns=False)
-_compiled(blend, "low, high, part", "lowAT + part * (highAT - lowAT)", "low", returns=True)
+_compiled(lerp, "low, high, part", "lowAT + part * (highAT - lowAT)", "low", returns=True)

@@ -52,7 +52,7 @@ class State:
     torque_breakaway, torque_dynamic
         Present torque limits of the four clutches [N·m], shape (4,).
     lagged_volts
-        Voltages behind the lag [V], shape (4,); they differ from the command with ``lag="voltage"`` only.
+        Lagged clutch voltages [V], shape (4,); they differ from the command with ``lag="voltage"`` only.
     """
 
     theta: Array

@@ -72,7 +72,7 @@ class Rollout:
     torque_breakaway, torque_dynamic
         Torque limits of the clutches [N·m], shape (N + 1, 4).
     lagged_volts
-        Voltages behind the lag [V], shape (N + 1, 4).
+        Lagged clutch voltages [V], shape (N + 1, 4).
     tip_position, tip_velocity
         World frame, origin on the axis of the drive [m, m/s], shape (N + 1, 2).
     """

@@ -24,7 +24,7 @@ from pter_gym.params._fields import SHIPPED
 EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
 """Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""
 
-MOST_INSTANTS = 1_000_000
+MAX_INSTANTS = 1_000_000
 """Most control periods that a recording may take: almost three hours at 100 Hz."""
 
 MAX_INTERVAL = 0.5
@@ -190,9 +190,9 @@ class RecordedForces(Operator):
         Raises
         ------
         ParameterError
-            If there are more than ``MOST_INSTANTS``.
+            If there are more than ``MAX_INSTANTS``.
         """
-        longest = MOST_INSTANTS * period
+        longest = MAX_INSTANTS * period
         require(self.times[-1] <= longest, self, "times", self.times[-1], f"in seconds, up to {longest:g} s")
         instants = period * np.arange(math.ceil(self.times[-1] / period) + 1)
         return np.stack([np.interp(instants, self.times, force) for force in (self.along, self.across)], axis=1)

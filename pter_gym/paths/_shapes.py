@@ -20,13 +20,13 @@ from pter_gym.paths._arcs import Arcs, Curve, Path, Piece, arc_between, chain, f
 
 Points = tuple[tuple[float, float], ...]
 
-MOST_POINTS = 4096
+MAX_POINTS = 4096
 """Most waypoints of a path."""
 
-FURTHEST = 1e3
+MAX_COORDINATE = 1e3
 """Largest coordinate and size of a path [m]; arcs through points further away would be rounded to nothing."""
 
-MOST_LOOKS = 1 << 18
+MAX_EVALUATIONS = 1 << 18
 """Most evaluations of a curve until arcs fit it; one through 1,000 points that zigzag takes 50,000."""
 
 
@@ -42,9 +42,9 @@ class Line(Path):
     def __post_init__(self) -> None:
         """Check that the numbers are finite and the length positive."""
         for name in ("x", "y"):
-            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+            require_number(self, name, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
         require_number(self, "direction")
-        require_number(self, "length", above=0.0, at_most=FURTHEST)
+        require_number(self, "length", above=0.0, at_most=MAX_COORDINATE)
 
     def make_arcs(self) -> Arcs:
         """Return one straight segment."""
@@ -64,7 +64,7 @@ class Arc(Path):
     def __post_init__(self) -> None:
         """Check that the numbers are finite, the radius positive and the turn at most a full one."""
         for name in ("x", "y"):
-            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+            require_number(self, name, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
         require_number(self, "direction")
         require_number(self, "radius", above=0.0)
         require_number(self, "angle", at_least=-2.0 * math.pi, at_most=2.0 * math.pi)
@@ -90,9 +90,9 @@ class Circle(Path):
     def __post_init__(self) -> None:
         """Check that the numbers are finite and the radius positive."""
         for name in ("center_x", "center_y"):
-            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+            require_number(self, name, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
         require_number(self, "start")
-        require_number(self, "radius", above=0.0, at_most=FURTHEST)
+        require_number(self, "radius", above=0.0, at_most=MAX_COORDINATE)
         require_flag(self, "clockwise")
 
     def make_arcs(self) -> Arcs:
@@ -117,9 +117,9 @@ class Sine(Path):
     def __post_init__(self) -> None:
         """Check that the numbers are finite, extent and number of periods positive."""
         for name in ("x", "y", "amplitude"):
-            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+            require_number(self, name, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
         require_number(self, "direction")
-        require_number(self, "extent", above=0.0, at_most=FURTHEST)
+        require_number(self, "extent", above=0.0, at_most=MAX_COORDINATE)
         require_number(self, "periods", above=0.0, at_most=20.0)
 
     def make_arcs(self) -> Arcs:
@@ -151,7 +151,7 @@ class Spline(Path):
     def __post_init__(self) -> None:
         """Check that there are two different finite points or more, and none twice in a row."""
         check_points(self, at_least=2)
-        require_number(self, "smooth", at_least=0.0, at_most=FURTHEST)
+        require_number(self, "smooth", at_least=0.0, at_most=MAX_COORDINATE)
 
     def make_arcs(self) -> Arcs:
         """Return arcs through points of the spline."""
@@ -226,8 +226,8 @@ def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
     looks = count(1)
 
     def counted(t: float) -> tuple[complex, complex]:
-        if next(looks) > MOST_LOOKS:
-            raise ArithmeticError(f"it takes more than {MOST_LOOKS} evaluations of the curve")
+        if next(looks) > MAX_EVALUATIONS:
+            raise ArithmeticError(f"it takes more than {MAX_EVALUATIONS} evaluations of the curve")
         return curve(t)
 
     try:
@@ -247,9 +247,11 @@ def check_points(owner: object, *, at_least: int) -> None:
     given: Any = getattr(owner, "points")  # noqa: B009
     points = tuple_of(given.tolist() if isinstance(given, np.ndarray) else given)
     object.__setattr__(owner, "points", points)
-    accepted = f"{at_least} to {MOST_POINTS} points (x, y) of finite numbers up to {FURTHEST:g} m, none twice in a row"
+    accepted = (
+        f"{at_least} to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, none twice in a row"
+    )
     rows = cast(tuple[Any, ...], points) if isinstance(points, tuple) else ()
-    require(at_least <= len(rows) <= MOST_POINTS, owner, "points", f"{len(rows)} of them", accepted)
+    require(at_least <= len(rows) <= MAX_POINTS, owner, "points", f"{len(rows)} of them", accepted)
     if fault := fault_in(rows, lambda k: f"point {k}"):
         raise ParameterError(f"{type(owner).__name__}.points must be {accepted}, but {fault}")
 
@@ -264,8 +266,8 @@ def fault_in(points: Sequence[Any], label: Callable[[int], str]) -> str | None:
         ):
             return f"{label(k)} is no pair of finite numbers, but {point!r:.100}"
         for name, value in zip("xy", cast(tuple[float, float], point), strict=True):
-            if abs(value) > FURTHEST:
-                return f"{label(k)}: |{name}| > {FURTHEST:g} m, got {value:g}"
+            if abs(value) > MAX_COORDINATE:
+                return f"{label(k)}: |{name}| > {MAX_COORDINATE:g} m, got {value:g}"
         if k > 0 and math.dist(points[k - 1], cast(tuple[float, float], point)) <= 1e-9:
             return f"{label(k)} repeats the point before, that of {label(k - 1)}"
     return None

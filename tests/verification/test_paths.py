@@ -222,7 +222,7 @@ def test_a_spline_that_turns_back_on_itself_is_refused(points: Any, tmp_path: Fi
 
 
 def test_a_curve_is_looked_at_so_often_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pter_gym.paths._shapes.MOST_LOOKS", 20)
+    monkeypatch.setattr("pter_gym.paths._shapes.MAX_EVALUATIONS", 20)
     with pytest.raises(ParameterError, match="more than 20 evaluations"):
         _ = Spline(points=WAYPOINTS).arcs
 

@@ -12,7 +12,7 @@ from pter_gym import initial_state, simulate
 from pter_gym._engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HUMAN_ARMS, HumanArm, MultiSineHand, RecordedForces, read_forces
-from pter_gym.hands._kinds import MOST_INSTANTS
+from pter_gym.hands._kinds import MAX_INSTANTS
 from pter_gym.params import BASELINE, Hand
 from pter_gym.paths import Arc, Line
 from pter_gym.tasks.path_following import (
@@ -126,7 +126,7 @@ def test_a_recording_in_microseconds_is_refused_before_memory_is_taken() -> None
         assert tracemalloc.get_traced_memory()[1] < 5e6
     finally:
         tracemalloc.stop()
-    most = MOST_INSTANTS * PERIOD
+    most = MAX_INSTANTS * PERIOD
     longest = RecordedForces(times=(0.0, most), along=(1.0, 2.0), across=(0.0, 0.0))
     assert longest.sampled(PERIOD)[-1].tolist() == [2.0, 0.0]
 
