@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.layout import Field
-from pter_gym._compiled.records import Entry, lerp, flat, layout_of, load, read, rows, store, width, write
+from pter_gym._compiled.records import Entry, flat, layout_of, lerp, load, read, rows, store, width, write
 from pter_gym.errors import ParameterError
 
 DETERMINISTIC = settings(derandomize=True, deadline=None, database=None, max_examples=100)

@@ -10,11 +10,11 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from pter_gym.tools.pictures.plots.benchmark import error_against_time, tip_paths
 
 from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
 from pter_gym.tools.pictures.plots import save
-from pter_gym.tools.pictures.plots.benchmark import error_against_time, tip_paths
 
 
 def run(steps: int, error: float, completed: bool = True, time_constant: float = 0.105) -> SimpleNamespace:

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from pter_gym.tools.pictures.render.film import PAUSE, Film, Shot, check_ending, frames_of, write_film
+from pter_gym.tools.pictures.render.picture import Subject
 
 from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
-from pter_gym.tools.pictures.render.film import PAUSE, Film, Shot, check_ending, frames_of, write_film
-from pter_gym.tools.pictures.render.picture import Subject
 
 SIZE = (161, 121)
 """Odd: no way to store a film may change it."""

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from pter_gym.params import Arm
-from pter_gym.paths import Line
 from pter_gym.tools.pictures.render.geometry import (
     five_bar,
     path_points,
     workspace,
 )
+
+from pter_gym.params import Arm
+from pter_gym.paths import Line
 
 ARM = Arm(length_a=0.5, length_b=0.3)
 

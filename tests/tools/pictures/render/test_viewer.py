@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pter_gym.tools.pictures.render import Viewer, style
+from pter_gym.tools.pictures.render.picture import Picture, Subject
+from pter_gym.tools.pictures.render.readings import clutch_states
 
 from pter_gym._physics.friction import ClutchMode
 from pter_gym.envs._size import HEIGHT, WIDTH
@@ -15,9 +18,6 @@ from pter_gym.errors import DependencyError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
-from pter_gym.tools.pictures.render import Viewer, style
-from pter_gym.tools.pictures.render.picture import Picture, Subject
-from pter_gym.tools.pictures.render.readings import clutch_states
 
 TASK = PathFollowing()
 THETA = (0.4, 2.2)
