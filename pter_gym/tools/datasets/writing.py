@@ -1,16 +1,15 @@
 """Recorded episodes as a data set in Minari's format."""
 
-import shutil
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import gymnasium
 import numpy as np
 
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym._internal.locks import locked
 from pter_gym._version import __version__
 from pter_gym.benchmark.statistics import bootstrap_interval, mean
 from pter_gym.errors import StorageError, needs_extra
@@ -86,21 +85,15 @@ def write_dataset(
     }
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        work = target.with_name(f".{target.name}").absolute()  # Minari loses its files where a path is relative
-        with locked(work.with_suffix(".lock")):
-            if (work / "old").exists() and not target.exists():  # a process was killed between its last two steps
-                (work / "old").rename(target)
-            shutil.rmtree(work, ignore_errors=True)
-            try:
-                (work / "new").mkdir(parents=True)
-                storage = MinariStorage.new(work / "new" / "data", env.observation_space, env.action_space, env.spec)
-                storage.update_metadata(metadata)
-                storage.update_episodes(map(_buffer, episodes))
-                if target.exists():
-                    target.rename(work / "old")
-                (work / "new").rename(target)
-            finally:
-                shutil.rmtree(work, ignore_errors=True)
+        with TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent.absolute()) as folder:
+            new, old = Path(folder, "new"), Path(folder, "old")
+            new.mkdir()
+            storage = MinariStorage.new(new / "data", env.observation_space, env.action_space, env.spec)
+            storage.update_metadata(metadata)
+            storage.update_episodes(map(_buffer, episodes))
+            if target.exists():
+                target.rename(old)
+            new.rename(target)
     except OSError as error:
         raise StorageError(f"data set {str(target)!r} cannot be written: {error.strerror or error}") from error
     finally:
