@@ -1,9 +1,9 @@
 """Recorded episodes as a data set in Minari's format."""
 
+import shutil
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import gymnasium
@@ -83,20 +83,20 @@ def write_dataset(
         "license": "MIT",
         "summary": summary_of(episodes),
     }
+    work = target.with_name(f".{target.name}").absolute()  # Minari loses its files where a path is relative
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent.absolute()) as folder:
-            new, old = Path(folder, "new"), Path(folder, "old")
-            new.mkdir()
-            storage = MinariStorage.new(new / "data", env.observation_space, env.action_space, env.spec)
-            storage.update_metadata(metadata)
-            storage.update_episodes(map(_buffer, episodes))
-            if target.exists():
-                target.rename(old)
-            new.rename(target)
+        shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
+        (work / "new").mkdir(parents=True)
+        storage = MinariStorage.new(work / "new" / "data", env.observation_space, env.action_space, env.spec)
+        storage.update_metadata(metadata)
+        storage.update_episodes(map(_buffer, episodes))
+        if target.exists():
+            target.rename(work / "old")
+        (work / "new").rename(target)
     except OSError as error:
         raise StorageError(f"data set {str(target)!r} cannot be written: {error.strerror or error}") from error
     finally:
+        shutil.rmtree(work, ignore_errors=True)
         env.close()
         judged.close()
     return target
