@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import device
-from pter_gym._compiled.records import Entry, lerp, flat, read, rows, width
+from pter_gym._compiled.records import Entry, flat, lerp, read, rows, width
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
