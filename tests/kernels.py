@@ -28,7 +28,8 @@ def main(part: str) -> None:
         simulate(batch, policy, [0], 1)
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
         if find_spec("pter_gym.tools.paper"):
-            from pter_gym.tools.paper.experiments.calibration import Case, run_cases, setup_of
+            from pter_gym.tools.paper.calibration import Case, run_cases
+            from pter_gym.tools.paper.setup import setup_of
 
             run_cases([Case(BASELINE, TIME_CONSTANT, setup_of(PRESET))])
         run_extending()  # after the others: laws share what they have compiled

@@ -186,7 +186,8 @@ def velocity_share(study: Study) -> float:
     test = study.single_dof[0]
     run, linkage = test.trajectory, model_of(study.setup.baseline).arm
     _, v2 = velocity_torque(linkage, motion(run.theta[-1], run.omega[-1]))
-    return float(np.divide(v2, test.locked_torque[-1]))
+    locked = float(test.locked_torque[-1])
+    return v2 / locked if locked != 0.0 else math.nan
 
 
 @measure
