@@ -24,24 +24,11 @@ EPISODES_OF_A_SEED = 2**32
 
 
 class Episode(NamedTuple):
-    """An episode of T control steps.
+    """An episode of T control steps: the seed of its reset, and what the environment took and gave, as bits.
 
-    Attributes
-    ----------
-    seed
-        Seed of its reset.
-    observations
-        float32 (T + 1, entries), each entry relative to its scale.
-    actions
-        float32 (T, 4), normalised.
-    rewards
-        float64 (T,).
-    terminations, truncations
-        bool (T,).
-    arrived
-        Whether the end of the path was reached.
-    distance
-        Mean distance of the tip from the path [m].
+    ``observations`` are float32 (T + 1, entries), ``actions`` float32 (T, 4) and normalised, ``rewards`` float64 (T,),
+    ``terminations`` and ``truncations`` bool (T,). ``arrived`` says whether the tip reached the end of the path, and
+    ``distance`` is its mean distance from the path [m].
     """
 
     seed: int

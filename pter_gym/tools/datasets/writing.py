@@ -29,21 +29,13 @@ def load_minari() -> Any:
         raise needs_extra("recording", "data") from error
 
 
-def default_folder() -> Path:
-    """Return the folder in which Minari looks for data sets."""
-    load_minari()
-    from minari.storage.datasets_root_dir import get_dataset_path
-
-    return get_dataset_path()
-
-
 def dataset_id(scenario: str, level: str) -> str:
     """Return the name under which Minari finds a data set."""
     return f"pter/{scenario}/{level}-v{VERSION}"
 
 
 def write_dataset(
-    scenario: str, level: str, episodes: Sequence[Episode], folder: FilePath, *, seed: int, command: str
+    scenario: str, level: str, episodes: Sequence[Episode], folder: FilePath | None, *, seed: int, command: str
 ) -> Path:
     """Write a data set, replacing an earlier one of the same name, and return its folder.
 
@@ -54,7 +46,7 @@ def write_dataset(
     episodes
         The episodes.
     folder
-        Folder of all data sets, created if necessary.
+        Folder of all data sets, created if necessary; None for the one where Minari looks for them.
     command
         The command that makes the data set, for its description.
 
@@ -67,9 +59,10 @@ def write_dataset(
     """
     minari = load_minari()
     from minari.dataset.minari_storage import MinariStorage
+    from minari.storage.datasets_root_dir import get_dataset_path
 
     ident = dataset_id(scenario, level)
-    target = find_path("out", folder) / ident
+    target = (get_dataset_path() if folder is None else find_path("out", folder)) / ident
     name, arguments = environment_of(scenario, seed)
     env, judged = gymnasium.make(name, **arguments), gymnasium.make(name, **arguments, starts="rest")
     metadata = {
@@ -89,7 +82,9 @@ def write_dataset(
         (work / "new").mkdir(parents=True)
         storage = MinariStorage.new(work / "new" / "data", env.observation_space, env.action_space, env.spec)
         storage.update_metadata(metadata)
-        storage.update_episodes(map(_buffer, episodes))
+        fields = Episode._fields[:-2]  # Minari's, without what only the summary needs
+        buffers = (dict(zip(fields, episode, strict=False)) for episode in episodes)
+        storage.update_episodes(minari.data_collector.EpisodeBuffer(**each) for each in buffers)
         if target.exists():
             target.rename(work / "old")
         (work / "new").rename(target)
@@ -100,13 +95,6 @@ def write_dataset(
         env.close()
         judged.close()
     return target
-
-
-def _buffer(episode: Episode) -> Any:
-    """Return an episode in Minari's format."""
-    stored = episode._asdict()
-    del stored["arrived"], stored["distance"]
-    return load_minari().data_collector.EpisodeBuffer(**stored)
 
 
 def summary_of(episodes: Sequence[Episode]) -> dict[str, Any]:
