@@ -141,7 +141,8 @@ def _single_dof_test(machine: Machine, clutch: int, breakaway: float) -> SingleD
     volts = np.zeros(4)
     volts[clutch - 1] = machine.clutch.breakaway.voltage(breakaway)
     volts[locked - 1] = machine.clutch.voltage_max
-    share = abs(float(np.linalg.solve(W[[clutch - 1, locked - 1]].T, np.eye(2)[link])[0]))
+    shares: Array = np.linalg.solve(W[[clutch - 1, locked - 1]].T, np.eye(2)[link])
+    share = abs(shares.item(0))
     time = machine.substep * (np.arange(float(round(MAX_DURATION / machine.substep))) + 0.5)
     ramp = breakaway / share / RAMP_TIME * time
     torque = ramp[:, None] * np.eye(2)[link]
