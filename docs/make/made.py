@@ -291,7 +291,7 @@ def cards_of(cards: Iterable[str]) -> str:
 def policy_text(name: str) -> str:
     """What a policy is, in its own words."""
     if name in shipped_policies():
-        about = read_policy(name).card.about
+        about = read_policy(name).about
         below = f"Corrections to `{about['corrects']}`" if about.get("corrects") else "The four voltages"
         where = "all scenarios except `tremor`" if about["scenario"] == "all" else f"`{about['scenario']}`"
         return f"{below}, learned by `{about['algorithm']}` on {where}."

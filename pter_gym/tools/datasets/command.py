@@ -11,13 +11,11 @@ from pter_gym._internal.terminal import progress_bar, say
 from pter_gym.errors import unknown_name
 from pter_gym.scenarios import find_scenario
 
-STEPS = 1_000_000
-
 
 def record(
     scenario: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "standard,everything",
     level: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "expert,medium,replay,random",
-    steps: int = STEPS,
+    steps: int = 1_000_000,
     seed: int = 0,
     out: Path | None = None,
 ) -> None:

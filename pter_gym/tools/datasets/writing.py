@@ -10,7 +10,6 @@ import gymnasium
 import numpy as np
 
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym._internal.locks import locked
 from pter_gym._version import __version__
 from pter_gym.benchmark.statistics import bootstrap_interval, mean
 from pter_gym.errors import StorageError, needs_extra
@@ -84,26 +83,20 @@ def write_dataset(
         "license": "MIT",
         "summary": summary_of(episodes),
     }
+    work = target.with_name(f".{target.name}").absolute()  # Minari loses its files where a path is relative
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        work = target.with_name(f".{target.name}").absolute()  # Minari loses its files where a path is relative
-        with locked(work.with_suffix(".lock")):
-            if (work / "old").exists() and not target.exists():  # a process was killed between its last two steps
-                (work / "old").rename(target)
-            shutil.rmtree(work, ignore_errors=True)
-            try:
-                (work / "new").mkdir(parents=True)
-                storage = MinariStorage.new(work / "new" / "data", env.observation_space, env.action_space, env.spec)
-                storage.update_metadata(metadata)
-                storage.update_episodes(map(_buffer, episodes))
-                if target.exists():
-                    target.rename(work / "old")
-                (work / "new").rename(target)
-            finally:
-                shutil.rmtree(work, ignore_errors=True)
+        shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
+        (work / "new").mkdir(parents=True)
+        storage = MinariStorage.new(work / "new" / "data", env.observation_space, env.action_space, env.spec)
+        storage.update_metadata(metadata)
+        storage.update_episodes(map(_buffer, episodes))
+        if target.exists():
+            target.rename(work / "old")
+        (work / "new").rename(target)
     except OSError as error:
         raise StorageError(f"data set {str(target)!r} cannot be written: {error.strerror or error}") from error
     finally:
+        shutil.rmtree(work, ignore_errors=True)
         env.close()
         judged.close()
     return target
