@@ -265,7 +265,7 @@ def claims() -> str:
     return (
         f"`pter reproduce` makes the paper's figures and table, and checks {len(stored)} of its claims:\n"
         f"{count['prediction']} are predictions that hold, {count['calibration']} hold because parameters were fitted\n"
-        f"to them, {count['construction']} follow from how the model is built, and {count['not met']} are "
+        f"to them, and {count['not met']} are "
         "[not met](/reproduction.md).\n"
     )
 

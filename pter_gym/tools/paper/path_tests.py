@@ -34,7 +34,7 @@ PLATEAU_FROM = 0.1
 """Gain above which the error stays about constant [V/(in·lbf)] (section IV-C.3)."""
 
 
-LAWS = ("impedance", "torque-feedback", "free", "locked")
+LAWS = ("impedance", "torque-feedback")
 """Control laws that the standard test compares."""
 
 
