@@ -100,7 +100,7 @@ def _text(value: Any, reached: list[FunctionType]) -> str:  # noqa: C901  (one c
         case frozenset():  # in code
             return f"{{{','.join(sorted(map(of, cast(Any, value))))}}}"
         case tuple():
-            kind = value.__class__
+            kind = cast(Any, value).__class__
             return of(*cast(Any, value)) if kind is tuple else of(kind, *cast(Any, value))
         case type() if hasattr(value, "_fields"):
             record = cast(Any, value)
