@@ -23,13 +23,14 @@ from pter_gym.benchmark._measures import column, low_pass, vector
 from pter_gym.benchmark._recorded import START_UP
 from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.errors import ParameterError
-from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE, TIME_CONSTANT, Arm, Machine, TorqueCurve
+from pter_gym.params import Arm, Machine, TorqueCurve
 from pter_gym.params._fields import check_number
 from pter_gym.params._preset import PRESET, ClutchValues, Preset, SensingValues, format_preset
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import COLUMN, check_machine
 from pter_gym.tools.paper.claims import MAX_SATURATED, rank_correlation
 from pter_gym.tools.paper.path_tests import BEST_GAIN, PAPER_TABLE, PLATEAU_FROM
+from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE, TIME_CONSTANT
 from pter_gym.tools.paper.setup import TIME_CONSTANTS, Setup, setup_of
 from pter_gym.units import INCH, INCH_POUND
 

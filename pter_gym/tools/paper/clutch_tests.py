@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._physics import arm, friction
 from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
-from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE, Machine, find_machine
+from pter_gym.params import Machine, find_machine
+from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE
 from pter_gym.tools.paper.setup import PAPER_MACHINES
 
 Array = NDArray[np.float64]
