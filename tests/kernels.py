@@ -13,9 +13,10 @@ from pter_gym._engine.batch import Batch
 from pter_gym._physics import open_loop
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
-from pter_gym.params import BASELINE, TIME_CONSTANT
+from pter_gym.params import BASELINE
 from pter_gym.params._preset import PRESET
 from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tools.paper.printed_values import TIME_CONSTANT
 
 ROOT = Path(__file__).parents[1]
 
@@ -28,7 +29,8 @@ def main(part: str) -> None:
         simulate(batch, policy, [0], 1)
         simulate(batch, lambda _: np.zeros((1, 4), np.float32), [0], 1)
         if find_spec("pter_gym.tools.paper"):
-            from pter_gym.tools.paper.experiments.calibration import Case, run_cases, setup_of
+            from pter_gym.tools.paper.calibration import Case, run_cases
+            from pter_gym.tools.paper.setup import setup_of
 
             run_cases([Case(BASELINE, TIME_CONSTANT, setup_of(PRESET))])
         run_extending()  # after the others: laws share what they have compiled

@@ -265,7 +265,7 @@ def claims() -> str:
     return (
         f"`pter reproduce` makes the paper's figures and table, and checks {len(stored)} of its claims:\n"
         f"{count['prediction']} are predictions that hold, {count['calibration']} hold because parameters were fitted\n"
-        f"to them, {count['construction']} follow from how the model is built, and {count['not met']} are "
+        f"to them, and {count['not met']} are "
         "[not met](/reproduction.md).\n"
     )
 
@@ -291,7 +291,7 @@ def cards_of(cards: Iterable[str]) -> str:
 def policy_text(name: str) -> str:
     """What a policy is, in its own words."""
     if name in shipped_policies():
-        about = read_policy(name).card.about
+        about = read_policy(name).about
         below = f"Corrections to `{about['corrects']}`" if about.get("corrects") else "The four voltages"
         where = "all scenarios except `tremor`" if about["scenario"] == "all" else f"`{about['scenario']}`"
         return f"{below}, learned by `{about['algorithm']}` on {where}."

@@ -117,18 +117,14 @@ def paper() -> None:
 
 def frames(names: tuple[str, ...], scenario: str, size: tuple[int, int], *, last: bool = False) -> list[np.ndarray]:
     """Return the pictures of the same episode under some policies, side by side: all of them, or the last."""
-    from pter_gym.tools.pictures.render.film import Film, Shot
-    from pter_gym.tools.pictures.render.picture import Subject
+    from pter_gym.tools.pictures.film import PAUSE, Film
 
     draws = find_scenario(scenario).randomisation(PACE, contexts=DRAWS, seed=FILM_SEED)
     machine, task = list(draws.pairs())[EPISODE[scenario]]
     drawn = what_is_drawn(scenario, machine, task)
-    film = Film(
-        [Shot(Subject(machine, task, f"{name}{drawn}"), telemetry(name, scenario, machine, task)) for name in names],
-        RATE,
-        size=size,
-    )
-    return [film.pixels(frame) for frame in range(len(film))[-1 if last else 0 :]]
+    episodes = {f"{name}{drawn}": telemetry(name, scenario, machine, task) for name in names}
+    film = Film(machine, task, episodes, RATE, size=size)
+    return [film.pixels(frame) for frame in range(len(film) + round(PAUSE * RATE))[-1 if last else 0 :]]
 
 
 def what_is_drawn(scenario: str, machine: Machine, task: PathFollowing) -> str:

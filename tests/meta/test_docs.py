@@ -10,8 +10,6 @@ from pathlib import Path
 
 import fill
 import pytest
-from safetensors.numpy import load_file
-from pages import read_block
 
 from documents import DOCS, NOTEBOOKS, README, ROOT, blocks_of, cells_of, readme, run_extending, run_program
 from pter_gym import params

@@ -364,7 +364,7 @@ LAST_ROWS: dict[Reason | None, dict[str, float]] = {
     Reason.MISSED: {"arc_length": 0.5, "normal_error": 0.15},
     Reason.STRAYED: {"arc_length": 0.2, "normal_error": -0.21},
     Reason.SINGULAR: {"arc_length": 0.2, "normal_error": 0.19},
-    Reason.TOO_FAST: {"kinetic_energy": 1e9, "arc_length": 0.5},
+    Reason.TOO_FAST: {"kinetic_energy": 1e9, "arc_length": 0.5, "normal_error": 0.15},
 }
 
 

@@ -85,7 +85,7 @@ def check(tab: "browser.Tab", site: Path, names: list[str]) -> None:  # noqa: F8
     assert not {name: each for name, each in found.items() if each}
 
 
-INNER = {"pter_gym.tools.paper.experiments.calibration"}
+INNER = {"pter_gym.tools.paper.calibration"}
 """Packages whose names are public for `pter fit` and `pter reproduce` alone."""
 
 

@@ -11,13 +11,11 @@ from pter_gym._internal.terminal import progress_bar, say
 from pter_gym.errors import unknown_name
 from pter_gym.scenarios import find_scenario
 
-STEPS = 1_000_000
-
 
 def record(
     scenario: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "standard,everything",
     level: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "expert,medium,replay,random",
-    steps: int = STEPS,
+    steps: int = 1_000_000,
     seed: int = 0,
     out: Path | None = None,
 ) -> None:
@@ -37,7 +35,7 @@ def record(
     """
     from pter_gym._internal.terminal import make_folder
     from pter_gym.tools.datasets import LEVELS, record_episodes, write_dataset
-    from pter_gym.tools.datasets.writing import default_folder, load_minari
+    from pter_gym.tools.datasets.writing import load_minari
 
     scenarios, levels = names_in("scenario", split(scenario)), names_in("level", split(level))
     for each in scenarios:
@@ -46,8 +44,8 @@ def record(
         if each not in LEVELS:
             raise unknown_name("level", each, LEVELS)
     load_minari()
-    folder = default_folder() if out is None else out
-    make_folder(folder)
+    if out is not None:
+        make_folder(out)
     with progress_bar() as progress:
         for each in scenarios:
             for which in levels:
@@ -56,4 +54,4 @@ def record(
                     each, which, steps, seed=seed, on_steps=lambda done, task=task: progress.advance(task, done)
                 )
                 command = f"pter record --scenario {each} --level {which} --steps {steps} --seed {seed}"
-                say(f"wrote {write_dataset(each, which, episodes, folder, seed=seed, command=command)}")
+                say(f"wrote {write_dataset(each, which, episodes, out, seed=seed, command=command)}")

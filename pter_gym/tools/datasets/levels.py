@@ -40,15 +40,7 @@ EXPERT = "residual"
 
 
 class Actor(NamedTuple):
-    """A policy that acts in vector environments.
-
-    Attributes
-    ----------
-    name
-        Its name.
-    bind
-        Returns, for an environment and a seed, a function from observations (N, entries) to actions (N, 4).
-    """
+    """A policy by its name; ``bind`` returns actions (N, 4) of observations, from a vector environment and a seed."""
 
     name: str
     bind: Callable[[PathFollowingVectorEnv, int], Act]
@@ -65,12 +57,12 @@ def actors_of(scenario: str, level: str) -> tuple[Actor, ...]:
     if level not in LEVELS:
         raise unknown_name("level", level, LEVELS)
     if level == "random":
-        return (Actor("random", _uniform),)
+        return (Actor("random", _bind_random),)
     if level == "expert":
         return (_trained(EXPERTS.get(scenario, EXPERT)),)
     table = stages()
     if level == "medium":
-        return (_stage(table["medium"].get(scenario, table["medium"]["others"]), 0.0, 0.0),)
+        return (_stage(table["medium"].get(scenario, table["medium"]["others"])),)
     return tuple(_stage(stage["name"], stage["deviation"], table["persistence"]) for stage in table["stages"])
 
 
@@ -86,16 +78,12 @@ def _trained(name: str) -> Actor:
     return Actor(name, bind)
 
 
-def _uniform(envs: PathFollowingVectorEnv, seed: int) -> Act:
+def _bind_random(envs: PathFollowingVectorEnv, seed: int) -> Act:
     envs.action_space.seed(seed)
-
-    def act(_: NDArray[np.float32]) -> Actions:
-        return np.asarray(envs.action_space.sample(), np.float32)
-
-    return act
+    return lambda _: np.asarray(envs.action_space.sample(), np.float32)
 
 
-def _stage(name: str, deviation: float, persistence: float) -> Actor:
+def _stage(name: str, deviation: float = 0.0, persistence: float = 0.0) -> Actor:
     """Return a stage of the training, whose normalised actions get its noise, n = ρ·n' + σ·ε with a normal ε."""
     policy = read_policy(STAGES / name)
 

@@ -17,31 +17,18 @@ from pter_gym.tools.datasets.levels import Act, actors_of
 WORLDS = 128
 """Worlds that are simulated at once."""
 
-MOST_SEED = 2**31 - 1
+MAX_SEED = 2**31 - 1
 
 EPISODES_OF_A_SEED = 2**32
 """Episode k of seed K is that of a reset with the seed K times this, plus k; so all levels have the same episodes."""
 
 
 class Episode(NamedTuple):
-    """An episode of T control steps.
+    """An episode of T control steps: the seed of its reset, and what the environment took and gave, as bits.
 
-    Attributes
-    ----------
-    seed
-        Seed of its reset.
-    observations
-        float32 (T + 1, entries), each entry relative to its scale.
-    actions
-        float32 (T, 4), normalised.
-    rewards
-        float64 (T,).
-    terminations, truncations
-        bool (T,).
-    arrived
-        Whether the end of the path was reached.
-    distance
-        Mean distance of the tip from the path [m].
+    ``observations`` are float32 (T + 1, entries), ``actions`` float32 (T, 4) and normalised, ``rewards`` float64 (T,),
+    ``terminations`` and ``truncations`` bool (T,). ``arrived`` says whether the tip reached the end of the path, and
+    ``distance`` is its mean distance from the path [m].
     """
 
     seed: int
@@ -82,8 +69,8 @@ def record_episodes(
     """
     steps = whole_number("steps", steps)
     seed = whole_number("seed", seed, at_least=0)
-    if seed > MOST_SEED:
-        raise ParameterError(f"seed must be a whole number from 0 to {MOST_SEED}, got {seed}")
+    if seed > MAX_SEED:
+        raise ParameterError(f"seed must be a whole number from 0 to {MAX_SEED}, got {seed}")
     name, arguments = environment_of(scenario, seed)
     actors = actors_of(scenario, level)
     found: list[Episode] = []
@@ -109,38 +96,26 @@ def _episodes(envs: Any, act: Act, first: int) -> Iterator[Episode]:
 
     A world begins the next seed's episode as soon as its own has ended.
     """
-    count: int = envs.num_envs
-    seeds = list(range(first, first + count))
-    rows: list[list[tuple[Any, ...]]] = [[] for _ in range(count)]
+    seeds: list[int] = list(range(first, first + envs.num_envs))
+    rows: list[list[Any]] = [[] for _ in seeds]
     ended: dict[int, Episode] = {}
-    coming = first + count
     obs = envs.reset(seed=seeds)[0]
     while True:
         actions = act(obs)
-        after, rewards, terminated, truncated, infos = envs.step(actions)
+        after, *results, infos = envs.step(actions)
         errors = np.abs(infos["telemetry"][:, COLUMN.normal_error])
-        for row, *step in zip(rows, obs, actions, rewards, terminated, truncated, errors, strict=True):
-            row.append(tuple(step))
-        obs = after
-        over = terminated | truncated
+        for row, *step in zip(rows, obs, actions, *results, errors, strict=True):
+            row.append(step)
+        obs, over = after, results[1] | results[2]
         if not over.any():
             continue
-        begun: list[int | None] = [None] * count
         for world in np.flatnonzero(over).tolist():
-            columns = [np.array(column) for column in zip(*rows[world], strict=True)]
-            ended[seeds[world]] = Episode(
-                seed=seeds[world],
-                observations=np.concatenate([columns[0], after[world : world + 1]]),
-                actions=columns[1],
-                rewards=columns[2],
-                terminations=columns[3],
-                truncations=columns[4],
-                arrived=bool(infos["is_success"][world]),
-                distance=float(columns[5].mean()),
-            )
-            begun[world] = seeds[world] = coming
-            rows[world] = []
-            coming += 1
+            seen, *columns, distances = (np.array(column) for column in zip(*rows[world], strict=True))
+            seen = np.concatenate([seen, after[world : world + 1]])
+            arrived, distance = bool(infos["is_success"][world]), float(distances.mean())
+            ended[seeds[world]] = Episode(seeds[world], seen, *columns, arrived=arrived, distance=distance)
+            seeds[world], rows[world] = max(seeds) + 1, []
+        begun = [seed if new else None for seed, new in zip(seeds, over.tolist(), strict=True)]
         obs = envs.reset(seed=begun, options={"reset_mask": over})[0]
         while first in ended:
             yield ended.pop(first)

@@ -9,7 +9,6 @@ from typing import Any
 import gymnasium
 
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym._internal.locks import locked
 from pter_gym._version import __version__
 from pter_gym.benchmark.intervals import mean_interval, rate_interval
 from pter_gym.errors import StorageError, needs_extra
@@ -29,21 +28,13 @@ def load_minari() -> Any:
         raise needs_extra("recording", "data") from error
 
 
-def default_folder() -> Path:
-    """Return the folder in which Minari looks for data sets."""
-    load_minari()
-    from minari.storage.datasets_root_dir import get_dataset_path
-
-    return get_dataset_path()
-
-
 def dataset_id(scenario: str, level: str) -> str:
     """Return the name under which Minari finds a data set."""
     return f"pter/{scenario}/{level}-v{VERSION}"
 
 
 def write_dataset(
-    scenario: str, level: str, episodes: Sequence[Episode], folder: FilePath, *, seed: int, command: str
+    scenario: str, level: str, episodes: Sequence[Episode], folder: FilePath | None, *, seed: int, command: str
 ) -> Path:
     """Write a data set, replacing an earlier one of the same name, and return its folder.
 
@@ -54,7 +45,7 @@ def write_dataset(
     episodes
         The episodes.
     folder
-        Folder of all data sets, created if necessary.
+        Folder of all data sets, created if necessary; None for the one where Minari looks for them.
     command
         The command that makes the data set, for its description.
 
@@ -67,9 +58,10 @@ def write_dataset(
     """
     minari = load_minari()
     from minari.dataset.minari_storage import MinariStorage
+    from minari.storage.datasets_root_dir import get_dataset_path
 
     ident = dataset_id(scenario, level)
-    target = find_path("out", folder) / ident
+    target = (get_dataset_path() if folder is None else find_path("out", folder)) / ident
     name, arguments = environment_of(scenario, seed)
     env, judged = gymnasium.make(name, **arguments), gymnasium.make(name, **arguments, starts="rest")
     metadata = {
@@ -83,36 +75,25 @@ def write_dataset(
         "license": "MIT",
         "summary": summary_of(episodes),
     }
+    work = target.with_name(f".{target.name}").absolute()  # Minari loses its files where a path is relative
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        work = target.with_name(f".{target.name}").absolute()  # Minari loses its files where a path is relative
-        with locked(work.with_suffix(".lock")):
-            if (work / "old").exists() and not target.exists():  # a process was killed between its last two steps
-                (work / "old").rename(target)
-            shutil.rmtree(work, ignore_errors=True)
-            try:
-                (work / "new").mkdir(parents=True)
-                storage = MinariStorage.new(work / "new" / "data", env.observation_space, env.action_space, env.spec)
-                storage.update_metadata(metadata)
-                storage.update_episodes(map(_buffer, episodes))
-                if target.exists():
-                    target.rename(work / "old")
-                (work / "new").rename(target)
-            finally:
-                shutil.rmtree(work, ignore_errors=True)
+        shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
+        (work / "new").mkdir(parents=True)
+        storage = MinariStorage.new(work / "new" / "data", env.observation_space, env.action_space, env.spec)
+        storage.update_metadata(metadata)
+        fields = Episode._fields[:-2]  # Minari's, without what only the summary needs
+        buffers = (dict(zip(fields, episode, strict=False)) for episode in episodes)
+        storage.update_episodes(minari.data_collector.EpisodeBuffer(**each) for each in buffers)
+        if target.exists():
+            target.rename(work / "old")
+        (work / "new").rename(target)
     except OSError as error:
         raise StorageError(f"data set {str(target)!r} cannot be written: {error.strerror or error}") from error
     finally:
+        shutil.rmtree(work, ignore_errors=True)
         env.close()
         judged.close()
     return target
-
-
-def _buffer(episode: Episode) -> Any:
-    """Return an episode in Minari's format."""
-    stored = episode._asdict()
-    del stored["arrived"], stored["distance"]
-    return load_minari().data_collector.EpisodeBuffer(**stored)
 
 
 def summary_of(episodes: Sequence[Episode]) -> dict[str, Any]:

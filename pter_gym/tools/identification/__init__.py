@@ -1,4 +1,7 @@
-"""Parameters of a real machine from a log of it, with the compiled simulator as the model."""
+"""Parameters of a real machine from a log of it, with the compiled simulator as the model.
+
+The log is cut into windows, a machine is fitted to them, and a verdict says whether the model explains them.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -6,11 +9,9 @@ import lazy_loader
 
 if TYPE_CHECKING:
     from pter_gym.tools.identification.experiment import EXPERIMENT, RECORDER, Experiment, Recorder, record_log
-    from pter_gym.tools.identification.identifying import Finding, Identification, identify
+    from pter_gym.tools.identification.identifying import Finding, Identification, identify, preset_of
     from pter_gym.tools.identification.log import Log, read_log, write_log
     from pter_gym.tools.identification.parameters import Quantity, quantities
-    from pter_gym.tools.identification.preset import preset_of
-    from pter_gym.tools.identification.report import report
 
 __all__ = [
     "EXPERIMENT",
@@ -26,7 +27,6 @@ __all__ = [
     "quantities",
     "read_log",
     "record_log",
-    "report",
     "write_log",
 ]
 
@@ -34,10 +34,8 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
     __name__,
     submod_attrs={
         "experiment": ["EXPERIMENT", "RECORDER", "Experiment", "Recorder", "record_log"],
-        "identifying": ["Finding", "Identification", "identify"],
+        "identifying": ["Finding", "Identification", "identify", "preset_of"],
         "log": ["Log", "read_log", "write_log"],
         "parameters": ["Quantity", "quantities"],
-        "preset": ["preset_of"],
-        "report": ["report"],
     },
 )

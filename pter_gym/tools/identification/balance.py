@@ -18,7 +18,7 @@ from pter_gym.params import Machine
 from pter_gym.tools.identification import parameters as at
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import Shape
-from pter_gym.tools.identification.windows import ENGAGED, Motion, lagged, slip_rows, smooth_force
+from pter_gym.tools.identification.windows import ENGAGED, SLIPPING, Smoothed, lagged, slip_rows, smooth_force
 
 Array = NDArray[np.float64]
 
@@ -30,15 +30,11 @@ DELAYS = (0.0, 0.01, 0.02)
 KNEES = (0.3, 0.45, 0.6, 0.7, 0.8, 0.88)
 """Knees that are tried, over the highest voltage at which a clutch slipped."""
 
-SLIPPING = 0.2
-"""Slip velocity from which a clutch surely slips [rad/s]."""
-
-FEWEST = 50
+MIN_ROWS = 50
 """Fewest rows for a regression."""
 
 EVERY = 0.006
 """Time between the rows that are used [s]."""
-
 
 Grid = tuple[float, float, float]
 """Time constant [s], delay [s], and knee over the highest voltage at which a clutch slipped."""
@@ -49,26 +45,40 @@ COARSE = tuple(product(TIME_CONSTANTS[1::3], DELAYS[:2], KNEES[1:4:2]))
 
 @dataclass(frozen=True)
 class Balance:
-    """The regression that leaves the least: what it leaves over the load, its numbers, which it can tell, and where."""
+    """The best regression: the share of the load that it leaves, its numbers, and its place in the grid.
+
+    Its numbers are the inertias, the coupling, dry and viscous friction of both axes, four slopes and the curvature.
+    """
 
     left: float
     found: Array
-    seen: NDArray[np.bool_]
     grid: Grid
 
 
-def first_estimate(log: Log, motion: Motion, shape: Shape) -> Array:
+def first_estimate(log: Log, motion: Smoothed, shape: Shape) -> Array:
     """Return coordinates near those of the machine, or those of the start where the log does not suffice."""
-    best = balance(log, motion, shape)
-    return (shape.coordinates(shape.start) if best is None else _coordinates(shape, best, log)).clip(
-        at.LOWEST, shape.highest
-    )
+    p, best = shape.coordinates(shape.start), balance(log, motion, shape)
+    if best is None:
+        return p
+    time_constant, delay, share = best.grid
+    inertias, friction, slopes, curvature = best.found[:3], best.found[3:7], best.found[7:11], best.found[11]
+    if min(inertias[:2]) > 0.0:
+        p[[at.INERTIA_A, at.INERTIA_B]] = np.log(inertias[:2])
+        p[at.COUPLING] = np.clip(inertias[2] / np.sqrt(inertias[0] * inertias[1]), -0.8, 0.8)
+        p[[*at.DRY, *at.VISCOUS]] = friction / inertias[[0, 1, 0, 1]]
+    for place, slope in zip(at.SLOPES, slopes, strict=True):
+        if slope > 0.0:
+            p[place] = np.log(slope)
+    p[at.TIME_CONSTANT], p[at.DELAY], p[at.KNEE] = np.log(time_constant), delay, share * shape.top
+    slope = np.exp(p[list(at.SLOPES)]).mean()
+    p[at.EXTRA] = np.clip(curvature / slope, -0.5 / shape.top, 50.0) * ((1.0 - share) * shape.top) ** 2
+    return p.clip(at.LOWEST, shape.highest)
 
 
-def balance(log: Log, motion: Motion, shape: Shape, grid: Sequence[Grid] = FULL) -> Balance | None:
+def balance(log: Log, motion: Smoothed, shape: Shape, grid: Sequence[Grid] = FULL) -> Balance | None:
     """Return the best regression over a grid, without negative inertias, torques or friction; None for too few rows."""
-    rows = slipping_rows(log, motion, shape.start)
-    if len(rows) < FEWEST:
+    rows = _slipping_rows(log, motion, shape.start)
+    if len(rows) < MIN_ROWS:
         return None
     w = slip_rows(shape.start)
     signs = np.sign(motion.omega[rows] @ w.T)
@@ -83,18 +93,17 @@ def balance(log: Log, motion: Motion, shape: Shape, grid: Sequence[Grid] = FULL)
         slopes = [_both(linear[:, [x]] * w[x]) for x in range(4)]
         table = np.column_stack([*inertial, *axes, *slopes, _both(above @ w)])
         size = np.linalg.norm(table, axis=0) + 1e-12
-        free = np.array([len(inertial) - 1, len(size) - 1])  # coupling and curvature may be negative
-        signed = np.column_stack([table / size, -table[:, free] / size[free], load])
-        triangle: Array = _LINEAR.qr(signed, mode="r")
+        signed = [2, table.shape[1] - 1]  # coupling and curvature may be negative
+        triangle: Array = _LINEAR.qr(np.column_stack([table / size, -table[:, signed] / size[signed], load]), mode="r")
         positive, left = _OPTIMIZE.nnls(triangle[:, :-1], triangle[:, -1])
-        positive[free] -= positive[len(size) :]
+        positive[signed] -= positive[len(size) :]
         share_left = float(left / max(np.linalg.norm(load), 1e-300)) ** 2
         if best is None or share_left < best.left:
-            best = Balance(share_left, positive[: len(size)] / size, size > 1e-6, (time_constant, delay, share))
+            best = Balance(share_left, positive[: len(size)] / size, (time_constant, delay, share))
     return best
 
 
-def slipping_rows(log: Log, motion: Motion, start: Machine) -> NDArray[np.int64]:
+def _slipping_rows(log: Log, motion: Smoothed, start: Machine) -> NDArray[np.int64]:
     """Return rows at which each engaged clutch surely slips one way, and has for a while."""
     every = max(1, round(EVERY / log.interval))
     rows = np.arange(2 * motion.half, len(log.theta) - 2 * motion.half, every)
@@ -102,11 +111,7 @@ def slipping_rows(log: Log, motion: Motion, start: Machine) -> NDArray[np.int64]
     slip = motion.omega @ slip_rows(start).T
     near = np.stack([slip[rows + k] for k in range(-2 * motion.half, 2 * motion.half + 1, max(1, motion.half // 2))])
     one_way = (near.min(axis=0) > SLIPPING) | (near.max(axis=0) < -SLIPPING)
-    good = (one_way | ~engaged[rows]).all(axis=1)
-    if log.force is None and log.free is not None:
-        free = np.stack([log.free[rows + k] for k in (-2 * motion.half, 0, 2 * motion.half)]).all(axis=0)
-        good &= free
-    return rows[good]
+    return rows[(one_way | ~engaged[rows]).all(axis=1)]
 
 
 def _both(values: Array) -> Array:
@@ -114,36 +119,12 @@ def _both(values: Array) -> Array:
     return values.T.ravel()
 
 
-def _inertial(log: Log, motion: Motion, shape: Shape, rows: NDArray[np.int64]) -> tuple[list[Array], Array]:
+def _inertial(log: Log, motion: Smoothed, shape: Shape, rows: NDArray[np.int64]) -> tuple[list[Array], Array]:
     """Return the columns of the inertias and of the coupling, and the load that all columns together carry [N·m]."""
     theta, omega, alpha = motion.theta[rows], motion.omega[rows], motion.alpha[rows]
     between = theta[:, 0] - theta[:, 1]
     coupling = np.cos(between)[:, None] * alpha[:, ::-1] + np.sin(between)[:, None] * omega[:, ::-1] ** 2 * [1.0, -1.0]
-    inertia_a, inertia_b = _both(alpha * [1.0, 0.0]), _both(alpha * [0.0, 1.0])
-    if log.force is None:
-        return [inertia_b, _both(coupling)], -shape.start.arm.inertia_a * inertia_a
-    force = smooth_force(log)[rows]
-    arm = shape.start.arm
+    force, arm = smooth_force(log)[rows], shape.start.arm
     lengths = np.array([arm.length_a, arm.length_b])
-    return [inertia_a, inertia_b, _both(coupling)], _both(
-        lengths * (np.cos(theta) * force[:, [1]] - np.sin(theta) * force[:, [0]])
-    )
-
-
-def _coordinates(shape: Shape, best: Balance, log: Log) -> Array:
-    """Return the coordinates of what a regression found; what it cannot have found is that of the start."""
-    p = shape.coordinates(shape.start)
-    time_constant, delay, share = best.grid
-    found = best.found if log.force is not None else np.array([shape.start.arm.inertia_a, *best.found])
-    inertias, friction, slopes, curvature = found[:3], found[3:7], found[7:11], found[11]
-    if min(inertias[:2]) > 0.0:
-        p[[at.INERTIA_A, at.INERTIA_B]] = np.log(inertias[:2])
-        p[at.COUPLING] = np.clip(inertias[2] / np.sqrt(inertias[0] * inertias[1]), -0.8, 0.8)
-        p[[*at.DRY, *at.VISCOUS]] = friction / inertias[[0, 1, 0, 1]]
-    for x, place in enumerate(at.SLOPES):
-        if best.seen[-5:-1][x] and slopes[x] > 0.0:
-            p[place] = np.log(slopes[x])
-    p[at.TIME_CONSTANT], p[at.DELAY], p[at.KNEE] = np.log(time_constant), delay, share * shape.top
-    slope = np.exp(p[list(at.SLOPES)]).mean()
-    p[at.EXTRA] = np.clip(curvature / slope, -0.5 / shape.top, 50.0) * ((1.0 - share) * shape.top) ** 2
-    return p
+    load = lengths * (np.cos(theta) * force[:, [1]] - np.sin(theta) * force[:, [0]])
+    return [_both(alpha * [1.0, 0.0]), _both(alpha * [0.0, 1.0]), _both(coupling)], _both(load)

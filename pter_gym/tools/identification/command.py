@@ -1,5 +1,6 @@
 """``pter identify``: the parameters of a real machine from a log of it."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,12 +29,12 @@ def identify(
 
     Says whether the simulator's model explains the log, estimates inertias, friction, torque curves, lag and delay with
     95 % intervals, and lists what the log doesn't determine. Writes preset.toml, which other commands take as
-    --machine, and report.html. docs/identify.md says what to record.
+    --machine, and identified.png. docs/identify.md says what to record.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
 
     Args:
-        log: Table with t_s, V1 to V4, theta_A, theta_B, and F_x, F_y or free.
+        log: Table with t_s, V1 to V4, theta_A, theta_B, F_x and F_y.
         machine: Machine to start from; parameters that the log doesn't determine keep its values.
         lengths: Measured lengths of links A and B [m]; by default those of the machine to start from.
         voltage_max: Largest voltage of the clutches [V]; by default that of the machine to start from.
@@ -42,8 +43,10 @@ def identify(
     from pter_gym._internal.files import write_files_atomic
     from pter_gym.params import is_preset
     from pter_gym.params._preset import PRESET, format_preset, load_preset
+    from pter_gym.tools.figures import png
     from pter_gym.tools.identification import identify as search
-    from pter_gym.tools.identification import preset_of, read_log, report
+    from pter_gym.tools.identification import preset_of, read_log
+    from pter_gym.tools.identification.picture import picture
 
     start = read_start(machine, lengths, voltage_max)
     rows = read_log(log)
@@ -51,19 +54,16 @@ def identify(
     with progress_bar() as progress:
         task = progress.add_task("identify", total=100)
         found = search(rows, start, lambda share: progress.update(task, completed=round(100 * share)))
-    base = load_preset(machine) if is_preset(machine) else PRESET
-    text = format_preset(preset_of(found, base), "Written by pter identify.")
-    with terminal(errors=True).status("drawing"):
-        page = report(found)
-    write_files_atomic(out, {"preset.toml": text.encode(), "report.html": page.encode()})
+    preset = preset_of(found, load_preset(machine) if is_preset(machine) else PRESET)
+    text = format_preset(preset, "Written by pter identify.")
+    write_files_atomic(out, {"preset.toml": text.encode(), "identified.png": png(picture(found))})
     for sentence in (found.verdict.sentence, *found.verdict.hints):
         say(sentence)
     terminal().print(findings_table(found))
     for finding in found.findings:
         if finding.reason:
-            say(f"{finding.quantity.name} is kept: {finding.reason}; what helps: {finding.remedy}")
-    for name in ("preset.toml", "report.html"):
-        say(f"wrote {out / name}")
+            say(f"{finding.quantity.name} is kept: {finding.reason}")
+    say(f"wrote {out / 'preset.toml'} and {out / 'identified.png'}")
 
 
 def read_start(machine: str, lengths: str | None, voltage_max: float | None) -> "Machine":
@@ -91,7 +91,7 @@ def findings_table(found: "Identification") -> Table:
         table.add_column(header, justify="left" if header == "unit" else "right", no_wrap=True)
     table.add_column("state", no_wrap=True)
     for finding in found.findings:
-        q = finding.quantity
-        half = "" if finding.status == "kept" else f"{0.5 * (finding.high - finding.low):.2g}"
-        table.add_row(q.name, f"{q.value:.4g}", half, q.unit, finding.state)
+        q, half = finding.quantity, finding.half_width
+        shown = f"{half:.2g}" if finding.status != "kept" and math.isfinite(half) else ""
+        table.add_row(q.name, f"{q.value:.4g}", shown, q.unit, finding.status)
     return table

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 TRUE_SUBSTEP = 0.25e-3
 """Substep of the simulated machine [s]: finer than that of the model, as a real machine has none at all."""
 
-REACH = (0.85, 0.6)
-"""Middle of the motion: link angles from the y axis outwards, A to the right and B to the left [rad]."""
+MIDDLE = (0.5 * math.pi - 0.85, 0.5 * math.pi + 0.6)
+"""Angles of the links in the middle of the motion [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +45,6 @@ class Experiment:
         How far that point moves from the middle in x and y [m].
     frequencies
         Of that motion in x and y [Hz].
-    releases
-        Whether the hand lets go in the middle of each step, and no force is recorded.
     """
 
     levels: tuple[float, ...] = (3.0, 6.0, 9.0, 12.0, 15.0, 18.0, 20.0, 22.0)
@@ -58,7 +56,6 @@ class Experiment:
     damping: float = 30.0
     amplitude: float = 0.12
     frequencies: tuple[float, float] = (0.83, 1.27)
-    releases: bool = False
 
     def __post_init__(self) -> None:
         """Check the times."""
@@ -68,6 +65,15 @@ class Experiment:
     def duration(self, clutches: int) -> float:
         """Return the length of the log [s] of a machine with so many clutches."""
         return self.free + clutches * len(self.levels) * (self.on + self.off)
+
+    def voltages(self, times: Array, clutches: int) -> Array:
+        """Return voltages [V] at times [s], shape (T, 4): the clutches in turn at the first level, then at the next."""
+        place = np.floor((times - self.free) / (self.on + self.off)).astype(int)
+        within = (times - self.free) - place * (self.on + self.off)
+        applied = np.zeros((len(times), SLOTS))
+        on = (place >= 0) & (place < clutches * len(self.levels)) & (within < self.on)
+        applied[on, place[on] % clutches] = np.array(self.levels)[place[on] // clutches]
+        return applied
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +96,7 @@ class Recorder:
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check that nothing is negative."""
+        """Check the ranges."""
         for name in ("angle_resolution", "angle_noise", "force_noise"):
             require_number(self, name, at_least=0.0)
         require_number(self, "delay", at_least=0.0, at_most=0.1)
@@ -98,16 +104,6 @@ class Recorder:
 
 EXPERIMENT = Experiment()
 RECORDER = Recorder()
-
-
-def voltages(experiment: Experiment, times: Array, clutches: int) -> Array:
-    """Return the voltages [V] at times [s], shape (T, 4): the clutches in turn at the first level, then at the next."""
-    place = np.floor((times - experiment.free) / (experiment.on + experiment.off)).astype(int)
-    within = (times - experiment.free) - place * (experiment.on + experiment.off)
-    applied = np.zeros((len(times), SLOTS))
-    on = (place >= 0) & (place < clutches * len(experiment.levels)) & (within < experiment.on)
-    applied[on, place[on] % clutches] = np.array(experiment.levels)[place[on] // clutches]
-    return applied
 
 
 def record_log(
@@ -133,75 +129,46 @@ def record_log(
     rows = round(experiment.duration(len(machine.clutches)) / experiment.interval)
     halves: Array = 0.5 * TRUE_SUBSTEP * np.arange(2 * rows * ratio, dtype=np.float64)
     middles = experiment.interval * (np.arange(rows, dtype=np.float64) + 0.5)
-    applied = voltages(experiment, middles, len(machine.clutches)).clip(max=machine.clutch.voltage_max)
+    applied = experiment.voltages(middles, len(machine.clutches)).clip(max=machine.clutch.voltage_max)
     # in the middle of substeps, so that no rounding decides which row a voltage is of
     row_of = np.floor((halves[1::2] - recorder.delay) / experiment.interval).astype(int)
-    volts = applied[row_of.clip(0)]
-    free = np.repeat(applied.any(axis=1) & experiment.releases, ratio)
-    target = middle(machine.arm) + hand_path(experiment, halves, rng)
-    theta, force = _motion(machine, experiment, volts, target, free)
+    target = _tip(machine.arm, np.array(MIDDLE)) + _hand_path(experiment, halves, rng)
+    theta, force = _motion(machine, experiment, applied[row_of.clip(0)], target)
     theta = theta[::ratio] + recorder.angle_noise * rng.standard_normal((rows, 2))
     if recorder.angle_resolution > 0.0:
         theta = recorder.angle_resolution * np.round(theta / recorder.angle_resolution)
-    return Log(
-        interval=experiment.interval,
-        volts=applied,
-        theta=theta,
-        force=None if experiment.releases else force[::ratio] + recorder.force_noise * rng.standard_normal((rows, 2)),
-        free=free[::ratio] if experiment.releases else None,
-        name="simulated",
-    )
+    force = force[::ratio] + recorder.force_noise * rng.standard_normal((rows, 2))
+    return Log(interval=experiment.interval, volts=applied, theta=theta, force=force, name="simulated")
 
 
-def _motion(
-    machine: Machine, experiment: Experiment, volts: Array, target: Array, free: NDArray[np.bool_]
-) -> tuple[Array, Array]:
+def _motion(machine: Machine, experiment: Experiment, volts: Array, target: Array) -> tuple[Array, Array]:
     """Return angles [rad] and forces [N] at the beginning of each substep, both of shape (T, 2).
 
     The hand's target has a row for the beginning of each substep and one for its middle, where the force acts.
     """
     held = replace(machine, hand=Hand(damping=experiment.damping, stiffness=experiment.stiffness), substep=TRUE_SUBSTEP)
-    state = initial_state(held, _angles())
-    at_first, within = target[::2], target[1::2]
-    theta, force = np.empty((len(volts), 2)), np.zeros((len(volts), 2))
-    ends = [*(np.flatnonzero(np.diff(free)) + 1), len(volts)]
-    for first, end in zip([0, *ends[:-1]], ends, strict=True):
-        part = slice(first, end)
-        acting = replace(held, hand=Hand()) if free[first] else held
-        way = simulate(acting, state, volts[part], (0.0, 0.0), hand_target=within[part])
-        theta[part] = np.concatenate([[state.theta], way.theta[:-1]])
-        if not free[first]:
-            omega = np.concatenate([[state.omega], way.omega[:-1]])
-            spring = experiment.stiffness * (at_first[part] - tip(machine.arm, theta[part]))
-            force[part] = spring - experiment.damping * velocity(machine.arm, theta[part], omega)
-        state = way.final
-    return theta, force
+    state = initial_state(held, MIDDLE)
+    run = simulate(held, state, volts, (0.0, 0.0), hand_target=target[1::2])
+    theta = np.concatenate([[state.theta], run.theta[:-1]])
+    omega = np.concatenate([[state.omega], run.omega[:-1]])
+    spring = experiment.stiffness * (target[::2] - _tip(machine.arm, theta))
+    return theta, spring - experiment.damping * _tip_velocity(machine.arm, theta, omega)
 
 
-def hand_path(experiment: Experiment, times: Array, rng: np.random.Generator) -> Array:
+def _hand_path(experiment: Experiment, times: Array, rng: np.random.Generator) -> Array:
     """Return where the hand wants to be, from the middle [m], shape (T, 2): it starts there at rest."""
     phases = rng.uniform(0.0, 2.0 * math.pi, 2)
-    rates = 2.0 * math.pi * np.array(experiment.frequencies)
-    swing = np.sin(times[:, None] * rates + phases)
+    swing = np.sin(times[:, None] * (2.0 * math.pi * np.array(experiment.frequencies)) + phases)
     return experiment.amplitude * swing * np.minimum(times, 1.0)[:, None]
 
 
-def middle(arm: Arm) -> Array:
-    """Return the middle of the motion [m], shape (2,), from the axis of the drive."""
-    return tip(arm, np.array(_angles()))
-
-
-def tip(arm: Arm, theta: Array) -> Array:
+def _tip(arm: Arm, theta: Array) -> Array:
     """Return the tip's position [m] at link angles [rad], both of shape (..., 2)."""
     lengths = np.array([arm.length_a, arm.length_b])
     return np.stack([np.cos(theta) @ lengths, np.sin(theta) @ lengths], axis=-1)
 
 
-def velocity(arm: Arm, theta: Array, omega: Array) -> Array:
+def _tip_velocity(arm: Arm, theta: Array, omega: Array) -> Array:
     """Return the tip's velocity [m/s] at link angles [rad] and velocities [rad/s], all of shape (..., 2)."""
     speeds = omega * [arm.length_a, arm.length_b]
     return np.stack([-np.sum(np.sin(theta) * speeds, axis=-1), np.sum(np.cos(theta) * speeds, axis=-1)], axis=-1)
-
-
-def _angles() -> tuple[float, float]:
-    return 0.5 * math.pi - REACH[0], 0.5 * math.pi + REACH[1]

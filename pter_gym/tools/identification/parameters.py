@@ -1,7 +1,8 @@
-"""What is identified: the numbers of a machine as an optimiser sees them, and as a preset has them."""
+"""What is identified: a machine as coordinates that an optimiser sees, and the numbers that a user reads."""
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,38 +11,65 @@ from pter_gym.params import SMALLEST, Machine, TorqueCurve
 
 Array = NDArray[np.float64]
 
-NAMES = (
-    "log_inertia_a",
-    "log_inertia_b",
-    "coupling",
-    *(f"log_slope_{x}" for x in range(1, 5)),
-    "extra",
-    "knee",
-    "breakaway_ratio",
-    "log_time_constant",
-    "delay",
-    "dry_a",
-    "dry_b",
-    "viscous_a",
-    "viscous_b",
-)
-"""Coordinates: logarithms of what is positive; the coupling over √(M11·M22); the quadratic segment's share [V] of the
-torque over the slope at the highest voltage; its knee [V]; T_s/T_k; the delay [s]; the friction of each axis over its
-inertia, dry [rad/s²] and viscous [1/s]."""
 
+class Coordinate(NamedTuple):
+    """One searched number.
+
+    Attributes
+    ----------
+    quantity
+        Name of the reported number that is unknown without it.
+    step
+        A small change.
+    max_error
+        Largest standard error with which it counts as seen at all.
+    low, high
+        Bounds.
+    unseen
+        Why a log does not show it.
+    """
+
+    quantity: str
+    step: float
+    max_error: float
+    low: float
+    high: float
+    unseen: str
+
+
+_FRICTION = "the log hardly shows the friction of this axis"
+_NO_STEP = "no voltage was stepped while a clutch slipped, or the rows are too coarse"
+
+COORDINATES = (
+    Coordinate("inertia_a", 0.01, 0.25, -6.0, 5.0, "the log hardly shows the inertia of link A"),
+    Coordinate("inertia_b", 0.01, 0.25, -6.0, 5.0, "the log hardly shows the inertia of link B"),
+    Coordinate("coupling", 0.01, 0.25, -0.95, 0.95, "the log hardly shows the coupling of the axes"),
+    *(
+        Coordinate(f"scale_{x}", 0.01, 0.25, -6.0, 6.0, f"the log hardly shows clutch {x} slipping")
+        for x in range(1, 5)
+    ),
+    Coordinate("curvature", 0.1, math.inf, -20.0, 1e3, "the torque is straight where clutches slipped"),
+    Coordinate("knee", 0.1, 2.0, 0.0, 1e3, "clutches slipped at one voltage above the knee only: several knees fit"),
+    Coordinate("breakaway_ratio", 0.01, 0.15, 0.6, 4.0, "clutches hardly broke away with a jump that the log shows"),
+    Coordinate("time_constant", 0.02, 0.25, math.log(3e-3), math.log(2.0), _NO_STEP),
+    Coordinate("delay", 0.5e-3, 5e-3, -0.01, 0.1, _NO_STEP),
+    Coordinate("dry_a", 0.05, 2.0, 0.0, 100.0, _FRICTION),
+    Coordinate("dry_b", 0.05, 2.0, 0.0, 100.0, _FRICTION),
+    Coordinate("viscous_a", 0.02, 1.0, 0.0, 100.0, _FRICTION),
+    Coordinate("viscous_b", 0.02, 1.0, 0.0, 100.0, _FRICTION),
+)
+"""Logarithms of inertias, of slopes of the four torque curves and of the time constant; the coupling over √(M11·M22);
+the quadratic segment's share [V] of the torque over the slope at the highest voltage; its knee [V]; T_s/T_k; the delay
+[s]; the friction of each axis over its inertia, dry [rad/s²] and viscous [1/s]."""
+
+COUNT = len(COORDINATES)
 INERTIA_A, INERTIA_B, COUPLING = 0, 1, 2
 SLOPES = (3, 4, 5, 6)
 EXTRA, KNEE, RATIO, TIME_CONSTANT, DELAY = 7, 8, 9, 10, 11
 DRY, VISCOUS = (12, 13), (14, 15)
 
-STEPS = np.array([0.01] * 7 + [0.1, 0.1, 0.01, 0.02, 0.5e-3] + [0.05, 0.05, 0.02, 0.02])
-"""Steps of central differences: about what moves an event by a substep, so that they see through the raster."""
-
-IGNORANCE = np.array([0.25] * 7 + [math.inf, 2.0, 0.15, 0.25, 5e-3] + [2.0, 2.0, 1.0, 1.0])
-"""Largest standard error with which a coordinate counts as seen at all; ``extra`` is judged with the shape."""
-
-LOWEST = np.array([-6.0, -6.0, -0.95, -6.0, -6.0, -6.0, -6.0, -20.0, 0.0, 0.6, math.log(3e-3), -0.01] + [0.0] * 4)
-HIGHEST = np.array([5.0, 5.0, 0.95, 6.0, 6.0, 6.0, 6.0, 1e3, 1e3, 4.0, math.log(2.0), 0.1] + [100.0] * 4)
+STEPS = np.array([each.step for each in COORDINATES])
+LOWEST = np.array([each.low for each in COORDINATES])
 
 CONTROL_PERIOD = 0.01
 """Control step by which delays are judged [s]."""
@@ -109,14 +137,13 @@ class Shape:
         arm, curve = machine.arm, machine.clutch.dynamic
         inside = curve.knee <= self.top - ROOM
         knee = curve.knee if inside else max(0.5 * self.top, 0.0)
-        extra = curve.curvature / curve.slope * (self.top - knee) ** 2 if inside else 0.0
         return np.array(
             [
                 math.log(arm.inertia_a),
                 math.log(arm.inertia_b),
                 arm.coupling / math.sqrt(arm.inertia_a * arm.inertia_b),
                 *(math.log(max(curve.slope * scale, SMALLEST)) for scale in machine.clutch_scale),
-                extra,
+                curve.curvature / curve.slope * (self.top - knee) ** 2 if inside else 0.0,
                 knee,
                 machine.clutch.breakaway.slope / curve.slope,
                 math.log(machine.clutch.time_constant),
@@ -131,77 +158,53 @@ class Shape:
     @property
     def highest(self) -> Array:
         """Upper bounds of the coordinates."""
-        bounds = HIGHEST.copy()
+        bounds = np.array([each.high for each in COORDINATES])
         bounds[KNEE] = max(self.top - ROOM, 1e-3)
         return bounds
 
+    def quantities(self, p: Array) -> "list[Quantity]":
+        """Return the reported numbers at coordinates."""
+        return quantities(self.machine(p), float(p[DELAY]), self.top)
 
-@dataclass(frozen=True)
-class Quantity:
-    """One number of the result.
 
-    Attributes
-    ----------
-    name, unit, meaning
-        As the report shows it.
-    value
-        In its unit.
-    scale
-        By what its error is judged: its own size, or what is said in ``judged``.
-    judged
-        What the scale is, where it is not the value.
-    place
-        Section and field of the preset; empty for what follows from them.
-    least
-        The smallest value that there is.
-    """
+class Quantity(NamedTuple):
+    """One reported number: its value, by what size an error is judged, and section and field of a preset, if any."""
 
     name: str
     unit: str
-    meaning: str
     value: float
     scale: float
-    judged: str = ""
     place: str = ""
-    least: float = -math.inf
 
 
 def quantities(machine: Machine, delay: float, top: float) -> list[Quantity]:
-    """Return the numbers of a machine and a delay [s] that are reported, always the same ones in the same order."""
-    arm, curve = machine.arm, machine.clutch.dynamic
+    """Return the numbers of a machine and a delay [s] that are reported, always the same ones in the same order.
+
+    ``torque_25`` to ``torque_100`` are the mean dynamic torque at shares of ``top``, the highest voltage at which a
+    clutch slipped [V]. What may be zero is judged by something else of its unit: the coupling by √(M11·M22), the delay
+    by at least a control step, the friction by at least ``torque_25``, at 1 rad/s.
+    """
+    arm, clutch, curve = machine.arm, machine.clutch, machine.clutch.dynamic
+    low = curve.torque(0.25 * top)
     found: list[Quantity] = []
 
-    def add(
-        name: str, unit: str, meaning: str, value: float, place: str = "", scale: float = 0.0, judged: str = ""
-    ) -> None:
-        found.append(Quantity(name, unit, meaning, value, scale or abs(value), judged, place))
+    def add(name: str, unit: str, value: float, place: str = "", scale: float = 0.0) -> None:
+        found.append(Quantity(name, unit, value, scale or abs(value), place))
 
-    add("inertia_a", "kg·m²", "inertia about axis A", arm.inertia_a, "arm.inertia_a")
-    add("inertia_b", "kg·m²", "inertia about axis B", arm.inertia_b, "arm.inertia_b")
-    middle = math.sqrt(arm.inertia_a * arm.inertia_b)
-    add("coupling", "kg·m²", "coupling of the axes", arm.coupling, "arm.coupling", middle, "of √(M11·M22)")
-    for share in (0.25, 0.5, 0.75, 1.0):
-        meaning = f"mean dynamic torque at {share * top:.3g}\u00a0V"
-        add(f"torque_{round(100 * share)}", "N·m", meaning, curve.torque(share * top))
-    add("slope", "N·m/V", "slope of the dynamic torque", curve.slope, "clutch.slope")
-    add("knee", "V", "where the quadratic segment begins", curve.knee, "clutch.knee")
-    add("curvature", "N·m/V²", "curvature of the quadratic segment", curve.curvature, "clutch.curvature")
-    ratio = machine.clutch.breakaway.slope / curve.slope
-    add("breakaway_ratio", "1", "breakaway over dynamic torque", ratio, "clutch.breakaway_ratio")
+    add("inertia_a", "kg·m²", arm.inertia_a, "arm.inertia_a")
+    add("inertia_b", "kg·m²", arm.inertia_b, "arm.inertia_b")
+    add("coupling", "kg·m²", arm.coupling, "arm.coupling", math.sqrt(arm.inertia_a * arm.inertia_b))
+    for percent in (25, 50, 75, 100):
+        add(f"torque_{percent}", "N·m", curve.torque(0.01 * percent * top))
+    add("slope", "N·m/V", curve.slope, "clutch.slope")
+    add("knee", "V", curve.knee, "clutch.knee")
+    add("curvature", "N·m/V²", curve.curvature, "clutch.curvature")
+    add("breakaway_ratio", "1", clutch.breakaway.slope / curve.slope, "clutch.breakaway_ratio")
     for x, scale in enumerate(machine.clutch_scale[: len(machine.clutches)], 1):
-        add(f"scale_{x}", "1", f"torque of clutch {x} over the mean", scale, "clutch.scale")
-    add("time_constant", "s", "lag of the clutches", machine.clutch.time_constant, "clutch.time_constant")
-    add(
-        "delay", "s", "from voltage to motion", delay, "sensing.delay", max(delay, CONTROL_PERIOD), "of it, or of 10 ms"
-    )
-    smallest = curve.torque(0.25 * top)
-    for name, unit, meaning, judged in (
-        ("dry", "N·m", "dry friction of axis {}", "of it, or of torque_25"),
-        ("viscous", "N·m·s", "viscous friction of axis {}", "of it, or of torque_25 at 1 rad/s"),
-    ):
-        for axis in "ab":
-            value = getattr(arm, f"{name}_{axis}")
-            place = f"arm.{name}_{axis}"
-            about = meaning.format(axis.upper())
-            found.append(Quantity(f"{name}_{axis}", unit, about, value, max(value, smallest), judged, place, 0.0))
+        add(f"scale_{x}", "1", scale, "clutch.scale")
+    add("time_constant", "s", clutch.time_constant, "clutch.time_constant")
+    add("delay", "s", delay, "sensing.delay", max(delay, CONTROL_PERIOD))
+    for name, unit in (("dry_a", "N·m"), ("dry_b", "N·m"), ("viscous_a", "N·m·s"), ("viscous_b", "N·m·s")):
+        value = float(getattr(arm, name))
+        add(name, unit, value, f"arm.{name}", max(value, low))
     return found

@@ -26,7 +26,7 @@ from pter_gym.tools.identification.parameters import Shape
 
 Array = NDArray[np.float64]
 
-LONGEST_SUBSTEP = 0.5e-3
+MAX_SUBSTEP = 0.5e-3
 """Longest substep of the simulator in a window [s]."""
 
 ORDER = (
@@ -91,7 +91,7 @@ class Inputs:
         return np.maximum(np.diff(passed, axis=0) / self.step, 0.0), -np.diff(rate, axis=0) / self.step
 
 
-def make_inputs(interval: float, volts: Array, force: Array, longest: float = LONGEST_SUBSTEP) -> Inputs:
+def make_inputs(interval: float, volts: Array, force: Array, longest: float = MAX_SUBSTEP) -> Inputs:
     """Return the model's inputs from rows of voltages [V], each held until the next, and of forces [N]."""
     substeps = int(np.ceil(interval / longest - 1e-9))
     step = interval / substeps
@@ -144,12 +144,12 @@ def differentiate(shape: Shape, p: Array, inputs: Inputs, starts: Array, length:
     """
     machine = shape.machine(p)
     volts, by_delay = inputs.volts(float(p[at.DELAY]))
-    tangents = np.zeros((BODY_WIDTH, LANES))
+    tangents, highest = np.zeros((BODY_WIDTH, LANES)), shape.highest
     for lane, i in enumerate(ORDER):
         ends: list[Array] = []
         for sign in (1.0, -1.0):
             near = p.copy()
-            near[i] = np.clip(p[i] + sign * SMALL * at.STEPS[i], at.LOWEST[i], shape.highest[i])
+            near[i] = np.clip(p[i] + sign * SMALL * at.STEPS[i], at.LOWEST[i], highest[i])
             ends.append(near)
         bodies = [_body(shape.machine(near), inputs, volts[0])[:, 0] for near in ends]
         tangents[:, lane] = (bodies[0] - bodies[1]) / (ends[0][i] - ends[1][i])
@@ -196,7 +196,7 @@ def _begin(body: Any, dot: Any, lanes: int, a: float, b: float, omega_a: float, 
 
 @device
 def _command(body: Any, dot: Any, lanes: int, volts: Any, by_delay: Any, k: int) -> bool:
-    """Give a substep its voltages; tell whether they, or their derivatives, are others than before."""
+    """Give a substep its voltages; return whether they, or their derivatives, have changed."""
     changed = k == 0
     for x in range(4):
         changed |= (volts[k, x] != volts[k - 1, x]) | (by_delay[k, x] != by_delay[k - 1, x])

@@ -1,6 +1,6 @@
 """Whether the model explains a log, where it does not, and what may be wrong with the log."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.tools.identification.balance import COARSE, balance
-from pter_gym.tools.identification.estimation import BLOCK, Fit
+from pter_gym.tools.identification.fit import BLOCK, Fit
 from pter_gym.tools.identification.log import Log
 from pter_gym.tools.identification.parameters import Shape
 from pter_gym.tools.identification.shooting import make_inputs
-from pter_gym.tools.identification.windows import Motion, lagged, smooth, smooth_force
+from pter_gym.tools.identification.windows import Smoothed, lagged, smooth, smooth_force
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -24,7 +24,7 @@ Noise of the forces is smooth after two integrals, so a window has as few as thr
 of the windows are this far off by chance: P(χ² > 3·2²) with three degrees of freedom.
 """
 
-MOST = 0.1
+MAX_UNEXPLAINED = 0.1
 """Largest share of such windows in a log that the model explains: some breakaways are always a matter of chance."""
 
 LEFT = 0.02
@@ -44,22 +44,6 @@ SHIFTS = (-0.1, -0.05, -0.02, 0.02, 0.05, 0.1)
 
 
 @dataclass(frozen=True)
-class Part:
-    """The windows in which a quantity is within a range: how many there are, and the share that is not explained."""
-
-    quantity: str
-    unit: str
-    low: float
-    high: float
-    windows: int
-    share: float
-
-    def __str__(self) -> str:
-        """Return share and range in words."""
-        return f"{100 * self.share:.0f} % where {self.quantity} is {self.low:.2g} to {self.high:.2g} {self.unit}"
-
-
-@dataclass(frozen=True)
 class Verdict:
     """Whether the model explains a log.
 
@@ -71,8 +55,8 @@ class Verdict:
         Share of them whose residuals are more than ``FAR`` times what the log's noise makes.
     enough
         Whether there are more independent stretches than numbers to identify.
-    parts
-        The same share by speed, voltage and position, in thirds.
+    where
+        At which speed, voltage or position most windows are not explained, if that makes a difference.
     hints
         Sentences on what may be wrong with the log.
     """
@@ -80,82 +64,66 @@ class Verdict:
     windows: int
     share: float
     enough: bool
-    parts: tuple[Part, ...]
+    where: str
     hints: tuple[str, ...]
 
     @property
     def explained(self) -> bool:
         """Whether numbers may count as identified."""
-        return self.enough and self.share <= MOST
+        return self.enough and self.share <= MAX_UNEXPLAINED
 
     @property
     def sentence(self) -> str:
         """The verdict in words."""
         if not self.enough:
-            return (
-                f"Nothing is identified: {self.windows} usable windows are too few for so many numbers; record longer."
-            )
+            return f"Nothing is identified: {self.windows} usable windows are too few for so many numbers."
         off = f"in {100 * self.share:.0f} % of {self.windows} windows, angles are further off than {FAR:g} × noise"
         if self.explained:
             return f"The model explains the log: {off}."
-        named = {part.quantity: [p for p in self.parts if p.quantity == part.quantity] for part in self.parts}
-        telling = max(named.values(), key=lambda group: max(p.share for p in group) - min(p.share for p in group))
-        worst, best = (choose(telling, key=lambda p: p.share) for choose in (max, min))
-        where = f", {worst}, {best}" if worst.share - best.share > MOST else ", everywhere"
-        return f"The model does not explain the log, so nothing is identified: {off}{where}."
+        return f"The model does not explain the log, so nothing is identified: {off}, {self.where}."
 
 
-def judge(fit: Fit, log: Log, motion: Motion) -> tuple[Verdict, list[Flags]]:
-    """Return the verdict on a fit, and the windows of each of its parts."""
-    windows = fit.windows
-    used = windows.used
-    far = fit.sizes() > FAR * np.sqrt(windows.noise**2 + _unavoidable(fit, log))
+def judge(fit: Fit, log: Log, motion: Smoothed) -> Verdict:
+    """Return the verdict on a fit."""
+    windows, used = fit.windows, fit.windows.used
+    finer = make_inputs(log.interval, log.volts, smooth_force(log), 0.5 * windows.inputs.step)
+    unavoidable = fit.moved(finer) + fit.shaken()  # by the model's step and noise of the forces [rad²]
+    far = fit.sizes() > FAR * np.sqrt(windows.noise**2 + unavoidable)
     share = float(far[used].mean()) if used.any() else 1.0
-    parts: list[Part] = []
-    groups: list[Flags] = []
-    for quantity, unit, values in _quantities(fit, log, motion):
-        edges = np.unique(np.quantile(values[used], (0.0, 1 / 3, 2 / 3, 1.0))) if used.any() else np.zeros(1)
-        place = np.searchsorted(edges[1:-1], values, side="right")
-        for k in range(len(edges) - 1):
-            inside = used & (place == k)
-            if inside.any():
-                span = values[inside]
-                parts.append(Part(quantity, unit, span.min(), span.max(), int(inside.sum()), float(far[inside].mean())))
-                groups.append(inside)
-    count = int(used.sum())
-    enough = count // BLOCK > len(fit.free)
-    explained = enough and share <= MOST
+    enough = int(used.sum()) // BLOCK > len(fit.free)
+    explained = enough and share <= MAX_UNEXPLAINED
+    where = "" if explained or not used.any() else _where(fit, log, motion, far)
     hints = (*_oddities(fit, log), *(() if explained else other_readings(log, fit.shape)))
-    return Verdict(count, share, enough, tuple(parts), hints), groups
+    return Verdict(int(used.sum()), share, enough, where, hints)
 
 
-def _unavoidable(fit: Fit, log: Log) -> Array:
-    """Return the mean square [rad²] by which noise of the forces and the model's step move each window's angles."""
-    inputs = fit.windows.inputs
-    finer = make_inputs(log.interval, log.volts, smooth_force(log), 0.5 * inputs.step)
-    moved = fit.moved(finer)
-    return moved + fit.shaken()
-
-
-def _quantities(fit: Fit, log: Log, motion: Motion) -> Iterator[tuple[str, str, Array]]:
-    """Yield what windows are sorted by: name, unit, and the value of each window."""
+def _where(fit: Fit, log: Log, motion: Smoothed, far: Flags) -> str:
+    """Return in words in which third of the windows most are not explained, by what tells most."""
     rows = fit.windows.first[:, None] + np.arange(fit.windows.length + 1)
-    behind = lagged(log, log.volts, fit.shape.machine(fit.p).clutch.time_constant)
-    yield "the speed of the faster link", "rad/s", np.abs(motion.omega[rows]).max(axis=(1, 2))
-    yield "the highest voltage behind the lag", "V", behind[rows].max(axis=(1, 2))
-    yield "theta_A", "rad", log.theta[rows, 0].mean(axis=1)
-    yield "theta_B", "rad", log.theta[rows, 1].mean(axis=1)
+    volts = lagged(log, log.volts, fit.shape.machine(fit.p).clutch.time_constant)
+    values = {
+        ("the speed of the faster link", "rad/s"): np.abs(motion.omega[rows]).max(axis=(1, 2)),
+        ("the highest lagged voltage", "V"): volts[rows].max(axis=(1, 2)),
+        ("theta_A", "rad"): log.theta[rows, 0].mean(axis=1),
+        ("theta_B", "rad"): log.theta[rows, 1].mean(axis=1),
+    }
+    used, telling, said = fit.windows.used, MAX_UNEXPLAINED, "everywhere"
+    for (name, unit), each in values.items():
+        thirds = np.array_split(np.argsort(np.where(used, each, np.inf))[: used.sum()], 3)
+        shares = [float(far[third].mean()) if len(third) else 0.0 for third in thirds]
+        if max(shares) - min(shares) > telling:
+            telling, worst = max(shares) - min(shares), each[thirds[int(np.argmax(shares))]]
+            said = f"{100 * max(shares):.0f} % where {name} is {worst.min():.2g} to {worst.max():.2g} {unit}"
+    return said
 
 
 def _oddities(fit: Fit, log: Log) -> Iterator[str]:
     """Yield what is odd about a log, whatever the model says."""
-    if (log.volts == log.volts[0]).all():
-        yield "V1 to V4 never change: switch the clutches on and off, one at a time."
     if 0.0 < log.volts.max() <= 1.0:
         yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares of the largest voltage?"
     found, start = fit.shape.machine(fit.p).arm, fit.shape.start.arm
     ratios = (found.inertia_a / start.inertia_a, found.inertia_b / start.inertia_b)
-    if log.force is not None and (min(ratios) > OTHER_SIZE or max(ratios) < 1.0 / OTHER_SIZE):
+    if min(ratios) > OTHER_SIZE or max(ratios) < 1.0 / OTHER_SIZE:
         yield (
             f"Both inertias are {ratios[0]:.2g} and {ratios[1]:.2g} times those of the start: "
             "are F_x and F_y in newtons, and the lengths in metres?"
@@ -180,24 +148,18 @@ def other_readings(log: Log, shape: Shape) -> Iterator[str]:
 
 def _readings(log: Log) -> Iterator[tuple[str, Log]]:
     """Yield other ways to read a log, each with what it would mean."""
-    yield "theta_A and theta_B seem to be swapped", replace(log, theta=log.theta[:, ::-1])
-    relative = np.column_stack([log.theta[:, 0], log.theta.sum(axis=1)])
+    theta, force = log.theta, log.force
+    yield "theta_A and theta_B seem to be swapped", replace(log, theta=theta[:, ::-1])
+    relative = np.column_stack([theta[:, 0], theta.sum(axis=1)])
     yield "theta_B seems to be measured from link A, not from the x axis", replace(log, theta=relative)
-    yield "theta_A and theta_B seem to be in degrees", replace(log, theta=np.radians(log.theta))
+    yield "theta_A and theta_B seem to be in degrees", replace(log, theta=np.radians(theta))
     for x, y in combinations(range(4), 2):
         order = [y if k == x else x if k == y else k for k in range(4)]
         yield f"V{x + 1} and V{y + 1} seem to be swapped", replace(log, volts=log.volts[:, order])
-    force = log.force
-    if force is None:
-        return
-    changes: list[tuple[str, Callable[[], Array]]] = [
-        ("F_x and F_y seem to have the wrong sign: they are those of the hand on the tip", lambda: -force),
-        ("F_x seems to have the wrong sign", lambda: force * [-1.0, 1.0]),
-        ("F_y seems to have the wrong sign, or both angles", lambda: force * [1.0, -1.0]),
-        ("F_x and F_y seem to be swapped", lambda: force[:, ::-1]),
-    ]
-    for sentence, change in changes:
-        yield sentence, replace(log, force=change())
+    yield "F_x and F_y seem to have the wrong sign: they are those of the hand on the tip", replace(log, force=-force)
+    yield "F_x seems to have the wrong sign", replace(log, force=force * [-1.0, 1.0])
+    yield "F_y seems to have the wrong sign, or both angles", replace(log, force=force * [1.0, -1.0])
+    yield "F_x and F_y seem to be swapped", replace(log, force=force[:, ::-1])
     for shift in SHIFTS:
         when = f"{1e3 * abs(shift):.0f} ms {'late' if shift > 0.0 else 'early'}"
         moved = np.roll(force, -round(shift / log.interval), axis=0)

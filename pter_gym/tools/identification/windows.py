@@ -10,17 +10,15 @@ from scipy import signal
 
 from pter_gym.params import Machine
 from pter_gym.tools.identification.log import Log
-from pter_gym.tools.identification.shooting import LONGEST_SUBSTEP, Inputs, make_inputs
+from pter_gym.tools.identification.shooting import MAX_SUBSTEP, Inputs, make_inputs
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 _SIGNAL: Any = signal
 
-WITH_FORCES = 0.2
+DURATION = 0.2
 """Length of a window [s]: angles tell accelerations well within it, and little of a wrong start is left."""
-
-WITHOUT_FORCES = 0.06
-"""Length of a window where the arm coasts until clutches stop it [s]."""
 
 CUTOFF = 200.0
 """Cutoff frequency of the forces [Hz]: a log of up to 500 rows a second is not filtered. A filter cuts off the hand's
@@ -33,7 +31,13 @@ SHAKES = 4
 """How often noise is added to the forces, to see which windows it rules."""
 
 ENGAGED = 0.3
-"""Voltage behind the lag from which a clutch can hold [V]."""
+"""Lagged voltage from which a clutch can hold [V]."""
+
+SLIPPING = 0.2
+"""Slip velocity from which a clutch surely slips [rad/s]."""
+
+MIN_SEEN = 0.1
+"""How long clutches have to slip at a voltage for the log to show it [s]."""
 
 
 @dataclass(frozen=True)
@@ -52,17 +56,20 @@ class Cutting:
 
     stretch: float = 1.0
     cutoff: float = CUTOFF
-    substep: float = LONGEST_SUBSTEP
+    substep: float = MAX_SUBSTEP
 
 
 USUAL = Cutting()
-OTHERS = (Cutting(0.55, 2.0 * CUTOFF, 0.5 * LONGEST_SUBSTEP), Cutting(1.4, 0.5 * CUTOFF, LONGEST_SUBSTEP))
+OTHERS = (Cutting(0.55, 2.0 * CUTOFF, 0.5 * MAX_SUBSTEP), Cutting(1.4, 0.5 * CUTOFF, MAX_SUBSTEP))
 """Others as good: what they change in a result is part of its error."""
 
 
 @dataclass(frozen=True)
-class Motion:
-    """Smoothed angles [rad], velocities [rad/s], accelerations [rad/s²], shape (rows, 2); noise of the angles [rad]."""
+class Smoothed:
+    """Smoothed angles [rad], velocities [rad/s] and accelerations [rad/s²], shape (rows, 2).
+
+    ``noise`` is the standard deviation of the measured angles [rad], ``half`` the rows on each side that count.
+    """
 
     theta: Array
     omega: Array
@@ -73,7 +80,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Windows:
-    """The log as the estimation sees it.
+    """The log as the fit sees it.
 
     Attributes
     ----------
@@ -85,8 +92,8 @@ class Windows:
         Angles [rad], shape (windows, length, 2).
     starts
         Angles [rad] and velocities [rad/s] at the beginning, shape (windows, 4).
-    ways
-        In which directions the velocity at the start is uncertain: columns, zero where a clutch holds, (windows, 2, 2).
+    uncertain
+        Changes of a start that are admitted, as columns, zero where a clutch holds, shape (windows, 4, 4).
     used
         Whether a window is used: it is not where nobody can tell from the angles whether a clutch holds as it begins.
     inputs, noise
@@ -99,21 +106,21 @@ class Windows:
     first: NDArray[np.int64]
     measured: Array
     starts: Array
-    ways: Array
-    used: NDArray[np.bool_]
+    uncertain: Array
+    used: Flags
     inputs: Inputs
     noise: float
     shaken: tuple[Inputs, ...]
 
 
-def smooth(log: Log) -> Motion:
+def smooth(log: Log) -> Smoothed:
     """Return the motion of a log by local polynomials."""
     half = max(2, round(SMOOTHING / log.interval))
     width = 2 * half + 1
     theta = _SIGNAL.savgol_filter(log.theta, width, 2, axis=0)
     omega = _SIGNAL.savgol_filter(log.theta, width, 2, deriv=1, delta=log.interval, axis=0)
     alpha = _SIGNAL.savgol_filter(log.theta, 2 * width - 1, 3, deriv=2, delta=log.interval, axis=0)
-    return Motion(theta, omega, alpha, _noise(log.theta, theta), half)
+    return Smoothed(theta, omega, alpha, _noise(log.theta, theta), half)
 
 
 def _noise(measured: Array, smoothed: Array) -> float:
@@ -126,9 +133,7 @@ def _noise(measured: Array, smoothed: Array) -> float:
 
 
 def smooth_force(log: Log, cutoff: float = CUTOFF) -> Array:
-    """Return the forces [N] without what is faster than a hand; zeros where the log has none."""
-    if log.force is None:
-        return np.zeros((len(log.theta), 2))
+    """Return the forces [N] without what is faster than a hand."""
     if cutoff * log.interval >= 0.4:
         return log.force
     low = _SIGNAL.butter(2, 2.0 * cutoff * log.interval)
@@ -139,58 +144,7 @@ def lagged(log: Log, values: Array, time_constant: float) -> Array:
     """Return values (rows, …) behind the lag of the clutches, settled at the first row."""
     left = float(np.exp(-log.interval / time_constant))
     before = np.concatenate([values[:1], values[:-1]])
-    first = values[:1] * left
-    return _SIGNAL.lfilter([1.0 - left], [1.0, -left], before, axis=0, zi=first)[0]
-
-
-def cut(log: Log, motion: Motion, start: Machine, time_constant: float, cutting: Cutting = USUAL) -> Windows:
-    """Return the windows of a log; the time constant [s] need not be exact."""
-    seconds = WITH_FORCES if log.force is not None else WITHOUT_FORCES
-    length = max(4, round(cutting.stretch * seconds / log.interval))
-    count = (len(log.theta) - 1) // length
-    first = np.arange(count) * length
-    rows = first[:, None] + np.arange(1, length + 1)
-    held, ambiguous = holding(log, motion, start, time_constant, first)
-    used = ~ambiguous
-    if log.force is None and log.free is not None:
-        used &= log.free[first] & log.free[rows].all(axis=1)
-    ways = np.zeros((count, 2, 2))
-    omega = motion.omega[first].copy()
-    w = slip_rows(start)
-    held = by_line(held, w)
-    many = held.sum(axis=1)
-    ways[many == 0] = np.eye(2)
-    one = np.flatnonzero(many == 1)
-    lines = w[:, ::-1] * (-1.0, 1.0) / np.linalg.norm(w, axis=1, keepdims=True)
-    along = lines[held[one].argmax(axis=1)]
-    ways[one, :, 0] = along
-    omega[one] = along * np.sum(along * omega[one], axis=1, keepdims=True)
-    omega[many > 1] = 0.0
-    return Windows(
-        length=length,
-        first=first,
-        measured=log.theta[rows],
-        starts=np.concatenate([motion.theta[first], omega], axis=1),
-        ways=ways,
-        used=used,
-        inputs=_inputs(log, cutting),
-        noise=motion.noise,
-        shaken=tuple(_inputs(each, cutting) for each in shaken_logs(log)),
-    )
-
-
-def _inputs(log: Log, cutting: Cutting) -> Inputs:
-    return make_inputs(log.interval, log.volts, smooth_force(log, cutting.cutoff), cutting.substep)
-
-
-def shaken_logs(log: Log) -> Iterator[Log]:
-    """Yield the log with as much noise added to its forces as they have; nothing if it has none."""
-    if log.force is None:
-        return
-    noise = np.median(np.abs(np.diff(log.force, 2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
-    rng = np.random.default_rng(0)
-    for _ in range(SHAKES):
-        yield replace(log, force=log.force + noise * rng.standard_normal(log.force.shape))
+    return _SIGNAL.lfilter([1.0 - left], [1.0, -left], before, axis=0, zi=values[:1] * left)[0]
 
 
 def slip_rows(machine: Machine) -> Array:
@@ -198,15 +152,63 @@ def slip_rows(machine: Machine) -> Array:
     return np.array(machine.slot_rows)
 
 
-def by_line(held: NDArray[np.bool_], w: Array) -> NDArray[np.bool_]:
-    """Return which lines are held, given which clutches hold, both (N, 4): clutches of equal rows share the first."""
-    first = (w[:, None] == w).all(axis=2).argmax(axis=1)
-    return np.stack([held[:, first == x].any(axis=1) for x in range(len(w))], axis=1)
+def experience(log: Log, motion: Smoothed, start: Machine) -> tuple[Array, float, int]:
+    """Return what the log shows of the clutches.
+
+    How long each slipped while it was on [s], shape (4,); the highest voltage at which one slipped [V]; and at how many
+    voltages, at least half a volt apart, clutches slipped.
+    """
+    behind = lagged(log, log.volts, start.clutch.time_constant)
+    slips = (np.abs(motion.omega @ slip_rows(start).T) > SLIPPING) & (behind > ENGAGED)
+    at_work = np.sort(np.where(slips, np.minimum(behind, log.volts), 0.0).ravel())
+    enough = round(MIN_SEEN / log.interval)
+    top = float(at_work[-enough]) if len(at_work) > enough else 0.0
+    if top <= ENGAGED:
+        top = max(float(log.volts.max()), 1.0)
+    nearest = log.volts[(log.volts >= top) & (log.volts <= 1.15 * top)]
+    settled = slips & (log.volts > ENGAGED) & (behind > 0.5 * log.volts)
+    _, counts = np.unique(np.round(2.0 * log.volts[settled]), return_counts=True)
+    levels = int((counts * log.interval >= MIN_SEEN).sum())
+    return log.interval * slips.sum(axis=0), float(nearest.min()) if len(nearest) else top, levels
 
 
-def holding(
-    log: Log, motion: Motion, start: Machine, time_constant: float, rows: NDArray[np.int64]
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def cut(log: Log, motion: Smoothed, start: Machine, time_constant: float, cutting: Cutting = USUAL) -> Windows:
+    """Return the windows of a log; the time constant [s] need not be exact."""
+    length = max(4, round(cutting.stretch * DURATION / log.interval))
+    first = np.arange((len(log.theta) - 1) // length) * length
+    held, ambiguous = _holding(log, motion, start, time_constant, first)
+    omega, free = _admitted(motion.omega[first], held, slip_rows(start))
+    uncertain = np.zeros((len(first), 4, 4))
+    uncertain[:, 0, 0] = uncertain[:, 1, 1] = 1.0
+    uncertain[:, 2:, 2:] = free
+    return Windows(
+        length=length,
+        first=first,
+        measured=log.theta[first[:, None] + np.arange(1, length + 1)],
+        starts=np.concatenate([motion.theta[first], omega], axis=1),
+        uncertain=uncertain,
+        used=~ambiguous,
+        inputs=_inputs(log, cutting),
+        noise=motion.noise,
+        shaken=tuple(_inputs(each, cutting) for each in _shaken_logs(log)),
+    )
+
+
+def _inputs(log: Log, cutting: Cutting) -> Inputs:
+    return make_inputs(log.interval, log.volts, smooth_force(log, cutting.cutoff), cutting.substep)
+
+
+def _shaken_logs(log: Log) -> Iterator[Log]:
+    """Yield the log with as much noise added to its forces as they have."""
+    noise = np.median(np.abs(np.diff(log.force, 2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
+    rng = np.random.default_rng(0)
+    for _ in range(SHAKES):
+        yield replace(log, force=log.force + noise * rng.standard_normal(log.force.shape))
+
+
+def _holding(
+    log: Log, motion: Smoothed, start: Machine, time_constant: float, rows: NDArray[np.int64]
+) -> tuple[Flags, Flags]:
     """Return which clutches hold at rows of a log, shape (N, 4), and where that cannot be told, shape (N,)."""
     engaged = lagged(log, log.volts, time_constant)[rows] > ENGAGED
     slip = np.abs(motion.omega @ slip_rows(start).T)
@@ -215,5 +217,17 @@ def holding(
     slowest = 6.0 * error + 2e-3
     near = np.stack([slip[(rows + k).clip(0, len(slip) - 1)] for k in range(-motion.half, motion.half + 1)]).max(axis=0)
     held = engaged & (slip[rows] < slowest) & (near < 4.0 * slowest)
-    ambiguous = (engaged & (slip[rows] < 2.0 * slowest) & ~held).any(axis=1)
-    return held, ambiguous
+    return held, (engaged & (slip[rows] < 2.0 * slowest) & ~held).any(axis=1)
+
+
+def _admitted(omega: Array, held: Flags, w: Array) -> tuple[Array, Array]:
+    """Return velocities that held clutches admit, shape (N, 2), and the directions left, as columns, (N, 2, 2)."""
+    same = (w[:, None] == w).all(axis=2).argmax(axis=1)  # clutches of equal rows leave the same line
+    held = np.stack([held[:, same == x].any(axis=1) for x in range(len(w))], axis=1)
+    many = held.sum(axis=1)
+    lines = w[:, ::-1] * (-1.0, 1.0) / np.linalg.norm(w, axis=1, keepdims=True)
+    along = lines[held.argmax(axis=1)]
+    free = np.zeros((len(omega), 2, 2))
+    free[many == 0] = np.eye(2)
+    free[many == 1, :, 0] = along[many == 1]
+    return np.einsum("nij,nkj,nk->ni", free, free, omega), free

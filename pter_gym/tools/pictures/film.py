@@ -162,7 +162,7 @@ def write_film(
             on_progress((frame + 1) / count)
 
     if suffix == ".webp":
-        content = encode_webp(frames(len(film)), len(film), film.rate)
+        content = _encode_webp(frames(len(film)), len(film), film.rate)
     elif suffix == ".mp4":
         content = _encode_mp4(frames(len(film) + round(PAUSE * film.rate)), film.rate)
     else:
@@ -184,7 +184,7 @@ def show_film(film: Film, title: str) -> None:
         window.close()
 
 
-def encode_webp(frames: Iterator[NDArray[np.uint8]], count: int, rate: float, quality: int = 70) -> bytes:
+def _encode_webp(frames: Iterator[NDArray[np.uint8]], count: int, rate: float, quality: int = 70) -> bytes:
     """Return frames as an animated WebP that repeats; the last frame stays for ``PAUSE``."""
     images, content = (Image.fromarray(frame) for frame in frames), io.BytesIO()
     durations = [round(1000.0 / rate)] * (count - 1) + [round(1000.0 * PAUSE)]

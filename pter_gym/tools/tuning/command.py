@@ -1,7 +1,7 @@
 """``pter tune``: the search for a controller's gains."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -17,19 +17,17 @@ def tune(
     scenario: ScenarioName = "standard",
     pace: PaceName = "medium",
     trials: int = 3000,
-    starts: int = 5,
     episodes: int = 200,
     storage: Path = Path("pter-tune.journal"),
     seed: int = 0,
     out: Path | None = None,
     machine: MachineName = None,
-    known: bool = True,
 ) -> None:
     """Search for a controller's gains.
 
-    Tries gains on training draws of a scenario, at a commanded pace. The trials are kept in a journal file, so an
-    interrupted search continues where it left off, and several processes may share the work. The best gains have the
-    smallest path error of all that arrive and keep the pace. Needs the extra tune.
+    Tries gains on training draws of a scenario, at a commanded pace, beginning with the shipped ones. The trials are
+    kept in a journal file, so an interrupted search continues where it left off, and several processes may share the
+    work. The best gains have the smallest path error of all that arrive and keep the pace. Needs the extra tune.
 
     Example: pter tune impedance --scenario standard --pace medium --out gains.toml
 
@@ -37,14 +35,12 @@ def tune(
         controller: Name of the controller.
         scenario: Scenario whose training draws are used; its evaluation episodes are never read.
         pace: Commanded pace.
-        trials: Gains to try, at least 1, divided evenly among the starts; the best start gets a second share.
-        starts: Starts from random gains, at least 1.
+        trials: Gains to try, at least 1.
         episodes: Training draws for each trial, at least 1.
         storage: Journal file of the trials; its folder must exist.
         seed: Seed of the draws and the search, at least 0.
         out: TOML file for the best gains; its other entries are kept. By default they are only printed.
         machine: Clutch material, or the preset of a machine of your own, instead of those that the scenario draws.
-        known: Whether the first start begins with the shipped gains, found on the paper's machine.
     """
     from pter_gym.tools.tuning import add_gains
     from pter_gym.tools.tuning import tune as search
@@ -59,24 +55,13 @@ def tune(
                 task, completed=finished, description=f"{controller}, {scenario}, {pace}: {1000 * best:.1f} mm"
             )
 
-        study = search(
-            controller,
-            scenario,
-            pace,
-            trials=trials,
-            starts=starts,
-            episodes=episodes,
-            storage=storage,
-            seed=seed,
-            machine=machine,
-            known=known,
-            on_trial=show,
-        )
+        given: Any = {"trials": trials, "episodes": episodes, "storage": storage, "seed": seed, "machine": machine}
+        found = search(controller, scenario, pace, **given, on_trial=show)
     try:
         if out is not None:
-            add_gains(study, out)
+            add_gains(found, out)
     finally:
-        say(summary(study))
+        say(summary(found))
     if out is not None:
         say(f"wrote {out}")
 
@@ -86,7 +71,7 @@ def summary(found: "TunedGains") -> str:
     scores = found.assessment
     lines = [f"{name} = {gain!r}" for name, gain in found.gains.items()]
     lines.append(
-        f"path error {1000 * scores.path_error_m:.1f} mm, at the end {100 * scores.completed:.3g} %, mean pace "
+        f"path error {1000 * scores.path_error_m:.1f} mm, completed {100 * scores.completed:.3g} %, mean pace "
         f"±{100 * scores.mean_pace_error:.3g} %, segment pace ±{100 * scores.segment_pace_error:.3g} % on other draws"
     )
     return "\n".join(lines)

@@ -1,8 +1,7 @@
-"""The search for gains: an Optuna study for each start in a journal file, which can be stopped, resumed and shared."""
+"""The search for gains: an Optuna study in a journal file, which can be stopped, resumed and shared by processes."""
 
 import hashlib
 import math
-import os
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,58 +14,44 @@ from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, check_target, find_path
 from pter_gym.benchmark._examination import Assessment, Examination
 from pter_gym.benchmark._naming import find_policy
-from pter_gym.benchmark.tuned import TABLE, TUNABLE, controller_of, read_table
+from pter_gym.benchmark.tuned import SUFFIX, TUNABLE
 from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
 from pter_gym.errors import ParameterError, StorageError, needs_extra, unknown_name
-from pter_gym.scenarios import Scenario, find_pace, find_scenario
+from pter_gym.scenarios import find_pace, find_scenario
 from pter_gym.scenarios._own_machine import AnyMachine, find_own
 from pter_gym.tools.tuning.spaces import SPACES, Range, gains_at, point_at
 
 TRIALS = 3000
-"""The budget of a controller for a scenario and a pace: gains that are tried."""
-
-STARTS = 5
-"""Starts of a search, each from random gains of its own: where one ends, another may have half of the error."""
+"""Gains to try for a controller, a scenario and a pace."""
 
 EPISODES = 200
-"""The budget of a trial: training draws."""
+"""Training draws of a trial."""
 
 FINALISTS = 40
-"""The best trials of each start, which are judged once more on other draws; the best of them there is the result."""
+"""The best trials, which are judged once more on other draws; the best of them there is the result."""
 
-STARTUP = 24
-"""Trials at random before those of Optuna's evolution strategy."""
+STARTUP_TRIALS = 24
+"""Random trials before those of the evolution strategy."""
 
-REDUCTION = 4
-"""Of the trials that are judged on a part of the draws, one in so many goes on to so many times more of them."""
+REDUCTION, RUNGS = 4, 3
+"""A trial is judged on a part of the draws, and one in four goes on to four times as many, up to all of them."""
 
-RUNGS = 3
-"""Numbers of draws on which a trial is judged, one after the other; the last is all of them."""
-
-JOURNAL_LINE = b'{"op_code":'
-"""The beginning of each line of a journal of Optuna's."""
+SCORED = ("COMPLETE", "PRUNED")
+"""States of the trials that were scored on all draws, or on some."""
 
 Gains = dict[str, float | bool]
 
 
 @dataclass(frozen=True)
 class TunedGains:
-    """The result of a search.
+    """The result of a search, and its arguments as in ``tune``.
 
     Attributes
     ----------
-    controller, scenario, pace
-        Names.
     gains
         The best gains.
     assessment
         Their scores on draws that the search had not seen.
-    trials, starts, episodes, seed
-        Number of gains tried, starts, draws per trial, and the seed of draws and searches.
-    machine
-        The given machine in place of those that the scenario draws; None if there was none.
-    known
-        Whether the first start began with the shipped gains.
     """
 
     controller: str
@@ -75,11 +60,9 @@ class TunedGains:
     gains: Gains
     assessment: Assessment
     trials: int
-    starts: int
     episodes: int
     seed: int
     machine: AnyMachine | None = None
-    known: bool = True
 
 
 def tune(
@@ -88,39 +71,33 @@ def tune(
     pace: str,
     *,
     trials: int = TRIALS,
-    starts: int = STARTS,
     episodes: int = EPISODES,
     storage: FilePath = "pter-tune.journal",
     seed: int = 0,
     machine: AnyMachine | None = None,
-    known: bool = True,
     on_trial: Callable[[int, float], None] = lambda _count, _best: None,
 ) -> TunedGains:
-    """Search for a controller's gains on training draws of a scenario.
+    """Search for a controller's gains on training draws of a scenario, with CMA-ES.
 
-    Each start has an equal share of the trials, and the best start then gets one more share. An interrupted search
-    resumes: a start ends when the storage holds its share of finished trials, no matter which process ran them. A
-    search that runs alone and without interruption gives the same result for the same seed.
+    The search begins with the shipped gains and the defaults. It resumes from the trials in its storage, whichever
+    process ran them. Alone and without interruption it gives the same result for the same seed.
 
     Parameters
     ----------
     controller, scenario, pace
         Names.
-    trials, starts
-        Gains to try, and starts from random gains.
+    trials
+        Gains to try.
     episodes
-        Draws for each trial.
+        Training draws for each trial.
     storage
-        Optuna journal file, which may hold many studies; created if necessary, in a folder that exists.
+        File of the trials in Optuna's journal format, created if necessary.
     seed
-        Seed of the draws and the search, ≥ 0.
+        Seed of the draws and the search.
     machine
-        A machine in place of those that the scenario draws, as in ``pter_gym.scenarios.find_scenario``.
-    known
-        Whether the first start begins with the shipped gains, which were found on the paper's machine. Leave them out
-        for a fair comparison of machines.
+        One machine for all draws, in place of those of the scenario: a machine, its name, or the path of a preset.
     on_trial
-        Called after each trial with the number of finished trials in all starts, and this start's best value [m].
+        Called after each trial with the number of finished trials and the smallest value so far [m].
 
     Raises
     ------
@@ -132,55 +109,51 @@ def tune(
     StorageError
         If the storage can no longer be written; the same search resumes from the trials that it holds.
     """
-    storage = find_path("storage", storage)
+    path = find_path("storage", storage)
     if controller not in TUNABLE:
         raise unknown_name("controller", controller, TUNABLE)
     find_scenario(scenario)
     speed = find_pace(pace)
-    trials, starts = whole_number("trials", trials), whole_number("starts", starts)
-    episodes, seed = whole_number("episodes", episodes), whole_number("seed", seed, at_least=0)
-    check_target("storage", storage)
+    trials, episodes = whole_number("trials", trials), whole_number("episodes", episodes)
+    seed = whole_number("seed", seed, at_least=0)
+    check_target("storage", path)
     own = None if machine is None else find_own(machine)  # read once, in case its file changes
-    counts = [-(-episodes // REDUCTION**k) for k in reversed(range(RUNGS))]
-    rungs = [Examination(scenario, pace, count, 2 * seed, own) for count in counts]
-    name = f"{_label(find_scenario(scenario, own))} {controller} {pace} {episodes} {seed}{'' if known else ' unaided'}"
-    studies = _open(storage, name, [starts * seed + start for start in range(starts)])
-    share = -(-trials // (starts + 1))
+    rungs = [Examination(scenario, pace, -(-episodes // REDUCTION**k), 2 * seed, own) for k in reversed(range(RUNGS))]
+    drawn = find_scenario(scenario, own)
+    name = f"{scenario}-v{drawn.version} {controller} {pace} {episodes} {seed}"
+    if own is not None:
+        name += f" {hashlib.sha256(repr((drawn.own, drawn.task)).encode()).hexdigest()[:16]}"
+    study = _open_study(path, name, seed)
+    for point in known_points(controller, scenario, speed):
+        study.enqueue_trial(point, skip_if_exists=True)
 
     def judge(trial: Any) -> float:
         return _judge(trial, controller, speed, rungs)
 
-    def run(start: int, budget: int, before: int) -> None:
-        """Continue a start until it has that many finished trials, at least one of them scored on all draws."""
-        study = studies[start]
-        while len(finished := finished_trials(study)) < budget or not best_trials(study):
-            study.optimize(judge, n_trials=1)
-            best = best_trials(study)
-            on_trial(before + len(finished) + 1, best[0].value if best else math.inf)
-
     try:
-        for point in known_points(controller, scenario, pace) if known else ():
-            studies[0].enqueue_trial(point, skip_if_exists=True)
-        for start in range(starts):
-            run(start, share, start * share)
-        best = min(range(starts), key=lambda start: best_trials(studies[start])[0].value)
-        run(best, trials - (starts - 1) * share, (starts - 1) * share)
+        while (finished := len(_scored(study, *SCORED))) < trials or not _scored(study, "COMPLETE"):
+            study.optimize(judge, n_trials=1)
+            best = _scored(study, "COMPLETE")
+            on_trial(finished + 1, best[0].value if best else math.inf)
     except OSError as error:
-        raise StorageError(
-            f"storage {str(storage)!r} cannot be written: {error.strerror or error}; "
-            "the same search goes on from the trials that it holds"
-        ) from error
+        raise StorageError(f"storage {str(path)!r} cannot be written: {error.strerror or error}") from error
     final = Examination(scenario, pace, episodes, 2 * seed + 1, own)
-    found = [gains_at(trial.params, speed) for study in studies for trial in best_trials(study)[:FINALISTS]]
+    found = [gains_at(trial.params, speed) for trial in _scored(study, "COMPLETE")[:FINALISTS]]
     judged = [(final.judge(make(controller, gains)), gains) for gains in found]
     assessment, gains = min(judged, key=lambda pair: pair[0].value)
-    return TunedGains(controller, scenario, pace, gains, assessment, trials, starts, episodes, seed, machine, known)
+    return TunedGains(controller, scenario, pace, gains, assessment, trials, episodes, seed, machine)
 
 
 def make(controller: str, gains: Gains) -> Guided:
     """Return a controller with gains; the others are the paper's."""
     kind: Any = CONTROLLERS[controller]
     return kind(**gains)
+
+
+def known_points(controller: str, scenario: str, pace: float) -> list[Gains]:
+    """Return the points of the search with a controller's shipped gains and with its defaults, at a pace [m/s]."""
+    known = find_policy(controller + SUFFIX, scenario=scenario), find_policy(controller)
+    return [point_at(controller, cast("Guided | PaceSchedule", each).at(pace), pace) for each in known]
 
 
 def _judge(trial: Any, controller: str, pace: float, rungs: Sequence[Examination]) -> float:
@@ -201,96 +174,41 @@ def _judge(trial: Any, controller: str, pace: float, rungs: Sequence[Examination
     return rungs[-1].judge(tried).value
 
 
-def _label(scenario: Scenario) -> str:
-    """Return a label that distinguishes a scenario's draws from others."""
-    label = f"{scenario.name}-v{scenario.version}"
-    if scenario.own is None:
-        return label
-    return f"{label} {hashlib.sha256(repr((scenario.own, scenario.task)).encode()).hexdigest()[:16]}"
-
-
-def _open(storage: Path, name: str, seeds: Sequence[int]) -> list[Any]:
-    """Return the studies of a search, one for each start, new or resumed."""
+def _open_study(path: Path, name: str, seed: int) -> Any:
+    """Return the study of a search, new or resumed."""
     try:
         import cmaes  # noqa: F401  # pyright: ignore[reportUnusedImport]
         import optuna
     except ImportError:
         raise needs_extra("pter tune", "tune") from None
-    optuna.logging.set_verbosity(optuna.logging.ERROR)  # a failed trial's traceback is told as one line
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=REDUCTION)
     try:
-        journal = open_journal(storage)
-        studies = [
-            optuna.create_study(
-                storage=journal,
-                study_name=f"{name} {start}",
-                load_if_exists=True,
-                pruner=optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=REDUCTION),
-            )
-            for start in range(len(seeds))
-        ]
+        storage = open_journal(path)
+        study = optuna.create_study(storage=storage, study_name=name, load_if_exists=True, pruner=pruner)
     except (OSError, ValueError, LookupError, AssertionError) as error:  # what Optuna raises for other files
-        raise ParameterError(f"storage must be a journal file of Optuna's, got {str(storage)!r}: {error}") from None
-    for study, seed in zip(studies, seeds, strict=True):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            study.sampler = optuna.samplers.CmaEsSampler(
-                seed=_stream(study, seed),
-                n_startup_trials=STARTUP,
-                consider_pruned_trials=True,
-                warn_independent_sampling=False,  # switches are drawn at random
-            )
-    return studies
-
-
-def _stream(study: Any, seed: int) -> int:
-    """Return a seed of random numbers for the rest of a study, another one for each process that works on it."""
-    begun = study.get_trials(deepcopy=False)
-    shared = any(trial.state.name == "RUNNING" for trial in begun)
-    return (seed + 1000003 * len(begun) + (os.getpid() if shared else 0)) % 2**32
+        raise ParameterError(f"storage must be a journal file of Optuna's, got {str(path)!r}: {error}") from None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        study.sampler = optuna.samplers.CmaEsSampler(
+            seed=(seed + 1000003 * len(study.get_trials(deepcopy=False))) % 2**32,  # others for each that resumes
+            n_startup_trials=STARTUP_TRIALS,
+            consider_pruned_trials=True,
+            warn_independent_sampling=False,  # switches are drawn at random
+        )
+    return study
 
 
 def open_journal(path: Path) -> Any:
-    """Return Optuna's storage in a journal file, which is created if necessary.
-
-    An incomplete last line, as from a full disk, is cut off: Optuna would read nothing after it.
-    """
+    """Return Optuna's storage in a journal file, which is created if necessary."""
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
 
-    lock: Any = FileLock(path.with_name(f".{path.name}.lock"))  # Optuna's own is never free again if a rename fails
-    backend = JournalFileBackend(str(path.resolve()), lock)
-    with lock:
-        content = path.read_bytes()
-        whole = content.rfind(b"\n") + 1
-        half = content[whole:]
-        if half[: len(JOURNAL_LINE)] != JOURNAL_LINE[: len(half)]:
-            raise ValueError("its last line is not one of a journal")
-        os.truncate(path, whole)
-    return JournalStorage(backend)
+    lock: Any = FileLock(path.with_name(f".{path.name}.lock"))  # unlike Optuna's own, free again once a process dies
+    return JournalStorage(JournalFileBackend(str(path.resolve()), lock))
 
 
-def known_points(controller: str, scenario: str, pace: str) -> list[Gains]:
-    """Return points of the search with a controller's shipped gains and its default gains at a pace.
-
-    Gains shipped for the scenario and the pace come first, then the defaults, then those for others.
-    """
-    speed = find_pace(pace)
-    default = cast("Guided | PaceSchedule", find_policy(controller)).at(speed)
-    shipped = {
-        (each, at): point_at(controller, controller_of(controller, entry, TABLE), find_pace(at))
-        for each, controllers in read_table().items()
-        for at, entry in controllers.get(controller, {}).items()
-    }
-    own = [shipped.pop((scenario, pace))] if (scenario, pace) in shipped else []
-    return [*own, point_at(controller, default, speed), *shipped.values()]
-
-
-def finished_trials(study: Any) -> list[Any]:
-    """Return the trials that were scored, on all or some draws."""
-    return [trial for trial in study.get_trials(deepcopy=False) if trial.state.name in ("COMPLETE", "PRUNED")]
-
-
-def best_trials(study: Any) -> list[Any]:
-    """Return the trials that were scored on all draws, the best first."""
-    whole = [trial for trial in study.get_trials(deepcopy=False) if trial.state.name == "COMPLETE"]
-    return sorted(whole, key=lambda trial: (trial.value, trial.number))
+def _scored(study: Any, *states: str) -> list[Any]:
+    """Return the trials in these states, the best first."""
+    found = [trial for trial in study.get_trials(deepcopy=False) if trial.state.name in states]
+    return sorted(found, key=lambda trial: (trial.value, trial.number))

@@ -1,6 +1,6 @@
 import pytest
 
-from pter_gym.tools.paper.experiments import Study
+from pter_gym.tools.paper.study import Study
 
 
 @pytest.fixture(scope="session")

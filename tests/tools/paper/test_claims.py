@@ -1,7 +1,6 @@
 """The claims of the paper: what is counted as holding, and what holds today."""
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,12 +8,11 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from pter_gym.tools.paper.experiments import PAPER_MACHINES, Setup, Study
-from pter_gym.tools.paper.experiments.calibration import SPACE, decode, setup_of
-from pter_gym.tools.paper.experiments.claims import STATEMENTS, TABLE_TOLERANCE, Claim, check
-from pter_gym.tools.paper.experiments.measures import paper_units, rank_correlation
-from pter_gym.tools.paper.experiments.time_constants import PAPER_TABLE
-from pter_gym.tools.paper.reproduce.chapters import PRODUCTS
+from pter_gym.tools.paper.claims import STATEMENTS, TABLE_TOLERANCE, Claim, check, rank_correlation
+from pter_gym.tools.paper.path_tests import PAPER_TABLE
+from pter_gym.tools.paper.products import PRODUCTS
+from pter_gym.tools.paper.setup import PAPER_MACHINES, Setup
+from pter_gym.tools.paper.study import Study
 
 ROOT = Path(__file__).parents[3]
 
@@ -43,17 +41,8 @@ def test_each_statement_is_complete():
     assert len({statement.id for statement in STATEMENTS}) == len(STATEMENTS)
     for statement in STATEMENTS:
         assert statement.figure in PRODUCTS
-        assert math.isfinite(statement.at_least) or math.isfinite(statement.at_most)
+        assert -np.inf < statement.at_least or statement.at_most < np.inf
         assert statement.at_least <= statement.at_most
-    assert {statement.figure for statement in STATEMENTS} == PRODUCTS.keys()
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_what_holds_by_construction_holds_on_any_machine_of_the_search(seed):
-    """Arms, clutches and paths at random; so such a claim is no evidence for one of them."""
-    other = Study(setup_of(decode(np.random.default_rng(seed).random(len(SPACE)))))
-    found = check(other, [statement for statement in STATEMENTS if statement.how == "construction"])
-    assert not [claim.as_json() for claim in found if not claim.holds]
 
 
 @pytest.mark.parametrize("name", ["locked-torque-rises", "velocity-term"])
@@ -64,7 +53,6 @@ def test_an_arm_without_coupling_fails_what_is_predicted_of_single_clutches(name
     }
     (statement,) = (each for each in STATEMENTS if each.id == name)
     (claim,) = check(Study(Setup(machines=machines)), [statement])
-    assert statement.how == "prediction"
     assert not claim.holds
 
 
@@ -78,7 +66,6 @@ def test_the_verdict_follows_from_the_number(claims):
     for claim in claims.values():
         entry = claim.as_json()
         assert entry["holds"] == (claim.statement.at_least <= claim.value <= claim.statement.at_most)
-        assert (entry["kind"] == "not met") == (not entry["holds"])
         assert entry["kind"] == (claim.statement.how if entry["holds"] else "not met")
         json.dumps(entry, allow_nan=False)
 
@@ -87,39 +74,27 @@ def test_table_1_is_compared_with_the_papers_numbers(study, claims):
     assert sum(name.startswith("table1-") for name in claims) == 9
     for name, row in study.table1.items():
         for column, entry in enumerate(("position-error", "tip-speed", "tip-acceleration")):
-            statement = claims[f"table1-{name}-{entry}".replace("_", "-")].statement
-            assert 0.5 * (statement.at_least + statement.at_most) == pytest.approx(PAPER_TABLE[name][column])
-            assert claims[statement.id].value == paper_units(row)[column]
-            assert statement.how == "calibration"
-            assert statement.at_most == pytest.approx((1.0 + TABLE_TOLERANCE) * PAPER_TABLE[name][column])
-
-
-@pytest.mark.parametrize("quantity", ["position_error", "peak_acceleration", "path_length", "tip_speed"])
-def test_trends_are_spearmans_rank_correlation(study, claims, quantity):
-    sweep = study.sweeps["baseline"]
-    expected = spearmanr(sweep.time_constant, getattr(sweep, quantity)).statistic
-    assert claims[f"trend-{quantity.replace('_', '-')}"].value == pytest.approx(expected)
+            claim = claims[f"table1-{name}-{entry}".replace("_", "-")]
+            assert claim.value == row[column]
+            assert claim.statement.how == "calibration"
+            assert claim.statement.at_least == pytest.approx((1.0 - TABLE_TOLERANCE) * PAPER_TABLE[name][column])
+            assert claim.statement.at_most == pytest.approx((1.0 + TABLE_TOLERANCE) * PAPER_TABLE[name][column])
 
 
 def test_feedback_claims_are_about_the_right_gains(study, claims):
     sweep = study.gain_sweep
     low, high = sweep.gain <= 0.0601, sweep.gain >= 0.0999
-    assert claims["feedback-falls"].value == pytest.approx(
-        spearmanr(sweep.gain[low], sweep.position_error[low]).statistic
-    )
+    wanted = spearmanr(sweep.gain[low], sweep.position_error[low]).statistic
+    assert claims["feedback-falls"].value == pytest.approx(wanted)
     above = sweep.position_error[high]
     assert claims["feedback-plateau"].value == pytest.approx(np.abs(above / above.mean() - 1.0).max())
-    error = sweep.position_error.tolist()
-    assert claims["line-following"].value == pytest.approx(error[sweep.gain.tolist().index(0.06)] / error[0])
+    error, best = sweep.position_error, sweep.gain.tolist().index(0.06)
+    assert claims["line-following"].value == pytest.approx(error[best] / error[0])
     free = sweep.saturated <= 0.05
-    assert claims["best-gain"].value == sweep.gain[free][np.argmin(sweep.position_error[free])]
-    assert claims["saturation-small"].value == sweep.saturated[sweep.gain.tolist().index(0.06)]
+    assert claims["best-gain"].value == sweep.gain[free][np.argmin(error[free])]
+    assert claims["saturation-small"].value == sweep.saturated[best]
 
 
-def test_rank_correlation_is_spearmans():
-    random = np.random.default_rng(0)
-    x, y = random.integers(0, 6, 20), random.normal(size=20)
-    assert rank_correlation(x, y) == pytest.approx(spearmanr(x, y).statistic)
-    assert rank_correlation(y, np.exp(y)) == pytest.approx(1.0)
-    assert rank_correlation(y, -y) == pytest.approx(-1.0)
-    assert rank_correlation(y, np.ones(20)) == 0.0
+def test_a_constant_has_no_rank_correlation():
+    assert rank_correlation([1.0, 2.0, 3.0], [2.0, 4.0, 3.0]) == pytest.approx(0.5)
+    assert rank_correlation([1.0, 2.0, 3.0], [1.0, 1.0, 1.0]) == 0.0

@@ -1,0 +1,293 @@
+"""The fit of a machine to the windows of a log: prediction errors, by least squares.
+
+The angles at the beginning of each window are measured with noise, the velocities are not measured at all. So each
+window's start is estimated together with the machine: to first order it is projected out of the residuals and of their
+derivatives (variable projection), which leaves a small dense problem in the machine's coordinates. The derivatives are
+exact: a simulation carries them along. Then the starts are mended, windows that fit badly get less weight, and the
+search goes on.
+
+Intervals come from a jackknife, to first order: how far the coordinates would go without each pair of neighbouring
+windows. Residuals of one window are one error that grows, and not many errors. To these comes what changes when the log
+is cut, filtered and simulated in another way.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize, stats
+
+from pter_gym.tools.identification import parameters as at
+from pter_gym.tools.identification.parameters import Shape
+from pter_gym.tools.identification.shooting import Inputs, differentiate, predict
+from pter_gym.tools.identification.windows import Windows
+
+Array = NDArray[np.float64]
+
+_OPTIMIZE: Any = optimize
+_STATS: Any = stats
+_LINEAR: Any = np.linalg
+
+ROUNDS = 3
+"""Times that starts and weights are mended."""
+
+MAX_EVALUATIONS = 8
+"""Simulations in a round."""
+
+TOLERANCE = 1e-5
+"""Share of the sum that ends a round if a step gains less."""
+
+BAD = 4.0
+"""Residuals of a window over the median of all at which it has a quarter of the weight."""
+
+START_ERRORS = (0.01, 0.01, 0.3, 0.3)
+"""How wrong a start may be [rad, rad/s]: keeps what no angle tells from wandering off."""
+
+MIN_RATIO = 1.001
+"""Ratio of breakaway to dynamic torque from which the search goes up: at 1 and below nothing depends on it."""
+
+RATIOS = (1.02, 1.08, 1.18, 1.3, 1.45, 1.6)
+"""Ratios that are tried at first, and where the search has come down to the least."""
+
+SINGULAR = 1e-12
+"""What keeps equations solvable, over their size."""
+
+UNSEEN = 1e6
+"""Variance of a coordinate that no window shows."""
+
+BLOCK = 2
+"""Windows whose gradients count as one error."""
+
+
+class Point(NamedTuple):
+    """What one simulation of all windows tells.
+
+    Attributes
+    ----------
+    residual, jacobian
+        Less what a wrong start makes [rad], and by all coordinates, shapes (windows, 2·length) and (…, 16).
+    by_start
+        Derivatives of the angles by the admitted changes of a start, shape (windows, 2·length, 4).
+    correction
+        How wrong each start is, shape (windows, 4).
+    """
+
+    residual: Array
+    jacobian: Array
+    by_start: Array
+    correction: Array
+
+
+@dataclass
+class Fit:
+    """A search and where it is.
+
+    Attributes
+    ----------
+    windows, shape
+        The log, and what coordinates mean.
+    free
+        Which coordinates are searched; the others stay.
+    p
+        Coordinates.
+    on_step
+        Called at each simulation.
+    starts
+        Of the windows, as they are estimated.
+    weights
+        Of the windows, by what noise of the forces makes of them.
+    usual
+        Root mean square of a usual window's residuals [rad].
+    spread
+        Covariance of the coordinates by choices that a result should not depend on, shape (16, 16).
+    """
+
+    windows: Windows
+    shape: Shape
+    free: list[int]
+    p: Array
+    on_step: Callable[[], None] = lambda: None
+    starts: Array = field(init=False)
+    weights: Array = field(init=False)
+    usual: float = 1.0
+    spread: Array = field(default_factory=lambda: np.zeros((at.COUNT, at.COUNT)))
+    _known: dict[bytes, Point] = field(default_factory=dict[bytes, Point])
+
+    def __post_init__(self) -> None:
+        """Begin with the starts as they were measured."""
+        self.starts, self.weights = self.windows.starts.copy(), self.windows.used.astype(float)
+
+    def search(self, rounds: int = ROUNDS) -> "Fit":
+        """Search, mend starts and weights, and search again."""
+        for _ in range(rounds):
+            if self.has_no_jump:
+                self.choose_ratio()
+            self.usual = self._usual()
+            if self.free:
+                self._minimise()
+            self.usual = self._usual()
+            self.weights = self.windows.used / (1.0 + self.shaken() / self.usual**2)
+            self.starts = self.starts - np.einsum("wij,wj->wi", self.windows.uncertain, self._at(self.p).correction)
+            self._known.clear()
+        return self
+
+    @property
+    def has_no_jump(self) -> bool:
+        """Whether the ratio of breakaway to dynamic torque is as small as can be."""
+        return bool(at.RATIO in self.free and self.p[at.RATIO] <= MIN_RATIO + 1e-6)
+
+    def choose_ratio(self) -> None:
+        """Take the best of several ratios of breakaway to dynamic torque, if it is searched."""
+        if at.RATIO in self.free:
+            tried = [np.concatenate([self.p[: at.RATIO], [r], self.p[at.RATIO + 1 :]]) for r in RATIOS]
+            self.p = min([self.p, *tried], key=self._misfit)
+
+    def _misfit(self, p: Array) -> float:
+        """Return a sum over the windows that no lone window rules."""
+        size = np.mean(self._near(p) ** 2, axis=1)[self.windows.used] / self.windows.noise**2
+        return float(np.sum(size / (1.0 + size / 100.0)))
+
+    def _usual(self) -> float:
+        """Return the median root mean square of the residuals of windows in which something moves [rad]."""
+        moving = self.windows.used & self.windows.uncertain[:, 2:, 2:].any(axis=(1, 2))
+        return max(float(np.median(self.sizes()[moving])) if moving.any() else 0.0, 1e-12)
+
+    def _minimise(self) -> None:
+        """Go down within the bounds."""
+        low = np.where(np.arange(at.COUNT) == at.RATIO, MIN_RATIO, at.LOWEST)[self.free] + 1e-9
+        high = self.shape.highest[self.free] - 1e-9
+        weights = np.sqrt(self.weights)[:, None] / self.windows.noise
+
+        def residual(x: Array) -> Array:
+            return (weights * self._at(self._with(x)).residual).ravel()
+
+        def jacobian(x: Array) -> Array:
+            return (weights[:, :, None] * self._at(self._with(x)).jacobian[:, :, self.free]).reshape(-1, len(x))
+
+        found = _OPTIMIZE.least_squares(
+            residual,
+            self.p[self.free].clip(low, high),
+            jacobian,
+            bounds=(low - 1e-12, high + 1e-12),
+            x_scale="jac",
+            loss=self._loss,
+            ftol=TOLERANCE,
+            max_nfev=MAX_EVALUATIONS,
+        )
+        self.p = self._with(found.x)
+
+    def _with(self, x: Array) -> Array:
+        p = self.p.copy()
+        p[self.free] = x
+        return p
+
+    def _told(self, squares: Array) -> Array:
+        """Return how much of each window's sum of squares counts, by its mean square [rad²]: no lone window rules."""
+        return 1.0 / (1.0 + squares / (BAD * self.usual) ** 2)
+
+    def _loss(self, squares: Array) -> Array:
+        """Return the loss of weighted squares and its derivatives, as ``least_squares`` takes them."""
+        mean = squares.reshape(len(self.weights), -1).mean(axis=1) * self.windows.noise**2
+        told = np.repeat(self._told(mean / np.maximum(self.weights, SINGULAR)), squares.size // len(self.weights))
+        return np.stack([told * squares, told**2, np.zeros_like(told)])
+
+    def _weighed(self) -> tuple[Array, Array]:
+        """Return residuals and their derivatives by the free coordinates, times the roots of the windows' weights."""
+        here = self._at(self.p)
+        weights = np.sqrt(self.weights) * self._told(np.mean(here.residual**2, axis=1)) / self.windows.noise
+        return weights[:, None] * here.residual, weights[:, None, None] * here.jacobian[:, :, self.free]
+
+    def predicted(self, p: Array, inputs: Inputs | None = None) -> Array:
+        """Return the predicted angles [rad], shape (windows, 2·length); what is not finite becomes large."""
+        w = self.windows
+        angles = predict(self.shape.machine(p), inputs or w.inputs, float(p[at.DELAY]), self.starts, w.length)
+        return _finite(angles.reshape(len(self.starts), -1))
+
+    def _at(self, p: Array) -> Point:
+        """Return what a simulation at coordinates tells."""
+        key = p.tobytes()
+        if key not in self._known:
+            self.on_step()
+            w, rows = self.windows, self.windows.measured[0].size
+            angles, by, by_start = differentiate(self.shape, p, w.inputs, self.starts, w.length)
+            off = _finite(angles.reshape(-1, rows)) - w.measured.reshape(-1, rows)
+            by_start = np.nan_to_num(by_start.reshape(-1, rows, 4)) @ w.uncertain
+            told = np.concatenate([off[:, :, None], np.nan_to_num(by.reshape(-1, rows, at.COUNT))], axis=2)
+            left, along = self._projected(by_start, told)
+            if len(self._known) > 3:
+                self._known.clear()
+            self._known[key] = Point(left[:, :, 0], left[:, :, 1:], by_start, along[:, :, 0])
+        return self._known[key]
+
+    def _projected(self, by_start: Array, values: Array) -> tuple[Array, Array]:
+        """Return values (windows, rows, k) without their part along the derivatives by the start; how large it is."""
+        across = np.swapaxes(by_start, 1, 2)
+        normal = across @ by_start
+        largest = np.trace(normal, axis1=1, axis2=2)[:, None, None]
+        normal += np.diag(self.windows.noise**2 / np.square(START_ERRORS)) + SINGULAR * largest * np.eye(4)
+        along: Array = _LINEAR.solve(normal, across @ values)
+        return values - by_start @ along, along
+
+    def _near(self, p: Array, inputs: Inputs | None = None) -> Array:
+        """Return the residuals [rad] at other coordinates or inputs, with the derivatives by the start of here."""
+        here = self._at(self.p)
+        off = self.predicted(p, inputs) - self.windows.measured.reshape(here.residual.shape)
+        return self._projected(here.by_start, off[:, :, None])[0][:, :, 0]
+
+    def covariance(self) -> tuple[Array, float]:
+        """Return the covariance of the free coordinates, and by what quantile its roots become a 95 % interval."""
+        residual, jacobian = self._weighed()
+        first = np.arange(0, len(residual), BLOCK)
+        gradients = np.add.reduceat(np.einsum("wij,wi->wj", jacobian, residual), first)
+        parts = np.add.reduceat(np.swapaxes(jacobian, 1, 2) @ jacobian, first)
+        information = parts.sum(axis=0)
+        told = gradients.any(axis=1)
+        size = np.sqrt(np.maximum(np.diag(information), 1e-30))
+        scale = np.outer(size, size)
+        # how far the coordinates would go without each block; a direction that one block alone shows goes far
+        without = (information - parts[told]) / scale + SINGULAR * np.eye(len(size))
+        changes = _LINEAR.solve(without, (gradients[told] / size)[:, :, None])[:, :, 0] / size
+        covariance: Array = changes.T @ changes
+        naive = np.diag(_LINEAR.inv(information / scale + 1e-10 * np.eye(len(size)))) / size**2
+        variance = np.sum(residual**2) / max(self.weights.sum() * residual.shape[1], 1.0)
+        places = np.diag_indices_from(covariance)
+        covariance[places] = np.maximum(np.diag(covariance), variance * naive)
+        covariance += self.spread[np.ix_(self.free, self.free)]
+        unseen = size * at.STEPS[self.free] < 1.0
+        covariance[unseen, unseen] = UNSEEN
+        return covariance, float(_STATS.t.ppf(0.975, max(int(told.sum()) - len(self.free), 1)))
+
+    def weakest(self) -> Array:
+        """Return the change of coordinates of which the log tells least, shape (16,).
+
+        The largest of its parts is one of ``parameters.STEPS``.
+        """
+        jacobian = self._weighed()[1] * at.STEPS[self.free]
+        _, directions = np.linalg.eigh(np.einsum("wij,wik->jk", jacobian, jacobian, optimize=True))
+        change = np.zeros(at.COUNT)
+        change[self.free] = directions[:, 0] / directions[np.abs(directions[:, 0]).argmax(), 0]
+        return change * at.STEPS
+
+    def compare(self, others: Sequence[Windows]) -> None:
+        """Find the spread: search on with the log cut in other ways."""
+        changes = [Fit(o, self.shape, self.free, self.p.copy(), self.on_step).search(1).p - self.p for o in others]
+        # the sum, not the mean: so few changes tell their own size badly
+        self.spread = np.sum([np.outer(change, change) for change in changes], axis=0)
+
+    def sizes(self) -> Array:
+        """Return the root mean square of each window's residuals [rad], shape (windows,)."""
+        return np.sqrt(np.mean(self._at(self.p).residual ** 2, axis=1))
+
+    def shaken(self) -> Array:
+        """Return the mean square [rad²] by which noise of the forces moves each window's angles, shape (windows,)."""
+        return np.mean([self.moved(inputs) for inputs in self.windows.shaken], axis=0)
+
+    def moved(self, inputs: Inputs) -> Array:
+        """Return the mean square change [rad²] of each window's angles with other inputs, shape (windows,)."""
+        return np.mean((self._near(self.p, inputs) - self._at(self.p).residual) ** 2, axis=1)
+
+
+def _finite(angles: Array) -> Array:
+    return np.nan_to_num(angles, nan=1e3, posinf=1e3, neginf=-1e3)

@@ -1,0 +1,427 @@
+"""Open-loop tests of clutches (paper sections II to IV-B): Figs. 3, 4, 5 and 9, the step response, and held loads."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pter_gym._physics import arm, friction
+from pter_gym._physics.model import model_of
+from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
+from pter_gym.params import Machine, find_machine
+from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE
+from pter_gym.tools.paper.setup import PAPER_MACHINES
+
+Array = NDArray[np.float64]
+
+_LINEAR: Any = np.linalg
+
+W = np.array(friction.COUPLING)
+"""Slip velocities of the four clutches from the links' angular velocities, shape (4, 2)."""
+
+POSE = (0.5, 2.0)
+"""Angles of the links [rad]: tip in front of the drive, elbow near a right angle."""
+
+RESOLUTION = 1e-3
+"""Longest substep of the tests [s]: they record a torque once per substep."""
+
+
+def resolved(machine: Machine, longest: float = RESOLUTION) -> Machine:
+    """Return a machine whose substep is at most a given length [s]."""
+    return replace(machine, substep=min(machine.substep, longest))
+
+
+def motion(theta: ArrayLike, omega: ArrayLike = (0.0, 0.0)) -> arm.Motion:
+    """Return angles [rad] and angular velocities [rad/s], shape (2,), as the arm's equations take them."""
+    (a, b), (omega_a, omega_b) = np.asarray(theta, float), np.asarray(omega, float)
+    return arm.Motion(a, b, omega_a, omega_b, np.cos(a), np.sin(a), np.cos(b), np.sin(b))
+
+
+def tip(machine: Machine, theta: ArrayLike) -> Array:
+    """Return the tip position [m], shape (2,), at angles [rad]."""
+    return np.array(arm.tip_position(model_of(machine).arm, motion(theta)))
+
+
+def tip_force(machine: Machine, theta: ArrayLike, joint_torque: ArrayLike) -> Array:
+    """Return the tip force [N], shape (2,), that loads the links with given torques [N·m] at angles [rad]."""
+    at = model_of(machine).arm, motion(theta)
+    columns = [arm.joint_torque(*at, 1.0, 0.0), arm.joint_torque(*at, 0.0, 1.0)]
+    return np.linalg.solve(np.array(columns).T, np.asarray(joint_torque, float))
+
+
+def holding_torque(machine: Machine, volts: float) -> float:
+    """Return the largest torque that a clutch holds at a voltage [N·m]."""
+    return max(machine.clutch.breakaway.torque(volts), machine.clutch.dynamic.torque(volts))
+
+
+# --- Figs. 3 and 4: single degree of freedom ---
+
+LOCKED_WITH = {1: 2, 2: 1, 3: 4, 4: 3}
+"""Clutch that gets the large voltage while another one is tested; clutch 2 for clutch 1 is the paper's."""
+
+RAMP_TIME = 0.5
+"""When a ramp reaches the torque at which a clutch gives way [s]."""
+
+MAX_TURN = 0.6
+"""Turn of a link [rad] at which a test ends."""
+
+MAX_DURATION = 2.0
+"""Time after which a test ends in any case [s]."""
+
+LINE_TURNS = np.linspace(-0.4, 0.74, 181)
+"""Turns of the driven link at which the single-DOF line is returned [rad]; the elbow stays bent."""
+
+
+@dataclass(frozen=True)
+class SingleDofTest:
+    """One clutch under a ramped torque while another one is locked.
+
+    Attributes
+    ----------
+    clutch, locked
+        Numbers of the clutch under test and of the locked one, 1 to 4.
+    volts
+        Constant voltages of the clutches [V], shape (4,).
+    input_torque
+        Ramp in the middle of each substep [N·m], shape (T,).
+    share
+        Torque that the clutch under test carries per unit of the ramp while nothing moves.
+    trajectory
+        T substeps.
+    line
+        Points of the single-DOF line that the tip can move on [m], shape (K, 2).
+    deviation
+        Distance of the tip from its position allowed by the line [m], shape (T,).
+    """
+
+    clutch: int
+    locked: int
+    volts: Array
+    input_torque: Array
+    share: float
+    trajectory: Trajectory
+    line: Array
+    deviation: Array
+
+    @property
+    def torque(self) -> Array:
+        """Torque of the clutch under test, opposing the ramp [N·m], shape (T,)."""
+        return np.abs(self.trajectory.torque[:, self.clutch - 1])
+
+    @property
+    def locked_torque(self) -> Array:
+        """Torque of the locked clutch [N·m], shape (T,)."""
+        return self.trajectory.torque[:, self.locked - 1]
+
+    @property
+    def breakaway(self) -> int:
+        """Index of the first substep with motion."""
+        return int(np.flatnonzero(self.trajectory.omega.any(axis=1))[0])
+
+
+def single_dof(
+    machine: Machine | str | None = None, breakaway: float = BREAKAWAY_SMALL_VOLTAGE
+) -> tuple[SingleDofTest, ...]:
+    """Ramp up a torque against each clutch in turn while another clutch leaves the arm one degree of freedom.
+
+    The voltages have settled beforehand. The ramp acts on link A, or on link B where link A is locked.
+
+    Parameters
+    ----------
+    machine
+        The machine or its name; PTER as it is by default.
+    breakaway
+        Breakaway torque [N·m] that the small voltage on the clutch under test gives; 63.5 in·lbf in the paper.
+    """
+    machine = resolved(find_machine(machine))
+    return tuple(_single_dof_test(machine, clutch, breakaway) for clutch in LOCKED_WITH)
+
+
+def _single_dof_test(machine: Machine, clutch: int, breakaway: float) -> SingleDofTest:
+    locked = LOCKED_WITH[clutch]
+    link = 1 if locked == 1 else 0
+    volts = np.zeros(4)
+    volts[clutch - 1] = machine.clutch.breakaway.voltage(breakaway)
+    volts[locked - 1] = machine.clutch.voltage_max
+    shares: Any = _LINEAR.solve(W[[clutch - 1, locked - 1]].T, np.eye(2)[link])
+    share = abs(float(shares[0]))
+    time = machine.substep * (np.arange(float(round(MAX_DURATION / machine.substep))) + 0.5)
+    ramp = breakaway / share / RAMP_TIME * time
+    torque = ramp[:, None] * np.eye(2)[link]
+    start = initial_state(machine, POSE, volts=volts)
+    turned: Array = np.abs(simulate(machine, start, volts, (0.0, 0.0), torque).theta - POSE).max(axis=1)
+    end = int(np.searchsorted(turned, MAX_TURN))
+    run = simulate(machine, start, volts, (0.0, 0.0), torque[:end])
+    allowed = _line(machine, locked, run.theta[:, link] - POSE[link])
+    return SingleDofTest(
+        clutch=clutch,
+        locked=locked,
+        volts=volts,
+        input_torque=ramp[:end],
+        share=share,
+        trajectory=run,
+        line=_line(machine, locked, LINE_TURNS),
+        deviation=np.linalg.norm(run.tip_position - allowed, axis=1),
+    )
+
+
+def _line(machine: Machine, locked: int, turns: Array) -> Array:
+    """Return tip positions [m], shape (K, 2), with one clutch locked and the driven link turned by angles [rad]."""
+    return np.array([tip(machine, np.add(POSE, np.multiply(turn, friction.LINES[locked - 1]))) for turn in turns])
+
+
+# --- the step response ---
+
+STEP_VOLTS = 4.0
+"""Voltage after the step [V]: low, so the arm stays slow."""
+
+STEP_LEAD = 0.02
+"""Time before the step [s]."""
+
+
+@dataclass(frozen=True)
+class StepResponse:
+    """Generated torque of each clutch after a step of its voltage to ``STEP_VOLTS``, one test each.
+
+    Attributes
+    ----------
+    time_constant
+        Of the clutches [s].
+    time
+        Time from the step to the middle of each substep, where torques act [s], shape (T,).
+    torque
+        Magnitude of the generated torque [N·m], shape (4, T).
+    slipping
+        Whether the clutch slipped, shape (4, T).
+    final
+        Torque to which the clutch settles [N·m].
+    first_order
+        First-order response [N·m], shape (T,).
+    """
+
+    time_constant: float
+    time: Array
+    torque: Array
+    slipping: NDArray[np.bool_]
+    final: float
+    first_order: Array
+
+
+def step_response(machine: Machine | str | None = None) -> StepResponse:
+    """Step each clutch's voltage while a constant tip force keeps it slipping."""
+    machine = resolved(find_machine(machine))
+    tau, final = machine.clutch.time_constant, machine.clutch.dynamic.torque(STEP_VOLTS)
+    lead = round(STEP_LEAD / machine.substep)
+    steps = lead + round(3.0 * tau / machine.substep)
+    runs: list[Trajectory] = []
+    for x in range(4):
+        rows = np.zeros((steps, 4))
+        rows[lead:, x] = STEP_VOLTS
+        force = tip_force(machine, POSE, 1.2 * final * W[x])
+        runs.append(simulate(machine, initial_state(machine, POSE), rows, force))
+    time = machine.substep * (np.arange(float(steps)) + 0.5 - lead)
+    return StepResponse(
+        time_constant=tau,
+        time=time,
+        torque=np.array([np.abs(run.torque[:, x]) for x, run in enumerate(runs)]),
+        slipping=np.array([np.abs(run.slip_velocity[:, x]) >= machine.slip_threshold for x, run in enumerate(runs)]),
+        final=final,
+        first_order=np.where(time > 0.0, -final * np.expm1(-np.maximum(time, 0.0) / tau), 0.0),
+    )
+
+
+# --- Fig. 5: torque over voltage ---
+
+MEASURED_FROM = 4.0
+"""Lowest voltage of the paper's tests [V] (section IV-B.1)."""
+
+
+@dataclass(frozen=True)
+class MaterialCurves:
+    """Torques of clutch 1 with one friction material.
+
+    Attributes
+    ----------
+    volts, bench_volts
+        Voltages of the curves and of the bench tests [V].
+    breakaway, dynamic
+        Torque curves [N·m].
+    bench_breakaway, bench_dynamic
+        Bench test: largest torque before the slip and mean torque during it [N·m].
+    """
+
+    volts: Array
+    bench_volts: Array
+    breakaway: Array
+    dynamic: Array
+    bench_breakaway: Array
+    bench_dynamic: Array
+
+
+def torque_curves(machines: Mapping[str, Machine] = PAPER_MACHINES) -> dict[str, MaterialCurves]:
+    """Return the torque curves of clutch 1 and the results of a bench test, by the name of the machine.
+
+    In the bench test, as in the paper's, the voltage is constant and a slowly rising torque acts on link A until the
+    clutch slips, and a little longer. Link B is locked.
+    """
+    found: dict[str, MaterialCurves] = {}
+    for name, machine in machines.items():
+        clutch, top = machine.clutch, machine.clutch.voltage_max
+        volts, bench = np.linspace(0.0, top, 241), np.linspace(min(MEASURED_FROM, top), top, 6)
+        measured = np.array([_bench_test(machine, float(v)) for v in bench])
+        curves = [np.array([curve.torque(float(v)) for v in volts]) for curve in (clutch.breakaway, clutch.dynamic)]
+        found[name] = MaterialCurves(volts, bench, *curves, *measured.T)
+    return found
+
+
+def _bench_test(machine: Machine, volts: float) -> tuple[float, float]:
+    """Return the breakaway and dynamic torque of clutch 1 [N·m] from a test at a constant voltage [V]."""
+    machine = resolved(machine)
+    applied = (volts, machine.clutch.voltage_max, 0.0, 0.0)
+    rate = holding_torque(machine, volts) * machine.substep / RAMP_TIME
+    torque = rate * (np.arange(round(1.1 * RAMP_TIME / machine.substep)) + 0.5)[:, None] * [1.0, 0.0]
+    run = simulate(machine, initial_state(machine, POSE, volts=applied), applied, (0.0, 0.0), torque)
+    generated = np.abs(run.torque[:, 0])
+    first = int(np.flatnonzero(run.slip_velocity[:, 0])[0])
+    slipping = np.abs(run.slip_velocity[first:-1, 0]) >= machine.slip_threshold
+    return float(generated[: first + 1].max()), float(generated[first + 1 :][slipping].mean())
+
+
+# --- Fig. 9: reversal ---
+
+REVERSAL_SPEED = -1.2
+"""Angular velocity of link A at the start [rad/s]."""
+
+FORCE_TIME = 0.05
+"""When the force steps up [s]."""
+
+MARGIN = 1.05
+"""Torque of the tip force about clutch 1, relative to its largest holding torque among the machines.
+
+The less it exceeds it, the longer the slip stays in the stick band, where the clutch exerts its breakaway torque.
+"""
+
+FINE = 1e-4
+"""Longest substep [s]: about a third of the shortest time that the slip spends in the stick band."""
+
+
+@dataclass(frozen=True)
+class Reversal:
+    """One machine's slip-stick-slip transition.
+
+    Attributes
+    ----------
+    trajectory
+        The whole test.
+    volts, force
+        Voltage of clutch 1 [V], the others are released; force at the tip after its step [N].
+    index
+        Last substep before the slip of clutch 1 changes its sign; zero slip lies between it and the next slip.
+    dynamic
+        Dynamic torque of clutch 1 [N·m].
+    jump
+        Largest |torque| of clutch 1 within 50 ms of zero slip, relative to the dynamic torque, minus 1.
+    """
+
+    trajectory: Trajectory
+    volts: float
+    force: float
+    index: int
+    dynamic: float
+    jump: float
+
+    @property
+    def torque(self) -> Array:
+        """Generated torque of clutch 1 [N·m], shape (T,)."""
+        return self.trajectory.torque[:, 0]
+
+
+def reversals(machines: Mapping[str, Machine] = PAPER_MACHINES, volts: float | None = None) -> dict[str, Reversal]:
+    """Let a step force reverse link A, which slips in clutch 1 at a constant voltage.
+
+    The arm moves at the start; the force, along link B, opposes that motion and is large enough to reverse it.
+
+    Parameters
+    ----------
+    machines
+        By name.
+    volts
+        Voltage of clutch 1 [V]; by default the one with the breakaway torque of Fig. 4 on the first machine.
+    """
+    first = next(iter(machines.values()))
+    applied = first.clutch.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE) if volts is None else volts
+    largest = max(holding_torque(machine, applied) for machine in machines.values())
+    force = tip_force(first, POSE, np.array([MARGIN * largest, 0.0]))
+    return {name: _reversal(machine, applied, force) for name, machine in machines.items()}
+
+
+def _reversal(machine: Machine, volts: float, force: Array) -> Reversal:
+    machine, applied = resolved(machine, FINE), (volts, 0.0, 0.0, 0.0)
+    forces = np.zeros((round(0.25 / machine.substep), 2))
+    forces[round(FORCE_TIME / machine.substep) :] = force
+    run = simulate(machine, initial_state(machine, POSE, (REVERSAL_SPEED, 0.0), applied), applied, forces)
+    moving = np.flatnonzero(run.slip_velocity[:, 0])  # zeros have no sign
+    index = int(moving[np.flatnonzero(np.diff(np.sign(run.slip_velocity[moving, 0])))[0]])
+    dynamic = machine.clutch.dynamic.torque(volts)
+    near = np.abs(run.time - run.time[index]) <= 0.05
+    jump = float(np.abs(run.torque[near, 0]).max() / dynamic - 1.0)
+    return Reversal(run, volts, float(np.hypot(*force)), index, dynamic, jump)
+
+
+# --- loads that four engaged clutches hold together (section III-A, the lumped actuator approach) ---
+
+
+@dataclass(frozen=True)
+class Holding:
+    """Static loads on four engaged clutches, raised in a random direction until the arm moves; arrays of shape (K,).
+
+    Attributes
+    ----------
+    limit
+        Largest joint torque in that direction [N·m] for which some set of clutch torques balances the load.
+    moved_at
+        Joint torque at which the arm moved [N·m].
+    weakest_slips
+        Whether the clutch with the lowest breakaway torque was among those that slipped.
+    """
+
+    limit: Array
+    moved_at: Array
+    weakest_slips: NDArray[np.bool_]
+
+
+def holding(machine: Machine | str | None = None, loads: int = 200, seed: int = 0) -> Holding:
+    """Load the arm at random voltages in random poses and directions until it moves, K = ``loads`` times."""
+    machine, random = find_machine(machine), np.random.default_rng(seed)
+    rows = [_load(machine, random) for _ in range(loads)]
+    limit, moved_at, weakest = (np.array(column) for column in zip(*rows, strict=True))
+    return Holding(limit, moved_at, weakest)
+
+
+def largest_load(capacity: Array, direction: Array) -> float:
+    """Return how far the set {Wᵀτ: |τ_x| ≤ capacity_x} extends in a direction (unit vector), up to its nearest edge.
+
+    Parameters
+    ----------
+    capacity
+        Largest torque that each clutch can hold [N·m], shape (4,).
+    direction
+        Direction of the joint torques, shape (2,).
+    """
+    normals = W @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    return float(np.min((np.abs(W @ normals.T).T @ capacity) / np.abs(normals @ direction)))
+
+
+def _load(machine: Machine, random: np.random.Generator) -> tuple[float, float, bool]:
+    volts = random.uniform(0.1, 1.0, 4) * machine.clutch.voltage_max
+    state = initial_state(machine, random.uniform(0.0, 2.0 * np.pi, 2), volts=volts)
+    angle = random.uniform(0.0, 2.0 * np.pi)
+    direction = np.array([np.cos(angle), np.sin(angle)])
+    limit = largest_load(np.maximum(state.torque_breakaway, state.torque_dynamic), direction)
+    ramp = limit * np.linspace(0.98, 1.02, 81)
+    run = simulate(machine, state, volts, (0.0, 0.0), ramp[:, None] * direction)
+    first = int(np.flatnonzero(run.omega.any(axis=1))[0])
+    weakest = int(np.argmin(state.torque_breakaway))
+    return limit, float(ramp[first]), bool(run.slip_velocity[first, weakest] != 0.0)

@@ -1,1 +1,0 @@
-"""``pter reproduce``: experiments and plots combined into files for a reader."""

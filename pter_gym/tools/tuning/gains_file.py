@@ -1,0 +1,79 @@
+"""Tuned gains as a TOML file: a table for each scenario, controller and pace, to which several searches may write."""
+
+import json
+from collections.abc import Mapping
+from shlex import quote
+from typing import Any, cast
+
+from pter_gym._internal.files import FilePath, find_path, write_text_atomic
+from pter_gym._internal.locks import locked
+from pter_gym.benchmark.tuned import Table, read_table
+from pter_gym.policies._stored_gains import gains_of, make_guided
+from pter_gym.scenarios import PACES, SCENARIOS
+from pter_gym.tools.tuning.search import TunedGains
+
+HEADING = """\
+# Gains of controllers in SI, found by `pter tune` on training draws. Each entry holds the command that made it, how
+# many gains were tried, the training draws of each trial, and the scores on as many draws that the search had not seen,
+# as means. Gains that were not searched have the defaults of the entry.
+"""
+
+
+def command_of(found: TunedGains) -> str:
+    """Return the command that repeats a search."""
+    command = (
+        f"pter tune {found.controller} --scenario {found.scenario} --pace {found.pace} --trials {found.trials} "
+        f"--episodes {found.episodes} --seed {found.seed}"
+    )
+    if found.machine is None:
+        return command
+    return f"{command} --machine {quote(found.machine) if isinstance(found.machine, str) else 'PRESET.toml'}"
+
+
+def add_gains(found: TunedGains, path: FilePath) -> None:
+    """Write the gains of a search to a file, replacing earlier ones for the same case; its other entries are kept.
+
+    Raises
+    ------
+    DataError
+        If there is a file that is not as this function writes it.
+    StorageError
+        If it cannot be written.
+    """
+    path = find_path("path", path)
+    defaults = gains_of(make_guided(found.controller, {}))
+    entry = {
+        "command": command_of(found),
+        "trials": found.trials,
+        "episodes": found.episodes,
+        **found.assessment._asdict(),
+        "gains": found.gains,
+        "defaults": {name: value for name, value in defaults.items() if name not in found.gains},
+    }
+    with locked(path.with_name(f".{path.name}.lock")):
+        table: dict[str, Any] = dict(read_table(path))
+        table.setdefault(found.scenario, {}).setdefault(found.controller, {})[found.pace] = entry
+        write_text_atomic(path, format_table(table))
+
+
+def format_table(table: Table) -> str:
+    """Return tuned gains as TOML, in the order of scenarios, controllers and paces."""
+    blocks = [HEADING]
+    for scenario in sorted(table, key=list(SCENARIOS).index):
+        for controller, paces in table[scenario].items():
+            for pace in sorted(paces, key=list(PACES).index):
+                lines = [f"{name} = {_as_toml(value)}\n" for name, value in paces[pace].items()]
+                blocks.append(f"[{scenario}.{controller}.{pace}]\n{''.join(lines)}")
+    return "\n".join(blocks)
+
+
+def _as_toml(value: object) -> str:
+    """Return a number, boolean, string, or a list or table of these, as TOML."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_as_toml, cast('tuple[object, ...]', value)))}]"
+    if isinstance(value, Mapping):
+        parts = cast("Mapping[str, object]", value).items()
+        return "{ " + ", ".join(f"{name} = {_as_toml(part)}" for name, part in parts) + " }"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

@@ -1,0 +1,26 @@
+"""The scripts in examples run, and fit on a screen."""
+
+import runpy
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
+NEEDED = {"sb3_ppo": "stable_baselines3", "jax_env": "jax", "ray_rollouts": "ray"}
+"""Packages that an example needs beside the core, by its name."""
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_has_at_most_forty_lines(path: Path) -> None:
+    assert len(path.read_text("utf-8").splitlines()) <= 40
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", [path for path in EXAMPLES if path.stem != "ray_rollouts"], ids=lambda path: path.stem)
+def test_an_example_runs(path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Ray's runs in an environment of its own, with the other tests of Ray."""
+    if path.stem in NEEDED:
+        pytest.importorskip(NEEDED[path.stem])
+    monkeypatch.setenv("PTER_STEPS", "8192")
+    runpy.run_path(str(path), run_name="__main__")
+    assert capsys.readouterr().out

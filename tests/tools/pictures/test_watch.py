@@ -1,0 +1,75 @@
+"""``pter watch``: what it writes, what it says, what it refuses before it simulates."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pter_gym._commands.main import main
+from pter_gym.benchmark import find_policy
+from pter_gym.benchmark.simulation import record_episode, time_limit
+from pter_gym.scenarios import find_scenario
+from pter_gym.tasks.path_following import TELEMETRY
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_policies_side_by_side_and_their_table(here: Path, capsys: pytest.CaptureFixture[str]):
+    arguments = ["--scenario", "hands", "--pace", "brisk", "--seed", "2"]
+    files = ["--out", "end.png", "--csv", "both.npz", "--size", "640", "240"]
+    assert main(["watch", "torque-feedback,residual", *arguments, *files]) == 0
+    said = capsys.readouterr().out
+    for part in ("torque-feedback: arrived after", "residual: arrived after", "wrote end.png", "wrote both.npz"):
+        assert part in said
+    with Image.open(here / "end.png") as picture:
+        assert picture.size == (640, 240)
+    ((machine, task),) = find_scenario("hands").randomisation("brisk", contexts=1, seed=2).pairs()
+    policy = find_policy("torque-feedback", scenario="hands")
+    expected = record_episode(policy, machine, task, 2, time_limit(task)).telemetry
+    with np.load(here / "both.npz") as table:
+        assert sorted(set(table["policy"].tolist())) == ["residual", "torque-feedback"]
+        for k, name in enumerate(TELEMETRY.names):
+            np.testing.assert_array_equal(table[name][table["policy"] == "torque-feedback"], expected[:, k])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "field"),
+    [
+        (["free", "--out", "x.avi"], "out"),
+        (["free", "--out", "nowhere/x.mp4"], "out"),
+        (["free", "--csv", "x.xlsx"], "csv"),
+        (["free", "--csv", "x.csv", "--size", "10", "10"], "width"),
+        (["free", "--csv", "x.csv", "--speed", "nan"], "speed"),
+        (["free", "--csv", "x.csv", "--seed", "-1"], "seed"),
+        (["free,impedence", "--csv", "x.csv"], "impedence"),
+        ([",".join(f"p{k}" for k in range(17)), "--csv", "x.csv"], "policies"),
+    ],
+)
+def test_a_wrong_argument_is_named(
+    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, arguments: list[str], field: str
+):
+    monkeypatch.setattr("pter_gym.benchmark.simulation.record_episode", lambda *_: pytest.fail("it simulates first"))
+    assert main(["watch", *arguments]) == 2
+    assert field in capsys.readouterr().err.lower()
+    assert not list(here.iterdir())
+
+
+@pytest.mark.usefixtures("here")
+def test_a_window_shows_the_film_where_there_is_a_display(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    shown: list[tuple[object, ...]] = []
+    monkeypatch.setattr("pter_gym.tools.pictures.film.show_film", lambda *given: shown.append(given))
+    monkeypatch.setattr("pter_gym.tools.pictures.viewer.has_display", lambda: False)
+    assert main(["watch", "free"]) == 2
+    assert "out" in capsys.readouterr().err
+    monkeypatch.setattr("pter_gym.tools.pictures.viewer.has_display", lambda: True)
+    assert main(["watch", "free,torque-feedback", "--pace", "brisk", "--speed", "0.5"]) == 0
+    ((film, title),) = shown
+    assert film.size == (720, 405)
+    assert title == "PTER: free, torque-feedback"
