@@ -129,7 +129,7 @@ def telemetry() -> str:
 @made
 def scores() -> str:
     """Return every score of an episode with its unit and meaning."""
-    from pter_gym.benchmark.metrics import METRICS
+    from pter_gym.benchmark.scores import METRICS
 
     rows = ([code(name), each.unit, each.meaning] for name, each in METRICS.items())
     return table(["Score", "Unit", "Meaning"], rows)

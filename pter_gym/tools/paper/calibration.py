@@ -19,8 +19,7 @@ from pter_gym._engine.law import MEMORY
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, check_target, find_path, write_text_atomic
 from pter_gym._physics.clutch import PerClutch
-from pter_gym.benchmark._measures import column, low_pass, vector
-from pter_gym.benchmark._recorded import START_UP
+from pter_gym.benchmark._measures import START_UP, column, low_pass, vector
 from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.errors import ParameterError
 from pter_gym.params import Arm, Machine, TorqueCurve
