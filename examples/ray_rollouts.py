@@ -30,9 +30,8 @@ class Worker:
 
 
 def main(workers: int = 2, worlds: int = 256, policy: str = "residual", seed: int = 0) -> np.ndarray:
-    crew = [Worker.remote(worlds, policy) for _ in range(workers)]
-    shares = ray.get([worker.episodes.remote(seed + k * worlds) for k, worker in enumerate(crew)])
-    for k, (returns, speed) in enumerate(shares):
+    episodes = [Worker.remote(worlds, policy).episodes.remote(seed + k * worlds) for k in range(workers)]
+    for k, (returns, speed) in enumerate(shares := ray.get(episodes)):
         print(f"worker {k}: mean return {returns.mean():.1f} of {worlds} worlds, {speed:,.0f} control steps/s")
     return np.concatenate([returns for returns, _ in shares])
 
