@@ -167,7 +167,7 @@ def docs_executed(session: nox.Session) -> None:
         "site-long",
         PTER_DOCS_EXECUTE="1",
         PTER_TRAINING_STEPS="32768",
-        PTER_NOTEBOOK_EPISODES="8",
+        PTER_NOTEBOOK_EPISODES="24",
         PTER_NOTEBOOK_TRIALS="30",
     )
     site(session, "site-long", "-m", "long or not long")
