@@ -25,13 +25,13 @@ class Worker:
             obs, rewards, terminated, truncated, _ = self.envs.step(self.policy(obs))
             returns += running * rewards
             running &= ~(terminated | truncated)
-            steps += len(obs)
+            steps += self.envs.num_envs
         return returns, steps / (time.perf_counter() - begin)
 
 
 def main(workers: int = 2, worlds: int = 256, policy: str = "residual", seed: int = 0) -> np.ndarray:
-    shares = ray.get([Worker.remote(worlds, policy).episodes.remote(seed + k * worlds) for k in range(workers)])
-    for k, (returns, speed) in enumerate(shares):
+    episodes = [Worker.remote(worlds, policy).episodes.remote(seed + k * worlds) for k in range(workers)]
+    for k, (returns, speed) in enumerate(shares := ray.get(episodes)):
         print(f"worker {k}: mean return {returns.mean():.1f} of {worlds} worlds, {speed:,.0f} control steps/s")
     return np.concatenate([returns for returns, _ in shares])
 

@@ -14,6 +14,10 @@ class ParameterError(PterError, ValueError):
     """A parameter is non-physical, out of range, unknown or of the wrong shape."""
 
 
+class LawIndexError(ParameterError, IndexError):
+    """A compiled law reads or writes beyond its observation, gains or memory."""
+
+
 class ActionError(PterError, gymnasium.error.InvalidAction, ValueError):
     """An action has a wrong shape or type, is not finite, or lies outside the action space."""
 

@@ -23,7 +23,8 @@ def blocks_of(page: Path) -> list[str]:
 def cells_of(notebook: Path) -> list[str]:
     """Return the cells of Python of a notebook."""
     cells = nbformat.read(notebook, as_version=4).cells
-    return [cell.source.replace("%matplotlib inline\n", "") for cell in cells if cell.cell_type == "code"]
+    code = (cell.source for cell in cells if cell.cell_type == "code")
+    return [re.sub(r"^( *)%.*$", r"\1pass", source, flags=re.MULTILINE) for source in code]
 
 
 def readme(name: str) -> str:

@@ -13,9 +13,10 @@ from pter_gym._engine.batch import Batch
 from pter_gym._physics import open_loop
 from pter_gym.benchmark.simulation import simulate
 from pter_gym.controllers import Free
-from pter_gym.params import BASELINE, TIME_CONSTANT
+from pter_gym.params import BASELINE
 from pter_gym.params._preset import PRESET
 from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tools.paper.printed_values import TIME_CONSTANT
 
 ROOT = Path(__file__).parents[1]
 

@@ -29,6 +29,7 @@ def test_finite_numbers() -> None:
 
 def test_names() -> None:
     assert names_in("names", iter(["a", "b"])) == ["a", "b"]
-    for given in ("a", b"a", [], None, 3):
+    assert names_in("names", "a") == ["a"]
+    for given in ("", b"a", [], None, 3):
         with pytest.raises(ParameterError, match=r"^names"):
             names_in("names", given)  # type: ignore[arg-type]

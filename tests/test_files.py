@@ -2,8 +2,6 @@
 
 import os
 import stat
-import subprocess
-import sys
 from contextlib import suppress
 from pathlib import Path
 
@@ -18,7 +16,6 @@ from pter_gym._internal.files import (
     write_bytes_atomic,
     write_text_atomic,
 )
-from pter_gym._internal.locks import locked
 from pter_gym.errors import ParameterError, StorageError
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="POSIX permissions, links and limits")
@@ -121,32 +118,3 @@ def test_a_target_is_a_file_in_a_folder(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=r"^out"):
         check_target("out", tmp_path / "file" / "below")
     assert sorted(names(tmp_path)) == ["file", "folder"]
-
-
-# --- locks ---
-
-HOLDER = """
-import sys, time
-from pathlib import Path
-from pter_gym._internal.locks import locked
-with locked(Path(sys.argv[1])):
-    print("held", flush=True)
-    time.sleep(60.0)
-"""
-
-
-def test_a_lock_ends_with_its_process(tmp_path: Path) -> None:
-    path = tmp_path / ".lock"
-    holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(path)], stdout=subprocess.PIPE, text=True)
-    try:
-        assert holder.stdout is not None
-        assert holder.stdout.readline() == "held\n"
-        with pytest.raises(ParameterError, match="out"), locked(path, busy="out"):
-            pass
-    finally:
-        holder.kill()
-        holder.communicate()
-    with locked(path, busy="out"), pytest.raises(ZeroDivisionError), locked(tmp_path / "other"):
-        raise ZeroDivisionError
-    with locked(path, busy="it was not released"):
-        pass

@@ -60,9 +60,10 @@ def episodes_text(found: Board) -> str:
 
 
 def interval(scores: Board) -> str:
-    """Return the path error [mm] with its interval."""
-    low, value, high = (1000 * scores["path_error_m"][key] for key in ("low", "value", "high"))
-    return joined(f"{value:.1f} ({low:.1f} … {high:.1f})")
+    """Return the path error [mm] with its interval, if it has one."""
+    low, value, high = (scores["path_error_m"][key] for key in ("low", "value", "high"))
+    ends = "" if low is None else f" ({1000 * low:.1f} … {1000 * high:.1f})"
+    return joined(f"{1000 * value:.1f}{ends}")
 
 
 def millimetres(scores: Board, name: str) -> str:
@@ -101,7 +102,7 @@ def scores(results: Path, scenario: str) -> str:
         rows = [
             [
                 code(policy),
-                str(scores["rank"] or "–"),
+                str(scores["rank"] or "–") + ("?" if scores["undecided"] else ""),
                 interval(scores),
                 *(millimetres(scores, name) for name in ERRORS.values()),
                 *(f"{100 * scores[name]['value']:.3g}" for name in PERCENTAGES),

@@ -129,7 +129,7 @@ def telemetry() -> str:
 @made
 def scores() -> str:
     """Return every score of an episode with its unit and meaning."""
-    from pter_gym.benchmark.metrics import METRICS
+    from pter_gym.benchmark.scores import METRICS
 
     rows = ([code(name), each.unit, each.meaning] for name, each in METRICS.items())
     return table(["Score", "Unit", "Meaning"], rows)
@@ -265,7 +265,7 @@ def claims() -> str:
     return (
         f"`pter reproduce` makes the paper's figures and table, and checks {len(stored)} of its claims:\n"
         f"{count['prediction']} are predictions that hold, {count['calibration']} hold because parameters were fitted\n"
-        f"to them, {count['construction']} follow from how the model is built, and {count['not met']} are "
+        f"to them, and {count['not met']} are "
         "[not met](/reproduction.md).\n"
     )
 

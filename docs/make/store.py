@@ -1,19 +1,33 @@
 """Data of the package that a script makes: `python docs/make/store.py episodes|paces`."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import tyro
 
+from pter_gym._engine.batch import Batch
 from pter_gym._internal.files import write_text_atomic
 from pter_gym.benchmark import _pacing as pacing
 from pter_gym.benchmark import episodes as stored
-from pter_gym.scenarios import SCENARIOS, find_scenario
+from pter_gym.benchmark._measures import Recorded
+from pter_gym.benchmark.simulation import simulate, time_limit
+from pter_gym.controllers import Impedance, TorqueFeedback
+from pter_gym.params import BASELINE
+from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
 from pter_gym.scenarios._evaluation_draws import evaluation_draws
 
 PACES_HEAD = """\
 # Dampers along the path [N·s/m] with which the paper's controllers keep the commanded paces on the training
 # draws of each scenario; their other gains are those of pter.toml. derived: made by `python docs/make/store.py paces`.
 """
+
+
+DRAWS, SEED = 64, 5
+"""Number and seed of the training draws on which the damper is solved."""
+
+LOWEST, HIGHEST = 10.0, 3000.0
+"""Range of the search [N·s/m]."""
 
 
 def episodes(names: tyro.conf.Positional[tuple[str, ...]] = tuple(SCENARIOS), folder: Path = stored.FOLDER) -> None:
@@ -32,11 +46,57 @@ def episodes(names: tyro.conf.Positional[tuple[str, ...]] = tuple(SCENARIOS), fo
 def paces() -> None:
     """Solve the dampers in pter_gym/presets/paces.toml again, after a change of the physics."""
     text = PACES_HEAD
-    for scenario, controllers in pacing.solve_table().items():
+    for scenario, controllers in solve_table().items():
         for name, dampers in controllers.items():
             text += f"\n[{scenario}.{name}]\n"
             text += "".join(f"{pace} = {damping!r}\n" for pace, damping in dampers.items())
     write_text_atomic(pacing.TABLE, text)
+
+
+def damping_for_pace(controller: Impedance, pace: float, scenario: str = "standard", *, draws: int = DRAWS) -> float:
+    """Return the damper along the path [N·s/m] with which a controller keeps a pace on training draws.
+
+    If no damper from 10 to 3000 N·s/m gives that pace, the nearer end of this range is returned.
+
+    Parameters
+    ----------
+    controller
+        Its other gains are kept.
+    pace
+        Commanded mean speed along the path [m/s]. It applies after the first segment, which contains the start-up.
+    scenario
+        Name of the scenario.
+    draws
+        Number of the training draws over which the pace is averaged.
+    """
+    machines, tasks = zip(*find_scenario(scenario).randomisation(pace, contexts=draws, seed=SEED).pairs(), strict=True)
+    batch = Batch(machines, tasks)
+    low, high = math.log(LOWEST), math.log(HIGHEST)
+    while high - low > 1e-4:
+        middle = 0.5 * (low + high)
+        if _cruising_pace(replace(controller, damping_tangential=math.exp(middle)), batch) > pace:
+            low = middle
+        else:
+            high = middle
+    return math.exp(0.5 * (low + high))
+
+
+def solve_table() -> dict[str, dict[str, dict[str, float]]]:
+    """Solve for the damper of each of the paper's controllers, scenario and pace, to four digits."""
+    laws = {"impedance": Impedance(), "torque-feedback": TorqueFeedback()}
+    return {
+        scenario: {
+            name: {pace: float(f"{damping_for_pace(law, speed, scenario):.4g}") for pace, speed in PACES.items()}
+            for name, law in laws.items()
+        }
+        for scenario in SCENARIOS
+    }
+
+
+def _cruising_pace(controller: Impedance, batch: Batch) -> float:
+    tasks = [task for _, task in batch.pairs]
+    telemetry = simulate(batch, controller, range(len(tasks)), max(map(time_limit, tasks)))
+    return float(Recorded(telemetry, tasks, BASELINE.clutch.voltage_max).cruising_pace().mean())
 
 
 if __name__ == "__main__":

@@ -9,21 +9,22 @@ import os
 if __name__ == "__main__":  # before numba is imported
     os.environ |= {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
 
+import ast
 import hashlib
 import json
 import re
 import subprocess
 import sys
 import tempfile
+import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import llvmlite.binding as llvm
 import numba
 
-from pter_gym._compiled.compiler import files_of
+from pter_gym._compiled.digests import SOURCES
 from pter_gym._internal.files import write_bytes_atomic, write_text_atomic
-from pter_gym._internal.sources import meaning_of
 from pter_gym.tools.web.kernels import KERNELS, Kernel
 from pter_gym.tools.web.tables import MODULE, STATIC, TABLES, tables
 
@@ -76,14 +77,36 @@ def as_text(module: bytes) -> str:
 
 
 def digest(content: dict[str, Any]) -> str:
-    """Return a hash of the tables and of what all files mean of which the module is made; comments do not count."""
-    reached = {name for kernel in KERNELS for name in files_of(kernel.function)}
-    sources = sorted(path for path in map(Path, reached) if path.is_file())  # what records write has none
+    """Return a hash of the tables and of what the files mean that the kernels are made of; comments do not count."""
+    kernels = Path(cast(str, sys.modules[Kernel.__module__].__file__))
     found = hashlib.sha256(json.dumps(content).encode())
-    for source in (*sources, Path(__file__)):
+    for source in (*SOURCES, kernels, Path(__file__)):
         found.update(meaning_of(source).encode())
     found.update(FUNCTIONS.read_bytes())
     return found.hexdigest()
+
+
+def meaning_of(path: Path) -> str:
+    """Return the content of a Python or TOML file as plain data in text, without docstrings.
+
+    It depends neither on comments and layout nor on the version of Python.
+    """
+    text = path.read_text("utf-8")
+    return repr(tomllib.loads(text) if path.suffix == ".toml" else _meaning(ast.parse(text)))
+
+
+def _meaning(node: object) -> object:
+    """Return a syntax tree as plain data without docstrings; what is absent in some versions of Python is left out."""
+    if isinstance(node, list):
+        return [_meaning(each) for each in cast("list[object]", node) if not _is_docstring(each)]
+    if not isinstance(node, ast.AST):
+        return repr(node)
+    parts = ((name, _meaning(value)) for name, value in ast.iter_fields(node) if value not in (None, []))
+    return [type(node).__name__, *parts]
+
+
+def _is_docstring(node: object) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
 def zig(command: str, *arguments: str) -> None:

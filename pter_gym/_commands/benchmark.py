@@ -56,7 +56,7 @@ def benchmark(
         out: Folder for the results, created if necessary.
     """
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
-    from pter_gym.benchmark.leaderboard import table
+    from pter_gym.benchmark.boards import table
 
     results = ResultsFolder(out)
     results.make()

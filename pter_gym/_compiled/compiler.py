@@ -15,9 +15,9 @@ from numba.core import config
 from numba.core.registry import CPUDispatcher
 
 from pter_gym._compiled import pipeline
-from pter_gym._compiled.digests import content_digest, digest_of, files_of
+from pter_gym._compiled.digests import content_digest, digest_of
 
-__all__ = ["WITHOUT_ARRAYS", "Device", "compile_kernel", "content_digest", "device", "files_of", "inlined", "outlined"]
+__all__ = ["WITHOUT_ARRAYS", "Device", "compile_kernel", "content_digest", "device", "inlined", "outlined"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -1,7 +1,7 @@
 """What compiled code depends on, as a digest: equal digests mean equal code, in any process.
 
-The rooms of this package that kernels are made of count as a whole, by their source files. Of a user's law, and of any
-other function, its bytecode counts, and so do its module and the values that it reads.
+The rooms of this package that kernels are made of count as a whole, by their source files. Of any other function, such
+as a user's law, its bytecode counts, and so do its module and the values that it reads.
 """
 
 import builtins
@@ -51,92 +51,71 @@ def content_digest(function: Callable[..., Any]) -> str | None:
     library or of ``ROOMS`` counts by its name alone.
     """
     try:
-        texts = _Content().of_all(function)
+        return hashlib.sha256("\n".join(texts_of(function)).encode()).hexdigest()
     except _UnknownError:
         return None
-    return hashlib.sha256("\n".join(texts).encode()).hexdigest()
-
-
-def files_of(function: Callable[..., Any]) -> set[str]:
-    """Return the source files of all that a function may reach, compiled or not."""
-    content = _Content()
-    content.of_all(function)
-    return {*map(str, SOURCES), *(reached.__code__.co_filename for reached in content.reached)}
 
 
 class _UnknownError(Exception):
     """The content of something that a function reads cannot be determined."""
 
 
-class _Content:
-    """Texts that differ where values differ.
+def texts_of(function: Any, reached: list[FunctionType] | None = None) -> list[str]:
+    """Return texts of a function and of all that it reads, which differ where these do.
 
-    The text of a function is its number, in the order in which functions are reached, so functions may call each other.
+    ``reached`` gains the functions: each is known by its number there, since functions may call each other.
     """
+    found = [] if reached is None else reached
+    texts = [_text(function, found)]
+    for each in found:  # grows on the way
+        texts.append(f"{each.__module__}{_text(each.__code__, found)}")
+        texts.extend(f"{name}={_text(value, found)}" for name, value in _reads(each))
+    return texts
 
-    def __init__(self) -> None:
-        self.reached: list[FunctionType] = []
 
-    def of_all(self, function: object) -> list[str]:
-        """Return the texts of a function and of all that it reads."""
-        texts = [self.of(function)]
-        for reached in self.reached:  # grows on the way
-            texts.append(f"{reached.__module__}{self.of(reached.__code__)}")
-            texts.extend(f"{name}={self.of(value)}" for name, value in _reads(reached))
-        return texts
+def _text(value: Any, reached: list[FunctionType]) -> str:  # noqa: C901  (one case for each kind of value)
+    def of(*values: Any) -> str:
+        return f"({','.join(_text(each, reached) for each in values)},)"
 
-    def of(self, value: Any) -> str:
-        """Return the text of a value."""
-        if type(value) in _CONSTANTS:
-            return repr(value)
-        if type(value) is np.ndarray or isinstance(value, np.generic):
-            return _array(value)
-        if isinstance(value, types.Number | types.Boolean):
-            return f"numba.{value.name}"
-        return _name(value) or self._function(value) or self._tuple(value)
-
-    def _function(self, value: Any) -> str:
-        """Return the text of a function, compiled or not, or of its code."""
-        if isinstance(value, Dispatcher):
-            compiled = cast(Any, value)
-            return self.of((compiled.py_func, *sorted(compiled.targetoptions.items())))
-        if isinstance(value, FunctionType):
-            if value not in self.reached:
-                self.reached.append(value)
-            return f"#{self.reached.index(value)}"
-        if isinstance(value, CodeType):
+    if type(value) in _CONSTANTS:
+        return repr(value)
+    if (type(value) is np.ndarray or isinstance(value, np.generic)) and not value.dtype.hasobject:
+        content = hashlib.sha256(value.tobytes()).hexdigest()
+        return f"{type(cast(Any, value)).__name__} {value.dtype!r}{value.shape}{content}"
+    if isinstance(value, types.Number | types.Boolean):
+        return f"numba.{value.name}"
+    if name := _name(value):
+        return name
+    match value:
+        case Dispatcher():
+            return of(value.py_func, *sorted(value.targetoptions.items()))
+        case FunctionType():
+            if value not in reached:
+                reached.append(value)
+            return f"#{reached.index(value)}"
+        case CodeType():
             names = (value.co_names, value.co_varnames, value.co_freevars, value.co_cellvars)
             counts = (value.co_argcount, value.co_kwonlyargcount, value.co_flags)
-            return self.of((value.co_code, value.co_exceptiontable, *names, *counts, value.co_consts))
-        return ""
-
-    def _tuple(self, value: Any) -> str:
-        """Return the text of a tuple, also a named one, of of a class of such, or of a set in code."""
-        if isinstance(value, frozenset):
-            return f"{{{','.join(sorted(map(self.of, cast(Any, value))))}}}"
-        if isinstance(value, tuple):
-            named = "" if type(cast(Any, value)) is tuple else self.of(type(cast(Any, value)))
-            return f"{named}({','.join(map(self.of, cast(Any, value)))},)"
-        if isinstance(value, type) and hasattr(value, "_fields"):
-            record: Any = value
-            return f"{record.__qualname__}{self.of((record._fields, *record._field_defaults.items()))}"
-        raise _UnknownError
-
-
-def _array(array: Any) -> str:
-    """Return the text of an array or of a scalar of NumPy, unless it holds addresses."""
-    if array.dtype.hasobject:
-        raise _UnknownError
-    return f"{type(array).__name__} {array.dtype!r}{array.shape}{hashlib.sha256(array.tobytes()).hexdigest()}"
+            return of(value.co_code, value.co_exceptiontable, *names, *counts, value.co_consts)
+        case frozenset():  # in code
+            return f"{{{','.join(sorted(map(of, cast(Any, value))))}}}"
+        case tuple():
+            kind = cast(Any, value).__class__
+            return of(*cast(Any, value)) if kind is tuple else of(kind, *cast(Any, value))
+        case type() if hasattr(value, "_fields"):
+            record = cast(Any, value)
+            return f"{record.__qualname__}{of(record._fields, *record._field_defaults.items())}"
+        case _:  # pyright: ignore[reportUnknownVariableType]
+            raise _UnknownError
 
 
 def _name(value: Any) -> str:
     """Return the name of what a library or one of the rooms keeps under it, or nothing."""
-    module = "numpy" if isinstance(value, np.ufunc) else getattr(value, "__module__", None)
-    name = getattr(value, "__qualname__", None) or getattr(value, "__name__", None)
     if isinstance(value, ModuleType):
         found = value.__name__
         return found if _counts_by_name(found) and sys.modules.get(found) is value else ""
+    module = "numpy" if isinstance(value, np.ufunc) else getattr(value, "__module__", None)
+    name = getattr(value, "__qualname__", None) or getattr(value, "__name__", None)
     if not isinstance(module, str) or not isinstance(name, str) or not _counts_by_name(module):
         return ""
     return f"{module}.{name}" if getattr(sys.modules.get(module), name, None) is value else ""
@@ -149,13 +128,11 @@ def _counts_by_name(module: str) -> bool:
 
 def _reads(function: FunctionType) -> Iterator[tuple[str, Any]]:
     """Yield what a function reads outside itself, by name, and its defaults."""
-    code = function.__code__
     scope = {**vars(builtins), **function.__globals__}
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     try:
-        yield from (
-            (name, cell.cell_contents) for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True)
-        )
-        yield from ((name, scope[name]) for name in sorted(set(_globals(code))))
+        yield from [(name, cell.cell_contents) for name, cell in cells]
+        yield from [(name, scope[name]) for name in sorted({*_globals(function.__code__)})]
     except (ValueError, KeyError):  # it is not there yet
         raise _UnknownError from None
     yield "defaults", (function.__defaults__, *(function.__kwdefaults__ or {}).items())

@@ -13,7 +13,7 @@ and writes by name::
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from numba import types
 from numba.extending import overload
@@ -48,84 +48,67 @@ class Entry:
     name: str = ""
 
 
-NO_ENTRY = Entry()
-
-
-@dataclass(frozen=True)
-class Leaf:
-    """One number of a record: its name, and the entries that say what it is, the outermost first."""
-
-    name: str
-    entries: tuple[Entry, ...]
-
-    def field(self, machine: Any = None) -> Field:
-        """Return name, unit, meaning and scale."""
-        told = self.entries[0] if self.entries else NO_ENTRY
-        unit = next((entry.unit for entry in self.entries if entry.unit), "")
-        meaning = ""
-        for entry in self.entries:
-            meaning = entry.meaning.replace("{}", meaning) or meaning
-        scale = told.scale if isinstance(told.scale, (int, float)) else told.scale(machine)
-        return Field(self.name, unit, meaning, scale)
-
-
 def parts(kind: type[Any]) -> Iterator[tuple[str, Entry | None, type[Any]]]:
     """Yield name, entry and kind of each field of a record."""
-    hints = get_type_hints(kind, include_extras=True)
-    for name in kind._fields:
-        hint = hints[name]
-        entry = None
-        if get_origin(hint) is Annotated:
-            hint, *told = get_args(hint)
-            entry = next((each for each in told if isinstance(each, Entry)), None)
-        yield name, entry, hint
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        inner, *told = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        yield name, next((each for each in told if isinstance(each, Entry)), None), inner
 
 
-def is_record(kind: Any) -> bool:
+def _is_record(kind: Any) -> bool:
     """Return whether a kind is that of a record, not of a number."""
     return isinstance(kind, type) and issubclass(kind, tuple)
 
 
-def _holds_many(value: Any) -> bool:
-    """Return whether a value is a record, not a number."""
-    return isinstance(value, tuple)
-
-
 def width(kind: type[Any]) -> int:
     """Return how many numbers a record holds."""
-    return sum(width(inner) if is_record(inner) else 1 for _, _, inner in parts(kind))
+    return len(leaves(kind))
 
 
 def rows(kind: type[R], first: int = 0) -> R:
     """Return a record whose entries are their row numbers, counted from ``first`` on."""
     found: list[Any] = []
     for _, _, inner in parts(kind):
-        found.append(rows(inner, first) if is_record(inner) else first)
-        first += width(inner) if is_record(inner) else 1
+        found.append(rows(inner, first) if _is_record(inner) else first)
+        first += width(inner) if _is_record(inner) else 1
     return kind(*found)
 
 
-def leaves(kind: type[Any]) -> tuple[Leaf, ...]:
+class Leaf(NamedTuple):
+    """One number of a record: its name, and the entries that say what it is, the outermost first."""
+
+    name: str
+    entries: tuple[Entry, ...] = ()
+
+
+def leaves(kind: type[Any]) -> list[Leaf]:
     """Return the numbers of a record in their order.
 
     The entries of a record whose field has an ``Entry`` are called after that field: ``volts_1``.
     """
     found: list[Leaf] = []
     for name, entry, inner in parts(kind):
-        called = (entry.name if entry else "") or name
-        entries = (entry,) if entry else ()
-        if not is_record(inner):
+        called, entries = ((entry.name or name), (entry,)) if entry else (name, ())
+        if not _is_record(inner):
             found.append(Leaf(called, entries))
-        elif entry is None:
-            found.extend(leaves(inner))
         else:
-            found.extend(Leaf(f"{called}_{leaf.name}", (entry, *leaf.entries)) for leaf in leaves(inner))
-    return tuple(found)
+            before = f"{called}_" if entry else ""
+            found.extend(Leaf(before + leaf.name, (*entries, *leaf.entries)) for leaf in leaves(inner))
+    return found
 
 
 def layout_of(kind: type[Any], machine: Any = None) -> Layout:
     """Return names, units, meanings and scales of a record's numbers; some scales are those of a machine."""
-    return Layout(tuple(leaf.field(machine) for leaf in leaves(kind)))
+    return Layout(tuple(_field(name, entries, machine) for name, entries in leaves(kind)))
+
+
+def _field(name: str, entries: tuple[Entry, ...], machine: Any) -> Field:
+    meaning = ""
+    for entry in entries:
+        meaning = entry.meaning.replace("{}", meaning) or meaning
+    unit = next((entry.unit for entry in entries if entry.unit), "")
+    scale = entries[0].scale if entries else 1.0
+    return Field(name, unit, meaning, scale if isinstance(scale, (int, float)) else scale(machine))
 
 
 def flat(record: tuple[Any, ...]) -> tuple[float, ...]:
@@ -136,7 +119,7 @@ def flat(record: tuple[Any, ...]) -> tuple[float, ...]:
 def load(w: Any, at: R, i: Any) -> R:
     """Read a record from column ``i`` of an array (rows, worlds); ``at`` holds its row numbers."""
     places: Any = at
-    return type(places)(*(load(w, row, i) for row in places)) if _holds_many(at) else w[at, i]
+    return type(places)(*(load(w, row, i) for row in places)) if isinstance(at, tuple) else w[at, i]
 
 
 def store(w: Any, at: R, i: Any, value: R) -> None:
@@ -148,7 +131,9 @@ def store(w: Any, at: R, i: Any, value: R) -> None:
 def read(array: Any, at: R, first: Any) -> R:
     """Read a record from an array (numbers,) in which it begins at ``first``; ``at`` holds its places from there."""
     places: Any = at
-    return type(places)(*(read(array, place, first) for place in places)) if _holds_many(at) else array[first + at]
+    if isinstance(at, tuple):
+        return type(places)(*(read(array, place, first) for place in places))
+    return array[first + places]
 
 
 def write(array: Any, at: R, value: R) -> None:
@@ -157,17 +142,17 @@ def write(array: Any, at: R, value: R) -> None:
         array[place] = part
 
 
-def blend(low: R, high: R, part: Any) -> R:
+def lerp(low: R, high: R, part: Any) -> R:
     """Return the record that lies a part of the way from one record to another of its kind."""
     a: Any = low
     b: Any = high
-    if _holds_many(low):
-        return type(a)(*(blend(x, y, part) for x, y in zip(a, b, strict=True)))
+    if isinstance(low, tuple):
+        return type(a)(*(lerp(x, y, part) for x, y in zip(a, b, strict=True)))
     return a + part * (b - a)
 
 
 def _numbers(value: Any) -> tuple[Any, ...]:
-    return flat(value) if _holds_many(value) else (value,)
+    return flat(cast(Any, value)) if isinstance(value, tuple) else (value,)
 
 
 def _paths(kind: Any, before: str = "") -> Iterator[str]:
@@ -175,7 +160,8 @@ def _paths(kind: Any, before: str = "") -> Iterator[str]:
     if not isinstance(kind, types.BaseNamedTuple):
         yield before
         return
-    for name, inner in zip(cast(Any, kind).fields, cast(Any, kind).types, strict=True):
+    record: Any = kind
+    for name, inner in zip(record.fields, record.types, strict=True):
         yield from _paths(inner, f"{before}.{name}")
 
 
@@ -184,11 +170,10 @@ def _made(kind: Any, number: str, names: dict[str, Any], before: str = "") -> st
     if not isinstance(kind, types.BaseNamedTuple):
         return number.replace("AT", before)
     record: Any = kind
-    names[record.instance_class.__name__] = record.instance_class
-    inner = (
-        _made(each, number, names, f"{before}.{name}") for name, each in zip(record.fields, record.types, strict=True)
-    )
-    return f"{record.instance_class.__name__}({', '.join(inner)})"
+    called = record.instance_class.__name__
+    names[called] = record.instance_class
+    parts = zip(record.fields, record.types, strict=True)
+    return f"{called}({', '.join(_made(inner, number, names, f'{before}.{name}') for name, inner in parts)})"
 
 
 def written(arguments: str, lines: Iterable[str], names: dict[str, Any]) -> Any:
@@ -196,46 +181,24 @@ def written(arguments: str, lines: Iterable[str], names: dict[str, Any]) -> Any:
     return compile_source(f"def written({arguments}):\n    " + "\n    ".join(lines), "written", names)
 
 
-def _returning(kind: Any, arguments: str, number: str) -> Any:
-    names: dict[str, Any] = {}
-    return written(arguments, [f"return {_made(kind, number, names)}"], names)
+def _compiled(function: Any, arguments: str, number: str, record: str = "at", *, returns: bool) -> None:
+    """Give a function its compiled form: ``number`` for each entry of the record among its arguments."""
+
+    def source(**kinds: Any) -> Any:
+        names: dict[str, Any] = {}
+        if returns:
+            return written(arguments, [f"return {_made(kinds[record], number, names)}"], names)
+        return written(arguments, [number.replace("AT", path) for path in _paths(kinds[record])], names)
+
+    # numba passes types by the names of the function's arguments
+    text = f"def build({arguments}):\n    return source({record}={record})"
+    build = compile_source(text, "build", {"source": source})
+    options: Any = {**WITHOUT_ARRAYS, "pipeline_class": Part}
+    overload(function, jit_options=options)(build)
 
 
-def _doing(kind: Any, arguments: str, number: str) -> Any:
-    return written(arguments, [number.replace("AT", path) for path in _paths(kind)], {})
-
-
-def _compiled(function: Any) -> Any:
-    """Say what builds the compiled form of a function: the same for every device, for a CPU in less time."""
-    for_cpu: Any = {**WITHOUT_ARRAYS, "pipeline_class": Part}
-
-    def register(build: Any) -> Any:
-        overload(function, jit_options=for_cpu, target="cpu")(build)
-        return overload(function, jit_options=WITHOUT_ARRAYS)(build)
-
-    return register
-
-
-@_compiled(load)
-def _load(w, at, i):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
-    return _returning(at, "w, at, i", "w[atAT, i]")
-
-
-@_compiled(store)
-def _store(w, at, i, value):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
-    return _doing(at, "w, at, i, value", "w[atAT, i] = valueAT")
-
-
-@_compiled(read)
-def _read(array, at, first):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
-    return _returning(at, "array, at, first", "array[first + atAT]")
-
-
-@_compiled(write)
-def _write(array, at, value):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
-    return _doing(at, "array, at, value", "array[atAT] = valueAT")
-
-
-@_compiled(blend)
-def _blend(low, high, part):  # pyright: ignore[reportUnknownParameterType, reportMissingParameterType]  # noqa: ARG001
-    return _returning(low, "low, high, part", "lowAT + part * (highAT - lowAT)")
+_compiled(load, "w, at, i", "w[atAT, i]", returns=True)
+_compiled(store, "w, at, i, value", "w[atAT, i] = valueAT", returns=False)
+_compiled(read, "array, at, first", "array[first + atAT]", returns=True)
+_compiled(write, "array, at, value", "array[atAT] = valueAT", returns=False)
+_compiled(lerp, "low, high, part", "lowAT + part * (highAT - lowAT)", "low", returns=True)

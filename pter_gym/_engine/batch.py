@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pter_gym._compiled.records import flat, read
 from pter_gym._engine.kernels import advance_kernel, reset_kernel
-from pter_gym._engine.law import empty_memory, no_law
+from pter_gym._engine.law import check_law, compiling, empty_memory, no_law
 from pter_gym._engine.threads import Threads
 from pter_gym._engine.world import CONFIG, FLAGS, NEXT_STEP, REFUSE, ROW, SAME_STEP, SKIP, Config
 from pter_gym._engine.worlds import WorldArrays, listed
@@ -289,12 +289,14 @@ class Batch(WorldArrays):
         telemetry = np.full((steps, self.num_worlds, COLUMNS), np.nan)
         obs = obs.copy()
         memory = self.empty_memory() if memory is None else memory
+        check_law(law, self.layout.scales, gains, memory[0])
         config: Any = np.concatenate([self._config, gains])
         config[CONFIG.has_law] = 1.0
         rewards = np.empty(self.num_worlds)
         flags = np.zeros((FLAGS, self.num_worlds), np.bool_)
         worlds, kept = self._worlds.copy(), memory.copy()
-        refused = self._run(self._kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
+        with compiling(law):
+            refused = self._run(self._kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
         if refused >= 0:
             volts = self._row(refused)[[*ROW.command]]
             self._worlds[:], memory[:] = worlds, kept

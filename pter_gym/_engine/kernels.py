@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from pter_gym._compiled.compiler import compile_kernel, device, inlined
-from pter_gym._compiled.prefetch import LINE, prefetch
 from pter_gym._compiled.records import store
 from pter_gym._engine.episode import end_step, fetch_world, put_back, record_reset, start_episode, take_context
 from pter_gym._engine.law import no_law
@@ -146,7 +145,7 @@ def _begin_given(w: Any, lanes: int, actions: Any, begin: int, low: float, high:
 
 @device
 def _close(w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: int, k: int, held: int) -> None:
-    """End a control step of a block, write back the worlds that ended, and begin to fetch the next block.
+    """End a control step of a block, and write back the worlds that ended.
 
     It is step ``k`` of the ``held`` ones of an action, whose rewards add up. A world that ends earlier than the last of
     them, or begins a new episode, is done: it is written back, and runs along in its lane like one that has ended.
@@ -154,11 +153,7 @@ def _close(w: Any, worlds: Any, b: int, lanes: int, a: Arrays, t: int, ended: in
     width = worlds.shape[2]
     begin = b * width
     conclude_step(w, width, lanes, a.words, begin, a.config, a.constants, worlds.shape[1] > BASIC_ROWS)
-    rows = worlds.shape[1] if b + 1 < worlds.shape[0] else 0
     for i in range(lanes):
-        for row in range(i, rows, lanes):
-            for lane in range(0, width, LINE):
-                prefetch(worlds, b + 1, row, lane)
         began = was_alive(w, i)
         earned = w[ROW.reward, i] + (a.rewards[begin + i] if k > 0 else 0.0)
         over = w[ROW.alive, i] == 0.0 if began else k == 0

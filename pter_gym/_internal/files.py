@@ -1,12 +1,10 @@
 """Paths as users give them, and files that are written whole or not at all."""
 
 import os
-import re
 import secrets
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryFile
 
 from pter_gym.errors import ParameterError, StorageError
 
@@ -15,9 +13,6 @@ FilePath = str | os.PathLike[str]
 
 MAX_NAME_BYTES = 255
 """Longest name in a path that common file systems allow [B]."""
-
-TEMPORARY = re.compile(r"\.[0-9a-f]{16}\.tmp")
-"""Names of files that are being written."""
 
 
 def find_path(field: str, path: FilePath) -> Path:
@@ -35,20 +30,8 @@ def find_path(field: str, path: FilePath) -> Path:
 def check_target(field: str, path: Path) -> None:
     """Raise a ParameterError unless a file can be written: its folder exists and takes files."""
     folder = path.resolve().parent
-    if path.is_dir() or not folder.is_dir():
-        raise ParameterError(f"{field} must be a file in a folder that exists, got {str(path)!r}")
-    check_folder(field, folder)
-
-
-def check_folder(field: str, folder: Path) -> None:
-    """Raise a ParameterError unless a folder can be written to; this writes a temporary file."""
-    try:
-        with TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise ParameterError(
-            f"{field} must be in a folder that can be written to, got {str(folder)!r}: {error.strerror}"
-        ) from None
+    if path.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
+        raise ParameterError(f"{field} must be a file in a folder that can be written to, got {str(path)!r}")
 
 
 def write_bytes_atomic(path: FilePath, data: bytes) -> None:
@@ -62,11 +45,19 @@ def write_bytes_atomic(path: FilePath, data: bytes) -> None:
     StorageError
         If it cannot be written; an earlier file of that name stays as it was.
     """
-    target = find_path("path", path)
+    target = find_path("path", path).resolve()
+    temporary = target.with_name(f".{secrets.token_hex(8)}.tmp")
     try:
-        _replace(target, data)
+        with temporary.open("xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(target)
     except OSError as error:
-        raise StorageError(f"{str(target)!r} cannot be written: {error.strerror}") from error
+        raise StorageError(f"{os.fspath(path)!r} cannot be written: {error.strerror}") from error
+    finally:
+        with suppress(OSError):  # there is nothing to remove where nothing can be written
+            temporary.unlink(missing_ok=True)
 
 
 def write_text_atomic(path: FilePath, text: str) -> None:
@@ -80,22 +71,7 @@ def write_files_atomic(folder: FilePath, files: Mapping[str, bytes]) -> None:
         write_bytes_atomic(find_path("folder", folder) / name, data)
 
 
-def _replace(path: Path, data: bytes) -> None:
-    target = path.resolve()
-    temporary = target.with_name(f".{secrets.token_hex(8)}.tmp")
-    try:
-        with temporary.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(target)
-    finally:
-        with suppress(OSError):  # there is nothing to remove where nothing can be written
-            temporary.unlink(missing_ok=True)
-
-
 def remove_leftovers(folder: Path) -> None:
     """Remove the temporary files of killed processes from a folder, which no other process may write to now."""
-    for path in folder.glob(".*.tmp"):
-        if TEMPORARY.fullmatch(path.name):
-            path.unlink(missing_ok=True)
+    for path in folder.glob(f".{'[0-9a-f]' * 16}.tmp"):
+        path.unlink(missing_ok=True)

@@ -11,14 +11,10 @@ from pter_gym.errors import ParameterError, StorageError
 
 @contextmanager
 def locked(path: Path, *, busy: str | None = None) -> Generator[None]:
-    """Hold the lock of a file, which is not removed afterwards.
-
-    By default this waits for another process that holds it; with a message ``busy`` it raises a ParameterError. It
-    raises a StorageError if the file cannot be created.
-    """
+    """Hold the lock of a file; where a process holds it, wait, or raise a ParameterError that says ``busy``."""
     lock = FileLock(path)
     try:
-        lock.acquire(timeout=-1 if busy is None else 0)
+        lock.acquire(blocking=busy is None)
     except Timeout:
         raise ParameterError(busy) from None
     except OSError as error:

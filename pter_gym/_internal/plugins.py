@@ -1,7 +1,6 @@
 """What other packages and the tools register by entry points, so that the core imports none of them."""
 
 from importlib.metadata import EntryPoint, entry_points
-from importlib.util import find_spec
 from typing import Any
 
 from pter_gym.errors import DependencyError
@@ -11,8 +10,8 @@ COMMANDS, PICTURES = "pter.commands", "pter.pictures"
 
 
 def registered(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of a group by name, without those whose module is not there."""
-    return {entry.name: entry for entry in sorted(entry_points(group=group)) if _exists(entry.module)}
+    """Return the entry points of a group by name."""
+    return {entry.name: entry for entry in sorted(entry_points(group=group))}
 
 
 def load_artist(name: str) -> Any:
@@ -20,10 +19,3 @@ def load_artist(name: str) -> Any:
     if name not in (artists := registered(PICTURES)):
         raise DependencyError(f"nothing installed can draw {name!r}: run `pip install -e .` again where the source is")
     return artists[name].load()
-
-
-def _exists(module: str) -> bool:
-    try:
-        return find_spec(module) is not None
-    except ModuleNotFoundError:
-        return False

@@ -8,7 +8,7 @@ import math
 import os
 import tomllib
 import zlib
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -36,15 +36,7 @@ def reading(what: str) -> Generator[None, None, None]:
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """Return the content of a regular file.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If there is no such file, it is not a regular file, or it is larger than ``most`` [B].
-    """
+    """Return the content of a regular file of at most ``most`` [B], or raise an OSError or a ValueError."""
     if not path.is_file():
         raise ValueError("it is not a regular file" if os.path.lexists(path) else "there is no such file")
     with path.open("rb") as file:
@@ -67,26 +59,19 @@ def inflate(data: bytes, most: int) -> bytes:
 
 
 def parse_json(data: bytes, most: int = MOST_JSON) -> Any:
-    """Return the values in a JSON text in UTF-8, or raise a ValueError if it is larger than ``most`` [B] or no JSON.
-
-    All numbers are finite.
-    """
+    """Return the values in a JSON text of at most ``most`` [B] in UTF-8, all numbers finite, or raise a ValueError."""
     text = _bounded(data, most).decode("utf-8")
-    return _parsed(lambda: json.loads(text, parse_float=_finite, parse_constant=_finite))
+    try:
+        return json.loads(text, parse_float=_finite, parse_constant=_finite)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the values in a TOML text, or raise a ValueError if it is larger than ``MOST_TOML`` [B] or no TOML.
-
-    All numbers are finite.
-    """
+    """Return the values in a TOML text of at most ``MOST_TOML`` [B], all numbers finite, or raise a ValueError."""
     _bounded(text.encode(), MOST_TOML)
-    return _parsed(lambda: tomllib.loads(text, parse_float=_finite))
-
-
-def _parsed(parse: Callable[[], Any]) -> Any:
     try:
-        return parse()
+        return tomllib.loads(text, parse_float=_finite)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
 

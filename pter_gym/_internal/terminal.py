@@ -12,7 +12,7 @@ from threading import Thread
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from pter_gym._internal.files import FilePath, check_folder, find_path
+from pter_gym._internal.files import FilePath, check_target, find_path
 from pter_gym.errors import ParameterError
 
 GRACE = 0.3
@@ -20,13 +20,13 @@ GRACE = 0.3
 
 
 def make_folder(path: FilePath) -> None:
-    """Make a folder that can be written to, with some room, or raise a ParameterError."""
+    """Make a folder that can be written to, or raise a ParameterError."""
     path = find_path("out", path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ParameterError(f"out must be a folder that can be written to: {error}") from None
-    check_folder("out", path)
+    check_target("out", path / "file")
 
 
 def accept_all_characters() -> None:

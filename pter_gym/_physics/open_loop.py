@@ -52,7 +52,7 @@ class State:
     torque_breakaway, torque_dynamic
         Present torque limits of the four clutches [N·m], shape (4,).
     lagged_volts
-        Voltages behind the lag [V], shape (4,); they differ from the command with ``lag="voltage"`` only.
+        Lagged clutch voltages [V], shape (4,); they differ from the command with ``lag="voltage"`` only.
     """
 
     theta: Array
@@ -350,25 +350,26 @@ def _state_of(body: Array) -> State:
     )
 
 
-def _numbers(name: str, values: ArrayLike) -> Array:
+def numbers(name: str, values: ArrayLike) -> Array:
+    """Return an array of finite numbers, or raise a ParameterError."""
     try:
         array = np.asarray(values, np.float64)
     except (TypeError, ValueError):
-        raise ParameterError(f"{name} must be an array of finite numbers, got {values!r}") from None
+        raise ParameterError(f"{name} must be an array of finite numbers, got {values!r:.200}") from None
     if not np.isfinite(array).all():
         raise ParameterError(f"{name} must hold finite numbers only")
     return array
 
 
 def _vector(name: str, values: ArrayLike, width: int) -> Array:
-    array = _numbers(name, values)
+    array = numbers(name, values)
     if array.shape != (width,):
         raise ParameterError(f"{name} must have the shape ({width},), got {array.shape}")
     return array.copy()
 
 
 def _rows(name: str, values: ArrayLike, steps: int, width: int) -> Array:
-    array = _numbers(name, values)
+    array = numbers(name, values)
     if array.shape not in ((width,), (steps, width)):
         raise ParameterError(f"{name} must have the shape ({width},) or ({steps}, {width}), got {array.shape}")
     # a copy: a read-only view is another type, for which the kernel would be compiled again
@@ -377,10 +378,15 @@ def _rows(name: str, values: ArrayLike, steps: int, width: int) -> Array:
 
 def _volts(machine: Machine, volts: ArrayLike, steps: int) -> Array:
     rows = _rows("volts", volts, steps, 4)
-    top = machine.clutch.voltage_max
-    if rows.size and not (rows.min() >= 0.0 and rows.max() <= top):
-        raise ParameterError(f"volts must lie within [0, {top:g}] V")
+    check_volts(machine, rows)
     return rows
+
+
+def check_volts(machine: Machine, volts: Array) -> None:
+    """Raise a ParameterError unless voltages lie within a machine's range."""
+    top = machine.clutch.voltage_max
+    if volts.size and not (volts.min() >= 0.0 and volts.max() <= top):
+        raise ParameterError(f"volts must lie within [0, {top:g}] V")
 
 
 def _steps(machine: Machine, duration: float | None, *inputs: ArrayLike) -> int:

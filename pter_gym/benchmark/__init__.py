@@ -1,8 +1,8 @@
 """Run policies on the evaluation episodes of the scenarios, score and rank them.
 
-``episodes`` → ``simulation``, ``runs`` → ``metrics`` → ``statistics`` → ``ranking``, ``leaderboard``: episodes are
-simulated with policies, each run is scored, scores become intervals, and these a leaderboard. ``results`` stores runs
-in a folder, and ``verification`` repeats them.
+``episodes`` → ``simulation``, ``runs`` → ``scores`` → ``intervals`` → ``boards``: episodes are simulated with policies,
+each run is scored, scores become intervals, and these a leaderboard. ``results`` stores runs in a folder, and
+``verification`` repeats them.
 
 The names are imported when they are first used, so a policy can act without loading the code for scores.
 """
@@ -17,10 +17,10 @@ from pter_gym.scenarios import PACES
 if TYPE_CHECKING:
     from pter_gym.benchmark._examination import Assessment, Examination, examine
     from pter_gym.benchmark._naming import find_policy
-    from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards, print_boards
-    from pter_gym.benchmark.metrics import Score, score, score_episodes
+    from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards, suite_scores
     from pter_gym.benchmark.results import ResultsFolder
     from pter_gym.benchmark.runs import PerSeed, ScenarioRun, run_scenario
+    from pter_gym.benchmark.scores import Score, score, score_episodes
     from pter_gym.benchmark.verification import Verdict, verify
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "run_scenario",
     "score",
     "score_episodes",
+    "suite_scores",
     "verify",
 ]
 
@@ -50,10 +51,10 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
     submod_attrs={
         "_examination": ["Assessment", "Examination", "examine"],
         "_naming": ["find_policy"],
-        "leaderboard": ["Leaderboard", "leaderboards", "print_boards"],
-        "metrics": ["Score", "score", "score_episodes"],
+        "boards": ["Leaderboard", "leaderboards", "print_boards", "suite_scores"],
         "results": ["ResultsFolder"],
         "runs": ["PerSeed", "ScenarioRun", "run_scenario"],
+        "scores": ["Score", "score", "score_episodes"],
         "verification": ["Verdict", "verify"],
     },
 )

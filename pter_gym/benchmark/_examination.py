@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pter_gym._engine.batch import Batch
+from pter_gym.benchmark._measures import Travel
 from pter_gym.benchmark._naming import find_policy
-from pter_gym.benchmark._recorded import Travel
-from pter_gym.benchmark.metrics import Scores
-from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.scores import Scores
 from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit
 from pter_gym.controllers import bind
 from pter_gym.scenarios import find_scenario

@@ -1,16 +1,19 @@
 """Models trained with learning libraries, as policies; none of these libraries is imported here."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any, get_args
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.wrappers import NormalizeObservation
+from gymnasium.wrappers.vector import NormalizeObservation as VectorNormalizeObservation
 from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._internal.checks import whole_number
 from pter_gym.controllers import BoundPolicy
+from pter_gym.envs._acting import check_wrappers
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine
 from pter_gym.policies._interface import squared
@@ -20,7 +23,7 @@ Observations = NDArray[np.float32]
 Normalise = Callable[[Observations], Observations]
 
 
-def from_sb3(model: Any, vec_normalize: Any = None, frame_skip: int | None = None) -> "ModelPolicy":
+def from_sb3(model: Any, vec_normalize: Any = None, frame_skip: int | None = None, *, env: Any = None) -> "ModelPolicy":
     """Return a policy that runs a model deterministically in ``run_scenario``, with a recurrent state for each world.
 
     Parameters
@@ -30,23 +33,36 @@ def from_sb3(model: Any, vec_normalize: Any = None, frame_skip: int | None = Non
         clipped to its action space; they are normalised if the lower bound is negative, and volts otherwise.
     vec_normalize
         The wrapper that normalised observations in training: a ``VecNormalize`` or Gymnasium's
-        ``NormalizeObservation``. By default, the ``VecNormalize`` still attached to the model, if any. Its statistics
-        are used but not changed.
+        ``NormalizeObservation``. By default, the ``VecNormalize`` of the environment, if any. Its statistics are used
+        but not changed.
     frame_skip
         Number of control steps for which each action was held in training, and is held here; by default, that of the
-        environment still attached to the model, or 1.
+        environment.
+    env
+        The environment in which the model was trained, or one like it; by default, the one attached to the model,
+        otherwise that of ``vec_normalize``. A model that was loaded without either needs this or ``frame_skip``.
 
     Raises
     ------
     ParameterError
-        If observations or actions of the model are not those of an environment of this package, or ``frame_skip`` is
-        not a whole number ≥ 1.
+        If observations or actions of the model are not those of an environment of this package, another wrapper of
+        the environment changes them, or ``frame_skip`` is not known or not a whole number ≥ 1.
     """
-    own = getattr(model, "get_vec_normalize_env", lambda: None)
-    held = _frame_skip_of(getattr(model, "env", None)) if frame_skip is None else frame_skip
-    return ModelPolicy(
-        model, _normalising(own() if vec_normalize is None else vec_normalize), whole_number("frame_skip", held)
-    )
+    if env is None:
+        env = getattr(model, "env", None)
+    if env is None:
+        env = getattr(vec_normalize, "venv", getattr(vec_normalize, "env", None))
+    own = next((each for each in _wrappers(env) if _has_statistics(each)), None)
+    check_wrappers(env, known=own)
+    normalise = _normalising(own if vec_normalize is None else vec_normalize)
+    if frame_skip is None:
+        if env is None:
+            raise ParameterError(
+                "frame_skip must be given, as the model has no environment: from_sb3(model, env=env) takes it from the "
+                "environment of the training, from_sb3(model, frame_skip=3) states it"
+            )
+        frame_skip = _frame_skip_of(env)
+    return ModelPolicy(model, normalise, whole_number("frame_skip", frame_skip))
 
 
 def from_actions(act: Callable[[Observations], Any], env: Any) -> "ModelPolicy":
@@ -137,8 +153,20 @@ def _observed_by(model: Any) -> tuple[Sensors, Layout]:
     raise ParameterError(f"model.observation_space must be a Box of {known} entries, got {space}")
 
 
+def _wrappers(env: Any) -> Iterator[Any]:
+    """Yield an environment and what it wraps, from the outside in."""
+    while env is not None:
+        yield env
+        env = getattr(env, "venv", getattr(env, "env", None))
+
+
+def _has_statistics(wrapper: Any) -> bool:
+    """Return whether a wrapper is a ``VecNormalize`` or a ``NormalizeObservation``."""
+    return isinstance(wrapper, NormalizeObservation | VectorNormalizeObservation) or hasattr(wrapper, "normalize_obs")
+
+
 def _frame_skip_of(env: Any) -> int:
-    """Return for how many control steps an environment holds its actions, 1 if it does not say."""
+    """Return for how many control steps an environment holds its actions, 1 for any object that does not say."""
     inner = getattr(env, "unwrapped", env)
     try:
         return inner.get_attr("frame_skip")[0] if hasattr(inner, "get_attr") else inner.frame_skip
@@ -152,7 +180,7 @@ def _normalising(wrapper: Any) -> Normalise:
         return lambda obs: obs
     if callable(getattr(wrapper, "normalize_obs", None)):
         return wrapper.normalize_obs
-    if not all(hasattr(wrapper, name) for name in ("obs_rms", "epsilon")):
+    if not _has_statistics(wrapper):
         raise ParameterError(f"vec_normalize must be a VecNormalize or a NormalizeObservation, got {wrapper!r}")
 
     def standardised(obs: Observations) -> Observations:

@@ -1,12 +1,15 @@
-"""Building blocks of scores: parts of telemetry, and path error, pace and acceleration over many episodes."""
+"""What scores read from the telemetry of many episodes: error, pace and acceleration, each computed once."""
 
 import math
+from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym.tasks.path_following import TELEMETRY
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
+from pter_gym.tasks.path_following._rules import ALLOWANCE, START
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -121,3 +124,226 @@ def norm(vectors: Array) -> Array:
 def mean_over(values: ArrayLike, counted: Mask) -> Array:
     """Return the mean of the counted values over the first axis; at least one must count."""
     return np.where(counted, values, 0.0).sum(axis=0) / counted.sum(axis=0)
+
+
+START_UP = 0.2
+"""Start-up interval [s] that accelerations leave out: the push begins at once, and no policy causes its jolt.
+
+The calibration to the paper uses it too, so it stays a number of its own beside ``ALLOWANCE``.
+"""
+
+PRICE = 2.0
+"""Power of the time ratio by which the path error of a slow segment counts, and its slope for a fast one. With less, a
+slower ride within the limits would still pay, since errors grow with the speed."""
+
+
+class Travel:
+    """N episodes along their paths: everything needed for the scores that decide ranks.
+
+    Parameters
+    ----------
+    time, arc_length, errors, success
+        These fields of the telemetry, starting with the reset, shape (T + 1, N); NaN after the ends of the episodes.
+    tasks
+        The N tasks.
+    """
+
+    def __init__(
+        self, time: Array, arc_length: Array, errors: Array, success: Array, tasks: Sequence[PathFollowing]
+    ) -> None:
+        self.time, self.arc_length, self.errors, self.success = time, arc_length, np.abs(errors), success
+        self.length = np.array([task.path.length for task in tasks])
+        self.error_max = np.array([task.error_max for task in tasks])
+        self.pace = np.array([task.pace for task in tasks])
+        self.furthest = np.fmax.accumulate(np.concatenate([np.zeros_like(arc_length[:1]), arc_length]), axis=0)
+        self.clock = np.concatenate([time[:1], time])
+        self.end = np.nanmax(time, axis=0)
+
+    @cached_property
+    def marks(self) -> Marks:
+        """The instants when 0, 1, … ``SEGMENTS`` tenths of the paths were passed."""
+        return find_marks(self.furthest, self.length * np.linspace(0.0, 1.0, SEGMENTS + 1)[:, None])
+
+    @cached_property
+    def way_integral(self) -> Array:
+        """∫|e|ds up to each row [m²]."""
+        return way_integral(self.furthest, self.errors)
+
+    @cached_property
+    def worst(self) -> Array:
+        """The error charged for the part of the path not reached [m]: the largest one seen, at least the bound."""
+        return np.maximum(np.nanmax(self.errors, axis=0), self.error_max)
+
+    def mean_error(self) -> Array:
+        """Return the time average of the path error [m]."""
+        return mean_over(self.errors[1:], np.isfinite(self.time[1:]))
+
+    def path_average(self) -> Array:
+        """Return the path average of the path error [m]."""
+        return self._average_on_path(self.way_integral, self.worst)
+
+    def rms_error(self) -> Array:
+        """Return the root mean square of the path error over the path [m]."""
+        return np.sqrt(self._average_on_path(way_integral(self.furthest, self.errors**2), self.worst**2))
+
+    def _average_on_path(self, integral: Array, missed: Array) -> Array:
+        """Return an integral over the path (T + 2, N) divided by its length, with a value for the part not reached."""
+        whole: Array = self.marks.find(integral)[-1]
+        missing = np.maximum(self.length - self.furthest[-1], 0.0)
+        return np.where(np.isfinite(whole), whole, integral[-1] + missing * missed) / self.length
+
+    @cached_property
+    def lost_at_start(self) -> Array:
+        """Time that does not count [s]: the delay on the first ``START`` of the path, at most ``ALLOWANCE``."""
+        start = self.length * START
+        begun: Array = find_marks(self.furthest, start[None]).find(self.clock)[0]
+        return np.clip(np.where(np.isfinite(begun), begun, self.end) - start / self.pace, 0.0, ALLOWANCE)
+
+    @cached_property
+    def passed(self) -> Array:
+        """Counted times when the tenths of the path were passed [s]; the end of the episode for those never passed."""
+        times = self.marks.find(self.clock)
+        times = np.where(np.isfinite(times), times, self.end)
+        return np.concatenate([times[:1], times[1:] - self.lost_at_start])
+
+    @cached_property
+    def finished(self) -> Mask:
+        """Which segments were finished, (SEGMENTS, N)."""
+        return np.isfinite(self.marks.part[1:])
+
+    @cached_property
+    def relative_times(self) -> Array:
+        """Times spent in the segments over the time at the pace, (SEGMENTS, N)."""
+        return np.diff(self.passed, axis=0) / (self.length / SEGMENTS / self.pace)
+
+    def segment_errors(self) -> Array:
+        """Return the path errors of the segments [m], (SEGMENTS, N).
+
+        Each is the larger of the averages of |e| over the time and over the length of the segment, times its
+        ``pace_factor``. An unfinished segment counts with ``worst`` and with at least its time at the pace.
+        """
+        steps = np.nan_to_num(np.diff(self.clock, axis=0) * self.errors)
+        time_integral = np.concatenate([np.zeros_like(steps[:1]), steps.cumsum(axis=0)])
+        in_time, on_way = (np.diff(self.marks.find(each), axis=0) for each in (time_integral, self.way_integral))
+        spent = self.relative_times * (self.length / SEGMENTS / self.pace)
+        in_time = np.divide(in_time, spent, where=spent > 0.0, out=np.zeros_like(spent))
+        larger = np.maximum(in_time, on_way * SEGMENTS / self.length)
+        ratios = np.where(self.finished, self.relative_times, np.maximum(self.relative_times, 1.0))
+        return np.where(self.finished, larger, self.worst) * pace_factor(ratios)
+
+    def path_error(self) -> Array:
+        """Return the mean of the segments' path errors [m], by which policies rank.
+
+        It is at most ``worst``, so an episode with a lost policy counts no more however long it was stuck.
+        """
+        return np.minimum(self.segment_errors().mean(axis=0), self.worst)
+
+    def later_path_error(self) -> Array:
+        """Return the path error without the first segment [m]."""
+        return np.minimum(self.segment_errors()[1:].mean(axis=0), self.worst)
+
+    def mean_pace_error(self) -> Array:
+        """Return the pace error of the whole path."""
+        return pace_errors(self.relative_times.sum(axis=0) / SEGMENTS, self.finished[-1])
+
+    def segment_pace_error(self) -> Array:
+        """Return the mean pace error of the segments."""
+        return pace_errors(self.relative_times, self.finished).mean(axis=0)
+
+    def mean_pace(self) -> Array:
+        """Return the mean speed along the path [m/s]; 0 where the tip never left the start."""
+        return _speed(np.minimum(self.furthest[-1], self.length), self.passed[-1])
+
+    def cruising_pace(self) -> Array:
+        """Return the mean speed along the path after its first segment [m/s]; 0 where the tip never got there."""
+        way = np.minimum(self.furthest[-1], self.length) - self.length / SEGMENTS
+        return _speed(way, self.passed[-1] - self.passed[1])
+
+    def completed(self) -> Mask:
+        """Return whether the end of the path was reached."""
+        return (self.success[1:] == 1.0).any(axis=0)
+
+
+class Recorded(Travel):
+    """N episodes with all their telemetry; parameters as in ``score_episodes``."""
+
+    def __init__(self, telemetry: Array, tasks: Sequence[PathFollowing], voltage_max: float) -> None:
+        time, arc_length, errors, success = (
+            column(telemetry, name) for name in ("time", "arc_length", "normal_error", "is_success")
+        )
+        super().__init__(time, arc_length, errors, success, tasks)
+        self.telemetry = telemetry
+        self.steps = telemetry[1:]
+        self.alive = np.isfinite(self.time[1:])
+        self.period = tasks[0].control_period
+        self.voltage_max = voltage_max
+
+    @cached_property
+    def volts(self) -> Array:
+        """Clutch voltages [V], (T, N, 4)."""
+        return four(self.steps, "volts")
+
+    @cached_property
+    def speed(self) -> Array:
+        """Speed of the tip [m/s], (T, N)."""
+        return norm(vector(self.steps, "tip_velocity"))
+
+    @cached_property
+    def counted(self) -> Mask:
+        """Control steps whose accelerations count, (T, N): all after the start-up, or all if there are none."""
+        settled = self.alive & (column(self.steps, "time") > START_UP)
+        return np.where(settled.any(axis=0), settled, self.alive)
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """Acceleration of the tip after the low-pass [m/s²], (T, N)."""
+        return norm(low_pass(vector(self.steps, "acceleration"), self.period))
+
+    def mean(self, values: ArrayLike) -> Array:
+        """Return the mean over an episode of values (T, N)."""
+        return mean_over(values, self.alive)
+
+    def total(self, name: str) -> Array:
+        """Return the sum over an episode of a field of the telemetry."""
+        return np.nansum(column(self.steps, name), axis=0)
+
+    def mean_of(self, acceleration: Array) -> Array:
+        """Return the time average of an acceleration."""
+        return mean_over(acceleration, self.counted)
+
+    def rms_of(self, acceleration: Array) -> Array:
+        """Return the root mean square of an acceleration."""
+        return np.sqrt(mean_over(acceleration**2, self.counted))
+
+    def peak_of(self, acceleration: Array) -> Array:
+        """Return the largest of an acceleration."""
+        return np.where(self.counted, acceleration, 0.0).max(axis=0)
+
+    def way(self) -> Array:
+        """Return the distance travelled by the tip [m]."""
+        return np.nansum(norm(np.diff(vector(self.telemetry, "tip"), axis=0)), axis=0)
+
+    def effort(self) -> Array:
+        """Return the mean of (V/V_max)² over time and clutches."""
+        return self.mean(((self.volts / self.voltage_max) ** 2).mean(axis=-1))
+
+    def saturated(self) -> Array:
+        """Return the fraction of the time with a clutch at its largest voltage."""
+        return self.mean((self.volts >= (1.0 - 1e-6) * self.voltage_max).any(axis=-1))
+
+    def smoothness(self) -> Array:
+        """Return −ln of the dimensionless jerk."""
+        return smoothness(self.speed, vector(self.steps, "acceleration"), self.counted, self.period)
+
+
+def pace_factor(ratios: Array) -> Array:
+    """Return the weight of a segment's error, given its time over the time at the pace: 1 for a ratio of 1, else more.
+
+    For a ratio r, the weight is r to the power of ``PRICE`` if too slow, r > 1, and 1 + ``PRICE``·(1 − r) if too fast.
+    """
+    return np.where(ratios > 1.0, ratios**PRICE, 1.0 + PRICE * (1.0 - ratios))
+
+
+def _speed(way: Array, time: Array) -> Array:
+    """Return the mean speed [m/s], 0 where no time was spent."""
+    return np.divide(way, time, where=time > 0.0, out=np.zeros_like(way))

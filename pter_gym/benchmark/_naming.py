@@ -48,6 +48,9 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
     name = text_of(name)
     if is_code(name):
         return _import(name)
+    if name.endswith(".py"):
+        module = name.removesuffix(".py").replace(os.sep, ".").strip(".")
+        raise ParameterError(f"policies must name an attribute of a module, as in {module}:policy, got {name!r:.200}")
     known = (*CONTROLLERS, *TUNED, *shipped_policies())
     if is_path(name) or name in shipped_policies() or (name not in known and is_here(name)):
         return read_policy(name)
@@ -75,7 +78,8 @@ def text_of(name: FilePath) -> str:
     if isinstance(given, str):
         return given
     if not isinstance(given, os.PathLike):
-        raise ParameterError(f"policies must be names or paths, got {given!r:.200}")
+        hint = "; give a policy of your own under a name, as in {'mine': policy}" if callable(given) else ""
+        raise ParameterError(f"policies must be names or paths, got {given!r:.200}{hint}")
     text = str(find_path("policies", name))
     return text if is_path(text) else f"./{text}"
 
@@ -98,4 +102,11 @@ def _import(name: str) -> Any:
         found = entry.load()
     except (ImportError, AttributeError) as error:
         raise ParameterError(f"policies must name code that can be imported, got {name!r}: {error}") from None
-    return found() if isinstance(found, type) else found
+    if not isinstance(found, type):
+        return found
+    try:
+        return found()
+    except TypeError as error:
+        raise ParameterError(
+            f"policies must name an instance, or a class that needs no arguments, got {name!r}: {error}"
+        ) from None

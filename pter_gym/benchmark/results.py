@@ -12,9 +12,10 @@ import numpy as np
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.reading import MOST_JSON, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
-from pter_gym.benchmark.leaderboard import Leaderboard, leaderboards
-from pter_gym.benchmark.metrics import SCORES
+from pter_gym._version import __version__
+from pter_gym.benchmark.boards import Leaderboard, leaderboards, suite_scores
 from pter_gym.benchmark.runs import ScenarioRun
+from pter_gym.benchmark.scores import SCORES
 from pter_gym.errors import DataError, ParameterError
 
 NAMES = ("version", "scenario", "pace", "policy", "training_seed", "seed")
@@ -69,8 +70,13 @@ class ResultsFolder:
     def summarise(self) -> tuple[Leaderboard, ...]:
         """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
         self.make()
-        boards = leaderboards(self.runs())
-        content = {"leaderboards": [board.as_json() for board in boards]}
+        runs = self.runs()
+        boards = leaderboards(runs)
+        suite = suite_scores([run for run in runs if run.version == __version__])
+        content = {
+            "suite": {name: score.ratio._asdict() for name, score in suite.items()},
+            "leaderboards": [board.as_json() for board in boards],
+        }
         write_text_atomic(self.summary, json.dumps(content, indent=2, allow_nan=False) + "\n")
         return boards
 

@@ -1,8 +1,9 @@
 """Run policies on the evaluation episodes of a scenario, at each commanded pace."""
 
-from collections.abc import Callable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -13,10 +14,10 @@ from pter_gym._internal.files import FilePath
 from pter_gym._version import __version__
 from pter_gym.benchmark._naming import check_name, find_policy, text_of
 from pter_gym.benchmark.episodes import Episodes, find_episodes
-from pter_gym.benchmark.metrics import SCORES, Scores, score_episodes
+from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
 from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
 from pter_gym.controllers import Controller, bind
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import observation_layout
@@ -36,6 +37,10 @@ class PerSeed:
 
     def __post_init__(self) -> None:
         """Check that no policy appears twice: a copy does not count as another seed."""
+        given = cast("object", self.policies)
+        if isinstance(given, str) or not isinstance(given, Iterable):
+            raise ParameterError(f"policies must be a sequence of policies, one for each seed, got {given!r:.200}")
+        object.__setattr__(self, "policies", tuple(self.policies))
         if not self.policies or len({id(each) for each in self.policies}) < len(self.policies):
             raise ParameterError(f"policies must be one or more, all of them different, got {self.policies!r:.200}")
 
@@ -75,13 +80,13 @@ class ScenarioRun:
         return len(self.strata)
 
 
-Policies = Mapping[str, AnyPolicy | PerSeed] | Sequence[FilePath]
+Policies = Mapping[str, AnyPolicy | PerSeed | FilePath] | Sequence[FilePath] | FilePath
 
 
 def run_scenario(
     scenario: str,
     policies: Policies,
-    paces: Sequence[str] = tuple(PACES),
+    paces: Sequence[str] | str = tuple(PACES),
     *,
     episodes: int | None = None,
     seed: int | None = None,
@@ -97,9 +102,9 @@ def run_scenario(
         Its name.
     policies
         By name: controllers, which are bound to the nominal machine, any ``policy(observations) -> volts``, float32
-        (N, entries) to (N, 4), or a ``PerSeed``. Or a list of names of built-in policies and paths of exported ones.
+        (N, entries) to (N, 4), a ``PerSeed``, or what ``find_policy`` takes. Or a list of names that it takes.
     paces
-        Names of commanded paces.
+        Names of commanded paces, or one name.
     episodes
         How many episodes to run, starting with the first; all by default.
     seed
@@ -121,7 +126,7 @@ def run_scenario(
     from pter_gym.benchmark.results import ResultsFolder
 
     named = _named(policies, scenario)
-    sets = {pace: find_episodes(scenario, pace, seed) for pace in names_in("paces", paces)}
+    sets = {pace: find_episodes(scenario, pace, seed) for pace in map(_name_of, names_in("paces", paces))}
     if episodes is not None:
         sets = {pace: full.first(episodes) for pace, full in sets.items()}
     folder = results if results is None or isinstance(results, ResultsFolder) else ResultsFolder(results)
@@ -161,31 +166,34 @@ def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2) -> Sco
     return {name: np.concatenate([part[name] for part in parts]) for name in SCORES}
 
 
-def join_seeds(runs: Sequence[ScenarioRun]) -> ScenarioRun:
-    """Join the runs of one policy's training seeds on the same episodes into one; seeds become a further stratum."""
-    if len(runs) == 1:
-        return runs[0]
-    return replace(
-        runs[0],
-        strata=tuple(f"{stratum}, seed {run.training_seed}" for run in runs for stratum in run.strata),
-        scores={name: np.concatenate([run.scores[name] for run in runs]) for name in SCORES},
-    )
-
-
 def versions_of(policy: AnyPolicy | PerSeed) -> tuple[AnyPolicy, ...]:
     """Return a policy's version from each of its training seeds."""
     return policy.policies if isinstance(policy, PerSeed) else (policy,)
 
 
+def _name_of(pace: object) -> str:
+    """Return the name of a commanded pace given by its name or its speed [m/s], or raise a ParameterError."""
+    names = {speed: name for name, speed in PACES.items()}
+    if pace not in PACES and pace not in names:
+        raise unknown_name("paces", str(pace), PACES)
+    return names.get(cast("float", pace), str(pace))
+
+
 def _named(policies: Policies, scenario: str) -> Mapping[str, AnyPolicy | PerSeed]:
     """Return the policies by name, or raise a ParameterError for one that cannot be scored under its name."""
     if not isinstance(policies, Mapping):
-        policies = {(name := text_of(given)): find_policy(name, scenario) for given in names_in("policies", policies)}
+        policies = {text_of(given): given for given in names_in("policies", cast("Sequence[FilePath]", policies))}
     if not policies:
         raise ParameterError("policies must hold at least one name")
-    for name, policy in policies.items():
+    found: dict[str, AnyPolicy | PerSeed] = {}
+    for name, given in policies.items():
         check_name(name)
+        named = isinstance(given, (str, os.PathLike))
+        policy = find_policy(cast("FilePath", given), scenario) if named else cast("AnyPolicy | PerSeed", given)
         for each in cast("tuple[object, ...]", versions_of(policy)):
             if not isinstance(each, Controller) and not callable(each):
-                raise ParameterError(f"policies must have a method bind or be callable, {name!r} is {each!r:.200}")
-    return policies
+                raise ParameterError(
+                    f"policies must be names, or have a method bind or be callable, {name!r} is {each!r:.200}"
+                )
+        found[name] = policy
+    return found

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import compile_kernel
 from pter_gym._compiled.layout import Layout
-from pter_gym._engine.law import Memory, empty_memory
+from pter_gym._engine.law import Memory, check_law, compiling, empty_memory
 from pter_gym._internal.checks import whole_number
 from pter_gym.controllers._laws import built_in
 from pter_gym.errors import ParameterError
@@ -166,8 +166,9 @@ class Policy(BoundPolicy):
     compiled = True
 
     def __post_init__(self) -> None:
-        """Start with an empty memory."""
+        """Check the law, and start with an empty memory."""
         self._scales = self.layout.scales
+        check_law(self.law, self._scales, self.gains, self.empty_memory(1)[0])
         self.reset()
 
     def reset(self, worlds: Mask | None = None) -> None:
@@ -194,7 +195,8 @@ class Policy(BoundPolicy):
             The law's state in each world, from ``empty_memory``; it is updated in place.
         """
         volts = np.empty((len(rows), 4), np.float32)
-        _act_kernel(self.law)(rows, self._scales, self.gains, memory, volts)
+        with compiling(self.law):
+            _act_kernel(self.law)(rows, self._scales, self.gains, memory, volts)
         return volts
 
     def empty_memory(self, worlds: int) -> NDArray[np.float64]:

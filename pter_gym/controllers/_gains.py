@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import device
-from pter_gym._compiled.records import Entry, blend, flat, read, rows, width
+from pter_gym._compiled.records import Entry, flat, lerp, read, rows, width
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
@@ -123,7 +123,7 @@ def read_gains(gains: Any, pace: float) -> Gains:
             part = between((pace - gains[paces + k]) / (gains[paces + k + 1] - gains[paces + k]), 0.0, 1.0)
     here = paces + count + low * WIDTH
     there = here + (WIDTH if count > 1 else 0)
-    return blend(read(gains, GAIN, here), read(gains, GAIN, there), part)
+    return lerp(read(gains, GAIN, here), read(gains, GAIN, there), part)
 
 
 @device

@@ -141,16 +141,19 @@ def attributes(env: Any, name: str) -> set[Any]:
         ) from None
 
 
-def check_wrappers(env: Any) -> None:
-    """Raise a ParameterError if a wrapper changes observations or actions: by its kind, or as ``VecNormalize`` does."""
+def check_wrappers(env: Any, known: Any = None) -> None:
+    """Raise a ParameterError if a wrapper changes observations or actions: by its kind, or as ``VecNormalize`` does.
+
+    ``known`` is a wrapper that may.
+    """
     normalises = hasattr(env, "normalize_obs") and getattr(env, "norm_obs", True)
-    if isinstance(env, CHANGING) or normalises:
+    if env is not known and (isinstance(env, CHANGING) or normalises):
         raise ParameterError(
             f"env must pass on observations and actions as they are: its wrapper {type(env).__name__} changes them"
         )
     for inner in (getattr(env, "venv", None), getattr(env, "env", None), *getattr(env, "envs", ())):
         if inner is not None:
-            check_wrappers(inner)
+            check_wrappers(inner, known)
 
 
 def check_spaces(env: Any, layout: Layout, voltage_max: float) -> bool:

@@ -41,7 +41,7 @@ _ENERGIES = range(int(BODY.energy.hand_work), int(BODY.energy.residual) + 1)
 
 
 @device
-def by_momentum(
+def momentum_bar(
     m11: float, m12: float, m22: float, omega_a: float, omega_b: float, by_a: float, by_b: float, slip: PerClutch
 ) -> tuple[float, float]:
     """Return the adjoint of the momentum from which friction leaves the velocities ω, by that of ω.
@@ -62,7 +62,7 @@ def by_momentum(
 
 
 @device
-def by_capacity(slip: float, by_slip: float) -> float:
+def capacity_bar(slip: float, by_slip: float) -> float:
     """Return the adjoint of a clutch's largest impulse, by that of an impulse along its slip."""
     return 0.0 if slip == 0.0 else -sign(slip) * by_slip
 
@@ -83,11 +83,11 @@ def resolve_adjoint(
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Return the adjoints of M (3), p (2) and c (4) of ``friction.resolve``, by those of the velocities ω.
 
-    With P of ``by_momentum``, ω changes by P·(dp − dM·ω − Σ_x W_xᵀ·sign(W_x·ω)·dc_x).
+    With P of ``momentum_bar``, ω changes by P·(dp − dM·ω − Σ_x W_xᵀ·sign(W_x·ω)·dc_x).
     """
     _ = p_a, p_b, c
     slip = slip_velocities(omega_a, omega_b, own)
-    q_a, q_b = by_momentum(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)
+    q_a, q_b = momentum_bar(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)
     along = slip_velocities(q_a, q_b, own)
     return (
         -q_a * omega_a,
@@ -95,10 +95,10 @@ def resolve_adjoint(
         -q_b * omega_b,
         q_a,
         q_b,
-        by_capacity(slip.x1, along.x1),
-        by_capacity(slip.x2, along.x2),
-        by_capacity(slip.x3, along.x3),
-        by_capacity(slip.x4, along.x4),
+        capacity_bar(slip.x1, along.x1),
+        capacity_bar(slip.x2, along.x2),
+        capacity_bar(slip.x3, along.x3),
+        capacity_bar(slip.x4, along.x4),
     )
 
 
@@ -129,7 +129,7 @@ def resolve_tangent(
     less_a, less_b = torques_on_links(sliding_torques(slip, PerClutch(d1, d2, d3, d4)), own)
     by_a = d_a - d11 * omega_a - d12 * omega_b + less_a
     by_b = d_b - d12 * omega_a - d22 * omega_b + less_b
-    return by_momentum(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)
+    return momentum_bar(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)
 
 
 FRICTION = Rule(resolve, resolve_adjoint, resolve_tangent, 9, 2, (PerClutch, Arrangement))

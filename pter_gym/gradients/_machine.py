@@ -17,14 +17,14 @@ from pter_gym.gradients._tracing import adjoint_of
 from pter_gym.params import Machine, find_machine
 from pter_gym.params._connection import BRAKE_A, BRAKE_B
 
-MOST_SUBSTEPS = 10_000
+MAX_SUBSTEPS = 10_000
 
 
 def divided(machine: Machine | str | None, period: float) -> tuple[Machine, int]:
     """Return a machine whose substeps fill a control step of a period [s], and their number."""
     found = find_machine(machine)
-    if not 0.0 < period <= MOST_SUBSTEPS * found.substep:
-        raise ParameterError(f"period must be > 0 s and at most {MOST_SUBSTEPS * found.substep:g} s, got {period!r}")
+    if not 0.0 < period <= MAX_SUBSTEPS * found.substep:
+        raise ParameterError(f"period must be > 0 s and at most {MAX_SUBSTEPS * found.substep:g} s, got {period!r}")
     count = math.ceil(period / found.substep * (1.0 - 1e-9))
     substep = period / count
     return found if substep == found.substep else replace(found, substep=substep), count

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pter_gym._physics.open_loop import BODY_WIDTH, State, body_of
+from pter_gym._physics.open_loop import BODY_WIDTH, State, body_of, check_volts, numbers
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.gradients._adjoint import FIRST, LAST, kernels
 from pter_gym.gradients._machine import by_machine, divided
@@ -72,7 +72,7 @@ class Rollout:
     torque_breakaway, torque_dynamic
         Torque limits of the clutches [N·m], shape (N + 1, 4).
     lagged_volts
-        Voltages behind the lag [V], shape (N + 1, 4).
+        Lagged clutch voltages [V], shape (N + 1, 4).
     tip_position, tip_velocity
         World frame, origin on the axis of the drive [m, m/s], shape (N + 1, 2).
     """
@@ -104,7 +104,7 @@ class Rollout:
         Raises
         ------
         ParameterError
-            If there is no such attribute, a shape is wrong, or an array is not of finite floating-point numbers.
+            If there is no such attribute, a shape is wrong, or an array is not of finite numbers.
         """
         given = {name: self._derivative(name, values) for name, values in by.items()}
         by_states, by_lengths = self._by_states(given)
@@ -117,7 +117,7 @@ class Rollout:
         known = (*STATE, "tip_position", "tip_velocity")
         if name not in known:
             raise ParameterError(f"the derivative must be by one of {', '.join(known)}, got {name!r}")
-        array = floats(name, values)
+        array = numbers(name, values)
         wanted = getattr(self, name).shape
         if array.shape != wanted:
             raise ParameterError(f"the derivative by {name} must have the shape {wanted}, got {array.shape}")
@@ -174,7 +174,7 @@ def rollout(
     Raises
     ------
     ParameterError
-        If a shape is wrong, an array is not of finite floating-point numbers, or a voltage is out of range.
+        If a shape is wrong, an array is not of finite numbers, or a voltage is out of range.
     DivergenceError
         If the motion diverges: the substep is too long for so fast a motion.
     """
@@ -193,12 +193,10 @@ def checked(
     held, substeps = divided(machine, period)
     if hand_target is None and held.hand.stiffness > 0.0:
         raise ParameterError("hand_target is needed: the hand has a stiffness")
-    given = floats("volts", volts)
+    given = numbers("volts", volts)
     if given.ndim != 2 or given.shape[1] != 4 or not len(given):
         raise ParameterError(f"volts must have the shape (N, 4) with N ≥ 1, got {given.shape}")
-    top = held.clutch.voltage_max
-    if not (given.min() >= 0.0 and given.max() <= top):
-        raise ParameterError(f"volts must lie within [0, {top:g}] V")
+    check_volts(held, given)
     shape = len(given), substeps, 2
     target = np.zeros(2) if hand_target is None else hand_target
     return Inputs(
@@ -246,22 +244,8 @@ def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
     return Gradient(volts, force, target, _state_of(first), by_machine(inputs.machine, bar))
 
 
-def floats(name: str, values: ArrayLike) -> Array:
-    """Return an array of finite floating-point numbers, or raise a ParameterError."""
-    try:
-        array = np.asarray(values)
-    except ValueError:
-        raise ParameterError(f"{name} must be an array of floating-point numbers, got {values!r:.200}") from None
-    kind = array.dtype
-    if not np.issubdtype(kind, np.floating):
-        raise ParameterError(f"{name} must be floating-point numbers, which have derivatives, got {kind}")
-    if not np.isfinite(array).all():
-        raise ParameterError(f"{name} must hold finite numbers only")
-    return array.astype(np.float64)
-
-
 def _in_substeps(name: str, values: ArrayLike, shape: tuple[int, int, int]) -> Array:
-    array, (steps, _, width) = floats(name, values), shape
+    array, (steps, _, width) = numbers(name, values), shape
     if array.shape not in ((width,), (steps, width), shape):
         raise ParameterError(f"{name} must have the shape ({width},), ({steps}, {width}) or {shape}, got {array.shape}")
     spread = array[:, None] if array.ndim == 2 else array

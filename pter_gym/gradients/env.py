@@ -26,7 +26,7 @@ from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym.envs import jax as door
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.gradients._branchless import Column, branchless
-from pter_gym.gradients.jax import MEANING, custom_vmap, floats_of, jax, jnp, lax, rolling
+from pter_gym.gradients.jax import MEANING, custom_vmap, first_order, floats_of, jax, jnp, lax, rolling
 from pter_gym.paths._projection import foot_on, project, segment_at
 from pter_gym.tasks.path_following._observation import BOUND
 
@@ -264,6 +264,7 @@ def _advancing(advance: Any, config: Config, frame_skip: int, episode_end: Episo
     """Return a step as a function of a world's numbers, an action, the other parts of its state, and what is shared."""
     follow = _following(config, frame_skip)
 
+    @first_order
     def run(numbers: Any, action: Any, state: Any, shared: Any) -> Any:
         del numbers
         (world, episode), *rest = advance(state, action, shared)

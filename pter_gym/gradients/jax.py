@@ -82,6 +82,18 @@ MEANING: dict[str, Any] = {
 """What functions of the simulator need to be functions of JAX; see ``branchless``."""
 
 
+def first_order(function: Any) -> Any:
+    """Return a function that raises a ParameterError where it is differentiated itself."""
+    custom: Any = jax.custom_jvp
+    once = custom(function)
+
+    def refuse(*_: Any) -> None:
+        raise ParameterError("derivatives must be first ones in reverse mode (jax.grad, jax.vjp, jax.jacrev)")
+
+    once.defjvp(refuse)
+    return once
+
+
 class Motion(NamedTuple):
     """The attributes of ``Rollout``, at N + 1 control instants, as JAX arrays."""
 
@@ -115,7 +127,7 @@ def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> 
     ------
     ParameterError
         If JAX would run this on anything but a CPU, an argument is out of range, or in the call a shape is
-        wrong or an array is not of floating-point numbers.
+        wrong or an array is not of numbers.
     """
     if jax.default_backend() != "cpu":
         raise ParameterError(f"JAX's platform must be cpu, got {jax.default_backend()}: set JAX_PLATFORMS=cpu")
@@ -166,8 +178,8 @@ def _motion(states: jax.Array, lengths: jax.Array) -> Motion:
 
 def _floats(name: str, values: Any, shape: tuple[int, ...]) -> jax.Array:
     array = jnp.asarray(values)
-    if not jnp.issubdtype(array.dtype, jnp.floating):
-        raise ParameterError(f"{name} must be floating-point numbers, which have derivatives, got {array.dtype}")
+    if array.dtype.kind not in "fiu":
+        raise ParameterError(f"{name} must be an array of numbers, got {array.dtype}")
     if array.shape != shape:
         raise ParameterError(f"{name} must have the shape {shape}, got {array.shape}")
     return array.astype(jnp.result_type(float))
@@ -192,18 +204,23 @@ def rolling(papers: bool, substep: float) -> Any:
         found = many(tuple(words[None] for words in (h, *map(_words, given))), ())
         return tuple(floats_of(words[0]).reshape(shape) for words, shape in zip(found, results, strict=True))
 
+    @first_order
     def run(body: Any, volts: Any, force: Any, target: Any) -> Any:
         return call("forward", ((len(volts) + 1, LAST - FIRST),), (body, volts, force, target))[0]
+
+    @first_order
+    def back(*given: Any) -> Any:
+        return call("backward", tuple(each.shape for each in given[:4]), given)
 
     custom: Any = jax.custom_vjp
     roll = custom(run)
 
     def keep(*given: Any) -> Any:
-        states = roll(*given)
+        states = run(*given)
         return states, (*given, states)
 
     def pull(kept: Any, by_states: Any) -> Any:
-        return call("backward", tuple(each.shape for each in kept[:4]), (*kept, by_states))
+        return back(*kept, by_states)
 
     roll.defvjp(keep, pull)
     return roll

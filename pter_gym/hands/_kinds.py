@@ -6,7 +6,7 @@ point that moves along the path; recorded forces add to the rest.
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._internal.files import FilePath
-from pter_gym._internal.tables import read_columns
+from pter_gym._internal.tables import read_table
 from pter_gym._physics.arm import UnitVector
 from pter_gym.errors import ParameterError
 from pter_gym.hands._model import NO_FORCE, SINES, HandModel, PerSine, Sines
@@ -24,8 +24,11 @@ from pter_gym.params._fields import SHIPPED
 EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
 """Frequencies of Eq. 5 [Hz]: sin(2ⁿπt) for n = 0 … 4."""
 
-MOST_INSTANTS = 1_000_000
+MAX_INSTANTS = 1_000_000
 """Most control periods that a recording may take: almost three hours at 100 Hz."""
+
+MAX_INTERVAL = 0.5
+"""Longest usual time between rows of a recording in a file [s]."""
 
 NO_HAND = Hand()
 """What a hand adds to the arm that is a force alone."""
@@ -171,8 +174,8 @@ class RecordedForces(Operator):
         """Check that there are as many forces as times, and that these rise from 0."""
         accepted = "a tuple of finite numbers, rising from 0"
         require_numbers(self, "times", accepted)
-        rises = all(a < b for a, b in zip(self.times[:-1], self.times[1:], strict=True))
-        require(self.times[:1] == (0.0,) and rises, self, "times", _shortened(self.times), accepted)
+        if fault := fault_in(self.times, lambda k: f"entry {k}"):
+            raise ParameterError(f"RecordedForces.times must be {accepted}, but {fault}")
         for name in ("along", "across"):
             require_numbers(self, name, f"a tuple of {len(self.times)} finite numbers", count=len(self.times))
 
@@ -187,10 +190,10 @@ class RecordedForces(Operator):
         Raises
         ------
         ParameterError
-            If there are more than ``MOST_INSTANTS``.
+            If there are more than ``MAX_INSTANTS``.
         """
-        longest = MOST_INSTANTS * period
-        require(self.times[-1] <= longest, self, "times", _shortened(self.times), f"in seconds, up to {longest:g} s")
+        longest = MAX_INSTANTS * period
+        require(self.times[-1] <= longest, self, "times", self.times[-1], f"in seconds, up to {longest:g} s")
         instants = period * np.arange(math.ceil(self.times[-1] / period) + 1)
         return np.stack([np.interp(instants, self.times, force) for force in (self.along, self.across)], axis=1)
 
@@ -201,14 +204,29 @@ def read_forces(file: FilePath) -> RecordedForces:
     Raises
     ------
     ParameterError
-        If the file cannot be read, a column is missing, a number is not finite, or the times do not rise from 0.
+        If the file cannot be read, a column is missing, a number is not finite, the times do not rise from 0, or rows
+        are more than ``MAX_INTERVAL`` apart, as where times are milliseconds; it names the line.
     """
-    columns = read_columns(file, ("time", "along", "across"))
+    columns, lines = read_table(file, ("time", "along", "across"))
     times, along, across = (tuple(columns[name].tolist()) for name in ("time", "along", "across"))
-    try:
-        return RecordedForces(times=times, along=along, across=across)
-    except ParameterError as error:
-        raise ParameterError(f"{file}: {error}") from None
+    if fault := fault_in(times, lambda k: f"line {lines[k]}"):
+        raise ParameterError(f"{file}, {fault}")
+    if len(times) > 1 and np.median(np.diff(times)) > MAX_INTERVAL:
+        raise ParameterError(
+            f"{file}: time must have rows at most {MAX_INTERVAL:g} s apart, got {np.median(np.diff(times)):g}: "
+            "are these seconds?"
+        )
+    return RecordedForces(times=times, along=along, across=across)
+
+
+def fault_in(times: Sequence[float], label: Callable[[int], str]) -> str | None:
+    """Return what is wrong with the first time that a recording cannot have; ``label`` names times by their number."""
+    if not times:
+        return "there is no time"
+    if times[0] != 0.0:
+        return f"{label(0)}: time must begin at 0, got {times[0]:.9g}"
+    falls = (k for k in range(1, len(times)) if not times[k - 1] < times[k])
+    return next((f"{label(k)}: time {times[k]:.9g} does not rise from that of {label(k - 1)}" for k in falls), None)
 
 
 def check_sines(hand: MultiSineHand | HumanArm) -> None:
@@ -217,10 +235,6 @@ def check_sines(hand: MultiSineHand | HumanArm) -> None:
         require_numbers(hand, name, f"a tuple of {SINES} finite numbers", count=SINES)
     require(min(hand.frequencies) >= 0.0, hand, "frequencies", hand.frequencies, "≥ 0")
     require_flag(hand, "random_phases")
-
-
-def _shortened(values: Sequence[float]) -> Sequence[float]:
-    return values if len(values) <= 8 else (*values[:8], math.nan)
 
 
 def with_sines(hand: MultiSineHand | HumanArm, substep: float) -> HandModel:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.errors import unknown_name
-from pter_gym.hands._kinds import EQ5_FREQUENCIES, MOST_INSTANTS, HumanArm
+from pter_gym.hands._kinds import EQ5_FREQUENCIES, MAX_INSTANTS, HumanArm
 from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS
 from pter_gym.hands._model import HandModel
 from pter_gym.params import quantity, require, require_number
@@ -84,9 +84,9 @@ class TremorArm(HumanArm):
         Raises
         ------
         ParameterError
-            If there are more than ``MOST_INSTANTS``, or a period of the tremor has less than four.
+            If there are more than ``MAX_INSTANTS``, or a period of the tremor has less than four.
         """
-        longest = MOST_INSTANTS * period
+        longest = MAX_INSTANTS * period
         require(self.lasts <= longest, self, "lasts", self.lasts, f"in seconds, up to {longest:g} s")
         fastest = 0.25 / period
         require(

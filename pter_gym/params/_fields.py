@@ -40,7 +40,7 @@ def preset(section: str, name: str) -> Any:
 def require(condition: bool, owner: object, name: str, value: object, accepted: str) -> None:
     """Raise a ParameterError that names the field and what it accepts, unless the condition holds."""
     if not condition:
-        raise ParameterError(f"{type(owner).__name__}.{name} must be {accepted}, got {value!r:.400}")
+        raise ParameterError(f"{type(owner).__name__}.{name} must be {accepted}, got {value!r:.200}")
 
 
 def require_number(owner: object, name: str, **bounds: float) -> None:
@@ -61,18 +61,12 @@ def check_number(
 
     A range without an upper bound ends at ``LARGEST``; one that excludes 0 begins at ``SMALLEST``.
     """
-    fits = is_finite(value) and above < value < below and at_least <= value <= at_most
-    bounds = [
-        f"{sign} {bound:g}"
-        for sign, bound in ((">", above), ("≥", at_least), ("≤", at_most), ("<", below))
-        if math.isfinite(bound)
-    ]
-    if fits and min(at_most, below) == math.inf and abs(value) > LARGEST:
-        fits, bounds = False, [f"at most {LARGEST:g} in size"]
-    if fits and above == 0.0 and value < SMALLEST:
-        fits, bounds = False, [f"≥ {SMALLEST:g}"]
-    if not fits:
-        raise ParameterError(f"{field} must be {' and '.join(['a finite number', *bounds])}, got {value!r:.400}")
+    bounds = (("> ", above), ("≥ ", at_least), ("≤ ", at_most), ("< ", below))
+    told = [f"{sign}{bound:g}" for sign, bound in bounds if math.isfinite(bound)]
+    least = SMALLEST if above == 0.0 else max(at_least, -LARGEST)
+    if not (is_finite(value) and least <= value <= min(at_most, LARGEST) and above < value < below):
+        accepted = " and ".join(["a finite number", *(told or [f"at most {LARGEST:g} in size"])])
+        raise ParameterError(f"{field} must be {accepted}, got {value!r:.400}")
 
 
 def require_whole(owner: object, name: str, *, at_least: int = 1, below: float = math.inf) -> None:
@@ -105,10 +99,9 @@ def require_numbers(owner: object, name: str, accepted: str, *, count: int | Non
 
     No number may exceed ``LARGEST`` in magnitude.
     """
-    value = getattr(owner, name)
-    require(isinstance(value, tuple), owner, name, value, accepted)
-    numbers = cast(tuple[object, ...], value)
-    fits = all(map(is_finite, numbers))
-    require(fits and (count is None or len(numbers) == count), owner, name, numbers, accepted)
-    small = all(abs(cast(float, x)) <= LARGEST for x in numbers)
+    value: Any = getattr(owner, name)
+    numbers = cast("tuple[float, ...]", value) if isinstance(value, tuple) else None
+    fits = numbers is not None and all(map(is_finite, numbers)) and (count is None or len(numbers) == count)
+    require(fits, owner, name, cast(Any, value), accepted)
+    small = all(abs(x) <= LARGEST for x in numbers or ())
     require(small, owner, name, numbers, f"of numbers of at most {LARGEST:g} in size")

@@ -7,15 +7,8 @@ from pter_gym.errors import ParameterError, nearest
 from pter_gym.params._connection import BRAKE_A, BRAKE_B, COUPLED, INVERTED
 from pter_gym.params._machine import Clutch, Machine
 from pter_gym.params._preset import PRESET, Preset, is_preset, load_preset, machine_of
-from pter_gym.units import from_inch_pounds
 
-BREAKAWAY_SMALL_VOLTAGE = from_inch_pounds(63.5)
-"""Breakaway torque of clutch 1 at the small voltage of Figs. 3 and 4 [N·m] (paper section III-B)."""
-
-TIME_CONSTANT = PRESET.clutch.time_constant
-"""Time constant of the clutches by their manufacturer [s] (paper section IV-C.3)."""
-
-MU_STATIC_PRESENT = 0.45
+_MU_STATIC_PRESENT = 0.45
 """Static friction coefficient of the present clutches (paper section IV-B.2)."""
 
 _MU_STATIC_DELRIN, _MU_DYNAMIC_DELRIN = 0.20, 0.35
@@ -38,7 +31,7 @@ def paper_machines_of(preset: Preset) -> dict[str, Machine]:
         "baseline": (1.0, 1.0),
         "delrin_experimental": (scale * delrin["breakaway_ratio"] / preset.clutch.breakaway_ratio, scale),
         "delrin_theoretical": (
-            _MU_STATIC_DELRIN / MU_STATIC_PRESENT,
+            _MU_STATIC_DELRIN / _MU_STATIC_PRESENT,
             _MU_DYNAMIC_DELRIN / mu_dynamic,
         ),
     }

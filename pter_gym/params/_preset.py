@@ -6,10 +6,9 @@ Every number in the file has its unit and source. ``PRESET`` is the shipped file
 
 import json
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, cast
 
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
@@ -129,22 +128,19 @@ def parse_preset(text: str) -> Preset:
     except ValueError as error:
         raise ParameterError(f"it is not TOML: {error}") from None
     _check_names("section", tables, (*SECTIONS, CLUTCHES), {CLUTCHES})
-    provenance: dict[str, str] = {}
+    provenance = {f"{name}.{each}": "chosen: not in the file" for name in SECTIONS for each in SHIPPED[name]}
     sections: dict[str, Any] = {}
     for name in SECTIONS:
         _check_names(f"field of {name}", tables[name], SHIPPED[name], OPTIONAL)
-        provenance |= {f"{name}.{each}": "chosen: not in the file" for each in SHIPPED[name]}
-        sections[name] = _KINDS.get(name, _section)(**_values(name, tables[name], provenance))
+        values = {each: _value(name, each, entry, provenance) for each, entry in tables[name].items()}
+        sections[name] = _KINDS.get(name, dict)(**values)
     if CLUTCHES in tables:
-        rows = cast("dict[str, tuple[float, float]]", _values(CLUTCHES, tables[CLUTCHES], provenance))
+        _check_names(CLUTCHES, tables[CLUTCHES], tables[CLUTCHES], ())
+        rows: Any = {each: _value(CLUTCHES, each, entry, provenance) for each, entry in tables[CLUTCHES].items()}
         if not 0 < len(rows) <= SLOTS or len(sections["clutch"].scale) != len(rows):
             raise ParameterError(f"{CLUTCHES} and clutch.scale must be of 1 to {SLOTS} clutches, equally many")
         sections[CLUTCHES] = tuple(Connection(name, row) for name, row in rows.items())
-    return Preset(**sections, provenance=MappingProxyType(provenance))
-
-
-def _section(**values: Value) -> Section:
-    return MappingProxyType(values)
+    return Preset(**sections, provenance=provenance)
 
 
 def _check_names(what: str, found: Any, known: Collection[str], optional: Collection[str]) -> None:
@@ -160,53 +156,45 @@ def _check_names(what: str, found: Any, known: Collection[str], optional: Collec
             raise ParameterError(f"{what} {name!r} is missing")
 
 
-def _values(section: str, table: Section, provenance: dict[str, str]) -> dict[str, Value]:
-    """Return the numbers in a section by name, and note where they come from."""
-    found: dict[str, Value] = {}
-    for name, entry in table.items():
-        where = f"{section}.{name}"
-        like: dict[str, Any] = SHIPPED[section][name] if section in SHIPPED else {"unit": "1", "value": []}
-        _check_names(f"entry of {where}", entry, ("value", "unit", "from"), ())
-        value, unit, origin = entry["value"], entry["unit"], entry["from"]
-        if unit != like["unit"]:
-            raise ParameterError(f"{where}.unit must be {like['unit']!r}, got {unit!r}")
-        if not isinstance(origin, str) or origin.split(":")[0] not in ORIGINS:
-            raise ParameterError(f"{where}.from must begin with one of {', '.join(ORIGINS)}, got {origin!r}")
-        several = isinstance(like["value"], list)
-        if isinstance(value, list) != several:
-            raise ParameterError(
-                f"{where} must be {'a list of numbers' if several else 'a number'}, got {value!r:.200}"
-            )
-        numbers: list[Any] = value if several else [value]
-        for each in numbers:
-            check_number(where, each)
-        found[name] = tuple(map(float, numbers)) if several else float(value)
-        provenance[where] = origin
-    return found
+def _value(section: str, name: str, entry: Any, provenance: dict[str, str]) -> Value:
+    """Return the number or numbers of an entry, and note where they come from."""
+    where = f"{section}.{name}"
+    like: dict[str, Any] = SHIPPED.get(section, {}).get(name, {"unit": "1", "value": []})
+    _check_names(f"entry of {where}", entry, ("value", "unit", "from"), ())
+    value, unit, origin = entry["value"], entry["unit"], entry["from"]
+    if unit != like["unit"]:
+        raise ParameterError(f"{where}.unit must be {like['unit']!r}, got {unit!r}")
+    if not isinstance(origin, str) or origin.split(":")[0] not in ORIGINS:
+        raise ParameterError(f"{where}.from must begin with one of {', '.join(ORIGINS)}, got {origin!r}")
+    several = isinstance(like["value"], list)
+    if isinstance(value, list) != several:
+        raise ParameterError(f"{where} must be {'a list of numbers' if several else 'a number'}, got {value!r:.200}")
+    for each in value if several else [value]:
+        check_number(where, each)
+    provenance[where] = origin
+    return tuple(map(float, value)) if several else float(value)
 
 
 def format_preset(preset: Preset, title: str) -> str:
     """Return the TOML text of a preset, which ``parse_preset`` reads back to the same numbers, under heading lines."""
-    return "\n".join(_lines(preset, title)) + "\n"
+    lines = [f"# {line}".rstrip() for line in title.splitlines()]
 
+    def add(section: str, name: str, value: Value, unit: str) -> None:
+        written = repr(list(value)) if isinstance(value, tuple) else repr(float(value))
+        origin = _quoted(preset.provenance[f"{section}.{name}"])
+        key = _quoted(name) if section == CLUTCHES else name
+        lines.append(f"{key} = {{ value = {written}, unit = {_quoted(unit)}, from = {origin} }}")
 
-def _lines(preset: Preset, title: str) -> Iterator[str]:
-    yield from (f"# {line}".rstrip() for line in title.splitlines())
     for section, heading in SECTIONS.items():
-        yield from ("", f"# {heading}", f"[{section}]")
-        values: Any = getattr(preset, section)
-        for name in SHIPPED[section]:
-            value = values[name] if section not in _KINDS else getattr(values, name)
-            yield _line(name, value, SHIPPED[section][name]["unit"], preset.provenance[f"{section}.{name}"])
+        lines += ["", f"# {heading}", f"[{section}]"]
+        values = getattr(preset, section)
+        for name, like in SHIPPED[section].items():
+            add(section, name, values[name] if section not in _KINDS else getattr(values, name), like["unit"])
     if preset.clutches != PAPER_CLUTCHES or any(where.startswith(f"{CLUTCHES}.") for where in preset.provenance):
-        yield from ("", "# What each clutch connects: its row (a, b) of W. It slips at a·ω_A + b·ω_B.", f"[{CLUTCHES}]")
+        lines += ["", "# What each clutch connects: its row (a, b) of W. It slips at a·ω_A + b·ω_B.", f"[{CLUTCHES}]"]
         for each in preset.clutches:
-            yield _line(_quoted(each.name), each.row, "1", preset.provenance[f"{CLUTCHES}.{each.name}"])
-
-
-def _line(name: str, value: Value, unit: str, origin: str) -> str:
-    written = repr(list(value)) if isinstance(value, tuple) else repr(float(value))
-    return f"{name} = {{ value = {written}, unit = {_quoted(unit)}, from = {_quoted(origin)} }}"
+            add(CLUTCHES, each.name, each.row, "1")
+    return "\n".join(lines) + "\n"
 
 
 def _quoted(text: str) -> str:
@@ -258,8 +246,7 @@ def preset_of(machine: Machine, base: Preset = PRESET, *, origin: str | None = N
             provenance |= {f"{name}.{each}": origin for each in changed}
         if machine.clutches != base.clutches:
             provenance |= {f"{CLUTCHES}.{each.name}": origin for each in machine.clutches}
-    sources = MappingProxyType(provenance)
-    return replace(base, arm=machine.arm, clutch=clutch, clutches=machine.clutches, provenance=sources)
+    return replace(base, arm=machine.arm, clutch=clutch, clutches=machine.clutches, provenance=provenance)
 
 
 def save_preset(machine: Machine, path: FilePath, *, origin: str, title: str = "") -> None:
@@ -287,12 +274,13 @@ def save_preset(machine: Machine, path: FilePath, *, origin: str, title: str = "
         raise ParameterError(f"path must end in .toml, got {str(file)!r}")
     text = format_preset(preset_of(machine, origin=origin), title)
     read = machine_of(parse_preset(text))  # which checks it
-    for name in ("hand", "slip_threshold", "substep"):
-        value, usual = getattr(machine, name), getattr(read, name)
-        require(value == usual, machine, name, value, f"{usual!r} in a preset")
-    clutch, usual = machine.clutch, read.clutch
-    require(clutch.lag == usual.lag, clutch, "lag", clutch.lag, f"{usual.lag!r} in a preset")
-    pairs = zip(vars(clutch.breakaway).values(), vars(usual.breakaway).values(), strict=True)
-    alike = all(math.isclose(*pair, rel_tol=1e-9) for pair in pairs)
-    require(alike, clutch, "breakaway", clutch.breakaway, "a multiple of dynamic in a preset")
+    for owner, usual in ((machine, read), (machine.clutch, read.clutch)):
+        for name, value in vars(owner).items():
+            there = getattr(usual, name)
+            if name == "breakaway":
+                curve, like = vars(cast(TorqueCurve, value)), vars(cast(TorqueCurve, there))
+                alike = all(math.isclose(curve[each], like[each], rel_tol=1e-9) for each in curve)
+                require(alike, owner, name, value, "a multiple of dynamic in a preset")
+            elif name not in ("clutch", "clutch_scale"):
+                require(value == there, owner, name, value, f"{there!r} in a preset")
     write_text_atomic(file, text)

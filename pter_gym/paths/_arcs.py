@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 TOLERANCE = 1e-5
 """Largest distance of a fitted chain from its curve [m], at the points looked at."""
 
-LARGEST_TURN = 1.5
+MAX_TURN = 1.5
 """Largest turn of one arc [rad]: longer ones are cut, so a point's angle about their centre is unique."""
 
 _SHORTEST = 1e-4
@@ -175,7 +175,7 @@ def chain(pieces: Sequence[Piece]) -> Arcs:
 @device
 def parts_of(curvature: float, length: float) -> int:
     """Return the number of arcs into which one is cut."""
-    return max(1, math.ceil(abs(curvature) * length / LARGEST_TURN))
+    return max(1, math.ceil(abs(curvature) * length / MAX_TURN))
 
 
 @device

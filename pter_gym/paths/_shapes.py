@@ -3,7 +3,7 @@
 import cmath
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import count, pairwise
 from typing import Any, cast
@@ -11,21 +11,22 @@ from typing import Any, cast
 import numpy as np
 
 from pter_gym._internal.checks import is_finite
+from pter_gym._internal.codec import tuple_of
 from pter_gym._internal.files import FilePath
-from pter_gym._internal.tables import read_columns
+from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError
 from pter_gym.params import preset, quantity, require, require_flag, require_number
 from pter_gym.paths._arcs import Arcs, Curve, Path, Piece, arc_between, chain, fit_arcs
 
 Points = tuple[tuple[float, float], ...]
 
-MOST_POINTS = 4096
+MAX_POINTS = 4096
 """Most waypoints of a path."""
 
-FURTHEST = 1e3
+MAX_COORDINATE = 1e3
 """Largest coordinate and size of a path [m]; arcs through points further away would be rounded to nothing."""
 
-MOST_LOOKS = 1 << 18
+MAX_EVALUATIONS = 1 << 18
 """Most evaluations of a curve until arcs fit it; one through 1,000 points that zigzag takes 50,000."""
 
 
@@ -41,9 +42,9 @@ class Line(Path):
     def __post_init__(self) -> None:
         """Check that the numbers are finite and the length positive."""
         for name in ("x", "y"):
-            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+            require_number(self, name, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
         require_number(self, "direction")
-        require_number(self, "length", above=0.0, at_most=FURTHEST)
+        require_number(self, "length", above=0.0, at_most=MAX_COORDINATE)
 
     def make_arcs(self) -> Arcs:
         """Return one straight segment."""
@@ -63,7 +64,7 @@ class Arc(Path):
     def __post_init__(self) -> None:
         """Check that the numbers are finite, the radius positive and the turn at most a full one."""
         for name in ("x", "y"):
-            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+            require_number(self, name, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
         require_number(self, "direction")
         require_number(self, "radius", above=0.0)
         require_number(self, "angle", at_least=-2.0 * math.pi, at_most=2.0 * math.pi)
@@ -89,9 +90,9 @@ class Circle(Path):
     def __post_init__(self) -> None:
         """Check that the numbers are finite and the radius positive."""
         for name in ("center_x", "center_y"):
-            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+            require_number(self, name, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
         require_number(self, "start")
-        require_number(self, "radius", above=0.0, at_most=FURTHEST)
+        require_number(self, "radius", above=0.0, at_most=MAX_COORDINATE)
         require_flag(self, "clockwise")
 
     def make_arcs(self) -> Arcs:
@@ -116,9 +117,9 @@ class Sine(Path):
     def __post_init__(self) -> None:
         """Check that the numbers are finite, extent and number of periods positive."""
         for name in ("x", "y", "amplitude"):
-            require_number(self, name, at_least=-FURTHEST, at_most=FURTHEST)
+            require_number(self, name, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
         require_number(self, "direction")
-        require_number(self, "extent", above=0.0, at_most=FURTHEST)
+        require_number(self, "extent", above=0.0, at_most=MAX_COORDINATE)
         require_number(self, "periods", above=0.0, at_most=20.0)
 
     def make_arcs(self) -> Arcs:
@@ -138,23 +139,38 @@ class Sine(Path):
 
 @dataclass(frozen=True, kw_only=True)
 class Spline(Path):
-    """A natural cubic spline through waypoints (x, y) [m], parametrised by chord length."""
+    """A natural cubic spline through waypoints (x, y) [m], parametrised by chord length.
+
+    With ``smooth`` it passes by the waypoints, by that many metres (root mean square) in x and in y: the noise of a
+    recorded path (Dierckx's smoothing spline).
+    """
 
     points: Points = quantity("m", "chosen")
+    smooth: float = quantity("m", "chosen: 0 for a spline through all points", default=0.0, later=True)
 
     def __post_init__(self) -> None:
         """Check that there are two different finite points or more, and none twice in a row."""
-        check_points(self, self.points, at_least=2)
+        check_points(self, at_least=2)
+        require_number(self, "smooth", at_least=0.0, at_most=MAX_COORDINATE)
 
     def make_arcs(self) -> Arcs:
         """Return arcs through points of the spline."""
-        from scipy.interpolate import CubicSpline
+        from scipy import interpolate
 
         points = np.array(self.points) @ [1.0, 1.0j]
         knots = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)))]).tolist()
         if len(knots) == 2:
             return chain([arc_between(points[0], (points[1] - points[0]) / knots[1], points[1])])
-        coefficients: Any = CubicSpline(knots, points, bc_type="natural").c.T.tolist()
+        if self.smooth > 0.0 and len(knots) > 3:
+            squares = 2.0 * len(knots) * self.smooth**2
+            scipy: Any = interpolate
+            fit = scipy.make_splprep(np.array(self.points).T, u=knots, s=squares)[0]
+            x, y = (scipy.PPoly.from_spline((fit.t, fit.c[:, k], 3)) for k in (0, 1))
+            inner = np.diff(x.x) > 0.0
+            knots = [*x.x[:-1][inner].tolist(), float(x.x[-1])]
+            coefficients: Any = (x.c + 1j * y.c)[:, inner].T.tolist()
+        else:
+            coefficients = interpolate.CubicSpline(knots, points, bc_type="natural").c.T.tolist()
 
         def curve(t: float) -> tuple[complex, complex]:
             piece = min(bisect_right(knots, t), len(knots) - 1) - 1
@@ -174,7 +190,7 @@ class Polyline(Path):
 
     def __post_init__(self) -> None:
         """Check the points, and that the rounded corners fit between them."""
-        check_points(self, self.points, at_least=2)
+        check_points(self, at_least=2)
         require_number(self, "radius", above=0.0)
         self.make_arcs()
 
@@ -210,8 +226,8 @@ def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
     looks = count(1)
 
     def counted(t: float) -> tuple[complex, complex]:
-        if next(looks) > MOST_LOOKS:
-            raise ArithmeticError(f"it takes more than {MOST_LOOKS} evaluations of the curve")
+        if next(looks) > MAX_EVALUATIONS:
+            raise ArithmeticError(f"it takes more than {MAX_EVALUATIONS} evaluations of the curve")
         return curve(t)
 
     try:
@@ -223,34 +239,65 @@ def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
         ) from None
 
 
-def check_points(owner: object, points: object, *, at_least: int) -> None:
-    """Raise a ParameterError unless there are enough points, all pairs of finite numbers, and none twice in a row."""
-    within = f"of finite numbers up to {FURTHEST:g} m"
-    accepted = f"a tuple of {at_least} to {MOST_POINTS} points (x, y) {within}, none twice in a row"
-    rows = cast(Points, points) if isinstance(points, tuple) else ()
-    fits = at_least <= len(rows) <= MOST_POINTS and all(_is_point(row) for row in rows)
-    fits = fits and all(math.dist(a, b) > 1e-9 for a, b in pairwise(rows))
-    require(fits, owner, "points", cast(Any, points), accepted)
+def check_points(owner: object, *, at_least: int) -> None:
+    """Raise a ParameterError unless there are enough points, all pairs of finite numbers, and none twice in a row.
+
+    Lists and arrays of points become tuples.
+    """
+    given: Any = getattr(owner, "points")  # noqa: B009
+    points = tuple_of(given.tolist() if isinstance(given, np.ndarray) else given)
+    object.__setattr__(owner, "points", points)
+    accepted = (
+        f"{at_least} to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, none twice in a row"
+    )
+    rows = cast(tuple[Any, ...], points) if isinstance(points, tuple) else ()
+    require(at_least <= len(rows) <= MAX_POINTS, owner, "points", f"{len(rows)} of them", accepted)
+    if fault := fault_in(rows, lambda k: f"point {k}"):
+        raise ParameterError(f"{type(owner).__name__}.points must be {accepted}, but {fault}")
 
 
-def _is_point(row: Any) -> bool:
-    is_pair = isinstance(row, tuple) and len(cast(tuple[Any, ...], row)) == 2
-    return is_pair and all(is_finite(x) and abs(x) <= FURTHEST for x in cast(tuple[Any, ...], row))
+def fault_in(points: Sequence[Any], label: Callable[[int], str]) -> str | None:
+    """Return what is wrong with the first point that a path cannot have; ``label`` names points by their number."""
+    for k, point in enumerate(points):
+        if (
+            not isinstance(point, tuple)
+            or len(cast(tuple[Any, ...], point)) != 2
+            or not all(map(is_finite, cast(Any, point)))
+        ):
+            return f"{label(k)} is no pair of finite numbers, but {point!r:.100}"
+        for name, value in zip("xy", cast(tuple[float, float], point), strict=True):
+            if abs(value) > MAX_COORDINATE:
+                return f"{label(k)}: |{name}| > {MAX_COORDINATE:g} m, got {value:g}"
+        if k > 0 and math.dist(points[k - 1], cast(tuple[float, float], point)) <= 1e-9:
+            return f"{label(k)} repeats the point before, that of {label(k - 1)}"
+    return None
 
 
-def read_path(file: FilePath) -> Spline:
+def read_path(file: FilePath, *, smooth: float = 0.0) -> Spline:
     """Return the spline through the points of a CSV file with the columns ``x`` and ``y`` [m].
+
+    Files as people have them are read: names such as ``x_m`` or none, behind ``#`` or not, columns separated by commas
+    or semicolons, decimal commas after semicolons, and further columns.
+
+    Parameters
+    ----------
+    file
+        The file.
+    smooth
+        Distance from the points that the path may have, see ``Spline``.
 
     Raises
     ------
     ParameterError
         If the file cannot be read, a column is missing, a number is not finite, there are fewer than two points, a
-        point occurs twice in a row, or the spline turns back on itself.
+        point occurs twice in a row, or the spline turns back on itself; it names the line.
     """
-    columns = read_columns(file, ("x", "y"))
+    columns, lines = read_table(file, ("x", "y"), unit="m")
     points = tuple(zip(columns["x"].tolist(), columns["y"].tolist(), strict=True))
+    if fault := fault_in(points, lambda k: f"line {lines[k]}"):
+        raise ParameterError(f"{file}, {fault}")
     try:
-        path = Spline(points=points)
+        path = Spline(points=points, smooth=smooth)
         _ = path.arcs  # raises where there are none
         return path
     except ParameterError as error:

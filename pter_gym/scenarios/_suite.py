@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
+from pter_gym._internal.checks import is_finite
 from pter_gym.errors import ParameterError, unknown_name
 
 if TYPE_CHECKING:
@@ -142,7 +143,9 @@ def find_pace(pace: float | str) -> float:
         If there is no such name; the message suggests the nearest.
     """
     if not isinstance(pace, str):
-        return pace
+        if not is_finite(pace) or pace <= 0.0:
+            raise ParameterError(f"pace must be one of {', '.join(PACES)}, or a speed > 0 m/s, got {pace!r}")
+        return float(pace)
     if pace not in PACES:
         raise unknown_name("pace", pace, PACES)
     return PACES[pace]

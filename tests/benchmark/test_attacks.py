@@ -3,9 +3,7 @@
 An attack takes an honest policy to one that makes something of a hole; a further one is one more line of ``ATTACKS``.
 """
 
-import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,14 +12,12 @@ from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES, find_policy
-from pter_gym.benchmark._measures import SEGMENTS
-from pter_gym.benchmark._recorded import Recorded, pace_factor
-from pter_gym.benchmark.leaderboard import rank
-from pter_gym.benchmark.metrics import Scores, score_episodes
-from pter_gym.benchmark.ranking import reason_below, summarise
+from pter_gym.benchmark._measures import SEGMENTS, Recorded, pace_factor
+from pter_gym.benchmark.boards import rank, reason_below, summarise
+from pter_gym.benchmark.intervals import difference_interval
 from pter_gym.benchmark.runs import ScenarioRun
+from pter_gym.benchmark.scores import Scores, score_episodes
 from pter_gym.benchmark.simulation import run, time_limit
-from pter_gym.benchmark.statistics import difference_interval
 from pter_gym.controllers import BoundPolicy, bind
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario
@@ -163,11 +159,6 @@ def at_zero_error(self: Changed, obs: Observations) -> NDArray[np.bool_]:
     return self.waits > 0
 
 
-def one_of(count: int) -> When:
-    """Tell which worlds are the first of so many."""
-    return lambda self, obs: np.arange(len(obs)) % count == 0  # noqa: ARG005
-
-
 def worst(self: Changed, obs: Observations) -> NDArray[np.bool_]:
     """Tell in which quarter of the episodes the honest policy is worst."""
     return self.honest.worst
@@ -175,31 +166,16 @@ def worst(self: Changed, obs: Observations) -> NDArray[np.bool_]:
 
 ATTACKS: dict[str, Attack] = {
     "lingers in the first tenth": rides(within(0, 0.3)),
-    **{f"rides the first tenth at {pace}": rides(within(0, pace)) for pace in (0.7, 0.8, 0.9)},
-    **{f"rides at {pace}": rides(lambda _, __, pace=pace: pace) for pace in (0.88, 0.95, 1.05)},
+    "rides at 0.88": rides(lambda *_: 0.88),
     "lingers where it is hard": rides(within(SEGMENTS, 0.4)),
-    "rushes where it is hard": rides(within(SEGMENTS, 1.5)),
     "goes and stops": alternates(0.6, 2.5, 20),
-    "changes its pace in the middle of the segments": alternates(1.15, 0.87, 10, shift=0.5),
     "waits where the error is zero": locks(at_zero_error),
-    "waits at the start for the allowance": locks(partial(every, steps=20, of=10**9)),
-    "lets go for the first moment": sets(0.0, partial(every, steps=20, of=10**9)),
-    "creeps at the end": rides(within(-1, 0.4)),
-    "stops just before the end": locks(beyond(0.97)),
-    "rides 60 mm beside the path": beside(0.06),
     "rides 60 mm beside the path and dashes to its end": beside(0.06, until=0.95),
-    "leaves the workspace while it is ahead": tells(error=lambda *at: np.where(beyond(0.5)(*at), 0.5, 0.0)),
-    "weaves about the path": tells(error=lambda self, _: 0.005 * math.sin(0.3 * self.steps)),
     "cuts the corners": inside(0.1, 0.03),
-    "rides near the centres of the bends": inside(0.85, 0.2),
-    "gives up in one episode of five": locks(one_of(5)),
     "gives up in the quarter of the episodes that are hardest": locks(worst),
-    "goes slowly while its error is large": tells(
-        pace=lambda self, obs: np.where(np.abs(self.honest.see(obs, "normal_error")) > 0.003, 0.85, 1.05)
-    ),
 }
 
-ON_BENDS = ("cuts the corners", "rides near the centres of the bends", "rides 60 mm beside the path")
+ON_BENDS = ("cuts the corners", "rides 60 mm beside the path and dashes to its end")
 """What is tried on the paths that bend."""
 
 COURSES = [
@@ -269,7 +245,10 @@ def test_no_attack_ranks_above_the_honest_policy(scenario: str, pace: str, name:
     for attack in ATTACKS if scenario == "standard" else ON_BENDS:
         telemetry = course.telemetry(ATTACKS[attack](attacked))
         errors, honest = course.path_errors(telemetry, rows)
-        if course.ranked(score_episodes(telemetry, course.tasks)) and difference_interval(errors, honest).high < 0.0:
+        if (
+            course.ranked(score_episodes(telemetry, course.tasks))
+            and (difference_interval(errors, honest).high or 0.0) < 0.0
+        ):
             gains[attack] = errors.mean() / honest.mean()
     assert gains == {}, "path error over that of the honest policy"
 

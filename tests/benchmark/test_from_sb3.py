@@ -14,6 +14,7 @@ from pter_gym._engine.world import SKIP
 from pter_gym.benchmark import from_sb3, run_scenario
 from pter_gym.benchmark.simulation import run
 from pter_gym.controllers import bind
+from pter_gym.envs import PathFollowingEnv
 from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
@@ -85,7 +86,7 @@ class Remembering:
 
 
 def test_states_belong_to_worlds_and_begin_again_at_a_reset() -> None:
-    controller = from_sb3(Remembering())
+    controller = from_sb3(Remembering(), frame_skip=1)
     assert controller.sensors == "encoders"
     layout = observation_layout(BASELINE, "encoders")
     one, other = (bind(controller, BASELINE, layout) for _ in range(2))
@@ -110,7 +111,7 @@ def test_actions_beyond_the_bounds_are_clipped_to_them(low: float) -> None:
             action_space=spaces.Box(low, 1.0, (4,)),
             predict=lambda *_, action=action, **__: (np.where(np.arange(4) < 2, action, inside), None),
         )
-        policy = from_sb3(model).bind(BASELINE, observation_layout(BASELINE, "encoders"))
+        policy = from_sb3(model, frame_skip=1).bind(BASELINE, observation_layout(BASELINE, "encoders"))
         found[name] = policy.act(np.zeros((2, len(policy.layout)), np.float32))
     np.testing.assert_array_equal(found["below"], found["low"])
     np.testing.assert_array_equal(found["above"], found["high"])
@@ -151,7 +152,7 @@ def model_with(**spaces_given: Any) -> Any:
 )
 def test_models_of_other_environments_are_refused(model: Any, match: str) -> None:
     with pytest.raises(ParameterError, match=match):
-        from_sb3(model)
+        from_sb3(model, frame_skip=1)
 
 
 def test_what_normalises_nothing_is_refused() -> None:
@@ -161,4 +162,23 @@ def test_what_normalises_nothing_is_refused() -> None:
 
 def test_observations_of_another_width_are_refused() -> None:
     with pytest.raises(ParameterError, match="observations must have the"):
-        from_sb3(Remembering("encoders")).bind(BASELINE, observation_layout(BASELINE, "force"))
+        from_sb3(Remembering("encoders"), frame_skip=1).bind(BASELINE, observation_layout(BASELINE, "force"))
+
+
+def test_the_period_of_a_model_without_an_environment_must_be_given() -> None:
+    with pytest.raises(ParameterError, match="frame_skip"):
+        from_sb3(Remembering())
+    venv = make_sb3_vec_env(2, sensors="encoders", frame_skip=3)
+    assert from_sb3(Remembering(), env=venv).frame_skip == 3
+    assert from_sb3(Remembering(), vec_env.VecNormalize(venv)).frame_skip == 3
+    assert from_sb3(Remembering(), frame_skip=2).frame_skip == 2
+
+
+def test_what_else_changes_observations_or_actions_is_named() -> None:
+    env = PathFollowingEnv(sensors="encoders")
+    for wrapper in (
+        gymnasium.wrappers.ClipAction(env),
+        gymnasium.wrappers.TransformObservation(env, lambda obs: obs, env.observation_space),
+    ):
+        with pytest.raises(ParameterError, match=type(wrapper).__name__):
+            from_sb3(Remembering(), env=vec_env.DummyVecEnv([lambda wrapper=wrapper: wrapper]))

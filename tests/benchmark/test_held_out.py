@@ -43,11 +43,6 @@ gymnasium.make_vec("PTER/Everything-v0", num_envs=3, contexts=3).reset(seed=0)
 from pter_gym.tools.datasets import record_episodes
 record_episodes("everything", "expert", 1)
 """,
-    "the damper of a pace": """
-from pter_gym.benchmark._pacing import damping_for_pace
-from pter_gym.controllers import Impedance
-damping_for_pace(Impedance(), 0.5, "everything", draws=2)
-""",
 }
 
 if not find_spec("pter_gym.tools.datasets"):

@@ -7,9 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pter_gym.benchmark import PACES, Leaderboard, find_policy, leaderboards, run_scenario
-from pter_gym.benchmark.leaderboard import table
-from pter_gym.benchmark.metrics import SCORES
-from pter_gym.benchmark.ranking import PACE_ERROR
+from pter_gym.benchmark.boards import PACE_ERROR, table
+from pter_gym.benchmark.scores import SCORES
 from pter_gym.controllers import Free, Impedance, Locked, PaceSchedule
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following._observation import SEEN

@@ -29,6 +29,8 @@ def test_gains_are_those_of_the_scenario() -> None:
         ("nowhere.at_all:thing", "nowhere"),
         ("os:nothing", "os:nothing"),
         ("os:", "os:"),
+        ("my.py", "my:policy"),
+        ("functools:partial", "functools:partial"),
         (3, "policies"),
     ],
 )

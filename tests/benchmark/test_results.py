@@ -61,7 +61,7 @@ def test_a_strange_name_stays_in_its_folder(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "policies", [{}, [], "free", {" free": Free()}, {"a\n": Free()}, {"a": "impedance"}, {"": Free()}]
+    "policies", [{}, [], "", "fre", {" free": Free()}, {"a\n": Free()}, {"a": 3}, [Free()], {"": Free()}]
 )
 def test_what_cannot_be_scored_is_refused(policies: Any) -> None:
     with pytest.raises(ParameterError, match="policies"):
@@ -72,8 +72,20 @@ def test_training_seeds_replace_those_of_an_earlier_policy(tmp_path: Path) -> No
     for policies in ((Free(), Locked()), (Free(),)):
         run_scenario("standard", {"mine": PerSeed(policies)}, ["brisk"], episodes=1, results=tmp_path)
         assert len(ResultsFolder(tmp_path).runs()) == len(policies)
-    with pytest.raises(ParameterError, match="policies"):
-        PerSeed((free := Free(), free))
+    for bad in ((free := Free(), free), "residual", 3, ()):
+        with pytest.raises(ParameterError, match="policies"):
+            PerSeed(bad)  # type: ignore[arg-type]
+
+
+def test_names_stand_for_policies_and_paces_wherever_their_meaning_is_clear() -> None:
+    ways: list[Any] = ["free", ["free"], {"free": "free"}, {"free": Free()}]
+    for policies in ways:
+        (found,) = run_scenario("standard", policies, "brisk", episodes=1)
+        assert (found.policy, found.pace) == ("free", "brisk")
+    assert run_scenario("standard", "free", [0.5], episodes=1)[0].pace == "brisk"  # type: ignore[list-item]
+    for paces in ("fast", [0.3], []):
+        with pytest.raises(ParameterError, match="paces"):
+            run_scenario("standard", "free", paces, episodes=1)  # type: ignore[arg-type]
 
 
 def test_fresh_episodes_are_others_and_the_same_for_the_same_seed() -> None:

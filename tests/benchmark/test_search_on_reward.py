@@ -9,8 +9,8 @@ from benchmark.test_attacks_on_reward import discounted, returns
 from benchmark.test_reward import CLEARLY, judge, policies, sight
 from pter_gym._engine.batch import Batch
 from pter_gym.benchmark import PACES
-from pter_gym.benchmark.metrics import score_episodes
-from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
+from pter_gym.benchmark.scores import score_episodes
 from pter_gym.benchmark.simulation import run, time_limit
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import find_scenario

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.layout import Field
-from pter_gym._compiled.records import Entry, blend, flat, layout_of, leaves, load, read, rows, store, width, write
+from pter_gym._compiled.records import Entry, flat, layout_of, lerp, load, read, rows, store, width, write
 from pter_gym.errors import ParameterError
 
 DETERMINISTIC = settings(derandomize=True, deadline=None, database=None, max_examples=100)
@@ -68,7 +68,7 @@ def written_and_read(array, first, value):
 
 @numba.njit
 def between(low, high, part):
-    return blend(low, high, part)
+    return lerp(low, high, part)
 
 
 @numba.njit
@@ -97,7 +97,7 @@ def test_rows_are_numbered_in_their_order() -> None:
 
 def test_an_entry_names_what_is_within_it() -> None:
     names = "length force_l force_right x y now_l now_right before_l before_right start_l start_right last"
-    assert [leaf.name for leaf in leaves(Whole)] == names.split()
+    assert list(layout_of(Whole, 1.0).names) == names.split()
 
 
 def test_layout_says_unit_meaning_and_scale() -> None:

@@ -10,7 +10,7 @@ from pter_gym._compiled.records import rows
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.law import empty_memory
 from pter_gym.controllers import PerClutch, Policy, device
-from pter_gym.errors import ActionError
+from pter_gym.errors import ActionError, LawIndexError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -87,3 +87,46 @@ def test_a_policy_keeps_the_record_that_its_law_declares() -> None:
         assert policy(obs)[:, 1].tolist() == volts
     policy.reset()
     assert policy(obs)[:, 1].tolist() == [1.0, 1.0, 1.0]
+
+
+@device
+def helper(obs: Any) -> float:
+    return obs[40]
+
+
+def beyond(kind: str) -> Any:
+    """A law with a mistake."""
+
+    @device
+    def law(obs: Any, scales: Any, gains: Any, memory: Any) -> Any:
+        return {
+            "obs": lambda: PerClutch(obs[40], 0.0, 0.0, 0.0),
+            "gains": lambda: PerClutch(gains[7], 0.0, 0.0, 0.0),
+            "helper": lambda: PerClutch(helper(obs), 0.0, 0.0, 0.0),
+            "memory": lambda: memory.__setitem__(9, 1.0),
+            "name": lambda: PerClutch(obs[KEPT.stps], 0.0, 0.0, 0.0),  # type: ignore[attr-defined]
+            "result": lambda: (0.0, 0.0, 0.0, 0.0),
+        }[kind]()
+
+    return law
+
+
+@device
+def three_arguments(obs: Any, scales: Any, gains: Any) -> PerClutch:
+    return PerClutch(0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("kind", ["obs", "gains", "helper", "memory", "name", "result"])
+def test_a_mistake_in_a_law_is_told_in_a_line_before_it_is_compiled(kind: str) -> None:
+    batch = Batch(BASELINE, TASK, 3)
+    obs, _ = batch.reset([0, 1, 2])
+    error = ParameterError if kind in ("name", "result") else LawIndexError
+    for run in (
+        lambda: Policy(np.zeros(1), batch.layout, law=beyond(kind)),
+        lambda: batch.rollout(obs, beyond(kind), np.zeros(1), 1),
+    ):
+        with pytest.raises(error, match="law") as raised:
+            run()
+        assert "\n" not in str(raised.value)
+    with pytest.raises(ParameterError, match="three_arguments"):
+        Policy(np.zeros(1), batch.layout, law=three_arguments)

@@ -69,9 +69,3 @@ def test_the_recipe_for_conda_says_the_same():
     assert (about["license"], about["summary"]) == (PROJECT["license"], PROJECT["description"])
     urls = PROJECT["urls"]
     assert (about["repository"], about["documentation"]) == (urls["Source"], urls["Documentation"])
-
-
-def test_the_environment_of_ray_has_the_tested_versions_but_for_gymnasium():
-    mine, rays = pins(ROOT / "constraints.txt"), pins(ROOT / "agents" / "at_scale" / "requirements.txt")
-    assert {name for name in mine.keys() & rays.keys() if mine[name] != rays[name]} == {"gymnasium"}
-    assert rays["gymnasium"] in ranges(PROJECT["dependencies"])["gymnasium"]

@@ -6,12 +6,12 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
-from documents import NOTEBOOKS
+from documents import NOTEBOOKS, cells_of
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_outputs_are_stored(path):
-    """`python docs/make/notebooks.py` stores them."""
+    """`jupyter nbconvert --execute --inplace` stores them."""
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)
     assert set(notebook.metadata) == {"kernelspec", "language_info"}
@@ -33,7 +33,7 @@ def test_it_runs_and_shows_pictures(path, tmp_path, monkeypatch):
     if "machine" in path.stem:
         pytest.importorskip("optuna")
     monkeypatch.setenv("PTER_TRAINING_STEPS", "32768")  # two rollouts
-    monkeypatch.setenv("PTER_NOTEBOOK_EPISODES", "8")
+    monkeypatch.setenv("PTER_NOTEBOOK_EPISODES", "24")
     monkeypatch.setenv("PTER_NOTEBOOK_TRIALS", "30")
     notebook = nbformat.read(path, as_version=4)
     NotebookClient(
@@ -53,10 +53,10 @@ def test_it_runs_and_shows_pictures(path, tmp_path, monkeypatch):
 def test_a_machine_that_cannot_do_the_paths_is_refused_before_it_is_simulated(lengths, reason):
     optuna = pytest.importorskip("optuna")
     (path,) = [path for path in NOTEBOOKS if "machine" in path.stem]
-    sources = [cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+    sources = cells_of(path)
     known = {}
     for source in sources[: 1 + next(k for k, each in enumerate(sources) if "def judge" in each)]:
-        exec(source.partition("study = ")[0].replace("%matplotlib inline", ""), known)
+        exec(source.partition("study = ")[0], known)
     known["ride"] = None  # nothing is simulated
     point = {**known["PTER_POINT"], "length_a": lengths[0], "length_b": lengths[1]}
     trial = optuna.trial.FixedTrial(point)

@@ -12,7 +12,7 @@ from pter_gym._physics.arm import UnitVector
 from pter_gym.errors import ParameterError
 from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
 from pter_gym.paths._arcs import (
-    LARGEST_TURN,
+    MAX_TURN,
     SEGMENT,
     ArcSegment,
     _distance_from_arc,
@@ -136,10 +136,10 @@ def test_points_of_a_path_are_sampled_from_its_start_to_its_end():
 
 
 def test_how_many_parts_an_arc_is_cut_into():
-    assert [parts_of(k, LARGEST_TURN) for k in (0.0, 1.0, -1.0, 1.001, -1.001, 2.0, 3.0)] == [1, 1, 1, 2, 2, 2, 3]
-    table = chain([(0j, 1 + 0j, -1.0, 2.0 * LARGEST_TURN), (5j, 1j, 0.0, 4.0)]).table
-    assert table[:, SEGMENT.length].tolist() == [LARGEST_TURN, LARGEST_TURN, 4.0]
-    assert table[:, SEGMENT.start].tolist() == [0.0, LARGEST_TURN, 2.0 * LARGEST_TURN]
+    assert [parts_of(k, MAX_TURN) for k in (0.0, 1.0, -1.0, 1.001, -1.001, 2.0, 3.0)] == [1, 1, 1, 2, 2, 2, 3]
+    table = chain([(0j, 1 + 0j, -1.0, 2.0 * MAX_TURN), (5j, 1j, 0.0, 4.0)]).table
+    assert table[:, SEGMENT.length].tolist() == [MAX_TURN, MAX_TURN, 4.0]
+    assert table[:, SEGMENT.start].tolist() == [0.0, MAX_TURN, 2.0 * MAX_TURN]
 
 
 def test_the_largest_curvature_of_a_path():

@@ -262,7 +262,7 @@ def test_machines_that_were_never_built_are_known_by_name() -> None:
     [
         lambda: Batch([BASELINE, MACHINES["two-brakes"]], PathFollowing()),
         lambda: read_policy("ppo-standard").bind(MACHINES["two-brakes"], Batch(BASELINE, PathFollowing(), 1).layout),
-        lambda: nominal_machine([Batch([MACHINES["two-brakes"], MACHINES["couplings-1-2"]], PathFollowing())]),
+        lambda: nominal_machine({MACHINES["two-brakes"], MACHINES["couplings-1-2"]}),
     ],
     ids=["with the paper's in a batch", "a policy trained on the paper's", "several nominal ones"],
 )

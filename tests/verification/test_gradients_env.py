@@ -159,7 +159,6 @@ def test_a_gradient_through_the_end_of_an_episode_raises() -> None:
         ({"sensors": "torque"}, "sensors"),
         ({"machine": "couplings-2-1"}, "paper's clutches"),
         ({"env_id": "PTER/Everything-v0"}, "hand must be"),
-        ({"device": "cuda"}, "device"),
         ({"episode_end": "ignore"}, "episode_end must be among raise, constant"),
     ],
 )

@@ -12,7 +12,7 @@ from pter_gym import initial_state, simulate
 from pter_gym._engine.batch import Batch
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HUMAN_ARMS, HumanArm, MultiSineHand, RecordedForces, read_forces
-from pter_gym.hands._kinds import MOST_INSTANTS
+from pter_gym.hands._kinds import MAX_INSTANTS
 from pter_gym.params import BASELINE, Hand
 from pter_gym.paths import Arc, Line
 from pter_gym.tasks.path_following import (
@@ -126,7 +126,7 @@ def test_a_recording_in_microseconds_is_refused_before_memory_is_taken() -> None
         assert tracemalloc.get_traced_memory()[1] < 5e6
     finally:
         tracemalloc.stop()
-    most = MOST_INSTANTS * PERIOD
+    most = MAX_INSTANTS * PERIOD
     longest = RecordedForces(times=(0.0, most), along=(1.0, 2.0), across=(0.0, 0.0))
     assert longest.sampled(PERIOD)[-1].tolist() == [2.0, 0.0]
 
@@ -134,11 +134,12 @@ def test_a_recording_in_microseconds_is_refused_before_memory_is_taken() -> None
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("time,along\n0,1\n", "no column across"),
-        ("time,along,across\n0.1,1,1\n0.2,1,1\n", "rising from 0"),
-        ("time,along,across\n0,1,1\n0.2,1,1\n0.1,1,1\n", "rising from 0"),
+        ("time,along\n0,1\n", "column across"),
+        ("time,along,across\n0.1,1,1\n0.2,1,1\n", "line 2"),
+        ("time,along,across\n0,1,1\n0.2,1,1\n0.1,1,1\n", "line 4"),
+        ("time,along,across\n0,1,1\n10,1,1\n20,1,1\n", "are these seconds"),
         ("time,along,across\n0,1,inf\n", "line 2: across must be a finite number"),
-        ("time,along,across\n", "rising from 0"),
+        ("time,along,across\n", "time"),
     ],
 )
 def test_bad_recordings_are_refused(tmp_path: File, text: str, message: str) -> None:

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import numpy as np
 
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._version import __version__
-from pter_gym.benchmark.statistics import bootstrap_interval, mean
+from pter_gym.benchmark.intervals import mean_interval, rate_interval
 from pter_gym.errors import StorageError, needs_extra
 from pter_gym.tools.datasets.levels import LEVELS, actors_of
 from pter_gym.tools.datasets.recording import Episode, environment_of
@@ -107,5 +106,5 @@ def summary_of(episodes: Sequence[Episode]) -> dict[str, Any]:
     return {
         "steps": sum(len(episode.rewards) for episode in episodes),
         "episodes": len(episodes),
-        **{name: list(bootstrap_interval(np.array(values), mean)) for name, values in scores.items()},
+        **{name: list((rate_interval if name == "arrived" else mean_interval)(scores[name])) for name in scores},
     }

@@ -159,10 +159,17 @@ class Fit:
         low = np.where(np.arange(at.COUNT) == at.RATIO, MIN_RATIO, at.LOWEST)[self.free] + 1e-9
         high = self.shape.highest[self.free] - 1e-9
         weights = np.sqrt(self.weights)[:, None] / self.windows.noise
+
+        def residual(x: Array) -> Array:
+            return (weights * self._at(self._with(x)).residual).ravel()
+
+        def jacobian(x: Array) -> Array:
+            return (weights[:, :, None] * self._at(self._with(x)).jacobian[:, :, self.free]).reshape(-1, len(x))
+
         found = _OPTIMIZE.least_squares(
-            lambda x: (weights * self._at(self._with(x)).residual).ravel(),
+            residual,
             self.p[self.free].clip(low, high),
-            lambda x: (weights[:, :, None] * self._at(self._with(x)).jacobian[:, :, self.free]).reshape(-1, len(x)),
+            jacobian,
             bounds=(low - 1e-12, high + 1e-12),
             x_scale="jac",
             loss=self._loss,

@@ -7,7 +7,7 @@ matrix adaptation evolution strategies (CMA-ES), each from its own starting poin
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,22 +16,20 @@ from numpy.typing import NDArray
 from pter_gym._compiled.compiler import device
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.law import MEMORY
-from pter_gym._engine.world import ROW
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, check_target, find_path, write_text_atomic
-from pter_gym._physics.clutch import PerClutch, lag_left
-from pter_gym.benchmark._measures import column, low_pass, vector
-from pter_gym.benchmark._recorded import START_UP
+from pter_gym._physics.clutch import PerClutch
+from pter_gym.benchmark._measures import START_UP, column, low_pass, vector
 from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.errors import ParameterError
-from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE, TIME_CONSTANT, Arm, Machine, TorqueCurve
+from pter_gym.params import Arm, Machine, TorqueCurve
 from pter_gym.params._fields import check_number
 from pter_gym.params._preset import PRESET, ClutchValues, Preset, SensingValues, format_preset
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import COLUMN, check_machine
-from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH
 from pter_gym.tools.paper.claims import MAX_SATURATED, rank_correlation
 from pter_gym.tools.paper.path_tests import BEST_GAIN, PAPER_TABLE, PLATEAU_FROM
+from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE, TIME_CONSTANT
 from pter_gym.tools.paper.setup import TIME_CONSTANTS, Setup, setup_of
 from pter_gym.units import INCH, INCH_POUND
 
@@ -217,27 +215,11 @@ class RunScores:
     completed: NDArray[np.bool_]
 
 
-class _Runs(Batch):
-    """Worlds of cases: machines that differ only in the time constant are checked and prepared once."""
-
-    def __init__(self, cases: Sequence[Case]) -> None:
-        super().__init__([case.machine for case in cases], [case.setup.task for case in cases])
-        entry, count = CONTEXT.machine, len(cases)
-        places: Any = self._worlds[:, ROW.context_at].ravel()[:count].astype(int)
-        contexts = self._constants[places[:, None] + np.arange(CONTEXT_WIDTH)]
-        for context, case in zip(contexts, cases, strict=True):
-            lags = entry.voltage_decay if case.machine.clutch.lag == "voltage" else entry.torque_decay
-            context[lags] = lag_left(0.5 * case.machine.substep, case.time_constant)
-        begins = len(self._constants) + CONTEXT_WIDTH * np.arange(count)
-        self._constants = np.concatenate([self._constants, contexts.ravel()])
-        at = self._worlds[:, ROW.context_at]
-        at[:] = np.append(begins, np.repeat(begins[-1:], at.size - count)).reshape(at.shape)
-        self._worlds[:, ROW.draws_from] = at
-
-
 def run_cases(cases: Sequence[Case]) -> RunScores:
     """Run the standard test in many worlds at once."""
-    batch = _Runs(cases)
+    taus = [replace(case.machine.clutch, time_constant=case.time_constant) for case in cases]
+    machines = [replace(case.machine, clutch=clutch) for case, clutch in zip(cases, taus, strict=True)]
+    batch = Batch(machines, [case.setup.task for case in cases])
     bound: dict[tuple[int, float], Any] = {}
     for case in cases:
         key = id(case.setup), case.feedback
@@ -444,7 +426,7 @@ def search(
     seed
         Seed of the search, at least 0; the same seed and budget give the same result.
     budget
-        Evaluated candidates, at least 1,000. 20,000 take less than ten minutes.
+        Evaluated candidates, at least 1,000. 20,000 take about a quarter of an hour.
     trends
         Weight of the trends over the time constant beside Table I, at least 0.
     out

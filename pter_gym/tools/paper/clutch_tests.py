@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,10 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._physics import arm, friction
 from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
-from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE, Machine, find_machine
+from pter_gym.params import Machine, find_machine
+from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE
 from pter_gym.tools.paper.setup import PAPER_MACHINES
 
 Array = NDArray[np.float64]
+
+_LINEAR: Any = np.linalg
 
 W = np.array(friction.COUPLING)
 """Slip velocities of the four clutches from the links' angular velocities, shape (4, 2)."""
@@ -141,7 +145,8 @@ def _single_dof_test(machine: Machine, clutch: int, breakaway: float) -> SingleD
     volts = np.zeros(4)
     volts[clutch - 1] = machine.clutch.breakaway.voltage(breakaway)
     volts[locked - 1] = machine.clutch.voltage_max
-    share = abs(float(np.linalg.solve(W[[clutch - 1, locked - 1]].T, np.eye(2)[link])[0]))
+    shares: Any = _LINEAR.solve(W[[clutch - 1, locked - 1]].T, np.eye(2)[link])
+    share = abs(float(shares[0]))
     time = machine.substep * (np.arange(float(round(MAX_DURATION / machine.substep))) + 0.5)
     ramp = breakaway / share / RAMP_TIME * time
     torque = ramp[:, None] * np.eye(2)[link]

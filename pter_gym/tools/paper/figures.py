@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pter_gym.benchmark._measures import column
-from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE, TIME_CONSTANT
 from pter_gym.tools import figures as style
 from pter_gym.tools.figures import label, legend_of, styled
 from pter_gym.tools.paper.claims import COLUMNS, NAMES, TABLE_TOLERANCE
@@ -23,6 +22,7 @@ from pter_gym.tools.paper.clutch_tests import (
     StepResponse,
 )
 from pter_gym.tools.paper.path_tests import BEST_GAIN, PAPER_TABLE, PLATEAU_FROM, GainSweep, LineFollowing, Sweep
+from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE, TIME_CONSTANT
 from pter_gym.tools.paper.study import Study
 from pter_gym.units import INCH, to_inch_pounds
 

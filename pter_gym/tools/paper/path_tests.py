@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym.benchmark import find_policy
-from pter_gym.params import TIME_CONSTANT, Machine, with_friction
+from pter_gym.params import Machine, with_friction
 from pter_gym.tasks.path_following import COLUMN, observation_layout
+from pter_gym.tools.paper.printed_values import TIME_CONSTANT
 from pter_gym.tools.paper.setup import Setup
 from pter_gym.tools.paper.standard_test import Run, run_standard_test
 from pter_gym.units import INCH, INCH_POUND
@@ -33,7 +34,7 @@ PLATEAU_FROM = 0.1
 """Gain above which the error stays about constant [V/(in·lbf)] (section IV-C.3)."""
 
 
-LAWS = ("impedance", "torque-feedback", "free", "locked")
+LAWS = ("impedance", "torque-feedback")
 """Control laws that the standard test compares."""
 
 

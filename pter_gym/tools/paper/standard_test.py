@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark.metrics import Score, score
+from pter_gym.benchmark.scores import Score, score
 from pter_gym.benchmark.simulation import AnyPolicy, sensors_of, simulate
 from pter_gym.controllers import bind
 from pter_gym.errors import ParameterError

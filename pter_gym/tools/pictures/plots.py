@@ -11,10 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-from pter_gym.benchmark.leaderboard import Leaderboard
-from pter_gym.benchmark.ranking import PACE_ERROR, Standing
-from pter_gym.benchmark.runs import ScenarioRun, join_seeds
-from pter_gym.benchmark.statistics import performance_profile
+from pter_gym.benchmark.boards import PACE_ERROR, Leaderboard, Standing
+from pter_gym.benchmark.intervals import performance_profile
+from pter_gym.benchmark.runs import ScenarioRun
 from pter_gym.scenarios import PACES
 from pter_gym.tools.figures import MILLIMETRE, REFERENCE, WIDTH, Look, label, legend_below, looks, save, styled
 from pter_gym.tools.pictures.drawing import WORKSPACE
@@ -49,15 +48,15 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
     """
     figure = Figure(figsize=(WIDTH, 3.0))
     panels: list[Axes] = np.ravel(figure.subplots(1, len(boards), sharey=True)).tolist()
-    errors = np.concatenate([run.scores["path_error_m"] for run in runs])
-    low, high = max(float(errors.min()), 1e-5), float(errors.max())
+    every = np.concatenate([run.scores["path_error_m"] for run in runs])
+    low, high = max(float(every.min()), 1e-5), float(every.max())
     thresholds = np.exp(np.linspace(math.log(0.9 * low), math.log(1.1 * max(low, high)), 200))
     by_policy = _looks(boards)
     for axes, board in zip(panels, boards, strict=True):
         axes.set_title(f"{board.pace}, {PACES[board.pace]:g} m/s")
         for standing in board.standings:
-            run = join_seeds(_runs_of(standing, board, runs))
-            found = performance_profile(run.scores["path_error_m"], thresholds, strata=run.strata)
+            errors = np.stack([run.scores["path_error_m"] for run in _runs_of(standing, board, runs)])
+            found = performance_profile(errors, thresholds)
             colour, marker, dashes = by_policy[standing.policy]
             style: Any = {"color": colour, "linestyle": dashes, "marker": marker}
             style["markevery"] = markers(list(by_policy).index(standing.policy), len(by_policy))
@@ -86,7 +85,7 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
     for name, (colour, marker, dashes) in _looks(boards).items():
         standings = [standing for board in boards for standing in board.standings if standing.policy == name]
         x = np.maximum([standing.scores["mean_pace_m_s"].value for standing in standings], MIN_PACE)
-        y = np.array([standing.scores["path_error_m"] for standing in standings]) / MILLIMETRE
+        y = np.array([standing.scores["path_error_m"] for standing in standings], np.float64) / MILLIMETRE
         axes.plot(x, y[:, 0], color=colour, linestyle=dashes, linewidth=1.2, alpha=0.6)
         spread = np.maximum([y[:, 0] - y[:, 1], y[:, 2] - y[:, 0]], 0.0)
         axes.errorbar(x, y[:, 0], spread, fmt="none", ecolor=colour, elinewidth=1.2)

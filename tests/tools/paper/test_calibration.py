@@ -9,13 +9,13 @@ import pytest
 
 from pter_gym.errors import ParameterError
 from pter_gym.hands import eq5
-from pter_gym.params import BREAKAWAY_SMALL_VOLTAGE
 from pter_gym.params._preset import load_preset
 from pter_gym.tasks.path_following import check_machine
 from pter_gym.tasks.path_following._specification import sin_elbow
 from pter_gym.tools.paper import calibration
 from pter_gym.tools.paper.calibration import HAND_MAX, SPACE, decode, is_accepted, misfit
 from pter_gym.tools.paper.path_tests import table1, time_constant_sweep
+from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE
 from pter_gym.tools.paper.setup import STUDY, setup_of
 
 

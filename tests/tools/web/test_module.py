@@ -90,11 +90,6 @@ def test_the_module_is_that_of_the_present_sources() -> None:
     )
 
 
-def test_the_kernels_reach_physics_task_and_laws() -> None:
-    files = {Path(file).name for kernel in web_module.KERNELS for file in web_module.files_of(kernel.function)}
-    assert {"friction.py", "clutch.py", "arm.py", "_projection.py", "_rules.py", "episode.py", "_laws.py"} <= files
-
-
 def test_the_module_asks_for_nothing_and_holds_no_path_of_a_computer() -> None:
     data = MODULE.read_bytes()
     assert data[:4] == b"\0asm"

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._physics.friction import ClutchMode
-from pter_gym.benchmark._measures import column
-from pter_gym.benchmark._recorded import PRICE, Array, Recorded
+from pter_gym.benchmark._measures import PRICE, Array, Recorded, column
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -34,7 +33,7 @@ def _score(unit: str, meaning: str, find: Callable[[Recorded], Values]) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """Scores of one episode. Accelerations leave out the start-up interval and are low-pass filtered unless called raw.
+    """Scores of one episode. Accelerations leave out the start-up interval and are low-pass filtered.
 
     Every score is finite, whatever the episode. An episode that ends within the start-up interval counts in full.
     """
@@ -58,13 +57,6 @@ class Score:
     mean_acceleration_m_s2: float = _score("m/s²", "time average", lambda e: e.mean_of(e.acceleration))
     rms_acceleration_m_s2: float = _score("m/s²", "root of the mean square", lambda e: e.rms_of(e.acceleration))
     peak_acceleration_m_s2: float = _score("m/s²", "largest", lambda e: e.peak_of(e.acceleration))
-    raw_mean_acceleration_m_s2: float = _score(
-        "m/s²", "time average, not filtered", lambda e: e.mean_of(e.raw_acceleration)
-    )
-    raw_rms_acceleration_m_s2: float = _score(
-        "m/s²", "root of the mean square, not filtered", lambda e: e.rms_of(e.raw_acceleration)
-    )
-    raw_peak_acceleration_m_s2: float = _score("m/s²", "largest, not filtered", lambda e: e.peak_of(e.raw_acceleration))
     smoothness: float = _score("1", "−ln of the dimensionless jerk; larger is smoother", Recorded.smoothness)
     path_length_m: float = _score("m", "way of the tip", Recorded.way)
     completed: bool = _score("1", "the end of the path was reached", Recorded.completed)
