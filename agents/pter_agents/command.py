@@ -27,7 +27,7 @@ def train(
     """Train a policy on a scenario's training draws by PPO.
 
     The run's folder holds the two newest checkpoints, validation.json with scores on drawn episodes that are not
-    used for training, and progress.csv.
+    used for training, and progress.csv with a row for each of these validations and paces.
 
     Example: pter train residual --smoke --out residual-run
 
@@ -63,12 +63,21 @@ def train(
             from pter_agents import training
         except ImportError as error:
             raise needs_extra("training", "agents") from error
+
+    def show(done: int, scores: training.Scores) -> None:
+        parts = (f"{pace} {1e3 * s['path_error_m']:.1f} mm, {s['completed']:.0%} arrive" for pace, s in scores.items())
+        say(f"{done:,}: {'; '.join(parts)}")
+
     with progress_bar() as progress:
         task = progress.add_task(f"{algo}, {scenario}", total=arguments.steps)
         path = training.train(
-            arguments, out, resume=resume, on_progress=lambda done: progress.update(task, completed=done)
+            arguments,
+            out,
+            resume=resume,
+            on_progress=lambda done: progress.update(task, completed=done),
+            on_scores=show,
         )
-    say(f"wrote {path}")
+    say(f"wrote {path}\nnext: pter export {out}")
 
 
 def export(

@@ -25,7 +25,7 @@ from pter_gym.policies import Interface, TrainedPolicy
 from pter_gym.policies._files import RUN, interface_codec
 
 SCORES, PROGRESS, LOCK = "validation.json", "progress.csv", ".lock"
-"""Files of a run: scores during training, a row for each rollout, and one that the training process has locked."""
+"""Files of a run: scores during training, their table, and one that the training process has locked."""
 
 KEPT = 2
 """Newest checkpoints that are kept."""
@@ -133,22 +133,18 @@ class RunFolder:
         kept = {before: row for before, row in self.scores().items() if before < steps}
         write_text_atomic(self.path / SCORES, json.dumps({**kept, steps: scores}, indent=1) + "\n")
 
-    def progress(self, steps: int) -> list[dict[str, Any]]:
-        """Return the rows of the progress up to so many decisions."""
+    def add_progress(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Add rows of one validation to the table; any of later decisions are dropped."""
         file = self.path / PROGRESS
-        if not file.exists():
-            return []
-        with file.open(encoding="utf-8", newline="") as text:
-            return [row for row in csv.DictReader(text) if int(row["steps"]) <= steps]
-
-    def write_progress(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write the progress, a row for each rollout."""
-        if rows:
-            text = io.StringIO()
-            writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
-            write_text_atomic(self.path / PROGRESS, text.getvalue())
+        kept: list[Mapping[str, Any]] = []
+        if file.exists():
+            with file.open(encoding="utf-8", newline="") as text:
+                kept = [row for row in csv.DictReader(text) if int(row["decisions"]) < rows[0]["decisions"]]
+        table = io.StringIO()
+        writer = csv.DictWriter(table, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows([*kept, *rows])
+        write_text_atomic(file, table.getvalue())
 
 
 def policy_of(

@@ -13,6 +13,7 @@ from pter_gym.benchmark import PACES
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine, require, require_flag, require_kind, require_number, require_whole
+from pter_gym.policies._trained import MAX_LAYERS, are_hidden
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios._own_machine import OwnMachine
 from pter_gym.tasks.path_following import STARTS, RewardWeights
@@ -134,6 +135,7 @@ class Settings(RewardWeights):
         for name in ("history", "averages", "hidden", "value_hidden"):
             sizes = getattr(self, name)
             require(_are_sizes(sizes), self, name, sizes, "whole numbers from 1 to 1024")
+        require(are_hidden(self.hidden), self, "hidden", self.hidden, f"at most {MAX_LAYERS - 1} layers")
         require(self.worlds % PARTS == 0, self, "worlds", self.worlds, f"a multiple of {PARTS}")
         samples = self.worlds * self.steps
         even = samples % self.minibatch == 0 and self.minibatch % PARTS == 0

@@ -1,6 +1,7 @@
 """Train a policy on the batch engine, in its own folder."""
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,15 +13,26 @@ from pter_agents.validation import Validation
 from pter_agents.worlds import make_training
 from pter_gym._internal.files import FilePath, remove_leftovers
 from pter_gym._internal.terminal import make_folder
+from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.errors import ParameterError, PterError, StorageError
+from pter_gym.policies._files import encode_policy
 
 
 class TrainingDivergedError(PterError, ArithmeticError):
     """A loss or a weight is no longer a finite number; the message names the last good checkpoint."""
 
 
+Scores = Mapping[str, Mapping[str, float]]
+"""Mean validation scores by pace."""
+
+
 def train(
-    arguments: Arguments, out: FilePath, *, resume: bool = False, on_progress: Callable[[int], None] = lambda _: None
+    arguments: Arguments,
+    out: FilePath,
+    *,
+    resume: bool = False,
+    on_progress: Callable[[int], None] = lambda _: None,
+    on_scores: Callable[[int, Scores], None] = lambda *_: None,
 ) -> Path:
     """Train a policy and return its last checkpoint.
 
@@ -34,11 +46,14 @@ def train(
         Whether to continue from the newest checkpoint in the folder.
     on_progress
         Called with the decisions so far after each rollout.
+    on_scores
+        Called with the decisions so far and the scores after each validation.
 
     Raises
     ------
     ParameterError
-        If the folder already holds a run, or none to resume, or a different one, or another process trains in it.
+        If the folder already holds a run, or none to resume, or a different one, or another process trains in it; or if
+        the policy could not be exported.
     DataError
         If a file of the run to resume cannot be read.
     StorageError
@@ -53,29 +68,39 @@ def train(
     with folder.lock():
         remove_leftovers(folder.path)
         training = make_training(arguments)
-        if not resume:
-            folder.begin(arguments, training.interface)
         try:
             model = PPO(arguments.settings, training, arguments.steps, arguments.seed)
+            encode_policy(model.policy())
+            if not resume:
+                folder.begin(arguments, training.interface)
             if resume and folder.checkpoints():
                 steps, state = folder.load()
                 model.set_state(state, steps)
-            return _learn(arguments, model, folder, on_progress)
+            return _learn(arguments, model, folder, on_progress, on_scores)
         finally:
             training.env.close()
 
 
-def _learn(arguments: Arguments, model: PPO, folder: RunFolder, on_progress: Callable[[int], None]) -> Path:
+def _learn(
+    arguments: Arguments,
+    model: PPO,
+    folder: RunFolder,
+    on_progress: Callable[[int], None],
+    on_scores: Callable[[int, Scores], None],
+) -> Path:
     """Train a model for all its steps, with checkpoints and validation, and return its last checkpoint."""
     validation = Validation(arguments.scenario, arguments.paces, arguments.validation_episodes, arguments.machine)
-    rows: list[dict[str, Any]] = folder.progress(model.steps)
+    begin = time.perf_counter()
 
     def save() -> Path:
-        folder.write_progress(rows)
         return folder.save(model.steps, model.get_state())
 
     def validate() -> None:
-        folder.add_scores(model.steps, validation.scores(model.policy(), arguments.nominal))
+        scores = validation.scores(model.policy(), arguments.nominal)
+        folder.add_scores(model.steps, scores)
+        spent = {"seconds": round(time.perf_counter() - begin, 1), "decisions": model.steps}
+        folder.add_progress([{**spent, "pace": pace, **progress_of(values)} for pace, values in scores.items()])
+        on_scores(model.steps, scores)
 
     try:
         while model.steps < arguments.steps:
@@ -84,8 +109,7 @@ def _learn(arguments: Arguments, model: PPO, folder: RunFolder, on_progress: Cal
                 save()
             if rollouts and rollouts % arguments.validate_every == 0:
                 validate()
-            values = model.advance()
-            rows.append({"steps": model.steps, **values})
+            model.advance()
             on_progress(model.steps)
         validate()
         return save()
@@ -93,6 +117,13 @@ def _learn(arguments: Arguments, model: PPO, folder: RunFolder, on_progress: Cal
         raise TrainingDivergedError(_stopped(model, folder, error)) from error
     except OSError as error:
         raise StorageError(_stopped(model, folder, error)) from error
+
+
+def progress_of(scores: Mapping[str, float]) -> dict[str, Any]:
+    """Return the path error [m], the share of arrivals, and whether the scores are good enough for a rank."""
+    off_pace = max(scores["mean_pace_error"], scores["segment_pace_error"])
+    ranked = scores["completed"] >= COMPLETION and off_pace <= PACE_ERROR
+    return {"path_error_m": scores["path_error_m"], "completed": scores["completed"], "ranked": ranked}
 
 
 def _stopped(model: PPO, folder: RunFolder, error: Exception) -> str:

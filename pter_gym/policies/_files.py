@@ -122,22 +122,29 @@ def write_policy(policy: "TrainedPolicy", path: FilePath) -> Path:
     Raises
     ------
     ParameterError
-        If a policy cannot have this name.
+        If a policy cannot have this name, or its network is too large.
     StorageError
         If it cannot be written.
     """
     path = find_path("path", path)
     check_name(path.name.removesuffix(ENDING))
     path = path.parent / f"{path.name.removesuffix(ENDING)}{ENDING}"
+    write_bytes_atomic(path, encode_policy(policy))
+    return path
+
+
+def encode_policy(policy: "TrainedPolicy") -> bytes:
+    """Return the bytes of a policy's file, or raise a ParameterError if they could not be read again."""
     tensors: dict[str, NDArray[Any]] = {}
     for k, (weight, bias) in enumerate(policy.layers):
         tensors |= {f"layer_{k}.weight": np.ascontiguousarray(weight), f"layer_{k}.bias": np.ascontiguousarray(bias)}
     card = {"interface": interface_codec().to_plain(policy.interface), "about": dict(policy.about)}
     text = json.dumps(card, ensure_ascii=False, allow_nan=False)
     data = save_tensors(tensors, {"format": FORMAT, "card": text})
-    _parse(data, path.stem)
-    write_bytes_atomic(path, data)
-    return path
+    if len(data) > MAX_FILE:
+        raise ParameterError(f"layers must fit into a file of {MAX_FILE} bytes, got {policy.sizes} with {len(data)}")
+    _parse(data, policy.name)
+    return data
 
 
 def check_name(name: object) -> None:

@@ -26,6 +26,11 @@ MAX_UNITS, MAX_LAYERS = 1024, 8
 Weights = NDArray[np.float32]
 
 
+def are_hidden(sizes: tuple[int, ...]) -> bool:
+    """Return whether a policy may have hidden layers with these numbers of units."""
+    return len(sizes) < MAX_LAYERS and all(1 <= units <= MAX_UNITS for units in sizes)
+
+
 @dataclass(frozen=True, eq=False)
 class TrainedPolicy:
     """A trained policy; like a controller, it is bound to a nominal machine and a layout before it acts.
@@ -56,7 +61,7 @@ class TrainedPolicy:
     def __post_init__(self) -> None:
         """Check the layers."""
         sizes = self.sizes
-        if not 1 <= len(self.layers) <= MAX_LAYERS or max(sizes[1:]) > MAX_UNITS or sizes[-1] != OUTPUTS:
+        if not self.layers or not are_hidden(sizes[1:-1]) or sizes[-1] != OUTPUTS:
             raise DataError(
                 f"layers must be 1 to {MAX_LAYERS} of at most {MAX_UNITS} units that end in {OUTPUTS}, got {sizes}"
             )

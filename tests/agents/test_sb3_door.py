@@ -155,7 +155,7 @@ def test_missing_stable_baselines_says_what_to_install() -> None:
     assert "'.[agents]'" in result.stdout
 
 
-def test_a_trained_policy_acts_in_it_and_notices_new_episodes() -> None:
+def test_a_trained_policy_acts_in_it_and_is_reset_by_its_user() -> None:
     from pter_gym.envs.sb3 import make_sb3_vec_env
 
     env = make_sb3_vec_env(3, task=replace(TASK, start_offset=0.0, truncation_error=0.02, starts=STARTS["path"]))
@@ -170,6 +170,7 @@ def test_a_trained_policy_acts_in_it_and_notices_new_episodes() -> None:
         np.testing.assert_allclose(24.0 * ((chosen + 1.0) / 2.0) ** 2, volts, atol=1e-3)
         observations, _, done, _ = watched.step(chosen)
         began += 0 < done.sum() < 3
+        policy.reset(done)
         for world in np.flatnonzero(done):
             alone[world].reset()
     assert began >= 2

@@ -1,5 +1,6 @@
 """PPO: a resumed training is the uninterrupted one, and what is exported acts."""
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from pter_agents.exporting import export
 from pter_agents.runs import RunFolder
 from pter_agents.settings import SMOKE, Arguments, load_settings
-from pter_gym.errors import ParameterError
+from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import read_policy
 
@@ -44,6 +45,10 @@ def test_resumed_training_has_the_same_bits(tmp_path: Path) -> None:
         np.testing.assert_array_equal(array, two[name], err_msg=name)
     with pytest.raises(ParameterError, match="reach"):
         train(arguments(2, reach=3.0, **constant), tmp_path / "parts", resume=True)
+    with (tmp_path / "parts" / "progress.csv").open() as text:
+        table = list(csv.DictReader(text))
+    assert [int(row["decisions"]) for row in table] == sorted(RunFolder(tmp_path / "parts").scores())
+    assert set(table[0]) == {"seconds", "decisions", "pace", "path_error_m", "completed", "ranked"}
     file = export(tmp_path / "whole", tmp_path / "mine", name="mine")
     assert {path.name for path in file.parent.iterdir()} == {"README.md", "mine.safetensors"}
     policy = read_policy(tmp_path / "mine")
@@ -57,3 +62,89 @@ def test_settings_are_checked() -> None:
     with pytest.raises(ParameterError, match="config"):
         load_settings("ppo", wolds=3)
     assert arguments(1).nominal == BASELINE
+
+
+@pytest.mark.parametrize("hidden", [[8] * 8, [1024] * 7])
+def test_what_cannot_be_exported_is_refused_before_training(
+    hidden: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pter_agents.ppo import PPO
+    from pter_agents.training import train
+
+    monkeypatch.setattr(PPO, "advance", lambda _: pytest.fail("it trains"))
+    with pytest.raises(ParameterError, match=r"hidden|layers"):
+        train(arguments(1, "ppo", hidden=hidden), tmp_path / "run")
+    assert not (tmp_path / "run" / "run.json").exists()
+
+
+def test_a_diverging_loss_stops_and_names_the_last_good_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pter_agents import ppo
+    from pter_agents.training import TrainingDivergedError, train
+
+    advance = ppo.PPO.advance
+
+    def diverge(self: ppo.PPO) -> dict[str, float]:
+        if self.steps:
+            raise FloatingPointError("a loss or a weight is not finite")
+        return advance(self)
+
+    monkeypatch.setattr(ppo.PPO, "advance", diverge)
+    given = arguments(2, "ppo")
+    with pytest.raises(TrainingDivergedError) as stopped:
+        train(given, tmp_path / "run")
+    steps, path = RunFolder(tmp_path / "run").checkpoints()[-1]
+    assert str(path) in str(stopped.value)
+    assert steps == given.steps // 2
+
+
+def test_a_loss_that_is_not_finite_raises() -> None:
+    from pter_agents.ppo import PPO
+    from pter_agents.worlds import make_training
+
+    given = arguments(1, "ppo")
+    model = PPO(given.settings, make_training(given), given.steps, given.seed)
+    state = model.get_state()
+    next(array for name, array in state.items() if ".value" in name)[:] = np.nan
+    model.set_state(state, 0)
+    with pytest.raises(FloatingPointError):
+        model.advance()
+
+
+def test_one_process_trains_in_a_folder(tmp_path: Path) -> None:
+    from pter_agents.training import train
+
+    with RunFolder(tmp_path).lock(), pytest.raises(ParameterError, match="out"):
+        train(arguments(1, "ppo"), tmp_path)
+
+
+@pytest.mark.parametrize("data", [b"", b"\x08" + bytes(7) + b"nonsense"])
+def test_a_damaged_checkpoint_is_refused(data: bytes, tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    with pytest.raises(DataError, match="checkpoint"):
+        folder.load()
+    path = folder.save(3, {"a": np.ones(4)})
+    assert folder.load()[0] == 3
+    path.write_bytes(data or path.read_bytes()[:-1])
+    with pytest.raises(DataError, match="checkpoint"):
+        folder.load()
+
+
+def test_advantages_are_those_of_a_plain_loop() -> None:
+    from pter_agents.ppo import estimate
+
+    rng, (steps, worlds) = np.random.default_rng(0), (20, 5)
+    rewards, finals = rng.standard_normal((2, steps, worlds)).astype(np.float32)
+    values = rng.standard_normal((steps + 1, worlds)).astype(np.float32)
+    ends = rng.random((steps, worlds)) < 0.2
+    expected = np.zeros((steps, worlds))
+    for world in range(worlds):
+        later = 0.0
+        for t in reversed(range(steps)):
+            after = finals[t, world] if ends[t, world] else values[t + 1, world]
+            missed = rewards[t, world] + 0.9 * after - values[t, world]
+            later = missed + (0.0 if ends[t, world] else 0.9 * 0.8 * later)
+            expected[t, world] = later
+    found = estimate(*map(np.asarray, (rewards, values, ends, finals)), 0.9, 0.8)
+    np.testing.assert_allclose(found, expected, atol=1e-5)

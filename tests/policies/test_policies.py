@@ -1,16 +1,19 @@
 """Trained policies: the compiled network against NumPy, and their files."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors.numpy import load, save
 
 from pter_gym._engine.batch import Batch
 from pter_gym.controllers._network import tanh
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import SHIPPED, read_policy, shipped_policies, write_policy
+from pter_gym.policies._files import read_header
 from pter_gym.policies._interface import available, quantities
 from pter_gym.tasks.path_following import PathFollowing
 
@@ -59,6 +62,25 @@ def test_a_file_comes_back(tmp_path: Path) -> None:
         for one, two in zip(again.layers, policy.layers, strict=True)
         for a, b in zip(one, two, strict=True)
     )
+
+
+def damaged(name: str, change: Callable[[np.ndarray], np.ndarray]) -> bytes:
+    """Return a shipped policy's file with one tensor changed."""
+    data = (SHIPPED / "ppo-standard.safetensors").read_bytes()
+    tensors = load(data)
+    return save({**tensors, name: np.ascontiguousarray(change(tensors[name]))}, read_header(data))
+
+
+@pytest.mark.parametrize("name", ["layer_0.weight", "layer_1.weight", "layer_1.bias", "layer_2.bias"])
+@pytest.mark.parametrize(
+    "change", [lambda x: np.full_like(x, np.nan), lambda x: x[:-1], lambda x: x.astype(np.float64)]
+)
+def test_wrong_tensors_are_refused_by_name(
+    name: str, change: Callable[[np.ndarray], np.ndarray], tmp_path: Path
+) -> None:
+    (tmp_path / "bad.safetensors").write_bytes(damaged(name, change))
+    with pytest.raises(DataError, match="layer"):
+        read_policy(tmp_path / "bad")
 
 
 def test_bad_files_are_refused(tmp_path: Path) -> None:
