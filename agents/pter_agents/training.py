@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
+
 from pter_agents.ppo import PPO
 from pter_agents.runs import RunFolder
 from pter_agents.settings import Arguments
@@ -13,7 +15,6 @@ from pter_agents.validation import Validation
 from pter_agents.worlds import make_training
 from pter_gym._internal.files import FilePath, remove_leftovers
 from pter_gym._internal.terminal import make_folder
-from pter_gym.benchmark.ranking import COMPLETION, PACE_ERROR
 from pter_gym.errors import ParameterError, PterError, StorageError
 from pter_gym.policies._files import encode_policy
 

@@ -29,7 +29,7 @@ def names_in(field: str, names: Iterable[Any]) -> list[Any]:
     """Return a list of names, also of a single one, or raise a ParameterError if it is empty."""
     given = cast("object", names)
     single = isinstance(given, (str, os.PathLike)) and bool(given)
-    listed = [given] if single else list(cast("Iterable[Any]", given)) if isinstance(given, Iterable) else []
+    listed: list[Any] = [given] if single else list(cast("Iterable[Any]", given)) if isinstance(given, Iterable) else []
     if not listed or isinstance(given, bytes):
         raise ParameterError(f"{field} must hold at least one name, in a list, got {given!r:.200}")
     return listed

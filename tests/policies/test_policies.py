@@ -71,10 +71,15 @@ def damaged(name: str, change: Callable[[np.ndarray], np.ndarray]) -> bytes:
     return save({**tensors, name: np.ascontiguousarray(change(tensors[name]))}, read_header(data))
 
 
+CHANGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "nan": lambda array: np.full_like(array, np.nan),
+    "short": lambda array: array[:-1],
+    "float64": lambda array: array.astype(np.float64),
+}
+
+
 @pytest.mark.parametrize("name", ["layer_0.weight", "layer_1.weight", "layer_1.bias", "layer_2.bias"])
-@pytest.mark.parametrize(
-    "change", [lambda x: np.full_like(x, np.nan), lambda x: x[:-1], lambda x: x.astype(np.float64)]
-)
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 def test_wrong_tensors_are_refused_by_name(
     name: str, change: Callable[[np.ndarray], np.ndarray], tmp_path: Path
 ) -> None:
