@@ -6,8 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
-
 from pter_agents.ppo import PPO
 from pter_agents.runs import RunFolder
 from pter_agents.settings import Arguments
@@ -15,6 +13,7 @@ from pter_agents.validation import Validation
 from pter_agents.worlds import make_training
 from pter_gym._internal.files import FilePath, remove_leftovers
 from pter_gym._internal.terminal import make_folder
+from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
 from pter_gym.errors import ParameterError, PterError, StorageError
 from pter_gym.policies._files import encode_policy
 
@@ -33,7 +32,7 @@ def train(
     *,
     resume: bool = False,
     on_progress: Callable[[int], None] = lambda _: None,
-    on_scores: Callable[[int, Scores], None] = lambda *_: None,
+    on_scores: Callable[[int, Scores], None] = lambda _steps, _scores: None,
 ) -> Path:
     """Train a policy and return its last checkpoint.
 

@@ -28,11 +28,11 @@ BELOW = {
         "notebooks/06_which_machine_to_build",
     ),
     "your-algorithm": ("stock-algorithms", "learning-libraries", "at-scale"),
-    "path-following": ("environment", "task", "worlds", "constants", "laws", "reward"),
+    "path-following": ("environment", "task", "reward"),
     "scenarios/index": tuple(f"scenarios/{name}" for name in SCENARIOS),
     "policies": ("data",),
     "controllers": ("classical-control", "which-clutches"),
-    "scoring": ("bound", "trust"),
+    "scoring": ("bound",),
     "model": ("hands", "gradients"),
     "paper-figures": ("reproduction", "calibration"),
     "verification": ("robustness",),
@@ -44,6 +44,7 @@ BELOW = {
 def add_contents(app: Sphinx, page: str, source: list[str]) -> None:
     """Append to a page the pages below it; in its file they would look like code."""
     source[0] = re.sub(r"\]\((\.\./)+notebooks/", "](/notebooks/", source[0])  # of which the site has a copy
+    source[0] = source[0].replace("](../docs/", "](/")
     if page == "index":
         source[0] += "".join(toctree(pages, caption) for caption, pages in CHAPTERS.items())
     elif page == "commands":

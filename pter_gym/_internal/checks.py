@@ -27,9 +27,10 @@ def is_finite(value: object) -> bool:
 
 def names_in(field: str, names: Iterable[Any]) -> list[Any]:
     """Return a list of names, also of a single one, or raise a ParameterError if it is empty."""
-    given = cast("object", names)
-    single = isinstance(given, (str, os.PathLike)) and bool(given)
-    listed: list[Any] = [given] if single else list(cast("Iterable[Any]", given)) if isinstance(given, Iterable) else []
+    given: Any = names
+    single = isinstance(given, (str, os.PathLike)) and given != ""
+    several = isinstance(cast("object", names), Iterable)
+    listed: list[Any] = [given] if single else list(names) if several else []
     if not listed or isinstance(given, bytes):
         raise ParameterError(f"{field} must hold at least one name, in a list, got {given!r:.200}")
     return listed

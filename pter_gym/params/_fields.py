@@ -63,9 +63,11 @@ def check_number(
     """
     bounds = (("> ", above), ("≥ ", at_least), ("≤ ", at_most), ("< ", below))
     told = [f"{sign}{bound:g}" for sign, bound in bounds if math.isfinite(bound)]
+    if min(at_most, below) == math.inf:
+        told.append(f"at most {LARGEST:g}" if told else f"at most {LARGEST:g} in size")
     least = SMALLEST if above == 0.0 else max(at_least, -LARGEST)
     if not (is_finite(value) and least <= value <= min(at_most, LARGEST) and above < value < below):
-        accepted = " and ".join(["a finite number", *(told or [f"at most {LARGEST:g} in size"])])
+        accepted = " and ".join(["a finite number", *told])
         raise ParameterError(f"{field} must be {accepted}, got {value!r:.400}")
 
 

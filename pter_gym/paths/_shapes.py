@@ -245,15 +245,17 @@ def check_points(owner: object, *, at_least: int) -> None:
     Lists and arrays of points become tuples.
     """
     given: Any = getattr(owner, "points")  # noqa: B009
-    points = tuple_of(given.tolist() if isinstance(given, np.ndarray) else given)
+    points: Any = given
+    if isinstance(given, list | tuple | np.ndarray):
+        points = tuple_of([*cast("list[Any]", given)] if isinstance(given, list | tuple) else given.tolist())
     object.__setattr__(owner, "points", points)
     accepted = (
         f"{at_least} to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, none twice in a row"
     )
-    rows = cast(tuple[Any, ...], points) if isinstance(points, tuple) else ()
-    require(at_least <= len(rows) <= MAX_POINTS, owner, "points", f"{len(rows)} of them", accepted)
+    rows = cast("tuple[Any, ...]", points) if isinstance(points, tuple) else ()
+    require(at_least <= len(rows) <= MAX_POINTS, owner, "points", cast(Any, points), accepted)
     if fault := fault_in(rows, lambda k: f"point {k}"):
-        raise ParameterError(f"{type(owner).__name__}.points must be {accepted}, but {fault}")
+        raise ParameterError(f"{type(owner).__name__}.points must be {accepted}: {fault}")
 
 
 def fault_in(points: Sequence[Any], label: Callable[[int], str]) -> str | None:
@@ -264,12 +266,12 @@ def fault_in(points: Sequence[Any], label: Callable[[int], str]) -> str | None:
             or len(cast(tuple[Any, ...], point)) != 2
             or not all(map(is_finite, cast(Any, point)))
         ):
-            return f"{label(k)} is no pair of finite numbers, but {point!r:.100}"
+            return f"{label(k)} must be a pair of finite numbers, got {point!r:.100}"
         for name, value in zip("xy", cast(tuple[float, float], point), strict=True):
             if abs(value) > MAX_COORDINATE:
-                return f"{label(k)}: |{name}| > {MAX_COORDINATE:g} m, got {value:g}"
+                return f"{label(k)} is too far away: {name} = {value:g} m"
         if k > 0 and math.dist(points[k - 1], cast(tuple[float, float], point)) <= 1e-9:
-            return f"{label(k)} repeats the point before, that of {label(k - 1)}"
+            return f"{label(k)} repeats {label(k - 1)}"
     return None
 
 

@@ -52,7 +52,7 @@ REFUSED: dict[str, tuple[str, Callable[[], Any]]] = {
             PathFollowing(control_period=0.5, hand=HumanArm(impedance=Hand(mass=1.0, damping=9.0, stiffness=900.0))),
         ),
     ),
-    "a huge damping": (r"Hand\.damping must be a finite number and at most 1e\+12", lambda: Hand(damping=1e308)),
+    "a huge damping": (r"Hand\.damping", lambda: Hand(damping=1e308)),
     "a large damping": (
         "arm must be so far from",
         lambda: Batch(replace(BASELINE, hand=Hand(damping=1e11)), PathFollowing()),

@@ -203,7 +203,6 @@ def test_a_circle_begins_at_its_lowest_point():
 BAD_POINTS: tuple[Any, ...] = (
     ((0.0, 0.5), (0.0, 0.5), (0.1, 0.5)),
     ((0.0, 0.5), (0.1, 0.5), (0.1, 0.5)),
-    ((0.0, 0.5), [0.1, 0.5]),
     ((0.0, 0.5), "12"),
     ((0.0, 0.5), (0.1, 0.5, 0.2)),
     ((0.0, 0.5), (1001.0, 0.5)),
@@ -213,7 +212,7 @@ BAD_POINTS: tuple[Any, ...] = (
 def test_points_that_no_path_takes():
     for points in BAD_POINTS:
         for kind in (Spline, Polyline):
-            with pytest.raises(ParameterError, match=r"points must be a tuple"):
+            with pytest.raises(ParameterError, match="points"):
                 kind(points=points)
 
 

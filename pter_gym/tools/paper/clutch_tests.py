@@ -322,7 +322,7 @@ class Reversal:
     dynamic
         Dynamic torque of clutch 1 [N·m].
     jump
-        Largest |torque| of clutch 1 within 50 ms of zero slip, relative to the dynamic torque, minus 1.
+        Largest torque (absolute) of clutch 1 within 50 ms of zero slip, relative to the dynamic torque, minus 1.
     """
 
     trajectory: Trajectory
@@ -401,7 +401,7 @@ def holding(machine: Machine | str | None = None, loads: int = 200, seed: int = 
 
 
 def largest_load(capacity: Array, direction: Array) -> float:
-    """Return how far the set {Wᵀτ: |τ_x| ≤ capacity_x} extends in a direction (unit vector), up to its nearest edge.
+    """Return how far the set ``{Wᵀτ: |τ_x| ≤ capacity_x}`` extends along a unit vector, up to its nearest edge.
 
     Parameters
     ----------
