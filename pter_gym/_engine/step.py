@@ -39,7 +39,7 @@ from pter_gym.tasks.path_following._rules import (
     PathVector,
     ending,
     has_failed,
-    is_truncated,
+    is_astray,
     path_state,
     recent_pace,
     reward_terms,
@@ -304,6 +304,8 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
     ratio = recent_pace(w[ROW.pace_ratio, i], w[ROW.travel, i], reached, step * period, period, task)
     end = ending(at, q, kinetic_energy(load(w, ROW.machine.arm, i), q), task)
     failed = has_failed(end)
+    terminated = end.arrived | failed
+    astray = is_astray(at, terminated, task)
     acceleration = tip_acceleration(w, i, period)
     outcome = Outcome(
         at=at,
@@ -317,11 +319,10 @@ def judge_step(w: Any, i: int, period: float, limit: float) -> None:
         last_volts=load(w, ROW.last_command, i),
         voltage_max=w[ROW.machine.voltage_max, i],
         energy=load(w, ROW.energy, i),
-        failed=failed,
+        failed=failed | astray,
     )
     terms = reward_terms(task.weight, outcome, period)
-    terminated = end.arrived | failed
-    truncated = is_truncated(at, step, limit, terminated, task)
+    truncated = astray | (step >= limit)
     w[ROW.pace_ratio, i] = ratio
     store(w, ROW.terms, i, terms)
     w[ROW.reward, i] = total(terms)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -69,3 +70,27 @@ def test_no_attack_has_the_return_of_the_honest_policy(scenario: str, pace: str)
         if any(mine >= other for mine, other in zip(found, honest, strict=True)):
             more[attack] = found
     assert more == {}, honest
+
+
+def mean_return(policy: str, leaves_at: float = np.inf) -> float:
+    """Return the mean return of a policy in the episodes of the id, if beyond a part of the path it rides off it."""
+    envs: Any = gymnasium.make_vec(
+        "PTER/Standard-v0", 128, frame_skip=1, action_unit="volt", autoreset_mode="SAME_STEP"
+    ).unwrapped
+    rider = bind(find_policy(policy, scenario="standard"), BASELINE, envs.layout)
+    progress, error = envs.layout.index("progress"), envs.layout.index("normal_error")
+    obs = envs.reset(seed=3)[0]
+    total, alive = np.zeros(len(obs)), np.ones(len(obs), bool)
+    while alive.any():
+        told = np.array(obs)
+        told[told[:, progress] * envs.layout.scales[progress] >= leaves_at, error] += 0.5 / envs.layout.scales[error]
+        obs, rewards, terminated, truncated, _ = envs.step(rider.act(told))
+        total += np.where(alive, rewards, 0.0)
+        alive &= ~(terminated | truncated)
+    return float(total.mean())
+
+
+def test_in_the_ids_leaving_sideways_returns_less_than_any_ranked_law() -> None:
+    ranked = min(mean_return(law) for law in ("single-dof-tuned", "torque-feedback-tuned"))
+    for part in (0.3, 0.5, 0.7):
+        assert mean_return("residual", leaves_at=part) < 0.0 < ranked

@@ -288,7 +288,7 @@ def test_training_is_truncated_near_the_path_and_no_evaluation_is(scenario: str)
         assert task.truncation_error == TRUNCATION_ERROR <= task.error_max
 
 
-def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
+def test_an_episode_that_strays_is_truncated_and_pays_for_it() -> None:
     free = np.zeros(4)
     for reward in (RewardWeights(), RewardWeights(failure=0.0)):
         near: Any = gymnasium.make("PTER/PathFollowing-v0", task=replace(NEAR, reward=reward)).unwrapped
@@ -299,7 +299,7 @@ def test_an_episode_that_strays_is_truncated_and_is_no_failure() -> None:
             observation, pay, terminated, truncated, info = near.step(free)
             same, as_much, ends, _, told = wide.step(free)
             assert (observation == same).all()
-            assert pay == as_much
+            assert pay == as_much if not truncated else pay <= as_much
             assert abs(told["telemetry"][COLUMN.normal_error]) <= 0.1 or truncated
         assert (terminated, truncated, ends, info["is_success"]) == (False, True, False, False)
         with pytest.raises(ResetNeededError):

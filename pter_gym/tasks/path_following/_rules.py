@@ -142,7 +142,7 @@ class Outcome(NamedTuple):
     energy
         Work of the hand and the clutches in the control step [J].
     failed
-        Whether the tip has left the workspace or missed the end of the path.
+        Whether the tip has left the workspace, strayed to where the episode is truncated, or missed the end of the path.
     """
 
     at: PathState
@@ -240,7 +240,7 @@ class RewardWeights:
     )
     failure: float = term(
         "1",
-        "chosen: on leaving the workspace or missing the end of the path, times the part of it that was reached",
+        "chosen: on leaving the workspace, straying or missing the end of the path, times the part that was reached",
         lambda weight, seen, period: -weight * seen.reached / seen.path_length if seen.failed else 0.0,  # noqa: ARG005
         default=PERFECT,
     )
@@ -452,7 +452,6 @@ def has_failed(end: Ending) -> bool:
 
 
 @device
-def is_truncated(at: PathState, step: float, limit: float, terminated: bool, task: TaskModel) -> bool:
-    """Return whether an episode is truncated: after ``limit`` control steps, or where the task says so."""
-    astray = (not terminated) & strayed(at.arc_length, at.normal_error, task.truncation_error)
-    return astray | (step >= limit)
+def is_astray(at: PathState, terminated: bool, task: TaskModel) -> bool:
+    """Return whether an episode is truncated for its distance from the path; it pays the cost of a failure."""
+    return (not terminated) & strayed(at.arc_length, at.normal_error, task.truncation_error)
