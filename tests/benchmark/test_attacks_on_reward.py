@@ -77,15 +77,14 @@ def mean_return(policy: str, leaves_at: float = np.inf) -> float:
     envs: Any = gymnasium.make_vec(
         "PTER/Standard-v0", 128, frame_skip=1, action_unit="volt", autoreset_mode="SAME_STEP"
     ).unwrapped
-    rider = bind(find_policy(policy, scenario="standard"), BASELINE, envs.batch.layout)
-    progress, error = envs.batch.layout.index("progress"), envs.batch.layout.index("normal_error")
+    layout = envs.batch.layout
+    rider = bind(find_policy(policy, scenario="standard"), BASELINE, layout)
+    progress, error = layout.index("progress"), layout.index("normal_error")
     obs = envs.reset(seed=3)[0]
     total, alive = np.zeros(len(obs)), np.ones(len(obs), bool)
     while alive.any():
         told = np.array(obs)
-        told[told[:, progress] * envs.batch.layout.scales[progress] >= leaves_at, error] += (
-            0.5 / envs.batch.layout.scales[error]
-        )
+        told[told[:, progress] * layout.scales[progress] >= leaves_at, error] += 0.5 / layout.scales[error]
         obs, rewards, terminated, truncated, _ = envs.step(rider.act(told))
         total += np.where(alive, rewards, 0.0)
         alive &= ~(terminated | truncated)

@@ -142,7 +142,7 @@ class Outcome(NamedTuple):
     energy
         Work of the hand and the clutches in the control step [J].
     failed
-        Whether the tip has left the workspace, strayed to where the episode is truncated, or missed the end of the path.
+        Whether the tip has left the workspace, strayed to where the episode is truncated, or missed the path's end.
     """
 
     at: PathState
