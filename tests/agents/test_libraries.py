@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from documents import load_script
-from pter_gym.benchmark import examine
+from pter_gym.benchmark import examine, from_sb3
+from pter_gym.envs.sb3 import make_sb3_vec_env
 
 pytestmark = [
     pytest.mark.agents,
@@ -46,6 +47,14 @@ def train(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, **option
 def test_a_script_trains(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     policy = train(script, tmp_path, monkeypatch, **TINY[script], seed=3)
     assert examine({script: policy}, episodes=2).keys() == {script, "free", "locked", "random"}
+
+
+@pytest.mark.slow
+def test_sbx_trains_in_place_of_stable_baselines3() -> None:
+    sbx = pytest.importorskip("sbx")
+    worlds = make_sb3_vec_env(8, scenario="standard")
+    model = sbx.PPO("MlpPolicy", worlds, n_steps=16, batch_size=64, seed=0).learn(256)
+    assert examine({"sbx": from_sb3(model)}, episodes=2).keys() == {"sbx", "free", "locked", "random"}
 
 
 @pytest.mark.long
