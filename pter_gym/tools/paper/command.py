@@ -1,5 +1,6 @@
 """``pter reproduce``: the paper's figures, its table and its claims; ``pter fit``: what the paper does not print."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Annotated
 
@@ -26,19 +27,25 @@ def reproduce(
         pdf: Write each picture as PDF too.
         out: Folder for the results, created if necessary.
     """
+    from rich.table import Table
+
     from pter_gym._internal.files import write_files_atomic
-    from pter_gym.tools.paper.products import find_products
+    from pter_gym.tools.paper.products import find_products, results
 
     chosen = find_products(figures)
     make_folder(out)
-    from pter_gym.tools.paper.products import claims_table, results
     from pter_gym.tools.paper.study import Study
 
     with progress_bar() as progress:
         task = progress.add_task("reproducing", total=len(chosen) + 1)
         files, claims = results(Study(), chosen, pdf=pdf, on_progress=lambda _: progress.advance(task))
     write_files_atomic(out, files)
-    terminal().print(claims_table(claims))
+    counts = ", ".join(f"{count} {kind}" for kind, count in Counter(claim.kind for claim in claims).items())
+    table = Table("", "the paper says", "measured", "needed", box=None, pad_edge=False, caption=counts)
+    for claim in claims:
+        s = claim.statement
+        table.add_row(claim.kind, f"{s.claim} ({s.section})", s.with_unit(f"{claim.value:.4g}"), s.condition)
+    terminal().print(table)
     say(f"wrote {len(files)} files to {out}")
 
 
@@ -62,9 +69,7 @@ def fit(seed: int = 0, budget: int = 20_000, trends: float = 0.3, out: Path = Pa
 
     with progress_bar() as progress:
         bar = progress.add_task("fit", total=budget)
-        result = search(
-            seed=seed, budget=budget, trends=trends, out=out, on_progress=lambda n: progress.advance(bar, n)
-        )
+        result = search(out, seed=seed, budget=budget, trends=trends, on_progress=lambda n: progress.advance(bar, n))
     found = result.quality
     say(f"misfit {result.misfit:.4f}; Table I in the paper's units: {found.table[0].round(3).tolist()}")
     worst = f"{100.0 * float(np.abs(found.table[0] / TARGET - 1.0).max()):.1f}%"

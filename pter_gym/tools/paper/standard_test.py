@@ -1,6 +1,6 @@
 """The paper's standard test (section IV-A) for any policy."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,11 +42,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Result:
-    """The standard test for several policies, with one Run per time constant for each."""
+    """The standard test on a machine: for each policy by name, one run per time constant."""
 
-    task: PathFollowing
     machine: Machine
-    seed: int
+    task: PathFollowing
     runs: dict[str, tuple[Run, ...]]
 
 
@@ -57,7 +56,6 @@ def run_standard_test(
     task: PathFollowing | None = None,
     time_constants: Sequence[float] = TIME_CONSTANTS,
     seed: int = 0,
-    on_progress: Callable[[str], None] = lambda _: None,
 ) -> Result:
     """Run the standard test.
 
@@ -72,8 +70,6 @@ def run_standard_test(
         Time constants of the clutches [s]; one episode each.
     seed
         Seed ≥ 0 of the episodes.
-    on_progress
-        Called with each policy's name when it is done.
 
     Raises
     ------
@@ -94,5 +90,4 @@ def run_standard_test(
         runs[name] = tuple(
             Run(tau, score(rows, task), rows) for tau, rows in zip(time_constants, episodes, strict=True)
         )
-        on_progress(name)
-    return Result(task=task, machine=machine, seed=seed, runs=runs)
+    return Result(machine, task, runs)

@@ -5,8 +5,9 @@ from functools import cached_property
 
 from pter_gym.tools.paper import clutch_tests, path_tests
 from pter_gym.tools.paper.clutch_tests import Holding, MaterialCurves, Reversal, SingleDofTest, StepResponse
-from pter_gym.tools.paper.path_tests import GainSweep, LineFollowing, Sweep
+from pter_gym.tools.paper.path_tests import GainSweep, Sweep
 from pter_gym.tools.paper.setup import Setup
+from pter_gym.tools.paper.standard_test import Result
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,6 @@ class Study:
         return path_tests.gain_sweep(self.setup)
 
     @cached_property
-    def line_following(self) -> LineFollowing:
-        """Fig. 11."""
+    def line_following(self) -> Result:
+        """Fig. 11: the test without and with torque feedback."""
         return path_tests.line_following(self.setup)

@@ -91,6 +91,7 @@ def test_the_search_finds_the_lowest_point_of_a_valley():
 @pytest.mark.parametrize(
     ("name", "value"), [("seed", -1), ("budget", 10), ("trends", -0.1), ("out", Path("no/such/folder/p.toml"))]
 )
-def test_search_refuses_bad_arguments(name: str, value: object):
+def test_search_refuses_bad_arguments(tmp_path: Path, name: str, value: object):
     with pytest.raises(ParameterError, match=name):
-        calibration.search(**{name: value})  # type: ignore[arg-type]
+        calibration.search(**{"out": tmp_path / "preset.toml", name: value})  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())

@@ -63,8 +63,10 @@ def test_the_pages_show_the_verdicts_of_today(claims):
 
 
 def test_the_verdict_follows_from_the_number(claims):
+    keys = {"id", "section", "claim", "measured", "unit", "condition", "holds", "kind"}
     for claim in claims.values():
         entry = claim.as_json()
+        assert keys <= entry.keys()
         assert entry["holds"] == (claim.statement.at_least <= claim.value <= claim.statement.at_most)
         assert entry["kind"] == (claim.statement.how if entry["holds"] else "not met")
         json.dumps(entry, allow_nan=False)
