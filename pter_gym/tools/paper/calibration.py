@@ -17,14 +17,13 @@ from pter_gym._compiled.compiler import device
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.law import MEMORY
 from pter_gym._internal.checks import whole_number
-from pter_gym._internal.files import FilePath, check_target, find_path, write_text_atomic
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.benchmark._measures import START_UP, Recorded
 from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.errors import ParameterError
 from pter_gym.params import Arm, Machine, TorqueCurve
 from pter_gym.params._fields import check_number
-from pter_gym.params._preset import PRESET, ClutchValues, Preset, SensingValues, format_preset
+from pter_gym.params._preset import PRESET, ClutchValues, Preset, SensingValues
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import COLUMN, check_machine
 from pter_gym.tools.paper.claims import MAX_SATURATED, rank_correlation
@@ -77,20 +76,13 @@ SPACE: tuple[Free, ...] = (
 )
 """The search space."""
 
-HAND_MAX = 98.0
-"""Largest force of the hand [N]: about 10 kgf."""
-
-ELBOW_COS = math.sqrt(1.0 - 0.4**2)
-
-EQ5_PEAK = 0.6173
-"""Largest |Fn|/Fmax of Eq. 5."""
+HAND_MAX, EQ5_PEAK = 98.0, 0.6173
+"""Largest force of the hand [N], about 10 kgf; largest |Fn|/Fmax of Eq. 5."""
 
 TABLE_VOLTS = (0.0, 4.0, 10.0, 17.0, 24.0)
 
-ORIGINS = {
-    **PRESET.provenance,
-    "delrin.mu_dynamic_present": "fitted: above 0.35 of Delrin, at most the published static one",
-}
+ORIGINS = dict(PRESET.provenance)
+ORIGINS["delrin.mu_dynamic_present"] = "fitted: above 0.35 of Delrin, at most the published static one"
 
 DIGITS = 4
 """Significant digits of a candidate: what is written is what was evaluated."""
@@ -154,8 +146,8 @@ def curve_of(values: dict[str, float]) -> TorqueCurve:
 
 def line_of(arm: Arm, values: dict[str, float]) -> Line:
     """Return a path that the arm reaches with |sin(θA − θB)| ≥ 0.4."""
-    a, b = arm.length_a, arm.length_b
-    near, far = (math.sqrt(a * a + b * b + sign * 2.0 * ELBOW_COS * a * b) for sign in (-1.0, 1.0))
+    a, b, elbow_cos = arm.length_a, arm.length_b, math.sqrt(1.0 - 0.4**2)
+    near, far = (math.sqrt(a * a + b * b + sign * 2.0 * elbow_cos * a * b) for sign in (-1.0, 1.0))
     y = near + values["path_height"] * (far - near)
     chord = 2.0 * math.sqrt(far * far - y * y)
     length = min(values["path_length"], 0.98 * chord)
@@ -228,11 +220,8 @@ TARGET = np.array(list(PAPER_TABLE.values()))
 GAINS = (0.0, 0.015, 0.03, 0.045, 0.06, 0.1, 0.125, 0.15, 0.175, 0.2, 0.225, 0.25)
 """Gains at which the search looks at Fig. 10 [V/(in·lbf)]."""
 
-AIM = 0.045
-"""Deviation of an entry of Table I from which on the worst one counts by itself."""
-
-FEEDBACK = 0.15
-"""Weight of the penalty for Fig. 10, beside Table I."""
+AIM, FEEDBACK = 0.045, 0.15
+"""Deviation of an entry of Table I from which on the worst one counts by itself; weight of the penalty for Fig. 10."""
 
 SCREEN = TIME_CONSTANTS[1::4]
 """The time constants of a first look at a candidate [s]."""
@@ -341,14 +330,8 @@ def _feedback(setups: Sequence[Setup]) -> Array:
 
 # --- the search ---
 
-STARTS = 3
-"""Searches that share the budget."""
-
-FIRST = 300
-"""Random points of which a search begins at the best."""
-
-SIZE = 20
-"""Candidates of a generation."""
+STARTS, FIRST, SIZE = 3, 300, 20
+"""Searches that share the budget; random points of which each begins at the best; candidates of a generation."""
 
 STEP, SMALLEST_STEP = 0.25, 5e-4
 """Of a search, first and last, as a part of each number's range."""
@@ -363,40 +346,21 @@ class Calibration(NamedTuple):
 
 
 def search(
-    out: FilePath,
-    *,
-    seed: int = 0,
-    budget: int = 20_000,
-    trends: float = 0.3,
-    on_progress: Callable[[int], None] = lambda _: None,
+    seed: int = 0, budget: int = 20_000, trends: float = 0.3, on_progress: Callable[[int], None] = lambda _: None
 ) -> Calibration:
-    """Search the space and write the best preset.
+    """Search the space for the best preset. The same seed and budget give the same one.
 
-    Parameters
-    ----------
-    out
-        File for the preset; its folder must exist.
-    seed
-        Seed of the search, at least 0; the same seed and budget give the same result.
-    budget
-        Evaluated candidates, at least 1,000. 20,000 take about a quarter of an hour.
-    trends
-        Weight of the trends over the time constant beside Table I, at least 0.
-    on_progress
-        Called with the number of candidates that have been evaluated since the last call.
+    ``on_progress`` is called with the number of candidates that have been evaluated since the last call; the other
+    arguments are those of ``pter fit``. 20,000 candidates take about a quarter of an hour.
 
     Raises
     ------
     ParameterError
-        If an argument is out of its range, or the file cannot be written. Nothing has been written.
-    StorageError
-        If the file cannot be written after the search.
+        If an argument is out of its range.
     """
     seed = whole_number("seed", seed, at_least=0)
     budget = whole_number("budget", budget, at_least=1000)
     check_number("trends", trends, at_least=0.0)
-    out = find_path("out", out)
-    check_target("out", out)
 
     def evaluate(points: Array) -> Array:
         values = misfit([decode(point) for point in points], trends)
@@ -406,8 +370,6 @@ def search(
     random = np.random.default_rng(seed)
     value, best = min((adapted(evaluate, random, budget // STARTS) for _ in range(STARTS)), key=lambda each: each[0])
     preset = decode(best)
-    title = f"Found by pter fit --seed {seed} --budget {budget} --trends {trends:g}."
-    write_text_atomic(out, format_preset(preset, title))
     return Calibration(preset, value, quality_of([setup_of(preset)]))
 
 

@@ -164,6 +164,10 @@ def _velocity_share(study: Study) -> float:
     return v2 / locked if locked != 0.0 else math.nan
 
 
+def _weakest_slips(study: Study) -> float:
+    return study.holding.weakest_slips.mean()
+
+
 def _peak_ratio(study: Study, model: str) -> float:
     return holding_torque(study.setup.machines[model]) / holding_torque(study.setup.machines[BASELINE])
 
@@ -171,6 +175,14 @@ def _peak_ratio(study: Study, model: str) -> float:
 def _trend_over_time_constant(study: Study, quantity: str) -> float:
     sweep = study.sweeps[BASELINE]
     return rank_correlation(sweep.time_constant, getattr(sweep, quantity))
+
+
+def _table_entry(study: Study, model: str, column: int) -> float:
+    return study.table1[model][column]
+
+
+def _table_ratio(study: Study, model: str, other: str, column: int) -> float:
+    return study.table1[model][column] / study.table1[other][column]
 
 
 def _worst_error_ratio(study: Study, model: str, other: str) -> float:
@@ -193,6 +205,10 @@ def _plateau_width(study: Study) -> float:
     return np.abs(error / error.mean() - 1.0).max()
 
 
+def _saturated_at_best_gain(study: Study) -> float:
+    return study.gain_sweep.saturated[study.gain_sweep.gain == BEST_GAIN][0]
+
+
 def _best_gain(study: Study) -> float:
     sweep = study.gain_sweep
     free = sweep.saturated <= MAX_SATURATED
@@ -204,22 +220,13 @@ def _line_following_ratio(study: Study) -> float:
     return with_feedback / without
 
 
-MEASURES: dict[str, Callable[..., float]] = {
-    "locked_torque_trend": _locked_torque_trend,
-    "velocity_share": _velocity_share,
-    "weakest_slips": lambda study: study.holding.weakest_slips.mean(),
-    "peak_ratio": _peak_ratio,
-    "trend_over_time_constant": _trend_over_time_constant,
-    "table_entry": lambda study, model, column: study.table1[model][column],
-    "table_ratio": lambda study, model, other, column: study.table1[model][column] / study.table1[other][column],
-    "worst_error_ratio": _worst_error_ratio,
-    "peak_share": _peak_share,
-    "trend_over_gain": _trend_over_gain,
-    "plateau_width": _plateau_width,
-    "saturated_at_best_gain": lambda study: study.gain_sweep.saturated[study.gain_sweep.gain == BEST_GAIN][0],
-    "best_gain": _best_gain,
-    "line_following_ratio": _line_following_ratio,
-}
+_FUNCTIONS: tuple[Callable[..., float], ...] = (
+    *(_locked_torque_trend, _velocity_share, _weakest_slips, _peak_ratio, _trend_over_time_constant),
+    *(_table_entry, _table_ratio, _worst_error_ratio, _peak_share),
+    *(_trend_over_gain, _plateau_width, _saturated_at_best_gain, _best_gain, _line_following_ratio),
+)
+
+MEASURES = {function.__name__.removeprefix("_"): function for function in _FUNCTIONS}
 """From a study to the number of a claim, which ``claims.toml`` describes; a column is one of Table I, from 0."""
 
 

@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._physics import arm, friction
 from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
-from pter_gym.params import Machine, find_machine
+from pter_gym.params import Machine
 from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE
-from pter_gym.tools.paper.setup import PAPER_MACHINES
 
 Array = NDArray[np.float64]
 
@@ -114,25 +113,22 @@ class SingleDofTest:
         return int(np.flatnonzero(self.trajectory.omega.any(axis=1))[0])
 
 
-def single_dof(
-    machine: Machine | str | None = None, breakaway: float = BREAKAWAY_SMALL_VOLTAGE
-) -> tuple[SingleDofTest, ...]:
+def single_dof(machine: Machine) -> tuple[SingleDofTest, ...]:
     """Ramp up a torque against each clutch in turn while another clutch leaves the arm one degree of freedom.
 
-    The voltages have settled beforehand; that on the clutch under test has the given breakaway torque [N·m], 63.5
-    in·lbf in the paper. The ramp acts on link A, or on link B where link A is locked.
+    The voltages have settled beforehand; that on the clutch under test has the breakaway torque of the paper. The ramp
+    acts on link A, or on link B where link A is locked.
     """
-    machine = resolved(find_machine(machine))
-    return tuple(_single_dof_test(machine, clutch, breakaway) for clutch in LOCKED_WITH)
+    return tuple(_single_dof_test(resolved(machine), *each) for each in LOCKED_WITH.items())
 
 
-def _single_dof_test(machine: Machine, clutch: int, breakaway: float) -> SingleDofTest:
-    locked = LOCKED_WITH[clutch]
-    link = 1 if locked == 1 else 0
+def _single_dof_test(machine: Machine, clutch: int, locked: int) -> SingleDofTest:
+    link, breakaway = 1 if locked == 1 else 0, BREAKAWAY_SMALL_VOLTAGE
     volts = np.zeros(4)
     volts[clutch - 1] = machine.clutch.breakaway.voltage(breakaway)
     volts[locked - 1] = machine.clutch.voltage_max
-    share = abs(float(np.linalg.solve(W[[clutch - 1, locked - 1]].T, np.eye(2)[link])[0]))
+    shares: Array = np.linalg.solve(W[[clutch - 1, locked - 1]].T, np.eye(2)[link])
+    share = abs(float(shares[0]))
     time = machine.substep * (np.arange(float(round(MAX_DURATION / machine.substep))) + 0.5)
     ramp = breakaway / share / RAMP_TIME * time
     torque = ramp[:, None] * np.eye(2)[link]
@@ -177,9 +173,9 @@ class StepResponse:
     first_order: Array
 
 
-def step_response(machine: Machine | str | None = None) -> StepResponse:
+def step_response(machine: Machine) -> StepResponse:
     """Step each clutch's voltage while a constant tip force keeps it slipping."""
-    machine = resolved(find_machine(machine))
+    machine = resolved(machine)
     tau, final = machine.clutch.time_constant, machine.clutch.dynamic.torque(STEP_VOLTS)
     lead = round(STEP_LEAD / machine.substep)
     steps = lead + round(3.0 * tau / machine.substep)
@@ -214,7 +210,7 @@ class MaterialCurves:
     bench_dynamic: Array
 
 
-def torque_curves(machines: Mapping[str, Machine] = PAPER_MACHINES) -> dict[str, MaterialCurves]:
+def torque_curves(machines: Mapping[str, Machine]) -> dict[str, MaterialCurves]:
     """Return the torque curves of clutch 1 and the results of six bench tests, by the name of the machine.
 
     In a bench test, as in the paper's, the voltage is constant and a slowly rising torque acts on link A until the
@@ -292,17 +288,17 @@ class Reversal:
         return self.trajectory.torque[:, 0]
 
 
-def reversals(machines: Mapping[str, Machine] = PAPER_MACHINES, volts: float | None = None) -> dict[str, Reversal]:
+def reversals(machines: Mapping[str, Machine]) -> dict[str, Reversal]:
     """Let a step force reverse link A, which slips in clutch 1 at a constant voltage.
 
     The arm moves at the start; the force, along link B, opposes that motion and is large enough to reverse it. The
-    voltage [V] is by default the one with the breakaway torque of Fig. 4 on the first machine.
+    voltage is the one with the breakaway torque of Fig. 4 on the first machine.
     """
     first = next(iter(machines.values()))
-    applied = first.clutch.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE) if volts is None else volts
-    largest = max(holding_torque(machine, applied) for machine in machines.values())
+    volts = first.clutch.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE)
+    largest = max(holding_torque(machine, volts) for machine in machines.values())
     force = tip_force(first, POSE, np.array([MARGIN * largest, 0.0]))
-    return {name: _reversal(machine, applied, force) for name, machine in machines.items()}
+    return {name: _reversal(machine, volts, force) for name, machine in machines.items()}
 
 
 def _reversal(machine: Machine, volts: float, force: Array) -> Reversal:
@@ -334,10 +330,10 @@ class Holding:
     weakest_slips: NDArray[np.bool_]
 
 
-def holding(machine: Machine | str | None = None, loads: int = 200, seed: int = 0) -> Holding:
-    """Load the arm at random voltages in random poses and directions until it moves, K = ``loads`` times."""
-    machine, random = find_machine(machine), np.random.default_rng(seed)
-    return Holding(*map(np.array, zip(*(_load(machine, random) for _ in range(loads)), strict=True)))
+def holding(machine: Machine) -> Holding:
+    """Load the arm at random voltages in random poses and directions until it moves, K = 200 times."""
+    random = np.random.default_rng(0)
+    return Holding(*map(np.array, zip(*(_load(machine, random) for _ in range(200)), strict=True)))
 
 
 def largest_load(capacity: Array, direction: Array) -> float:

@@ -65,14 +65,17 @@ def fit(seed: int = 0, budget: int = 20_000, trends: float = 0.3, out: Path = Pa
     check_file(out, ".toml")
     import numpy as np
 
+    from pter_gym._internal.files import write_text_atomic
+    from pter_gym.params._preset import format_preset
     from pter_gym.tools.paper.calibration import TARGET, search
 
     with progress_bar() as progress:
         bar = progress.add_task("fit", total=budget)
-        result = search(out, seed=seed, budget=budget, trends=trends, on_progress=lambda n: progress.advance(bar, n))
-    found = result.quality
+        result = search(seed, budget, trends, lambda n: progress.advance(bar, n))
+    title = f"Found by pter fit --seed {seed} --budget {budget} --trends {trends:g}."
+    write_text_atomic(out, format_preset(result.preset, title))
+    found, worst = result.quality, f"{100.0 * np.abs(result.quality.table[0] / TARGET - 1.0).max():.1f}%"
     say(f"misfit {result.misfit:.4f}; Table I in the paper's units: {found.table[0].round(3).tolist()}")
-    worst = f"{100.0 * float(np.abs(found.table[0] / TARGET - 1.0).max()):.1f}%"
     say(f"worst entry {worst} off; trends of error, path length, speed, peak: {found.trends[0].round(2).tolist()}")
     say(f"wrote {out}")
 

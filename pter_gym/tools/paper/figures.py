@@ -228,7 +228,7 @@ def _draw_sweeps(axes: Axes, sweeps: Mapping[str, Sweep], value: Callable[[Sweep
 
 
 @styled
-def table_comparison(table: Mapping[str, tuple[float, float, float]]) -> Figure:
+def table_comparison(table: Mapping[str, tuple[float, ...]]) -> Figure:
     """Return Table I as a picture: the paper's numbers with their tolerance, and ours."""
     figure = Figure(figsize=(style.WIDTH, 2.9))
     panels = figure.subplots(1, 3, sharey=True)
@@ -306,6 +306,5 @@ PICTURES: dict[str, Callable[[Study], Figure]] = {
     "fig9": lambda study: reversal_torques(study.reversals),
     "fig10": lambda study: error_over_gain(study.gain_sweep),
     "fig11": lambda study: followed_lines(study.line_following),
-    "policies": lambda study: error_over_time_constant(study.policies),
 }
 """How each figure or table is drawn, by the name of its file: that of the product, and what follows a ``_``."""

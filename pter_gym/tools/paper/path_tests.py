@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark import find_policy
 from pter_gym.benchmark._measures import four
 from pter_gym.params import Machine, with_friction
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.paper.clutch_tests import holding_torque
 from pter_gym.tools.paper.printed_values import TIME_CONSTANT
-from pter_gym.tools.paper.setup import Setup
+from pter_gym.tools.paper.setup import SETUP, Setup
 from pter_gym.tools.paper.standard_test import Result, Run, run_standard_test
 from pter_gym.units import INCH, INCH_POUND
 
@@ -43,12 +42,10 @@ class Sweep:
     ----------
     time_constant
         Of the clutches [s].
-    position_error
-        Average distance from the path [m].
+    position_error, path_length
+        Average distance from the path, and distance travelled by the tip [m].
     tip_speed, tip_acceleration, peak_acceleration
         Mean speed [m/s]; mean and largest acceleration after the start-up interval [m/s²].
-    path_length
-        Distance travelled by the tip [m].
     completed
         Whether the end of the path was reached.
     """
@@ -66,43 +63,22 @@ class Sweep:
 class GainSweep(Sweep):
     """Scores of runs, one per gain of the torque loops, arrays of shape (K,).
 
-    Attributes
-    ----------
-    gain
-        Kp [V/(in·lbf)]; 0 is plain impedance control.
-    saturated
-        Fraction of the clutch commands at the largest voltage.
+    The gain is Kp [V/(in·lbf)], 0 for plain impedance control; ``saturated`` is the fraction of the clutch commands at
+    the largest voltage.
     """
 
     gain: Array
     saturated: Array
 
 
-def time_constant_sweep(setup: Setup | None = None, time_constants: Sequence[float] | None = None) -> dict[str, Sweep]:
-    """Run the standard test with plain impedance control at each time constant, on each machine.
+def time_constant_sweep(setup: Setup = SETUP, time_constants: Sequence[float] | None = None) -> dict[str, Sweep]:
+    """Run the standard test with plain impedance control on each machine of a setup, by the machine's name.
 
-    Parameters
-    ----------
-    setup
-        Machines, task and controller; those of the package by default.
-    time_constants
-        Of the clutches [s]; those of the setup by default.
-
-    Returns
-    -------
-    sweeps
-        By the machine's name.
+    The time constants of the clutches [s] are those of the setup by default.
     """
-    setup = Setup() if setup is None else setup
     chosen = setup.time_constants if time_constants is None else time_constants
-    results = {name: run_with_gains(setup, machine, [0.0], chosen) for name, machine in setup.machines.items()}
-    return {name: sweep_of(runs) for name, result in results.items() for runs in result.runs.values()}
-
-
-def policy_sweep() -> dict[str, Sweep]:
-    """Run the standard test with the built-in control laws on the scenarios' machine, by the law's name."""
-    laws = {name: find_policy(name, scenario=None) for name in ("impedance", "torque-feedback")}
-    return {name: sweep_of(runs) for name, runs in run_standard_test(laws).runs.items()}
+    machines = setup.machines.items()
+    return {name: sweep_of(*run_with_gains(setup, each, [0.0], chosen).runs.values()) for name, each in machines}
 
 
 def sweep_of(runs: Sequence[Run]) -> Sweep:
@@ -118,16 +94,10 @@ def sweep_of(runs: Sequence[Run]) -> Sweep:
     )
 
 
-def table1(sweeps: Mapping[str, Sweep]) -> dict[str, tuple[float, float, float]]:
+def table1(sweeps: Mapping[str, Sweep]) -> dict[str, tuple[float, ...]]:
     """Return Table I in the paper's units [in, in/s, in/s²]: averages over all runs, by the machine's name."""
-    return {
-        name: (
-            float(sweep.position_error.mean()) / INCH,
-            float(sweep.tip_speed.mean()) / INCH,
-            float(sweep.tip_acceleration.mean()) / INCH,
-        )
-        for name, sweep in sweeps.items()
-    }
+    rows = {name: (each.position_error, each.tip_speed, each.tip_acceleration) for name, each in sweeps.items()}
+    return {name: tuple(float(values.mean()) / INCH for values in row) for name, row in rows.items()}
 
 
 def with_equal_peaks(setup: Setup) -> Setup:
@@ -139,9 +109,8 @@ def with_equal_peaks(setup: Setup) -> Setup:
     return replace(setup, machines=machines)
 
 
-def gain_sweep(setup: Setup | None = None, gains: Sequence[float] = GAINS) -> GainSweep:
+def gain_sweep(setup: Setup = SETUP, gains: Sequence[float] = GAINS) -> GainSweep:
     """Run the standard test on the baseline machine at each gain of the torque loops [V/(in·lbf)]."""
-    setup = Setup() if setup is None else setup
     result = run_with_gains(setup, setup.baseline, gains, [TIME_CONSTANT])
     runs = [run for (run,) in result.runs.values()]
     top = (1.0 - 1e-6) * setup.baseline.clutch.voltage_max
@@ -149,9 +118,8 @@ def gain_sweep(setup: Setup | None = None, gains: Sequence[float] = GAINS) -> Ga
     return GainSweep(**vars(sweep_of(runs)), gain=np.array(gains), saturated=np.array(saturated))
 
 
-def line_following(setup: Setup | None = None) -> Result:
+def line_following(setup: Setup = SETUP) -> Result:
     """Follow the path on the baseline machine without torque feedback and with that of ``BEST_GAIN``."""
-    setup = Setup() if setup is None else setup
     return run_with_gains(setup, setup.baseline, [0.0, BEST_GAIN], [TIME_CONSTANT])
 
 

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from pter_gym.tools.paper.claims import Claim
     from pter_gym.tools.paper.study import Study
 
-PRODUCTS = ("fig3", "fig4", "step", "fig5", "fig7", "fig8", "table1", "fig9", "fig10", "fig11", "policies")
+PRODUCTS = ("fig3", "fig4", "step", "fig5", "fig7", "fig8", "table1", "fig9", "fig10", "fig11")
 """Names of the figures and tables, in the order of the paper."""
 
 
@@ -36,18 +36,10 @@ def results(
     pdf: bool = False,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> "tuple[dict[str, bytes], tuple[Claim, ...]]":
-    """Return the content of all files by their names, and the claims about the products.
+    """Return the content of all files of products by their names, and the claims about them.
 
-    Parameters
-    ----------
-    study
-        The experiments.
-    products
-        Names in ``PRODUCTS``.
-    pdf
-        Whether each picture is a PDF file too.
-    on_progress
-        Called with a name when a product is done, and finally with ``claims``.
+    With ``pdf`` each picture is a PDF file too. ``on_progress`` is called with a product's name when it is done, and
+    finally with ``claims``.
     """
     from pter_gym.tools import figures as style
     from pter_gym.tools.paper.claims import STATEMENTS, check

@@ -62,6 +62,10 @@ class Setup:
         return replace(self.controller, feedback=feedback)
 
 
+SETUP = Setup()
+"""The setup of the package's own parameters."""
+
+
 def setup_of(preset: Preset) -> Setup:
     """Return the machines, the task and the controller of a preset."""
     controller = TorqueFeedback(**preset.controller)

@@ -23,16 +23,9 @@ MAX_STEPS = 1000
 
 @dataclass(frozen=True)
 class Run:
-    """One episode of one policy.
+    """One episode of one policy, with clutches of one time constant [s].
 
-    Attributes
-    ----------
-    time_constant
-        Time constant of the clutches [s].
-    score
-        Its scores.
-    telemetry
-        float64 (steps + 1, len(TELEMETRY)): the row of the reset, then one row per control step.
+    ``telemetry``, float64 (steps + 1, len(TELEMETRY)), is the row of the reset, then one row per control step.
     """
 
     time_constant: float
@@ -76,10 +69,9 @@ def run_standard_test(
     ParameterError
         If there is no policy, machine or time constant, or a time constant is not > 0.
     """
-    if not policies:
-        raise ParameterError("policies must hold at least one policy")
-    if not time_constants:
-        raise ParameterError("time_constants must hold at least one number > 0 s")
+    for name, values in (("policies", policies), ("time_constants", time_constants)):
+        if not values:
+            raise ParameterError(f"{name} must hold at least one, got none")
     machine, task = find_machine(machine), PathFollowing() if task is None else task
     machines = [replace(machine, clutch=replace(machine.clutch, time_constant=tau)) for tau in time_constants]
     runs: dict[str, tuple[Run, ...]] = {}

@@ -70,9 +70,9 @@ def stacked(parts: Iterable[Columns]) -> Columns:
     return {name: np.concatenate(values) for name, values in columns.items()}
 
 
-def by_name(results: Mapping[str, object], name: str) -> Columns:
-    """Return the fields of results stacked, with a column of the results' names."""
-    return stacked({name: key, **fields_of(result)} for key, result in results.items())
+def by_model(results: Mapping[str, object]) -> Columns:
+    """Return the fields of results stacked, with a column of the machines' names."""
+    return stacked({"model": name, **fields_of(result)} for name, result in results.items())
 
 
 def fields_of(result: object) -> Columns:
@@ -150,13 +150,12 @@ COLUMNS: dict[str, Callable[[Study], Columns]] = {
     "fig3": single_dof,
     "fig4": single_dof,
     "step": clutch_step,
-    "fig5": lambda study: by_name(study.torque_curves, "model"),
-    "fig7": lambda study: by_name(study.sweeps, "model"),
-    "fig8": lambda study: by_name(study.sweeps, "model"),
+    "fig5": lambda study: by_model(study.torque_curves),
+    "fig7": lambda study: by_model(study.sweeps),
+    "fig8": lambda study: by_model(study.sweeps),
     "table1": table1_columns,
     "fig9": reversals,
     "fig10": lambda study: stacked([fields_of(study.gain_sweep)]),
     "fig11": lines,
-    "policies": lambda study: by_name(study.policies, "policy"),
 }
 """The data of each figure or table."""
