@@ -14,7 +14,7 @@ from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE
 
 Array = NDArray[np.float64]
 
-W = np.array(friction.COUPLING)
+W: Array = np.array(friction.COUPLING)
 """Slip velocities of the four clutches from the links' angular velocities, shape (4, 2)."""
 
 POSE = (0.5, 2.0)
@@ -127,11 +127,13 @@ def _single_dof_test(machine: Machine, clutch: int, locked: int) -> SingleDofTes
     volts = np.zeros(4)
     volts[clutch - 1] = machine.clutch.breakaway.voltage(breakaway)
     volts[locked - 1] = machine.clutch.voltage_max
-    shares: Array = np.linalg.solve(W[[clutch - 1, locked - 1]].T, np.eye(2)[link])
+    pair: Array = W[[clutch - 1, locked - 1]]
+    direction: Array = np.eye(2)[link]
+    shares = np.linalg.solve(pair.T, direction)
     share = abs(float(shares[0]))
     time = machine.substep * (np.arange(float(round(MAX_DURATION / machine.substep))) + 0.5)
     ramp = breakaway / share / RAMP_TIME * time
-    torque = ramp[:, None] * np.eye(2)[link]
+    torque = ramp[:, None] * direction
     start = initial_state(machine, POSE, volts=volts)
     turned: Array = np.abs(simulate(machine, start, volts, (0.0, 0.0), torque).theta - POSE).max(axis=1)
     end = int(np.searchsorted(turned, MAX_TURN))
