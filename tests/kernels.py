@@ -16,7 +16,6 @@ from pter_gym.controllers import Free
 from pter_gym.params import BASELINE
 from pter_gym.params._preset import PRESET
 from pter_gym.tasks.path_following import PathFollowing
-from pter_gym.tools.paper.printed_values import TIME_CONSTANT
 
 ROOT = Path(__file__).parents[1]
 
@@ -32,7 +31,7 @@ def main(part: str) -> None:
             from pter_gym.tools.paper.calibration import Case, run_cases
             from pter_gym.tools.paper.setup import setup_of
 
-            run_cases([Case(BASELINE, TIME_CONSTANT, setup_of(PRESET))])
+            run_cases([Case(setup_of(PRESET), BASELINE)])
         run_extending()  # after the others: laws share what they have compiled
         compile_law()
         if find_spec("jax"):

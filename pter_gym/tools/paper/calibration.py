@@ -7,8 +7,8 @@ matrix adaptation evolution strategies (CMA-ES), each from its own starting poin
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,13 @@ from pter_gym._compiled.compiler import device
 from pter_gym._engine.batch import Batch
 from pter_gym._engine.law import MEMORY
 from pter_gym._internal.checks import whole_number
-from pter_gym._internal.files import FilePath, check_target, find_path, write_text_atomic
 from pter_gym._physics.clutch import PerClutch
-from pter_gym.benchmark._measures import START_UP, column, low_pass, vector
+from pter_gym.benchmark._measures import START_UP, Recorded
 from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.errors import ParameterError
 from pter_gym.params import Arm, Machine, TorqueCurve
 from pter_gym.params._fields import check_number
-from pter_gym.params._preset import PRESET, ClutchValues, Preset, SensingValues, format_preset
+from pter_gym.params._preset import PRESET, ClutchValues, Preset, SensingValues
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import COLUMN, check_machine
 from pter_gym.tools.paper.claims import MAX_SATURATED, rank_correlation
@@ -38,8 +37,7 @@ Array = NDArray[np.float64]
 # --- the search space ---
 
 
-@dataclass(frozen=True)
-class Free:
+class Free(NamedTuple):
     """One searched number: its range and the reason for it."""
 
     name: str
@@ -78,20 +76,13 @@ SPACE: tuple[Free, ...] = (
 )
 """The search space."""
 
-HAND_MAX = 98.0
-"""Largest force of the hand [N]: about 10 kgf."""
-
-ELBOW_COS = math.sqrt(1.0 - 0.4**2)
-
-EQ5_PEAK = 0.6173
-"""Largest |Fn|/Fmax of Eq. 5."""
+HAND_MAX, EQ5_PEAK = 98.0, 0.6173
+"""Largest force of the hand [N], about 10 kgf; largest |Fn|/Fmax of Eq. 5."""
 
 TABLE_VOLTS = (0.0, 4.0, 10.0, 17.0, 24.0)
 
-ORIGINS = {
-    **PRESET.provenance,
-    "delrin.mu_dynamic_present": "fitted: above 0.35 of Delrin, at most the published static one",
-}
+ORIGINS = dict(PRESET.provenance)
+ORIGINS["delrin.mu_dynamic_present"] = "fitted: above 0.35 of Delrin, at most the published static one"
 
 DIGITS = 4
 """Significant digits of a candidate: what is written is what was evaluated."""
@@ -103,24 +94,17 @@ def decode(point: Array) -> Preset:
         free.name: free.low * (free.high / free.low) ** u if free.logarithmic else free.low + u * (free.high - free.low)
         for free, u in zip(SPACE, np.clip(point, 0.0, 1.0).tolist(), strict=True)
     }
-    values["length_a"], values["length_b"] = rounded(values["length_a"]), rounded(values["length_b"])
-    arm = Arm(
-        length_a=values["length_a"],
-        length_b=values["length_b"],
-        inertia_a=rounded(values["inertia_a"]),
-        inertia_b=rounded(values["inertia_b"]),
-        coupling=rounded(values["coupling"] * math.sqrt(values["inertia_a"] * values["inertia_b"])),
-    )
-    curve, line = curve_of(values), line_of(values)
+    coupling = values["coupling"] * math.sqrt(values["inertia_a"] * values["inertia_b"])
+    linkage = {name: rounded(values[name]) for name in ("length_a", "length_b", "inertia_a", "inertia_b")}
+    arm = Arm(**linkage, coupling=rounded(coupling))
+    curve, line = curve_of(values), line_of(arm, values)
     along, across = tip_masses(arm, line)
     room = min(math.sqrt(HAND_MAX**2 - values["push"] ** 2) / EQ5_PEAK, HAND_MAX)
     damping = min(2.0 * values["damping_ratio"] * math.sqrt(values["stiffness"] * across), across / 0.01)
     return Preset(
         arm=arm,
         clutch=ClutchValues(
-            slope=curve.slope,
-            knee=curve.knee,
-            curvature=curve.curvature,
+            **vars(curve),
             breakaway_ratio=rounded(values["breakaway_ratio"]),
             time_constant=TIME_CONSTANT,
             voltage_max=TABLE_VOLTS[-1],
@@ -160,10 +144,10 @@ def curve_of(values: dict[str, float]) -> TorqueCurve:
     return TorqueCurve(slope=rounded(slope), knee=rounded(knee), curvature=rounded(curvature))
 
 
-def line_of(values: dict[str, float]) -> Line:
+def line_of(arm: Arm, values: dict[str, float]) -> Line:
     """Return a path that the arm reaches with |sin(θA − θB)| ≥ 0.4."""
-    a, b = values["length_a"], values["length_b"]
-    near, far = (math.sqrt(a * a + b * b + sign * 2.0 * ELBOW_COS * a * b) for sign in (-1.0, 1.0))
+    a, b, elbow_cos = arm.length_a, arm.length_b, math.sqrt(1.0 - 0.4**2)
+    near, far = (math.sqrt(a * a + b * b + sign * 2.0 * elbow_cos * a * b) for sign in (-1.0, 1.0))
     y = near + values["path_height"] * (far - near)
     chord = 2.0 * math.sqrt(far * far - y * y)
     length = min(values["path_length"], 0.98 * chord)
@@ -192,63 +176,32 @@ STEPS = 250
 """Control steps within which a run must be complete."""
 
 
-@dataclass(frozen=True)
-class Case:
-    """A run to make: a machine, its clutches' time constant [s], its task, and Kp [V/(N·m)]."""
+class Case(NamedTuple):
+    """A run to make: its setup, the machine, the time constant of the clutches [s], and Kp [V/(N·m)]."""
 
-    machine: Machine
-    time_constant: float
     setup: Setup
+    machine: Machine
+    time_constant: float = TIME_CONSTANT
     feedback: float = 0.0
 
 
-@dataclass(frozen=True)
-class RunScores:
-    """Scores of N runs, arrays of shape (N,), in the paper's units."""
-
-    error: Array
-    speed: Array
-    acceleration: Array
-    peak: Array
-    path_length: Array
-    saturated: Array
-    completed: NDArray[np.bool_]
-
-
-def run_cases(cases: Sequence[Case]) -> RunScores:
-    """Run the standard test in many worlds at once."""
+def run_cases(cases: Sequence[Case]) -> Recorded:
+    """Run the standard test in one world for each case, all at once."""
     taus = [replace(case.machine.clutch, time_constant=case.time_constant) for case in cases]
     machines = [replace(case.machine, clutch=clutch) for case, clutch in zip(cases, taus, strict=True)]
-    batch = Batch(machines, [case.setup.task for case in cases])
+    tasks = [case.setup.task for case in cases]
+    batch = Batch(machines, tasks)
     bound: dict[tuple[int, float], Any] = {}
-    for case in cases:
-        key = id(case.setup), case.feedback
-        if key not in bound:
-            bound[key] = case.setup.with_gain(case.feedback).bind(case.setup.baseline, batch.layout).gains
+    for setup, _, _, feedback in cases:
+        if (id(setup), feedback) not in bound:
+            bound[id(setup), feedback] = setup.with_gain(feedback).bind(setup.baseline, batch.layout).gains
     gains = np.array([bound[id(case.setup), case.feedback] for case in cases])
     obs, first = batch.reset([0] * len(cases))
     flat = np.concatenate([[IMPEDANCE, gains.shape[1]], gains.ravel()])
     rows: Any
     _, rows = batch.rollout(obs, own_impedance, flat, STEPS)
-    alive = np.isfinite(rows[..., COLUMN.time])
-    rows, alive = rows[: alive.any(axis=1).sum()], alive[: alive.any(axis=1).sum()]
-    rows[~alive] = 0.0
-    steps = np.maximum(alive.sum(axis=0), 1)
-    period = cases[0].setup.task.control_period
-    skipped = round(START_UP / period)
-    filtered = (np.linalg.norm(low_pass(vector(rows, "acceleration"), period), axis=-1) * alive)[skipped:]
-    tips = np.concatenate([vector(first, "tip")[None], vector(rows, "tip")])
-    ways = np.linalg.norm(np.diff(tips, axis=0), axis=-1) * alive
-    top = cases[0].machine.clutch.voltage_max * (1.0 - 1e-6)
-    return RunScores(
-        error=np.abs(column(rows, "normal_error")).sum(axis=0) / steps / INCH,
-        speed=np.linalg.norm(vector(rows, "tip_velocity"), axis=-1).sum(axis=0) / steps / INCH,
-        acceleration=filtered.sum(axis=0) / np.maximum(steps - skipped, 1) / INCH,
-        peak=filtered.max(axis=0, initial=0.0) / INCH,
-        path_length=ways.sum(axis=0) / INCH,
-        saturated=(rows[..., [*COLUMN.volts]] >= top).mean(axis=-1).sum(axis=0) / steps,
-        completed=column(rows, "is_success").max(axis=0) > 0.0,
-    )
+    rows = rows[np.isfinite(rows[..., COLUMN.time]).any(axis=1)]
+    return Recorded(np.concatenate([first[None], rows]), tasks, cases[0].machine.clutch.voltage_max)
 
 
 @device
@@ -267,11 +220,8 @@ TARGET = np.array(list(PAPER_TABLE.values()))
 GAINS = (0.0, 0.015, 0.03, 0.045, 0.06, 0.1, 0.125, 0.15, 0.175, 0.2, 0.225, 0.25)
 """Gains at which the search looks at Fig. 10 [V/(in·lbf)]."""
 
-AIM = 0.045
-"""Deviation of an entry of Table I from which on the worst one counts by itself."""
-
-FEEDBACK = 0.15
-"""Weight of the penalty for Fig. 10, beside Table I."""
+AIM, FEEDBACK = 0.045, 0.15
+"""Deviation of an entry of Table I from which on the worst one counts by itself; weight of the penalty for Fig. 10."""
 
 SCREEN = TIME_CONSTANTS[1::4]
 """The time constants of a first look at a candidate [s]."""
@@ -280,8 +230,7 @@ HOPELESS, POOR = 1.5, 1.0
 """What is added for a candidate that is not looked at further after the first look, and after the runs."""
 
 
-@dataclass(frozen=True)
-class Quality:
+class Quality(NamedTuple):
     """How close K candidates are, as arrays.
 
     Attributes
@@ -346,64 +295,49 @@ def is_accepted(setup: Setup) -> bool:
 
 def quality_of(setups: Sequence[Setup], time_constants: Sequence[float] = TIME_CONSTANTS) -> Quality:
     """Return Table I and the trends of setups, over the runs at some time constants [s]."""
-    out = runs_of(setups, time_constants)
+    machines = [(setup, machine) for setup in setups for machine in setup.machines.values()]
+    runs = run_cases([Case(*each, tau) for each in machines for tau in time_constants])
+    error, speed, settled = runs.mean_error(), runs.mean(runs.speed), runs.end > START_UP
+    acceleration, peak = (settled * each(runs.acceleration) for each in (runs.mean_of, runs.peak_of))
     shape = len(setups), len(PAPER_TABLE), len(time_constants)
-    entries = np.stack([out.error, out.speed, out.acceleration], axis=-1).reshape(*shape, 3)
-    series = [
-        values.reshape(shape)[:, 0] for values in (out.error, out.path_length, out.speed, out.peak)
-    ]  # of the present clutches
+    entries = np.stack([error, speed, acceleration], axis=-1).reshape(*shape, 3) / INCH
+    series = [each.reshape(shape)[:, 0] for each in (error, runs.way(), speed, peak)]
     return Quality(
         table=np.maximum(entries.mean(axis=2), 1e-3),
         trends=np.array([[rank_correlation(time_constants, each[k]) for each in series] for k in range(len(setups))]),
-        incomplete=(~out.completed).reshape(len(setups), -1).mean(axis=1),
+        incomplete=(~runs.completed()).reshape(len(setups), -1).mean(axis=1),
     )
-
-
-def runs_of(setups: Sequence[Setup], time_constants: Sequence[float]) -> RunScores:
-    """Return the runs of setups, by machine and time constant."""
-    machines = [(machine, setup) for setup in setups for machine in setup.machines.values()]
-    return run_cases([Case(machine, tau, setup) for machine, setup in machines for tau in time_constants])
 
 
 def _feedback(setups: Sequence[Setup]) -> Array:
     """Return the penalty for deviations from Fig. 10: fall up to 0.06, plateau and growing saturation above 0.1."""
-    out = run_cases([Case(s.baseline, TIME_CONSTANT, s, gain / INCH_POUND) for s in setups for gain in GAINS])
+    runs = run_cases([Case(each, each.baseline, feedback=gain / INCH_POUND) for each in setups for gain in GAINS])
     gains = np.array(GAINS)
     low, high, best = gains <= BEST_GAIN, gains >= PLATEAU_FROM, GAINS.index(BEST_GAIN)
     found: list[float] = []
-    for error, saturated, completed in zip(
-        *(values.reshape(len(setups), -1) for values in (out.error, out.saturated, out.completed)), strict=True
-    ):
-        mean = error[high].mean()
+    saturation = runs.mean((runs.volts >= (1.0 - 1e-6) * runs.voltage_max).mean(axis=-1))
+    columns = (each.reshape(len(setups), -1) for each in (runs.mean_error(), saturation, ~runs.completed()))
+    for error, saturated, incomplete in zip(*columns, strict=True):
         found.append(
             0.5 * max(0.0, 0.97 + rank_correlation(gains[low], error[low]))
-            + 2.0 * max(0.0, float(np.abs(error[high] / mean - 1.0).max()) - 0.06)
+            + 2.0 * max(0.0, float(np.abs(error[high] / error[high].mean() - 1.0).max()) - 0.06)
             + 0.3 * max(0.0, 0.97 - rank_correlation(gains[high], saturated[high]))
             + 3.0 * max(0.0, float(saturated[best]) - MAX_SATURATED)
-            + float((~completed.astype(np.bool_)).mean())
+            + float(incomplete.mean())
         )
     return np.array(found)
 
 
 # --- the search ---
 
-BUDGET = 20_000
-TRENDS = 0.3
-STARTS = 3
-"""Searches that share the budget."""
-
-FIRST = 300
-"""Random points of which a search begins at the best."""
-
-SIZE = 20
-"""Candidates of a generation."""
+STARTS, FIRST, SIZE = 3, 300, 20
+"""Searches that share the budget; random points of which each begins at the best; candidates of a generation."""
 
 STEP, SMALLEST_STEP = 0.25, 5e-4
 """Of a search, first and last, as a part of each number's range."""
 
 
-@dataclass(frozen=True)
-class Calibration:
+class Calibration(NamedTuple):
     """Result of a search: the best preset, its objective, and how close it is."""
 
     preset: Preset
@@ -412,40 +346,21 @@ class Calibration:
 
 
 def search(
-    *,
-    seed: int = 0,
-    budget: int = BUDGET,
-    trends: float = TRENDS,
-    out: FilePath = "pter-preset.toml",
-    on_progress: Callable[[int], None] = lambda _: None,
+    seed: int = 0, budget: int = 20_000, trends: float = 0.3, on_progress: Callable[[int], None] = lambda _: None
 ) -> Calibration:
-    """Search the space and write the best preset.
+    """Search the space for the best preset. The same seed and budget give the same one.
 
-    Parameters
-    ----------
-    seed
-        Seed of the search, at least 0; the same seed and budget give the same result.
-    budget
-        Evaluated candidates, at least 1,000. 20,000 take about a quarter of an hour.
-    trends
-        Weight of the trends over the time constant beside Table I, at least 0.
-    out
-        File for the preset; its folder must exist.
-    on_progress
-        Called with the number of candidates that have been evaluated since the last call.
+    ``on_progress`` is called with the number of candidates that have been evaluated since the last call; the other
+    arguments are those of ``pter fit``. 20,000 candidates take about a quarter of an hour.
 
     Raises
     ------
     ParameterError
-        If an argument is out of its range, or the file cannot be written. Nothing has been written.
-    StorageError
-        If the file cannot be written after the search.
+        If an argument is out of its range.
     """
     seed = whole_number("seed", seed, at_least=0)
     budget = whole_number("budget", budget, at_least=1000)
     check_number("trends", trends, at_least=0.0)
-    out = find_path("out", out)
-    check_target("out", out)
 
     def evaluate(points: Array) -> Array:
         values = misfit([decode(point) for point in points], trends)
@@ -455,9 +370,6 @@ def search(
     random = np.random.default_rng(seed)
     value, best = min((adapted(evaluate, random, budget // STARTS) for _ in range(STARTS)), key=lambda each: each[0])
     preset = decode(best)
-    write_text_atomic(
-        out, format_preset(preset, f"Found by pter fit --seed {seed} --budget {budget} --trends {trends:g}.")
-    )
     return Calibration(preset, value, quality_of([setup_of(preset)]))
 
 

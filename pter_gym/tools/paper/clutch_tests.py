@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,15 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._physics import arm, friction
 from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import Trajectory, initial_state, simulate
-from pter_gym.params import Machine, find_machine
+from pter_gym.params import Machine
 from pter_gym.tools.paper.printed_values import BREAKAWAY_SMALL_VOLTAGE
-from pter_gym.tools.paper.setup import PAPER_MACHINES
 
 Array = NDArray[np.float64]
 
-_LINEAR: Any = np.linalg
-
-W = np.array(friction.COUPLING)
+W: Array = np.array(friction.COUPLING)
 """Slip velocities of the four clutches from the links' angular velocities, shape (4, 2)."""
 
 POSE = (0.5, 2.0)
@@ -51,8 +47,9 @@ def tip_force(machine: Machine, theta: ArrayLike, joint_torque: ArrayLike) -> Ar
     return np.linalg.solve(np.array(columns).T, np.asarray(joint_torque, float))
 
 
-def holding_torque(machine: Machine, volts: float) -> float:
-    """Return the largest torque that a clutch holds at a voltage [N·m]."""
+def holding_torque(machine: Machine, volts: float | None = None) -> float:
+    """Return the largest torque that a clutch holds [N·m] at a voltage, by default the largest one [V]."""
+    volts = machine.clutch.voltage_max if volts is None else volts
     return max(machine.clutch.breakaway.torque(volts), machine.clutch.dynamic.torque(volts))
 
 
@@ -64,11 +61,8 @@ LOCKED_WITH = {1: 2, 2: 1, 3: 4, 4: 3}
 RAMP_TIME = 0.5
 """When a ramp reaches the torque at which a clutch gives way [s]."""
 
-MAX_TURN = 0.6
-"""Turn of a link [rad] at which a test ends."""
-
-MAX_DURATION = 2.0
-"""Time after which a test ends in any case [s]."""
+MAX_TURN, MAX_DURATION = 0.6, 2.0
+"""A test ends at this turn of a link [rad], and at this time at the latest [s]."""
 
 LINE_TURNS = np.linspace(-0.4, 0.74, 181)
 """Turns of the driven link at which the single-DOF line is returned [rad]; the elbow stays bent."""
@@ -84,12 +78,10 @@ class SingleDofTest:
         Numbers of the clutch under test and of the locked one, 1 to 4.
     volts
         Constant voltages of the clutches [V], shape (4,).
-    input_torque
-        Ramp in the middle of each substep [N·m], shape (T,).
     share
         Torque that the clutch under test carries per unit of the ramp while nothing moves.
-    trajectory
-        T substeps.
+    input_torque, trajectory
+        Ramp in the middle of each substep [N·m], shape (T,), and T substeps.
     line
         Points of the single-DOF line that the tip can move on [m], shape (K, 2).
     deviation
@@ -99,15 +91,15 @@ class SingleDofTest:
     clutch: int
     locked: int
     volts: Array
-    input_torque: Array
     share: float
+    input_torque: Array
     trajectory: Trajectory
     line: Array
     deviation: Array
 
     @property
     def torque(self) -> Array:
-        """Torque of the clutch under test, opposing the ramp [N·m], shape (T,)."""
+        """Magnitude of the torque of the clutch under test [N·m], shape (T,)."""
         return np.abs(self.trajectory.torque[:, self.clutch - 1])
 
     @property
@@ -121,50 +113,34 @@ class SingleDofTest:
         return int(np.flatnonzero(self.trajectory.omega.any(axis=1))[0])
 
 
-def single_dof(
-    machine: Machine | str | None = None, breakaway: float = BREAKAWAY_SMALL_VOLTAGE
-) -> tuple[SingleDofTest, ...]:
+def single_dof(machine: Machine) -> tuple[SingleDofTest, ...]:
     """Ramp up a torque against each clutch in turn while another clutch leaves the arm one degree of freedom.
 
-    The voltages have settled beforehand. The ramp acts on link A, or on link B where link A is locked.
-
-    Parameters
-    ----------
-    machine
-        The machine or its name; PTER as it is by default.
-    breakaway
-        Breakaway torque [N·m] that the small voltage on the clutch under test gives; 63.5 in·lbf in the paper.
+    The voltages have settled beforehand; that on the clutch under test has the breakaway torque of the paper. The ramp
+    acts on link A, or on link B where link A is locked.
     """
-    machine = resolved(find_machine(machine))
-    return tuple(_single_dof_test(machine, clutch, breakaway) for clutch in LOCKED_WITH)
+    return tuple(_single_dof_test(resolved(machine), *each) for each in LOCKED_WITH.items())
 
 
-def _single_dof_test(machine: Machine, clutch: int, breakaway: float) -> SingleDofTest:
-    locked = LOCKED_WITH[clutch]
-    link = 1 if locked == 1 else 0
+def _single_dof_test(machine: Machine, clutch: int, locked: int) -> SingleDofTest:
+    link, breakaway = 1 if locked == 1 else 0, BREAKAWAY_SMALL_VOLTAGE
     volts = np.zeros(4)
     volts[clutch - 1] = machine.clutch.breakaway.voltage(breakaway)
     volts[locked - 1] = machine.clutch.voltage_max
-    shares: Any = _LINEAR.solve(W[[clutch - 1, locked - 1]].T, np.eye(2)[link])
+    pair: Array = W[[clutch - 1, locked - 1]]
+    direction: Array = np.eye(2)[link]
+    shares = np.linalg.solve(pair.T, direction)
     share = abs(float(shares[0]))
     time = machine.substep * (np.arange(float(round(MAX_DURATION / machine.substep))) + 0.5)
     ramp = breakaway / share / RAMP_TIME * time
-    torque = ramp[:, None] * np.eye(2)[link]
+    torque = ramp[:, None] * direction
     start = initial_state(machine, POSE, volts=volts)
     turned: Array = np.abs(simulate(machine, start, volts, (0.0, 0.0), torque).theta - POSE).max(axis=1)
     end = int(np.searchsorted(turned, MAX_TURN))
     run = simulate(machine, start, volts, (0.0, 0.0), torque[:end])
-    allowed = _line(machine, locked, run.theta[:, link] - POSE[link])
-    return SingleDofTest(
-        clutch=clutch,
-        locked=locked,
-        volts=volts,
-        input_torque=ramp[:end],
-        share=share,
-        trajectory=run,
-        line=_line(machine, locked, LINE_TURNS),
-        deviation=np.linalg.norm(run.tip_position - allowed, axis=1),
-    )
+    line, allowed = (_line(machine, locked, turns) for turns in (LINE_TURNS, run.theta[:, link] - POSE[link]))
+    deviation = np.linalg.norm(run.tip_position - allowed, axis=1)
+    return SingleDofTest(clutch, locked, volts, share, ramp[:end], run, line, deviation)
 
 
 def _line(machine: Machine, locked: int, turns: Array) -> Array:
@@ -174,11 +150,8 @@ def _line(machine: Machine, locked: int, turns: Array) -> Array:
 
 # --- the step response ---
 
-STEP_VOLTS = 4.0
-"""Voltage after the step [V]: low, so the arm stays slow."""
-
-STEP_LEAD = 0.02
-"""Time before the step [s]."""
+STEP_VOLTS, STEP_LEAD = 4.0, 0.02
+"""Voltage after the step [V], low, so the arm stays slow; time before the step [s]."""
 
 
 @dataclass(frozen=True)
@@ -187,49 +160,35 @@ class StepResponse:
 
     Attributes
     ----------
-    time_constant
-        Of the clutches [s].
+    time_constant, final
+        Time constant of the clutches [s], and the torque to which they settle [N·m].
     time
         Time from the step to the middle of each substep, where torques act [s], shape (T,).
-    torque
-        Magnitude of the generated torque [N·m], shape (4, T).
-    slipping
-        Whether the clutch slipped, shape (4, T).
-    final
-        Torque to which the clutch settles [N·m].
-    first_order
-        First-order response [N·m], shape (T,).
+    torque, first_order
+        Magnitude of the torques, shape (4, T), and the first-order response, shape (T,) [N·m].
     """
 
     time_constant: float
+    final: float
     time: Array
     torque: Array
-    slipping: NDArray[np.bool_]
-    final: float
     first_order: Array
 
 
-def step_response(machine: Machine | str | None = None) -> StepResponse:
+def step_response(machine: Machine) -> StepResponse:
     """Step each clutch's voltage while a constant tip force keeps it slipping."""
-    machine = resolved(find_machine(machine))
+    machine = resolved(machine)
     tau, final = machine.clutch.time_constant, machine.clutch.dynamic.torque(STEP_VOLTS)
     lead = round(STEP_LEAD / machine.substep)
     steps = lead + round(3.0 * tau / machine.substep)
-    runs: list[Trajectory] = []
+    torque = np.zeros((4, steps))
     for x in range(4):
-        rows = np.zeros((steps, 4))
-        rows[lead:, x] = STEP_VOLTS
+        volts = np.zeros((steps, 4))
+        volts[lead:, x] = STEP_VOLTS
         force = tip_force(machine, POSE, 1.2 * final * W[x])
-        runs.append(simulate(machine, initial_state(machine, POSE), rows, force))
+        torque[x] = np.abs(simulate(machine, initial_state(machine, POSE), volts, force).torque[:, x])
     time = machine.substep * (np.arange(float(steps)) + 0.5 - lead)
-    return StepResponse(
-        time_constant=tau,
-        time=time,
-        torque=np.array([np.abs(run.torque[:, x]) for x, run in enumerate(runs)]),
-        slipping=np.array([np.abs(run.slip_velocity[:, x]) >= machine.slip_threshold for x, run in enumerate(runs)]),
-        final=final,
-        first_order=np.where(time > 0.0, -final * np.expm1(-np.maximum(time, 0.0) / tau), 0.0),
-    )
+    return StepResponse(tau, final, time, torque, -final * np.expm1(-np.maximum(time, 0.0) / tau))
 
 
 # --- Fig. 5: torque over voltage ---
@@ -240,40 +199,35 @@ MEASURED_FROM = 4.0
 
 @dataclass(frozen=True)
 class MaterialCurves:
-    """Torques of clutch 1 with one friction material.
+    """Torques of clutch 1 with one friction material [N·m] over its voltage [V], arrays of shape (K,).
 
-    Attributes
-    ----------
-    volts, bench_volts
-        Voltages of the curves and of the bench tests [V].
-    breakaway, dynamic
-        Torque curves [N·m].
-    bench_breakaway, bench_dynamic
-        Bench test: largest torque before the slip and mean torque during it [N·m].
+    ``breakaway`` and ``dynamic`` are the curves. ``bench_breakaway`` and ``bench_dynamic`` are from a bench test: the
+    largest torque before the slip and the mean torque during it, NaN where there was no test.
     """
 
     volts: Array
-    bench_volts: Array
     breakaway: Array
     dynamic: Array
     bench_breakaway: Array
     bench_dynamic: Array
 
 
-def torque_curves(machines: Mapping[str, Machine] = PAPER_MACHINES) -> dict[str, MaterialCurves]:
-    """Return the torque curves of clutch 1 and the results of a bench test, by the name of the machine.
+def torque_curves(machines: Mapping[str, Machine]) -> dict[str, MaterialCurves]:
+    """Return the torque curves of clutch 1 and the results of six bench tests, by the name of the machine.
 
-    In the bench test, as in the paper's, the voltage is constant and a slowly rising torque acts on link A until the
+    In a bench test, as in the paper's, the voltage is constant and a slowly rising torque acts on link A until the
     clutch slips, and a little longer. Link B is locked.
     """
-    found: dict[str, MaterialCurves] = {}
-    for name, machine in machines.items():
-        clutch, top = machine.clutch, machine.clutch.voltage_max
-        volts, bench = np.linspace(0.0, top, 241), np.linspace(min(MEASURED_FROM, top), top, 6)
-        measured = np.array([_bench_test(machine, float(v)) for v in bench])
-        curves = [np.array([curve.torque(float(v)) for v in volts]) for curve in (clutch.breakaway, clutch.dynamic)]
-        found[name] = MaterialCurves(volts, bench, *curves, *measured.T)
-    return found
+    return {name: _torque_curves(machine) for name, machine in machines.items()}
+
+
+def _torque_curves(machine: Machine) -> MaterialCurves:
+    clutch, top = machine.clutch, machine.clutch.voltage_max
+    volts, bench = np.linspace(0.0, top, 241), np.full((2, 241), np.nan)
+    for k in np.searchsorted(volts, np.linspace(min(MEASURED_FROM, top), top, 6)):
+        bench[:, k] = _bench_test(machine, float(volts[k]))
+    breakaway, dynamic = ([curve.torque(float(v)) for v in volts] for curve in (clutch.breakaway, clutch.dynamic))
+    return MaterialCurves(volts, np.array(breakaway), np.array(dynamic), *bench)
 
 
 def _bench_test(machine: Machine, volts: float) -> tuple[float, float]:
@@ -313,21 +267,19 @@ class Reversal:
 
     Attributes
     ----------
-    trajectory
-        The whole test.
     volts, force
         Voltage of clutch 1 [V], the others are released; force at the tip after its step [N].
-    index
-        Last substep before the slip of clutch 1 changes its sign; zero slip lies between it and the next slip.
+    trajectory, index
+        The test, and its last substep before the slip of clutch 1 changes its sign.
     dynamic
         Dynamic torque of clutch 1 [N·m].
     jump
-        Largest torque (absolute) of clutch 1 within 50 ms of zero slip, relative to the dynamic torque, minus 1.
+        Largest magnitude of its torque within 50 ms of zero slip, relative to the dynamic torque, minus 1.
     """
 
-    trajectory: Trajectory
     volts: float
     force: float
+    trajectory: Trajectory
     index: int
     dynamic: float
     jump: float
@@ -338,23 +290,17 @@ class Reversal:
         return self.trajectory.torque[:, 0]
 
 
-def reversals(machines: Mapping[str, Machine] = PAPER_MACHINES, volts: float | None = None) -> dict[str, Reversal]:
+def reversals(machines: Mapping[str, Machine]) -> dict[str, Reversal]:
     """Let a step force reverse link A, which slips in clutch 1 at a constant voltage.
 
-    The arm moves at the start; the force, along link B, opposes that motion and is large enough to reverse it.
-
-    Parameters
-    ----------
-    machines
-        By name.
-    volts
-        Voltage of clutch 1 [V]; by default the one with the breakaway torque of Fig. 4 on the first machine.
+    The arm moves at the start; the force, along link B, opposes that motion and is large enough to reverse it. The
+    voltage is the one with the breakaway torque of Fig. 4 on the first machine.
     """
     first = next(iter(machines.values()))
-    applied = first.clutch.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE) if volts is None else volts
-    largest = max(holding_torque(machine, applied) for machine in machines.values())
+    volts = first.clutch.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE)
+    largest = max(holding_torque(machine, volts) for machine in machines.values())
     force = tip_force(first, POSE, np.array([MARGIN * largest, 0.0]))
-    return {name: _reversal(machine, applied, force) for name, machine in machines.items()}
+    return {name: _reversal(machine, volts, force) for name, machine in machines.items()}
 
 
 def _reversal(machine: Machine, volts: float, force: Array) -> Reversal:
@@ -367,7 +313,7 @@ def _reversal(machine: Machine, volts: float, force: Array) -> Reversal:
     dynamic = machine.clutch.dynamic.torque(volts)
     near = np.abs(run.time - run.time[index]) <= 0.05
     jump = float(np.abs(run.torque[near, 0]).max() / dynamic - 1.0)
-    return Reversal(run, volts, float(np.hypot(*force)), index, dynamic, jump)
+    return Reversal(volts, float(np.hypot(*force)), run, index, dynamic, jump)
 
 
 # --- loads that four engaged clutches hold together (section III-A, the lumped actuator approach) ---
@@ -377,14 +323,8 @@ def _reversal(machine: Machine, volts: float, force: Array) -> Reversal:
 class Holding:
     """Static loads on four engaged clutches, raised in a random direction until the arm moves; arrays of shape (K,).
 
-    Attributes
-    ----------
-    limit
-        Largest joint torque in that direction [N·m] for which some set of clutch torques balances the load.
-    moved_at
-        Joint torque at which the arm moved [N·m].
-    weakest_slips
-        Whether the clutch with the lowest breakaway torque was among those that slipped.
+    ``limit`` is the largest joint torque in that direction [N·m] that some set of clutch torques balances, ``moved_at``
+    the one at which the arm moved. ``weakest_slips`` says whether the clutch with the lowest breakaway torque slipped.
     """
 
     limit: Array
@@ -392,23 +332,17 @@ class Holding:
     weakest_slips: NDArray[np.bool_]
 
 
-def holding(machine: Machine | str | None = None, loads: int = 200, seed: int = 0) -> Holding:
-    """Load the arm at random voltages in random poses and directions until it moves, K = ``loads`` times."""
-    machine, random = find_machine(machine), np.random.default_rng(seed)
-    rows = [_load(machine, random) for _ in range(loads)]
-    limit, moved_at, weakest = (np.array(column) for column in zip(*rows, strict=True))
-    return Holding(limit, moved_at, weakest)
+def holding(machine: Machine) -> Holding:
+    """Load the arm at random voltages in random poses and directions until it moves, K = 200 times."""
+    random = np.random.default_rng(0)
+    return Holding(*map(np.array, zip(*(_load(machine, random) for _ in range(200)), strict=True)))
 
 
 def largest_load(capacity: Array, direction: Array) -> float:
-    """Return how far the set ``{Wᵀτ: |τ_x| ≤ capacity_x}`` extends along a unit vector, up to its nearest edge.
+    """Return the largest joint torque [N·m] along a unit vector, shape (2,), that the clutches can balance.
 
-    Parameters
-    ----------
-    capacity
-        Largest torque that each clutch can hold [N·m], shape (4,).
-    direction
-        Direction of the joint torques, shape (2,).
+    It is where the set ``{Wᵀτ: |τ_x| ≤ capacity_x}`` ends; ``capacity`` holds each clutch's largest torque [N·m],
+    shape (4,).
     """
     normals = W @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     return float(np.min((np.abs(W @ normals.T).T @ capacity) / np.abs(normals @ direction)))

@@ -1,5 +1,6 @@
 """``pter reproduce``: the paper's figures, its table and its claims; ``pter fit``: what the paper does not print."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Annotated
 
@@ -26,19 +27,25 @@ def reproduce(
         pdf: Write each picture as PDF too.
         out: Folder for the results, created if necessary.
     """
+    from rich.table import Table
+
     from pter_gym._internal.files import write_files_atomic
-    from pter_gym.tools.paper.products import find_products
+    from pter_gym.tools.paper.products import find_products, results
 
     chosen = find_products(figures)
     make_folder(out)
-    from pter_gym.tools.paper.products import claims_table, results
     from pter_gym.tools.paper.study import Study
 
     with progress_bar() as progress:
         task = progress.add_task("reproducing", total=len(chosen) + 1)
         files, claims = results(Study(), chosen, pdf=pdf, on_progress=lambda _: progress.advance(task))
     write_files_atomic(out, files)
-    terminal().print(claims_table(claims))
+    counts = ", ".join(f"{count} {kind}" for kind, count in Counter(claim.kind for claim in claims).items())
+    table = Table("", "the paper says", "measured", "needed", box=None, pad_edge=False, caption=counts)
+    for claim in claims:
+        s = claim.statement
+        table.add_row(claim.kind, f"{s.claim} ({s.section})", s.with_unit(f"{claim.value:.4g}"), s.condition)
+    terminal().print(table)
     say(f"wrote {len(files)} files to {out}")
 
 
@@ -58,16 +65,17 @@ def fit(seed: int = 0, budget: int = 20_000, trends: float = 0.3, out: Path = Pa
     check_file(out, ".toml")
     import numpy as np
 
+    from pter_gym._internal.files import write_text_atomic
+    from pter_gym.params._preset import format_preset
     from pter_gym.tools.paper.calibration import TARGET, search
 
     with progress_bar() as progress:
         bar = progress.add_task("fit", total=budget)
-        result = search(
-            seed=seed, budget=budget, trends=trends, out=out, on_progress=lambda n: progress.advance(bar, n)
-        )
-    found = result.quality
+        result = search(seed, budget, trends, lambda n: progress.advance(bar, n))
+    title = f"Found by pter fit --seed {seed} --budget {budget} --trends {trends:g}."
+    write_text_atomic(out, format_preset(result.preset, title))
+    found, worst = result.quality, f"{100.0 * np.abs(result.quality.table[0] / TARGET - 1.0).max():.1f}%"
     say(f"misfit {result.misfit:.4f}; Table I in the paper's units: {found.table[0].round(3).tolist()}")
-    worst = f"{100.0 * float(np.abs(found.table[0] / TARGET - 1.0).max()):.1f}%"
     say(f"worst entry {worst} off; trends of error, path length, speed, peak: {found.trends[0].round(2).tolist()}")
     say(f"wrote {out}")
 

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import cast
 
 from pter_gym.controllers import TorqueFeedback
-from pter_gym.hands import MultiSineHand, eq5
+from pter_gym.hands import eq5
 from pter_gym.params import Machine, paper_machines_of, require
 from pter_gym.params._preset import Preset, load_preset
 from pter_gym.paths import Line
@@ -50,23 +49,21 @@ class Setup:
     time_constants: tuple[float, ...] = TIME_CONSTANTS
 
     def __post_init__(self) -> None:
-        """Check that there are machines and a hand of sines; the parts have checked themselves."""
+        """Check that there are machines; the parts have checked themselves."""
         require(bool(self.machines), self, "machines", self.machines, "at least one machine by name")
-        require(isinstance(self.task.hand, MultiSineHand), self, "task.hand", self.task.hand, "a MultiSineHand")
 
     @property
     def baseline(self) -> Machine:
         """The machine with the present clutches."""
         return next(iter(self.machines.values()))
 
-    @property
-    def hand(self) -> MultiSineHand:
-        """The hand of the task."""
-        return cast(MultiSineHand, self.task.hand)
-
     def with_gain(self, feedback: float) -> TorqueFeedback:
         """Return the controller with another gain of its torque loops [V/(N·m)]; 0 is plain impedance control."""
         return replace(self.controller, feedback=feedback)
+
+
+SETUP = Setup()
+"""The setup of the package's own parameters."""
 
 
 def setup_of(preset: Preset) -> Setup:

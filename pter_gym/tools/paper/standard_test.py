@@ -1,6 +1,6 @@
 """The paper's standard test (section IV-A) for any policy."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,16 +23,9 @@ MAX_STEPS = 1000
 
 @dataclass(frozen=True)
 class Run:
-    """One episode of one policy.
+    """One episode of one policy, with clutches of one time constant [s].
 
-    Attributes
-    ----------
-    time_constant
-        Time constant of the clutches [s].
-    score
-        Its scores.
-    telemetry
-        float64 (steps + 1, len(TELEMETRY)): the row of the reset, then one row per control step.
+    ``telemetry``, float64 (steps + 1, len(TELEMETRY)), is the row of the reset, then one row per control step.
     """
 
     time_constant: float
@@ -42,11 +35,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Result:
-    """The standard test for several policies, with one Run per time constant for each."""
+    """The standard test on a machine: for each policy by name, one run per time constant."""
 
-    task: PathFollowing
     machine: Machine
-    seed: int
+    task: PathFollowing
     runs: dict[str, tuple[Run, ...]]
 
 
@@ -57,7 +49,6 @@ def run_standard_test(
     task: PathFollowing | None = None,
     time_constants: Sequence[float] = TIME_CONSTANTS,
     seed: int = 0,
-    on_progress: Callable[[str], None] = lambda _: None,
 ) -> Result:
     """Run the standard test.
 
@@ -72,18 +63,15 @@ def run_standard_test(
         Time constants of the clutches [s]; one episode each.
     seed
         Seed ≥ 0 of the episodes.
-    on_progress
-        Called with each policy's name when it is done.
 
     Raises
     ------
     ParameterError
         If there is no policy, machine or time constant, or a time constant is not > 0.
     """
-    if not policies:
-        raise ParameterError("policies must hold at least one policy")
-    if not time_constants:
-        raise ParameterError("time_constants must hold at least one number > 0 s")
+    for name, values in (("policies", policies), ("time_constants", time_constants)):
+        if not values:
+            raise ParameterError(f"{name} must hold at least one, got none")
     machine, task = find_machine(machine), PathFollowing() if task is None else task
     machines = [replace(machine, clutch=replace(machine.clutch, time_constant=tau)) for tau in time_constants]
     runs: dict[str, tuple[Run, ...]] = {}
@@ -94,5 +82,4 @@ def run_standard_test(
         runs[name] = tuple(
             Run(tau, score(rows, task), rows) for tau, rows in zip(time_constants, episodes, strict=True)
         )
-        on_progress(name)
-    return Result(task=task, machine=machine, seed=seed, runs=runs)
+    return Result(machine, task, runs)

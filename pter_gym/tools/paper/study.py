@@ -1,71 +1,56 @@
 """All of the paper's experiments on one setup, each run when first needed."""
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 from pter_gym.tools.paper import clutch_tests, path_tests
-from pter_gym.tools.paper.clutch_tests import Holding, MaterialCurves, Reversal, SingleDofTest, StepResponse
-from pter_gym.tools.paper.path_tests import GainSweep, LineFollowing, Sweep
-from pter_gym.tools.paper.setup import Setup
+from pter_gym.tools.paper.setup import SETUP, Setup
+
+Found = TypeVar("Found")
+
+
+def _once(run: "Callable[[Study], Found]") -> cached_property[Found]:
+    """Return the property of a study that runs an experiment when it is first asked for."""
+    return cached_property(run)
 
 
 @dataclass(frozen=True)
 class Study:
-    """The paper's experiments with their default arguments on one setup."""
+    """The paper's experiments with their default arguments on one setup; results of machines are by their names."""
 
-    setup: Setup = field(default_factory=Setup)
+    setup: Setup = SETUP
 
-    @cached_property
-    def single_dof(self) -> tuple[SingleDofTest, ...]:
-        """Figs. 3 and 4, in the order of the clutches."""
-        return clutch_tests.single_dof(self.setup.baseline)
+    single_dof = _once(lambda study: clutch_tests.single_dof(study.setup.baseline))
+    """Figs. 3 and 4, in the order of the clutches."""
 
-    @cached_property
-    def step_response(self) -> StepResponse:
-        """The clutch step response of section III-B."""
-        return clutch_tests.step_response(self.setup.baseline)
+    step_response = _once(lambda study: clutch_tests.step_response(study.setup.baseline))
+    """The clutch step response of section III-B."""
 
-    @cached_property
-    def holding(self) -> Holding:
-        """Static loads on four engaged clutches (section III-A)."""
-        return clutch_tests.holding(self.setup.baseline)
+    holding = _once(lambda study: clutch_tests.holding(study.setup.baseline))
+    """Static loads on four engaged clutches (section III-A)."""
 
-    @cached_property
-    def torque_curves(self) -> dict[str, MaterialCurves]:
-        """Fig. 5, by the machine's name."""
-        return clutch_tests.torque_curves(self.setup.machines)
+    torque_curves = _once(lambda study: clutch_tests.torque_curves(study.setup.machines))
+    """Fig. 5."""
 
-    @cached_property
-    def sweeps(self) -> dict[str, Sweep]:
-        """Figs. 7 and 8, by the machine's name."""
-        return path_tests.time_constant_sweep(self.setup)
+    sweeps = _once(lambda study: path_tests.time_constant_sweep(study.setup))
+    """Figs. 7 and 8."""
 
-    @cached_property
-    def table1(self) -> dict[str, tuple[float, float, float]]:
-        """Table I in the paper's units, by the machine's name."""
-        return path_tests.table1(self.sweeps)
+    table1 = _once(lambda study: path_tests.table1(study.sweeps))
+    """Table I in the paper's units."""
 
-    @cached_property
-    def table1_equal_peak(self) -> dict[str, tuple[float, float, float]]:
-        """Table I if every material reached the baseline's largest torque."""
-        return path_tests.table1(path_tests.time_constant_sweep(path_tests.with_equal_peaks(self.setup)))
+    sweeps_equal_peak = _once(lambda study: path_tests.time_constant_sweep(path_tests.with_equal_peaks(study.setup)))
+    """Those if every material reached the baseline's largest torque."""
 
-    @cached_property
-    def policies(self) -> dict[str, Sweep]:
-        """The standard test of the scenarios' machine, by control law."""
-        return path_tests.policy_sweep()
+    table1_equal_peak = _once(lambda study: path_tests.table1(study.sweeps_equal_peak))
+    """Table I from them."""
 
-    @cached_property
-    def reversals(self) -> dict[str, Reversal]:
-        """Fig. 9, by the machine's name."""
-        return clutch_tests.reversals(self.setup.machines)
+    reversals = _once(lambda study: clutch_tests.reversals(study.setup.machines))
+    """Fig. 9."""
 
-    @cached_property
-    def gain_sweep(self) -> GainSweep:
-        """Fig. 10."""
-        return path_tests.gain_sweep(self.setup)
+    gain_sweep = _once(lambda study: path_tests.gain_sweep(study.setup))
+    """Fig. 10."""
 
-    @cached_property
-    def line_following(self) -> LineFollowing:
-        """Fig. 11."""
-        return path_tests.line_following(self.setup)
+    line_following = _once(lambda study: path_tests.line_following(study.setup))
+    """Fig. 11: the test without and with torque feedback."""

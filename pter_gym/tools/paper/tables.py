@@ -10,15 +10,37 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pter_gym.benchmark._measures import column
-from pter_gym.tools.paper.path_tests import PAPER_TABLE, Sweep
+from pter_gym.tools.paper.path_tests import PAPER_TABLE
 from pter_gym.tools.paper.study import Study
-from pter_gym.units import to_inch_pounds, to_inches
+from pter_gym.units import INCH, INCH_POUND
 
-Array = NDArray[np.float64]
-Columns = dict[str, NDArray[Any]]
+Columns = Mapping[str, ArrayLike]
+
+UNITS = {
+    "time_constant": "time_constant_s",
+    "position_error": "position_error_m",
+    "tip_speed": "mean_speed_m_s",
+    "tip_acceleration": "mean_acceleration_m_s2",
+    "peak_acceleration": "peak_acceleration_m_s2",
+    "path_length": "path_length_m",
+    "gain": "gain_v_per_in_lbf",
+    "saturated": "saturated_fraction_1",
+    "volts": "volts_v",
+    "breakaway": "breakaway_nm",
+    "dynamic": "dynamic_nm",
+    "bench_breakaway": "bench_breakaway_nm",
+    "bench_dynamic": "bench_dynamic_nm",
+}
+"""Columns of the fields of results; others keep their names."""
+
+PAPER_UNITS = {"_m": ("_in", INCH), "_m_s": ("_in_s", INCH), "_m_s2": ("_in_s2", INCH), "_nm": ("_in_lbf", INCH_POUND)}
+"""Ending of a column in SI, ending of the one in the paper's unit beside it, and the size of that unit."""
+
+TABLE_KEYS = ("position_error_in", "tip_speed_in_s", "tip_acceleration_in_s2")
+"""Entries of a row of Table I in ``table1.json``."""
 
 
-def csv_text(columns: Mapping[str, ArrayLike]) -> str:
+def csv_text(columns: Columns) -> str:
     """Return columns of equal length as a CSV file with one line of names; NaN is an empty cell."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
@@ -33,50 +55,44 @@ def _cell(value: Any) -> str:
     return str(int(value)) if isinstance(value, bool) else str(value)
 
 
-def stacked(parts: Iterable[Mapping[str, ArrayLike]]) -> Columns:
-    """Return the rows of several parts stacked; a single value is repeated in each row of its part."""
+def stacked(parts: Iterable[Columns]) -> Columns:
+    """Return the rows of several parts stacked, lengths and torques in the paper's units too.
+
+    A single value is repeated in each row of its part.
+    """
     columns: dict[str, list[NDArray[Any]]] = {}
     for part in parts:
         for name, values in zip(part, np.broadcast_arrays(*part.values()), strict=True):
             columns.setdefault(name, []).append(values)
+            for ending, (paper, unit) in PAPER_UNITS.items():
+                if name.endswith(ending):
+                    columns.setdefault(name.removesuffix(ending) + paper, []).append(values / unit)
     return {name: np.concatenate(values) for name, values in columns.items()}
 
 
-def length(name: str, metres: Array, per: str = "") -> Columns:
-    """Return a length, or a quantity with ``per``, in SI and in the paper's unit."""
-    return {f"{name}_m{per}": metres, f"{name}_in{per}": np.asarray(to_inches(1.0) * metres)}
+def by_model(results: Mapping[str, object]) -> Columns:
+    """Return the fields of results stacked, with a column of the machines' names."""
+    return stacked({"model": name, **fields_of(result)} for name, result in results.items())
 
 
-def torque(name: str, newton_metres: Array) -> Columns:
-    """Return a torque in SI and in the paper's unit."""
-    return {f"{name}_nm": newton_metres, f"{name}_in_lbf": np.asarray(to_inch_pounds(1.0) * newton_metres)}
+def fields_of(result: object) -> Columns:
+    """Return the fields of a result, arrays of equal length."""
+    return {UNITS.get(name, name): values for name, values in vars(result).items()}
 
 
-def single_dof_paths(study: Study) -> Columns:
-    """Fig. 3: the tip in each test."""
+def single_dof(study: Study) -> Columns:
+    """Figs. 3 and 4: tip and torques in each test."""
     return stacked(
         {
             "clutch": test.clutch,
             "locked_clutch": test.locked,
             "time_s": test.trajectory.time,
-            **length("tip_x", test.trajectory.tip_position[:, 0]),
-            **length("tip_y", test.trajectory.tip_position[:, 1]),
+            "tip_x_m": test.trajectory.tip_position[:, 0],
+            "tip_y_m": test.trajectory.tip_position[:, 1],
             "deviation_from_line_m": test.deviation,
-        }
-        for test in study.single_dof
-    )
-
-
-def single_dof_torques(study: Study) -> Columns:
-    """Fig. 4: the torques in each test."""
-    return stacked(
-        {
-            "clutch": test.clutch,
-            "locked_clutch": test.locked,
-            "time_s": test.trajectory.time,
-            **torque("input_torque", test.input_torque),
-            **torque("clutch_torque", test.torque),
-            **torque("locked_clutch_torque", np.abs(test.locked_torque)),
+            "input_torque_nm": test.input_torque,
+            "clutch_torque_nm": test.torque,
+            "locked_clutch_torque_nm": np.abs(test.locked_torque),
             "tip_speed_m_s": np.linalg.norm(test.trajectory.tip_velocity, axis=1),
         }
         for test in study.single_dof
@@ -87,45 +103,8 @@ def clutch_step(study: Study) -> Columns:
     """The step response of each clutch."""
     step = study.step_response
     return stacked(
-        {"clutch": k, "time_s": step.time, **torque("torque", values), "first_order_torque_nm": step.first_order}
-        for k, values in enumerate(step.torque, 1)
-    )
-
-
-def torque_curves(study: Study) -> Columns:
-    """Fig. 5: the curves, and the bench tests where there is one at the voltage."""
-
-    def parts() -> Iterable[Columns]:
-        for name, curves in study.torque_curves.items():
-            volts = np.union1d(curves.volts, curves.bench_volts)
-            measured = np.full((2, len(volts)), np.nan)
-            measured[:, np.searchsorted(volts, curves.bench_volts)] = curves.bench_breakaway, curves.bench_dynamic
-            yield {
-                "model": np.array(name),
-                "volts_v": volts,
-                **torque("breakaway", np.interp(volts, curves.volts, curves.breakaway)),
-                **torque("dynamic", np.interp(volts, curves.volts, curves.dynamic)),
-                "bench_breakaway_nm": measured[0],
-                "bench_dynamic_nm": measured[1],
-            }
-
-    return stacked(parts())
-
-
-def sweeps(found: Mapping[str, Sweep], name: str) -> Columns:
-    """Figs. 7 and 8, and the test of the control laws: all scores over the time constant."""
-    return stacked(
-        {
-            name: key,
-            "time_constant_s": sweep.time_constant,
-            **length("position_error", sweep.position_error),
-            **length("peak_acceleration", sweep.peak_acceleration, "_s2"),
-            **length("mean_acceleration", sweep.tip_acceleration, "_s2"),
-            **length("mean_speed", sweep.tip_speed, "_s"),
-            **length("path_length", sweep.path_length),
-            "completed": sweep.completed,
-        }
-        for key, sweep in found.items()
+        {"clutch": k, "time_s": step.time, "torque_nm": torque, "first_order_torque_nm": step.first_order}
+        for k, torque in enumerate(step.torque, 1)
     )
 
 
@@ -135,7 +114,7 @@ def reversals(study: Study) -> Columns:
         {
             "model": name,
             "time_s": reversal.trajectory.time,
-            **torque("torque", reversal.torque),
+            "torque_nm": reversal.torque,
             "slip_velocity_rad_s": reversal.trajectory.slip_velocity[:, 0],
             "dynamic_torque_nm": reversal.dynamic,
         }
@@ -143,36 +122,14 @@ def reversals(study: Study) -> Columns:
     )
 
 
-def gains(study: Study) -> Columns:
-    """Fig. 10: position error and saturation over the gain."""
-    sweep = study.gain_sweep
-    return {
-        "gain_v_per_in_lbf": sweep.gain,
-        "gain_v_per_nm": np.asarray(to_inch_pounds(1.0) * sweep.gain),
-        **length("position_error", sweep.position_error),
-        "saturated_fraction_1": sweep.saturated,
-        "completed": sweep.completed,
-    }
-
-
 def lines(study: Study) -> Columns:
     """Fig. 11: the tip with and without feedback."""
-    test = study.line_following
+    names = {"time": "time_s", "tip_x": "tip_x_m", "tip_y": "tip_y_m", "arc_length": "arc_length_m"}
+    names["normal_error"] = "normal_error_m"
     return stacked(
-        {
-            "gain_v_per_in_lbf": gain,
-            "time_s": column(run.telemetry, "time"),
-            **length("tip_x", column(run.telemetry, "tip_x")),
-            **length("tip_y", column(run.telemetry, "tip_y")),
-            **length("arc_length", column(run.telemetry, "arc_length")),
-            **length("normal_error", column(run.telemetry, "normal_error")),
-        }
-        for gain, run in ((0.0, test.without), (test.gain, test.with_feedback))
+        {"gain_v_per_in_lbf": float(gain)} | {names[name]: column(run.telemetry, name) for name in names}
+        for gain, (run,) in study.line_following.runs.items()
     )
-
-
-TABLE_KEYS = ("position_error_in", "tip_speed_in_s", "tip_acceleration_in_s2")
-"""Entries of a row of Table I in ``table1.json``."""
 
 
 def table1(study: Study) -> dict[str, dict[str, float]]:
@@ -182,7 +139,7 @@ def table1(study: Study) -> dict[str, dict[str, float]]:
 
 def table1_columns(study: Study) -> Columns:
     """Table I beside the paper's."""
-    columns: Columns = {"model": np.array(list(study.table1))}
+    columns: dict[str, ArrayLike] = {"model": list(study.table1)}
     ours, papers = np.array(list(study.table1.values())), np.array([PAPER_TABLE[name] for name in study.table1])
     for k, key in enumerate(TABLE_KEYS):
         columns |= {key: ours[:, k], f"paper_{key}": papers[:, k]}
@@ -190,16 +147,15 @@ def table1_columns(study: Study) -> Columns:
 
 
 COLUMNS: dict[str, Callable[[Study], Columns]] = {
-    "fig3": single_dof_paths,
-    "fig4": single_dof_torques,
+    "fig3": single_dof,
+    "fig4": single_dof,
     "step": clutch_step,
-    "fig5": torque_curves,
-    "fig7": lambda study: sweeps(study.sweeps, "model"),
-    "fig8": lambda study: sweeps(study.sweeps, "model"),
+    "fig5": lambda study: by_model(study.torque_curves),
+    "fig7": lambda study: by_model(study.sweeps),
+    "fig8": lambda study: by_model(study.sweeps),
     "table1": table1_columns,
     "fig9": reversals,
-    "fig10": gains,
+    "fig10": lambda study: stacked([fields_of(study.gain_sweep)]),
     "fig11": lines,
-    "policies": lambda study: sweeps(study.policies, "policy"),
 }
 """The data of each figure or table."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pter_gym._commands import main as cli
 from pter_gym.errors import ParameterError
 from pter_gym.hands import eq5
 from pter_gym.params._preset import load_preset
@@ -68,12 +69,10 @@ def test_an_arm_that_the_substep_cannot_hold_is_left_out():
 
 
 @pytest.mark.slow
-def test_search_is_repeatable_bit_for_bit(tmp_path: Path):
-    first = calibration.search(seed=3, budget=1000, out=tmp_path / "a.toml")
-    second = calibration.search(seed=3, budget=1000, out=tmp_path / "b.toml")
-    assert (tmp_path / "a.toml").read_bytes() == (tmp_path / "b.toml").read_bytes()
-    assert first.misfit == second.misfit
-    assert load_preset(tmp_path / "a.toml") == first.preset
+def test_fit_writes_what_the_search_finds_and_is_repeatable_bit_for_bit(tmp_path: Path):
+    file = tmp_path / "a.toml"
+    assert cli.main(["fit", "--seed", "3", "--budget", "1000", "--out", str(file)]) == 0
+    assert load_preset(file) == calibration.search(seed=3, budget=1000).preset
 
 
 def test_the_search_finds_the_lowest_point_of_a_valley():
@@ -88,9 +87,14 @@ def test_the_search_finds_the_lowest_point_of_a_valley():
     assert np.abs(found - center).max() < 0.02
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("seed", -1), ("budget", 10), ("trends", -0.1), ("out", Path("no/such/folder/p.toml"))]
-)
-def test_search_refuses_bad_arguments(name: str, value: object):
+@pytest.mark.parametrize(("name", "value"), [("seed", -1), ("budget", 10), ("trends", -0.1)])
+def test_search_refuses_bad_arguments(name: str, value: float):
     with pytest.raises(ParameterError, match=name):
         calibration.search(**{name: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("out", ["no/such/folder/p.toml", "p.json"])
+def test_fit_refuses_a_file_that_it_cannot_write_before_any_work(monkeypatch, tmp_path: Path, out: str):
+    monkeypatch.setattr(calibration, "search", lambda *_: pytest.fail("searched before it looked at the file"))
+    assert cli.main(["fit", "--out", str(tmp_path / out)]) == 2
+    assert not list(tmp_path.iterdir())

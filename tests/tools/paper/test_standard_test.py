@@ -7,11 +7,10 @@ import pytest
 from pter_gym.benchmark._measures import column, vector
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
+from pter_gym.tools.paper.clutch_tests import holding_torque
 from pter_gym.tools.paper.path_tests import (
     PAPER_TABLE,
     gain_sweep,
-    line_following,
-    peak_torque,
     table1,
     time_constant_sweep,
     with_equal_peaks,
@@ -29,14 +28,18 @@ IMPEDANCE = Impedance(**{item.name: getattr(CONTROLLER, item.name) for item in f
 def test_a_sweep_is_the_benchmark_on_each_machine():
     setup = Setup(own_table=True)
     sweeps = time_constant_sweep(setup, TAUS)
-    assert list(sweeps) == list(PAPER_MACHINES)
+    table = table1(sweeps)
+    assert list(sweeps) == list(table) == list(PAPER_TABLE)
     for name, machine in PAPER_MACHINES.items():
         runs = run_standard_test({"": IMPEDANCE}, machine=machine, task=setup.task, time_constants=TAUS).runs[""]
-        assert sweeps[name].position_error.tolist() == [run.score.mean_error_m for run in runs]
-        assert sweeps[name].tip_speed.tolist() == [run.score.mean_speed_m_s for run in runs]
-        assert sweeps[name].tip_acceleration.tolist() == [run.score.mean_acceleration_m_s2 for run in runs]
-        assert sweeps[name].peak_acceleration.tolist() == [run.score.peak_acceleration_m_s2 for run in runs]
-        assert sweeps[name].path_length.tolist() == [run.score.path_length_m for run in runs]
+        scores = [run.score for run in runs]
+        assert sweeps[name].position_error.tolist() == [score.mean_error_m for score in scores]
+        assert sweeps[name].tip_speed.tolist() == [score.mean_speed_m_s for score in scores]
+        assert sweeps[name].tip_acceleration.tolist() == [score.mean_acceleration_m_s2 for score in scores]
+        assert sweeps[name].peak_acceleration.tolist() == [score.peak_acceleration_m_s2 for score in scores]
+        assert sweeps[name].path_length.tolist() == [score.path_length_m for score in scores]
+        means = (sweeps[name].position_error, sweeps[name].tip_speed, sweeps[name].tip_acceleration)
+        assert table[name] == pytest.approx([to_inches(values.mean()) for values in means])
 
 
 def test_at_least_fifteen_time_constants_and_twenty_gains(study):
@@ -47,28 +50,16 @@ def test_at_least_fifteen_time_constants_and_twenty_gains(study):
     assert study.gain_sweep.completed.all()
 
 
-def test_table_1_averages_the_runs():
-    sweeps = time_constant_sweep(Setup(time_constants=tuple(TAUS)))
-    table = table1(sweeps)
-    assert list(table) == list(PAPER_TABLE)
-    for name, row in table.items():
-        sweep = sweeps[name]
-        metres = [values.mean() for values in (sweep.position_error, sweep.tip_speed, sweep.tip_acceleration)]
-        assert row == pytest.approx([to_inches(value) for value in metres])
-
-
-def test_which_table_the_controller_of_a_delrin_machine_has():
-    baseline_table, own_table = (time_constant_sweep(Setup(own_table=own), TAUS) for own in (False, True))
-    same = {
-        name: (baseline_table[name].position_error == own_table[name].position_error).all() for name in PAPER_MACHINES
-    }
-    assert same == {"baseline": True, "delrin_experimental": False, "delrin_theoretical": False}
+def test_the_controller_of_a_delrin_machine_has_the_baselines_table():
+    common, own = (time_constant_sweep(Setup(own_table=own), TAUS) for own in (False, True))
+    same = [(common[name].position_error == own[name].position_error).all() for name in PAPER_MACHINES]
+    assert same == [True, False, False]
 
 
 def test_equal_peaks_change_the_size_of_the_torques_alone():
     machines = with_equal_peaks(Setup()).machines
     for name, machine in machines.items():
-        assert peak_torque(machine) == pytest.approx(peak_torque(BASELINE))
+        assert holding_torque(machine) == pytest.approx(holding_torque(BASELINE))
         clutch, original = machine.clutch, PAPER_MACHINES[name].clutch
         assert clutch.dynamic.torque(9.0) / clutch.breakaway.torque(9.0) == pytest.approx(
             original.dynamic.torque(9.0) / original.breakaway.torque(9.0)
@@ -89,34 +80,24 @@ def test_saturation_counts_commands_at_the_largest_voltage():
     assert 0.2 < sweep.saturated[1] <= 1.0
 
 
-def test_the_line_is_followed_from_its_start_to_its_end():
-    test = line_following()
-    path = Setup().task.path
-    for run in (test.without, test.with_feedback):
+def test_the_line_is_followed_from_its_start_to_its_end(study):
+    path = study.setup.task.path
+    for (run,) in study.line_following.runs.values():
         assert run.score.completed
         assert vector(run.telemetry, "tip")[0] == pytest.approx(path.point(0.0))
         assert column(run.telemetry, "arc_length")[-1] >= path.length
 
 
-def test_results_follow_the_machine_and_are_the_same_again():
-    first, second, other = (
-        time_constant_sweep(Setup(machines={"": machine}), TAUS)[""].position_error
-        for machine in (BASELINE, BASELINE, DELRIN_THEORETICAL)
-    )
-    assert (first == second).all()
-    assert (first != other).all()
-
-
-def test_a_setup_needs_machines():
+def test_what_is_refused_names_its_field():
     with pytest.raises(ParameterError, match="machines"):
         Setup(machines={})
-
-
-def test_a_gain_or_a_time_constant_out_of_range_is_refused():
     with pytest.raises(ParameterError, match="feedback"):
         gain_sweep(gains=[-0.1])
     with pytest.raises(ParameterError, match="time_constant"):
         time_constant_sweep(time_constants=[0.0])
+    for name in ("policies", "time_constants"):
+        with pytest.raises(ParameterError, match=name):
+            run_standard_test(**{"policies": {"": IMPEDANCE}, name: ()})
 
 
 @pytest.mark.slow
