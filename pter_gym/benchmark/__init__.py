@@ -17,7 +17,7 @@ from pter_gym.scenarios import PACES
 if TYPE_CHECKING:
     from pter_gym.benchmark._examination import Assessment, Examination, examine
     from pter_gym.benchmark._naming import PerSeed, find_policy
-    from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards, suite_scores
+    from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards, suite_scores, suites
     from pter_gym.benchmark.results import ResultsFolder
     from pter_gym.benchmark.runs import ScenarioRun, run_scenario
     from pter_gym.benchmark.scores import Score, score, score_episodes
@@ -43,6 +43,7 @@ __all__ = [
     "score",
     "score_episodes",
     "suite_scores",
+    "suites",
     "verify",
 ]
 
@@ -51,7 +52,7 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
     submod_attrs={
         "_examination": ["Assessment", "Examination", "examine"],
         "_naming": ["PerSeed", "find_policy"],
-        "boards": ["Leaderboard", "leaderboards", "print_boards", "suite_scores"],
+        "boards": ["Leaderboard", "leaderboards", "print_boards", "suite_scores", "suites"],
         "results": ["ResultsFolder"],
         "runs": ["ScenarioRun", "run_scenario"],
         "scores": ["Score", "score", "score_episodes"],

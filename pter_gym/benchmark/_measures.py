@@ -285,7 +285,7 @@ class Recorded(Travel):
     def counted(self) -> Mask:
         """Control steps whose accelerations count, (T, N): all after the start-up, or all if there are none."""
         settled = self.alive & (column(self.steps, "time") > START_UP)
-        return np.where(settled.any(axis=0), settled, self.alive)
+        return settled | (self.alive & ~settled.any(axis=0))
 
     @cached_property
     def acceleration(self) -> Array:

@@ -317,12 +317,13 @@ def _cell(standing: Standing, column: Column) -> str:
     """Return a score as the table shows it; path errors mean nothing if the policy never arrives."""
     if column.score.endswith("_error_m") and standing.scores["completed"].value == 0.0:
         return "–"
-    interval = Interval(*(end and column.factor * end for end in standing.scores[column.score]))
-    return _with_interval(interval if column.with_interval else Interval(interval.value), column.text)
+    scores = standing.scores[column.score]
+    ends = scores if column.with_interval else (scores.value, None, None)
+    return _with_interval(ends, column.text, column.factor)
 
 
-def _with_interval(interval: Interval, text: str) -> str:
-    value, low, high = (None if end is None else format(end, text) for end in interval)
+def _with_interval(interval: tuple[float | None, ...], text: str, factor: float = 1.0) -> str:
+    value, low, high = (None if end is None else format(factor * end, text) for end in interval)
     return f"{value} ({low}…{high})" if low else str(value)
 
 

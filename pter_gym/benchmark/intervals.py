@@ -189,7 +189,8 @@ def _drawn(count: int, groups: tuple[tuple[int, ...], ...]) -> tuple[Array, Arra
 
 def _standard_error(seeds: Array, groups: Sequence[Sequence[int]]) -> float:
     """Return the standard error of the mean of values (S, N)."""
-    return float(_moments(seeds, *(np.ones((1, size)) for size in seeds.shape), groups)[1][0])
+    of_seeds, of_episodes = (np.ones((1, size)) for size in seeds.shape)
+    return float(_moments(seeds, of_seeds, of_episodes, groups)[1][0])
 
 
 def _moments(seeds: Array, of_seeds: Array, of_episodes: Array, groups: Sequence[Sequence[int]]) -> tuple[Array, Array]:

@@ -63,7 +63,7 @@ Policies = Mapping[str, AnyPolicy | PerSeed | FilePath] | Iterable[FilePath] | F
 def run_scenario(
     scenario: str,
     policies: Policies,
-    paces: Iterable[str | float] | str | float = tuple(PACES),
+    paces: Iterable[str | float] | float = tuple(PACES),
     *,
     episodes: int | None = None,
     seed: int | None = None,
@@ -103,7 +103,7 @@ def run_scenario(
     from pter_gym.benchmark.results import ResultsFolder
 
     num_threads = whole_number("num_threads", num_threads)
-    listed = [paces] if isinstance(paces, float) else names_in("paces", paces)
+    listed = names_in("paces", [paces] if isinstance(paces, int | float) else paces)
     sets = {pace: find_episodes(scenario, pace, seed) for pace in map(_name_of, listed)}
     named = find_policies(policies, scenario)
     if episodes is not None:
