@@ -266,7 +266,7 @@ def table(board: Leaderboard) -> Table:
 def suite_table(boards: Sequence[Leaderboard]) -> Table:
     """Return the scores over the suite of leaderboards as a table."""
     shown = _table(
-        f"suite, {_kind(boards[0].seed)}",
+        f"suite, {'stored episodes' if boards[0].seed is None else _kind(boards[0].seed)}",
         "Interquartile mean of path error ÷ mean path error of the best tuned law, over "
         f"{', '.join(f'{board.scenario} {board.pace}' for board in boards)}",
         ["policy", "error ÷\nbest tuned law's"],
