@@ -8,8 +8,8 @@ import tyro
 
 from pter_gym._engine.batch import Batch
 from pter_gym._internal.files import write_text_atomic
-from pter_gym.benchmark import _pacing as pacing
 from pter_gym.benchmark import episodes as stored
+from pter_gym.benchmark import tuned
 from pter_gym.benchmark._measures import Recorded
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.controllers import Impedance, TorqueFeedback
@@ -38,8 +38,8 @@ def episodes(names: tyro.conf.Positional[tuple[str, ...]] = tuple(SCENARIOS), fo
     for name in names:
         scenario = find_scenario(name)
         machines, tasks, strata = zip(*evaluation_draws(scenario), strict=True)
-        seeds = list(range(scenario.episodes))
-        path = stored.store_episodes(name, machines, tasks, seeds, strata, version=scenario.version, folder=folder)
+        drawn = stored.Episodes(name, machines, tasks, tuple(range(scenario.episodes)), strata)
+        path = stored.store_episodes(drawn, version=scenario.version, folder=folder)
         print(path.name, path.stat().st_size, {kind: strata.count(kind) for kind in sorted(set(strata))})
 
 
@@ -50,7 +50,7 @@ def paces() -> None:
         for name, dampers in controllers.items():
             text += f"\n[{scenario}.{name}]\n"
             text += "".join(f"{pace} = {damping!r}\n" for pace, damping in dampers.items())
-    write_text_atomic(pacing.TABLE, text)
+    write_text_atomic(tuned.DAMPERS, text)
 
 
 def damping_for_pace(controller: Impedance, pace: float, scenario: str = "standard", *, draws: int = DRAWS) -> float:

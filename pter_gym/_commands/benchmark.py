@@ -8,7 +8,7 @@ import tyro
 
 from pter_gym._commands.arguments import PaceName, ScenarioName, split
 from pter_gym._internal.plugins import PICTURES, load_artist, registered
-from pter_gym._internal.terminal import progress_bar, say, terminal
+from pter_gym._internal.terminal import progress_bar, say
 from pter_gym.scenarios import PACES, find_scenario
 
 if TYPE_CHECKING:
@@ -40,8 +40,9 @@ def benchmark(
 ) -> None:
     """Rank policies on a scenario, and film them side by side.
 
-    Prints a leaderboard for each pace, and writes benchmark.json, a file for each run, pictures, and a film of up to
-    four policies. Several benchmarks may share a folder.
+    Prints a leaderboard for each pace, then one score over all scenarios and paces in the folder: path error ÷ the best
+    tuned law's. Writes benchmark.json, a file for each run, pictures, and a film of up to four policies. Several
+    benchmarks may share a folder.
 
     Example: pter benchmark --policies residual impedance-tuned --episodes 20
 
@@ -56,7 +57,7 @@ def benchmark(
         out: Folder for the results, created if necessary.
     """
     from pter_gym.benchmark import ResultsFolder, find_policy, run_scenario
-    from pter_gym.benchmark.boards import table
+    from pter_gym.benchmark.boards import print_tables, suites
 
     results = ResultsFolder(out)
     results.make()
@@ -73,9 +74,10 @@ def benchmark(
             on_progress=lambda _: progress.advance(task),
         )
         progress.remove_task(task)
-        boards = [board for board in results.summarise() if board.has_episodes_of(runs[0])]
-        for board in boards:
-            terminal().print(table(board), "")
+        everything = results.summarise()
+        boards = [board for board in everything if board.has_episodes_of(runs[0])]
+        same = [board for board in everything if (board.version, board.seed) == (runs[0].version, seed)]
+        print_tables(boards, suites(same))
         progress.add_task("drawing", total=None)
         written = [results.summary]
         if artist := registered(PICTURES).get("scenario"):

@@ -16,10 +16,10 @@ from pter_gym.scenarios import PACES
 
 if TYPE_CHECKING:
     from pter_gym.benchmark._examination import Assessment, Examination, examine
-    from pter_gym.benchmark._naming import find_policy
-    from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards, suite_scores
+    from pter_gym.benchmark._naming import PerSeed, find_policy
+    from pter_gym.benchmark.boards import Leaderboard, leaderboards, print_boards, suite_scores, suites
     from pter_gym.benchmark.results import ResultsFolder
-    from pter_gym.benchmark.runs import PerSeed, ScenarioRun, run_scenario
+    from pter_gym.benchmark.runs import ScenarioRun, run_scenario
     from pter_gym.benchmark.scores import Score, score, score_episodes
     from pter_gym.benchmark.verification import Verdict, verify
 
@@ -43,6 +43,7 @@ __all__ = [
     "score",
     "score_episodes",
     "suite_scores",
+    "suites",
     "verify",
 ]
 
@@ -50,10 +51,10 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
     __name__,
     submod_attrs={
         "_examination": ["Assessment", "Examination", "examine"],
-        "_naming": ["find_policy"],
-        "boards": ["Leaderboard", "leaderboards", "print_boards", "suite_scores"],
+        "_naming": ["PerSeed", "find_policy"],
+        "boards": ["Leaderboard", "leaderboards", "print_boards", "suite_scores", "suites"],
         "results": ["ResultsFolder"],
-        "runs": ["PerSeed", "ScenarioRun", "run_scenario"],
+        "runs": ["ScenarioRun", "run_scenario"],
         "scores": ["Score", "score", "score_episodes"],
         "verification": ["Verdict", "verify"],
     },

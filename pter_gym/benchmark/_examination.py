@@ -1,36 +1,31 @@
 """How good a policy is on training draws of a scenario, as one finite number that orders all policies."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from pter_gym._engine.batch import Batch
-from pter_gym.benchmark._measures import Travel
-from pter_gym.benchmark._naming import find_policy
+from pter_gym.benchmark._measures import RANKED, Travel
+from pter_gym.benchmark._naming import find_policies
 from pter_gym.benchmark.boards import COMPLETION, PACE_ERROR
-from pter_gym.benchmark.scores import Scores
+from pter_gym.benchmark.runs import Policies
 from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit
 from pter_gym.controllers import bind
 from pter_gym.scenarios import find_scenario
 from pter_gym.scenarios._own_machine import AnyMachine
-from pter_gym.tasks.path_following import COLUMN
 
-RESERVE = 0.97
-"""Part of the leaderboard's limit on pace errors that the search keeps to: gains that just keep the limit on its draws
-may miss it on others. The mean over 400 draws of `everything` has a standard error of 3 % of the limit."""
+RESERVE, MISSING = 0.97, 0.75
+"""Parts of the leaderboard's limits on pace errors and on missing completions that the search keeps to.
 
-MISSING = 0.75
-"""Part of the leaderboard's limit on missing completions that the search keeps to: there a single draw weighs much."""
+Gains that just keep a limit on its draws may miss it on others: the mean pace error over 400 draws of `everything` has
+a standard error of 3 % of the limit, and among completions a single draw weighs much.
+"""
 
 PENALTY = 1.0
 """Path error [m] that counts for each unit over a limit."""
 
 SEGMENT = 128
 """Control steps that are simulated at a time."""
-
-COLUMNS = (COLUMN.time, COLUMN.arc_length, COLUMN.normal_error, COLUMN.is_success)
-"""What ranked scores need of the telemetry."""
 
 BASELINES = ("free", "locked", "random")
 """Policies that know nothing; any that has learned something is better than each of them."""
@@ -75,27 +70,17 @@ class Examination:
         self.nominal = drawn.nominal
 
     def judge(self, policy: AnyPolicy) -> Assessment:
-        """Return the scores that count for a policy."""
-        return Assessment(*(float(values.mean()) for values in self.scores(policy).values()))
-
-    def scores(self, policy: AnyPolicy) -> Scores:
-        """Return the ranked scores of a policy on all draws, as in the benchmark."""
+        """Return the means of the scores that decide ranks, as in the benchmark."""
         acting = bind(policy, self.nominal, self.batch.layout)
-        episodes = run(self.batch, acting, self.seeds, self.limits, columns=list(map(int, COLUMNS)), stride=SEGMENT)
-        telemetry = episodes.telemetry
+        telemetry = run(self.batch, acting, self.seeds, self.limits, columns=[*RANKED], stride=SEGMENT).telemetry
         telemetry[np.arange(len(telemetry))[:, None] > np.array(self.limits)] = np.nan
-        time, arc_length, errors, success = np.moveaxis(telemetry, -1, 0)
-        travel = Travel(time, arc_length, errors, success, self.tasks)
-        return {
-            "path_error_m": travel.path_error(),
-            "completed": travel.completed(),
-            "mean_pace_error": travel.mean_pace_error(),
-            "segment_pace_error": travel.segment_pace_error(),
-        }
+        travel = Travel(telemetry, self.tasks)
+        scores = travel.path_error(), travel.completed(), travel.mean_pace_error(), travel.segment_pace_error()
+        return Assessment(*(float(values.mean()) for values in scores))
 
 
 def examine(
-    policies: Mapping[str, AnyPolicy],
+    policies: Policies,
     scenario: str = "standard",
     pace: str = "medium",
     *,
@@ -110,7 +95,7 @@ def examine(
     Parameters
     ----------
     policies
-        By name: controllers, what ``from_sb3`` and ``from_actions`` return, or functions from observations to volts.
+        As in ``run_scenario``; training seeds of one policy are averaged.
     scenario, pace
         Names.
     episodes, seed
@@ -119,6 +104,9 @@ def examine(
         One machine in place of those that the scenario draws, as in ``find_scenario``; policies know about it.
     """
     examination = Examination(scenario, pace, episodes, seed, machine)
-    known = {name: find_policy(name) for name in BASELINES}
-    found = {name: examination.judge(policy) for name, policy in {**known, **policies}.items()}
+    named = find_policies(BASELINES, scenario) | (find_policies(policies, scenario) if policies else {})
+    found = {
+        name: Assessment(*np.mean([examination.judge(policy) for policy in versions], axis=0).tolist())
+        for name, versions in named.items()
+    }
     return dict(sorted(found.items(), key=lambda item: item[1].value))

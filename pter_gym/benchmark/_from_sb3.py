@@ -49,9 +49,7 @@ def from_sb3(model: Any, vec_normalize: Any = None, frame_skip: int | None = Non
         the environment changes them, or ``frame_skip`` is not known or not a whole number ≥ 1.
     """
     if env is None:
-        env = getattr(model, "env", None)
-    if env is None:
-        env = getattr(vec_normalize, "venv", getattr(vec_normalize, "env", None))
+        env = getattr(model, "env", None) or getattr(vec_normalize, "venv", getattr(vec_normalize, "env", None))
     own = next((each for each in _wrappers(env) if _has_statistics(each)), None)
     check_wrappers(env, known=own)
     normalise = _normalising(own if vec_normalize is None else vec_normalize)
@@ -178,12 +176,9 @@ def _normalising(wrapper: Any) -> Normalise:
     """Return a function that normalises observations as a wrapper does, without changing its statistics."""
     if wrapper is None:
         return lambda obs: obs
-    if callable(getattr(wrapper, "normalize_obs", None)):
-        return wrapper.normalize_obs
     if not _has_statistics(wrapper):
         raise ParameterError(f"vec_normalize must be a VecNormalize or a NormalizeObservation, got {wrapper!r}")
-
-    def standardised(obs: Observations) -> Observations:
-        return ((obs - wrapper.obs_rms.mean) / np.sqrt(wrapper.obs_rms.var + wrapper.epsilon)).astype(np.float32)
-
-    return standardised
+    if hasattr(wrapper, "normalize_obs"):
+        return wrapper.normalize_obs
+    seen = wrapper.obs_rms
+    return lambda obs: ((obs - seen.mean) / np.sqrt(seen.var + wrapper.epsilon)).astype(np.float32)

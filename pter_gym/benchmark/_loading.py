@@ -7,7 +7,6 @@ from pter_gym._internal.files import FilePath
 from pter_gym.benchmark._naming import find_policy
 from pter_gym.benchmark.simulation import AnyPolicy
 from pter_gym.envs._acting import ActingPolicy
-from pter_gym.errors import ParameterError
 
 
 def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
@@ -24,7 +23,7 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
         controller, what ``from_sb3`` returns, or a function from observations, float32 (N, entries), to volts, (N, 4).
     env
         Environment in which it acts: from ``gymnasium.make``, ``gymnasium.make_vec`` or ``make_sb3_vec_env``, with
-        its wrappers. Tuned gains are those for its scenario.
+        its wrappers. Tuned gains are those for its scenario, or for ``standard``.
 
     Raises
     ------
@@ -33,17 +32,8 @@ def load_policy(policy: FilePath | AnyPolicy, env: Any) -> ActingPolicy:
     DataError
         If a file of the policy is damaged.
     """
-    if isinstance(policy, (str, os.PathLike)):
-        policy = find_policy(cast("FilePath", policy), _scenario_of(env))
-    elif not callable(policy) and not hasattr(policy, "bind"):
-        raise ParameterError(
-            "policy must be a name, the path of an exported policy, a controller, or a function from observations to "
-            f"volts, got {policy!r:.200}"
-        )
+    if isinstance(policy, str | os.PathLike):
+        first = next(iter(getattr(env, "envs", ())), env)
+        scenario = getattr(getattr(first, "spec", None), "kwargs", {}).get("scenario", "standard")
+        policy = find_policy(cast("FilePath", policy), scenario)
     return ActingPolicy(policy, env)
-
-
-def _scenario_of(env: Any) -> str:
-    """Return the name of the scenario that an environment belongs to; ``standard`` for any other."""
-    first = next(iter(getattr(env, "envs", ())), env)
-    return getattr(getattr(first, "spec", None), "kwargs", {}).get("scenario", "standard")

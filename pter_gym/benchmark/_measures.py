@@ -22,10 +22,9 @@ SEGMENTS = 10
 
 
 class Marks(NamedTuple):
-    """The instants when the running maximum of the arc length passed K marks on each of N paths.
+    """The instants when the running maximum of the arc length passed K marks on each of N paths, (K, N) each.
 
-    Each was passed between the rows ``before`` and ``after``, at ``part`` of the way from one to the other, which is
-    NaN if it was never passed; all have the shape (K, N).
+    Each was passed between the rows ``before`` and ``after``, after ``part`` of the interval, NaN if it never was.
     """
 
     before: NDArray[np.intp]
@@ -49,7 +48,7 @@ def vector(telemetry: Array, name: str) -> Array:
     return telemetry[..., first : first + 2]
 
 
-def four(telemetry: Array, name: str) -> Array:
+def per_clutch(telemetry: Array, name: str) -> Array:
     """Return the four clutches' parts of a field of telemetry, shape (..., 4)."""
     first = TELEMETRY.index(f"{name}_1")
     return telemetry[..., first : first + 4]
@@ -65,12 +64,11 @@ def find_marks(furthest: Array, marks: Array) -> Marks:
     return Marks(before, after, np.where(passed.any(axis=0), part, np.nan))
 
 
-def way_integral(furthest: Array, errors: Array) -> Array:
-    """Return ∫|e|ds [m²] up to each row, shape (T + 2, N).
+def path_integral(furthest: Array, errors: Array) -> Array:
+    """Return ∫|e|ds [m²] up to each row, shape (T + 2, N); each increment has the largest error since the previous one.
 
-    Each new increment of arc length is weighted by the largest error since the previous one, so excursions at a
-    standstill and steps back are counted too. ``furthest``, (T + 2, N) [m], is the running maximum of the arc length,
-    from 0 on; ``errors``, (T + 1, N) [m], are |normal error| at each control instant, NaN after the end of an episode.
+    ``furthest``, (T + 2, N) [m], is the running maximum of the arc length, from 0 on; ``errors``, (T + 1, N) [m], are
+    |normal error| at each control instant, NaN after the end of an episode.
     """
     parts = np.zeros_like(furthest)
     worst_since = np.zeros_like(furthest[0])
@@ -90,9 +88,8 @@ def pace_errors(relative_times: Array, finished: Mask) -> Array:
 def smoothness(speed: Array, acceleration: Array, counted: Mask, period: float) -> Array:
     """Return −ln(D) of the dimensionless jerk D = T³/v_peak²·∫|jerk|²dt, shape (N,); D below 1 counts as 1.
 
-    Hogan and Sternad, "Sensitivity of smoothness measures to movement duration, amplitude, and arrests", Journal of
-    Motor Behavior 41 (2009); the logarithm as in Balasubramanian, Melendez-Calderon and Burdet, IEEE Transactions on
-    Biomedical Engineering 59 (2012).
+    Hogan and Sternad, Journal of Motor Behavior 41 (2009); the logarithm as in Balasubramanian, Melendez-Calderon and
+    Burdet, IEEE Transactions on Biomedical Engineering 59 (2012).
 
     Speed [m/s] and acceleration [m/s²] of the tip have the shapes (T, N) and (T, N, 2); ``counted``, (T, N), says which
     control steps count, and ``period`` is theirs [s].
@@ -111,8 +108,7 @@ def low_pass(values: Array, period: float) -> Array:
     filtered = np.empty_like(values)
     state = np.zeros_like(values[0])
     for k, value in enumerate(values):
-        state = value + (state - value) * decay
-        filtered[k] = state
+        filtered[k] = state = value + (state - value) * decay
     return filtered
 
 
@@ -127,31 +123,26 @@ def mean_over(values: ArrayLike, counted: Mask) -> Array:
 
 
 START_UP = 0.2
-"""Start-up interval [s] that accelerations leave out: the push begins at once, and no policy causes its jolt.
-
-The calibration to the paper uses it too, so it stays a number of its own beside ``ALLOWANCE``.
-"""
+"""Start-up interval [s] that accelerations leave out, here and in the calibration: no policy causes the push's jolt."""
 
 PRICE = 2.0
 """Power of the time ratio by which the path error of a slow segment counts, and its slope for a fast one. With less, a
 slower ride within the limits would still pay, since errors grow with the speed."""
 
 
+RANKED = tuple(map(TELEMETRY.index, ("time", "arc_length", "normal_error", "is_success")))
+"""Columns of the telemetry that the scores that decide ranks need."""
+
+
 class Travel:
     """N episodes along their paths: everything needed for the scores that decide ranks.
 
-    Parameters
-    ----------
-    time, arc_length, errors, success
-        These fields of the telemetry, starting with the reset, shape (T + 1, N); NaN after the ends of the episodes.
-    tasks
-        The N tasks.
+    ``ranked`` is telemetry, (T + 1, N, len(RANKED)), starting with the reset and NaN after the ends of the episodes.
     """
 
-    def __init__(
-        self, time: Array, arc_length: Array, errors: Array, success: Array, tasks: Sequence[PathFollowing]
-    ) -> None:
-        self.time, self.arc_length, self.errors, self.success = time, arc_length, np.abs(errors), success
+    def __init__(self, ranked: Array, tasks: Sequence[PathFollowing]) -> None:
+        time, arc_length, errors, success = np.moveaxis(ranked, -1, 0)
+        self.time, self.errors, self.success = time, np.abs(errors), success
         self.length = np.array([task.path.length for task in tasks])
         self.error_max = np.array([task.error_max for task in tasks])
         self.pace = np.array([task.pace for task in tasks])
@@ -165,9 +156,9 @@ class Travel:
         return find_marks(self.furthest, self.length * np.linspace(0.0, 1.0, SEGMENTS + 1)[:, None])
 
     @cached_property
-    def way_integral(self) -> Array:
+    def path_integral(self) -> Array:
         """∫|e|ds up to each row [m²]."""
-        return way_integral(self.furthest, self.errors)
+        return path_integral(self.furthest, self.errors)
 
     @cached_property
     def worst(self) -> Array:
@@ -180,11 +171,11 @@ class Travel:
 
     def path_average(self) -> Array:
         """Return the path average of the path error [m]."""
-        return self._average_on_path(self.way_integral, self.worst)
+        return self._average_on_path(self.path_integral, self.worst)
 
     def rms_error(self) -> Array:
         """Return the root mean square of the path error over the path [m]."""
-        return np.sqrt(self._average_on_path(way_integral(self.furthest, self.errors**2), self.worst**2))
+        return np.sqrt(self._average_on_path(path_integral(self.furthest, self.errors**2), self.worst**2))
 
     def _average_on_path(self, integral: Array, missed: Array) -> Array:
         """Return an integral over the path (T + 2, N) divided by its length, with a value for the part not reached."""
@@ -224,10 +215,10 @@ class Travel:
         """
         steps = np.nan_to_num(np.diff(self.clock, axis=0) * self.errors)
         time_integral = np.concatenate([np.zeros_like(steps[:1]), steps.cumsum(axis=0)])
-        in_time, on_way = (np.diff(self.marks.find(each), axis=0) for each in (time_integral, self.way_integral))
+        in_time, on_path = (np.diff(self.marks.find(each), axis=0) for each in (time_integral, self.path_integral))
         spent = self.relative_times * (self.length / SEGMENTS / self.pace)
         in_time = np.divide(in_time, spent, where=spent > 0.0, out=np.zeros_like(spent))
-        larger = np.maximum(in_time, on_way * SEGMENTS / self.length)
+        larger = np.maximum(in_time, on_path * SEGMENTS / self.length)
         ratios = np.where(self.finished, self.relative_times, np.maximum(self.relative_times, 1.0))
         return np.where(self.finished, larger, self.worst) * pace_factor(ratios)
 
@@ -252,12 +243,17 @@ class Travel:
 
     def mean_pace(self) -> Array:
         """Return the mean speed along the path [m/s]; 0 where the tip never left the start."""
-        return _speed(np.minimum(self.furthest[-1], self.length), self.passed[-1])
+        return self._mean_pace(0)
 
     def cruising_pace(self) -> Array:
         """Return the mean speed along the path after its first segment [m/s]; 0 where the tip never got there."""
-        way = np.minimum(self.furthest[-1], self.length) - self.length / SEGMENTS
-        return _speed(way, self.passed[-1] - self.passed[1])
+        return self._mean_pace(1)
+
+    def _mean_pace(self, first: int) -> Array:
+        """Return the mean speed along the path from a segment on [m/s]; 0 where no time was spent there."""
+        distance = np.minimum(self.furthest[-1], self.length) - self.length / SEGMENTS * first
+        time = self.passed[-1] - (self.passed[1] if first else 0.0)
+        return np.divide(distance, time, where=time > 0.0, out=np.zeros_like(distance))
 
     def completed(self) -> Mask:
         """Return whether the end of the path was reached."""
@@ -268,10 +264,7 @@ class Recorded(Travel):
     """N episodes with all their telemetry; parameters as in ``score_episodes``."""
 
     def __init__(self, telemetry: Array, tasks: Sequence[PathFollowing], voltage_max: float) -> None:
-        time, arc_length, errors, success = (
-            column(telemetry, name) for name in ("time", "arc_length", "normal_error", "is_success")
-        )
-        super().__init__(time, arc_length, errors, success, tasks)
+        super().__init__(telemetry[..., RANKED], tasks)
         self.telemetry = telemetry
         self.steps = telemetry[1:]
         self.alive = np.isfinite(self.time[1:])
@@ -281,7 +274,7 @@ class Recorded(Travel):
     @cached_property
     def volts(self) -> Array:
         """Clutch voltages [V], (T, N, 4)."""
-        return four(self.steps, "volts")
+        return per_clutch(self.steps, "volts")
 
     @cached_property
     def speed(self) -> Array:
@@ -292,7 +285,7 @@ class Recorded(Travel):
     def counted(self) -> Mask:
         """Control steps whose accelerations count, (T, N): all after the start-up, or all if there are none."""
         settled = self.alive & (column(self.steps, "time") > START_UP)
-        return np.where(settled.any(axis=0), settled, self.alive)
+        return settled | (self.alive & ~settled.any(axis=0))
 
     @cached_property
     def acceleration(self) -> Array:
@@ -307,29 +300,9 @@ class Recorded(Travel):
         """Return the sum over an episode of a field of the telemetry."""
         return np.nansum(column(self.steps, name), axis=0)
 
-    def mean_of(self, acceleration: Array) -> Array:
-        """Return the time average of an acceleration."""
-        return mean_over(acceleration, self.counted)
-
-    def rms_of(self, acceleration: Array) -> Array:
-        """Return the root mean square of an acceleration."""
-        return np.sqrt(mean_over(acceleration**2, self.counted))
-
-    def peak_of(self, acceleration: Array) -> Array:
-        """Return the largest of an acceleration."""
-        return np.where(self.counted, acceleration, 0.0).max(axis=0)
-
-    def way(self) -> Array:
+    def distance_travelled(self) -> Array:
         """Return the distance travelled by the tip [m]."""
         return np.nansum(norm(np.diff(vector(self.telemetry, "tip"), axis=0)), axis=0)
-
-    def effort(self) -> Array:
-        """Return the mean of (V/V_max)² over time and clutches."""
-        return self.mean(((self.volts / self.voltage_max) ** 2).mean(axis=-1))
-
-    def saturated(self) -> Array:
-        """Return the fraction of the time with a clutch at its largest voltage."""
-        return self.mean((self.volts >= (1.0 - 1e-6) * self.voltage_max).any(axis=-1))
 
     def smoothness(self) -> Array:
         """Return −ln of the dimensionless jerk."""
@@ -337,13 +310,8 @@ class Recorded(Travel):
 
 
 def pace_factor(ratios: Array) -> Array:
-    """Return the weight of a segment's error, given its time over the time at the pace: 1 for a ratio of 1, else more.
+    """Return the weight of a segment's error, given its time over the time at the pace.
 
     For a ratio r, the weight is r to the power of ``PRICE`` if too slow, r > 1, and 1 + ``PRICE``·(1 − r) if too fast.
     """
     return np.where(ratios > 1.0, ratios**PRICE, 1.0 + PRICE * (1.0 - ratios))
-
-
-def _speed(way: Array, time: Array) -> Array:
-    """Return the mean speed [m/s], 0 where no time was spent."""
-    return np.divide(way, time, where=time > 0.0, out=np.zeros_like(way))

@@ -2,15 +2,17 @@
 
 import os
 import sys
+from collections.abc import Iterable, Mapping
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, cast
 from urllib.parse import quote
 
+from pter_gym._internal.checks import names_in
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym.benchmark.simulation import AnyPolicy
-from pter_gym.benchmark.tuned import TUNED, find_tuned
-from pter_gym.controllers import CONTROLLERS, Impedance
+from pter_gym.benchmark.tuned import TUNED, find_paced, find_tuned
+from pter_gym.controllers import CONTROLLERS, Controller
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.policies._files import is_here, is_path
@@ -32,8 +34,8 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
         - a controller with tuned gains, such as ``impedance-tuned``;
         - a trained policy of the package, such as ``residual``, or the path of an exported one;
         - ``package.module:attribute``: a controller or a callable from observations to volts. A class is called
-          without arguments. The module is imported into this process; if it is found nowhere else, it is looked up in
-          the current folder, which is then appended to ``sys.path``.
+          without arguments. The module is imported into this process, if need be from the current folder, which is then
+          appended to ``sys.path``.
     scenario
         Scenario whose gains and dampers to use. With None, as in the paper's standard test, controllers have their
         default gains.
@@ -45,26 +47,20 @@ def find_policy(name: FilePath, scenario: str | None = "standard") -> AnyPolicy:
     DataError
         If a file of an exported policy is damaged.
     """
-    name = text_of(name)
-    if is_code(name):
+    name = _text_of(name)
+    module, colon, attribute = name.partition(":")
+    if module.endswith(".py"):
+        dotted = module.removesuffix(".py").replace(os.sep, ".").strip(".")
+        example = f"{dotted}:{attribute or 'policy'}"
+        raise ParameterError(f"policies must name an attribute of a module, as in {example}, got {name!r:.200}")
+    if colon and is_code(name):
         return _import(name)
-    if name.endswith(".py"):
-        module = name.removesuffix(".py").replace(os.sep, ".").strip(".")
-        raise ParameterError(f"policies must name an attribute of a module, as in {module}:policy, got {name!r:.200}")
     known = (*CONTROLLERS, *TUNED, *shipped_policies())
-    if is_path(name) or name in shipped_policies() or (name not in known and is_here(name)):
+    if is_path(name) or name in shipped_policies() or (name not in known and name and is_here(name)):
         return read_policy(name)
     if name not in known:
         raise unknown_name("policies", name, known)
-    if name in TUNED:
-        return find_tuned(name, scenario)
-    controller = CONTROLLERS[name]()
-    if not isinstance(controller, Impedance) or scenario is None:
-        return controller
-    from pter_gym.benchmark._pacing import damping_table, paced
-
-    dampers = damping_table().get(scenario, {}).get(name)
-    return paced(controller, dampers) if dampers else controller
+    return find_tuned(name, scenario) if name in TUNED else find_paced(name, scenario)
 
 
 def is_code(name: str) -> bool:
@@ -72,19 +68,63 @@ def is_code(name: str) -> bool:
     return ":" in name and not is_path(name)
 
 
-def text_of(name: FilePath) -> str:
+def find_policies(policies: Any, scenario: str) -> dict[str, tuple[AnyPolicy, ...]]:
+    """Return policies by name, those of each training seed, or raise a ParameterError; see ``run_scenario``."""
+    if callable(policies) or isinstance(policies, Controller | PerSeed):
+        raise ParameterError(f"policies must have names, as in {{'mine': policy}}, got {policies!r:.200}")
+    if not isinstance(policies, Mapping):
+        policies = {_text_of(given): given for given in names_in("policies", policies)}
+    if not policies:
+        raise ParameterError("policies must hold at least one name")
+    found: dict[str, tuple[AnyPolicy, ...]] = {}
+    for name, given in cast("Mapping[str, Any]", policies).items():
+        _check_name(name)
+        seeds = given.policies if isinstance(given, PerSeed) else (given,)
+        found[name] = tuple(_resolve(name, each, scenario) for each in seeds)
+    return found
+
+
+class PerSeed:
+    """One policy trained with several seeds, which share a row of the leaderboard.
+
+    Parameters
+    ----------
+    policies
+        A policy for each seed, all of them different, as ``run_scenario`` takes them: a copy is not another seed.
+    """
+
+    def __init__(self, policies: Iterable[AnyPolicy | FilePath]) -> None:
+        given = cast("object", policies)
+        if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
+            raise ParameterError(f"policies must be a sequence of policies, one for each seed, got {given!r:.200}")
+        self.policies = tuple(cast("Iterable[AnyPolicy | FilePath]", given))
+        if not self.policies or len({id(each) for each in self.policies}) < len(self.policies):
+            raise ParameterError(f"policies must be one or more, all of them different, got {self.policies!r:.200}")
+
+
+def _resolve(name: str, given: Any, scenario: str) -> AnyPolicy:
+    """Return a policy given by itself or by its name."""
+    if isinstance(given, str | os.PathLike):
+        return find_policy(cast("FilePath", given), scenario)
+    if isinstance(given, type) or not (isinstance(given, Controller) or callable(given)):
+        raise ParameterError(
+            f"policies must be names, have a method bind or be callable, not classes, {name!r} is {given!r:.200}"
+        )
+    return given
+
+
+def _text_of(name: object) -> str:
     """Return a name or path as text that shows which of the two it is, or raise a ParameterError."""
-    given = cast("object", name)
-    if isinstance(given, str):
-        return given
-    if not isinstance(given, os.PathLike):
-        hint = "; give a policy of your own under a name, as in {'mine': policy}" if callable(given) else ""
-        raise ParameterError(f"policies must be names or paths, got {given!r:.200}{hint}")
-    text = str(find_path("policies", name))
+    if isinstance(name, str):
+        return name
+    if not isinstance(name, os.PathLike):
+        hint = "; give a policy of your own under a name, as in {'mine': policy}" if callable(name) else ""
+        raise ParameterError(f"policies must be names or paths, got {name!r:.200}{hint}")
+    text = str(find_path("policies", cast("FilePath", name)))
     return text if is_path(text) else f"./{text}"
 
 
-def check_name(name: object) -> None:
+def _check_name(name: object) -> None:
     """Raise a ParameterError unless something can name a policy in tables and in file names."""
     good = isinstance(name, str) and name.strip() == name != "" and name.isprintable()
     if not good or len(quote(str(name), safe=" ")) > MAX_NAME:
@@ -100,12 +140,9 @@ def _import(name: str) -> Any:
         raise ParameterError(f"policies must be written as package.module:attribute, got {name!r:.200}")
     try:
         found = entry.load()
+        return found() if isinstance(found, type) else found
     except (ImportError, AttributeError) as error:
         raise ParameterError(f"policies must name code that can be imported, got {name!r}: {error}") from None
-    if not isinstance(found, type):
-        return found
-    try:
-        return found()
     except TypeError as error:
         raise ParameterError(
             f"policies must name an instance, or a class that needs no arguments, got {name!r}: {error}"

@@ -1,7 +1,7 @@
 """Leaderboards: policies ranked by mean path error if they arrive and keep the pace, as tables and as JSON."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,18 +45,16 @@ class Column(NamedTuple):
 
     score: str
     title: str
-    factor: float
-    text: str
+    factor: float = 1000.0
+    text: str = ".1f"
     with_interval: bool = False
 
 
-MILLIMETRES = 1000.0
-
 COLUMNS = (
-    Column("path_error_m", "path error\n\\[mm]", MILLIMETRES, ".1f", with_interval=True),
-    Column("worst_path_error_m", "worst\n1/20\n\\[mm]", MILLIMETRES, ".1f"),
-    Column("later_path_error_m", "after\n1/10\n\\[mm]", MILLIMETRES, ".1f"),
-    Column("rms_error_m", "rms\n\n\\[mm]", MILLIMETRES, ".1f"),
+    Column("path_error_m", "path error\n\\[mm]", with_interval=True),
+    Column("worst_path_error_m", "worst\n1/20\n\\[mm]"),
+    Column("later_path_error_m", "after\n1/10\n\\[mm]"),
+    Column("rms_error_m", "rms\n\n\\[mm]"),
     Column("completed", "completed\n\n\\[%]", 100.0, ".3g"),
     Column("mean_pace_error", "mean\npace\n\\[±%]", 100.0, ".3g"),
     Column("segment_pace_error", "segm.\npace\n\\[±%]", 100.0, ".3g"),
@@ -80,10 +78,11 @@ class Standing:
         Whether it has a rank but may miss ``COMPLETION``, which is in the interval of its completed episodes.
     scores
         Scores over all episodes, as ``summarise`` returns them.
-    difference
-        Path error minus the best policy's [m]; None without a best policy.
-    probability
-        Probability of a smaller path error than the best policy's on the same episode; None without a best policy.
+    errors
+        Path errors [m], (S, N) for S training seeds and N episodes.
+    difference, probability
+        Path error minus the best policy's [m], and the probability of a smaller one on the same episode; None without
+        a best policy.
     """
 
     policy: str
@@ -91,6 +90,7 @@ class Standing:
     reason: str | None
     undecided: bool
     scores: dict[str, Interval]
+    errors: Array = field(compare=False, repr=False)
     difference: Interval | None = None
     probability: Interval | None = None
 
@@ -113,20 +113,9 @@ class Standing:
 
 @dataclass(frozen=True)
 class Leaderboard:
-    """The policies on one set of episodes at one pace, the best first, unranked ones last.
+    """The policies, the best first and unranked ones last, on so many episodes of a scenario at a pace.
 
-    Attributes
-    ----------
-    scenario, pace
-        Names.
-    episodes
-        How many of the scenario's episodes were run.
-    seed
-        Seed of fresh episodes; None for the stored ones.
-    standings
-        One per policy.
-    version
-        Of the package that made the runs.
+    ``seed`` is that of fresh episodes, None for the stored ones; ``version`` that of the package that made the runs.
     """
 
     scenario: str
@@ -149,13 +138,10 @@ class Leaderboard:
     def as_json(self) -> dict[str, Any]:
         """Return this leaderboard's entry in ``benchmark.json``, in SI."""
         return {
-            "version": self.version,
-            "scenario": self.scenario,
-            "pace": self.pace,
+            **{
+                name: getattr(self, name) for name in ("version", "scenario", "pace", "episodes", "seed", "provisional")
+            },
             "pace_m_s": PACES[self.pace],
-            "episodes": self.episodes,
-            "seed": self.seed,
-            "provisional": self.provisional,
             "policies": {standing.policy: standing.as_json() for standing in self.standings},
         }
 
@@ -187,57 +173,47 @@ def rank(runs: Sequence[ScenarioRun]) -> Leaderboard:
     is ``lost``.
     """
     run, strata = runs[0], runs[0].strata
-    judged = sorted((_judge(name, scores, run) for name, scores in stack_seeds(runs).items()), key=_place)
-    leader, number = judged[0], 1
-    (first, best), standings = leader, list[Standing]()
-    for place, (standing, errors) in enumerate(judged):
-        difference = difference_interval(errors, leader[1], strata)
-        if not standing.reason and (standing.lost != leader[0].lost or not difference.holds(0.0)):
-            leader, number = (standing, errors), place + 1
+    judged = sorted((_judge([r for r in runs if r.policy == name]) for name in {r.policy for r in runs}), key=_place)
+    first, leader, number = judged[0], judged[0], 1
+    standings: list[Standing] = []
+    for place, standing in enumerate(judged):
+        difference = difference_interval(standing.errors, leader.errors, strata)
+        if not standing.reason and (standing.lost != leader.lost or not difference.holds(0.0)):
+            leader, number = standing, place + 1
         against: dict[str, Interval] = {}
         if place and not first.reason:
-            against["difference"] = difference_interval(errors, best, strata)
-            against["probability"] = probability_of_improvement(errors, best)
+            against["difference"] = difference_interval(standing.errors, first.errors, strata)
+            against["probability"] = probability_of_improvement(standing.errors, first.errors)
         standings.append(replace(standing, rank=None if standing.reason else number, **against))
     return Leaderboard(run.scenario, run.pace, run.episodes, run.seed, tuple(standings), run.version)
 
 
-def suite_scores(runs: Sequence[ScenarioRun]) -> dict[str, SuiteScore]:
-    """Return the score over the suite of each policy that was run wherever a tuned law was, best first.
+def suites(boards: Iterable[Leaderboard]) -> list[tuple[Leaderboard, ...]]:
+    """Return the leaderboards with a tuned law of each version and seed of the episodes.
 
-    Runs are those of stored episodes; of several at a scenario and pace, those of the most episodes count.
+    Of several at a scenario and pace, that of the most episodes counts.
     """
-    groups: dict[tuple[str, str], dict[str, Scores]] = {}
-    strata: list[str] = []
-    for board in sorted({(run.episodes, run.scenario, run.pace) for run in runs if run.seed is None}):
-        mine = [run for run in runs if (run.episodes, run.scenario, run.pace) == board and run.seed is None]
-        if any(run.policy in TUNED for run in mine):
-            groups[board[1:]] = stack_seeds(mine)
-    found: dict[str, list[Array]] = {}
-    for (scenario, pace), policies in groups.items():
-        errors = {name: scores["path_error_m"] for name, scores in policies.items()}
-        law = min(float(errors[name].mean()) for name in errors if name in TUNED)
-        for name, values in errors.items():
-            found.setdefault(name, []).append(values / law)
-        strata += [f"{scenario}, {pace}"] * next(iter(errors.values())).shape[1]
-    whole = {
-        name: np.concatenate(parts, axis=1)
-        for name, parts in found.items()
-        if len(parts) == len(groups) and len({len(part) for part in parts}) == 1
-    }
-    scores = {name: SuiteScore(interquartile_mean_interval(ratios, strata), ratios) for name, ratios in whole.items()}
+    groups: dict[tuple[str, int | None], dict[tuple[str, str], Leaderboard]] = {}
+    for board in sorted(boards, key=lambda board: board.episodes):
+        if any(standing.policy in TUNED for standing in board.standings):
+            groups.setdefault((board.version, board.seed), {})[board.scenario, board.pace] = board
+    return [tuple(group.values()) for group in groups.values()]
+
+
+def suite_scores(boards: Sequence[Leaderboard]) -> dict[str, SuiteScore]:
+    """Return the score over some leaderboards, each with a tuned law, of every policy that is on all; best first."""
+    parts: dict[str, list[Array]] = {}
+    for board in boards:
+        law = min(float(each.errors.mean()) for each in board.standings if each.policy in TUNED)
+        for standing in board.standings:
+            parts.setdefault(standing.policy, []).append(standing.errors / law)
+    strata = [(board.scenario, board.pace) for board in boards for _ in range(board.episodes)]
+    scores: dict[str, SuiteScore] = {}
+    for name, found in parts.items():
+        if len(found) == len(boards) and len({len(ratios) for ratios in found}) == 1:
+            ratios = np.concatenate(found, axis=1)
+            scores[name] = SuiteScore(interquartile_mean_interval(ratios, strata), ratios)
     return dict(sorted(scores.items(), key=lambda item: item[1].ratio.value))
-
-
-def stack_seeds(runs: Sequence[ScenarioRun]) -> dict[str, Scores]:
-    """Return the scores of each policy on one set of episodes, (S, N) for S training seeds."""
-    seeds: dict[str, list[ScenarioRun]] = {}
-    for run in runs:
-        seeds.setdefault(run.policy, []).append(run)
-    return {
-        policy: {name: np.stack([run.scores[name] for run in members]) for name in SCORES}
-        for policy, members in seeds.items()
-    }
 
 
 def summarise(scores: Scores, strata: Strata = None) -> dict[str, Interval]:
@@ -272,56 +248,93 @@ def reason_below(scores: dict[str, Interval], pace: float) -> str | None:
 def table(board: Leaderboard) -> Table:
     """Return a leaderboard for an 80-column terminal, with 95 % intervals, and below it why others are not ranked."""
     kind = "provisional, " if board.provisional else ""
-    which = "episodes" if board.seed is None else f"fresh episodes, seed {board.seed}"
     notes = [f"– {each.policy}: {each.reason}" for each in board.standings if each.reason]
-    if undecided := [f"{each.policy} ({_range(each)})" for each in board.standings if each.undecided]:
-        notes.append(f"? may complete less than {100 * COMPLETION:g} %: {', '.join(undecided)}")
-    shown = Table(
-        title=f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} {which}",
-        caption=escape("\n".join(notes)),
-        caption_justify="left",
-        box=None,
-        padding=(0, 1),
-        collapse_padding=True,
-        pad_edge=False,
+    if undecided := [each for each in board.standings if each.undecided]:
+        ranges = (f"{each.policy} ({_percent(each.scores['completed'])} %)" for each in undecided)
+        notes.append(f"? may complete less than {100 * COMPLETION:g} %: {', '.join(ranges)}")
+    shown = _table(
+        f"{board.scenario}, {board.pace} ({PACES[board.pace]:g} m/s), {kind}{board.episodes} {_kind(board.seed)}",
+        "\n".join(notes),
+        ["#", "policy", *(column.title for column in COLUMNS)],
     )
-    for header in ("#", "policy", *(column.title for column in COLUMNS)):
-        shown.add_column(header, justify="left" if header == "policy" else "right", no_wrap=True)
     for standing in board.standings:
         place = "–" if standing.rank is None else f"{standing.rank}{'?' if standing.undecided else ''}"
         shown.add_row(place, escape(standing.policy), *(_cell(standing, column) for column in COLUMNS))
     return shown
 
 
+def suite_table(boards: Sequence[Leaderboard]) -> Table:
+    """Return the scores over the suite of leaderboards as a table."""
+    shown = _table(
+        f"suite, {'stored episodes' if boards[0].seed is None else _kind(boards[0].seed)}",
+        "Interquartile mean of path error ÷ mean path error of the best tuned law, over "
+        f"{', '.join(f'{board.scenario} {board.pace}' for board in boards)}",
+        ["policy", "error ÷\nbest tuned law's"],
+    )
+    for name, (ratio, _) in suite_scores(boards).items():
+        shown.add_row(escape(name), _with_interval(ratio, ".3g"))
+    return shown
+
+
 def print_boards(runs: Sequence[ScenarioRun]) -> None:
-    """Print the leaderboards of runs to the terminal."""
-    for board in leaderboards(runs):
-        terminal().print(table(board), "")
+    """Print the leaderboards of runs to the terminal, and the scores over those with a tuned law, if several."""
+    boards = leaderboards(runs)
+    print_tables(boards, suites(boards))
 
 
-def _range(standing: Standing) -> str:
-    _, low, high = standing.scores["completed"]
-    return f"{100 * (low or 0.0):.3g}…{100 * (high or 0.0):.3g} %"
+def print_tables(boards: Iterable[Leaderboard], of_suites: Iterable[Sequence[Leaderboard]]) -> None:
+    """Print leaderboards to the terminal, and the scores over suites of several."""
+    tables = [*map(table, boards), *(suite_table(suite) for suite in of_suites if len(suite) > 1)]
+    for shown in tables:
+        terminal().print(shown, "")
+
+
+def _table(title: str, caption: str, headers: Sequence[str]) -> Table:
+    """Return an empty table, narrow enough for 80 columns."""
+    shown = Table(
+        title=title,
+        caption=escape(caption),
+        caption_justify="left",
+        box=None,
+        padding=(0, 1),
+        collapse_padding=True,
+        pad_edge=False,
+    )
+    for header in headers:
+        shown.add_column(header, justify="left" if header == "policy" else "right", no_wrap=True)
+    return shown
+
+
+def _kind(seed: int | None) -> str:
+    return "episodes" if seed is None else f"fresh episodes, seed {seed}"
+
+
+def _percent(rate: Interval) -> str:
+    return "…".join(f"{100 * (end or 0.0):.3g}" for end in rate[1:])
 
 
 def _cell(standing: Standing, column: Column) -> str:
     """Return a score as the table shows it; path errors mean nothing if the policy never arrives."""
-    if column.factor == MILLIMETRES and standing.scores["completed"].value == 0.0:
+    if column.score.endswith("_error_m") and standing.scores["completed"].value == 0.0:
         return "–"
-    value, low, high = (
-        None if end is None else format(column.factor * end, column.text) for end in standing.scores[column.score]
-    )
-    return f"{value} ({low}…{high})" if column.with_interval and low else str(value)
+    scores = standing.scores[column.score]
+    ends = scores if column.with_interval else (scores.value, None, None)
+    return _with_interval(ends, column.text, column.factor)
 
 
-def _judge(policy: str, scores: Scores, run: ScenarioRun) -> tuple[Standing, Array]:
-    """Return a policy's standing and its path errors, (S, N); ranks are assigned later."""
-    summary = summarise(scores, run.strata)
-    reason = reason_below(summary, PACES[run.pace])
+def _with_interval(interval: tuple[float | None, ...], text: str, factor: float = 1.0) -> str:
+    value, low, high = (None if end is None else format(factor * end, text) for end in interval)
+    return f"{value} ({low}…{high})" if low else str(value)
+
+
+def _judge(runs: Sequence[ScenarioRun]) -> Standing:
+    """Return the standing of a policy from the runs of its training seeds; ranks are assigned later."""
+    scores = {name: np.stack([run.scores[name] for run in runs]) for name in SCORES}
+    summary = summarise(scores, runs[0].strata)
+    reason = reason_below(summary, PACES[runs[0].pace])
     undecided = reason is None and summary["completed"].holds(COMPLETION)
-    return Standing(policy, None, reason, undecided, summary), scores["path_error_m"]
+    return Standing(runs[0].policy, None, reason, undecided, summary, scores["path_error_m"])
 
 
-def _place(judged: tuple[Standing, Array]) -> tuple[bool, bool, float, str]:
-    standing, _ = judged
+def _place(standing: Standing) -> tuple[bool, bool, float, str]:
     return standing.reason is not None, standing.lost, standing.scores["path_error_m"].value, standing.policy

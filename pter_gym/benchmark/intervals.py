@@ -24,23 +24,20 @@ Strata = Sequence[Hashable] | None
 RESAMPLES = 2000
 """Bootstrap samples of an interval."""
 
+BLOCK = 50
+"""Bootstrap samples of an interquartile mean that are drawn at once."""
+
 TAILS = (0.025, 0.975)
 """Quantiles that bound an interval."""
 
 SEED = 20211206
 """Seed of the bootstrap, so the same scores give the same interval."""
 
-MIN_EPISODES = 5
-"""Fewest episodes of an interval of a mean."""
-
-MIN_SEEDS = 3
-"""Fewest training seeds of an interval over seeds."""
+MIN_EPISODES, MIN_SEEDS, MIN_TAIL_EPISODES = 5, 3, 200
+"""Fewest episodes and training seeds of an interval of a mean, and fewest episodes of one of the worst twentieth."""
 
 MIN_STRATUM = 10
 """Fewest episodes of a stratum; smaller ones are pooled."""
-
-MIN_TAIL_EPISODES = 200
-"""Fewest episodes of an interval of the worst twentieth, ten of which make it up."""
 
 
 class Interval(NamedTuple):
@@ -117,10 +114,12 @@ def interquartile_mean_interval(values: ArrayLike, strata: Strata = None) -> Int
         return Interval(value)
     generator = np.random.default_rng(SEED)
     groups = _groups(episodes, strata)
-    samples = np.empty(RESAMPLES // 2)
-    for k in range(len(samples)):
-        drawn = np.concatenate([generator.choice(group, len(group)) for group in groups])
-        samples[k] = stats.trim_mean(seeds[generator.integers(count, size=(count, 1)), drawn].ravel(), 0.25)
+    samples: list[Array] = []
+    for _ in range(RESAMPLES // (2 * BLOCK)):
+        drawn = np.concatenate([generator.choice(group, (BLOCK, len(group))) for group in groups], axis=1)
+        chosen = generator.integers(count, size=(BLOCK, count))
+        values = seeds[chosen[:, :, None], drawn[:, None, :]].reshape(BLOCK, -1)
+        samples.append(stats.trim_mean(values, 0.25, axis=1))
     low, high = np.quantile(samples, TAILS)
     return Interval(value, float(low), float(high))
 

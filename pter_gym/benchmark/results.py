@@ -9,28 +9,24 @@ from urllib.parse import quote
 
 import numpy as np
 
+from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
 from pter_gym._internal.reading import MOST_JSON, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
-from pter_gym._version import __version__
-from pter_gym.benchmark.boards import Leaderboard, leaderboards, suite_scores
+from pter_gym.benchmark.boards import Leaderboard, leaderboards, suite_scores, suites
 from pter_gym.benchmark.runs import ScenarioRun
 from pter_gym.benchmark.scores import SCORES
 from pter_gym.errors import DataError, ParameterError
+from pter_gym.scenarios import PACES
 
 NAMES = ("version", "scenario", "pace", "policy", "training_seed", "seed")
 """What a file says about a run, beside its numbers."""
 
 
 class ResultsFolder:
-    """A folder of results. Files are written atomically, so several benchmarks may share it.
+    """The folder of results at ``path``; ``summary`` is the file with all leaderboards.
 
-    Attributes
-    ----------
-    path
-        Where it is.
-    summary
-        The file with all leaderboards.
+    Files are written atomically, so several benchmarks may share it.
     """
 
     def __init__(self, path: FilePath) -> None:
@@ -70,13 +66,16 @@ class ResultsFolder:
     def summarise(self) -> tuple[Leaderboard, ...]:
         """Write ``benchmark.json`` from all runs in the folder and return its leaderboards."""
         self.make()
-        runs = self.runs()
-        boards = leaderboards(runs)
-        suite = suite_scores([run for run in runs if run.version == __version__])
-        content = {
-            "suite": {name: score.ratio._asdict() for name, score in suite.items()},
-            "leaderboards": [board.as_json() for board in boards],
-        }
+        boards = leaderboards(self.runs())
+        suite = [
+            {
+                **{name: getattr(mine[0], name) for name in ("version", "seed")},
+                "boards": [[board.scenario, board.pace] for board in mine],
+                "policies": {name: score.ratio._asdict() for name, score in suite_scores(mine).items()},
+            }
+            for mine in suites(boards)
+        ]
+        content = {"suite": suite, "leaderboards": [board.as_json() for board in boards]}
         write_text_atomic(self.summary, json.dumps(content, indent=2, allow_nan=False) + "\n")
         return boards
 
@@ -107,14 +106,13 @@ def read_run(path: FilePath) -> ScenarioRun:
     path = find_path("path", path)
     with reading(path.name):
         content = parse_json(read_bytes(path, MOST_JSON))
-        strata = tuple(content["strata"])
-        run = ScenarioRun(
-            **{name: content[name] for name in NAMES},
-            strata=strata,
-            scores={name: np.array(content[name]).reshape(len(strata)) for name in SCORES},
-        )
-        if any(values.dtype.kind not in "bif" for values in run.scores.values()):
-            raise ValueError("scores must be numbers")
+        strata = tuple(map(str, content["strata"]))
+        scores = {name: np.array(content[name]).reshape(len(strata)) for name in SCORES}
+        run = ScenarioRun(**{name: content[name] for name in NAMES}, strata=strata, scores=scores)
+        for name in ("training_seed", "seed"):
+            whole_number(name, getattr(run, name) or 0, at_least=0)
+        if run.pace not in PACES or not strata or any(values.dtype.kind not in "bif" for values in scores.values()):
+            raise ValueError("it must hold a commanded pace and numbers for each episode")
         if run_path(path.parents[1], run).name != path.name:
             raise ValueError(f"policy must be that of the file's name, got {run.policy!r:.200}")
         return run

@@ -1,23 +1,22 @@
 """Run policies on the evaluation episodes of a scenario, at each commanded pace."""
 
-import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pter_gym._engine.batch import Batch
-from pter_gym._internal.checks import names_in
+from pter_gym._internal.checks import names_in, whole_number
 from pter_gym._internal.files import FilePath
 from pter_gym._version import __version__
-from pter_gym.benchmark._naming import check_name, find_policy, text_of
+from pter_gym.benchmark._naming import PerSeed, find_policies
 from pter_gym.benchmark.episodes import Episodes, find_episodes
 from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
 from pter_gym.benchmark.simulation import AnyPolicy, run, sensors_of, time_limit
-from pter_gym.controllers import Controller, bind
-from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.controllers import bind
+from pter_gym.errors import unknown_name
 from pter_gym.params import BASELINE
 from pter_gym.scenarios import PACES
 from pter_gym.tasks.path_following import observation_layout
@@ -30,39 +29,17 @@ CHUNK = 64
 
 
 @dataclass(frozen=True)
-class PerSeed:
-    """One policy trained with several seeds; the seeds share a row of the leaderboard."""
-
-    policies: tuple[AnyPolicy, ...]
-
-    def __post_init__(self) -> None:
-        """Check that no policy appears twice: a copy does not count as another seed."""
-        given = cast("object", self.policies)
-        if isinstance(given, str) or not isinstance(given, Iterable):
-            raise ParameterError(f"policies must be a sequence of policies, one for each seed, got {given!r:.200}")
-        object.__setattr__(self, "policies", tuple(self.policies))
-        if not self.policies or len({id(each) for each in self.policies}) < len(self.policies):
-            raise ParameterError(f"policies must be one or more, all of them different, got {self.policies!r:.200}")
-
-
-@dataclass(frozen=True)
 class ScenarioRun:
     """The scores of one policy on the episodes of one scenario at one pace.
 
     Attributes
     ----------
-    scenario, pace, policy
-        Names.
     training_seed
         Number of the training seed, for a policy that was trained with several; 0 otherwise.
     seed
         Seed of fresh episodes; None for the stored ones.
-    strata
-        One label per episode.
-    scores
-        One entry per episode under each name.
-    version
-        Of the package.
+    strata, scores
+        A label for each episode, and an array with an entry for each episode under the name of each score.
     """
 
     scenario: str
@@ -80,13 +57,13 @@ class ScenarioRun:
         return len(self.strata)
 
 
-Policies = Mapping[str, AnyPolicy | PerSeed | FilePath] | Sequence[FilePath] | FilePath
+Policies = Mapping[str, AnyPolicy | PerSeed | FilePath] | Iterable[FilePath] | FilePath
 
 
 def run_scenario(
     scenario: str,
     policies: Policies,
-    paces: Sequence[str] | str = tuple(PACES),
+    paces: Iterable[str | float] | float = tuple(PACES),
     *,
     episodes: int | None = None,
     seed: int | None = None,
@@ -104,7 +81,7 @@ def run_scenario(
         By name: controllers, which are bound to the nominal machine, any ``policy(observations) -> volts``, float32
         (N, entries) to (N, 4), a ``PerSeed``, or what ``find_policy`` takes. Or a list of names that it takes.
     paces
-        Names of commanded paces, or one name.
+        Names of commanded paces or their speeds [m/s], or one of them.
     episodes
         How many episodes to run, starting with the first; all by default.
     seed
@@ -112,7 +89,7 @@ def run_scenario(
     results
         A folder of results or its path, where each run is stored.
     num_threads
-        Threads that share the episodes of a compiled law; scores do not depend on their number.
+        Threads that share the episodes of a compiled law, ≥ 1; scores do not depend on their number.
     on_progress
         Called with the name of each policy and pace when it is done.
 
@@ -121,12 +98,14 @@ def run_scenario(
     ParameterError
         If there is no such scenario, policy or pace, or there are fewer episodes than asked for.
     DataError
-        If the stored episodes were changed.
+        If the stored episodes are damaged.
     """
     from pter_gym.benchmark.results import ResultsFolder
 
-    named = _named(policies, scenario)
-    sets = {pace: find_episodes(scenario, pace, seed) for pace in map(_name_of, names_in("paces", paces))}
+    num_threads = whole_number("num_threads", num_threads)
+    listed = names_in("paces", [paces] if isinstance(paces, int | float) else paces)
+    sets = {pace: find_episodes(scenario, pace, seed) for pace in map(_name_of, listed)}
+    named = find_policies(policies, scenario)
     if episodes is not None:
         sets = {pace: full.first(episodes) for pace, full in sets.items()}
     folder = results if results is None or isinstance(results, ResultsFolder) else ResultsFolder(results)
@@ -134,10 +113,10 @@ def run_scenario(
         folder.make()
     runs: list[ScenarioRun] = []
     for pace, drawn in sets.items():
-        for name, policy in named.items():
+        for name, versions in named.items():
             trained = [
-                ScenarioRun(scenario, pace, name, number, seed, drawn.strata, evaluate(each, drawn, num_threads))
-                for number, each in enumerate(versions_of(policy))
+                ScenarioRun(scenario, pace, name, number, seed, drawn.strata, evaluate(policy, drawn, num_threads))
+                for number, policy in enumerate(versions)
             ]
             if folder:
                 folder.add(trained)
@@ -166,34 +145,9 @@ def evaluate(policy: AnyPolicy, episodes: Episodes, num_threads: int = 2) -> Sco
     return {name: np.concatenate([part[name] for part in parts]) for name in SCORES}
 
 
-def versions_of(policy: AnyPolicy | PerSeed) -> tuple[AnyPolicy, ...]:
-    """Return a policy's version from each of its training seeds."""
-    return policy.policies if isinstance(policy, PerSeed) else (policy,)
-
-
-def _name_of(pace: object) -> str:
+def _name_of(pace: str | float) -> str:
     """Return the name of a commanded pace given by its name or its speed [m/s], or raise a ParameterError."""
-    names = {speed: name for name, speed in PACES.items()}
-    if pace not in PACES and pace not in names:
-        raise unknown_name("paces", str(pace), PACES)
-    return names.get(cast("float", pace), str(pace))
-
-
-def _named(policies: Policies, scenario: str) -> Mapping[str, AnyPolicy | PerSeed]:
-    """Return the policies by name, or raise a ParameterError for one that cannot be scored under its name."""
-    if not isinstance(policies, Mapping):
-        policies = {text_of(given): given for given in names_in("policies", cast("Sequence[FilePath]", policies))}
-    if not policies:
-        raise ParameterError("policies must hold at least one name")
-    found: dict[str, AnyPolicy | PerSeed] = {}
-    for name, given in policies.items():
-        check_name(name)
-        named = isinstance(given, (str, os.PathLike))
-        policy = find_policy(cast("FilePath", given), scenario) if named else cast("AnyPolicy | PerSeed", given)
-        for each in cast("tuple[object, ...]", versions_of(policy)):
-            if not isinstance(each, Controller) and not callable(each):
-                raise ParameterError(
-                    f"policies must be names, or have a method bind or be callable, {name!r} is {each!r:.200}"
-                )
-        found[name] = policy
-    return found
+    for name, speed in PACES.items():
+        if pace in (name, speed):
+            return name
+    raise unknown_name("paces", pace, PACES)

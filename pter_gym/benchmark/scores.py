@@ -1,17 +1,17 @@
 """Scores of episodes, each declared once, as a field of ``Score``, with its unit, meaning and function."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._physics.friction import ClutchMode
-from pter_gym.benchmark._measures import PRICE, Array, Recorded, column
+from pter_gym.benchmark._measures import PRICE, Array, Recorded, column, mean_over
+from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
-from pter_gym.tasks.path_following import PathFollowing
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
 
 Values = NDArray[Any]
 
@@ -54,17 +54,29 @@ class Score:
     segment_pace_error: float = _score("1", "mean of |t·v/(L/10) − 1| over ten segments", Recorded.segment_pace_error)
     mean_pace_m_s: float = _score("m/s", "mean speed along the path", Recorded.mean_pace)
     mean_speed_m_s: float = _score("m/s", "time average of the tip's speed", lambda e: e.mean(e.speed))
-    mean_acceleration_m_s2: float = _score("m/s²", "time average", lambda e: e.mean_of(e.acceleration))
-    rms_acceleration_m_s2: float = _score("m/s²", "root of the mean square", lambda e: e.rms_of(e.acceleration))
-    peak_acceleration_m_s2: float = _score("m/s²", "largest", lambda e: e.peak_of(e.acceleration))
+    mean_acceleration_m_s2: float = _score("m/s²", "time average", lambda e: mean_over(e.acceleration, e.counted))
+    rms_acceleration_m_s2: float = _score(
+        "m/s²", "root of the mean square", lambda e: np.sqrt(mean_over(e.acceleration**2, e.counted))
+    )
+    peak_acceleration_m_s2: float = _score(
+        "m/s²", "largest", lambda e: np.where(e.counted, e.acceleration, 0.0).max(axis=0)
+    )
     smoothness: float = _score("1", "−ln of the dimensionless jerk; larger is smoother", Recorded.smoothness)
-    path_length_m: float = _score("m", "way of the tip", Recorded.way)
+    path_length_m: float = _score("m", "distance travelled by the tip", Recorded.distance_travelled)
     completed: bool = _score("1", "the end of the path was reached", Recorded.completed)
     duration_s: float = _score("s", "length of the episode", lambda e: e.end)
-    effort: float = _score("1", "mean of (V/V_max)² over time and clutches", Recorded.effort)
+    effort: float = _score(
+        "1",
+        "mean of (V/V_max)² over time and clutches",
+        lambda e: e.mean(((e.volts / e.voltage_max) ** 2).mean(axis=-1)),
+    )
     dissipated_j: float = _score("J", "energy taken by the clutches", lambda e: e.total("dissipated"))
     hand_work_j: float = _score("J", "work of the hand", lambda e: e.total("hand_work"))
-    saturated: float = _score("1", "fraction of the time with a clutch at its largest voltage", Recorded.saturated)
+    saturated: float = _score(
+        "1",
+        "fraction of the time with a clutch at its largest voltage",
+        lambda e: e.mean((e.volts >= (1.0 - 1e-6) * e.voltage_max).any(axis=-1)),
+    )
     stuck: float = _score(
         "1",
         "fraction of the time at zero degrees of freedom",
@@ -72,9 +84,7 @@ class Score:
     )
 
 
-METRICS: MappingProxyType[str, Metric] = MappingProxyType(
-    {item.name: item.metadata["metric"] for item in fields(Score)}
-)
+METRICS: Mapping[str, Metric] = {item.name: item.metadata["metric"] for item in fields(Score)}
 """What each score is, by its name."""
 
 SCORES = tuple(METRICS)
@@ -113,13 +123,18 @@ def score_episodes(
 
     Raises
     ------
-    ValueError
-        If an episode has no step.
+    ParameterError
+        If the telemetry has another shape, or an episode has no step.
     """
-    if len(telemetry) < 2:
-        raise ValueError(f"an episode needs its reset and at least one step, got {len(telemetry)} rows")
+    shape = np.shape(telemetry)
+    if len(shape) != 3 or shape[0] < 2 or shape[1:] != (len(tasks), len(TELEMETRY)):
+        raise ParameterError(
+            f"telemetry must have the shape (T + 1, {len(tasks)}, {len(TELEMETRY)}) with at least one step, got {shape}"
+        )
     begun = np.isfinite(column(telemetry[1], "time"))
     if not begun.all():
-        raise ValueError(f"an episode needs its reset and at least one step, episode {begun.argmin()} has none")
+        raise ParameterError(
+            f"telemetry must hold at least one step of each episode, that of {begun.argmin()} has none"
+        )
     episodes = Recorded(telemetry, tasks, voltage_max)
     return {name: metric.find(episodes) for name, metric in METRICS.items()}

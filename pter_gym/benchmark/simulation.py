@@ -27,13 +27,11 @@ class Rollout:
     Attributes
     ----------
     obs
-        The latest observations, float32 (N, entries).
+        The latest observations, float32 (N, entries); ``seen`` has those at all control steps decided one by one.
     steps
         Control steps so far.
     ended
         Which episodes have ended, bool (N,).
-    seen
-        Observations at the control steps that were decided one by one.
     """
 
     def __init__(self, batch: Batch, policy: BoundPolicy, seeds: Sequence[int], columns: Columns = slice(None)) -> None:
@@ -86,14 +84,12 @@ def run(
     columns: Columns = slice(None),
     stride: int | None = None,
 ) -> Rollout:
-    """Run new episodes until each has ended or reached its limit.
+    """Run new episodes in N worlds until each has ended or reached its limit.
 
     Parameters
     ----------
-    batch
-        N worlds.
-    policy
-        Bound to the nominal machine, unless it is already bound or a plain callable.
+    batch, policy
+        The worlds, and a policy, bound to the nominal machine unless it is already bound or a plain callable.
     seeds, limits
         Seeds of the resets, and control steps after which an episode is truncated, N each.
     columns
@@ -135,33 +131,16 @@ class Episode(NamedTuple):
 
 
 def record_episode(
-    policy: AnyPolicy,
-    machine: Machine,
-    task: PathFollowing,
-    seed: int,
-    max_steps: int,
-    *,
-    nominal: Machine = BASELINE,
-    on_step: Callable[[], object] = lambda: None,
+    policy: AnyPolicy, machine: Machine, task: PathFollowing, seed: int, max_steps: int, *, nominal: Machine = BASELINE
 ) -> Episode:
-    """Return an episode of a policy in a world of its own, truncated after ``max_steps`` control steps.
+    """Return an episode in a world of its own, truncated after ``max_steps`` control steps.
 
-    Parameters
-    ----------
-    policy
-        It gets force sensors only if it asks for them.
-    machine, task, seed
-        The episode.
-    nominal
-        The machine that the policy is bound to.
-    on_step
-        Called after each control step.
+    The policy is bound to the machine ``nominal``, and gets force sensors only if it asks for them.
     """
     acting = bind(policy, nominal, observation_layout(machine, sensors_of(policy)))
     episode = Rollout(Batch(machine, task, 1, sensors="force"), acting, [seed])
     while episode.steps < max_steps and not episode.ended.all():
         episode.step()
-        on_step()
     telemetry: Any = episode.telemetry[:, 0]
     return Episode(telemetry, np.concatenate(episode.seen), telemetry[1:, [*COLUMN.volts]].astype(np.float32))
 

@@ -1,21 +1,28 @@
-"""Controllers with the shipped gains that ``pter tune`` found on training draws.
+"""Controllers with shipped gains: tuned ones, and the paper's with a damper for each commanded pace.
 
-``pter_gym/presets/tuned.toml`` has a table for each scenario, controller and pace: the tuned gains, the defaults of
-all others, the search command, and scores on training draws that the search had not seen.
+``presets/tuned.toml`` has a table for each scenario, controller and pace: the gains that ``pter tune`` found on
+training draws, the defaults of all others, the search command, and scores on draws that the search had not seen.
+``presets/paces.toml``, which ``docs/make/store.py paces`` writes, has the damper along the path with which the paper's
+gains, made for about 0.5 m/s, keep a commanded pace on a scenario's training draws.
 """
 
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from pter_gym._internal.files import FilePath, find_path
 from pter_gym._internal.reading import MOST_TOML, parse_toml, read_text, reading
-from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
+from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies._stored_gains import make_guided
 from pter_gym.scenarios import PACES
 
 TABLE = Path(__file__).parents[1] / "presets" / "tuned.toml"
+
+DAMPERS = TABLE.with_name("paces.toml")
 
 SUFFIX = "-tuned"
 
@@ -28,20 +35,21 @@ TUNABLE: tuple[str, ...] = tuple(name for name, kind in CONTROLLERS.items() if i
 TUNED = tuple(name + SUFFIX for name in TUNABLE)
 """Names under which they are found with tuned gains."""
 
+HOLD = 1e-6
+"""Fraction of a commanded pace about it in which its damper holds: far more than the rounding of a float32."""
+
 Table = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
 
 
 def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE) -> PaceSchedule:
-    """Return a controller whose tuned gains follow the commanded pace.
+    """Return a controller, such as ``torque-feedback-tuned``, whose tuned gains follow the commanded pace.
 
     Parameters
     ----------
-    name
-        Such as ``torque-feedback-tuned``.
+    name, path
+        Its name, and the file of the gains.
     scenario
         Scenario whose gains to use; by default, or if there are none for it, those of ``everything``.
-    path
-        File of the gains.
 
     Raises
     ------
@@ -56,21 +64,33 @@ def find_tuned(name: str, scenario: str | None = None, *, path: FilePath = TABLE
     table = read_table(path)
     for place in (scenario or FALLBACK, FALLBACK):
         if entries := table.get(place, {}).get(controller):
-            knots = [(PACES[pace], controller_of(controller, entry, path)) for pace, entry in entries.items()]
-            return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])))
+            return _schedule((pace, controller_of(controller, entry, path)) for pace, entry in entries.items())
     raise ParameterError(
         f"policies: there are no tuned gains of {controller!r} for {scenario or FALLBACK!r} or {FALLBACK!r}; "
         f"`pter tune {controller}` finds some"
     )
 
 
+def find_paced(name: str, scenario: str | None) -> Controller:
+    """Return a controller by its name, with a damper for each pace if there are some for it and the scenario."""
+    controller = CONTROLLERS[name]()
+    dampers = damping_table().get(scenario or "", {}).get(name)
+    if dampers is None or not isinstance(controller, Impedance):
+        return controller
+    laws = ((pace, replace(controller, damping_tangential=damping)) for pace, damping in dampers.items())
+    return _schedule(laws, hold=HOLD)
+
+
+@cache
+def damping_table() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
+    """Return the damper along the path [N·s/m] by scenario, controller and pace."""
+    return tomllib.loads(DAMPERS.read_text("utf-8"))
+
+
 def read_table(path: FilePath = TABLE) -> Table:
     """Return the tuned gains by scenario, controller and pace; empty if there is no file.
 
-    Raises
-    ------
-    DataError
-        If the file cannot be read, names an unknown controller or pace, or does not hold tables.
+    Raises a DataError if it cannot be read, names an unknown controller or pace, or does not hold tables.
     """
     path = find_path("path", path)
     with reading(f"tuned gains {path} cannot be read"):
@@ -84,12 +104,15 @@ def read_table(path: FilePath = TABLE) -> Table:
 
 
 def controller_of(name: str, entry: Mapping[str, Any], path: Path) -> Guided:
-    """Return a controller with the gains of an entry; unnamed gains take the defaults stored with it.
+    """Return a controller with the gains of an entry, or raise a DataError if one is unknown or out of range.
 
-    Raises
-    ------
-    DataError
-        If a gain is unknown or refused.
+    Unnamed gains take the defaults stored with it.
     """
     with reading(f"tuned gains {path}"):
         return make_guided(name, {**entry.get("defaults", {}), **entry["gains"]})
+
+
+def _schedule(laws: Iterable[tuple[str, Guided]], **options: Any) -> PaceSchedule:
+    """Return controllers given by the names of their paces as one."""
+    knots = ((PACES[pace], law) for pace, law in laws)
+    return PaceSchedule(tuple(sorted(knots, key=lambda knot: knot[0])), **options)

@@ -1,20 +1,18 @@
 """Repeat the runs in a folder of results, and compare their scores bit for bit."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from pter_gym._internal.files import FilePath
-from pter_gym.benchmark._naming import find_policy, is_code
+from pter_gym.benchmark._naming import find_policies, is_code
 from pter_gym.benchmark.episodes import find_episodes
 from pter_gym.benchmark.results import ResultsFolder, read_run
-from pter_gym.benchmark.runs import AnyPolicy, PerSeed, ScenarioRun, evaluate, versions_of
+from pter_gym.benchmark.runs import Policies, ScenarioRun, evaluate
 from pter_gym.errors import ParameterError, PterError
 
 SAME = "same"
-
-Policies = Mapping[str, AnyPolicy | PerSeed]
 
 
 class Verdict(NamedTuple):
@@ -31,13 +29,13 @@ class Verdict(NamedTuple):
 
 def verify(
     results: ResultsFolder | FilePath,
-    policies: Policies | None = None,
+    policies: Policies = (),
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[Verdict, ...]:
     """Repeat the runs in a folder, or raise a ParameterError if it has none; return a verdict for each file.
 
-    Policies that are not given by name are looked up as ``find_policy`` does, but no code is imported. ``on_progress``
-    is called with the name of each file before it is repeated.
+    Policies that are not given, as for ``run_scenario``, are looked up as ``find_policy`` does, but no code is
+    imported. ``on_progress`` is called with the name of each file before it is repeated.
     """
     results = results if isinstance(results, ResultsFolder) else ResultsFolder(results)
     if not results.files():
@@ -46,17 +44,19 @@ def verify(
     for path in results.files():
         on_progress(path.name)
         try:
-            verdicts.append(Verdict(path.name, _repeat(read_run(path), policies or {})))
+            finding = _repeat(read_run(path), policies)
         except PterError as error:
-            verdicts.append(Verdict(path.name, f"cannot be repeated: {error}"))
+            finding = f"cannot be repeated: {error}"
+        verdicts.append(Verdict(path.name, finding))
     return tuple(verdicts)
 
 
 def _repeat(run: ScenarioRun, policies: Policies) -> str:
     """Return the first score that differs when a run is repeated, in words, or ``SAME``."""
-    if run.policy not in policies and is_code(run.policy):
+    given = find_policies(policies, run.scenario) if policies else {}
+    if run.policy not in given and is_code(run.policy):
         raise ParameterError(f"policies must hold {run.policy!r}, whose code is not imported")
-    versions = versions_of(policies.get(run.policy) or find_policy(run.policy, run.scenario))
+    versions = given.get(run.policy) or find_policies(run.policy, run.scenario)[run.policy]
     if run.training_seed >= len(versions):
         raise ParameterError(f"policies must hold {run.training_seed + 1} training seeds of {run.policy!r}")
     episodes = find_episodes(run.scenario, run.pace, run.seed).first(run.episodes)

@@ -2,22 +2,21 @@
 
 import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pter_gym import hands, params
+from pter_gym import params
 from pter_gym._internal.codec import dataclasses_in
 from pter_gym.benchmark.episodes import CODEC
 from pter_gym.controllers import Impedance
 from pter_gym.errors import ParameterError
-from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
+from pter_gym.hands import MultiSineHand
 from pter_gym.params import (
     BASELINE,
-    DELRIN_THEORETICAL,
     LARGEST,
     MACHINES,
     Arm,
@@ -31,7 +30,7 @@ from pter_gym.tasks.path_following import PathFollowing
 from pter_gym.tasks.path_following import _specification as specification
 
 
-def through_json(value: object) -> object:
+def through_json(value: object) -> Any:
     return CODEC.from_plain(json.loads(json.dumps(CODEC.to_plain(value), allow_nan=False)))
 
 
@@ -42,9 +41,7 @@ def test_round_trip(value: object) -> None:
 
 
 def test_dataclasses_are_those_that_a_module_or_package_defines() -> None:
-    found = sorted(dataclasses_in(params), key=lambda kind: kind.__name__)
-    assert found == [Arm, Clutch, Connection, Hand, Machine, TorqueCurve]
-    assert {HumanArm, MultiSineHand, RecordedForces} <= set(dataclasses_in(hands))
+    assert set(dataclasses_in(params)) == {Arm, Clutch, Connection, Hand, Machine, TorqueCurve}
     assert Machine not in dataclasses_in(specification), "it is only named there"
 
 
@@ -58,11 +55,6 @@ def test_every_bit_comes_back(pace: float, phases: tuple[float, ...], random_pha
     assert repr(through_json(task)) == repr(task)
 
 
-def test_numbers_of_numpy_become_plain_ones() -> None:
-    task = PathFollowing(pace=np.float64(0.3))
-    assert type(through_json(task).pace) is float  # type: ignore[attr-defined]
-
-
 @dataclass(frozen=True)
 class Imposter:
     """A dataclass of somebody else that takes a known name."""
@@ -71,27 +63,19 @@ class Imposter:
 Imposter.__name__ = "Machine"
 
 
-@pytest.mark.parametrize("value", [Imposter(), Impedance(), [1.0], {"a": 1}, Machine])
-def test_what_is_unknown_is_not_stored(value: object) -> None:
-    with pytest.raises(ParameterError, match="stored type"):
+@pytest.mark.parametrize("value", [Imposter(), Impedance(), [1.0], {"a": 1}, Machine, (1.0, math.nan), -math.inf])
+def test_what_is_unknown_or_not_finite_is_not_stored(value: object) -> None:
+    with pytest.raises(ParameterError, match="stored"):
         CODEC.to_plain(value)
 
 
-@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
-def test_only_finite_numbers(number: float) -> None:
-    with pytest.raises(ParameterError, match="finite"):
-        CODEC.to_plain((1.0, number))
-
-
-def test_unknown_names_are_refused_with_the_nearest() -> None:
-    plain = CODEC.to_plain(BASELINE)
-    assert isinstance(plain, dict)
-    arm = plain["arm"]
-    assert isinstance(arm, dict)
+def test_unknown_and_missing_names_and_bad_values_are_refused_and_defaults_are_taken() -> None:
+    plain: Any = CODEC.to_plain(BASELINE)
     for bad, named in (
-        ({**plain, "type": "Machin"}, "'Machine'"),
+        ({**plain, "type": "Machin"}, "Machine"),
         ({**plain, "substeps": 1}, "substeps"),
-        ({**plain, "arm": {**arm, "mass": 1.0}}, r"mass.*\$\.arm"),
+        ({**plain, "substep": -1.0}, "substep"),
+        ({**plain, "arm": {**plain["arm"], "mass": 1.0}}, "mass"),
         ({name: part for name, part in plain.items() if name != "clutch"}, "clutch"),
         ({}, "type"),
         ({"type": 3}, "type"),
@@ -100,18 +84,6 @@ def test_unknown_names_are_refused_with_the_nearest() -> None:
     ):
         with pytest.raises(ParameterError, match=named):
             CODEC.from_plain(bad)
-
-
-def test_a_missing_field_takes_its_default() -> None:
-    plain = CODEC.to_plain(PathFollowing(arrival=0.1, pace=0.3))
-    assert isinstance(plain, dict)
-    assert CODEC.from_plain({name: part for name, part in plain.items() if name != "arrival"}) == PathFollowing(
-        pace=0.3
-    )
-
-
-def test_dataclasses_check_what_was_stored() -> None:
-    plain = CODEC.to_plain(replace(DELRIN_THEORETICAL, substep=0.005))
-    assert isinstance(plain, dict)
-    with pytest.raises(ParameterError, match="substep"):
-        CODEC.from_plain({**plain, "substep": -1.0})
+    task: Any = CODEC.to_plain(PathFollowing(arrival=0.1, pace=0.3))
+    del task["arrival"]
+    assert CODEC.from_plain(task) == PathFollowing(pace=0.3)

@@ -63,6 +63,14 @@ def test_an_interval_holds_the_mean_of_errors_as_often_as_promised(episodes: int
 
 
 @pytest.mark.usefixtures("few_resamples")
+def test_an_interval_holds_the_interquartile_mean_as_often() -> None:
+    rng = np.random.default_rng(4)
+    truth = float(stats.trim_mean(drawn(rng, 400_000), 0.25))
+    hits = sum(interquartile_mean_interval(drawn(rng, 20)).holds(truth) for _ in range(REPETITIONS))
+    assert hits / REPETITIONS >= ALLOWED
+
+
+@pytest.mark.usefixtures("few_resamples")
 def test_an_interval_holds_the_mean_over_other_seeds_too() -> None:
     """Seeds differ by far more than the error of each of their means."""
     rng = np.random.default_rng(1)

@@ -2,34 +2,51 @@
 
 import subprocess
 import sys
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from pter_gym.benchmark import find_policy
-from pter_gym.benchmark._pacing import damping_table
-from pter_gym.controllers import Impedance, PaceSchedule
+from pter_gym.benchmark import PerSeed, examine, find_policy, run_scenario
+from pter_gym.benchmark.tuned import damping_table
+from pter_gym.controllers import CONTROLLERS, Free, Impedance, Locked, PaceSchedule
 from pter_gym.errors import ParameterError
+from pter_gym.scenarios import PACES, SCENARIOS
 
 
-def test_gains_are_those_of_the_scenario() -> None:
+def zero(obs: Any) -> Any:
+    return np.zeros((len(obs), 4))
+
+
+def test_gains_are_those_of_the_scenario_and_the_papers_change_in_the_damper_alone() -> None:
     assert find_policy("impedance", scenario=None) == Impedance()
-    paced = find_policy("impedance", scenario="hands")
-    assert isinstance(paced, PaceSchedule)
-    expected = sorted(damping_table()["hands"]["impedance"].values(), reverse=True)
-    assert [law.damping_tangential for _, law in paced.knots] == expected  # type: ignore[attr-defined]
     assert find_policy("single-dof-tuned", scenario="hands") != find_policy("single-dof-tuned", scenario="paths")
+    assert set(damping_table()) == set(SCENARIOS)
+    for scenario, controllers in damping_table().items():
+        for name, dampers in controllers.items():
+            found = find_policy(name, scenario=scenario)
+            assert isinstance(found, PaceSchedule)
+            for pace, speed in PACES.items():
+                law: Any = CONTROLLERS[name]()
+                assert found.at(speed) == replace(law, damping_tangential=dampers[pace])
+            with pytest.raises(ParameterError, match="pace"):
+                found.at(0.3)
 
 
 @pytest.mark.parametrize(
     ("name", "match"),
     [
         ("impedanze", "impedance"),
+        ("", "policies"),
         ("some/where.json", "some/where"),
         ("nowhere.at_all:thing", "nowhere"),
         ("os:nothing", "os:nothing"),
         ("os:", "os:"),
         ("my.py", "my:policy"),
+        ("./my.py", "my:policy"),
+        ("my.py:law", "my:law"),
         ("functools:partial", "functools:partial"),
         (3, "policies"),
     ],
@@ -37,6 +54,48 @@ def test_gains_are_those_of_the_scenario() -> None:
 def test_what_cannot_be_found_is_named_as_it_was_written(name: Any, match: str) -> None:
     with pytest.raises(ParameterError, match=match):
         find_policy(name)
+
+
+def test_code_is_found_in_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "code_of_mine.py").write_text("class Law:\n    def __call__(self, obs): return 0.0\nlaw = Law()")
+    law: Any = find_policy("code_of_mine:law")
+    assert type(find_policy("code_of_mine:Law")) is type(law)
+
+
+def test_names_stand_for_policies_and_paces_wherever_their_meaning_is_clear() -> None:
+    ways: list[Any] = ["free", ["free"], {"free"}, {"free": "free"}, {"free": Free()}, {"free": PerSeed(["free"])}]
+    for policies in ways:
+        (found,) = run_scenario("standard", policies, "brisk", episodes=1)
+        assert (found.policy, found.pace) == ("free", "brisk")
+    for paces in (0.5, [0.5], ("brisk", "brisk")):
+        (found,) = run_scenario("standard", "free", paces, episodes=1)
+        assert found.pace == "brisk"
+    assert "mine" in examine({"mine": PerSeed([Free(), Locked()])}, episodes=1)
+
+
+BAD: list[tuple[str, Any]] = [
+    *(("policies", bad) for bad in ({}, [], "", "fre", {" free": Free()}, {"a\n": Free()}, {"a": 3}, {"": Free()})),
+    *(("policies", bad) for bad in (zero, Free(), [zero], [Free()], {"a": Free}, {"a": [Free()]}, PerSeed([Free()]))),
+    *(("paces", bad) for bad in ("fast", 0.3, [0.3], [], None, [["brisk"]], "")),
+    *(("scenario", bad) for bad in ("standart", None, ["standard"])),
+    *(("episodes", bad) for bad in (0, 1.0, "1", True, 10**6)),
+    *(("seed", bad) for bad in (-1, 2**64, 1.5, "7")),
+    *(("num_threads", bad) for bad in (0, "a", None)),
+]
+
+
+@pytest.mark.parametrize(("field", "value"), BAD)
+def test_what_cannot_be_run_is_refused_by_the_name_of_its_field(field: str, value: Any) -> None:
+    given: dict[str, Any] = {"scenario": "standard", "policies": "free", "paces": "brisk", "episodes": 1}
+    with pytest.raises(ParameterError, match=field):
+        run_scenario(**{**given, field: value})
+
+
+@pytest.mark.parametrize("bad", ["residual", 3, (), {"a": Free()}, [3], 2 * [Free()]])
+def test_training_seeds_are_different_policies(bad: Any) -> None:
+    with pytest.raises(ParameterError, match="policies"):
+        run_scenario("standard", {"mine": PerSeed(bad)}, "brisk", episodes=1)
 
 
 def test_a_policy_acts_without_what_scores_need() -> None:

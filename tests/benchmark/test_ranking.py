@@ -1,5 +1,6 @@
 """Which scores decide on ranks, and how the scores of many episodes come into a standing."""
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from benchmark.handmade import METRE, padded, travel
 from pter_gym.benchmark.boards import (
@@ -16,14 +18,20 @@ from pter_gym.benchmark.boards import (
     LOST,
     PACE_ERROR,
     leaderboards,
+    print_boards,
     rank,
     reason_below,
     suite_scores,
+    suite_table,
+    suites,
     table,
 )
 from pter_gym.benchmark.intervals import Interval
-from pter_gym.benchmark.runs import ScenarioRun
+from pter_gym.benchmark.runs import ScenarioRun, run_scenario
 from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
+from pter_gym.controllers import Impedance
+from pter_gym.params import BASELINE
+from pter_gym.tasks.path_following._observation import SEEN
 
 
 def run_of(policy: str, scores: Scores, seed: int = 0) -> ScenarioRun:
@@ -116,10 +124,29 @@ def test_who_is_lost_in_one_of_twenty_episodes_stands_below_who_never_is(data: s
     assert ranks(runs) == [("never", 1), ("often", 2)]
 
 
-def test_every_reason_is_given() -> None:
-    late = with_error("x", 0.02, completed=False, mean_pace_error=0.5, segment_pace_error=0.6)
-    reason = rank([late]).standings[0].reason or ""
-    assert [part in reason for part in ("completes 0 %", "too slow", "50 % off", "60 % off")] == 4 * [True]
+CHEATS = {"locked": "completes 0 %", "free": "too fast", "rushing": "too fast", "stops": "completes 0 %"}
+
+
+def stops_at_the_start(obs: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Release the clutches, and lock them once a fiftieth of the path is done."""
+    locked = obs[:, SEEN.progress] > 0.02
+    return np.where(locked[:, None], BASELINE.clutch.voltage_max, 0.0) * np.ones(4)
+
+
+@pytest.mark.slow
+def test_cheats_are_below_the_line_with_the_reason_and_the_papers_controllers_above() -> None:
+    own = {"rushing": Impedance(damping_tangential=0.0), "stops": stops_at_the_start}
+    names = ("impedance", "torque-feedback", "free", "locked")
+    (board,) = leaderboards(run_scenario("standard", {name: name for name in names} | own, "medium", episodes=24))
+    standings = {standing.policy: standing for standing in board.standings}
+    for cheat, expected in CHEATS.items():
+        assert standings[cheat].rank is None
+        assert expected in (standings[cheat].reason or "")
+        assert expected == "too fast" or standings[cheat].scores["path_error_m"].value > 0.2
+    assert {standings[name].rank for name in names[:2]} <= {1, 2}
+    plain = json.loads(json.dumps(board.as_json(), allow_nan=False))
+    assert set(plain["policies"]["free"]) >= {"rank", "reason", *SCORES}
+    assert table(board).row_count == 6
 
 
 def test_training_seeds_share_a_line_whose_interval_is_that_of_other_seeds() -> None:
@@ -150,19 +177,29 @@ def test_completion_is_undecided_where_its_interval_holds_the_limit(
     assert table(board).row_count == 1
 
 
-def test_the_suite_is_the_interquartile_mean_of_errors_over_those_of_the_best_tuned_law() -> None:
+def test_the_suite_is_the_interquartile_mean_of_errors_over_those_of_the_best_tuned_law(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     def at(pace: str, *runs: ScenarioRun) -> list[ScenarioRun]:
-        return [replace(run, pace=pace) for run in runs]
+        return [replace(run, pace=pace, seed=3) for run in runs]
 
     laws = with_error("impedance-tuned", 0.04), with_error("single-dof-tuned", 0.02)
     runs = at("slow", *laws, with_error("mine", 0.015), with_error("other", 0.01))
     runs += at("brisk", *laws, with_error("mine", 0.03), with_error("other", 0.05), with_error("seldom", 0.01))
-    found = suite_scores(runs)
+    (boards,) = suites(leaderboards([*runs, *at("medium", with_error("mine", 0.01)), with_error("mine", 0.01)]))
+    found = suite_scores(boards)
     assert list(found) == ["single-dof-tuned", "mine", "other", "impedance-tuned"]
     assert found["mine"].ratios.shape == (1, 80)
     assert found["single-dof-tuned"].ratio.value == pytest.approx(1.0)
-    assert found["impedance-tuned"].ratio.value == pytest.approx(2.0)
-    assert suite_scores([with_error("mine", 0.01)]) == {}
+    low, high = found["impedance-tuned"].ratio[1:]
+    assert low is not None
+    assert high is not None
+    assert low < 2.0 < high
+    assert suite_table(boards).row_count == 4
+    print_boards(runs)
+    assert "suite, fresh episodes, seed 3" in capsys.readouterr().out
+    print_boards(runs[:4])
+    assert "suite" not in capsys.readouterr().out
 
 
 def test_boards_hold_runs_on_the_same_episodes() -> None:

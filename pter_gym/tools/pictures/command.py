@@ -26,7 +26,7 @@ def watch(
     pace: PaceName = "medium",
     seed: int = 0,
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.webp|mp4|png")] = None,
-    csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv|npz")] = None,
+    csv: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None,
     size: Annotated[tuple[int, int] | None, tyro.conf.arg(metavar="WIDTH HEIGHT")] = None,
     speed: float = 1.0,
     machine: MachineName = None,

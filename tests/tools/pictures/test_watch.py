@@ -1,5 +1,6 @@
 """``pter watch``: what it writes, what it says, what it refuses before it simulates."""
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,6 @@ from pter_gym._commands.main import main
 from pter_gym.benchmark import find_policy
 from pter_gym.benchmark.simulation import record_episode, time_limit
 from pter_gym.scenarios import find_scenario
-from pter_gym.tasks.path_following import TELEMETRY
 
 
 @pytest.fixture
@@ -21,20 +21,22 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_policies_side_by_side_and_their_table(here: Path, capsys: pytest.CaptureFixture[str]):
     arguments = ["--scenario", "hands", "--pace", "brisk", "--seed", "2"]
-    files = ["--out", "end.png", "--csv", "both.npz", "--size", "640", "240"]
+    files = ["--out", "end.png", "--csv", "both.csv", "--size", "640", "240"]
     assert main(["watch", "torque-feedback,residual", *arguments, *files]) == 0
     said = capsys.readouterr().out
-    for part in ("torque-feedback: arrived after", "residual: arrived after", "wrote end.png", "wrote both.npz"):
+    for part in ("torque-feedback: arrived after", "residual: arrived after", "wrote end.png", "wrote both.csv"):
         assert part in said
     with Image.open(here / "end.png") as picture:
         assert picture.size == (640, 240)
     ((machine, task),) = find_scenario("hands").randomisation("brisk", contexts=1, seed=2).pairs()
     policy = find_policy("torque-feedback", scenario="hands")
     expected = record_episode(policy, machine, task, 2, time_limit(task)).telemetry
-    with np.load(here / "both.npz") as table:
-        assert sorted(set(table["policy"].tolist())) == ["residual", "torque-feedback"]
-        for k, name in enumerate(TELEMETRY.names):
-            np.testing.assert_array_equal(table[name][table["policy"] == "torque-feedback"], expected[:, k])
+    with (here / "both.csv").open(newline="", encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    assert head[:3] == ["policy", "time [s]", "theta_a [rad]"]
+    assert sorted({row[0] for row in rows}) == ["residual", "torque-feedback"]
+    first = [[float(value) for value in row[1:]] for row in rows if row[0] == "torque-feedback"]
+    np.testing.assert_array_equal(first, expected)
 
 
 @pytest.mark.parametrize(
