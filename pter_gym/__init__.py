@@ -85,8 +85,8 @@ gymnasium.register(
 for _scenario in SCENARIOS.values():
     gymnasium.register(
         id=_scenario.id,
-        entry_point="pter_gym.envs.scenario:make_env",
-        vector_entry_point="pter_gym.envs.scenario:make_vec",
+        entry_point="pter_gym.envs._single:PathFollowingEnv",
+        vector_entry_point="pter_gym.envs._vector:PathFollowingVectorEnv",
         max_episode_steps=1000,
         kwargs={"scenario": _scenario.name},
     )

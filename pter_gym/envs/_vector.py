@@ -14,7 +14,7 @@ from pter_gym._engine.batch import Array, Observations, Returns
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.computer import available_cores, available_memory
 from pter_gym._internal.plugins import load_artist
-from pter_gym.envs._shared import Arguments, Worlds, make_batch
+from pter_gym.envs._shared import Arguments, Worlds
 from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following._telemetry import COLUMNS
 
@@ -52,8 +52,7 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
     num_threads
         Threads for large batches; by default one per core that this process may use. Results do not depend on it.
     **arguments
-        ``machine`` and ``task``, one for all worlds or a sequence with one for each; ``sensors``, ``action_unit``,
-        ``randomisation``, ``observe_context`` and ``frame_skip``: see ``PathFollowingEnv``.
+        Those of ``PathFollowingEnv``; ``machine`` and ``task`` for all worlds, or a sequence with one for each.
 
     Raises
     ------
@@ -74,31 +73,25 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
         height: int = 240,
         **arguments: Unpack[Arguments],
     ) -> None:
-        if render_mode not in (None, "rgb_array"):
-            raise ParameterError(f"render_mode must be rgb_array or None, got {render_mode!r}")
-        self.render_mode = render_mode
         self.autoreset_mode = find_autoreset_mode(autoreset_mode)
         self.num_envs = whole_number("num_envs", num_envs)
         self.max_episode_steps = max_episode_steps
         check_memory(self.num_envs, telemetry)
-        limit = None
-        if max_episode_steps is not None:
-            held = whole_number("frame_skip", arguments.get("frame_skip", 1))
-            limit = held * whole_number("max_episode_steps", max_episode_steps)
-        threads = available_cores() if num_threads is None else whole_number("num_threads", num_threads)
-        engine = {"max_steps": limit, "telemetry": telemetry or render_mode is not None, "num_threads": threads}
-        self.batch = make_batch(self.num_envs, engine, **arguments)
-        self.metadata = {
-            "render_modes": ["rgb_array"],
-            "render_fps": self._frames_per_second(),
-            "autoreset_mode": self.autoreset_mode,
-        }
-        self._viewer = load_artist("worlds")(self.batch.pairs, num_envs, width, height) if render_mode else None
-        self._ended = _ENDED[self.autoreset_mode]
-        self._records = telemetry
-        self.single_observation_space, self.single_action_space = self._spaces()
+        self.metadata = {"render_modes": ["rgb_array"], "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space, self.single_action_space = self._make_worlds(
+            self.num_envs,
+            render_mode,
+            arguments,
+            max_episode_steps=max_episode_steps,
+            telemetry=telemetry or render_mode is not None,
+            num_threads=available_cores() if num_threads is None else num_threads,
+        )
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.render_mode = render_mode
+        self._records = telemetry
+        self._ended = _ENDED[self.autoreset_mode]
+        self._viewer = load_artist("worlds")(self.batch.pairs, num_envs, width, height) if render_mode else None
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
