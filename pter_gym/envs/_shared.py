@@ -150,7 +150,9 @@ def _make_batch(
         task = PathFollowing() if task is None else task
         for each in task if _several(task) else [task]:
             if not isinstance(each, PathFollowing):
-                raise ParameterError(f"task must be a PathFollowing, or a sequence of them for many worlds, got {each!r}")
+                raise ParameterError(
+                    f"task must be a PathFollowing, or a sequence of them for many worlds, got {each!r}"
+                )
     held = whole_number("frame_skip", frame_skip)
     limit = engine.pop("max_episode_steps", None)
     if limit is not None:

@@ -91,9 +91,9 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error, arrival,
       starts, sensing, reward weights.
     - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws its machine and task instead.
-    - `scenario`: the name of a scenario whose training episodes are drawn instead, with the arguments of
-      `pter_gym.envs.scenario.training_draws`. `PTER/Standard-v0` is `scenario="standard"`, and so on. By default, actions
-      are then normalised and held for 3 control steps.
+    - `scenario`: the name of a scenario from which training episodes are drawn instead, as for `PTER/Standard-v0`, with
+      the arguments of `pter_gym.envs.scenario.training_draws`; actions are then normalised and held for 3 control
+      steps by default.
     - `observe_context`: whether the observation ends with the context of machine and task (time constant, torque and
       drift of the clutches, what the hand adds). The telemetry always includes it.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.

@@ -211,28 +211,19 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
 
 
 def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    """Return an autoreset mode given as itself, by its value or by its name.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such mode.
-    """
+    """Return an autoreset mode given as itself, by its value or by its name, or raise a ParameterError."""
     for known in AutoresetMode:
         if mode in (known, known.value, known.name):
             return known
     raise ParameterError(f"autoreset_mode must be one of {', '.join(m.name for m in AutoresetMode)}, got {mode!r}")
 
 
-BYTES_PER_WORLD = 1800
-"""Most memory of a world, measured: its state, its share of the spaces and of the returns of two steps [B]."""
-
-BYTES_OF_TELEMETRY = 2000
-"""What telemetry adds to the memory of a world [B]."""
+BYTES_PER_WORLD, BYTES_OF_TELEMETRY = 1800, 2000
+"""Most memory of a world with its share of the returns of two steps, and what telemetry adds to it, measured [B]."""
 
 
 def check_memory(worlds: int, telemetry: bool) -> None:
     """Raise a ParameterError if this many worlds would not fit into memory."""
-    most = available_memory() // (BYTES_PER_WORLD + (BYTES_OF_TELEMETRY if telemetry else 0))
+    most = available_memory() // (BYTES_PER_WORLD + BYTES_OF_TELEMETRY * telemetry)
     if worlds > most:
         raise ParameterError(f"num_envs must be ≤ {most}, which fit into this machine's memory, got {worlds}")
