@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -354,6 +355,29 @@ def test_an_interrupted_step_is_done_or_not_begun(count: int) -> None:
     found = subprocess.run([sys.executable, "-c", INTERRUPTED, str(count)], capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
     assert int(found.stdout) >= 20, "hardly an interrupt arrived"
+
+
+INTERRUPTED_IMPORT = """
+import os, signal, sys
+
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == sys.argv[1]:
+            os.kill(os.getpid(), signal.SIGINT)
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Interrupt())
+sys.argv[0] = "/usr/bin/pter"
+from pter_gym._commands.main import main
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
+@pytest.mark.parametrize("module", ["gymnasium", "tyro"])
+def test_an_interrupt_while_the_command_imports_is_silent(module: str) -> None:
+    command = [sys.executable, "-c", INTERRUPTED_IMPORT, module]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (found.returncode, found.stdout, found.stderr) == (-signal.SIGINT, "", "")
 
 
 BAD_SINGLE_ACTIONS: dict[str, Any] = {
