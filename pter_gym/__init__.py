@@ -6,8 +6,10 @@
 import signal
 import sys
 
-_is_command = "".join(sys.argv[:1]).endswith(("/pter", "pter.exe"))
-if _is_command and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+if (
+    "".join(sys.argv[:1]).endswith(("/pter", "pter.exe"))  # the command, not a program that imports the package
+    and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+):
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C while the command imports ends it without a traceback
 
 from typing import TYPE_CHECKING
