@@ -167,7 +167,7 @@ def test_a_trained_policy_acts_in_it_and_is_reset_by_its_user() -> None:
     from pter_gym.envs.sb3 import make_sb3_vec_env
 
     env = make_sb3_vec_env(3, task=replace(TASK, start_offset=0.0, truncation_error=0.02, starts=STARTS["path"]))
-    watched = vec_env.VecMonitor(env)
+    watched = vec_env.VecCheckNan(env)
     policy = pter_gym.load_policy("residual", watched)
     alone = [read_policy("residual").bind(BASELINE, env.env.observation_layout) for _ in range(3)]
     watched.seed(0)
