@@ -6,7 +6,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector import VectorActionWrapper, VectorEnv, VectorObservationWrapper
+from gymnasium.vector import VectorActionWrapper, VectorObservationWrapper
 from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
@@ -149,7 +149,7 @@ def check_wrappers(env: Any, known: Any = None) -> None:
 
 def has_normalised_actions(env: Any, layout: Layout, voltage_max: float) -> bool:
     """Return whether actions are normalised, or raise a ParameterError if the spaces are not those of the worlds."""
-    many = "single_" if isinstance(env, VectorEnv) else ""
+    many = "single_" if hasattr(env, "single_action_space") else ""
     observed, acted = (getattr(env, f"{many}{name}_space") for name in ("observation", "action"))
     for is_normalised, low, high in ((False, 0.0, voltage_max), (True, -1.0, 1.0)):
         if observed.shape == (len(layout),) and acted == spaces.Box(low, high, (4,), np.float32):

@@ -199,4 +199,5 @@ def _from_plain(value: Any) -> Any:
     """Return what ``_to_plain`` made plain data from."""
     if isinstance(value, list):
         return [_from_plain(each) for each in cast("list[Any]", value)]
-    return _codec().from_plain(value) if isinstance(value, dict) and "type" in value else value
+    stored = isinstance(cast("object", value), dict) and "type" in value
+    return _codec().from_plain(value) if stored else value

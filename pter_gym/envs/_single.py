@@ -16,7 +16,7 @@ from pter_gym.tasks.path_following import COLUMN, PathFollowing
 RenderMode = Literal["human", "rgb_array"]
 
 
-class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """A hand pushes a passive planar arm along a path; four friction clutches keep it there.
 
     ## Description

@@ -27,7 +27,7 @@ _ENDED = {
 }
 
 
-class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
+class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """N worlds of ``PathFollowingEnv`` in one compiled call.
 
     A world with seed s goes through the same episodes, bit for bit, as a single environment that is reset with seed s,

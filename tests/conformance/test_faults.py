@@ -201,6 +201,7 @@ BAD_KEYWORDS: dict[str, dict[str, Any]] = {
     "max_episode_steps": {"max_episode_steps": 0},
     "autoreset_mode": {"autoreset_mode": "later"},
     "num_worlds": {"num_envs": 3, "machine": ["baseline"] * 2},
+    "render_mode": {"render_mode": "human"},
 }
 
 
@@ -503,7 +504,6 @@ BAD_ARGUMENTS: dict[str, tuple[str, Any]] = {
     "task": ("PathFollowing", "circle"),
     "machine": ("PathFollowing", 3),
     "frame_skip": ("PathFollowing", 2.5),
-    "render_mode": ("PathFollowing", "ansi"),
 }
 
 
