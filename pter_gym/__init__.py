@@ -3,6 +3,15 @@
 ``import pter_gym`` registers the environment ids and loads nothing heavy; the rest is imported on first use.
 """
 
+import signal
+import sys
+
+if (
+    "".join(sys.argv[:1]).endswith(("/pter", "pter.exe"))  # the command, not a program that imports the package
+    and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+):
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C while the command imports ends it without a traceback
+
 from typing import TYPE_CHECKING
 
 import gymnasium
@@ -85,8 +94,8 @@ gymnasium.register(
 for _scenario in SCENARIOS.values():
     gymnasium.register(
         id=_scenario.id,
-        entry_point="pter_gym.envs.scenario:make_env",
-        vector_entry_point="pter_gym.envs.scenario:make_vec",
+        entry_point="pter_gym.envs._single:PathFollowingEnv",
+        vector_entry_point="pter_gym.envs._vector:PathFollowingVectorEnv",
         max_episode_steps=1000,
         kwargs={"scenario": _scenario.name},
     )

@@ -2,6 +2,7 @@
 
 import ast
 import functools
+import signal
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -57,6 +58,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run ``pter`` and return its exit status: the command's, else 0; 2 after an error, 130 after Ctrl-C."""
     accept_all_characters()
     if arguments is None:
+        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # as pter_gym/__init__.py sets it for the imports
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         end_on_interrupt(INTERRUPTED)
     try:
         status = _run(sys.argv[1:] if arguments is None else arguments)

@@ -6,7 +6,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector import VectorActionWrapper, VectorEnv, VectorObservationWrapper
+from gymnasium.vector import VectorActionWrapper, VectorObservationWrapper
 from numpy.typing import NDArray
 
 from pter_gym._compiled.layout import Layout
@@ -24,7 +24,7 @@ CHANGING: Any = (gymnasium.ObservationWrapper, gymnasium.ActionWrapper, VectorOb
 class ActingPolicy:
     """A policy in one environment: ``policy(observation) -> action``; ``pter_gym.load_policy`` makes one.
 
-    Call it once at each step of the environment, and ``reset`` where episodes begin.
+    Call it once per step of the environment, and ``reset`` where episodes begin.
 
     Parameters
     ----------
@@ -49,38 +49,35 @@ class ActingPolicy:
         self._single = isinstance(env, gymnasium.Env)
         self._worlds: int = 1 if self._single else env.num_envs
         self._voltage_max = machine.clutch.voltage_max
-        self._normalised = check_spaces(env, layout, self._voltage_max)
-        self._shape = (len(layout),) if self._single else (self._worlds, len(layout))
+        self._normalised = has_normalised_actions(env, layout, self._voltage_max)
         self._policy = bind(policy, machine, layout)
+        self._shape = (len(layout),) if self._single else (self._worlds, len(layout))
         held = self._policy.frame_skip
         if held != skip and not (held == 1 and self._policy.any_frame_skip):
             raise ParameterError(
-                f"env must have the frame_skip of the policy, {held}, got {skip}: make the environment with "
-                f"frame_skip={held}"
+                f"env must have the frame_skip of the policy, {held}, got {skip}: make it with frame_skip={held}"
             )
 
     def reset(self, worlds: NDArray[np.bool_] | None = None) -> None:
-        """Begin new episodes in these worlds, a bool array (N,), or in all by default.
+        """Forget past episodes in these worlds, a bool array (N,), or in all by default.
 
-        Call it after ``env.reset``, and in a vector environment with the worlds whose latest observation is the first
-        of an episode: those whose episode has just ended with ``AutoresetMode.SAME_STEP``, and those whose episode
-        ended a step ago with ``NEXT_STEP``.
+        Call it after ``env.reset``, and in a vector environment for the worlds whose latest observation is the first
+        of an episode: with ``AutoresetMode.SAME_STEP`` those whose episode has just ended, with ``NEXT_STEP`` those
+        whose episode ended a step ago.
 
         Raises
         ------
         ParameterError
             If the worlds are not a bool array (N,).
         """
-        if worlds is not None:
-            mask = np.asarray(worlds)
-            if mask.dtype != np.bool_ or mask.shape != (self._worlds,):
-                raise ParameterError(
-                    f"worlds must be a bool array with the shape ({self._worlds},), got {worlds!r:.200}"
-                )
-            if not mask.any():
-                return
-            worlds = mask
-        self._policy.reset(worlds)
+        if worlds is None:
+            self._policy.reset()
+            return
+        mask = np.asarray(worlds)
+        if mask.dtype != np.bool_ or mask.shape != (self._worlds,):
+            raise ParameterError(f"worlds must be a bool array with the shape ({self._worlds},), got {worlds!r:.200}")
+        if mask.any():
+            self._policy.reset(mask)
 
     def __call__(self, observation: Any) -> Actions:
         """Return the action for the latest observation of the environment.
@@ -109,19 +106,16 @@ class ActingPolicy:
         if rows.shape != self._shape:
             found = rows.shape if rows.size else f"a {type(observation).__name__}"
             raise ParameterError(f"observation must be an array of the shape {self._shape}, got {found}")
-        actions = self._in_unit(np.array(self._policy.act(rows.reshape(self._worlds, -1)), np.float32))
-        return actions[0] if self._single else actions
-
-    def _in_unit(self, volts: Actions) -> Actions:
-        """Return voltages in the unit of the environment; those of a compiled law are clipped, as in the kernel."""
+        volts = np.array(self._policy.act(rows.reshape(self._worlds, -1)), np.float32)
         most = self._voltage_max
-        if self._policy.compiled:
+        if self._policy.compiled:  # clipped in the kernel, too
             volts = np.clip(volts, 0.0, most)
         if volts.shape != (self._worlds, 4) or not ((volts >= 0.0) & (volts <= most)).all():
             raise ActionError(
                 f"policy must give voltages of the shape {(self._worlds, 4)} within [0, {most:g}] V, got {volts!r:.200}"
             )
-        return normalised(volts, most) if self._normalised else volts
+        actions = normalised(volts, most) if self._normalised else volts
+        return actions[0] if self._single else actions
 
 
 def normalised(volts: NDArray[np.floating], voltage_max: float) -> Actions:
@@ -130,7 +124,7 @@ def normalised(volts: NDArray[np.floating], voltage_max: float) -> Actions:
 
 
 def attributes(env: Any, name: str) -> set[Any]:
-    """Return the distinct values of an attribute in the environments below the wrappers, or raise a ParameterError."""
+    """Return the distinct values of an attribute of the unwrapped environments, or raise a ParameterError."""
     base = getattr(env, "unwrapped", env)
     try:
         return set(base.get_attr(name)) if hasattr(base, "get_attr") else {getattr(base, name)}
@@ -142,10 +136,7 @@ def attributes(env: Any, name: str) -> set[Any]:
 
 
 def check_wrappers(env: Any, known: Any = None) -> None:
-    """Raise a ParameterError if a wrapper changes observations or actions: by its kind, or as ``VecNormalize`` does.
-
-    ``known`` is a wrapper that may.
-    """
+    """Raise a ParameterError if a wrapper other than ``known`` changes observations or actions."""
     normalises = hasattr(env, "normalize_obs") and getattr(env, "norm_obs", True)
     if env is not known and (isinstance(env, CHANGING) or normalises):
         raise ParameterError(
@@ -156,15 +147,11 @@ def check_wrappers(env: Any, known: Any = None) -> None:
             check_wrappers(inner, known)
 
 
-def check_spaces(env: Any, layout: Layout, voltage_max: float) -> bool:
-    """Return whether actions are normalised, or raise a ParameterError if spaces are not those of the worlds."""
-    many = isinstance(env, VectorEnv)
-    observed, acted = (
-        getattr(env, f"single_{name}" if many else name) for name in ("observation_space", "action_space")
-    )
-    for normalised_unit, low, high in ((False, 0.0, voltage_max), (True, -1.0, 1.0)):
+def has_normalised_actions(env: Any, layout: Layout, voltage_max: float) -> bool:
+    """Return whether actions are normalised, or raise a ParameterError if the spaces are not those of the worlds."""
+    many = "single_" if hasattr(env, "single_action_space") else ""
+    observed, acted = (getattr(env, f"{many}{name}_space") for name in ("observation", "action"))
+    for is_normalised, low, high in ((False, 0.0, voltage_max), (True, -1.0, 1.0)):
         if observed.shape == (len(layout),) and acted == spaces.Box(low, high, (4,), np.float32):
-            return normalised_unit
-    raise ParameterError(
-        f"env must pass on observations and actions as they are: its spaces are {observed} and {acted}"
-    )
+            return is_normalised
+    raise ParameterError(f"env must pass on observations and actions as they are: it has {observed} and {acted}")

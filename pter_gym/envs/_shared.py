@@ -1,75 +1,95 @@
-"""What single and vector environments share: arguments, spaces, and what a policy needs to know."""
+"""What single and vector environments share: constructor, spaces, and what a policy needs to know."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.batch import ActionUnit, Batch
+from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, find_machine
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensors, Starts
 from pter_gym.tasks.path_following._observation import BOUND
 
 if TYPE_CHECKING:
+    from pter_gym.scenarios._own_machine import AnyMachine
     from pter_gym.scenarios.randomisation import Mixture, Randomisation
 
 
 class Arguments(TypedDict, total=False):
     """Arguments of all environments, which ``PathFollowingEnv`` describes.
 
-    Vector environments take one machine and task for all worlds, or a sequence with one for each.
+    Vector environments take one machine and task for all worlds, or a sequence with one for each. Those after
+    ``scenario`` belong to it; ``pter_gym.envs.scenario.training_draws`` describes them.
     """
 
-    machine: Machine | str | Sequence[Machine | str] | None
+    machine: "AnyMachine | Sequence[Machine | str] | None"
     task: PathFollowing | Sequence[PathFollowing] | None
     sensors: Sensors
     action_unit: ActionUnit
     randomisation: "Randomisation | Mixture | None"
     observe_context: bool
     frame_skip: int
-
-
-def make_batch(
-    num_envs: int,
-    engine: dict[str, Any],
-    *,
-    machine: Machine | str | Sequence[Machine | str] | None = "baseline",
-    task: PathFollowing | Sequence[PathFollowing] | None = None,
-    sensors: Sensors = "torque",
-    action_unit: ActionUnit = "volt",
-    randomisation: "Randomisation | Mixture | None" = None,
-    observe_context: bool = False,
-    frame_skip: int = 1,
-) -> Batch:
-    """Return the worlds of an environment; ``engine`` holds arguments of ``Batch`` that not all environments have.
-
-    Raises
-    ------
-    ParameterError
-        If a value is out of range, or a randomisation is given with a task or another machine than the default.
-    """
-    machines, tasks = _find_pairs(machine, task, randomisation)
-    return Batch(
-        machines,
-        tasks,
-        num_envs,
-        draws=randomisation is not None,
-        sensors=sensors,
-        action_unit=action_unit,
-        observe_context=observe_context,
-        frame_skip=frame_skip,
-        **engine,
-    )
+    scenario: str
+    pace: float | str | None
+    contexts: int
+    context_seed: int
+    reward: RewardWeights | None
+    error_max: float | None
+    truncation_error: float
+    starts: Starts | str
 
 
 class Worlds:
-    """What single and vector environments tell of their worlds."""
+    """One world or many, as environments have them."""
 
     batch: Batch
+    metadata: dict[str, Any]
+    _spec: EnvSpec | None = None
+
+    def _make_worlds(
+        self, num_envs: int, render_mode: str | None, arguments: Arguments, **engine: Any
+    ) -> tuple[Any, Any]:
+        """Make the worlds, and return the spaces of one world's observation and action, each a ``Box``.
+
+        ``engine`` holds ``max_episode_steps``, and arguments of ``Batch`` that not all environments have.
+
+        Raises
+        ------
+        ParameterError
+            If a value is out of range, or a scenario or randomisation is given with something that it draws.
+        """
+        modes = self.metadata["render_modes"]
+        if render_mode is not None and render_mode not in modes:
+            raise ParameterError(f"render_mode must be one of {', '.join(modes)} or None, got {render_mode!r}")
+        given: dict[str, Any] = {name: _from_plain(value) for name, value in arguments.items()}
+        if "scenario" in given:
+            from pter_gym.envs.scenario import find_arguments  # imports what a fixed task doesn't need
+
+            given = find_arguments(**given)
+        self.batch = _make_batch(num_envs, engine, **given)
+        rate = 1.0 / (self.batch.frame_skip * self.batch.task.control_period)
+        self.metadata = {**self.metadata, "render_fps": max(1, round(rate))}
+        return (
+            spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32),
+            spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32),
+        )
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How Gymnasium made the environment; machine, task and the like are plain data, which JSON keeps."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        kwargs = {} if spec is None else {name: _to_plain(value) for name, value in spec.kwargs.items()}
+        self._spec = spec and replace(spec, kwargs=kwargs)
 
     @property
     def frame_skip(self) -> int:
@@ -97,46 +117,87 @@ class Worlds:
         """
         return nominal_machine({machine for machine, _ in self.batch.pairs})
 
-    def _spaces(self) -> tuple[Any, Any]:
-        """Return the spaces of one world's observation and action, each a ``Box``."""
-        return (
-            spaces.Box(-BOUND, BOUND, (len(self.batch.layout),), np.float32),
-            spaces.Box(self.batch.action_low, self.batch.action_high, (4,), np.float32),
-        )
-
-    def _frames_per_second(self) -> int:
-        """Return how many steps of the environment make a second, at least 1."""
-        return max(1, round(1.0 / (self.batch.frame_skip * self.batch.task.control_period)))
-
 
 def nominal_machine(machines: set[Machine]) -> Machine:
     """Return the only machine, or the paper's with the clutches and the largest voltage of several."""
-    if len(machines) == 1:
-        return next(iter(machines))
-    if len({machine.clutches for machine in machines}) > 1:
+    first, *others = machines
+    if not others:
+        return first
+    if any(machine.clutches != first.clutches for machine in others):
         raise ParameterError("Machine.clutches of all worlds must be the same for a policy that is bound to a machine")
-    first = next(iter(machines))
     clutch = replace(BASELINE.clutch, voltage_max=first.clutch.voltage_max)
     return replace(BASELINE, clutches=first.clutches, clutch=clutch)
 
 
-def _find_pairs(
-    machine: Machine | str | Sequence[Machine | str] | None,
-    task: PathFollowing | Sequence[PathFollowing] | None,
-    randomisation: "Randomisation | Mixture | None",
-) -> tuple[Machine | list[Machine], PathFollowing | Sequence[PathFollowing]]:
-    """Return machines and tasks as a ``Batch`` takes them."""
+def _make_batch(
+    num_envs: int,
+    engine: dict[str, Any],
+    *,
+    machine: Any = "baseline",
+    task: Any = None,
+    randomisation: "Randomisation | Mixture | None" = None,
+    frame_skip: int = 1,
+    sensors: Sensors = "torque",
+    action_unit: ActionUnit = "volt",
+    observe_context: bool = False,
+) -> Batch:
     if randomisation is not None:
         if task is not None or machine not in (None, "baseline"):
             raise ParameterError("task and machine must not be given with a randomisation, which brings both")
-        machines, tasks = zip(*randomisation.pairs(), strict=True)
-        return list(machines), tasks
-    goal: object = PathFollowing() if task is None else task
-    many = isinstance(goal, Sequence) and not isinstance(goal, str)
-    for each in cast(Sequence[object], goal) if many else [goal]:
-        if not isinstance(each, PathFollowing):
-            raise ParameterError(f"task must be a PathFollowing, or for many worlds a sequence of them, got {each!r}")
-    tasks = cast("PathFollowing | Sequence[PathFollowing]", goal)
-    if isinstance(machine, Sequence) and not isinstance(machine, str):
-        return [find_machine(each) for each in machine], tasks
-    return find_machine(machine), tasks
+        machine, task = zip(*randomisation.pairs(), strict=True)
+    else:
+        machine = [find_machine(each) for each in machine] if _several(machine) else find_machine(machine)
+        task = PathFollowing() if task is None else task
+        for each in task if _several(task) else [task]:
+            if not isinstance(each, PathFollowing):
+                raise ParameterError(
+                    f"task must be a PathFollowing, or a sequence of them for many worlds, got {each!r}"
+                )
+    held = whole_number("frame_skip", frame_skip)
+    limit = engine.pop("max_episode_steps", None)
+    if limit is not None:
+        limit = held * whole_number("max_episode_steps", limit)
+    return Batch(
+        machine,
+        task,
+        num_envs,
+        draws=randomisation is not None,
+        sensors=sensors,
+        action_unit=action_unit,
+        observe_context=observe_context,
+        frame_skip=held,
+        max_steps=limit,
+        **engine,
+    )
+
+
+def _several(value: object) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, str)
+
+
+@cache
+def _codec() -> Any:
+    """Return what turns dataclasses among the arguments into plain data and back."""
+    from pter_gym import hands, params, paths
+    from pter_gym._internal.codec import Codec, dataclasses_in
+    from pter_gym.tasks import path_following
+
+    return Codec(dataclasses_in(params, hands, paths, path_following))
+
+
+def _to_plain(value: Any) -> Any:
+    """Return dataclasses of this package as plain data, and anything else as it is."""
+    if _several(value):
+        return [_to_plain(each) for each in value]
+    try:
+        return _codec().to_plain(value) if is_dataclass(value) else value
+    except ParameterError:  # a user's own class
+        return value
+
+
+def _from_plain(value: Any) -> Any:
+    """Return what ``_to_plain`` made plain data from."""
+    if isinstance(value, list):
+        return [_from_plain(each) for each in cast("list[Any]", value)]
+    stored = isinstance(cast("object", value), dict) and "type" in value
+    return _codec().from_plain(value) if stored else value

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.plugins import load_artist
-from pter_gym.envs._shared import Arguments, Worlds, make_batch
+from pter_gym.envs._shared import Arguments, Worlds
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
@@ -16,7 +16,7 @@ from pter_gym.tasks.path_following import COLUMN, PathFollowing
 RenderMode = Literal["human", "rgb_array"]
 
 
-class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """A hand pushes a passive planar arm along a path; four friction clutches keep it there.
 
     ## Description
@@ -91,6 +91,9 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error, arrival,
       starts, sensing, reward weights.
     - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws its machine and task instead.
+    - `scenario`: the name of a scenario from which training episodes are drawn instead, as for `PTER/Standard-v0`, with
+      the arguments of `pter_gym.envs.scenario.training_draws`; actions are then normalised and held for 3 control
+      steps by default.
     - `observe_context`: whether the observation ends with the context of machine and task (time constant, torque and
       drift of the clutches, what the hand adds). The telemetry always includes it.
     - `sensors`: `"encoders"`, `"torque"` (default) or `"force"`.
@@ -114,15 +117,13 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         height: int = 600,
         **arguments: Unpack[Arguments],
     ) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ParameterError(f"render_mode must be one of human, rgb_array or None, got {render_mode!r}")
-        self.batch = make_batch(1, {}, **arguments)
-        self.metadata = {**self.metadata, "render_fps": self._frames_per_second()}
+        self.observation_space, self.action_space = self._make_worlds(1, render_mode, arguments)
         self.render_mode = render_mode
-        self.observation_space, self.action_space = self._spaces()
         self._seeded_by: np.random.Generator | None = None
-        self._viewer: Any = None if render_mode is None else self._make_viewer(width, height)
         self._rows: list[NDArray[np.float64]] = []
+        self._viewer: Any = None
+        if render_mode is not None:
+            self._viewer = load_artist("world")(self.machine, self.task, render_mode, width, height)
 
     @property
     def machine(self) -> Machine:
@@ -193,12 +194,6 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         """Close the window, if there is one."""
         if self._viewer is not None:
             self._viewer.close()
-
-    def _make_viewer(self, width: int, height: int) -> Any:
-        """Return the viewer; only this loads drawing code."""
-        return load_artist("world")(
-            self.machine, self.task, "human" if self.render_mode == "human" else "rgb_array", width, height
-        )
 
     def _show(self, row: Any) -> None:
         self._rows.append(row)

@@ -14,7 +14,7 @@ from pter_gym._engine.batch import Array, Observations, Returns
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.computer import available_cores, available_memory
 from pter_gym._internal.plugins import load_artist
-from pter_gym.envs._shared import Arguments, Worlds, make_batch
+from pter_gym.envs._shared import Arguments, Worlds
 from pter_gym.errors import ParameterError
 from pter_gym.tasks.path_following._telemetry import COLUMNS
 
@@ -27,7 +27,7 @@ _ENDED = {
 }
 
 
-class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
+class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """N worlds of ``PathFollowingEnv`` in one compiled call.
 
     A world with seed s goes through the same episodes, bit for bit, as a single environment that is reset with seed s,
@@ -52,8 +52,7 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
     num_threads
         Threads for large batches; by default one per core that this process may use. Results do not depend on it.
     **arguments
-        ``machine`` and ``task``, one for all worlds or a sequence with one for each; ``sensors``, ``action_unit``,
-        ``randomisation``, ``observe_context`` and ``frame_skip``: see ``PathFollowingEnv``.
+        Those of ``PathFollowingEnv``; ``machine`` and ``task`` for all worlds, or a sequence with one for each.
 
     Raises
     ------
@@ -74,31 +73,25 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
         height: int = 240,
         **arguments: Unpack[Arguments],
     ) -> None:
-        if render_mode not in (None, "rgb_array"):
-            raise ParameterError(f"render_mode must be rgb_array or None, got {render_mode!r}")
-        self.render_mode = render_mode
         self.autoreset_mode = find_autoreset_mode(autoreset_mode)
         self.num_envs = whole_number("num_envs", num_envs)
         self.max_episode_steps = max_episode_steps
         check_memory(self.num_envs, telemetry)
-        limit = None
-        if max_episode_steps is not None:
-            held = whole_number("frame_skip", arguments.get("frame_skip", 1))
-            limit = held * whole_number("max_episode_steps", max_episode_steps)
-        threads = available_cores() if num_threads is None else whole_number("num_threads", num_threads)
-        engine = {"max_steps": limit, "telemetry": telemetry or render_mode is not None, "num_threads": threads}
-        self.batch = make_batch(self.num_envs, engine, **arguments)
-        self.metadata = {
-            "render_modes": ["rgb_array"],
-            "render_fps": self._frames_per_second(),
-            "autoreset_mode": self.autoreset_mode,
-        }
-        self._viewer = load_artist("worlds")(self.batch.pairs, num_envs, width, height) if render_mode else None
-        self._ended = _ENDED[self.autoreset_mode]
-        self._records = telemetry
-        self.single_observation_space, self.single_action_space = self._spaces()
+        self.metadata = {"render_modes": ["rgb_array"], "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space, self.single_action_space = self._make_worlds(
+            self.num_envs,
+            render_mode,
+            arguments,
+            max_episode_steps=max_episode_steps,
+            telemetry=telemetry or render_mode is not None,
+            num_threads=available_cores() if num_threads is None else num_threads,
+        )
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.render_mode = render_mode
+        self._records = telemetry
+        self._ended = _ENDED[self.autoreset_mode]
+        self._viewer = load_artist("worlds")(self.batch.pairs, num_envs, width, height) if render_mode else None
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -218,28 +211,19 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
 
 
 def find_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    """Return an autoreset mode given as itself, by its value or by its name.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such mode.
-    """
+    """Return an autoreset mode given as itself, by its value or by its name, or raise a ParameterError."""
     for known in AutoresetMode:
         if mode in (known, known.value, known.name):
             return known
     raise ParameterError(f"autoreset_mode must be one of {', '.join(m.name for m in AutoresetMode)}, got {mode!r}")
 
 
-BYTES_PER_WORLD = 1800
-"""Most memory of a world, measured: its state, its share of the spaces and of the returns of two steps [B]."""
-
-BYTES_OF_TELEMETRY = 2000
-"""What telemetry adds to the memory of a world [B]."""
+BYTES_PER_WORLD, BYTES_OF_TELEMETRY = 1800, 2000
+"""Most memory of a world with its share of the returns of two steps, and what telemetry adds to it, measured [B]."""
 
 
 def check_memory(worlds: int, telemetry: bool) -> None:
     """Raise a ParameterError if this many worlds would not fit into memory."""
-    most = available_memory() // (BYTES_PER_WORLD + (BYTES_OF_TELEMETRY if telemetry else 0))
+    most = available_memory() // (BYTES_PER_WORLD + BYTES_OF_TELEMETRY * telemetry)
     if worlds > most:
         raise ParameterError(f"num_envs must be ≤ {most}, which fit into this machine's memory, got {worlds}")

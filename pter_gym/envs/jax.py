@@ -94,7 +94,7 @@ class JaxEnv:
 
     @classmethod
     def from_id(cls, env_id: str, keywords: dict[str, Any], **own: Any) -> Self:
-        """Return the environment of an id and arguments as ``make`` takes them, and those of this class alone."""
+        """Return the environment of an id, with keywords of ``make`` and those of this class."""
         fixed: dict[str, Any] = {"autoreset_mode": "SAME_STEP", "telemetry": False, "num_threads": 1, "num_envs": 1}
         for name in (*fixed, "render_mode"):
             if name in keywords:
@@ -206,32 +206,24 @@ def make(env_id: str = "PTER/PathFollowing-v0", **keywords: Any) -> tuple[JaxEnv
 def _many(run: Any) -> Any:
     """Return a function of many worlds whose ``vmap`` is the same function of more of them.
 
-    Its arguments are a tuple of arrays that worlds have of their own, in their first axis, and what they share. A
-    branch of ``lax.cond`` maps that too, in equal rows; where rows differ, observations and rewards are NaN.
+    Its arguments are a tuple of the worlds' own arrays, worlds first, and what they share. A branch of ``lax.cond``
+    maps that too, in equal rows; where rows differ, observations and rewards are NaN.
     """
     call = custom_vmap(run)
 
     @call.def_vmap
     def _(size: int, mapped: Any, own: Any, shared: Any) -> Any:
-        repeated = jax.tree.map(_with_axis, shared, mapped[1])
-        shared = jax.tree.map(_first, repeated)
-        same = jnp.array([(x == x[:1]).all() for x in jax.tree.leaves(repeated)]).all()
-        each = zip(own, mapped[0], strict=True)
-        spread = [x if has_axis else jnp.broadcast_to(x, (size, *x.shape)) for x, has_axis in each]
-        found = call(tuple(x.reshape(-1, *x.shape[2:]) for x in spread), shared)
-        if any(jax.tree.leaves(mapped[1])):
+        repeated = [x if has_axis else x[None] for x, has_axis in zip(shared, mapped[1], strict=True)]
+        same = jnp.array([(x == x[:1]).all() for x in repeated]).all()
+        spread = [
+            x if has_axis else jnp.broadcast_to(x, (size, *x.shape)) for x, has_axis in zip(own, mapped[0], strict=True)
+        ]
+        found = call(tuple(x.reshape(-1, *x.shape[2:]) for x in spread), EnvParams(*(x[0] for x in repeated)))
+        if any(mapped[1]):
             found = [jnp.where(same, x, jnp.nan) if x.dtype == jnp.float32 else x for x in found]
         return tuple(x.reshape(size, -1, *x.shape[1:]) for x in found), (True,) * len(found)
 
     return call
-
-
-def _with_axis(x: jax.Array, has_axis: bool) -> jax.Array:
-    return x if has_axis else x[None]
-
-
-def _first(x: jax.Array) -> jax.Array:
-    return x[0]
 
 
 def _one(call: Any, own: Any, shared: EnvParams) -> Any:
@@ -239,15 +231,18 @@ def _one(call: Any, own: Any, shared: EnvParams) -> Any:
     return (x[0] for x in call(tuple(x[None] for x in own), shared))
 
 
-def _results(own: Any, shared: EnvParams) -> Any:
-    """Return the shapes of worlds, seeds and episodes, and observations."""
+def _called(name: str, own: Any, shared: EnvParams, *further: Any, **options: Any) -> tuple[jax.Array, ...]:
+    """Return worlds, episodes and observations after a call of the kernel, and further results."""
     entries = (shared.config.size - 2 * CONFIG_WIDTH) // 2
-    return *map(_like, own[:2]), jax.ShapeDtypeStruct((len(own[0]), entries), jnp.float32)
+    state = [jax.ShapeDtypeStruct(x.shape, x.dtype) for x in own[:2]]
+    obs = jax.ShapeDtypeStruct((len(own[0]), entries), jnp.float32)
+    ffi: Any = jax.ffi
+    return tuple(ffi.ffi_call(name, (*state, obs, *(further and (obs, *further))), **options)(*own, *shared))
 
 
 @_many
 def _reset(own: Any, shared: EnvParams) -> Any:
-    return _called(RESET, _results(own, shared), own, shared)
+    return _called(RESET, own, shared)
 
 
 @cache
@@ -256,19 +251,8 @@ def _stepping(name: str) -> Any:
 
     @_many
     def step(own: Any, shared: EnvParams) -> Any:
-        *state, obs = _results(own, shared)
         rewards = jax.ShapeDtypeStruct((len(own[0]),), jnp.float32)
         flags = jax.ShapeDtypeStruct((len(own[0]), FLAGS), jnp.bool_)
-        in_place = {0: 0, 1: 1}
-        return _called(name, (*state, obs, obs, rewards, flags), own, shared, input_output_aliases=in_place)
+        return _called(name, own, shared, rewards, flags, input_output_aliases={0: 0, 1: 1})
 
     return step
-
-
-def _called(name: str, results: Any, own: Any, shared: EnvParams, **options: Any) -> tuple[jax.Array, ...]:
-    ffi: Any = jax.ffi
-    return tuple(ffi.ffi_call(name, results, **options)(*own, *shared))
-
-
-def _like(array: jax.Array) -> Any:
-    return jax.ShapeDtypeStruct(array.shape, array.dtype)

@@ -1,7 +1,7 @@
 """A ``VecEnv`` of Stable-Baselines3 over many worlds in one compiled call."""
 
+import time
 from collections.abc import Iterable
-from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from pter_gym.errors import ParameterError, needs_extra
 
 try:
+    from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import VecEnv
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.envs.sb3", "agents"))) from error
 
+from pter_gym._engine.batch import ActionUnit
 from pter_gym.envs._vector import PathFollowingVectorEnv
-from pter_gym.envs.scenario import make_vec
 
 Indices = int | Iterable[int] | None
 
@@ -24,12 +25,16 @@ Indices = int | Iterable[int] | None
 class PterVecEnv(VecEnv):
     """A ``VecEnv`` of Stable-Baselines3; make one with ``make_sb3_vec_env``.
 
-    A world that ends is reset at once; ``infos[i]`` then holds ``terminal_observation`` and ``TimeLimit.truncated``.
+    A world that ends is reset at once; ``infos[i]`` then holds ``terminal_observation``, ``TimeLimit.truncated``,
+    ``is_success``, and ``episode`` with return, length and time as from ``VecMonitor``, which isn't needed.
     """
 
     def __init__(self, env: PathFollowingVectorEnv) -> None:
         self.env = env
         self._actions: Any = None
+        self._began = time.time()
+        self._returns = np.zeros(env.num_envs)
+        self._lengths = np.zeros(env.num_envs, np.int64)
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
     def reset(self) -> NDArray[np.float32]:
@@ -37,6 +42,7 @@ class PterVecEnv(VecEnv):
         if not isinstance(cast("object", self._options), list) or any(self._options):
             raise ParameterError(f"options must be empty, got {self._options}")
         obs, _ = self.env.reset(seed=self._seeds)
+        self._returns[:] = self._lengths[:] = 0
         self._reset_seeds()
         self._reset_options()
         self.reset_infos = [{} for _ in range(self.num_envs)]
@@ -51,15 +57,24 @@ class PterVecEnv(VecEnv):
         obs, rewards, terminated, truncated, infos = self.env.step(self._actions)
         done = terminated | truncated
         listed: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
+        self._returns += rewards
+        self._lengths += 1
         if done.any():
+            elapsed = round(time.time() - self._began, 6)
             success = infos["final_info"]["is_success"]
             for world in map(int, np.flatnonzero(done)):
                 listed[world] = {
                     "terminal_observation": infos["final_obs"][world],
                     "TimeLimit.truncated": bool(truncated[world] and not terminated[world]),
                     "is_success": bool(success[world]),
+                    "episode": {
+                        "r": round(float(self._returns[world]), 6),
+                        "l": int(self._lengths[world]),
+                        "t": elapsed,
+                    },
                 }
                 self.reset_infos[world] = {}
+            self._returns[done] = self._lengths[done] = 0
         return obs, rewards.astype(np.float32), done, listed
 
     def close(self) -> None:
@@ -85,36 +100,25 @@ class PterVecEnv(VecEnv):
         result = getattr(self.env, method_name)(*method_args, **method_kwargs)
         return [result for _ in self._get_indices(indices)]
 
-    def env_is_wrapped(self, wrapper_class: Any, indices: Indices = None) -> list[bool]:  # noqa: ARG002
-        """Return False for each chosen world: they have no wrappers."""
-        return [False for _ in self._get_indices(indices)]
+    def env_is_wrapped(self, wrapper_class: Any, indices: Indices = None) -> list[bool]:
+        """Return True for ``Monitor``, whose records ``infos`` hold, and False for other wrappers, for each world."""
+        return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
 
-def make_sb3_vec_env(
-    num_envs: int, *, scenario: str | None = None, action_unit: Any = "normalised", **keywords: Any
-) -> PterVecEnv:
+def make_sb3_vec_env(num_envs: int, *, action_unit: ActionUnit = "normalised", **arguments: Any) -> PterVecEnv:
     """Return N worlds as a ``VecEnv`` of Stable-Baselines3.
 
     Parameters
     ----------
     num_envs
         N.
-    scenario
-        Name of the scenario, such as ``"standard"`` for ``PTER/Standard-v0``; by default the worlds are
-        ``PTER/PathFollowing-v0``.
     action_unit
         ``"normalised"``, which suits Stable-Baselines3, or ``"volt"``.
-    **keywords
-        Of ``PathFollowingVectorEnv``: ``machine``, ``task``, ``sensors``, ``frame_skip``, ``max_episode_steps``,
-        ``num_threads``, ``render_mode``; with a scenario also those of ``pter_gym.envs.scenario.training_draws``.
+    **arguments
+        Those of ``PathFollowingVectorEnv``, such as ``scenario="standard"`` for the worlds of ``PTER/Standard-v0``;
+        by default the worlds are those of ``PTER/PathFollowing-v0``.
     """
-    make = PathFollowingVectorEnv if scenario is None else partial(make_vec, scenario=scenario)
+    mode = AutoresetMode.SAME_STEP
     return PterVecEnv(
-        make(
-            num_envs,
-            action_unit=action_unit,
-            autoreset_mode=AutoresetMode.SAME_STEP,
-            telemetry=False,
-            **keywords,
-        )
+        PathFollowingVectorEnv(num_envs, autoreset_mode=mode, telemetry=False, action_unit=action_unit, **arguments)
     )

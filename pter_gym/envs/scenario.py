@@ -1,19 +1,14 @@
-"""Environments of the scenarios: ``PTER/PathFollowing-v0`` on a scenario's training draws."""
+"""Training episodes of the scenarios, which their environments draw."""
 
 from functools import lru_cache
 from typing import Any
 
 from pter_gym._internal.checks import whole_number
-from pter_gym.envs._single import PathFollowingEnv
-from pter_gym.envs._vector import PathFollowingVectorEnv
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.scenarios._own_machine import AnyMachine
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import STARTS, RewardWeights, Starts
-
-OWN = ("task", "randomisation")
-"""Arguments of ``PTER/PathFollowing-v0`` that a scenario brings itself."""
 
 FRAME_SKIP = 3
 """Control steps for which the environments of scenarios hold an action: noise that is new at each decision then gets
@@ -64,18 +59,18 @@ def training_draws(
     """
     if isinstance(starts, str) and starts not in STARTS:
         raise unknown_name("starts", starts, STARTS)
-    stated = {
+    overrides = {
         "reward": reward,
         "error_max": error_max,
         "truncation_error": truncation_error,
         "starts": STARTS[starts] if isinstance(starts, str) else starts,
     }
-    given = {name: value for name, value in stated.items() if value is not None}
+    given = {name: value for name, value in overrides.items() if value is not None}
     seed = whole_number("context_seed", context_seed, at_least=0)
     found = find_scenario(scenario, machine)
     try:
         return _randomisation(found, pace, contexts=contexts, seed=seed, **given)
-    except TypeError:  # a value that has no hash and is of a wrong type
+    except TypeError:  # unhashable, so of a wrong type: the scenario's own check names it
         return found.randomisation(pace, contexts=contexts, seed=seed, **given)
 
 
@@ -83,34 +78,16 @@ _randomisation = lru_cache(maxsize=32)(Scenario.randomisation)
 """The training draws, the same object for the same arguments, so that its pairs are drawn once."""
 
 
-def make_env(scenario: str, **keywords: Any) -> PathFollowingEnv:
-    """Return the environment of a scenario.
+def find_arguments(scenario: str, **given: Any) -> dict[str, Any]:
+    """Return the arguments of a scenario's environment for ``PathFollowingEnv`` without a scenario.
 
-    Keywords are those of ``training_draws`` and of ``PathFollowingEnv``; actions are normalised and held for
-    ``FRAME_SKIP`` control steps by default.
+    Raises
+    ------
+    ParameterError
+        If an argument is out of range, or is one that the scenario draws itself.
     """
-    drawn, rest = _split(scenario, keywords)
-    return PathFollowingEnv(randomisation=drawn, **rest)
-
-
-def make_vec(num_envs: int = 1, *, scenario: str, **keywords: Any) -> PathFollowingVectorEnv:
-    """Return many worlds of a scenario; see ``make_env`` and ``PathFollowingVectorEnv``."""
-    drawn, rest = _split(scenario, keywords)
-    return PathFollowingVectorEnv(num_envs, randomisation=drawn, **rest)
-
-
-def _split(scenario: str, keywords: dict[str, Any]) -> tuple[Randomisation, dict[str, Any]]:
-    """Return a scenario's draws and the remaining keywords."""
-    for name in OWN:
-        if name in keywords:
-            raise ParameterError(
-                f"{name} must not be given: {find_scenario(scenario).id} draws its own; PTER/PathFollowing-v0 takes "
-                "it, and machine, pace, reward, error_max, truncation_error, starts change what is drawn"
-            )
-    known = training_draws.__annotations__.keys() & keywords.keys()
-    drawn = training_draws(scenario, **{name: keywords[name] for name in known})
-    rest = {name: value for name, value in keywords.items() if name not in known}
-    return drawn, {"action_unit": "normalised", "frame_skip": FRAME_SKIP, **rest}
-
-
-make_env.metadata = PathFollowingEnv.metadata  # pyright: ignore[reportFunctionMemberAccess]  # for rgb_array_list
+    for name in {"task", "randomisation"} & given.keys():
+        raise ParameterError(f"{name} must not be given with a scenario, which draws its own")
+    known = training_draws.__annotations__.keys() & given.keys()
+    drawn = training_draws(scenario, **{name: given.pop(name) for name in known})
+    return {"randomisation": drawn, "action_unit": "normalised", "frame_skip": FRAME_SKIP, **given}

@@ -62,13 +62,3 @@ def test_a_killed_writer_leaves_the_old_or_the_new_file(tmp_path: Path) -> None:
     remove_leftovers(tmp_path)
     write_bytes_atomic(path, b"next")
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
-
-
-@pytest.mark.slow
-def test_of_two_writers_the_killed_one_does_not_disturb_the_other(tmp_path: Path) -> None:
-    path = tmp_path / "file"
-    one, two = begin(path, 0), begin(path, 200)
-    kill(one, 0.01)
-    two.communicate()
-    assert two.returncode == 0
-    assert byte_of(path) == 255

@@ -1,9 +1,18 @@
-"""The cache of compiled kernels notices a change in a function of another file, and may be missing altogether."""
+"""Kernels are compiled once, and again after a change in another file; laws may be in no file, the cache missing."""
 
 import os
 import subprocess
 import sys
 from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from pter_gym._physics import open_loop
+from pter_gym.controllers import Policy
+from pter_gym.params import BASELINE
+from pter_gym.tasks.path_following import observation_layout
 
 CALLEE = """
 from pter_gym._compiled.compiler import device
@@ -66,3 +75,30 @@ def test_no_folder_to_write_to_compiles_without_a_cache(tmp_path: Path) -> None:
     blocked = tmp_path / "blocked"
     blocked.write_text("a file where the cache's folder should be")
     assert run(tmp_path, NUMBA_CACHE_DIR=str(blocked)) == "5.0 0"
+
+
+LAW = """
+from pter_gym.controllers import PerClutch, device
+
+@device
+def law(obs, scales, gains, memory):
+    return PerClutch(gains[0], {second}, 0.0, 0.0)
+"""
+
+
+def test_a_law_may_be_in_no_file() -> None:
+    layout = observation_layout(BASELINE, "torque")
+    for second, volts in (("2.0 * gains[0]", [3.0, 6.0, 0.0, 0.0]), ("5.0", [3.0, 5.0, 0.0, 0.0])):
+        names = {}
+        exec(compile(LAW.format(second=second), "<cell of a notebook>", "exec"), names)
+        policy = Policy(np.array([3.0]), layout, names["law"])
+        assert policy(np.zeros(len(layout), np.float32)).tolist() == volts
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_the_shape_of_an_input_is_no_reason_to_compile_again() -> None:
+    state, steps = open_loop.initial_state(BASELINE, (0.5, 2.0)), 5
+    open_loop.simulate(BASELINE, state, np.zeros(4), np.zeros(2), duration=steps * BASELINE.substep)
+    open_loop.simulate(BASELINE, state, np.zeros((steps, 4)), np.zeros(2))
+    open_loop.simulate(BASELINE, state, np.zeros(4), np.zeros((steps, 2)), np.zeros((steps, 2)))
+    assert len(open_loop._kernel(papers=True).signatures) == 1

@@ -36,8 +36,7 @@ def many(env: Any) -> Any:
     return jax.vmap(env.step, in_axes=(None, 0, 0, None))
 
 
-@pytest.mark.parametrize("wide", [False, True], ids=["32 bits", "64 bits"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "wide"), [*((kind, False) for kind in KINDS), ("standard", True)])
 def test_worlds_have_the_bits_of_the_vector_environment(kind: str, wide: bool) -> None:
     with jax.enable_x64(wide):
         env, params = make(**KINDS[kind])

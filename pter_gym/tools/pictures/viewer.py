@@ -148,12 +148,16 @@ class Window:
     def __init__(self, size: tuple[int, int], rate: float, title: str = "PTER") -> None:
         self._pygame = load_pygame()
         self._rate = rate
+        if "SDL_VIDEODRIVER" not in os.environ and not has_display():
+            raise ParameterError("a window needs a display; where there is none, use rgb_array")
         try:
             self._pygame.display.init()
             self._pygame.display.set_caption(title)
             self._screen = self._pygame.display.set_mode(size)
         except self._pygame.error as error:
-            raise ParameterError(f"a window needs a display; where there is none, use rgb_array: {error}") from None
+            raise ParameterError(
+                f'render_mode="human" needs a display; where there is none, use "rgb_array": {error}'
+            ) from None
         self._clock = self._pygame.time.Clock()
         self._open = True
 
