@@ -71,7 +71,7 @@ def test_a_wrong_entry_is_refused(old: str, new: str, named: str, tmp_path: Path
 
 def test_a_parameter_has_value_unit_and_origin_of_the_file():
     found = preset("clutch", "knee")
-    assert found.default == PRESET.clutch.knee
+    assert found.default == PRESET.clutch["knee"]
     assert (found.metadata["unit"], found.metadata["provenance"]) == ("V", PRESET.provenance["clutch.knee"])
 
 

@@ -49,7 +49,7 @@ def find_own(machine: AnyMachine) -> OwnMachine:
         return machine
     if isinstance(machine, str) and is_preset(machine):
         preset = load_preset(machine)
-        return OwnMachine(machine_of(preset), preset.sensing.delay)
+        return OwnMachine(machine_of(preset), preset.sensing["delay"])
     return OwnMachine(find_machine(machine))
 
 

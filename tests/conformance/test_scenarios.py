@@ -43,9 +43,9 @@ NEAR = PathFollowing(truncation_error=0.1)
 
 OWN = replace(
     PRESET,
-    arm=replace(PRESET.arm, inertia_a=0.7),
-    clutch=replace(PRESET.clutch, scale=(0.9, 1.1, 1.05, 0.95)),
-    sensing=replace(PRESET.sensing, delay=0.012),
+    arm={**PRESET.arm, "inertia_a": 0.7},
+    clutch={**PRESET.clutch, "scale": (0.9, 1.1, 1.05, 0.95)},
+    sensing={**PRESET.sensing, "delay": 0.012},
 )
 
 # --- what is drawn ---

@@ -21,7 +21,7 @@ from pter_gym._physics.step import Energy
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.hands._model import NO_FORCE, PerSine, Sines, advance_sines, intent_speed, renew_sines, sum_of_sines
-from pter_gym.params import BASELINE, PRESENT_CLUTCH, Clutch, Hand, TorqueCurve
+from pter_gym.params import BASELINE, Clutch, Hand, TorqueCurve
 from pter_gym.paths import Arc, Line
 from pter_gym.tasks.path_following import (
     TELEMETRY,
@@ -330,7 +330,7 @@ def test_an_observation_holds_what_it_says():
 
 def test_what_is_told_of_machine_and_task():
     twice = Clutch(
-        breakaway=PRESENT_CLUTCH.breakaway.scaled(2.0), dynamic=PRESENT_CLUTCH.dynamic.scaled(3.0), time_constant=0.07
+        breakaway=BASELINE.clutch.breakaway.scaled(2.0), dynamic=BASELINE.clutch.dynamic.scaled(3.0), time_constant=0.07
     )
     machine = replace(BASELINE, clutch=twice, clutch_scale=(0.5, 1.0, 1.5, 3.0))
     arm = HumanArm(impedance=Hand(mass=1.0, damping=4.0, stiffness=10.0))
@@ -490,4 +490,4 @@ def test_a_torque_curve_is_told_at_the_largest_voltage():
     machine = replace(BASELINE, clutch=Clutch(breakaway=straight, dynamic=straight, voltage_max=6.0))
     told = told_of(PathFollowing(), machine, 0.0)
     scale = sum(machine.clutch_scale) / 4.0
-    assert told.breakaway_factor == pytest.approx(scale * 6.0 / PRESENT_CLUTCH.breakaway.torque(6.0))
+    assert told.breakaway_factor == pytest.approx(scale * 6.0 / BASELINE.clutch.breakaway.torque(6.0))

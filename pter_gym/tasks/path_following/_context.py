@@ -8,7 +8,7 @@ from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.limits import largest_energy
 from pter_gym._physics.model import Model, arrangement_of, model_of
 from pter_gym.hands import HandModel
-from pter_gym.params import PRESENT_CLUTCH, Machine
+from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following._observation import FORCE_SCALE
 from pter_gym.tasks.path_following._rules import PACE_WINDOW, PathModel, SensingModel, StartModel, TaskModel, Terms
 from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFollowing, held_machine, strongest
@@ -99,8 +99,8 @@ def told_of(task: PathFollowing, machine: Machine, push: float) -> Told:
     scale = math.fsum(machine.slot_scale) / len(machine.clutches)
     return Told(
         time_constant=clutch.time_constant,
-        breakaway_factor=scale * clutch.breakaway.torque(top) / PRESENT_CLUTCH.breakaway.torque(top),
-        dynamic_factor=scale * clutch.dynamic.torque(top) / PRESENT_CLUTCH.dynamic.torque(top),
+        breakaway_factor=scale * clutch.breakaway.torque(top) / BASELINE.clutch.breakaway.torque(top),
+        dynamic_factor=scale * clutch.dynamic.torque(top) / BASELINE.clutch.dynamic.torque(top),
         friction_drift=task.friction_drift,
         hand_mass=hand.mass,
         hand_damping=hand.damping,

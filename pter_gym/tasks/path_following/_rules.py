@@ -27,7 +27,7 @@ from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.model import model_of
 from pter_gym._physics.step import Energy
 from pter_gym.hands import MultiSineHand
-from pter_gym.params import BASELINE, quantity, require_number
+from pter_gym.params import BASELINE, Checked, quantity
 from pter_gym.paths import Line
 from pter_gym.paths._projection import Foot
 
@@ -172,7 +172,7 @@ def term(unit: str, provenance: str, find: Find, *, default: float) -> Any:
     find
         Function from the weight, the outcome of a control step and its period [s] to the term; it is compiled.
     """
-    return field(default=default, metadata={**quantity(unit, provenance).metadata, "find": device(find)})
+    return field(default=default, metadata={**quantity(unit, provenance, at_least=0.0).metadata, "find": device(find)})
 
 
 @device
@@ -205,8 +205,8 @@ def pace_cost(ratio: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RewardWeights:
-    """Weights of the reward terms."""
+class RewardWeights(Checked):
+    """Weights of the reward terms, each ≥ 0."""
 
     tracking: float = term(
         "1",
@@ -244,11 +244,6 @@ class RewardWeights:
         lambda weight, seen, period: -weight * seen.reached / seen.path_length if seen.failed else 0.0,  # noqa: ARG005
         default=PERFECT,
     )
-
-    def __post_init__(self) -> None:
-        """Check that no weight is negative."""
-        for item in fields(self):
-            require_number(self, item.name, at_least=0.0)
 
 
 WEIGHTS: tuple[Field[Any], ...] = fields(RewardWeights)

@@ -24,7 +24,7 @@ from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.errors import ParameterError
 from pter_gym.params import Arm, Machine, TorqueCurve
 from pter_gym.params._fields import check_number
-from pter_gym.params._preset import PRESET, ClutchValues, Preset, SensingValues, format_preset
+from pter_gym.params._preset import PRESET, Preset, format_preset
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import COLUMN, check_machine
 from pter_gym.tools.paper.claims import MAX_SATURATED, rank_correlation
@@ -116,16 +116,16 @@ def decode(point: Array) -> Preset:
     room = min(math.sqrt(HAND_MAX**2 - values["push"] ** 2) / EQ5_PEAK, HAND_MAX)
     damping = min(2.0 * values["damping_ratio"] * math.sqrt(values["stiffness"] * across), across / 0.01)
     return Preset(
-        arm=arm,
-        clutch=ClutchValues(
-            slope=curve.slope,
-            knee=curve.knee,
-            curvature=curve.curvature,
-            breakaway_ratio=rounded(values["breakaway_ratio"]),
-            time_constant=TIME_CONSTANT,
-            voltage_max=TABLE_VOLTS[-1],
-            scale=(1.0,) * 4,
-        ),
+        arm=vars(arm),
+        clutch={
+            "slope": curve.slope,
+            "knee": curve.knee,
+            "curvature": curve.curvature,
+            "breakaway_ratio": rounded(values["breakaway_ratio"]),
+            "time_constant": TIME_CONSTANT,
+            "voltage_max": TABLE_VOLTS[-1],
+            "scale": (1.0,) * 4,
+        },
         delrin={
             "dynamic_scale": rounded(values["delrin_scale"]),
             "breakaway_ratio": rounded(max(MIN_RATIO, 1.0 + values["delrin_jump"] * (values["breakaway_ratio"] - 1.0))),
@@ -141,7 +141,7 @@ def decode(point: Array) -> Preset:
             "table_volts": TABLE_VOLTS,
             "feedback": BEST_GAIN / INCH_POUND,
         },
-        sensing=SensingValues(delay=0.0),
+        sensing={"delay": 0.0},
         provenance=ORIGINS,
     )
 
