@@ -24,7 +24,7 @@ from pter_gym.params import Hand
 from pter_gym.params._fields import SHIPPED
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
-from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Tuple, Uniform, Vary
+from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Uniform, Vary
 from pter_gym.tasks.path_following import TELEMETRY, Sensors
 
 MADE: dict[str, Callable[..., str]] = {}
@@ -191,9 +191,9 @@ def described(value: Any) -> str:
             return f"log-uniform in {number(low)} … {number(high)}"
         case Shared(common, own, count):
             return f"{count} values: one factor {described(common)}, times one each {described(own)}"
-        case Tuple((first, *rest) as of) if rest and all(each == first for each in rest):
+        case (first, *rest) as of if rest and all(each == first for each in rest):
             return f"{len(of)} values, each {described(first)}"
-        case Tuple(of):
+        case tuple() as of:
             return f"({'; '.join(map(described, of))})"
         case OneOf(options):
             return "one of " + "; ".join(map(described, options))
