@@ -2,20 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypedDict, cast
+from typing import Any, TypedDict, cast
 
 import numpy as np
 from gymnasium import spaces
 
 from pter_gym._compiled.layout import Layout
 from pter_gym._engine.batch import ActionUnit, Batch
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine, find_machine
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors
+from pter_gym.paths import Path, find_path
+from pter_gym.scenarios import SCENARIOS, find_pace, find_scenario
+from pter_gym.scenarios.randomisation import Mixture, Randomisation
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, Sensors, find_starts
 from pter_gym.tasks.path_following._observation import BOUND
-
-if TYPE_CHECKING:
-    from pter_gym.scenarios.randomisation import Mixture, Randomisation
+from pter_gym.tasks.path_following._specification import largest_error_max
 
 
 class Arguments(TypedDict, total=False):
@@ -28,7 +29,9 @@ class Arguments(TypedDict, total=False):
     task: PathFollowing | Sequence[PathFollowing] | None
     sensors: Sensors
     action_unit: ActionUnit
-    randomisation: "Randomisation | Mixture | None"
+    randomisation: Randomisation | Mixture | str | None
+    path: Path | str | None
+    pace: float | str | None
     observe_context: bool
     frame_skip: int
 
@@ -41,7 +44,9 @@ def make_batch(
     task: PathFollowing | Sequence[PathFollowing] | None = None,
     sensors: Sensors = "torque",
     action_unit: ActionUnit = "volt",
-    randomisation: "Randomisation | Mixture | None" = None,
+    randomisation: Randomisation | Mixture | str | None = None,
+    path: Path | str | None = None,
+    pace: float | str | None = None,
     observe_context: bool = False,
     frame_skip: int = 1,
 ) -> Batch:
@@ -50,9 +55,10 @@ def make_batch(
     Raises
     ------
     ParameterError
-        If a value is out of range, or a randomisation is given with a task or another machine than the default.
+        If a value is out of range, there is no machine, path, pace or scenario of a name, or what is given excludes
+        each other.
     """
-    machines, tasks = _find_pairs(machine, task, randomisation)
+    machines, tasks = _find_pairs(machine, task, randomisation, stated_task(path=path, pace=pace))
     return Batch(
         machines,
         tasks,
@@ -123,15 +129,24 @@ def nominal_machine(machines: set[Machine]) -> Machine:
 def _find_pairs(
     machine: Machine | str | Sequence[Machine | str] | None,
     task: PathFollowing | Sequence[PathFollowing] | None,
-    randomisation: "Randomisation | Mixture | None",
+    randomisation: Randomisation | Mixture | str | None,
+    stated: dict[str, Any],
 ) -> tuple[Machine | list[Machine], PathFollowing | Sequence[PathFollowing]]:
-    """Return machines and tasks as a ``Batch`` takes them."""
+    """Return machines and tasks as a ``Batch`` takes them; path and pace are ``stated``."""
+    own_machine = machine not in (None, "baseline")
+    if stated and (task is not None or isinstance(randomisation, Randomisation | Mixture)):
+        raise ParameterError("path and pace must not be given with a task or a Randomisation, which bring both")
     if randomisation is not None:
-        if task is not None or machine not in (None, "baseline"):
+        if task is not None or (own_machine and not isinstance(randomisation, str)):
             raise ParameterError("task and machine must not be given with a randomisation, which brings both")
+        if not isinstance(randomisation, Randomisation | Mixture):
+            if not isinstance(cast(object, randomisation), str) or randomisation not in SCENARIOS:
+                raise unknown_name("randomisation", randomisation, SCENARIOS)
+            own: Any = machine if own_machine else None
+            randomisation = find_scenario(randomisation, own).randomisation(stated.pop("pace", None), **stated)
         machines, tasks = zip(*randomisation.pairs(), strict=True)
         return list(machines), tasks
-    goal: object = PathFollowing() if task is None else task
+    goal: object = PathFollowing(**stated) if task is None else task
     many = isinstance(goal, Sequence) and not isinstance(goal, str)
     for each in cast(Sequence[object], goal) if many else [goal]:
         if not isinstance(each, PathFollowing):
@@ -140,3 +155,16 @@ def _find_pairs(
     if isinstance(machine, Sequence) and not isinstance(machine, str):
         return [find_machine(each) for each in machine], tasks
     return find_machine(machine), tasks
+
+
+def stated_task(**keywords: Any) -> dict[str, Any]:
+    """Return the fields of a task that were given, with paths, paces and starts also by their names.
+
+    About a path that is given without ``error_max``, the workspace is at most as wide as its curvature allows.
+    """
+    found = {name: value for name, value in keywords.items() if value is not None}
+    known = {"path": find_path, "pace": find_pace, "starts": find_starts}
+    found |= {name: find(found[name]) for name, find in known.items() if name in found}
+    if "path" in found and "error_max" not in found:
+        found["error_max"] = min(PathFollowing.error_max, largest_error_max(found["path"]))
+    return found

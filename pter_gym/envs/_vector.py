@@ -53,7 +53,7 @@ class PathFollowingVectorEnv(Worlds, VectorEnv[Observations, NDArray[np.float32]
         Threads for large batches; by default one per core that this process may use. Results do not depend on it.
     **arguments
         ``machine`` and ``task``, one for all worlds or a sequence with one for each; ``sensors``, ``action_unit``,
-        ``randomisation``, ``observe_context`` and ``frame_skip``: see ``PathFollowingEnv``.
+        ``path``, ``pace``, ``randomisation``, ``observe_context`` and ``frame_skip``: see ``PathFollowingEnv``.
 
     Raises
     ------

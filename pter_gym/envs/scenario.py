@@ -4,13 +4,15 @@ from functools import lru_cache
 from typing import Any
 
 from pter_gym._internal.checks import whole_number
+from pter_gym.envs._shared import stated_task
 from pter_gym.envs._single import PathFollowingEnv
 from pter_gym.envs._vector import PathFollowingVectorEnv
-from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.errors import ParameterError
+from pter_gym.paths import Path
 from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.scenarios._own_machine import AnyMachine
 from pter_gym.scenarios.randomisation import Randomisation
-from pter_gym.tasks.path_following import STARTS, RewardWeights, Starts
+from pter_gym.tasks.path_following import RewardWeights, Starts
 
 OWN = ("task", "randomisation")
 """Arguments of ``PTER/PathFollowing-v0`` that a scenario brings itself."""
@@ -33,6 +35,7 @@ def training_draws(
     truncation_error: float = TRUNCATION_ERROR,
     starts: Starts | str = "path",
     machine: AnyMachine | None = None,
+    path: Path | str | None = None,
 ) -> Randomisation:
     """Return the distribution from which a scenario's environment draws its episodes.
 
@@ -56,21 +59,16 @@ def training_draws(
         moving; with ``"rest"`` they begin like evaluation episodes, so exploration sees little of the path.
     machine
         One machine for all episodes, its name, or the path of a preset; by default the scenario draws machines.
+    path
+        One path for all episodes, its name in ``pter_gym.paths.PATHS``, or a CSV file of waypoints, where the scenario
+        does not draw paths.
 
     Raises
     ------
     ParameterError
         If an argument is out of range; the message names it.
     """
-    if isinstance(starts, str) and starts not in STARTS:
-        raise unknown_name("starts", starts, STARTS)
-    stated = {
-        "reward": reward,
-        "error_max": error_max,
-        "truncation_error": truncation_error,
-        "starts": STARTS[starts] if isinstance(starts, str) else starts,
-    }
-    given = {name: value for name, value in stated.items() if value is not None}
+    given = stated_task(path=path, reward=reward, error_max=error_max, truncation_error=truncation_error, starts=starts)
     seed = whole_number("context_seed", context_seed, at_least=0)
     found = find_scenario(scenario, machine)
     try:
@@ -105,7 +103,7 @@ def _split(scenario: str, keywords: dict[str, Any]) -> tuple[Randomisation, dict
         if name in keywords:
             raise ParameterError(
                 f"{name} must not be given: {find_scenario(scenario).id} draws its own; PTER/PathFollowing-v0 takes "
-                "it, and machine, pace, reward, error_max, truncation_error, starts change what is drawn"
+                "it, and machine, path, pace, reward, error_max, truncation_error, starts change what is drawn"
             )
     known = training_draws.__annotations__.keys() & keywords.keys()
     drawn = training_draws(scenario, **{name: keywords[name] for name in known})

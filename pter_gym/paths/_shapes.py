@@ -3,9 +3,10 @@
 import cmath
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count, pairwise
+from types import MappingProxyType
 from typing import Any, cast
 
 import numpy as np
@@ -14,7 +15,7 @@ from pter_gym._internal.checks import is_finite
 from pter_gym._internal.codec import tuple_of
 from pter_gym._internal.files import FilePath
 from pter_gym._internal.tables import read_table
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import preset, quantity, require
 from pter_gym.paths._arcs import Arcs, Curve, Path, Piece, arc_between, chain, fit_arcs
 
@@ -281,3 +282,25 @@ def read_path(file: FilePath, *, smooth: float = 0.0) -> Spline:
         return path
     except ParameterError as error:
         raise ParameterError(f"{file}: {error}") from None
+
+
+PATHS: Mapping[str, Path] = MappingProxyType({"line": Line(), "arc": Arc(), "circle": Circle(), "sine": Sine()})
+"""Paths by name."""
+
+
+def find_path(path: Path | str) -> Path:
+    """Return a path given as itself, by its name in ``PATHS``, or as a CSV file of waypoints, see ``read_path``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such path, or a file cannot be read.
+    """
+    given: object = path
+    if isinstance(given, Path):
+        return given
+    if isinstance(given, str) and given.endswith(".csv"):
+        return read_path(given)
+    if not isinstance(given, str) or given not in PATHS:
+        raise unknown_name("path", given, (*PATHS, "FILE.csv"))
+    return PATHS[given]

@@ -17,7 +17,7 @@ from pter_gym._physics.limits import (
     largest_travel,
 )
 from pter_gym._physics.model import model_of
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.hands import NO_HAND, MultiSineHand, Operator
 from pter_gym.params import Arm, Checked, Machine, quantity, require, require_number
 from pter_gym.paths import Line, Path
@@ -99,6 +99,13 @@ AT_REST = Starts()
 
 STARTS = MappingProxyType({"rest": AT_REST, "path": Starts(moving=0.4, gripped=0.3)})
 """Starts by name: those of evaluation episodes, and those to train with."""
+
+
+def find_starts(starts: Starts | str) -> Starts:
+    """Return starts given as themselves or by their name in ``STARTS``, or raise a ParameterError."""
+    if isinstance(starts, str) and starts not in STARTS:
+        raise unknown_name("starts", starts, STARTS)
+    return STARTS[starts] if isinstance(starts, str) else starts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -270,6 +277,11 @@ def _force_within(length: float, task: PathFollowing, machine: Machine) -> float
     impedance = task.hand.impedance
     pull = impedance.stiffness * stretch + impedance.damping * hand.intent_speed
     return pull + math.hypot(abs(hand.push) + recorded[0], math.fsum(map(abs, hand.amplitude)) + recorded[1])
+
+
+def largest_error_max(path: Path) -> float:
+    """Return the largest half-width of a workspace about a path [m]."""
+    return min(MAX_HALF_WIDTH, (1.0 - 1e-9) * SHARPEST / max(path.max_curvature, 1e-3))
 
 
 @lru_cache(maxsize=4096)
