@@ -100,11 +100,8 @@ def load_preset(path: FilePath) -> Preset:
 
 
 def parse_preset(text: str) -> Preset:
-    """Return the preset in a TOML text; it raises a ParameterError where ``load_preset`` raises a DataError."""
-    try:
-        tables = parse_toml(text)
-    except ValueError as error:
-        raise ParameterError(f"it is not TOML: {error}") from None
+    """Return the preset in a TOML text; it raises a ValueError where ``load_preset`` raises a DataError."""
+    tables = parse_toml(text)
     _check_names("section", tables, (*SECTIONS, CLUTCHES), {CLUTCHES})
     provenance = {f"{name}.{each}": "chosen: not in the file" for name in SECTIONS for each in SHIPPED[name]}
     sections: dict[str, Any] = {}

@@ -14,7 +14,7 @@ from typing import Any, Generic, Protocol, TypeVar, cast
 import numpy as np
 
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Checked, Machine, require, require_number, require_whole
+from pter_gym.params import BASELINE, Checked, Machine, quantity, require, require_number
 from pter_gym.scenarios._own_machine import OwnMachine, as_sensed
 from pter_gym.tasks.path_following import PathFollowing, check_machine
 
@@ -172,7 +172,7 @@ class Vary(Generic[Drawn]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Randomisation:
+class Randomisation(Checked):
     """Pairs of machine and task to train on.
 
     Attributes
@@ -189,14 +189,9 @@ class Randomisation:
 
     machine: Machine | Vary[Machine] = BASELINE
     task: PathFollowing | Vary[PathFollowing]
-    contexts: int = 512
-    seed: int = 0
+    contexts: int = quantity("1", "chosen", at_least=1, default=512)
+    seed: int = quantity("1", "chosen", at_least=0, default=0)
     own: OwnMachine | None = None
-
-    def __post_init__(self) -> None:
-        """Check the numbers; distributions have checked themselves."""
-        require_whole(self, "contexts", at_least=1)
-        require_whole(self, "seed", at_least=0)
 
     def pairs(self) -> list[Pair]:
         """Return the pairs, the same for the same seed; they are drawn once and shared.
