@@ -8,7 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +30,9 @@ MAX_INSTANTS = 1_000_000
 MAX_INTERVAL = 0.5
 """Longest usual time between rows of a recording in a file [s]."""
 
-_FIVE: dict[str, float] = {"count": SINES}
-_RATES: dict[str, float] = {"count": SINES, "at_least": 0.0}
-_UP_TO_TEN: dict[str, float] = {"above": 0.0, "at_most": 10.0}
+_FIVE: dict[str, Any] = {"count": SINES}
+_RATES: dict[str, Any] = {"count": SINES, "at_least": 0.0}
+_UP_TO_TEN: dict[str, Any] = {"above": 0.0, "at_most": 10.0}
 
 NO_HAND = Hand()
 """What a hand adds to the arm that is a force alone."""

@@ -18,7 +18,7 @@ from pter_gym.params import quantity, require, require_number
 ERROR = tuple(3.0 if frequency < 3.0 else 0.0 for frequency in EQ5_FREQUENCIES)
 """Amplitudes of a person's own error [N]: only below all tremor."""
 
-_FREQUENCY: dict[str, float] = {"above": 0.0, "at_most": 25.0}
+_FREQUENCY: dict[str, Any] = {"above": 0.0, "at_most": 25.0}
 
 
 @dataclass(frozen=True, kw_only=True)

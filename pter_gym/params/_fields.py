@@ -36,7 +36,7 @@ def quantity(unit: str, provenance: str, *, default: Any = MISSING, later: bool 
     return field(default=default, metadata=told)
 
 
-def preset(section: str, name: str, **limits: float) -> Any:
+def preset(section: str, name: str, **limits: Any) -> Any:
     """Declare a field with unit, provenance and value from the preset that the package ships, and its limits."""
     entry = SHIPPED[section][name]
     value = tuple(cast("list[float]", entry["value"])) if isinstance(entry["value"], list) else entry["value"]
@@ -129,7 +129,7 @@ def require_flag(owner: object, name: str) -> None:
 def require_numbers(owner: object, name: str, *, count: int | None = None, at_least: float = -LARGEST) -> None:
     """Raise a ParameterError unless the field is a tuple of numbers ≥ ``at_least``, of the given count."""
     value: Any = getattr(owner, name)
-    numbers = cast("tuple[float, ...]", value) if isinstance(value, tuple) else None
-    fits = numbers is not None and all(is_finite(x) and at_least <= x <= LARGEST for x in numbers)
+    numbers = cast("tuple[float, ...]", value) if isinstance(value, tuple) else ()
+    fits = numbers is value and all(is_finite(x) and at_least <= x <= LARGEST for x in numbers)
     accepted = f"a tuple of {'' if count is None else f'{count} '}finite numbers from {at_least:g} to {LARGEST:g}"
-    require(fits and (count is None or len(value) == count), owner, name, value, accepted)
+    require(fits and count in (None, len(numbers)), owner, name, cast(Any, value), accepted)

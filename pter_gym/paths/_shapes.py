@@ -27,9 +27,9 @@ MAX_POINTS = 4096
 MAX_COORDINATE = 1e3
 """Largest coordinate and size of a path [m]; arcs through points further away would be rounded to nothing."""
 
-WITHIN: dict[str, float] = {"at_least": -MAX_COORDINATE, "at_most": MAX_COORDINATE}
-SIZE: dict[str, float] = {"above": 0.0, "at_most": MAX_COORDINATE}
-FULL_TURN: dict[str, float] = {"at_least": -2.0 * math.pi, "at_most": 2.0 * math.pi}
+WITHIN: dict[str, Any] = {"at_least": -MAX_COORDINATE, "at_most": MAX_COORDINATE}
+SIZE: dict[str, Any] = {"above": 0.0, "at_most": MAX_COORDINATE}
+FULL_TURN: dict[str, Any] = {"at_least": -2.0 * math.pi, "at_most": 2.0 * math.pi}
 
 MAX_EVALUATIONS = 1 << 18
 """Most evaluations of a curve until arcs fit it; one through 1,000 points that zigzag takes 50,000."""
@@ -296,7 +296,7 @@ def find_path(path: Path | str) -> Path:
     ParameterError
         If there is no such path, or a file cannot be read.
     """
-    given: object = path
+    given: Any = path
     if isinstance(given, Path):
         return given
     if isinstance(given, str) and given.endswith(".csv"):

@@ -242,9 +242,7 @@ class Mixture:
     def __post_init__(self) -> None:
         """Check the parts."""
         given: Any = self.parts
-        known = (
-            isinstance(given, tuple) and len(self.parts) > 0 and all(isinstance(x, Randomisation) for x in self.parts)
-        )
+        known = isinstance(given, tuple) and len(self.parts) > 0 and all(isinstance(x, Randomisation) for x in given)
         require(known, self, "parts", self.parts, "a tuple of at least one Randomisation")
 
     def pairs(self) -> list[Pair]:

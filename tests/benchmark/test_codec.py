@@ -4,7 +4,6 @@ import json
 import math
 from dataclasses import dataclass, replace
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -48,19 +47,10 @@ def test_dataclasses_are_those_that_a_module_or_package_defines() -> None:
     assert Machine not in dataclasses_in(specification), "it is only named there"
 
 
-@given(
-    st.floats(1e-9, 4.0),
-    st.tuples(*5 * [st.floats(-LARGEST, LARGEST)]),
-    st.booleans(),
-)
+@given(st.floats(1e-9, 4.0), st.tuples(*5 * [st.floats(-LARGEST, LARGEST)]), st.booleans())
 def test_every_bit_comes_back(pace: float, phases: tuple[float, ...], random_phases: bool) -> None:
     task = PathFollowing(pace=pace, hand=MultiSineHand(phases=phases, random_phases=random_phases))
     assert repr(through_json(task)) == repr(task)
-
-
-def test_numbers_of_numpy_become_plain_ones() -> None:
-    task = PathFollowing(pace=np.float64(0.3))
-    assert type(through_json(task).pace) is float  # type: ignore[attr-defined]
 
 
 @dataclass(frozen=True)
@@ -105,9 +95,8 @@ def test_unknown_names_are_refused_with_the_nearest() -> None:
 def test_a_missing_field_takes_its_default() -> None:
     plain = CODEC.to_plain(PathFollowing(arrival=0.1, pace=0.3))
     assert isinstance(plain, dict)
-    assert CODEC.from_plain({name: part for name, part in plain.items() if name != "arrival"}) == PathFollowing(
-        pace=0.3
-    )
+    del plain["arrival"]
+    assert CODEC.from_plain(plain) == PathFollowing(pace=0.3)
 
 
 def test_dataclasses_check_what_was_stored() -> None:

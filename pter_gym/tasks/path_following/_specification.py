@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ MAX_START_SPEED_ALONG = 2.0
 MAX_START_SPEED_ACROSS = 0.5
 """Largest speed across the path of such an episode, over the commanded pace."""
 
-_SHARE: dict[str, float] = {"at_least": 0.0, "at_most": 1.0}
+_SHARE: dict[str, Any] = {"at_least": 0.0, "at_most": 1.0}
 
 
 @dataclass(frozen=True, kw_only=True)
