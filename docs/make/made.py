@@ -173,7 +173,7 @@ def varied(name: str, value: Any, unit: str = "1") -> Iterable[list[str]]:
             row for kind, each in zip(kinds, leaves(value), strict=True) for row in varied(f"{name} ({kind})", each)
         ]
         yield from (row for place, row in enumerate(rows) if row not in rows[:place])
-    elif hasattr(value, "draw"):
+    elif hasattr(value, "draw") or isinstance(value, tuple):
         yield [name, unit, described(value)]
 
 
