@@ -241,9 +241,10 @@ class Mixture:
 
     def __post_init__(self) -> None:
         """Check the parts."""
-        parts: Any = self.parts
-        known = isinstance(parts, tuple) and all(isinstance(part, Randomisation) for part in self.parts)
-        require(known and len(parts) > 0, self, "parts", parts, "a tuple of at least one Randomisation")
+        given: object = self.parts
+        parts = cast("tuple[object, ...]", given) if isinstance(given, tuple) else ()
+        known = len(parts) > 0 and all(isinstance(part, Randomisation) for part in parts)
+        require(known, self, "parts", self.parts, "a tuple of at least one Randomisation")
 
     def pairs(self) -> list[Pair]:
         """Return the pairs, the same for the same seeds; see ``Randomisation.pairs``."""
