@@ -29,7 +29,6 @@ MAX_COORDINATE = 1e3
 
 WITHIN: dict[str, Any] = {"at_least": -MAX_COORDINATE, "at_most": MAX_COORDINATE}
 SIZE: dict[str, Any] = {"above": 0.0, "at_most": MAX_COORDINATE}
-FULL_TURN: dict[str, Any] = {"at_least": -2.0 * math.pi, "at_most": 2.0 * math.pi}
 
 MAX_EVALUATIONS = 1 << 18
 """Most evaluations of a curve until arcs fit it; one through 1,000 points that zigzag takes 50,000."""
@@ -57,7 +56,7 @@ class Arc(Path):
     y: float = preset("path", "y", **WITHIN)
     direction: float = preset("path", "direction")
     radius: float = quantity("m", "chosen", above=0.0, default=0.4)
-    angle: float = quantity("rad", "chosen", **FULL_TURN, default=-1.0)
+    angle: float = quantity("rad", "chosen", at_least=-2.0 * math.pi, at_most=2.0 * math.pi, default=-1.0)
 
     def __post_init__(self) -> None:
         """Check that it turns."""
@@ -124,12 +123,12 @@ class Spline(Path):
     """
 
     points: Points = quantity("m", "chosen")
-    smooth: float = quantity("m", "chosen: 0 for a spline through all points", at_least=0.0, default=0.0, later=True)
+    smooth: float = quantity("m", "chosen: 0 passes through all", at_least=0.0, default=0.0, later=True)
 
     def __post_init__(self) -> None:
         """Check that there are two different finite points or more, and none twice in a row."""
         super().__post_init__()
-        check_points(self, at_least=2)
+        check_points(self)
 
     def make_arcs(self) -> Arcs:
         """Return arcs through points of the spline."""
@@ -169,7 +168,7 @@ class Polyline(Path):
     def __post_init__(self) -> None:
         """Check the points, and that the rounded corners fit between them."""
         super().__post_init__()
-        check_points(self, at_least=2)
+        check_points(self)
         self.make_arcs()
 
     def make_arcs(self) -> Arcs:
@@ -217,38 +216,28 @@ def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
         ) from None
 
 
-def check_points(owner: object, *, at_least: int) -> None:
-    """Raise a ParameterError unless there are enough points, all pairs of finite numbers, and none twice in a row.
-
-    Lists and arrays of points become tuples.
-    """
-    given: Any = getattr(owner, "points")  # noqa: B009
-    points: Any = given
-    if isinstance(given, list | tuple | np.ndarray):
-        points = tuple_of([*cast("list[Any]", given)] if isinstance(given, list | tuple) else given.tolist())
-    object.__setattr__(owner, "points", points)
-    accepted = (
-        f"{at_least} to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, none twice in a row"
-    )
-    rows = cast("tuple[Any, ...]", points) if isinstance(points, tuple) else ()
-    require(at_least <= len(rows) <= MAX_POINTS, owner, "points", cast(Any, points), accepted)
-    if fault := fault_in(rows, lambda k: f"point {k}"):
-        raise ParameterError(f"{type(owner).__name__}.points must be {accepted}: {fault}")
+def check_points(path: "Spline | Polyline") -> None:
+    """Turn lists and arrays of points into tuples; raise a ParameterError unless these can be waypoints of a path."""
+    given = cast("object", path.points)
+    rows = given.tolist() if isinstance(given, np.ndarray) else given
+    points: Any = tuple(map(tuple_of, cast("list[Any]", rows))) if isinstance(rows, list | tuple) else ()
+    object.__setattr__(path, "points", points)
+    accepted = f"2 to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, none twice in a row"
+    require(2 <= len(points) <= MAX_POINTS, path, "points", path.points, accepted)
+    if fault := fault_in(points, lambda k: f"point {k}"):
+        raise ParameterError(f"{type(path).__name__}.points must be {accepted}: {fault}")
 
 
 def fault_in(points: Sequence[Any], label: Callable[[int], str]) -> str | None:
     """Return what is wrong with the first point that a path cannot have; ``label`` names points by their number."""
     for k, point in enumerate(points):
-        if (
-            not isinstance(point, tuple)
-            or len(cast(tuple[Any, ...], point)) != 2
-            or not all(map(is_finite, cast(Any, point)))
-        ):
+        pair = cast("tuple[Any, ...]", point) if isinstance(point, tuple) else ()
+        if len(pair) != 2 or not all(map(is_finite, pair)):
             return f"{label(k)} must be a pair of finite numbers, got {point!r:.100}"
-        for name, value in zip("xy", cast(tuple[float, float], point), strict=True):
+        for name, value in zip("xy", pair, strict=True):
             if abs(value) > MAX_COORDINATE:
                 return f"{label(k)} is too far away: {name} = {value:g} m"
-        if k > 0 and math.dist(points[k - 1], cast(tuple[float, float], point)) <= 1e-9:
+        if k > 0 and math.dist(points[k - 1], pair) <= 1e-9:
             return f"{label(k)} repeats {label(k - 1)}"
     return None
 
@@ -291,10 +280,7 @@ PATHS: Mapping[str, Path] = MappingProxyType({"line": Line(), "arc": Arc(), "cir
 def find_path(path: Path | str) -> Path:
     """Return a path given as itself, by its name in ``PATHS``, or as a CSV file of waypoints, see ``read_path``.
 
-    Raises
-    ------
-    ParameterError
-        If there is no such path, or a file cannot be read.
+    If there is none, it raises a ParameterError that lists the names.
     """
     given: Any = path
     if isinstance(given, Path):

@@ -241,7 +241,7 @@ class Mixture:
 
     def __post_init__(self) -> None:
         """Check the parts."""
-        given: object = self.parts
+        given = cast("object", self.parts)
         parts = cast("tuple[object, ...]", given) if isinstance(given, tuple) else ()
         known = len(parts) > 0 and all(isinstance(part, Randomisation) for part in parts)
         require(known, self, "parts", self.parts, "a tuple of at least one Randomisation")
