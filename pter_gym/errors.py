@@ -59,5 +59,7 @@ def unknown_name(field: str, name: object, known: Iterable[str]) -> ParameterErr
 
 def nearest(name: object, known: Iterable[str]) -> str:
     """Return the end of a message: the known names nearest to one, or nothing if none is near."""
-    near = difflib.get_close_matches(str(name), list(known), n=3, cutoff=0.5)
+    listed, text = list(known), str(name)
+    near = [each for each in listed if text and each.startswith(text)]
+    near = near or difflib.get_close_matches(text, listed, n=3, cutoff=0.5)
     return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""

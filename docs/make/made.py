@@ -24,7 +24,7 @@ from pter_gym.params import Hand
 from pter_gym.params._fields import SHIPPED
 from pter_gym.policies import read_policy, shipped_policies
 from pter_gym.scenarios import PACES, SCENARIOS, find_scenario
-from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Tuple, Uniform, Vary
+from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Uniform, Vary
 from pter_gym.tasks.path_following import TELEMETRY, Sensors
 
 MADE: dict[str, Callable[..., str]] = {}
@@ -173,7 +173,7 @@ def varied(name: str, value: Any, unit: str = "1") -> Iterable[list[str]]:
             row for kind, each in zip(kinds, leaves(value), strict=True) for row in varied(f"{name} ({kind})", each)
         ]
         yield from (row for place, row in enumerate(rows) if row not in rows[:place])
-    elif hasattr(value, "draw"):
+    elif hasattr(value, "draw") or isinstance(value, tuple):
         yield [name, unit, described(value)]
 
 
@@ -191,9 +191,9 @@ def described(value: Any) -> str:
             return f"log-uniform in {number(low)} … {number(high)}"
         case Shared(common, own, count):
             return f"{count} values: one factor {described(common)}, times one each {described(own)}"
-        case Tuple((first, *rest) as of) if rest and all(each == first for each in rest):
+        case (first, *rest) as of if rest and all(each == first for each in rest):
             return f"{len(of)} values, each {described(first)}"
-        case Tuple(of):
+        case tuple() as of:
             return f"({'; '.join(map(described, of))})"
         case OneOf(options):
             return "one of " + "; ".join(map(described, options))

@@ -27,26 +27,24 @@ class Codec:
     Parameters
     ----------
     kinds
-        The dataclasses, which data refer to by name.
+        The dataclasses, which data refer to by name; no two have the same.
     """
 
     def __init__(self, kinds: Iterable[type[Any]]) -> None:
         converter: Any = Converter()
-        self._kinds: dict[str, type[Any]] = {}
+        self._kinds = {kind.__name__: kind for kind in kinds}
         self._readers: dict[str, Any] = {}
         self._writers: dict[str, Any] = {}
-        for kind in kinds:
-            name = kind.__name__
-            if self._kinds.setdefault(name, kind) is not kind:
-                raise TypeError(f"two dataclasses are called {name}")
+        for name, kind in self._kinds.items():
             items = [item for item in fields(kind) if item.init]
-            reads: Any = {item.name: override(struct_hook=self._read) for item in items}
-            writes: Any = {
-                item.name: override(unstruct_hook=self.to_plain, omit_if_default=item.metadata.get("later"))
+            hooks: Any = {
+                item.name: override(
+                    struct_hook=self._read, unstruct_hook=self.to_plain, omit_if_default=item.metadata.get("later")
+                )
                 for item in items
             }
-            self._readers[name] = make_dict_structure_fn(kind, converter, _cattrs_forbid_extra_keys=True, **reads)
-            self._writers[name] = make_dict_unstructure_fn(kind, converter, **writes)
+            self._readers[name] = make_dict_structure_fn(kind, converter, _cattrs_forbid_extra_keys=True, **hooks)
+            self._writers[name] = make_dict_unstructure_fn(kind, converter, **hooks)
 
     def to_plain(self, value: Any) -> Plain:
         """Return a value as plain data.

@@ -3,6 +3,8 @@
 Nothing here names a file: what is refused raises a ValueError or an OSError, which ``reading`` turns into a DataError.
 """
 
+import gzip
+import io
 import json
 import math
 import os
@@ -18,10 +20,10 @@ from pter_gym.errors import DataError
 MOST_JSON, MOST_TOML = 1 << 22, 1 << 18
 """Largest texts that are parsed [B]."""
 
-GZIP = 31
-"""zlib's name for the gzip format."""
-
-READ_ERRORS = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, OSError, EOFError, zlib.error)
+READ_ERRORS = (
+    *(ValueError, TypeError, LookupError, AttributeError, ArithmeticError, OSError, EOFError, zlib.error),
+    RecursionError,  # from data that are nested too deeply
+)
 """What reading damaged data can raise."""
 
 
@@ -50,30 +52,20 @@ def read_text(path: Path, most: int) -> str:
 
 
 def inflate(data: bytes, most: int) -> bytes:
-    """Return the content of a gzip file, or raise a ValueError or zlib.error; at most ``most`` [B] are unpacked."""
-    unpacker = zlib.decompressobj(GZIP)
-    content = _bounded(unpacker.decompress(data, most + 1), most)
-    if not unpacker.eof or unpacker.unused_data:
-        raise ValueError("it is not one complete gzip file")
-    return content
+    """Return the content of a gzip file, or raise an error in ``READ_ERRORS``; at most ``most`` [B] are unpacked."""
+    with gzip.open(io.BytesIO(data)) as file:
+        return _bounded(file.read(most + 1), most)
 
 
 def parse_json(data: bytes, most: int = MOST_JSON) -> Any:
     """Return the values in a JSON text of at most ``most`` [B] in UTF-8, all numbers finite, or raise a ValueError."""
-    text = _bounded(data, most).decode("utf-8")
-    try:
-        return json.loads(text, parse_float=_finite, parse_constant=_finite)
-    except RecursionError:
-        raise ValueError("it is nested too deeply") from None
+    return json.loads(_bounded(data, most).decode("utf-8"), parse_float=_finite, parse_constant=_finite)
 
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Return the values in a TOML text of at most ``MOST_TOML`` [B], all numbers finite, or raise a ValueError."""
     _bounded(text.encode(), MOST_TOML)
-    try:
-        return tomllib.loads(text, parse_float=_finite)
-    except RecursionError:
-        raise ValueError("it is nested too deeply") from None
+    return tomllib.loads(text, parse_float=_finite)
 
 
 def _bounded(data: bytes, most: int) -> bytes:

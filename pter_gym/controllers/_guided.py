@@ -64,10 +64,9 @@ class Guided:
                 require_flag(self, item.name)
             elif item.type is float:
                 require_number(self, item.name, **self.ranges.get(item.name, {"at_least": 0.0}))
-        accepted = "a tuple of rising voltages from 0"
-        require_numbers(self, "table_volts", accepted)
-        rising = all(a < b for a, b in pairwise(self.table_volts))
-        require(rising and self.table_volts[:1] == (0.0,), self, "table_volts", self.table_volts, accepted)
+        require_numbers(self, "table_volts")
+        rising = self.table_volts[:1] == (0.0,) and all(a < b for a, b in pairwise(self.table_volts))
+        require(rising, self, "table_volts", self.table_volts, "a tuple of rising voltages from 0")
 
     def gains(self) -> Gains:
         """Return the gains as the law reads them: the fields of the same names, and 0 for gains of other laws."""

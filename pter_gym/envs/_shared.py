@@ -14,8 +14,11 @@ from pter_gym._engine.batch import ActionUnit, Batch
 from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Machine, find_machine
-from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensors, Starts
+from pter_gym.paths import Path, find_path
+from pter_gym.scenarios import find_pace
+from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, RewardWeights, Sensors, Starts, find_starts
 from pter_gym.tasks.path_following._observation import BOUND
+from pter_gym.tasks.path_following._specification import largest_error_max
 
 if TYPE_CHECKING:
     from pter_gym.scenarios._own_machine import AnyMachine
@@ -33,11 +36,12 @@ class Arguments(TypedDict, total=False):
     task: PathFollowing | Sequence[PathFollowing] | None
     sensors: Sensors
     action_unit: ActionUnit
-    randomisation: "Randomisation | Mixture | None"
+    randomisation: "Randomisation | Mixture | str | None"
+    path: Path | str | None
+    pace: float | str | None
     observe_context: bool
     frame_skip: int
     scenario: str
-    pace: float | str | None
     contexts: int
     context_seed: int
     reward: RewardWeights | None
@@ -69,10 +73,10 @@ class Worlds:
         if render_mode is not None and render_mode not in modes:
             raise ParameterError(f"render_mode must be one of {', '.join(modes)} or None, got {render_mode!r}")
         given: dict[str, Any] = {name: _from_plain(value) for name, value in arguments.items()}
-        if "scenario" in given:
-            from pter_gym.envs.scenario import find_arguments  # imports what a fixed task doesn't need
+        if "scenario" in given or isinstance(given.get("randomisation"), str):
+            from pter_gym.envs import scenario  # imports what a fixed task doesn't need
 
-            given = find_arguments(**given)
+            given = scenario.find_arguments(**given)
         self.batch = _make_batch(num_envs, engine, **given)
         rate = 1.0 / (self.batch.frame_skip * self.batch.task.control_period)
         self.metadata = {**self.metadata, "render_fps": max(1, round(rate))}
@@ -136,18 +140,23 @@ def _make_batch(
     machine: Any = "baseline",
     task: Any = None,
     randomisation: "Randomisation | Mixture | None" = None,
+    path: Path | str | None = None,
+    pace: float | str | None = None,
     frame_skip: int = 1,
     sensors: Sensors = "torque",
     action_unit: ActionUnit = "volt",
     observe_context: bool = False,
 ) -> Batch:
+    overrides = overrides_of_task(path=path, pace=pace)
+    if overrides and not (task is None and randomisation is None):
+        raise ParameterError("path and pace must not be given with a task or a Randomisation, which bring both")
     if randomisation is not None:
         if task is not None or machine not in (None, "baseline"):
             raise ParameterError("task and machine must not be given with a randomisation, which brings both")
         machine, task = zip(*randomisation.pairs(), strict=True)
     else:
         machine = [find_machine(each) for each in machine] if _several(machine) else find_machine(machine)
-        task = PathFollowing() if task is None else task
+        task = PathFollowing(**overrides) if task is None else task
         for each in task if _several(task) else [task]:
             if not isinstance(each, PathFollowing):
                 raise ParameterError(
@@ -169,6 +178,20 @@ def _make_batch(
         max_steps=limit,
         **engine,
     )
+
+
+def overrides_of_task(**given: Any) -> dict[str, Any]:
+    """Return the fields of a task that are given; paths, paces and starts may be names.
+
+    About a path that is given without ``error_max``, the workspace is at most as wide as its curvature allows.
+    """
+    found = {name: value for name, value in given.items() if value is not None}
+    for name, find in {"path": find_path, "pace": find_pace, "starts": find_starts}.items():
+        if name in found:
+            found[name] = find(found[name])
+    if "path" in found and "error_max" not in found:
+        found["error_max"] = min(PathFollowing.error_max, largest_error_max(found["path"]))
+    return found
 
 
 def _several(value: object) -> bool:

@@ -90,7 +90,11 @@ class PathFollowingEnv(Worlds, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     - `machine`: a `Machine`, or the name of one of `pter_gym.params.MACHINES`.
     - `task`: a `PathFollowing`: path, hand, pace, control period, workspace, truncation error, arrival,
       starts, sensing, reward weights.
-    - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws its machine and task instead.
+    - `path`, `pace`: without a `task`, what is followed, and how fast [m/s]: a `Path`, its name in
+      `pter_gym.paths.PATHS` or a CSV file of waypoints, and a number or its name in `pter_gym.scenarios.PACES`. The
+      workspace about a curved path is as wide as its curvature allows.
+    - `randomisation`: a `Randomisation` or `Mixture` from which each episode draws its machine and task instead, or the
+      name of a scenario.
     - `scenario`: the name of a scenario from which training episodes are drawn instead, as for `PTER/Standard-v0`, with
       the arguments of `pter_gym.envs.scenario.training_draws`; actions are then normalised and held for 3 control
       steps by default.

@@ -4,11 +4,13 @@ from functools import lru_cache
 from typing import Any
 
 from pter_gym._internal.checks import whole_number
-from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.envs._shared import overrides_of_task
+from pter_gym.errors import ParameterError
+from pter_gym.paths import Path
 from pter_gym.scenarios import Scenario, find_scenario
 from pter_gym.scenarios._own_machine import AnyMachine
 from pter_gym.scenarios.randomisation import Randomisation
-from pter_gym.tasks.path_following import STARTS, RewardWeights, Starts
+from pter_gym.tasks.path_following import RewardWeights, Starts
 
 FRAME_SKIP = 3
 """Control steps for which the environments of scenarios hold an action: noise that is new at each decision then gets
@@ -28,6 +30,7 @@ def training_draws(
     truncation_error: float = TRUNCATION_ERROR,
     starts: Starts | str = "path",
     machine: AnyMachine | None = None,
+    path: Path | str | None = None,
 ) -> Randomisation:
     """Return the distribution from which a scenario's environment draws its episodes.
 
@@ -51,21 +54,18 @@ def training_draws(
         moving; with ``"rest"`` they begin like evaluation episodes, so exploration sees little of the path.
     machine
         One machine for all episodes, its name, or the path of a preset; by default the scenario draws machines.
+    path
+        One path for all episodes, its name in ``pter_gym.paths.PATHS``, or a CSV file of waypoints, where the scenario
+        does not draw paths.
 
     Raises
     ------
     ParameterError
         If an argument is out of range; the message names it.
     """
-    if isinstance(starts, str) and starts not in STARTS:
-        raise unknown_name("starts", starts, STARTS)
-    overrides = {
-        "reward": reward,
-        "error_max": error_max,
-        "truncation_error": truncation_error,
-        "starts": STARTS[starts] if isinstance(starts, str) else starts,
-    }
-    given = {name: value for name, value in overrides.items() if value is not None}
+    given = overrides_of_task(
+        path=path, reward=reward, error_max=error_max, truncation_error=truncation_error, starts=starts
+    )
     seed = whole_number("context_seed", context_seed, at_least=0)
     found = find_scenario(scenario, machine)
     try:
@@ -78,16 +78,21 @@ _randomisation = lru_cache(maxsize=32)(Scenario.randomisation)
 """The training draws, the same object for the same arguments, so that its pairs are drawn once."""
 
 
-def find_arguments(scenario: str, **given: Any) -> dict[str, Any]:
-    """Return the arguments of a scenario's environment for ``PathFollowingEnv`` without a scenario.
+def find_arguments(**given: Any) -> dict[str, Any]:
+    """Return arguments that name a scenario, as ``scenario`` or ``randomisation``, with what it draws in its place.
+
+    Actions of a ``scenario`` are normalised and held for ``FRAME_SKIP`` control steps by default.
 
     Raises
     ------
     ParameterError
         If an argument is out of range, or is one that the scenario draws itself.
     """
-    for name in {"task", "randomisation"} & given.keys():
-        raise ParameterError(f"{name} must not be given with a scenario, which draws its own")
+    name = "scenario" if "scenario" in given else "randomisation"
+    for other in {"task", "randomisation"} - {name} & given.keys():
+        raise ParameterError(f"{other} must not be given with a {name}, which draws its own")
     known = training_draws.__annotations__.keys() & given.keys()
-    drawn = training_draws(scenario, **{name: given.pop(name) for name in known})
-    return {"randomisation": drawn, "action_unit": "normalised", "frame_skip": FRAME_SKIP, **given}
+    arguments = {each: given.pop(each) for each in known if each != "scenario"}
+    drawn = training_draws(given.pop(name), **arguments)
+    held = {"action_unit": "normalised", "frame_skip": FRAME_SKIP} if name == "scenario" else {}
+    return {"randomisation": drawn, **held, **given}

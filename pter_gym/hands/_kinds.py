@@ -8,7 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from pter_gym._internal.tables import read_table
 from pter_gym._physics.arm import UnitVector
 from pter_gym.errors import ParameterError
 from pter_gym.hands._model import NO_FORCE, SINES, HandModel, PerSine, Sines
-from pter_gym.params import Hand, preset, quantity, require, require_flag, require_kind, require_number, require_numbers
+from pter_gym.params import Checked, Hand, preset, quantity, require, require_numbers
 from pter_gym.params._fields import SHIPPED
 
 EQ5_FREQUENCIES = tuple(2.0**n / 2.0 for n in range(SINES))
@@ -30,11 +30,15 @@ MAX_INSTANTS = 1_000_000
 MAX_INTERVAL = 0.5
 """Longest usual time between rows of a recording in a file [s]."""
 
+_FIVE: dict[str, Any] = {"count": SINES}
+_RATES: dict[str, Any] = {"count": SINES, "at_least": 0.0}
+_UP_TO_TEN: dict[str, Any] = {"above": 0.0, "at_most": 10.0}
+
 NO_HAND = Hand()
 """What a hand adds to the arm that is a force alone."""
 
 
-class Operator(ABC):
+class Operator(Checked, ABC):
     """A kind of hand: its impedance, added to the arm, and its own forces. Each is a frozen dataclass.
 
     Attributes
@@ -78,16 +82,12 @@ class MultiSineHand(Operator):
     amplitudes: tuple[float, ...] = quantity(
         "N",
         f"Fmax/5 each, by Eq. 5; Fmax is {SHIPPED['hand']['force_max']['from']}",
+        **_FIVE,
         default=(SHIPPED["hand"]["force_max"]["value"] / SINES,) * SINES,
     )
-    frequencies: tuple[float, ...] = quantity("Hz", "published: Eq. 5", default=EQ5_FREQUENCIES)
-    phases: tuple[float, ...] = quantity("rad", "published: Eq. 5", default=(0.0,) * SINES)
+    frequencies: tuple[float, ...] = quantity("Hz", "published: Eq. 5", **_RATES, default=EQ5_FREQUENCIES)
+    phases: tuple[float, ...] = quantity("rad", "published: Eq. 5", **_FIVE, default=(0.0,) * SINES)
     random_phases: bool = quantity("1", "chosen: False is Eq. 5; True draws the phases at each reset", default=False)
-
-    def __post_init__(self) -> None:
-        """Check that forces and frequencies are finite and that there are five of each."""
-        require_number(self, "push")
-        check_sines(self)
 
     plans: ClassVar[bool] = False
 
@@ -135,22 +135,20 @@ class HumanArm(Operator):
     """
 
     impedance: Hand = quantity("1", "chosen: within the order of magnitude of human arms", default=NORMAL)
-    eagerness: float = quantity("1", "chosen: intended over commanded pace", default=1.4)
-    rise: float = quantity("s", "chosen: time in which the intent gathers speed", default=0.3)
-    lead: float = quantity("m", "chosen: how far the intent may run ahead of the tip", default=0.12)
-    amplitudes: tuple[float, ...] = quantity("N", "chosen: error and tremor", default=(3.0, 3.0, 2.0, 1.0, 1.0))
-    frequencies: tuple[float, ...] = quantity("Hz", "chosen: as Eq. 5", default=EQ5_FREQUENCIES)
-    phases: tuple[float, ...] = quantity("rad", "chosen", default=(0.0,) * SINES)
+    eagerness: float = quantity("1", "chosen: intended over commanded pace", **_UP_TO_TEN, default=1.4)
+    rise: float = quantity("s", "chosen: time in which the intent gathers speed", **_UP_TO_TEN, default=0.3)
+    lead: float = quantity("m", "chosen: how far the intent may run ahead of the tip", **_UP_TO_TEN, default=0.12)
+    amplitudes: tuple[float, ...] = quantity(
+        "N", "chosen: error and tremor", **_FIVE, default=(3.0, 3.0, 2.0, 1.0, 1.0)
+    )
+    frequencies: tuple[float, ...] = quantity("Hz", "chosen: as Eq. 5", **_RATES, default=EQ5_FREQUENCIES)
+    phases: tuple[float, ...] = quantity("rad", "chosen", **_FIVE, default=(0.0,) * SINES)
     random_phases: bool = quantity("1", "chosen: whether the phases are drawn at each reset", default=False)
 
     def __post_init__(self) -> None:
-        """Check that the arm has a spring and the numbers are finite and positive."""
-        require_kind(self, "impedance", Hand)
+        """Check that the arm has a spring."""
+        super().__post_init__()
         require(self.impedance.stiffness > 0.0, self, "impedance.stiffness", self.impedance.stiffness, "> 0 N/m")
-        require_number(self, "eagerness", above=0.0, at_most=10.0)
-        for name in ("rise", "lead"):
-            require_number(self, name, above=0.0, at_most=10.0)
-        check_sines(self)
 
     def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:  # noqa: ARG002
         """Return its constants for the kernels; see ``Operator``."""
@@ -172,12 +170,11 @@ class RecordedForces(Operator):
 
     def __post_init__(self) -> None:
         """Check that there are as many forces as times, and that these rise from 0."""
-        accepted = "a tuple of finite numbers, rising from 0"
-        require_numbers(self, "times", accepted)
+        super().__post_init__()
         if fault := fault_in(self.times, lambda k: f"entry {k}"):
-            raise ParameterError(f"RecordedForces.times must be {accepted}, but {fault}")
+            raise ParameterError(f"RecordedForces.times must be rising from 0, but {fault}")
         for name in ("along", "across"):
-            require_numbers(self, name, f"a tuple of {len(self.times)} finite numbers", count=len(self.times))
+            require_numbers(self, name, count=len(self.times))
 
     def model(self, pace: float, substep: float, recording: tuple[int, int]) -> HandModel:  # noqa: ARG002
         """Return its constants for the kernels; see ``Operator``."""
@@ -227,14 +224,6 @@ def fault_in(times: Sequence[float], label: Callable[[int], str]) -> str | None:
         return f"{label(0)}: time must begin at 0, got {times[0]:.9g}"
     falls = (k for k in range(1, len(times)) if not times[k - 1] < times[k])
     return next((f"{label(k)}: time {times[k]:.9g} does not rise from that of {label(k - 1)}" for k in falls), None)
-
-
-def check_sines(hand: MultiSineHand | HumanArm) -> None:
-    """Raise a ParameterError unless there are five finite sines of frequencies ≥ 0."""
-    for name in ("amplitudes", "frequencies", "phases"):
-        require_numbers(hand, name, f"a tuple of {SINES} finite numbers", count=SINES)
-    require(min(hand.frequencies) >= 0.0, hand, "frequencies", hand.frequencies, "≥ 0")
-    require_flag(hand, "random_phases")
 
 
 def with_sines(hand: MultiSineHand | HumanArm, substep: float) -> HandModel:

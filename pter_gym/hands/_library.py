@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from pter_gym._internal.codec import tuple_of
-from pter_gym.params import Hand, require
+from pter_gym.params import Hand
 
 Matrix = tuple[tuple[float, float], tuple[float, float]]
 """A symmetric matrix in the plane."""
@@ -47,12 +47,6 @@ class LibraryArm:
     provenance: str
     source: str
 
-    def __post_init__(self) -> None:
-        """Check that the matrices are symmetric and positive definite."""
-        for name in ("mass", "damping", "stiffness"):
-            given = getattr(self, name)
-            require(_is_definite(given), self, name, given, "a symmetric positive definite matrix of 2 × 2 numbers")
-
     @property
     def hand(self) -> Hand:
         """The isotropic hand for the simulator: the mean over all directions, half of each trace."""
@@ -83,31 +77,16 @@ class LibraryTremor:
     provenance: str
     source: str
 
-    def __post_init__(self) -> None:
-        """Check that both are ranges of positive numbers."""
-        for name in ("band", "acceleration"):
-            low, high = getattr(self, name)
-            require(0.0 < low <= high < math.inf, self, name, (low, high), "two positive numbers in order")
-
     @property
     def middle(self) -> tuple[float, float]:
         """The geometric means of frequency [Hz] and acceleration [m/s²]."""
         return math.sqrt(math.prod(self.band)), math.sqrt(math.prod(self.acceleration))
 
 
-def _is_definite(matrix: Matrix) -> bool:
-    (a, b), (c, d) = matrix
-    return math.isfinite(a + b + d) and b == c and a > 0.0 and a * d > b * b
-
-
-def _entries(kind: type[Any], tables: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any]:
+def _entries(kind: type[Any], tables: dict[str, dict[str, Any]]) -> Mapping[str, Any]:
     """Return the entries of one kind by name."""
-    return MappingProxyType(
-        {
-            name: kind(name=name, **{field: tuple_of(value) for field, value in table.items()})
-            for name, table in tables.items()
-        }
-    )
+    entries = {name: {key: tuple_of(value) for key, value in table.items()} for name, table in tables.items()}
+    return MappingProxyType({name: kind(name=name, **entry) for name, entry in entries.items()})
 
 
 _LIBRARY = tomllib.loads((Path(__file__).parents[1] / "presets" / "hands.toml").read_text("utf-8"))

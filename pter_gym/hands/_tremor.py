@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from pter_gym.errors import unknown_name
 from pter_gym.hands._kinds import EQ5_FREQUENCIES, MAX_INSTANTS, HumanArm
 from pter_gym.hands._library import LIBRARY_ARMS, LIBRARY_TREMORS
-from pter_gym.hands._model import HandModel
+from pter_gym.hands._model import SINES, HandModel
 from pter_gym.params import quantity, require, require_number
 
 ERROR = tuple(3.0 if frequency < 3.0 else 0.0 for frequency in EQ5_FREQUENCIES)
 """Amplitudes of a person's own error [N]: only below all tremor."""
+
+_FREQUENCY: dict[str, Any] = {"above": 0.0, "at_most": 25.0}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,26 +42,24 @@ class TremorArm(HumanArm):
     this is compensated. After ``lasts`` there is no tremor.
     """
 
-    amplitudes: tuple[float, ...] = quantity("N", "chosen: the person's error, below all tremor", default=ERROR)
-    frequency: float = quantity("Hz", "see LIBRARY_TREMORS")
-    acceleration: float = quantity("m/s²", "amplitude of the free hand: see LIBRARY_TREMORS")
+    amplitudes: tuple[float, ...] = quantity(
+        "N", "chosen: the person's error, below all tremor", count=SINES, default=ERROR
+    )
+    frequency: float = quantity("Hz", "see LIBRARY_TREMORS", **_FREQUENCY)
+    acceleration: float = quantity("m/s²", "amplitude of the free hand: see LIBRARY_TREMORS", at_least=0.0)
     direction: float = quantity("rad", "chosen: from the path, positive to the left", default=0.5 * math.pi)
     phase: float = quantity("rad", "chosen", default=0.0)
-    swell: float = quantity("1", "chosen: how much the amplitude waxes and wanes", default=0.3)
+    swell: float = quantity(
+        "1", "chosen: how much the amplitude waxes and wanes", at_least=0.0, at_most=1.0, default=0.3
+    )
     swell_frequency: float = quantity("Hz", "chosen: how often it does", default=0.5)
     swell_phase: float = quantity("rad", "chosen", default=0.0)
-    lasts: float = quantity("s", "chosen: longer than every scored episode", default=30.0)
+    lasts: float = quantity("s", "chosen: longer than every scored episode", above=0.0, at_most=3600.0, default=30.0)
 
     def __post_init__(self) -> None:
-        """Check that the numbers are finite and within their ranges."""
+        """Check that the amplitude does not swell faster than the tremor."""
         super().__post_init__()
-        require_number(self, "frequency", above=0.0, at_most=25.0)
-        require_number(self, "acceleration", at_least=0.0)
-        for name in ("direction", "phase", "swell_phase"):
-            require_number(self, name)
-        require_number(self, "swell", at_least=0.0, at_most=1.0)
         require_number(self, "swell_frequency", at_least=0.0, at_most=self.frequency)
-        require_number(self, "lasts", above=0.0, at_most=3600.0)
 
     @property
     def force(self) -> float:
@@ -101,13 +101,13 @@ class TremorArm(HumanArm):
 def _frequency(name: str) -> Any:
     """Declare the frequency of a library tremor."""
     middle, _ = LIBRARY_TREMORS[name].middle
-    return quantity("Hz", f"derived: geometric middle of the band of {name}", default=middle)
+    return quantity("Hz", f"derived: geometric middle of the band of {name}", **_FREQUENCY, default=middle)
 
 
 def _acceleration(name: str) -> Any:
     """Declare the acceleration of a library tremor."""
     _, middle = LIBRARY_TREMORS[name].middle
-    return quantity("m/s²", f"derived: geometric middle of the range of {name}", default=middle)
+    return quantity("m/s²", f"derived: geometric middle of the range of {name}", at_least=0.0, default=middle)
 
 
 @dataclass(frozen=True, kw_only=True)

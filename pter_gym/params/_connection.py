@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from pter_gym.params._fields import quantity, require, require_kind, require_numbers
+from pter_gym.params._fields import Checked, quantity, require
 
 
 @dataclass(frozen=True)
-class Connection:
+class Connection(Checked):
     """The name of a clutch and its row (a, b) of W [1]; raises a ParameterError unless the row has one of these forms.
 
     It slips at a·ω_A + b·ω_B, and its torque τ acts as a·τ on link A and b·τ on link B. (1, 0) and (0, 1) are brakes;
@@ -14,14 +14,13 @@ class Connection:
     """
 
     name: str = quantity("1", "chosen")
-    row: tuple[float, float] = quantity("1", "published: Eqs. 3 and 4, for PTER's clutches")
+    row: tuple[float, float] = quantity("1", "published: Eqs. 3 and 4, for PTER's clutches", count=2)
 
     def __post_init__(self) -> None:
         """Check both."""
-        require_kind(self, "name", str)
+        super().__post_init__()
         require(self.name.isprintable() and 0 < len(self.name) <= 40, self, "name", self.name, "1 to 40 characters")
         accepted = "(0, 1), (1, 0), (1, −r) or (1, r) with 0.01 ≤ r ≤ 100"
-        require_numbers(self, "row", accepted, count=2)
         a, b = self.row
         fits = (a, b) == (0.0, 1.0) or (a == 1.0 and (b == 0.0 or 0.01 <= abs(b) <= 100.0))
         require(fits, self, "row", self.row, accepted)

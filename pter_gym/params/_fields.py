@@ -1,10 +1,10 @@
-"""How parameters are declared and checked: a unit and a provenance for each field, one message for each bad value."""
+"""How parameters are declared and checked: a unit, a provenance and a range for each field, one form of message."""
 
 import math
-from dataclasses import field
+from dataclasses import MISSING, field, fields
 from numbers import Integral
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast, get_args, get_origin
 
 from pter_gym._internal.checks import is_finite
 from pter_gym._internal.reading import parse_toml
@@ -20,21 +20,53 @@ SMALLEST = 1e-12
 """Smallest size of a number that has to be positive. Products of such numbers do not underflow."""
 
 
-def quantity(unit: str, provenance: str, *, later: bool = False, **options: Any) -> Any:
-    """Declare a field with its unit and where its value comes from; ``options`` go to ``dataclasses.field``.
+def quantity(unit: str, provenance: str, *, default: Any = MISSING, later: bool = False, **limits: float) -> Any:
+    """Declare a field with its unit, where its value comes from, and the limits that ``Checked`` requires.
 
-    A field added ``later`` is stored only if it differs from its default, so that older stored data keep their bytes.
+    Parameters
+    ----------
+    unit, provenance, default
+        Unit of the value, its source, and its default, if it has one.
+    later
+        Whether the field is stored only if it differs from its default, so that older stored data keep their bytes.
+    **limits
+        Keywords of ``check_number`` or, for a tuple, of ``require_numbers``.
     """
-    return field(metadata={"unit": unit, "provenance": provenance, "later": later}, **options)
+    told = {"unit": unit, "provenance": provenance, "later": later, "limits": limits}
+    return field(default=default, metadata=told)
 
 
-def preset(section: str, name: str) -> Any:
-    """Declare a field with unit, provenance and value from the preset that the package ships."""
+def preset(section: str, name: str, **limits: Any) -> Any:
+    """Declare a field with unit, provenance and value from the preset that the package ships, and its limits."""
     entry = SHIPPED[section][name]
-    value = entry["value"]
-    return quantity(
-        entry["unit"], entry["from"], default=tuple(cast("list[float]", value)) if isinstance(value, list) else value
-    )
+    value = tuple(cast("list[float]", entry["value"])) if isinstance(entry["value"], list) else entry["value"]
+    return quantity(entry["unit"], entry["from"], default=value, **limits)
+
+
+class Checked:
+    """Base of frozen dataclasses that check each field by its annotation and by the limits that ``quantity`` declares.
+
+    Raises
+    ------
+    ParameterError
+        If a field has a wrong type or is out of range; the message names the field and what it accepts.
+    """
+
+    def __post_init__(self) -> None:
+        """Check each field by itself."""
+        for item in fields(cast(Any, self)):
+            kind, limits, name = cast(Any, item.type), item.metadata.get("limits", {}), item.name
+            if kind is float:
+                require_number(self, name, **limits)
+            elif kind is int:
+                require_whole(self, name, **limits)
+            elif get_origin(kind) is tuple and get_args(kind)[0] is float:
+                require_numbers(self, name, **limits)
+            elif get_origin(kind) is Literal:
+                value = getattr(self, name)
+                require(value in get_args(kind), self, name, value, f"one of {', '.join(get_args(kind))}")
+            elif isinstance(kind, type):
+                require_kind(self, name, kind)
 
 
 def require(condition: bool, owner: object, name: str, value: object, accepted: str) -> None:
@@ -61,14 +93,13 @@ def check_number(
 
     A range without an upper bound ends at ``LARGEST``; one that excludes 0 begins at ``SMALLEST``.
     """
-    bounds = (("> ", above), ("≥ ", at_least), ("≤ ", at_most), ("< ", below))
-    told = [f"{sign}{bound:g}" for sign, bound in bounds if math.isfinite(bound)]
-    if min(at_most, below) == math.inf:
-        told.append(f"at most {LARGEST:g}" if told else f"at most {LARGEST:g} in size")
     least = SMALLEST if above == 0.0 else max(at_least, -LARGEST)
     if not (is_finite(value) and least <= value <= min(at_most, LARGEST) and above < value < below):
-        accepted = " and ".join(["a finite number", *told])
-        raise ParameterError(f"{field} must be {accepted}, got {value!r:.400}")
+        bounds = (("> ", above), ("≥ ", at_least), ("≤ ", at_most), ("< ", below))
+        told = [f"{sign}{bound:g}" for sign, bound in bounds if math.isfinite(bound)]
+        if min(at_most, below) == math.inf:
+            told.append(f"at most {LARGEST:g}" if told else f"at most {LARGEST:g} in size")
+        raise ParameterError(f"{field} must be {' and '.join(['a finite number', *told])}, got {value!r:.400}")
 
 
 def require_whole(owner: object, name: str, *, at_least: int = 1, below: float = math.inf) -> None:
@@ -92,18 +123,13 @@ def require_kind(owner: object, name: str, *kinds: type) -> None:
 
 def require_flag(owner: object, name: str) -> None:
     """Raise a ParameterError unless the field is True or False."""
-    value = getattr(owner, name)
-    require(isinstance(value, bool), owner, name, value, "True or False")
+    require_kind(owner, name, bool)
 
 
-def require_numbers(owner: object, name: str, accepted: str, *, count: int | None = None) -> None:
-    """Raise a ParameterError unless the field is a tuple of finite real numbers, of the given count.
-
-    No number may exceed ``LARGEST`` in magnitude.
-    """
+def require_numbers(owner: object, name: str, *, count: int | None = None, at_least: float = -LARGEST) -> None:
+    """Raise a ParameterError unless the field is a tuple of numbers ≥ ``at_least``, of the given count."""
     value: Any = getattr(owner, name)
-    numbers = cast("tuple[float, ...]", value) if isinstance(value, tuple) else None
-    fits = numbers is not None and all(map(is_finite, numbers)) and (count is None or len(numbers) == count)
-    require(fits, owner, name, cast(Any, value), accepted)
-    small = all(abs(x) <= LARGEST for x in numbers or ())
-    require(small, owner, name, numbers, f"of numbers of at most {LARGEST:g} in size")
+    numbers = cast("tuple[float, ...]", value) if isinstance(value, tuple) else ()
+    fits = numbers is value and all(is_finite(x) and at_least <= x <= LARGEST for x in numbers)
+    accepted = f"a tuple of {'' if count is None else f'{count} '}finite numbers from {at_least:g} to {LARGEST:g}"
+    require(fits and count in (None, len(numbers)), owner, name, cast(Any, value), accepted)

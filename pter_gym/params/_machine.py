@@ -6,62 +6,54 @@ does not print are in one file, ``presets/pter.toml``.
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, cast, get_args
+from typing import Literal, cast
 
 from pter_gym.params._connection import BRAKE_A, BRAKE_B, PAPER_CLUTCHES, SLOTS, Connection
-from pter_gym.params._fields import SHIPPED, preset, quantity, require, require_kind, require_number, require_numbers
+from pter_gym.params._fields import SHIPPED, Checked, preset, quantity, require, require_kind, require_number
 
 Lag = Literal["normal_force", "voltage"]
 
 _CLUTCH = SHIPPED["clutch"]
+_NO_HAND = "published: the paper's hand is a force alone"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arm:
+class Arm(Checked):
     """The five-bar arm as a two-axis mechanism (paper Eqs. 3 and 4).
 
     Angles are absolute; M12 = coupling·cos(θA − θB). We found no source for link lengths and inertias. Each axis may
     have dry and viscous friction against the base, which the paper's equations leave out.
     """
 
-    length_a: float = preset("arm", "length_a")
-    length_b: float = preset("arm", "length_b")
-    inertia_a: float = preset("arm", "inertia_a")
-    inertia_b: float = preset("arm", "inertia_b")
+    length_a: float = preset("arm", "length_a", above=0.0)
+    length_b: float = preset("arm", "length_b", above=0.0)
+    inertia_a: float = preset("arm", "inertia_a", above=0.0)
+    inertia_b: float = preset("arm", "inertia_b", above=0.0)
     coupling: float = preset("arm", "coupling")
-    dry_a: float = preset("arm", "dry_a")
-    dry_b: float = preset("arm", "dry_b")
-    viscous_a: float = preset("arm", "viscous_a")
-    viscous_b: float = preset("arm", "viscous_b")
+    dry_a: float = preset("arm", "dry_a", at_least=0.0)
+    dry_b: float = preset("arm", "dry_b", at_least=0.0)
+    viscous_a: float = preset("arm", "viscous_a", at_least=0.0)
+    viscous_b: float = preset("arm", "viscous_b", at_least=0.0)
 
     def __post_init__(self) -> None:
         """Check that the mass matrix is positive definite in every pose."""
-        for name in ("length_a", "length_b", "inertia_a", "inertia_b"):
-            require_number(self, name, above=0.0)
+        super().__post_init__()
         limit = math.sqrt(self.inertia_a * self.inertia_b)
         require_number(self, "coupling", above=-limit, below=limit)
-        for name in ("dry_a", "dry_b", "viscous_a", "viscous_b"):
-            require_number(self, name, at_least=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class TorqueCurve:
+class TorqueCurve(Checked):
     """Steady torque of a clutch over voltage: a linear and a quadratic segment, C1 (paper section IV-B.1, Fig. 5).
 
     ``T(v) = slope·v + curvature·max(v − knee, 0)²``: zero without voltage, as the paper assumes.
     """
 
-    slope: float = quantity("N·m/V", _CLUTCH["slope"]["from"])
-    knee: float = quantity("V", _CLUTCH["knee"]["from"])
+    slope: float = quantity("N·m/V", _CLUTCH["slope"]["from"], above=0.0)
+    knee: float = quantity("V", _CLUTCH["knee"]["from"], at_least=0.0)
     curvature: float = quantity("N·m/V²", _CLUTCH["curvature"]["from"])
-
-    def __post_init__(self) -> None:
-        """Check the numbers; whether the curve is monotone depends on the clutch's largest voltage."""
-        require_number(self, "slope", above=0.0)
-        require_number(self, "knee", at_least=0.0)
-        require_number(self, "curvature")
 
     def torque(self, volts: float) -> float:
         """Return the torque [N·m] at a voltage [V]."""
@@ -82,7 +74,7 @@ class TorqueCurve:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Clutch:
+class Clutch(Checked):
     """One electromagnetic friction clutch; PTER has four identical ones.
 
     The dynamic torque at a given voltage does not depend on speed. This is our choice: the paper allows any g(ω, v)
@@ -91,41 +83,33 @@ class Clutch:
 
     breakaway: TorqueCurve = quantity("N·m", _CLUTCH["breakaway_ratio"]["from"])
     dynamic: TorqueCurve = quantity("N·m", "see TorqueCurve")
-    time_constant: float = preset("clutch", "time_constant")
-    voltage_max: float = preset("clutch", "voltage_max")
+    time_constant: float = preset("clutch", "time_constant", above=0.0)
+    voltage_max: float = preset("clutch", "voltage_max", above=0.0)
     lag: Lag = quantity("1", "published: section II-B, from voltage to normal force", default="normal_force")
 
     def __post_init__(self) -> None:
         """Check that both curves are finite, monotone and invertible up to the largest voltage."""
-        require_number(self, "time_constant", above=0.0)
-        require_number(self, "voltage_max", above=0.0)
-        require(self.lag in get_args(Lag), self, "lag", self.lag, f"one of {', '.join(get_args(Lag))}")
+        super().__post_init__()
         for name in ("breakaway", "dynamic"):
-            curve = getattr(self, name)
-            require(isinstance(curve, TorqueCurve), self, name, curve, "a TorqueCurve")
+            curve: TorqueCurve = getattr(self, name)
             end = curve.slope + 2.0 * curve.curvature * max(self.voltage_max - curve.knee, 0.0)
             require(end > 0.0, self, name, curve, f"monotone up to voltage_max = {self.voltage_max:g} V")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hand:
+class Hand(Checked):
     """Mass, damper and spring that the hand adds at the tip, besides its force. The paper's tests have none of them.
 
     The mass is added to the arm's exactly; the damping is integrated implicitly, the spring explicitly.
     """
 
-    mass: float = quantity("kg", "published: the paper's hand is a force alone", default=0.0)
-    damping: float = quantity("N·s/m", "published: the paper's hand is a force alone", default=0.0)
-    stiffness: float = quantity("N/m", "published: the paper's hand is a force alone", default=0.0)
-
-    def __post_init__(self) -> None:
-        """Check that no value is negative."""
-        for item in fields(self):
-            require_number(self, item.name, at_least=0.0)
+    mass: float = quantity("kg", _NO_HAND, at_least=0.0, default=0.0)
+    damping: float = quantity("N·s/m", _NO_HAND, at_least=0.0, default=0.0)
+    stiffness: float = quantity("N/m", _NO_HAND, at_least=0.0, default=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Machine:
+class Machine(Checked):
     """A PTER: arm, clutches and the hand that holds the tip, with the parameters of its friction model.
 
     A machine with fewer than the paper's four clutches has empty slots, whose voltages have no effect.
@@ -137,25 +121,25 @@ class Machine:
     clutch_scale: tuple[float, ...] = quantity(
         "1",
         "chosen: each clutch's torques over those of its curves; 0 for a clutch that is not there",
+        count=SLOTS,
+        at_least=0.0,
         default=(1.0,) * SLOTS,
     )
     clutches: tuple[Connection, ...] = quantity(
         "1", "published: Eqs. 3 and 4; other arrangements were never built", default=PAPER_CLUTCHES, later=True
     )
-    slip_threshold: float = quantity("rad/s", "chosen: δω of Karnopp's model (Eq. 2)", default=1e-3)
+    slip_threshold: float = quantity("rad/s", "chosen: δω of Karnopp's model (Eq. 2)", above=0.0, default=1e-3)
     substep: float = quantity(
-        "s", "chosen: longest step of the integrator; a control period has equal ones", default=2.5e-3
+        "s",
+        "chosen: longest step of the integrator; a control period has equal ones",
+        above=0.0,
+        at_most=0.01,
+        default=2.5e-3,
     )
 
     def __post_init__(self) -> None:
         """Check the numbers of the friction model and that the hand's explicit spring is stable."""
-        for name, kind in (("arm", Arm), ("clutch", Clutch), ("hand", Hand)):
-            require_kind(self, name, kind)
-        accepted = f"a tuple of {SLOTS} finite numbers ≥ 0"
-        require_numbers(self, "clutch_scale", accepted, count=SLOTS)
-        require(min(self.clutch_scale) >= 0.0, self, "clutch_scale", self.clutch_scale, accepted)
-        require_number(self, "slip_threshold", above=0.0)
-        require_number(self, "substep", above=0.0, at_most=0.01)
+        super().__post_init__()
         self._check_clutches()
         mass = self.hand.mass + tip_mass(self.arm)
         require(

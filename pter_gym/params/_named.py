@@ -14,9 +14,6 @@ _MU_STATIC_PRESENT = 0.45
 _MU_STATIC_DELRIN, _MU_DYNAMIC_DELRIN = 0.20, 0.35
 """Friction coefficients of Delrin 100 on steel from the literature (paper section IV-B.2)."""
 
-PRESENT_CLUTCH = machine_of(PRESET).clutch
-"""The present clutches (fitted)."""
-
 
 def with_friction(clutch: Clutch, breakaway: float, dynamic: float) -> Clutch:
     """Return a clutch of another friction material, given factors on its breakaway and dynamic torque."""
@@ -29,7 +26,7 @@ def paper_machines_of(preset: Preset) -> dict[str, Machine]:
     scale, mu_dynamic = delrin["dynamic_scale"], delrin["mu_dynamic_present"]
     factors = {
         "baseline": (1.0, 1.0),
-        "delrin_experimental": (scale * delrin["breakaway_ratio"] / preset.clutch.breakaway_ratio, scale),
+        "delrin_experimental": (scale * delrin["breakaway_ratio"] / preset.clutch["breakaway_ratio"], scale),
         "delrin_theoretical": (
             _MU_STATIC_DELRIN / _MU_STATIC_PRESENT,
             _MU_DYNAMIC_DELRIN / mu_dynamic,

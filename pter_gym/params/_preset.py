@@ -35,65 +35,43 @@ SECTIONS = {
 Value = float | tuple[float, ...]
 Section = Mapping[str, Any]
 
+CLUTCHES = "clutches"
+"""The section after them, of machines with other clutches than the paper's: the row of W of each clutch by its name."""
 
-@dataclass(frozen=True, kw_only=True)
-class ClutchValues:
-    """The section ``clutch``: a curve of dynamic torque, T_s/T_k, and each clutch's torques over those of the curve."""
-
-    slope: float
-    knee: float
-    curvature: float
-    breakaway_ratio: float
-    time_constant: float
-    voltage_max: float
-    scale: tuple[float, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class SensingValues:
-    """The section ``sensing``: a delay [s]."""
-
-    delay: float
+OPTIONAL = ("dry_a", "dry_b", "viscous_a", "viscous_b")
+"""Fields that a file may leave out: their values are those of ``SHIPPED``."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """A complete set of numbers in SI: the sections of a file, and where each number comes from.
+    """A complete set of numbers in SI: the sections of a file by field, and where each number comes from.
 
     Attributes
     ----------
     arm, clutch, sensing
-        Of a machine.
+        Of a machine: fields of ``Arm``; the curve of dynamic torque, T_s/T_k, and each clutch's torques over those of
+        the curve; a delay [s].
     delrin, path, hand, controller
-        Of the paper's standard test: the numbers by name.
+        Of the paper's standard test.
     clutches
         What each clutch connects; the paper's four if a file has no section ``clutches``.
     provenance
         Where each number comes from, by section and field: ``preset.provenance["arm.length_a"]``.
     """
 
-    arm: Arm
-    clutch: ClutchValues
+    arm: Section
+    clutch: Section
     delrin: Section
     path: Section
     hand: Section
     controller: Section
-    sensing: SensingValues
+    sensing: Section
     provenance: Mapping[str, str]
     clutches: tuple[Connection, ...] = PAPER_CLUTCHES
 
     def __post_init__(self) -> None:
         """Check the machine."""
         machine_of(self)
-
-
-_KINDS: dict[str, Any] = {"arm": Arm, "clutch": ClutchValues, "sensing": SensingValues}
-
-CLUTCHES = "clutches"
-"""The section after them, of machines with other clutches than the paper's: the row of W of each clutch by its name."""
-
-OPTIONAL = ("dry_a", "dry_b", "viscous_a", "viscous_b")
-"""Fields that a file may leave out, as older ones do."""
 
 
 def is_preset(machine: object) -> bool:
@@ -122,22 +100,19 @@ def load_preset(path: FilePath) -> Preset:
 
 
 def parse_preset(text: str) -> Preset:
-    """Return the preset in a TOML text; it raises a ParameterError where ``load_preset`` raises a DataError."""
-    try:
-        tables = parse_toml(text)
-    except ValueError as error:
-        raise ParameterError(f"it is not TOML: {error}") from None
+    """Return the preset in a TOML text; it raises a ValueError where ``load_preset`` raises a DataError."""
+    tables = parse_toml(text)
     _check_names("section", tables, (*SECTIONS, CLUTCHES), {CLUTCHES})
     provenance = {f"{name}.{each}": "chosen: not in the file" for name in SECTIONS for each in SHIPPED[name]}
     sections: dict[str, Any] = {}
     for name in SECTIONS:
         _check_names(f"field of {name}", tables[name], SHIPPED[name], OPTIONAL)
-        values = {each: _value(name, each, entry, provenance) for each, entry in tables[name].items()}
-        sections[name] = _KINDS.get(name, dict)(**values)
+        usual = {each: SHIPPED[name][each]["value"] for each in OPTIONAL if each in SHIPPED[name]}
+        sections[name] = usual | {each: _value(name, each, entry, provenance) for each, entry in tables[name].items()}
     if CLUTCHES in tables:
         _check_names(CLUTCHES, tables[CLUTCHES], tables[CLUTCHES], ())
         rows: Any = {each: _value(CLUTCHES, each, entry, provenance) for each, entry in tables[CLUTCHES].items()}
-        if not 0 < len(rows) <= SLOTS or len(sections["clutch"].scale) != len(rows):
+        if not 0 < len(rows) <= SLOTS or len(sections["clutch"]["scale"]) != len(rows):
             raise ParameterError(f"{CLUTCHES} and clutch.scale must be of 1 to {SLOTS} clutches, equally many")
         sections[CLUTCHES] = tuple(Connection(name, row) for name, row in rows.items())
     return Preset(**sections, provenance=provenance)
@@ -187,9 +162,8 @@ def format_preset(preset: Preset, title: str) -> str:
 
     for section, heading in SECTIONS.items():
         lines += ["", f"# {heading}", f"[{section}]"]
-        values = getattr(preset, section)
         for name, like in SHIPPED[section].items():
-            add(section, name, values[name] if section not in _KINDS else getattr(values, name), like["unit"])
+            add(section, name, getattr(preset, section)[name], like["unit"])
     if preset.clutches != PAPER_CLUTCHES or any(where.startswith(f"{CLUTCHES}.") for where in preset.provenance):
         lines += ["", "# What each clutch connects: its row (a, b) of W. It slips at a·ω_A + b·ω_B.", f"[{CLUTCHES}]"]
         for each in preset.clutches:
@@ -204,15 +178,15 @@ def _quoted(text: str) -> str:
 def machine_of(preset: Preset) -> Machine:
     """Return the machine of a preset, with its present clutches."""
     values = preset.clutch
-    dynamic = TorqueCurve(slope=values.slope, knee=values.knee, curvature=values.curvature)
+    dynamic = TorqueCurve(**{name: values[name] for name in ("slope", "knee", "curvature")})
     clutch = Clutch(
-        breakaway=dynamic.scaled(values.breakaway_ratio),
+        breakaway=dynamic.scaled(values["breakaway_ratio"]),
         dynamic=dynamic,
-        time_constant=values.time_constant,
-        voltage_max=values.voltage_max,
+        time_constant=values["time_constant"],
+        voltage_max=values["voltage_max"],
     )
-    scale = (*values.scale, *[1.0] * (SLOTS - len(preset.clutches)))
-    return Machine(arm=preset.arm, clutch=clutch, clutch_scale=scale, clutches=preset.clutches)
+    scale = (*values["scale"], *[1.0] * (SLOTS - len(preset.clutches)))
+    return Machine(arm=Arm(**preset.arm), clutch=clutch, clutch_scale=scale, clutches=preset.clutches)
 
 
 PRESET = load_preset(Path(__file__).parents[1] / "presets" / "pter.toml")
@@ -231,22 +205,21 @@ def preset_of(machine: Machine, base: Preset = PRESET, *, origin: str | None = N
     origin
         Provenance of the numbers that differ from ``base``, in the form used in preset files.
     """
-    curve = machine.clutch.dynamic
-    clutch = ClutchValues(
+    curve, arm = machine.clutch.dynamic, vars(machine.arm)
+    clutch = {
         **vars(curve),
-        breakaway_ratio=machine.clutch.breakaway.slope / curve.slope,
-        time_constant=machine.clutch.time_constant,
-        voltage_max=machine.clutch.voltage_max,
-        scale=machine.clutch_scale[: len(machine.clutches)],
-    )
+        "breakaway_ratio": machine.clutch.breakaway.slope / curve.slope,
+        "time_constant": machine.clutch.time_constant,
+        "voltage_max": machine.clutch.voltage_max,
+        "scale": machine.clutch_scale[: len(machine.clutches)],
+    }
     provenance = dict(base.provenance)
     if origin is not None:
-        for name, now, was in (("arm", machine.arm, base.arm), ("clutch", clutch, base.clutch)):
-            changed = [each for each, value in vars(now).items() if value != getattr(was, each)]
-            provenance |= {f"{name}.{each}": origin for each in changed}
+        for section, now, was in (("arm", arm, base.arm), ("clutch", clutch, base.clutch)):
+            provenance |= {f"{section}.{name}": origin for name, value in now.items() if value != was[name]}
         if machine.clutches != base.clutches:
             provenance |= {f"{CLUTCHES}.{each.name}": origin for each in machine.clutches}
-    return replace(base, arm=machine.arm, clutch=clutch, clutches=machine.clutches, provenance=provenance)
+    return replace(base, arm=arm, clutch=clutch, clutches=machine.clutches, provenance=provenance)
 
 
 def save_preset(machine: Machine, path: FilePath, *, origin: str, title: str = "") -> None:
@@ -274,13 +247,12 @@ def save_preset(machine: Machine, path: FilePath, *, origin: str, title: str = "
         raise ParameterError(f"path must end in .toml, got {str(file)!r}")
     text = format_preset(preset_of(machine, origin=origin), title)
     read = machine_of(parse_preset(text))  # which checks it
-    for owner, usual in ((machine, read), (machine.clutch, read.clutch)):
-        for name, value in vars(owner).items():
-            there = getattr(usual, name)
-            if name == "breakaway":
-                curve, like = vars(cast(TorqueCurve, value)), vars(cast(TorqueCurve, there))
-                alike = all(math.isclose(curve[each], like[each], rel_tol=1e-9) for each in curve)
-                require(alike, owner, name, value, "a multiple of dynamic in a preset")
-            elif name not in ("clutch", "clutch_scale"):
-                require(value == there, owner, name, value, f"{there!r} in a preset")
+    held = (machine, read, ("hand", "slip_threshold", "substep")), (machine.clutch, read.clutch, ("lag",))
+    for owner, usual, names in held:
+        for name in names:
+            value, there = getattr(owner, name), getattr(usual, name)
+            require(value == there, owner, name, value, f"{there!r} in a preset")
+    curve, like = (vars(each.clutch.breakaway) for each in (machine, read))
+    alike = all(math.isclose(curve[name], like[name], rel_tol=1e-9) for name in curve)
+    require(alike, machine.clutch, "breakaway", machine.clutch.breakaway, "a multiple of dynamic in a preset")
     write_text_atomic(file, text)

@@ -1,6 +1,20 @@
 """Paths to follow: planar curves parametrised by arc length, stored as chains of circular arcs."""
 
 from pter_gym.paths._arcs import Arcs, Path, chain, fit_arcs
-from pter_gym.paths._shapes import Arc, Circle, Line, Polyline, Sine, Spline, read_path
+from pter_gym.paths._shapes import PATHS, Arc, Circle, Line, Polyline, Sine, Spline, find_path, read_path
 
-__all__ = ["Arc", "Arcs", "Circle", "Line", "Path", "Polyline", "Sine", "Spline", "chain", "fit_arcs", "read_path"]
+__all__ = [
+    "PATHS",
+    "Arc",
+    "Arcs",
+    "Circle",
+    "Line",
+    "Path",
+    "Polyline",
+    "Sine",
+    "Spline",
+    "chain",
+    "find_path",
+    "fit_arcs",
+    "read_path",
+]

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import Entry, rows
 from pter_gym.errors import ParameterError
+from pter_gym.params import Checked
 
 Array = NDArray[np.float64]
 
@@ -100,7 +101,7 @@ class Arcs:
         return np.stack([x, y], axis=1)
 
 
-class Path(ABC):
+class Path(Checked, ABC):
     """A planar curve parametrised by its arc length s [m]; normal errors are positive to the left of the heading.
 
     A kind of path is a frozen dataclass that returns its arcs from ``make_arcs``.

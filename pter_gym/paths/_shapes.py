@@ -3,9 +3,10 @@
 import cmath
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count, pairwise
+from types import MappingProxyType
 from typing import Any, cast
 
 import numpy as np
@@ -14,8 +15,8 @@ from pter_gym._internal.checks import is_finite
 from pter_gym._internal.codec import tuple_of
 from pter_gym._internal.files import FilePath
 from pter_gym._internal.tables import read_table
-from pter_gym.errors import ParameterError
-from pter_gym.params import preset, quantity, require, require_flag, require_number
+from pter_gym.errors import ParameterError, unknown_name
+from pter_gym.params import preset, quantity, require
 from pter_gym.paths._arcs import Arcs, Curve, Path, Piece, arc_between, chain, fit_arcs
 
 Points = tuple[tuple[float, float], ...]
@@ -26,6 +27,9 @@ MAX_POINTS = 4096
 MAX_COORDINATE = 1e3
 """Largest coordinate and size of a path [m]; arcs through points further away would be rounded to nothing."""
 
+WITHIN: dict[str, Any] = {"at_least": -MAX_COORDINATE, "at_most": MAX_COORDINATE}
+SIZE: dict[str, Any] = {"above": 0.0, "at_most": MAX_COORDINATE}
+
 MAX_EVALUATIONS = 1 << 18
 """Most evaluations of a curve until arcs fit it; one through 1,000 points that zigzag takes 50,000."""
 
@@ -34,17 +38,10 @@ MAX_EVALUATIONS = 1 << 18
 class Line(Path):
     """A straight path (paper section IV-A: "spanning the width of the workspace")."""
 
-    x: float = preset("path", "x")
-    y: float = preset("path", "y")
+    x: float = preset("path", "x", **WITHIN)
+    y: float = preset("path", "y", **WITHIN)
     direction: float = preset("path", "direction")
-    length: float = preset("path", "length")  # pyright: ignore[reportIncompatibleMethodOverride]
-
-    def __post_init__(self) -> None:
-        """Check that the numbers are finite and the length positive."""
-        for name in ("x", "y"):
-            require_number(self, name, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
-        require_number(self, "direction")
-        require_number(self, "length", above=0.0, at_most=MAX_COORDINATE)
+    length: float = preset("path", "length", **SIZE)  # pyright: ignore[reportIncompatibleMethodOverride]
 
     def make_arcs(self) -> Arcs:
         """Return one straight segment."""
@@ -55,19 +52,15 @@ class Line(Path):
 class Arc(Path):
     """A circular arc from a point in a direction; it turns left with a positive angle."""
 
-    x: float = preset("path", "x")
-    y: float = preset("path", "y")
+    x: float = preset("path", "x", **WITHIN)
+    y: float = preset("path", "y", **WITHIN)
     direction: float = preset("path", "direction")
-    radius: float = quantity("m", "chosen", default=0.4)
-    angle: float = quantity("rad", "chosen", default=-1.0)
+    radius: float = quantity("m", "chosen", above=0.0, default=0.4)
+    angle: float = quantity("rad", "chosen", at_least=-2.0 * math.pi, at_most=2.0 * math.pi, default=-1.0)
 
     def __post_init__(self) -> None:
-        """Check that the numbers are finite, the radius positive and the turn at most a full one."""
-        for name in ("x", "y"):
-            require_number(self, name, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
-        require_number(self, "direction")
-        require_number(self, "radius", above=0.0)
-        require_number(self, "angle", at_least=-2.0 * math.pi, at_most=2.0 * math.pi)
+        """Check that it turns."""
+        super().__post_init__()
         require(self.angle != 0.0, self, "angle", self.angle, "a turn other than 0")
 
     def make_arcs(self) -> Arcs:
@@ -81,19 +74,11 @@ class Arc(Path):
 class Circle(Path):
     """One lap of a circle, counter-clockwise unless said otherwise; ``start`` is the angle of its first point."""
 
-    center_x: float = quantity("m", "chosen", default=0.0)
-    center_y: float = quantity("m", "chosen", default=0.55)
-    radius: float = quantity("m", "chosen", default=0.15)
+    center_x: float = quantity("m", "chosen", **WITHIN, default=0.0)
+    center_y: float = quantity("m", "chosen", **WITHIN, default=0.55)
+    radius: float = quantity("m", "chosen", **SIZE, default=0.15)
     start: float = quantity("rad", "chosen", default=-0.5 * math.pi)
     clockwise: bool = quantity("1", "chosen", default=False)
-
-    def __post_init__(self) -> None:
-        """Check that the numbers are finite and the radius positive."""
-        for name in ("center_x", "center_y"):
-            require_number(self, name, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
-        require_number(self, "start")
-        require_number(self, "radius", above=0.0, at_most=MAX_COORDINATE)
-        require_flag(self, "clockwise")
 
     def make_arcs(self) -> Arcs:
         """Return the chain of one arc that closes."""
@@ -107,20 +92,12 @@ class Circle(Path):
 class Sine(Path):
     """A sine about a straight axis: ``amplitude·sin(2π·periods·ξ/extent)`` to the left of the axis at its point ξ."""
 
-    x: float = preset("path", "x")
-    y: float = preset("path", "y")
+    x: float = preset("path", "x", **WITHIN)
+    y: float = preset("path", "y", **WITHIN)
     direction: float = preset("path", "direction")
-    extent: float = preset("path", "length")
-    amplitude: float = quantity("m", "chosen", default=0.03)
-    periods: float = quantity("1", "chosen", default=1.0)
-
-    def __post_init__(self) -> None:
-        """Check that the numbers are finite, extent and number of periods positive."""
-        for name in ("x", "y", "amplitude"):
-            require_number(self, name, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
-        require_number(self, "direction")
-        require_number(self, "extent", above=0.0, at_most=MAX_COORDINATE)
-        require_number(self, "periods", above=0.0, at_most=20.0)
+    extent: float = preset("path", "length", **SIZE)
+    amplitude: float = quantity("m", "chosen", **WITHIN, default=0.03)
+    periods: float = quantity("1", "chosen", above=0.0, at_most=20.0, default=1.0)
 
     def make_arcs(self) -> Arcs:
         """Return arcs through points of the sine."""
@@ -146,12 +123,12 @@ class Spline(Path):
     """
 
     points: Points = quantity("m", "chosen")
-    smooth: float = quantity("m", "chosen: 0 for a spline through all points", default=0.0, later=True)
+    smooth: float = quantity("m", "chosen: 0 passes through all", at_least=0.0, default=0.0, later=True)
 
     def __post_init__(self) -> None:
         """Check that there are two different finite points or more, and none twice in a row."""
-        check_points(self, at_least=2)
-        require_number(self, "smooth", at_least=0.0, at_most=MAX_COORDINATE)
+        super().__post_init__()
+        check_points(self)
 
     def make_arcs(self) -> Arcs:
         """Return arcs through points of the spline."""
@@ -186,12 +163,12 @@ class Polyline(Path):
     """Straight lines between points (x, y) [m], with corners rounded by arcs of one radius [m]."""
 
     points: Points = quantity("m", "chosen")
-    radius: float = quantity("m", "chosen", default=0.05)
+    radius: float = quantity("m", "chosen", above=0.0, default=0.05)
 
     def __post_init__(self) -> None:
         """Check the points, and that the rounded corners fit between them."""
-        check_points(self, at_least=2)
-        require_number(self, "radius", above=0.0)
+        super().__post_init__()
+        check_points(self)
         self.make_arcs()
 
     def make_arcs(self) -> Arcs:
@@ -239,38 +216,28 @@ def _fitted(path: Path, curve: Curve, knots: Sequence[float]) -> Arcs:
         ) from None
 
 
-def check_points(owner: object, *, at_least: int) -> None:
-    """Raise a ParameterError unless there are enough points, all pairs of finite numbers, and none twice in a row.
-
-    Lists and arrays of points become tuples.
-    """
-    given: Any = getattr(owner, "points")  # noqa: B009
-    points: Any = given
-    if isinstance(given, list | tuple | np.ndarray):
-        points = tuple_of([*cast("list[Any]", given)] if isinstance(given, list | tuple) else given.tolist())
-    object.__setattr__(owner, "points", points)
-    accepted = (
-        f"{at_least} to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, none twice in a row"
-    )
-    rows = cast("tuple[Any, ...]", points) if isinstance(points, tuple) else ()
-    require(at_least <= len(rows) <= MAX_POINTS, owner, "points", cast(Any, points), accepted)
-    if fault := fault_in(rows, lambda k: f"point {k}"):
-        raise ParameterError(f"{type(owner).__name__}.points must be {accepted}: {fault}")
+def check_points(path: "Spline | Polyline") -> None:
+    """Turn lists and arrays of points into tuples; raise a ParameterError unless these can be waypoints of a path."""
+    given = cast("object", path.points)
+    rows = given.tolist() if isinstance(given, np.ndarray) else given
+    points: Any = tuple(map(tuple_of, cast("list[Any]", rows))) if isinstance(rows, list | tuple) else ()
+    object.__setattr__(path, "points", points)
+    accepted = f"2 to {MAX_POINTS} points (x, y) of finite numbers up to {MAX_COORDINATE:g} m, none twice in a row"
+    require(2 <= len(points) <= MAX_POINTS, path, "points", path.points, accepted)
+    if fault := fault_in(points, lambda k: f"point {k}"):
+        raise ParameterError(f"{type(path).__name__}.points must be {accepted}: {fault}")
 
 
 def fault_in(points: Sequence[Any], label: Callable[[int], str]) -> str | None:
     """Return what is wrong with the first point that a path cannot have; ``label`` names points by their number."""
     for k, point in enumerate(points):
-        if (
-            not isinstance(point, tuple)
-            or len(cast(tuple[Any, ...], point)) != 2
-            or not all(map(is_finite, cast(Any, point)))
-        ):
+        pair = cast("tuple[Any, ...]", point) if isinstance(point, tuple) else ()
+        if len(pair) != 2 or not all(map(is_finite, pair)):
             return f"{label(k)} must be a pair of finite numbers, got {point!r:.100}"
-        for name, value in zip("xy", cast(tuple[float, float], point), strict=True):
+        for name, value in zip("xy", pair, strict=True):
             if abs(value) > MAX_COORDINATE:
                 return f"{label(k)} is too far away: {name} = {value:g} m"
-        if k > 0 and math.dist(points[k - 1], cast(tuple[float, float], point)) <= 1e-9:
+        if k > 0 and math.dist(points[k - 1], pair) <= 1e-9:
             return f"{label(k)} repeats {label(k - 1)}"
     return None
 
@@ -304,3 +271,22 @@ def read_path(file: FilePath, *, smooth: float = 0.0) -> Spline:
         return path
     except ParameterError as error:
         raise ParameterError(f"{file}: {error}") from None
+
+
+PATHS: Mapping[str, Path] = MappingProxyType({"line": Line(), "arc": Arc(), "circle": Circle(), "sine": Sine()})
+"""Paths by name."""
+
+
+def find_path(path: Path | str) -> Path:
+    """Return a path given as itself, by its name in ``PATHS``, or as a CSV file of waypoints, see ``read_path``.
+
+    If there is none, it raises a ParameterError that lists the names.
+    """
+    given: Any = path
+    if isinstance(given, Path):
+        return given
+    if isinstance(given, str) and given.endswith(".csv"):
+        return read_path(given)
+    if not isinstance(given, str) or given not in PATHS:
+        raise unknown_name("path", given, (*PATHS, "FILE.csv"))
+    return PATHS[given]

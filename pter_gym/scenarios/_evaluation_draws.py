@@ -1,7 +1,6 @@
 """The draws of stored and fresh evaluation episodes, separate from all training draws."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -10,7 +9,7 @@ import numpy as np
 from pter_gym.hands import SINES, HumanArm, MultiSineHand
 from pter_gym.params import Machine
 from pter_gym.scenarios._suite import Scenario
-from pter_gym.scenarios.randomisation import Randomisation
+from pter_gym.scenarios.randomisation import Pair, Randomisation
 from pter_gym.tasks.path_following import PathFollowing
 
 STREAM = 20261120
@@ -41,65 +40,43 @@ def evaluation_draws(scenario: Scenario, fresh: tuple[int, str] | None = None) -
         Seed ≥ 0 of fresh episodes, and the name of their pace: as many in each stratum as stored ones. They differ from
         pace to pace, so a policy cannot use what it remembers from another pace. None draws the stored ones.
     """
-    rng = np.random.default_rng(_seed(scenario))
     draws = Randomisation(machine=scenario.machine, task=scenario.task, own=scenario.own)
+    rng = np.random.default_rng([STREAM, *_name(scenario)] if scenario.place is None else [STREAM, scenario.place])
     pairs = [draws.draw(rng) for _ in range(scenario.episodes)]
-    stored = [_labelled(scenario, machine, _with_phases(task, rng)) for machine, task in pairs]
+    stored = [_finished(scenario, pair, rng) for pair in pairs]
     if fresh is None:
         return stored
-    return _fresh(scenario, draws, fresh_strata(scenario, [draw.stratum for draw in stored], fresh), fresh)
-
-
-def fresh_strata(scenario: Scenario, stored: Sequence[str], fresh: tuple[int, str]) -> tuple[str, ...]:
-    """Return the strata of fresh episodes: the stored ones shuffled, so that position does not reveal them."""
-    rng = np.random.default_rng(_fresh_seed(FRESH_ORDER, scenario, fresh))
-    return tuple(stored[int(k)] for k in rng.permutation(len(stored)))
+    free: dict[str, list[int]] = {}
+    order = _fresh_rng(FRESH_ORDER, scenario, fresh).permutation(len(stored))  # so position does not reveal the stratum
+    for place, k in reversed(list(enumerate(order))):
+        free.setdefault(stored[int(k)].stratum, []).append(place)
+    rng = _fresh_rng(FRESH, scenario, fresh)
+    found: dict[int, EvaluationDraw] = {}
+    while len(found) < len(stored):
+        draw = _finished(scenario, draws.draw(rng), rng)
+        if places := free.get(draw.stratum):
+            found[places.pop()] = draw
+    return [found[place] for place in range(len(stored))]
 
 
 def fresh_reset_seeds(scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
     """Return the seeds of the resets of fresh episodes, from their seed and the name of their pace."""
-    rng = np.random.default_rng(_fresh_seed(FRESH_RESETS, scenario, fresh))
-    return rng.integers(2**63, size=scenario.episodes).tolist()
+    return _fresh_rng(FRESH_RESETS, scenario, fresh).integers(2**63, size=scenario.episodes).tolist()
 
 
-def _fresh(
-    scenario: Scenario, draws: Randomisation, strata: Sequence[str], fresh: tuple[int, str]
-) -> list[EvaluationDraw]:
-    """Return new draws with these strata in this order; draws for a full stratum are dropped."""
-    free: dict[str, list[int]] = {}
-    for place, stratum in reversed(list(enumerate(strata))):
-        free.setdefault(stratum, []).append(place)
-    rng = np.random.default_rng(_fresh_seed(FRESH, scenario, fresh))
-    found: dict[int, EvaluationDraw] = {}
-    while len(found) < len(strata):
-        machine, task = draws.draw(rng)
-        draw = _labelled(scenario, machine, _with_phases(task, rng))
-        if places := free.get(draw.stratum):
-            found[places.pop()] = draw
-    return [found[place] for place in range(len(strata))]
-
-
-def _labelled(scenario: Scenario, machine: Machine, task: PathFollowing) -> EvaluationDraw:
+def _finished(scenario: Scenario, pair: Pair, rng: np.random.Generator) -> EvaluationDraw:
+    """Return a pair with its stratum and with the phases that its hand would draw on a reset."""
+    machine, task = pair
+    if isinstance(task.hand, (MultiSineHand, HumanArm)) and task.hand.random_phases:
+        phases = tuple(rng.uniform(0.0, 2.0 * math.pi, SINES).tolist())
+        task = replace(task, hand=replace(task.hand, phases=phases, random_phases=False))
     return EvaluationDraw(machine, task, type(getattr(task, scenario.stratum)).__name__)
 
 
-def _seed(scenario: Scenario) -> list[int]:
-    """Return the seed of a scenario's stored episodes: from its name, or from its ``place``."""
-    return [STREAM, *_name(scenario)] if scenario.place is None else [STREAM, scenario.place]
-
-
-def _fresh_seed(stream: int, scenario: Scenario, fresh: tuple[int, str]) -> list[int]:
+def _fresh_rng(stream: int, scenario: Scenario, fresh: tuple[int, str]) -> np.random.Generator:
     seed, pace = fresh
-    return [stream, seed, *f"{pace} ".encode(), *_name(scenario)]
+    return np.random.default_rng([stream, seed, *f"{pace} ".encode(), *_name(scenario)])
 
 
 def _name(scenario: Scenario) -> bytes:
     return f"{scenario.name}-v{scenario.version}".encode()
-
-
-def _with_phases(task: PathFollowing, rng: np.random.Generator) -> PathFollowing:
-    """Return the task with the phases that its hand would draw on a reset."""
-    if not isinstance(task.hand, (MultiSineHand, HumanArm)) or not task.hand.random_phases:
-        return task
-    phases = tuple(rng.uniform(0.0, 2.0 * math.pi, SINES).tolist())
-    return replace(task, hand=replace(task.hand, phases=phases, random_phases=False))

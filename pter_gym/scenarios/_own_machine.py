@@ -2,31 +2,21 @@
 
 from dataclasses import dataclass, replace
 
-from pter_gym.errors import ParameterError
-from pter_gym.params import Machine, find_machine, is_preset, machine_of, require_kind, require_number
+from pter_gym.params import Checked, Machine, find_machine, is_preset, machine_of, require, require_number
 from pter_gym.params._preset import load_preset
 from pter_gym.tasks.path_following import MAX_DELAY, PathFollowing
 
 
 @dataclass(frozen=True)
-class OwnMachine:
-    """A machine and the delay of its sensors, if known.
-
-    Attributes
-    ----------
-    machine
-        The machine.
-    delay
-        Delay from a voltage to the observation of the resulting motion [s], at least 0, rounded to control steps; None
-        leaves a task's sensors unchanged.
-    """
+class OwnMachine(Checked):
+    """A machine, and its delay from a voltage to the observation of the resulting motion [s]; None if unknown."""
 
     machine: Machine
     delay: float | None = None
 
     def __post_init__(self) -> None:
         """Check both."""
-        require_kind(self, "machine", Machine)
+        super().__post_init__()
         if self.delay is not None:
             require_number(self, "delay", at_least=0.0)
 
@@ -49,12 +39,12 @@ def find_own(machine: AnyMachine) -> OwnMachine:
         return machine
     if isinstance(machine, str) and is_preset(machine):
         preset = load_preset(machine)
-        return OwnMachine(machine_of(preset), preset.sensing.delay)
+        return OwnMachine(machine_of(preset), preset.sensing["delay"])
     return OwnMachine(find_machine(machine))
 
 
 def as_sensed(task: PathFollowing, own: OwnMachine) -> PathFollowing:
-    """Return a task with the delay of a machine's sensors, if known.
+    """Return a task with the delay of a machine's sensors, if known, rounded to control steps.
 
     Raises
     ------
@@ -63,10 +53,6 @@ def as_sensed(task: PathFollowing, own: OwnMachine) -> PathFollowing:
     """
     if own.delay is None:
         return task
-    steps = round(own.delay / task.control_period)
-    if steps > MAX_DELAY:
-        raise ParameterError(
-            f"machine: sensing.delay must be at most {MAX_DELAY} control steps of {task.control_period:g} s, "
-            f"got {own.delay:g} s"
-        )
+    steps, longest = round(own.delay / task.control_period), MAX_DELAY * task.control_period
+    require(steps <= MAX_DELAY, own, "delay", own.delay, f"at most {longest:g} s, {MAX_DELAY} control steps")
     return replace(task, sensing=replace(task.sensing, delay=steps))

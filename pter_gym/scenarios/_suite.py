@@ -9,7 +9,7 @@ their strata follow from these. This module imports nothing heavy, since ``impor
 
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, Literal
 
 from pter_gym._internal.checks import is_finite
 from pter_gym.errors import ParameterError, unknown_name
@@ -22,13 +22,6 @@ if TYPE_CHECKING:
 
 PACES = MappingProxyType({"slow": 0.12, "medium": 0.25, "brisk": 0.5})
 """Commanded mean speeds along the path [m/s] at which each scenario is scored."""
-
-
-class Varied(NamedTuple):
-    """What varies in a scenario; the task's pace is set on running it or making an environment."""
-
-    machine: "Machine | Vary[Machine]"
-    task: "PathFollowing | Vary[PathFollowing]"
 
 
 @dataclass(frozen=True)
@@ -50,8 +43,6 @@ class Scenario:
         version.
     own
         The machine in place of those that it would draw, if any; see ``find_scenario``.
-    own_varied
-        What varies, for a scenario that is not in the suite; by default the entry of ``_variations.VARIED``.
     """
 
     name: str
@@ -61,7 +52,6 @@ class Scenario:
     stratum: Literal["path", "hand"] = "path"
     place: int | None = None
     own: "OwnMachine | None" = None
-    own_varied: Varied | None = None
 
     @property
     def nominal(self) -> "Machine":
@@ -76,21 +66,18 @@ class Scenario:
         return f"PTER/{self.name.capitalize()}-v{self.version}"
 
     @property
-    def varied(self) -> Varied:
-        """What varies."""
-        from pter_gym.scenarios._variations import VARIED
-
-        return self.own_varied or VARIED[self.name]
-
-    @property
     def machine(self) -> "Machine | Vary[Machine]":
         """What varies of the machine."""
-        return self.varied.machine
+        from pter_gym.scenarios._variations import VARIED
+
+        return VARIED[self.name][0]
 
     @property
-    def task(self) -> "PathFollowing | Vary[PathFollowing]":
+    def task(self) -> "Vary[PathFollowing]":
         """What varies of the task."""
-        return self.varied.task
+        from pter_gym.scenarios._variations import VARIED
+
+        return VARIED[self.name][1]
 
     def randomisation(
         self, pace: float | str | None = None, *, contexts: int = 512, seed: int = 0, **stated: Any
@@ -111,12 +98,10 @@ class Scenario:
         ParameterError
             If the task has no such field, the scenario draws it, or its value is out of range.
         """
-        from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Vary
+        from pter_gym.scenarios.randomisation import LogUniform, Randomisation, Vary
 
-        speeds = PACES.values()
-        commanded = LogUniform(min(speeds), max(speeds)) if pace is None else OneOf((find_pace(pace),))
-        base = self.shared_task
-        drawn = {} if base is self.task else cast("Vary[PathFollowing]", self.task).fields
+        commanded = LogUniform(min(PACES.values()), max(PACES.values())) if pace is None else find_pace(pace)
+        base, drawn = self.task.base, self.task.fields
         known = [item.name for item in fields(base) if item.name not in (*drawn, "pace")]
         for name in stated:
             if name not in known:
@@ -125,13 +110,6 @@ class Scenario:
                 )
         task = Vary(replace(base, **stated), **drawn, pace=commanded)
         return Randomisation(machine=self.machine, task=task, contexts=contexts, seed=seed, own=self.own)
-
-    @property
-    def shared_task(self) -> "PathFollowing":
-        """The task of all episodes, before some of its fields are drawn."""
-        from pter_gym.scenarios.randomisation import Vary
-
-        return self.task.base if isinstance(self.task, Vary) else self.task
 
 
 def find_pace(pace: float | str) -> float:
@@ -178,7 +156,7 @@ def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
 
     own = find_own(machine)
     found = replace(SCENARIOS[name], own=own)
-    as_sensed(found.shared_task, own)  # raises where the delay is too long
+    as_sensed(found.task.base, own)  # raises where the delay is too long
     return found
 
 

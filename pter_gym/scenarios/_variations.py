@@ -18,8 +18,7 @@ from pter_gym.hands import (
 from pter_gym.hands._tremor import KINDS
 from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, DELRIN_THEORETICAL
 from pter_gym.paths import Arc, Circle, Line, Polyline, Sine, Spline
-from pter_gym.scenarios._suite import Varied
-from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Tuple, Uniform, Vary
+from pter_gym.scenarios.randomisation import LogUniform, OneOf, Shared, Uniform, Vary
 from pter_gym.tasks.path_following import PathFollowing, Sensing
 
 WIDTH = 0.1
@@ -34,8 +33,8 @@ EQ5 = MultiSineHand(random_phases=True)
 FORCES = Vary(
     EQ5,
     push=Uniform(45.0, 75.0),
-    amplitudes=Tuple((Uniform(2.0, 7.0),) * SINES),
-    frequencies=Tuple((LogUniform(min(EQ5_FREQUENCIES), max(EQ5_FREQUENCIES)),) * SINES),
+    amplitudes=(Uniform(2.0, 7.0),) * SINES,
+    frequencies=(LogUniform(min(EQ5_FREQUENCIES), max(EQ5_FREQUENCIES)),) * SINES,
 )
 """A push along the path, and five sines across it of any amplitude, frequency and phase."""
 
@@ -45,7 +44,7 @@ HUMANS = OneOf(
             HumanArm(impedance=impedance, random_phases=True),
             eagerness=Uniform(1.3, 1.7),
             rise=Uniform(0.2, 0.5),
-            amplitudes=Tuple((Uniform(1.0, 5.0),) * SINES),
+            amplitudes=(Uniform(1.0, 5.0),) * SINES,
         )
         for impedance in (RELAXED, NORMAL, TENSE)
     )
@@ -76,9 +75,9 @@ TREMBLING = OneOf(
 """An arm of the library with a physiological, an essential or a Parkinsonian tremor."""
 
 
-def _points(*boxes: tuple[float, float, float, float]) -> Tuple:
+def _points(*boxes: tuple[float, float, float, float]) -> tuple[tuple[Uniform, Uniform], ...]:
     """Return waypoints drawn from boxes (x from, x to, y from, y to) [m]."""
-    return Tuple(tuple(Tuple((Uniform(x0, x1), Uniform(y0, y1))) for x0, x1, y0, y1 in boxes))
+    return tuple((Uniform(x0, x1), Uniform(y0, y1)) for x0, x1, y0, y1 in boxes)
 
 
 CURVES = OneOf(
@@ -162,17 +161,18 @@ CURVED = replace(STANDARD, error_max=WIDTH)
 
 VARIED = MappingProxyType(
     {
-        "standard": Varied(BASELINE, STANDARD),
-        "paths": Varied(BASELINE, Vary(CURVED, path=CURVES)),
-        "hands": Varied(BASELINE, Vary(STANDARD, hand=OneOf((FORCES, HUMANS)))),
-        "materials": Varied(
-            Vary(BASELINE, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS), Vary(STANDARD, friction_drift=DRIFT)
+        "standard": (BASELINE, Vary(STANDARD)),
+        "paths": (BASELINE, Vary(CURVED, path=CURVES)),
+        "hands": (BASELINE, Vary(STANDARD, hand=OneOf((FORCES, HUMANS)))),
+        "materials": (
+            Vary(BASELINE, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS),
+            Vary(STANDARD, friction_drift=DRIFT),
         ),
-        "everything": Varied(
+        "everything": (
             Vary(BASELINE, arm=ARMS, clutch=CLUTCHES, clutch_scale=TORQUE_ERRORS),
             Vary(CURVED, path=CURVES, hand=OneOf((EQ5, FORCES, HUMANS)), friction_drift=DRIFT, sensing=SENSORS),
         ),
-        "tremor": Varied(BASELINE, Vary(STANDARD, hand=TREMBLING)),
+        "tremor": (BASELINE, Vary(STANDARD, hand=TREMBLING)),
     }
 )
-"""What varies in each scenario."""
+"""Machine and task of each scenario; the pace is set on running it or making an environment."""

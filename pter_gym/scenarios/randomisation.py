@@ -14,7 +14,7 @@ from typing import Any, Generic, Protocol, TypeVar, cast
 import numpy as np
 
 from pter_gym.errors import ParameterError
-from pter_gym.params import BASELINE, Machine, require, require_number, require_whole
+from pter_gym.params import BASELINE, Checked, Machine, quantity, require, require_number
 from pter_gym.scenarios._own_machine import OwnMachine, as_sensed
 from pter_gym.tasks.path_following import PathFollowing, check_machine
 
@@ -40,14 +40,29 @@ class Distribution(Protocol):
         ...
 
 
+def drawn(value: Any, rng: np.random.Generator) -> Any:
+    """Return a draw from a distribution, a tuple with a draw from each of its entries, or the value itself."""
+    if isinstance(value, tuple):
+        return tuple(drawn(each, rng) for each in cast("tuple[Any, ...]", value))
+    return value.draw(rng) if hasattr(value, "draw") else value
+
+
+def extremes(value: Any) -> Sequence[Any]:
+    """Return the extreme values of a distribution, tuples of all first and all last ones, or the value itself."""
+    if isinstance(value, tuple):
+        ends = [extremes(each) for each in cast("tuple[Any, ...]", value)]
+        return [tuple(values[place] for values in ends) for place in (0, -1)]
+    return value.extremes() if hasattr(value, "draw") else [value]
+
+
 @dataclass(frozen=True)
-class _Range:
+class _Range(Checked):
     low: float
     high: float
 
     def __post_init__(self) -> None:
         """Check that both are finite and in order."""
-        require_number(self, "low")
+        super().__post_init__()
         require_number(self, "high", at_least=self.low)
 
     def extremes(self) -> Sequence[float]:
@@ -77,22 +92,6 @@ class LogUniform(_Range):
 
 
 @dataclass(frozen=True)
-class Tuple:
-    """A tuple of independent draws from several distributions."""
-
-    of: tuple[Distribution, ...]
-
-    def draw(self, rng: np.random.Generator) -> tuple[Any, ...]:
-        """Return one draw from each distribution."""
-        return tuple(each.draw(rng) for each in self.of)
-
-    def extremes(self) -> Sequence[tuple[Any, ...]]:
-        """Return tuples of all first and of all last extremes."""
-        ends = [each.extremes() for each in self.of]
-        return [tuple(values[place] for values in ends) for place in (0, -1)]
-
-
-@dataclass(frozen=True)
 class Shared:
     """A tuple of ``count`` products: one shared factor times an individual factor each."""
 
@@ -112,7 +111,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class OneOf:
-    """One of several values or distributions, all equally likely."""
+    """One of several values, distributions or tuples of them, all equally likely."""
 
     options: tuple[Any, ...]
 
@@ -125,8 +124,8 @@ class OneOf:
         return drawn(self.options[int(rng.integers(len(self.options)))], rng)
 
     def extremes(self) -> Sequence[Any]:
-        """Return the options, and the extremes of those that are distributions."""
-        return [end for option in self.options for end in (option.extremes() if _draws(option) else [option])]
+        """Return the extremes of all options."""
+        return [end for option in self.options for end in extremes(option)]
 
 
 class Vary(Generic[Drawn]):
@@ -137,7 +136,7 @@ class Vary(Generic[Drawn]):
     base
         The dataclass that provides the other fields.
     **fields
-        Distributions, by the name of the field.
+        By the name of the field: a distribution, a tuple of distributions, or a value.
 
     Raises
     ------
@@ -146,7 +145,7 @@ class Vary(Generic[Drawn]):
         The message names the field.
     """
 
-    def __init__(self, base: Drawn, **fields: Distribution) -> None:
+    def __init__(self, base: Drawn, **fields: Any) -> None:
         self.base = base
         self.fields = fields
         known = getattr(base, "__dataclass_fields__", {})
@@ -157,11 +156,11 @@ class Vary(Generic[Drawn]):
 
     def draw(self, rng: np.random.Generator) -> Drawn:
         """Return the base with its drawn fields."""
-        return cast(Drawn, replace(cast(Any, self.base), **{k: v.draw(rng) for k, v in self.fields.items()}))
+        return cast(Drawn, replace(cast(Any, self.base), **{k: drawn(v, rng) for k, v in self.fields.items()}))
 
     def extremes(self) -> Sequence[Drawn]:
         """Return draws with one field at an end, and with all at their first and at their last ends."""
-        ends = {name: field.extremes() for name, field in self.fields.items()}
+        ends = {name: extremes(field) for name, field in self.fields.items()}
         changes = [{name: end} for name, values in ends.items() for end in values]
         changes += [{name: values[place] for name, values in ends.items()} for place in (0, -1)]
         return [cast(Drawn, replace(cast(Any, self.base), **change)) for change in changes]
@@ -172,17 +171,8 @@ class Vary(Generic[Drawn]):
         return f"Vary({self.base!r}{fields})"
 
 
-def drawn(value: Any, rng: np.random.Generator) -> Any:
-    """Return a draw from a distribution, or the value itself."""
-    return value.draw(rng) if _draws(value) else value
-
-
-def _draws(value: object) -> bool:
-    return hasattr(value, "draw")
-
-
 @dataclass(frozen=True, kw_only=True)
-class Randomisation:
+class Randomisation(Checked):
     """Pairs of machine and task to train on.
 
     Attributes
@@ -199,14 +189,9 @@ class Randomisation:
 
     machine: Machine | Vary[Machine] = BASELINE
     task: PathFollowing | Vary[PathFollowing]
-    contexts: int = 512
-    seed: int = 0
+    contexts: int = quantity("1", "chosen", at_least=1, default=512)
+    seed: int = quantity("1", "chosen", at_least=0, default=0)
     own: OwnMachine | None = None
-
-    def __post_init__(self) -> None:
-        """Check the numbers; distributions have checked themselves."""
-        require_whole(self, "contexts", at_least=1)
-        require_whole(self, "seed", at_least=0)
 
     def pairs(self) -> list[Pair]:
         """Return the pairs, the same for the same seed; they are drawn once and shared.

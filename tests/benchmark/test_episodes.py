@@ -72,7 +72,7 @@ def test_a_new_scenario_is_drawn_by_its_name_and_version() -> None:
     first = evaluation_draws(new)
     assert evaluation_draws(new) == first
     assert {draw.stratum for draw in first} <= {"HumanArm", "MultiSineHand"}
-    for other in (replace(new, version=1), replace(new, name="others", own_varied=new.varied), replace(new, place=2)):
+    for other in (replace(new, version=1), replace(new, name="tremor"), replace(new, place=2)):
         assert evaluation_draws(other) != first
 
 

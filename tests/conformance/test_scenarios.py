@@ -16,12 +16,12 @@ from pter_gym.controllers import TorqueFeedback, bind
 from pter_gym.envs.scenario import TRUNCATION_ERROR, training_draws
 from pter_gym.errors import ParameterError, ResetNeededError
 from pter_gym.hands import HumanArm
-from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, Hand, machine_of
+from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, MACHINES, Hand, find_machine, machine_of
 from pter_gym.params._preset import PRESET, format_preset
-from pter_gym.paths import Arc, Line
+from pter_gym.paths import Arc, Circle, Line, Sine, find_path
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
 from pter_gym.scenarios._own_machine import OwnMachine, as_sensed, find_own
-from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Shared, Tuple, Uniform, Vary
+from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Shared, Uniform, Vary, drawn
 from pter_gym.tasks.path_following import (
     AT_REST,
     COLUMN,
@@ -43,9 +43,9 @@ NEAR = PathFollowing(truncation_error=0.1)
 
 OWN = replace(
     PRESET,
-    arm=replace(PRESET.arm, inertia_a=0.7),
-    clutch=replace(PRESET.clutch, scale=(0.9, 1.1, 1.05, 0.95)),
-    sensing=replace(PRESET.sensing, delay=0.012),
+    arm={**PRESET.arm, "inertia_a": 0.7},
+    clutch={**PRESET.clutch, "scale": (0.9, 1.1, 1.05, 0.95)},
+    sensing={**PRESET.sensing, "delay": 0.012},
 )
 
 # --- what is drawn ---
@@ -104,25 +104,25 @@ def test_distributions_stay_within_their_ends() -> None:
     ratios = [max(t) / min(t) for t in (shared.draw(rng) for _ in range(500))]
     assert max(ratios) <= 1.1 / 0.9
     assert {OneOf((1, Uniform(2.0, 2.0))).draw(rng) for _ in range(50)} == {1, 2.0}
-    assert Tuple((Uniform(1.0, 1.0), OneOf(("x",)))).draw(rng) == (1.0, "x")
+    assert drawn((Uniform(1.0, 1.0), OneOf(("x",)), 2), rng) == (1.0, "x", 2)
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: Uniform(1.0, 0.0), r"Uniform\.high"),
-        (lambda: LogUniform(0.0, 1.0), r"LogUniform\.low must be"),
+        (lambda: LogUniform(0.0, 1.0), r"LogUniform\.low"),
         (lambda: OneOf(()), r"OneOf\.options"),
-        (lambda: Vary(BASELINE.arm, inertia_a=Uniform(-0.1, 1.0)), r"Arm\.inertia_a must be"),
-        (lambda: Vary(BASELINE.arm, inertia=Uniform(0.1, 1.0)), r"Arm has no field 'inertia'"),
-        (lambda: Vary(BASELINE.clutch, time_constant=Uniform(0.0, 1.0)), r"Clutch\.time_constant must be"),
-        (lambda: Vary(BASELINE, clutch_scale=Tuple((Uniform(-1.0, 1.0),) * 4)), r"Machine\.clutch_scale must be"),
+        (lambda: Vary(BASELINE.arm, inertia_a=Uniform(-0.1, 1.0)), r"Arm\.inertia_a"),
+        (lambda: Vary(BASELINE.arm, inertia=Uniform(0.1, 1.0)), r"Arm .*inertia"),
+        (lambda: Vary(BASELINE.clutch, time_constant=Uniform(0.0, 1.0)), r"Clutch\.time_constant"),
+        (lambda: Vary(BASELINE, clutch_scale=(Uniform(-1.0, 1.0),) * 4), r"Machine\.clutch_scale"),
         (
             lambda: Vary(HumanArm(), impedance=Vary(Hand(mass=1.0, stiffness=1.0), stiffness=Uniform(0.0, 9.0))),
-            r"impedance\.stiffness must be",
+            r"impedance\.stiffness",
         ),
-        (lambda: Vary(PathFollowing(), pace=Uniform(0.1, 9.0)), r"PathFollowing\.pace must be"),
-        (lambda: Randomisation(task=PathFollowing(), contexts=0), r"Randomisation\.contexts must be"),
+        (lambda: Vary(PathFollowing(), pace=Uniform(0.1, 9.0)), r"PathFollowing\.pace"),
+        (lambda: Randomisation(task=PathFollowing(), contexts=0), r"Randomisation\.contexts"),
     ],
 )
 def test_what_could_draw_something_impossible_is_refused_when_it_is_built(make: Any, message: str) -> None:
@@ -132,21 +132,54 @@ def test_what_could_draw_something_impossible_is_refused_when_it_is_built(make: 
 
 def test_a_randomisation_whose_paths_all_leave_the_reach_is_refused() -> None:
     far = Vary(PathFollowing(), path=Vary(Arc(), y=Uniform(3.0, 4.0)))
-    with pytest.raises(ParameterError, match="within reach"):
+    with pytest.raises(ParameterError, match="path"):
         Randomisation(task=far, contexts=1).pairs()
 
 
 def test_unknown_names_are_told_the_nearest() -> None:
-    with pytest.raises(ParameterError, match="'materials'"):
-        find_scenario("material")
-    with pytest.raises(ParameterError, match="'medium'"):
-        find_pace("mediums")
-    assert find_pace("slow") == PACES["slow"]
+    for wrong, near in (
+        (lambda: find_scenario("material"), "'materials'"),
+        (lambda: find_pace("mediums"), "'medium'"),
+        (lambda: find_path("cirle"), "'circle'"),
+        (lambda: find_machine("delrin"), "'delrin_experimental' or 'delrin_theoretical'"),
+        (lambda: gymnasium.make("PTER/PathFollowing-v0", randomisation="standart"), "'standard'"),
+    ):
+        with pytest.raises(ParameterError, match=near):
+            wrong()
+
+
+@pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+def test_environments_take_names_and_objects(make: Any, tmp_path: Path) -> None:
+    (tmp_path / "track.csv").write_text("x,y\n-0.4,0.6\n0.0,0.65\n0.4,0.6\n", "utf-8")
+    for path in ("circle", Circle(), str(tmp_path / "track.csv")):
+        _, task = make("PTER/PathFollowing-v0", path=path, pace="medium").unwrapped.batch.pairs[0]
+        assert (task.path, task.pace) == (find_path(path), PACES["medium"])
+    for name, keywords in (("PathFollowing", {"randomisation": "standard"}), ("Standard", {"contexts": 3})):
+        env = make(f"PTER/{name}-v0", path="sine", pace=0.3, machine="two-brakes", **keywords).unwrapped
+        for machine, task in env.batch.pairs:
+            assert (machine, task.path, task.pace) == (MACHINES["two-brakes"], Sine(), 0.3)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "field"),
+    [
+        ({"path": "circel"}, "path"),
+        ({"path": 3}, "path"),
+        ({"pace": "fast"}, "pace"),
+        ({"pace": -1.0}, "pace"),
+        ({"path": "circle", "task": PathFollowing()}, "path"),
+        ({"randomisation": 1}, "randomisation"),
+        ({"randomisation": "paths", "path": "circle"}, "path"),
+    ],
+)
+def test_names_that_are_none_are_refused(keywords: dict[str, Any], field: str) -> None:
+    with pytest.raises(ParameterError, match=field):
+        gymnasium.make("PTER/PathFollowing-v0", **keywords)
 
 
 def test_a_randomisation_stands_alone() -> None:
     drawn = SCENARIOS["standard"].randomisation(contexts=2)
-    with pytest.raises(ParameterError, match="randomisation"):
+    with pytest.raises(ParameterError, match="task"):
         gymnasium.make("PTER/PathFollowing-v0", randomisation=drawn, task=PathFollowing())
 
 

@@ -21,7 +21,7 @@ from pter_gym._physics.step import Energy
 from pter_gym.errors import ParameterError
 from pter_gym.hands import HumanArm, MultiSineHand, RecordedForces
 from pter_gym.hands._model import NO_FORCE, PerSine, Sines, advance_sines, intent_speed, renew_sines, sum_of_sines
-from pter_gym.params import BASELINE, PRESENT_CLUTCH, Clutch, Hand, TorqueCurve
+from pter_gym.params import BASELINE, Clutch, Hand, TorqueCurve
 from pter_gym.paths import Arc, Line
 from pter_gym.tasks.path_following import (
     TELEMETRY,
@@ -330,7 +330,7 @@ def test_an_observation_holds_what_it_says():
 
 def test_what_is_told_of_machine_and_task():
     twice = Clutch(
-        breakaway=PRESENT_CLUTCH.breakaway.scaled(2.0), dynamic=PRESENT_CLUTCH.dynamic.scaled(3.0), time_constant=0.07
+        breakaway=BASELINE.clutch.breakaway.scaled(2.0), dynamic=BASELINE.clutch.dynamic.scaled(3.0), time_constant=0.07
     )
     machine = replace(BASELINE, clutch=twice, clutch_scale=(0.5, 1.0, 1.5, 3.0))
     arm = HumanArm(impedance=Hand(mass=1.0, damping=4.0, stiffness=10.0))
@@ -354,7 +354,7 @@ def test_scales_are_those_that_trained_policies_have_seen():
 
 
 def test_there_are_no_other_sensors():
-    with pytest.raises(ParameterError, match="sensors must be one of encoders, torque, force, got 'eyes'"):
+    with pytest.raises(ParameterError, match="sensors"):
         observation_layout(BASELINE, "eyes")  # pyright: ignore[reportArgumentType]
 
 
@@ -449,7 +449,7 @@ def test_substeps_of_a_control_period(ratio: float, count: int):
 
 
 def test_a_control_period_of_too_many_substeps_is_refused():
-    with pytest.raises(ParameterError, match="control_period must be at most 10000 times as long"):
+    with pytest.raises(ParameterError, match="control_period"):
         check_machine(PathFollowing(control_period=(MOST_SUBSTEPS + 1) * 1e-5), replace(BASELINE, substep=1e-5))
 
 
@@ -466,7 +466,7 @@ def test_a_sine_may_be_as_fast_as_a_tenth_of_the_substeps_rate():
 
 @pytest.mark.parametrize("field", ["path", "hand", "starts", "sensing"])
 def test_a_part_of_another_kind_is_refused(field: str) -> None:
-    with pytest.raises(ParameterError, match=f"{field} must be"):
+    with pytest.raises(ParameterError, match=field):
         PathFollowing(**{field: 3})  # type: ignore[arg-type]
 
 
@@ -490,4 +490,4 @@ def test_a_torque_curve_is_told_at_the_largest_voltage():
     machine = replace(BASELINE, clutch=Clutch(breakaway=straight, dynamic=straight, voltage_max=6.0))
     told = told_of(PathFollowing(), machine, 0.0)
     scale = sum(machine.clutch_scale) / 4.0
-    assert told.breakaway_factor == pytest.approx(scale * 6.0 / PRESENT_CLUTCH.breakaway.torque(6.0))
+    assert told.breakaway_factor == pytest.approx(scale * 6.0 / BASELINE.clutch.breakaway.torque(6.0))

@@ -16,6 +16,7 @@ from pter_gym.tasks.path_following._specification import (
     Sensing,
     Starts,
     check_machine,
+    find_starts,
     substeps,
 )
 from pter_gym.tasks.path_following._telemetry import COLUMN, TELEMETRY, Reason, reason_of
@@ -35,6 +36,7 @@ __all__ = [
     "Sensors",
     "Starts",
     "check_machine",
+    "find_starts",
     "observation_layout",
     "reason_of",
     "substeps",

@@ -8,7 +8,7 @@ from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.limits import largest_energy
 from pter_gym._physics.model import Model, arrangement_of, model_of
 from pter_gym.hands import HandModel
-from pter_gym.params import PRESENT_CLUTCH, Machine
+from pter_gym.params import BASELINE, Machine
 from pter_gym.tasks.path_following._observation import FORCE_SCALE
 from pter_gym.tasks.path_following._rules import PACE_WINDOW, PathModel, SensingModel, StartModel, TaskModel, Terms
 from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFollowing, held_machine, strongest
@@ -61,11 +61,22 @@ def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], rec
     hand = task.hand.model(task.pace, held.substep, recording)
     model = model_of(held)
     fastest = largest_energy(model.arm, held.substep, task.control_period, strongest(task, machine))
+    clutch, top = machine.clutch, machine.clutch.voltage_max
+    scale = math.fsum(machine.slot_scale) / len(machine.clutches)
     return Context(
         machine=model,
         hand=hand,
         task=task_model(task, arcs, fastest),
-        told=told_of(task, machine, hand.push),
+        told=Told(
+            time_constant=clutch.time_constant,
+            breakaway_factor=scale * clutch.breakaway.torque(top) / BASELINE.clutch.breakaway.torque(top),
+            dynamic_factor=scale * clutch.dynamic.torque(top) / BASELINE.clutch.dynamic.torque(top),
+            friction_drift=task.friction_drift,
+            hand_mass=held.hand.mass,
+            hand_damping=held.hand.damping,
+            hand_stiffness=held.hand.stiffness,
+            hand_push=hand.push,
+        ),
         arrangement=arrangement_of(held),
     )
 
@@ -90,20 +101,3 @@ def task_model(task: PathFollowing, arcs: tuple[int, int], energy_max: float) ->
         "sensing": SensingModel(**vars(task.sensing), is_ideal=float(task.sensing == IDEAL_SENSING)),
     }
     return TaskModel(**{name: made[name] if name in made else getattr(task, name) for name in TaskModel._fields})
-
-
-def told_of(task: PathFollowing, machine: Machine, push: float) -> Told:
-    """Return the observable values of a task on a machine whose hand pushes with a force [N]."""
-    clutch, hand = machine.clutch, held_machine(task, machine).hand
-    top = clutch.voltage_max
-    scale = math.fsum(machine.slot_scale) / len(machine.clutches)
-    return Told(
-        time_constant=clutch.time_constant,
-        breakaway_factor=scale * clutch.breakaway.torque(top) / PRESENT_CLUTCH.breakaway.torque(top),
-        dynamic_factor=scale * clutch.dynamic.torque(top) / PRESENT_CLUTCH.dynamic.torque(top),
-        friction_drift=task.friction_drift,
-        hand_mass=hand.mass,
-        hand_damping=hand.damping,
-        hand_stiffness=hand.stiffness,
-        hand_push=push,
-    )

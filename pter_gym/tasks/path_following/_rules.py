@@ -5,14 +5,12 @@ return; gradients and the browser's module use the same ones.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import Field, dataclass, fields
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from pter_gym._compiled.compiler import device
-from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.records import Entry
 from pter_gym._physics.arm import (
     Linkage,
@@ -27,7 +25,7 @@ from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.model import model_of
 from pter_gym._physics.step import Energy
 from pter_gym.hands import MultiSineHand
-from pter_gym.params import BASELINE, quantity, require_number
+from pter_gym.params import BASELINE, Checked, quantity
 from pter_gym.paths import Line
 from pter_gym.paths._projection import Foot
 
@@ -159,22 +157,6 @@ class Outcome(NamedTuple):
     failed: bool
 
 
-Find = Callable[[float, Outcome, float], float]
-
-
-def term(unit: str, provenance: str, find: Find, *, default: float) -> Any:
-    """Declare a term of the reward.
-
-    Parameters
-    ----------
-    unit, provenance, default
-        Unit, provenance and default of its weight; see ``quantity``. Stored tasks that lack a term use its default.
-    find
-        Function from the weight, the outcome of a control step and its period [s] to the term; it is compiled.
-    """
-    return field(default=default, metadata={**quantity(unit, provenance).metadata, "find": device(find)})
-
-
 @device
 def mean_square(volts: PerClutch) -> float:
     """Return the mean squared voltage [V²]."""
@@ -205,54 +187,36 @@ def pace_cost(ratio: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RewardWeights:
-    """Weights of the reward terms."""
+class RewardWeights(Checked):
+    """Weights of the reward terms of ``reward_terms``, each ≥ 0. A stored task that lacks one has its default."""
 
-    tracking: float = term(
-        "1",
-        "chosen: for the whole path at the commanded pace without error",
-        lambda weight, seen, period: paid(weight, seen, ERROR_WIDTH),  # noqa: ARG005
-        default=PERFECT,
+    tracking: float = quantity(
+        "1", "chosen: for the whole path at the commanded pace without error", at_least=0.0, default=PERFECT
     )
-    precision: float = term(
+    precision: float = quantity(
         "1",
         "chosen: for the whole path at the commanded pace without error; next to nothing 30 mm beside it",
-        lambda weight, seen, period: paid(weight, seen, PRECISION_WIDTH),  # noqa: ARG005
+        at_least=0.0,
         default=0.0,
     )
-    pace: float = term(
+    pace: float = quantity(
         "1",
         f"chosen: at twice the commanded pace, in one path time; {REST:g} times as much at rest",
-        lambda weight, seen, period: -weight * pace_cost(seen.pace_ratio) * seen.pace * period / seen.path_length,
+        at_least=0.0,
         default=0.1 * PERFECT,
     )
-    acceleration: float = term(
-        "1/s",
-        f"chosen: per {ACCELERATION_UNIT:g} m/s² of tip acceleration",
-        lambda weight, seen, period: -period * weight * seen.acceleration / ACCELERATION_UNIT,
-        default=0.0,
+    acceleration: float = quantity(
+        "1/s", f"chosen: per {ACCELERATION_UNIT:g} m/s² of tip acceleration", at_least=0.0, default=0.0
     )
-    effort: float = term(
-        "1/s",
-        "chosen: per mean of the squared voltages, relative to the largest",
-        lambda weight, seen, period: -period * weight * mean_square(seen.volts) / (seen.voltage_max * seen.voltage_max),
-        default=0.0,
+    effort: float = quantity(
+        "1/s", "chosen: per mean of the squared voltages, relative to the largest", at_least=0.0, default=0.0
     )
-    failure: float = term(
+    failure: float = quantity(
         "1",
         "chosen: on leaving the workspace, straying or missing the end of the path, times the part that was reached",
-        lambda weight, seen, period: -weight * seen.reached / seen.path_length if seen.failed else 0.0,  # noqa: ARG005
+        at_least=0.0,
         default=PERFECT,
     )
-
-    def __post_init__(self) -> None:
-        """Check that no weight is negative."""
-        for item in fields(self):
-            require_number(self, item.name, at_least=0.0)
-
-
-WEIGHTS: tuple[Field[Any], ...] = fields(RewardWeights)
-"""The weights, in the order of the terms."""
 
 
 def weighted(weight: Field[Any]) -> Any:
@@ -261,20 +225,22 @@ def weighted(weight: Field[Any]) -> Any:
     return Annotated[float, Entry(told["unit"], "{}: " + told["provenance"].removeprefix("chosen: "))]
 
 
-_TERMS = [(item.name, weighted(item)) for item in WEIGHTS]
+_TERMS = [(item.name, weighted(item)) for item in fields(RewardWeights)]
 Terms = NamedTuple("Terms", _TERMS)
 """One number for each term of the reward."""
 
 
-def _build_reward_terms() -> Any:
-    """Return ``reward_terms(weight, seen, period)``: the weighted terms of a control step of ``period`` [s]."""
-    names = {f"find_{item.name}": item.metadata["find"] for item in WEIGHTS}
-    found = ", ".join(f"find_{item.name}(weight.{item.name}, seen, period)" for item in WEIGHTS)
-    source = f"def reward_terms(weight, seen, period):\n    return Terms({found})\n"
-    return device(compile_source(source, "reward_terms", {**names, "Terms": Terms}))
-
-
-reward_terms = _build_reward_terms()
+@device
+def reward_terms(weight: Any, seen: Outcome, period: float) -> Any:
+    """Return the weighted ``Terms`` of a control step of ``period`` [s]."""
+    return Terms(
+        tracking=paid(weight.tracking, seen, ERROR_WIDTH),
+        precision=paid(weight.precision, seen, PRECISION_WIDTH),
+        pace=-weight.pace * pace_cost(seen.pace_ratio) * seen.pace * period / seen.path_length,
+        acceleration=-period * weight.acceleration * seen.acceleration / ACCELERATION_UNIT,
+        effort=-period * weight.effort * mean_square(seen.volts) / (seen.voltage_max * seen.voltage_max),
+        failure=-weight.failure * seen.reached / seen.path_length if seen.failed else 0.0,
+    )
 
 
 @device

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,9 @@ from pter_gym._physics.limits import (
     largest_travel,
 )
 from pter_gym._physics.model import model_of
-from pter_gym.errors import ParameterError
+from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.hands import NO_HAND, MultiSineHand, Operator
-from pter_gym.params import Arm, Machine, quantity, require, require_kind, require_number
+from pter_gym.params import Arm, Checked, Machine, quantity, require, require_number
 from pter_gym.paths import Line, Path
 from pter_gym.paths._arcs import Arcs, ArcSegment
 from pter_gym.tasks.path_following._observation import BOUND, ERROR_SCALE, SPEED_SCALE
@@ -40,27 +41,29 @@ MAX_START_SPEED_ALONG = 2.0
 MAX_START_SPEED_ACROSS = 0.5
 """Largest speed across the path of such an episode, over the commanded pace."""
 
+_SHARE: dict[str, Any] = {"at_least": 0.0, "at_most": 1.0}
+
 
 @dataclass(frozen=True, kw_only=True)
-class Sensing:
+class Sensing(Checked):
     """Sensor effects between the machine and the observation; none by default.
 
     Noise is Gaussian, drawn at each control instant from the world's seed. Everything except the command is delayed.
     """
 
-    angle_resolution: float = quantity("rad", "chosen: step of the joint encoders", default=0.0)
-    velocity_noise: float = quantity("rad/s", "chosen: standard deviation", default=0.0)
-    torque_noise: float = quantity("N·m", "chosen: standard deviation", default=0.0)
-    force_noise: float = quantity("N", "chosen: standard deviation", default=0.0)
-    delay: int = quantity("1", f"chosen: control steps from measurement to observation, at most {MAX_DELAY}", default=0)
-
-    def __post_init__(self) -> None:
-        """Check that nothing is negative and the delay a whole number of control steps."""
-        require_number(self, "angle_resolution", at_least=0.0, at_most=0.1)
-        for name in ("velocity_noise", "torque_noise", "force_noise"):
-            require_number(self, name, at_least=0.0)
-        require_number(self, "delay", at_least=0, at_most=MAX_DELAY)
-        require(self.delay == int(self.delay), self, "delay", self.delay, "a whole number")
+    angle_resolution: float = quantity(
+        "rad", "chosen: step of the joint encoders", at_least=0.0, at_most=0.1, default=0.0
+    )
+    velocity_noise: float = quantity("rad/s", "chosen: standard deviation", at_least=0.0, default=0.0)
+    torque_noise: float = quantity("N·m", "chosen: standard deviation", at_least=0.0, default=0.0)
+    force_noise: float = quantity("N", "chosen: standard deviation", at_least=0.0, default=0.0)
+    delay: int = quantity(
+        "1",
+        f"chosen: control steps from measurement to observation, at most {MAX_DELAY}",
+        at_least=0,
+        below=MAX_DELAY + 1,
+        default=0,
+    )
 
 
 IDEAL_SENSING = Sensing()
@@ -68,7 +71,7 @@ IDEAL_SENSING = Sensing()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Starts:
+class Starts(Checked):
     """How episodes begin: by default, all at rest at the start of the path with the clutches released.
 
     Other starts are for training, to explore more states. A ``moving`` start puts the tip anywhere along the path, with
@@ -76,17 +79,20 @@ class Starts:
     both, the clutches have settled at random voltages, and each is released with a probability of one in five.
     """
 
-    moving: float = quantity("1", "chosen: share of the episodes", default=0.0)
-    gripped: float = quantity("1", "chosen: share of the episodes", default=0.0)
+    moving: float = quantity("1", "chosen: share of the episodes", **_SHARE, default=0.0)
+    gripped: float = quantity("1", "chosen: share of the episodes", **_SHARE, default=0.0)
     offset: float = quantity(
-        "m", "chosen: half-range of the distance from the path where an episode begins moving", default=0.05
+        "m",
+        "chosen: half-range of the distance from the path where an episode begins moving",
+        at_least=0.0,
+        at_most=MAX_HALF_WIDTH,
+        default=0.05,
     )
 
     def __post_init__(self) -> None:
-        """Check that shares are between 0 and 1."""
-        require_number(self, "moving", at_least=0.0, at_most=1.0)
-        require_number(self, "gripped", at_least=0.0, at_most=1.0 - self.moving)
-        require_number(self, "offset", at_least=0.0, at_most=MAX_HALF_WIDTH)
+        """Check that the shares add up to at most 1."""
+        super().__post_init__()
+        require_number(self, "gripped", at_most=1.0 - self.moving)
 
 
 AT_REST = Starts()
@@ -96,49 +102,60 @@ STARTS = MappingProxyType({"rest": AT_REST, "path": Starts(moving=0.4, gripped=0
 """Starts by name: those of evaluation episodes, and those to train with."""
 
 
+def find_starts(starts: Starts | str) -> Starts:
+    """Return starts given as themselves or by their name in ``STARTS``, or raise a ParameterError."""
+    if isinstance(starts, str) and starts not in STARTS:
+        raise unknown_name("starts", starts, STARTS)
+    return STARTS[starts] if isinstance(starts, str) else starts
+
+
 @dataclass(frozen=True, kw_only=True)
-class PathFollowing:
+class PathFollowing(Checked):
     """The task: path, hand, commanded pace, workspace, start and reward."""
 
     path: Path = quantity("1", "see Line", default=Line())
     hand: Operator = quantity("1", "see MultiSineHand", default=MultiSineHand())
     pace: float = quantity(
-        "m/s", "derived: the baseline's mean tip speed in Table I, 19.69 in/s", default=COMMANDED_PACE
+        "m/s",
+        "derived: the baseline's mean tip speed in Table I, 19.69 in/s",
+        above=0.0,
+        at_most=BOUND * SPEED_SCALE,
+        default=COMMANDED_PACE,
     )
-    control_period: float = quantity("s", "chosen: 100 Hz control", default=0.01)
-    error_max: float = quantity("m", "chosen: the workspace ends this far from the path", default=0.25)
+    control_period: float = quantity("s", "chosen: 100 Hz control", above=0.0, at_most=1.0, default=0.01)
+    error_max: float = quantity(
+        "m", "chosen: the workspace ends this far from the path", above=0.0, at_most=MAX_HALF_WIDTH, default=0.25
+    )
     truncation_error: float = quantity(
         "m",
         "chosen: if not above error_max, an episode is truncated this far from the path; by default none is",
+        above=0.0,
+        at_most=2.0 * MAX_HALF_WIDTH,
         default=2.0 * MAX_HALF_WIDTH,
     )
     arrival: float = quantity(
         "m",
         "chosen: half of error_max's default; within this of the path its end is a success",
+        above=0.0,
         default=0.125,
     )
-    singularity_margin: float = quantity("1", "chosen: smallest |sin(θA − θB)| of the workspace", default=0.2)
-    start_offset: float = quantity("m", "chosen: half-range of the start's normal offset, drawn at reset", default=0.0)
-    friction_drift: float = quantity("1/s", "chosen: relative change of all clutch torques in a second", default=0.0)
+    singularity_margin: float = quantity(
+        "1", "chosen: smallest |sin(θA − θB)| of the workspace", above=0.0, below=1.0, default=0.2
+    )
+    start_offset: float = quantity(
+        "m", "chosen: half-range of the start's normal offset, drawn at reset", at_least=0.0, default=0.0
+    )
+    friction_drift: float = quantity(
+        "1/s", "chosen: relative change of all clutch torques in a second", at_least=-1.0, at_most=1.0, default=0.0
+    )
     sensing: Sensing = quantity("1", "see Sensing", default=IDEAL_SENSING)
     starts: Starts = quantity("1", "see Starts", default=AT_REST)
     reward: RewardWeights = quantity("1", "see RewardWeights", default=RewardWeights())
 
     def __post_init__(self) -> None:
-        """Check each number by itself; ``check_machine`` checks the task against a machine."""
-        require_kind(self, "path", Path)
-        require_kind(self, "hand", Operator)
-        require_kind(self, "reward", RewardWeights)
-        require_kind(self, "sensing", Sensing)
-        require_kind(self, "starts", Starts)
-        require_number(self, "pace", above=0.0, at_most=BOUND * SPEED_SCALE)
-        require_number(self, "control_period", above=0.0, at_most=1.0)
-        require_number(self, "error_max", above=0.0, at_most=MAX_HALF_WIDTH)
-        require_number(self, "truncation_error", above=0.0, at_most=2.0 * MAX_HALF_WIDTH)
-        require_number(self, "arrival", above=0.0)
-        require_number(self, "singularity_margin", above=0.0, below=1.0)
-        require_number(self, "start_offset", at_least=0.0, below=min(self.error_max, self.truncation_error))
-        require_number(self, "friction_drift", at_least=-1.0, at_most=1.0)
+        """Check each field, and that starts are within the workspace; ``check_machine`` checks it against a machine."""
+        super().__post_init__()
+        require_number(self, "start_offset", below=min(self.error_max, self.truncation_error))
 
 
 def substeps(task: PathFollowing, machine: Machine) -> int:
@@ -261,6 +278,11 @@ def _force_within(length: float, task: PathFollowing, machine: Machine) -> float
     impedance = task.hand.impedance
     pull = impedance.stiffness * stretch + impedance.damping * hand.intent_speed
     return pull + math.hypot(abs(hand.push) + recorded[0], math.fsum(map(abs, hand.amplitude)) + recorded[1])
+
+
+def largest_error_max(path: Path) -> float:
+    """Return the largest half-width of a workspace about a path [m]."""
+    return min(MAX_HALF_WIDTH, (1.0 - 1e-9) * SHARPEST / max(path.max_curvature, 1e-3))
 
 
 @lru_cache(maxsize=4096)

@@ -191,7 +191,7 @@ def preset_of(found: Identification, base: Preset) -> Preset:
     for place in ("arm.length_a", "arm.length_b", "clutch.voltage_max"):
         origins[place] = "chosen: stated to pter identify, or that of its start"
     provenance = cast("Mapping[str, str]", MappingProxyType(origins))
-    sensing = replace(base.sensing, delay=max(found.delay, 0.0))
+    sensing = {**base.sensing, "delay": max(found.delay, 0.0)}
     return replace(machine_preset(found.machine, base), sensing=sensing, provenance=provenance)
 
 

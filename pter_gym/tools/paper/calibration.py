@@ -23,7 +23,7 @@ from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.errors import ParameterError
 from pter_gym.params import Arm, Machine, TorqueCurve
 from pter_gym.params._fields import check_number
-from pter_gym.params._preset import PRESET, ClutchValues, Preset, SensingValues
+from pter_gym.params._preset import PRESET, Preset
 from pter_gym.paths import Line
 from pter_gym.tasks.path_following import COLUMN, check_machine
 from pter_gym.tools.paper.claims import MAX_SATURATED, rank_correlation
@@ -102,14 +102,14 @@ def decode(point: Array) -> Preset:
     room = min(math.sqrt(HAND_MAX**2 - values["push"] ** 2) / EQ5_PEAK, HAND_MAX)
     damping = min(2.0 * values["damping_ratio"] * math.sqrt(values["stiffness"] * across), across / 0.01)
     return Preset(
-        arm=arm,
-        clutch=ClutchValues(
+        arm=vars(arm),
+        clutch={
             **vars(curve),
-            breakaway_ratio=rounded(values["breakaway_ratio"]),
-            time_constant=TIME_CONSTANT,
-            voltage_max=TABLE_VOLTS[-1],
-            scale=(1.0,) * 4,
-        ),
+            "breakaway_ratio": rounded(values["breakaway_ratio"]),
+            "time_constant": TIME_CONSTANT,
+            "voltage_max": TABLE_VOLTS[-1],
+            "scale": (1.0,) * 4,
+        },
         delrin={
             "dynamic_scale": rounded(values["delrin_scale"]),
             "breakaway_ratio": rounded(max(MIN_RATIO, 1.0 + values["delrin_jump"] * (values["breakaway_ratio"] - 1.0))),
@@ -125,7 +125,7 @@ def decode(point: Array) -> Preset:
             "table_volts": TABLE_VOLTS,
             "feedback": BEST_GAIN / INCH_POUND,
         },
-        sensing=SensingValues(delay=0.0),
+        sensing={"delay": 0.0},
         provenance=ORIGINS,
     )
 

@@ -24,7 +24,7 @@ from pter_gym.benchmark.tuned import TUNED
 from pter_gym.controllers import CONTROLLERS, Policy
 from pter_gym.hands import MultiSineHand, Operator, RecordedForces
 from pter_gym.params import BASELINE, MACHINES, Machine, require
-from pter_gym.paths import Arc, Circle, Line, Path, Sine
+from pter_gym.paths import PATHS, Path
 from pter_gym.paths._arcs import SEGMENT
 from pter_gym.paths._projection import SEGMENT_WIDTH
 from pter_gym.policies import read_policy, shipped_policies
@@ -42,11 +42,6 @@ VOLTAGE_MAX = BASELINE.clutch.voltage_max
 
 MODULE = STATIC / "pter.wasm"
 TABLES = STATIC / "pter.json"
-
-PATHS: MappingProxyType[str, Path] = MappingProxyType(
-    {"line": Line(), "arc": Arc(), "circle": Circle(), "sine": Sine()}
-)
-"""Paths by name."""
 
 POINTER = RecordedForces(times=(0.0,), along=(0.0,), across=(0.0,))
 """A hand whose recording a page goes on writing while the world moves."""

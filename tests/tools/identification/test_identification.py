@@ -265,7 +265,7 @@ def test_the_preset_is_the_machine_and_says_where_it_comes_from(small: Identific
     preset = preset_of(small, PRESET)
     again = parse_preset(format_preset(preset, "title"))
     assert again == preset
-    assert again.clutch.scale == small.machine.clutch_scale
+    assert again.clutch["scale"] == small.machine.clutch_scale
     assert again.provenance["arm.inertia_a"].startswith("identified: from simulated, ")
     assert again.provenance["clutch.knee"].startswith("chosen: from simulated, not shown by it and kept: ")
     assert again.path == PRESET.path

@@ -38,10 +38,10 @@ def test_rules_hold_at_every_point():
         preset = decode(point)
         setup = setup_of(preset)
         baseline, experimental, theoretical = (machine.clutch for machine in setup.machines.values())
-        assert min(preset.arm.length_a, preset.arm.length_b) >= 0.3
-        assert max(preset.arm.length_a, preset.arm.length_b) <= 0.66
-        assert min(preset.arm.inertia_a, preset.arm.inertia_b) >= 0.25
-        assert max(preset.arm.inertia_a, preset.arm.inertia_b) <= 2.0
+        assert min(preset.arm["length_a"], preset.arm["length_b"]) >= 0.3
+        assert max(preset.arm["length_a"], preset.arm["length_b"]) <= 0.66
+        assert min(preset.arm["inertia_a"], preset.arm["inertia_b"]) >= 0.25
+        assert max(preset.arm["inertia_a"], preset.arm["inertia_b"]) <= 2.0
         assert 15.0 - 0.02 <= baseline.dynamic.torque(24.0) <= 70.0 + 0.1
         assert 4.0 - 0.01 <= baseline.breakaway.voltage(BREAKAWAY_SMALL_VOLTAGE) <= 8.0 + 0.01
         for clutch in (baseline, experimental):
@@ -57,7 +57,7 @@ def test_rules_hold_at_every_point():
             for machine in setup.machines.values():
                 check_machine(setup.task, machine)
         line = setup.task.path
-        assert sin_elbow(preset.arm.length_a, preset.arm.length_b, line.sampled(3)).min() >= 0.39
+        assert sin_elbow(preset.arm["length_a"], preset.arm["length_b"], line.sampled(3)).min() >= 0.39
 
 
 def test_an_arm_that_the_substep_cannot_hold_is_left_out():

@@ -291,8 +291,8 @@ def test_an_arm_on_which_clutches_slip_is_not_called_free(play: Any) -> None:
 def test_a_machine_of_ones_own_is_felt(opened: Any, tmp_path: Path) -> None:
     import playing
 
-    clutch = replace(PRESET.clutch, time_constant=0.052, scale=(0.9, 1.1, 1.05, 0.95))
-    own = replace(PRESET, arm=replace(PRESET.arm, length_a=0.6, inertia_a=0.8), clutch=clutch)
+    clutch = {**PRESET.clutch, "time_constant": 0.052, "scale": (0.9, 1.1, 1.05, 0.95)}
+    own = replace(PRESET, arm={**PRESET.arm, "length_a": 0.6, "inertia_a": 0.8}, clutch=clutch)
     preset = tmp_path / "own.toml"
     preset.write_text(format_preset(own, "own"), "utf-8")
     with playing.started("--machine", str(preset)) as address:
