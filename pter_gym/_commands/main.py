@@ -2,6 +2,7 @@
 
 import ast
 import functools
+import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -58,6 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
     accept_all_characters()
     if arguments is None:
         end_on_interrupt(INTERRUPTED)
+        os.environ.pop("MPLBACKEND", None)  # a notebook's, which may be installed for the notebook only
     try:
         status = _run(sys.argv[1:] if arguments is None else arguments)
         sys.stdout.flush()
