@@ -17,8 +17,7 @@ from pter_gym.envs._size import HEIGHT, WIDTH, check_size
 from pter_gym.errors import ParameterError, StorageError, needs_extra
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
-from pter_gym.tools.pictures.drawing import Array
-from pter_gym.tools.pictures.picture import Picture, Subject
+from pter_gym.tools.pictures.drawing import Array, Picture, Subject
 from pter_gym.tools.pictures.viewer import Window
 
 TILE = (360, 405)
