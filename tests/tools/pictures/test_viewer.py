@@ -143,9 +143,11 @@ row, trail = np.zeros(len(TELEMETRY)), np.zeros((0, 2))
 """
 
 
-def test_pictures_need_no_display_and_windows_say_what_they_need():
+@pytest.mark.parametrize("variables", [{}, {"SDL_VIDEODRIVER": "x11"}], ids=["nothing", "x11"])
+def test_pictures_need_no_display_and_windows_say_what_they_need(variables: dict[str, str]):
     program = """
-told = []
+import os
+before, told = dict(os.environ), []
 for missing in (False, True):
     if missing:
         sys.modules["pygame"] = None
@@ -153,10 +155,11 @@ for missing in (False, True):
         Viewer(BASELINE, PathFollowing(), "human")
     except Exception as error:
         told.append(type(error).__name__)
+    assert os.environ == before
 print(Viewer(BASELINE, PathFollowing(), "rgb_array").draw(row, trail).shape, *told)
 """
     pytest.importorskip("pygame")
-    assert run_fresh(program, SDL_VIDEODRIVER="x11") == "(600, 840, 3) ParameterError DependencyError"
+    assert run_fresh(program, **variables) == "(600, 840, 3) ParameterError DependencyError"
 
 
 def test_a_window_keeps_the_pace_and_stays_closed():
