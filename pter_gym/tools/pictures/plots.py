@@ -65,7 +65,8 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
             style["markerfacecolor"] = "white" if standing.reason else colour
             alpha = UNRANKED if standing.reason else 1.0
             x = thresholds / MILLIMETRE
-            axes.fill_between(x, found.low, found.high, color=colour, alpha=0.18 * alpha, linewidth=0.0)
+            rises = (found.fraction > 0.0) & (found.fraction < 1.0)
+            axes.fill_between(x, found.low, found.high, rises, color=colour, alpha=0.18 * alpha, linewidth=0.0)
             axes.plot(x, found.fraction, alpha=alpha, **style)
         axes.set_xscale("log")
         plain_ticks(axes, "x")
