@@ -121,9 +121,9 @@ class WorldsViewer:
 
     def see(self, rows: Array, worlds: NDArray[np.bool_] | None = None) -> None:
         """Record telemetry (N, len(TELEMETRY)) after a step, or of the worlds that were reset."""
-        for world in range(len(rows)) if worlds is None else np.flatnonzero(worlds):
+        for world in range(len(rows)) if worlds is None else np.flatnonzero(worlds).tolist():
             self._rows[world] = rows[world]
-            if rows[world, COLUMN.time] == 0.0:
+            if self._rows[world, COLUMN.time] == 0.0:
                 self._trails[world] = []
             self._trails[world].append(self._rows[world, [*COLUMN.tip]])
 

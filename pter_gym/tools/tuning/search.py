@@ -126,9 +126,13 @@ def tune(
     for known in (find_policy(controller + SUFFIX, scenario=scenario), find_policy(controller)):
         gains = cast("Guided | PaceSchedule", known).at(speed)
         study.enqueue_trial(point_at(controller, gains, speed), skip_if_exists=True)
+
+    def judge(trial: Any) -> float:
+        return _judge(trial, controller, speed, rungs)
+
     try:
         while (finished := len(_scored(study, "COMPLETE", "PRUNED"))) < trials or not _scored(study, "COMPLETE"):
-            study.optimize(lambda trial: _judge(trial, controller, speed, rungs), n_trials=1)
+            study.optimize(judge, n_trials=1)
             best = _scored(study, "COMPLETE")
             on_trial(finished + 1, best[0].value if best else math.inf)
     except OSError as error:
