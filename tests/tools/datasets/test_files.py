@@ -112,10 +112,3 @@ def test_a_full_disk_leaves_the_data_of_before(
         write_dataset("standard", "random", episodes[:1], tmp_path, seed=2, command="")
     assert digests(tmp_path) == digests(folder)
     assert not (tmp_path / "pter" / "standard" / ".random-v0").exists()
-
-
-def test_bad_arguments_are_refused_before_any_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for field, bad in (("level", "best"), ("scenario", "standart")):
-        with pytest.raises(SystemExit):
-            main(["record", f"--{field}", bad, "--out", str(tmp_path / "out")])
-        assert field in capsys.readouterr().err

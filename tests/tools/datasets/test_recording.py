@@ -80,14 +80,6 @@ def test_levels_have_the_same_episodes_and_seeds_have_others() -> None:
     assert other.observations[0].tobytes() != chance.observations[0].tobytes()
 
 
-def test_the_same_command_gives_the_same_bits() -> None:
-    one, two = (record_episodes("hands", "replay", 100, seed=1) for _ in range(2))
-    assert len(one) == len(two)
-    for a, b in zip(one, two, strict=True):
-        assert a.actions.tobytes() == b.actions.tobytes()
-        assert a.observations.tobytes() == b.observations.tobytes()
-
-
 def test_policies_begin_anew_with_each_episode() -> None:
     """The 12 episodes of eight worlds have the actions of the policy alone, which remembers observations."""
     name, arguments = environment_of("hands", 3)

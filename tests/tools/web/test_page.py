@@ -124,7 +124,6 @@ def test_this_computer_a_tunnel_and_allowed_names_are_answered(host: str, served
         ("",),
         ("[::1",),
         ("evil.example:{port}",),
-        ("localhost.evil.example:{port}",),
         ("127.0.0.1.evil.example",),
         ("localhost:{port}", "evil.example"),
     ],
