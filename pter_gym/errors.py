@@ -1,6 +1,7 @@
 """Typed errors. Each message names the field and the accepted range; no state has changed when one is raised."""
 
 import difflib
+import sys
 from collections.abc import Iterable
 
 import gymnasium
@@ -48,7 +49,9 @@ class PolicyError(PterError, RuntimeError):
 
 def needs_extra(what: str, extra: str) -> DependencyError:
     """Return the error for an optional package that is missing, with the command that installs it."""
-    return DependencyError(f"{what} needs the extra {extra}: run `pip install -e '.[{extra}]'` where its source is")
+    return DependencyError(
+        f"{what} needs the extra {extra}: run `{sys.executable} -m pip install -e '.[{extra}]'` where the source is"
+    )
 
 
 def unknown_name(field: str, name: object, known: Iterable[str]) -> ParameterError:

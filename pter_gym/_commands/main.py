@@ -2,6 +2,7 @@
 
 import ast
 import functools
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -61,6 +62,7 @@ def main(arguments: list[str] | None = None) -> int:
         if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # as pter_gym/__init__.py sets it for the imports
             signal.signal(signal.SIGINT, signal.default_int_handler)
         end_on_interrupt(INTERRUPTED)
+        os.environ.pop("MPLBACKEND", None)  # a notebook's, which may be installed for the notebook only
     try:
         status = _run(sys.argv[1:] if arguments is None else arguments)
         sys.stdout.flush()

@@ -1,5 +1,6 @@
 """What other packages and the tools register by entry points, so that the core imports none of them."""
 
+import sys
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
@@ -17,5 +18,5 @@ def registered(group: str) -> dict[str, EntryPoint]:
 def load_artist(name: str) -> Any:
     """Return what draws, or raise a DependencyError if nothing that can is installed."""
     if name not in (artists := registered(PICTURES)):
-        raise DependencyError(f"nothing installed can draw {name!r}: run `pip install -e .` again where the source is")
+        raise DependencyError(f"nothing can draw {name!r}: run `{sys.executable} -m pip install -e .` in its source")
     return artists[name].load()

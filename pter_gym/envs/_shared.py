@@ -73,7 +73,7 @@ class Worlds:
         if render_mode is not None and render_mode not in modes:
             raise ParameterError(f"render_mode must be one of {', '.join(modes)} or None, got {render_mode!r}")
         given: dict[str, Any] = {name: _from_plain(value) for name, value in arguments.items()}
-        if "scenario" in given or isinstance(given.get("randomisation"), str):
+        if "scenario" in given or not isinstance(given.get("randomisation"), Randomisation | Mixture | None):
             from pter_gym.envs import scenario  # imports what a fixed task doesn't need
 
             given = scenario.find_arguments(**given)

@@ -1,20 +1,17 @@
 """``pter record``: data sets for offline learning."""
 
+from functools import partial
+from itertools import product
 from pathlib import Path
-from typing import Annotated
+from typing import Literal
 
-import tyro
-
-from pter_gym._commands.arguments import split
-from pter_gym._internal.checks import names_in
+from pter_gym._commands.arguments import ScenarioName
 from pter_gym._internal.terminal import progress_bar, say
-from pter_gym.errors import unknown_name
-from pter_gym.scenarios import find_scenario
 
 
 def record(
-    scenario: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "standard,everything",
-    level: Annotated[str, tyro.conf.arg(metavar="NAME,…")] = "expert,medium,replay,random",
+    scenario: tuple[ScenarioName, ...] = ("standard", "everything"),
+    level: tuple[Literal["expert", "medium", "replay", "random"], ...] = ("expert", "medium", "replay", "random"),
     steps: int = 1_000_000,
     seed: int = 0,
     out: Path | None = None,
@@ -27,31 +24,22 @@ def record(
     Example: pter record --scenario standard --level expert --steps 20000 --out data
 
     Args:
-        scenario: Scenarios, separated by commas.
-        level: Levels of the policies, separated by commas: expert, medium, replay, random.
+        scenario: Scenarios.
+        level: Levels of the policies.
         steps: Control steps of each data set; its last episode is completed.
         seed: Seed of the draws, the resets and the noise, at least 0.
         out: Folder for the data sets; by default the one where Minari looks for them.
     """
     from pter_gym._internal.terminal import make_folder
-    from pter_gym.tools.datasets import LEVELS, record_episodes, write_dataset
-    from pter_gym.tools.datasets.writing import load_minari
+    from pter_gym.tools.datasets.recording import record_episodes
+    from pter_gym.tools.datasets.writing import load_minari, write_dataset
 
-    scenarios, levels = names_in("scenario", split(scenario)), names_in("level", split(level))
-    for each in scenarios:
-        find_scenario(each)
-    for each in levels:
-        if each not in LEVELS:
-            raise unknown_name("level", each, LEVELS)
     load_minari()
     if out is not None:
         make_folder(out)
     with progress_bar() as progress:
-        for each in scenarios:
-            for which in levels:
-                task = progress.add_task(f"{each}, {which}", total=steps)
-                episodes = record_episodes(
-                    each, which, steps, seed=seed, on_steps=lambda done, task=task: progress.advance(task, done)
-                )
-                command = f"pter record --scenario {each} --level {which} --steps {steps} --seed {seed}"
-                say(f"wrote {write_dataset(each, which, episodes, out, seed=seed, command=command)}")
+        for each, which in product(scenario, level):
+            task = progress.add_task(f"{each}, {which}", total=steps)
+            episodes = record_episodes(each, which, steps, seed=seed, on_steps=partial(progress.advance, task))
+            command = f"pter record --scenario {each} --level {which} --steps {steps} --seed {seed}"
+            say(f"wrote {write_dataset(each, which, episodes, out, seed=seed, command=command)}")

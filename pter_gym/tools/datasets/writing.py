@@ -12,11 +12,14 @@ from pter_gym._internal.files import FilePath, find_path
 from pter_gym._version import __version__
 from pter_gym.benchmark.intervals import mean_interval, rate_interval
 from pter_gym.errors import StorageError, needs_extra
-from pter_gym.tools.datasets.levels import LEVELS, actors_of
-from pter_gym.tools.datasets.recording import Episode, environment_of
-
-VERSION = 0
-"""Version of the data sets, part of their names."""
+from pter_gym.tools.datasets.recording import (
+    LEVELS,
+    REFERENCE_EPISODES,
+    Episode,
+    actors_of,
+    environment_of,
+    reference_score,
+)
 
 
 def load_minari() -> Any:
@@ -28,15 +31,10 @@ def load_minari() -> Any:
         raise needs_extra("recording", "data") from error
 
 
-def dataset_id(scenario: str, level: str) -> str:
-    """Return the name under which Minari finds a data set."""
-    return f"pter/{scenario}/{level}-v{VERSION}"
-
-
 def write_dataset(
     scenario: str, level: str, episodes: Sequence[Episode], folder: FilePath | None, *, seed: int, command: str
 ) -> Path:
-    """Write a data set, replacing an earlier one of the same name, and return its folder.
+    """Write the data set ``pter/SCENARIO/LEVEL-v0``, replacing an earlier one, and return its folder.
 
     Parameters
     ----------
@@ -60,7 +58,7 @@ def write_dataset(
     from minari.dataset.minari_storage import MinariStorage
     from minari.storage.datasets_root_dir import get_dataset_path
 
-    ident = dataset_id(scenario, level)
+    ident = f"pter/{scenario}/{level}-v0"
     target = (get_dataset_path() if folder is None else find_path("out", folder)) / ident
     name, arguments = environment_of(scenario, seed)
     env, judged = gymnasium.make(name, **arguments), gymnasium.make(name, **arguments, starts="rest")
@@ -73,15 +71,18 @@ def write_dataset(
         "description": f"{LEVELS[level]}; {command}",
         "requirements": [f"pter-gym=={__version__}"],
         "license": "MIT",
+        "ref_min_score": reference_score(scenario, "random", seed),
+        "ref_max_score": reference_score(scenario, "expert", seed),
+        "num_episodes_average_score": REFERENCE_EPISODES,
         "summary": summary_of(episodes),
     }
     work = target.with_name(f".{target.name}").absolute()  # Minari loses its files where a path is relative
+    fields = Episode._fields[:-2]  # Minari's, without what only the summary needs
     try:
         shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
         (work / "new").mkdir(parents=True)
         storage = MinariStorage.new(work / "new" / "data", env.observation_space, env.action_space, env.spec)
         storage.update_metadata(metadata)
-        fields = Episode._fields[:-2]  # Minari's, without what only the summary needs
         buffers = (dict(zip(fields, episode, strict=False)) for episode in episodes)
         storage.update_episodes(minari.data_collector.EpisodeBuffer(**each) for each in buffers)
         if target.exists():
@@ -91,20 +92,15 @@ def write_dataset(
         raise StorageError(f"data set {str(target)!r} cannot be written: {error.strerror or error}") from error
     finally:
         shutil.rmtree(work, ignore_errors=True)
-        env.close()
-        judged.close()
     return target
 
 
 def summary_of(episodes: Sequence[Episode]) -> dict[str, Any]:
     """Return counts and scores of episodes; a score is a mean and the ends of its 95 % interval."""
-    scores = {
-        "mean_return": [float(episode.rewards.sum()) for episode in episodes],
-        "arrived": [float(episode.arrived) for episode in episodes],
-        "distance_m": [episode.distance for episode in episodes],
-    }
     return {
         "steps": sum(len(episode.rewards) for episode in episodes),
         "episodes": len(episodes),
-        **{name: list((rate_interval if name == "arrived" else mean_interval)(scores[name])) for name in scores},
+        "mean_return": list(mean_interval([float(episode.rewards.sum()) for episode in episodes])),
+        "arrived": list(rate_interval([float(episode.arrived) for episode in episodes])),
+        "distance_m": list(mean_interval([episode.distance for episode in episodes])),
     }

@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import tyro
 
@@ -10,12 +10,9 @@ from pter_gym._commands.arguments import MachineName, PaceName, ScenarioName, sp
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import check_target
 from pter_gym._internal.terminal import progress_bar, say
-from pter_gym.envs._size import check_size
 from pter_gym.errors import ParameterError
 from pter_gym.scenarios import find_scenario
-
-if TYPE_CHECKING:
-    from pter_gym.benchmark.simulation import Episode
+from pter_gym.tools.pictures.size import check_size
 
 MAX_POLICIES = 16
 
@@ -62,9 +59,8 @@ def watch(
     found = {name: find_policy(name, scenario) for name in names}
     telemetry: dict[str, Any] = {}
     for name, policy in found.items():
-        episode = record_episode(policy, held, task, seed, time_limit(task), nominal=drawn.nominal)
-        telemetry[name] = episode.telemetry
-        say(f"{name}: {summary(episode)}")
+        telemetry[name] = record_episode(policy, held, task, seed, time_limit(task), nominal=drawn.nominal).telemetry
+        say(f"{name}: {summary(telemetry[name])}")
     if csv:
         write_trajectories(telemetry, csv)
         say(f"wrote {csv}")
@@ -98,15 +94,14 @@ def check_arguments(
         if path:
             check_target(field, path)
             check(path)
-    if not out and not csv and not viewer.has_display():
-        raise ParameterError("out must be given where there is no display, such as --out film.webp; or --csv")
+    if not out and not csv and viewer.open_display().display.get_driver() in viewer.INVISIBLE:
+        raise ParameterError("out must be given where a window would not be seen, such as --out film.webp; or --csv")
 
 
-def summary(episode: "Episode") -> str:
-    """Return a summary of an episode in words."""
+def summary(telemetry: Any) -> str:
+    """Return how an episode ended, and how far the tip was from the path, in words."""
     from pter_gym.tasks.path_following import COLUMN
 
-    telemetry: Any = episode.telemetry
     last = telemetry[-1]
     end = "arrived" if last[COLUMN.is_success] else "left the workspace" if last[COLUMN.terminated] else "time is up"
     error = 1e3 * abs(telemetry[:, COLUMN.normal_error])

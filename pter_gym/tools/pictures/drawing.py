@@ -1,19 +1,21 @@
-"""What every picture is made of: colours, the mechanism's geometry, views of the world, and a canvas."""
+"""The picture of a world: the arm on its path, its clutches below it. Drawn with Pillow, which takes milliseconds."""
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path as FilePath
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from pter_gym._internal import palette
-from pter_gym.params import Arm
+from pter_gym._physics.friction import ClutchMode
+from pter_gym.params import Arm, Machine
 from pter_gym.paths import Path
+from pter_gym.tasks.path_following import COLUMN, PathFollowing
+from pter_gym.tools.pictures.size import TILE_HEIGHT, TILE_WIDTH
 
 Array = NDArray[np.float64]
 
@@ -24,24 +26,42 @@ TRAIL, FORCE = palette.PURPLE, palette.GREEN
 LINK_A, PARALLEL_A = palette.BLUE, "#80b9d9"
 LINK_B, PARALLEL_B = palette.ORANGE, "#f3cf80"
 VOLTS, TORQUE = palette.SKY_BLUE, palette.VERMILLION
+LEGEND = {"path": PATH, "tip's trail": TRAIL, "hand's force": FORCE, "workspace": WORKSPACE_EDGE}
 
-TITLE, BODY, SMALL = 14, 12, 11
-"""Sizes of text [px at the default size]."""
+BADGES = {
+    "stuck": (INK, "#ffffff"),
+    "slipping": ("#f6d7a0", INK),
+    "released": (GROOVE, "#565d67"),
+    "absent": (CARD, "#565d67"),
+}
+"""Colours of a clutch's states and of their names, which differ in lightness, so they need no colour vision."""
+
+TITLE, BODY, SMALL, MIN_TEXT = 14, 12, 11, 10
+"""Sizes of text [px at the default size]; the smallest legible one [px]."""
+
+MIN_SIZE_WITH_TEXT, MIN_HEIGHT_WITH_LEGEND = (240, 160), 340
+"""Width and height [px] below which there is no room for text, and height below which there is none for a legend."""
+
+MARGIN, LINE, CARD_HEIGHT, GAP = 16, 24, 62, 8
+"""Edge of the drawing, heights of a line of text and of a clutch's card, and space between cards, in units of text."""
 
 SUPERSAMPLING = 2
 """A canvas is drawn larger by this factor, then reduced, which smooths its edges."""
 
-MIN_PIECE = 2.0
-"""A line is drawn in pieces of at least this length [px]."""
+STROKE_GROWTH = 0.7
+"""Power of the size by which strokes grow: small pictures need broad ones."""
 
-MIN_TEXT = 10
-"""Smallest legible size of text [px]."""
+METRES_PER_NEWTON, MIN_FORCE = 0.0016, 0.5
+"""Length of the force's arrow, and the force [N] from which there is one."""
 
-HUB = 0.08
-"""Half the width of the drive and its stand [m]."""
+HUB, SCALE_BAR = 0.08, 0.1
+"""Half the width of the drive and its stand [m], and the length of the scale bar [m]."""
+
+MODE_NAMES = ("two DOF", *(f"one DOF ({x} stuck)" for x in range(1, 5)), "zero DOF")
+"""The paper's dynamic modes (section III-A) in the order of ``ClutchMode``."""
 
 
-# --- the mechanism and its path, in metres ---
+# --- the mechanism and its workspace, in metres ---
 
 
 class FiveBar(NamedTuple):
@@ -64,25 +84,16 @@ def five_bar(arm: Arm, theta_a: float, theta_b: float) -> FiveBar:
     return FiveBar(np.zeros(2), elbow_a, elbow_b, elbow_a + elbow_b)
 
 
-def path_points(path: Path, count: int = 129) -> Array:
-    """Return points along a path [m], shape (count, 2)."""
-    return path.sampled(count)
-
-
 def workspace(path: Path, error_max: float) -> Array:
     """Return the outline of the workspace [m], shape (K, 2): all points within the largest normal error of the path.
 
     It reaches back from the start of the path by the same distance.
     """
     x, y, heading, _ = path.arcs.at(np.linspace(0.0, path.length, 129))
-    points, ahead = np.stack([x, y], axis=1), np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    points = np.vstack([points[0] - error_max * ahead[0], points])
-    ahead = np.vstack([ahead[0], ahead])
-    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-    return np.vstack([points + error_max * left, (points - error_max * left)[::-1]])
-
-
-# --- from the world to the screen ---
+    x, y = np.append(x[0] - error_max * np.cos(heading[0]), x), np.append(y[0] - error_max * np.sin(heading[0]), y)
+    heading = np.append(heading[0], heading)
+    points, left = np.stack([x, y], axis=1), error_max * np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+    return np.vstack([points + left, (points - left)[::-1]])
 
 
 class Box(NamedTuple):
@@ -93,36 +104,9 @@ class Box(NamedTuple):
     right: float
     high: float
 
-    @property
-    def width(self) -> float:
-        """Extent from left to right."""
-        return self.right - self.left
 
-    @property
-    def height(self) -> float:
-        """Extent from the lower to the higher edge."""
-        return self.high - self.low
-
-
-def world_box(arm: Arm, path: Path, error_max: float) -> Box:
-    """Return the part of the world [m] to show: the drive, the workspace, and the elbows on both sides of the drive."""
-    x, y = path.point(0.5 * path.length)
-    sideways = max(arm.length_a, arm.length_b) / max(math.hypot(x, y), HUB) * np.array([-y, x])
-    shown = np.vstack([workspace(path, error_max), [[-HUB, -HUB], [HUB, HUB]], sideways, -sideways])
-    return Box(*map(float, (*shown.min(axis=0), *shown.max(axis=0))))
-
-
-@dataclass(frozen=True)
-class View:
-    """World to screen: x to the right, y upwards in the world and downwards on the screen.
-
-    Attributes
-    ----------
-    scale
-        Pixels per metre.
-    origin
-        Pixel (x, y) of the world's origin, the axis of the drive.
-    """
+class View(NamedTuple):
+    """World to screen; ``scale`` is in pixels per metre, ``origin`` the pixel (x, y) of the axis of the drive."""
 
     scale: float
     origin: tuple[float, float]
@@ -132,11 +116,15 @@ class View:
         return np.asarray(points, np.float64) * (self.scale, -self.scale) + self.origin
 
 
-def fit(world: Box, screen: Box) -> View:
-    """Return the view in which a box of the world [m] fills a box of the screen [px], centred and undistorted."""
-    scale = min(screen.width / world.width, screen.height / world.height)
+def fit(task: PathFollowing, arm: Arm, screen: Box) -> View:
+    """Return the view that shows the drive, the workspace, and the elbows on both sides of the drive in a box [px]."""
+    x, y = task.path.point(0.5 * task.path.length)
+    sideways = max(arm.length_a, arm.length_b) / max(math.hypot(x, y), HUB) * np.array([-y, x])
+    shown = np.vstack([workspace(task.path, task.error_max), [[-HUB, -HUB], [HUB, HUB]], sideways, -sideways])
+    (left, low), (right, high) = shown.min(axis=0).tolist(), shown.max(axis=0).tolist()
+    scale = min((screen.right - screen.left) / (right - left), (screen.high - screen.low) / (high - low))
     x, y = 0.5 * (screen.left + screen.right), 0.5 * (screen.low + screen.high)
-    return View(scale, (x - scale * 0.5 * (world.left + world.right), y + scale * 0.5 * (world.low + world.high)))
+    return View(scale, (x - 0.5 * scale * (left + right), y + 0.5 * scale * (low + high)))
 
 
 # --- the canvas ---
@@ -167,10 +155,10 @@ class Canvas:
         self._draw.polygon(_enlarged(points), colour)
 
     def line(self, points: Array, colour: str, width: float) -> None:
-        """Draw a line through points (K, 2); nothing for fewer than two."""
+        """Draw a line through points (K, 2), in pieces of at least two pixels; nothing for fewer than two points."""
         if len(points) > 2:
             travelled = np.cumsum(np.hypot(*np.diff(points, axis=0).T))
-            kept = np.diff(np.floor(travelled / MIN_PIECE), prepend=0.0) > 0.0
+            kept = np.diff(np.floor(0.5 * travelled), prepend=0.0) > 0.0
             kept[-1] = True
             points = np.vstack([points[:1], points[1:][kept]])
         if len(points) > 1:
@@ -191,26 +179,28 @@ class Canvas:
         self.disc(start, 0.5 * width, colour)
         self.disc(end, 0.5 * width, colour)
 
-    def arrow(self, tail: Array, head: Array, width: float, colour: str) -> None:
-        """Fill an arrow between two points, with a shaft of a given width."""
-        reach = head - tail
-        ahead = reach / math.hypot(*reach)
+    def arrow(self, tail: Array, ahead: Array, length: float, width: float, colour: str) -> None:
+        """Fill an arrow in a direction, a unit vector, with a shaft of a given width."""
         left = np.array([-ahead[1], ahead[0]])
-        neck = head - min(3.5 * width, math.hypot(*reach)) * ahead
+        head, neck = tail + length * ahead, tail + max(length - 3.5 * width, 0.0) * ahead
         shaft, barb = 0.5 * width * left, 1.75 * width * left
         self.polygon([tail + shaft, neck + shaft, neck + barb, head, neck - barb, neck - shaft, tail - shaft], colour)
 
-    def box(self, box: Box, colour: str, radius: float = 0.0) -> None:
+    def box(self, left: float, low: float, right: float, high: float, colour: str, radius: float = 0.0) -> None:
         """Fill a rectangle, with round corners if ``radius`` is given."""
-        left, top, right, bottom = (round(SUPERSAMPLING * edge) for edge in box)
-        if right > left and bottom > top:
-            self._draw.rounded_rectangle((left, top, right - 1, bottom - 1), SUPERSAMPLING * radius, colour)
+        left, low, right, high = (round(SUPERSAMPLING * edge) for edge in (left, low, right, high))
+        if right > left and high > low:
+            self._draw.rounded_rectangle((left, low, right - 1, high - 1), SUPERSAMPLING * radius, colour)
 
     def text(
         self, text: str, x: float, y: float, size: float, colour: str, align: Literal["l", "m", "r"] = "l"
     ) -> None:
         """Write a line of text around the height ``y``; its left end, middle or right end is at ``x``."""
         self._draw.text((SUPERSAMPLING * x, SUPERSAMPLING * y), text, colour, _font(size), f"{align}m")
+
+
+def _enlarged(points: ArrayLike) -> list[tuple[float, ...]]:
+    return [tuple(point) for point in (SUPERSAMPLING * np.asarray(points)).tolist()]
 
 
 def text_width(text: str, size: float) -> float:
@@ -224,9 +214,176 @@ def _font(size: float) -> ImageFont.FreeTypeFont:
 
 @lru_cache
 def _load_font(size: int) -> ImageFont.FreeTypeFont:
-    """Load the typeface of the figures, which comes with Matplotlib."""
-    return ImageFont.truetype(FilePath(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"), size)
+    """Load the typeface of the figures from Matplotlib's files, without importing Matplotlib."""
+    package: Any = find_spec("matplotlib")
+    return ImageFont.truetype(FilePath(package.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf", size)
 
 
-def _enlarged(points: ArrayLike) -> list[tuple[float, ...]]:
-    return [tuple(point) for point in (SUPERSAMPLING * np.asarray(points)).tolist()]
+# --- the picture ---
+
+
+class Subject(NamedTuple):
+    """The subject of a picture: a machine, its task, and a title, if any."""
+
+    machine: Machine
+    task: PathFollowing
+    name: str = ""
+
+
+class Picture:
+    """Draws a subject in a size [px]; constant parts are drawn once."""
+
+    def __init__(self, subject: Subject, width: int, height: int) -> None:
+        self.subject, self._extent = subject, (width, height)
+        self._machine, task, name = subject
+        has_legend = height >= MIN_HEIGHT_WITH_LEGEND
+        self._has_text = width >= MIN_SIZE_WITH_TEXT[0] and height >= MIN_SIZE_WITH_TEXT[1]
+        self._unit = unit = 0.9 * math.sqrt(min(width / TILE_WIDTH, height / TILE_HEIGHT))
+        self._panel = Box(0, height - (LINE + CARD_HEIGHT + 2 * GAP) * unit, width, height)
+        margin = 0.03 * min(width, height)
+        scene = Box(margin, margin, width - margin, height - margin)
+        if self._has_text:
+            margin = MARGIN * unit
+            scene = Box(margin, (1 + has_legend) * LINE * unit, width - margin, self._panel.low - 0.5 * margin)
+        self.view = fit(task, self._machine.arm, scene)
+        self._stroke = min((scene.right - scene.left) / 508, (scene.high - scene.low) / 532) ** STROKE_GROWTH
+        self._size = BODY * unit if self._has_text else 0.0
+        self._background = Canvas.blank(width, height)
+        self._draw_background(task)
+        if self._has_text:
+            self._draw_captions(name, scene, has_legend)
+        clutch = self._machine.clutch
+        self._torque_max = max(curve.torque(clutch.voltage_max) for curve in (clutch.breakaway, clutch.dynamic))
+
+    def draw(self, row: Any, trail: Array) -> NDArray[np.uint8]:
+        """Return a telemetry row, shape (len(TELEMETRY),), as pixels; ``trail`` holds past tips [m], shape (K, 2)."""
+        canvas = self._background.copy()
+        canvas.line(self.view.pixels(np.reshape(trail, (-1, 2))), TRAIL, max(3 * self._stroke, 1.5))
+        pivots = [self.view.pixels(pivot) for pivot in five_bar(self._machine.arm, *map(float, row[[*COLUMN.theta]]))]
+        self._draw_arm(canvas, pivots)
+        self._draw_handle(canvas, pivots[3], row[[*COLUMN.force]])
+        if self._has_text:
+            self._draw_readings(canvas, row)
+        return canvas.pixels()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Picture, (self.subject, *self._extent)
+
+    def _draw_background(self, task: PathFollowing) -> None:
+        """Draw the workspace, the path with its start and end, and the stand of the drive."""
+        canvas, unit = self._background, self._stroke
+        outline = self.view.pixels(workspace(task.path, task.error_max))
+        canvas.polygon(outline, WORKSPACE)
+        canvas.line(np.vstack([outline, outline[:1]]), WORKSPACE_EDGE, 1.0)
+        points = self.view.pixels(task.path.sampled(129))
+        canvas.line(points, PATH, max(1.5 * unit, 1.0))
+        canvas.ring(points[0], 5 * unit, 2 * unit, PATH)
+        canvas.disc(points[-1], 5 * unit, PATH)
+        x, y = self.view.origin
+        floor = y + 32 * unit
+        canvas.polygon([(x - 9 * unit, y), (x + 9 * unit, y), (x + 20 * unit, floor), (x - 20 * unit, floor)], GROOVE)
+        canvas.disc(np.array([x, y]), 13 * unit, GROOVE)
+        canvas.box(x - 32 * unit, floor, x + 32 * unit, floor + 3 * unit, MUTED)
+
+    def _draw_captions(self, name: str, scene: Box, has_legend: bool) -> None:
+        """Write the title, a scale bar and, where there is room, a legend."""
+        canvas, unit, x = self._background, self._unit, scene.left
+        title, small = TITLE * unit, SMALL * unit
+        while len(name) > 1 and text_width(name, title) > scene.right - x - 64 * unit:
+            name = "…" + name.removeprefix("…")[1:]
+        canvas.text(name, x, 0.5 * LINE * unit, title, INK)
+        right = x + self.view.scale * SCALE_BAR
+        canvas.box(x, scene.high - 2.0, right, scene.high, MUTED)
+        canvas.text(f"{SCALE_BAR:g} m", 0.5 * (x + right), scene.high - small, small, MUTED, "m")
+        size, y = min(self._size, (scene.right - x) / 32), 1.5 * LINE * unit
+        for text, colour in LEGEND.items() if has_legend else ():
+            canvas.box(x, y - 0.2 * size, x + 1.4 * size, y + 0.2 * size, colour)
+            canvas.text(text, x + 1.9 * size, y, size, INK)
+            x += 3.2 * size + text_width(text, size)
+
+    def _draw_arm(self, canvas: Canvas, pivots: list[Array]) -> None:
+        """Draw the five bars from the pixels of their pivots, and the links' names."""
+        base, elbow_a, elbow_b, tip = pivots
+        unit, size = self._stroke, self._size
+        canvas.bar(elbow_b, tip, 8 * unit, PARALLEL_A)
+        canvas.bar(elbow_a, tip, 8 * unit, PARALLEL_B)
+        for name, elbow, other, colour in (("B", elbow_b, elbow_a, LINK_B), ("A", elbow_a, elbow_b, LINK_A)):
+            canvas.bar(base, elbow, 14 * unit, colour)
+            if size:
+                away = (base - other) / math.hypot(*(base - other))  # from the inside of the parallelogram
+                x, y = 0.5 * (base + elbow) + (10 * unit + 0.6 * size) * away
+                canvas.text(name, x, y, size, INK, "m")
+        for pivot in (base, elbow_a, elbow_b):
+            canvas.ring(pivot, 6 * unit, 2.5 * unit, INK)
+
+    def _draw_handle(self, canvas: Canvas, tip: Array, force: Array) -> None:
+        """Draw the hand's force [N] as an arrow from the tip [px] with its strength, and the handle."""
+        unit, size, strength = self._stroke, self._size, math.hypot(*force)
+        if strength >= MIN_FORCE:
+            ahead = force / strength * (1.0, -1.0)
+            length = self.view.scale * METRES_PER_NEWTON * strength
+            canvas.arrow(tip, ahead, length, 5 * unit, FORCE)
+            if size:
+                upwards = np.array([ahead[1], -ahead[0]]) * math.copysign(1.0, ahead[0])
+                x, y = tip + length * ahead + upwards * (1.6 * size, 1.2 * size)  # beside the path ahead
+                canvas.text(f"{strength:.0f} N", x, y, size, FORCE, "m")
+        canvas.disc(tip, 9 * unit, BACKGROUND)
+        canvas.disc(tip, 7.5 * unit, INK)
+
+    def _draw_readings(self, canvas: Canvas, row: Any) -> None:
+        """Write the time above the scene; below it the error and the mode, and draw a card for each clutch."""
+        left, top, right, bottom = self._panel
+        size, gap, line, margin = self._size, GAP * self._unit, LINE * self._unit, MARGIN * self._unit
+        canvas.text(f"{row[COLUMN.time]:.2f} s", right - margin, 0.5 * line, size, MUTED, "r")
+        canvas.box(left, top, right, bottom, PANEL)
+        y = top + 0.5 * (gap + line)
+        canvas.text(f"error {_signed(1e3 * float(row[COLUMN.normal_error]))} mm", margin, y, size, INK)
+        canvas.text(outcome(row), right - margin, y, size, INK, "r")
+        step = (right - left - gap) / 4
+        for clutch, state in enumerate(clutch_states(row, self._machine)):
+            x = left + gap + clutch * step
+            self._draw_card(canvas, Box(x, top + gap + line, x + step - gap, bottom - gap), clutch, state, row)
+
+    def _draw_card(self, canvas: Canvas, card: Box, clutch: int, state: str, row: Any) -> None:
+        """Draw a clutch's state, and voltage and torque as bars and numbers."""
+        unit, (fill, ink) = self._unit, BADGES[state]
+        volts, torque = float(row[COLUMN.volts[clutch]]), float(row[COLUMN.torque[clutch]])
+        canvas.box(*card, CARD, 5 * unit)
+        left, right, line = card.left + 4 * unit, card.right - 4 * unit, (card.high - card.low) / 3
+        canvas.box(left, card.low + 0.2 * line, right, card.low + 0.95 * line, fill, 4 * unit)
+        canvas.text(f"{clutch + 1} {state}", 0.5 * (left + right), card.low + 0.58 * line, SMALL * unit, ink, "m")
+        width = max(right - left - 60 * unit, 0.0)
+        for y, zero, share, colour, text in (
+            (card.low + 1.45 * line, 0.0, volts / self._machine.clutch.voltage_max, VOLTS, f"{volts:.1f} V"),
+            (card.low + 2.35 * line, 0.5, torque / self._torque_max, TORQUE, f"{_signed(torque)} N·m"),
+        ):
+            canvas.text(text, right, y, SMALL * unit, INK, "r")
+            canvas.box(left, y - 4 * unit, left + width, y + 4 * unit, GROOVE)
+            start = left + zero * width
+            end = start + (1.0 - zero) * min(max(share, -1.0), 1.0) * width
+            canvas.box(min(start, end), y - 4 * unit, max(start, end), y + 4 * unit, colour)
+            canvas.box(start - 0.5, y - 6 * unit, start + 0.5, y + 6 * unit, MUTED)
+
+
+def outcome(row: Any) -> str:
+    """Return the dynamic mode, or how the episode ended."""
+    if row[COLUMN.terminated]:
+        return "arrived" if row[COLUMN.is_success] else "left the workspace"
+    return MODE_NAMES[int(row[COLUMN.mode])]
+
+
+def clutch_states(row: Any, machine: Machine) -> list[str]:
+    """Return the state of each of the four clutches; one without voltage and torque is released, even at rest."""
+    slots = zip(machine.slot_rows, machine.slot_scale, strict=True)
+    rows = [slip if scale > 0.0 else None for slip, scale in slots]
+    idle = (row[[*COLUMN.volts]] == 0.0) & (row[[*COLUMN.torque]] == 0.0)
+    mode = int(row[COLUMN.mode])
+    stuck = rows[mode - 1] if ClutchMode.TWO_DOF < mode < ClutchMode.ZERO_DOF else None
+    held = [mode == ClutchMode.ZERO_DOF or each == stuck for each in rows]
+    states = ["released" if idle[x] else "stuck" if held[x] else "slipping" for x in range(4)]
+    return ["absent" if each is None else state for each, state in zip(rows, states, strict=True)]
+
+
+def _signed(value: float) -> str:
+    """Return a number with one digit and its sign, or 0.0 without one."""
+    return f"{value:+.1f}".replace("-", "−") if round(value, 1) else "0.0"

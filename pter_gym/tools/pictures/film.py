@@ -13,19 +13,15 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pter_gym._internal.files import write_bytes_atomic
-from pter_gym.envs._size import HEIGHT, WIDTH, check_size
 from pter_gym.errors import ParameterError, StorageError, needs_extra
 from pter_gym.params import Machine
 from pter_gym.tasks.path_following import COLUMN, PathFollowing
-from pter_gym.tools.pictures.drawing import Array
-from pter_gym.tools.pictures.picture import Picture, Subject
+from pter_gym.tools.pictures.drawing import Array, Picture, Subject
+from pter_gym.tools.pictures.size import HEIGHT, WIDTH, check_size
 from pter_gym.tools.pictures.viewer import Window
 
-TILE = (360, 405)
-"""Width and height of one of several pictures [px]."""
-
-MAX_SIZE = (1920, 1080)
-"""Largest width and height of several pictures together [px]."""
+TILE, MAX_SIZE = (360, 405), (1920, 1080)
+"""Width and height [px] of one of several pictures, and the largest of all together."""
 
 PAUSE = 1.0
 """Time for which the last frame is shown [s]."""
@@ -72,13 +68,15 @@ class Film:
         self._step = speed / rate
         self._episodes = list(episodes.values())
         rows, columns = grid(len(episodes))
-        x = np.linspace(0, width, columns + 1).round().astype(int).tolist()
-        y = np.linspace(0, height, rows + 1).round().astype(int).tolist()
+        x, y = (
+            np.linspace(0, width, columns + 1).round().astype(int),
+            np.linspace(0, height, rows + 1).round().astype(int),
+        )
         self._pictures: list[tuple[int, int, Picture]] = []
         for k, name in enumerate(episodes):
             row, column = divmod(k, columns)
-            extent = x[column + 1] - x[column], y[row + 1] - y[row]
-            self._pictures.append((x[column], y[row], Picture(Subject(machine, task, name), *extent)))
+            picture = Picture(Subject(machine, task, name), int(np.diff(x)[column]), int(np.diff(y)[row]))
+            self._pictures.append((int(x[column]), int(y[row]), picture))
         duration = max(float(telemetry[-1, COLUMN.time]) for telemetry in self._episodes)
         self._count = 1 + math.ceil(duration / self._step - 1e-9)
 
@@ -166,7 +164,7 @@ def write_film(
     elif suffix == ".mp4":
         content = _encode_mp4(frames(len(film) + round(PAUSE * film.rate)), film.rate)
     else:
-        content = _encode_png(film.pixels(len(film) - 1))
+        content = _encoded(Image.fromarray(film.pixels(len(film) - 1)), "PNG")
     write_bytes_atomic(path, content)
     return path
 
@@ -184,18 +182,17 @@ def show_film(film: Film, title: str) -> None:
         window.close()
 
 
-def _encode_webp(frames: Iterator[NDArray[np.uint8]], count: int, rate: float, quality: int = 70) -> bytes:
+def _encode_webp(frames: Iterator[NDArray[np.uint8]], count: int, rate: float) -> bytes:
     """Return frames as an animated WebP that repeats; the last frame stays for ``PAUSE``."""
-    images, content = (Image.fromarray(frame) for frame in frames), io.BytesIO()
+    images = (Image.fromarray(frame) for frame in frames)
     durations = [round(1000.0 / rate)] * (count - 1) + [round(1000.0 * PAUSE)]
-    settings: Any = {"duration": durations, "loop": 0, "quality": quality, "method": 0}
-    next(images).save(content, "WEBP", save_all=True, append_images=images, **settings)
-    return content.getvalue()
+    settings = {"duration": durations, "loop": 0, "quality": 70, "method": 0}
+    return _encoded(next(images), "WEBP", save_all=True, append_images=images, **settings)
 
 
-def _encode_png(frame: NDArray[np.uint8]) -> bytes:
+def _encoded(image: Image.Image, kind: str, **settings: Any) -> bytes:
     content = io.BytesIO()
-    Image.fromarray(frame).save(content, "PNG")
+    image.save(content, kind, **settings)
     return content.getvalue()
 
 

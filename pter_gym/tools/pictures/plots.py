@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-from pter_gym.benchmark.boards import PACE_ERROR, Leaderboard, Standing
+from pter_gym.benchmark.boards import PACE_ERROR, Leaderboard
 from pter_gym.benchmark.intervals import performance_profile
 from pter_gym.benchmark.runs import ScenarioRun
 from pter_gym.scenarios import PACES
@@ -55,15 +55,18 @@ def profiles(boards: Sequence[Leaderboard], runs: Sequence[ScenarioRun]) -> Figu
     for axes, board in zip(panels, boards, strict=True):
         axes.set_title(f"{board.pace}, {PACES[board.pace]:g} m/s")
         for standing in board.standings:
-            errors = np.stack([run.scores["path_error_m"] for run in _runs_of(standing, board, runs)])
+            key = (standing.policy, board.pace)
+            errors = np.stack([run.scores["path_error_m"] for run in runs if (run.policy, run.pace) == key])
             found = performance_profile(errors, thresholds)
             colour, marker, dashes = by_policy[standing.policy]
             style: Any = {"color": colour, "linestyle": dashes, "marker": marker}
-            style["markevery"] = markers(list(by_policy).index(standing.policy), len(by_policy))
+            place = list(by_policy).index(standing.policy) / len(by_policy)
+            style["markevery"] = (0.03 + 0.22 * place, 0.22)  # apart from the markers of other policies
             style["markerfacecolor"] = "white" if standing.reason else colour
             alpha = UNRANKED if standing.reason else 1.0
             x = thresholds / MILLIMETRE
-            axes.fill_between(x, found.low, found.high, color=colour, alpha=0.18 * alpha, linewidth=0.0)
+            rises = (found.fraction > 0.0) & (found.fraction < 1.0)
+            axes.fill_between(x, found.low, found.high, rises, color=colour, alpha=0.18 * alpha, linewidth=0.0)
             axes.plot(x, found.fraction, alpha=alpha, **style)
         axes.set_xscale("log")
         plain_ticks(axes, "x")
@@ -104,15 +107,10 @@ def error_against_pace(boards: Sequence[Leaderboard]) -> Figure:
 # --- names, legends, ticks ---
 
 
-def shown(name: str, longest: int = MAX_NAME) -> str:
+def shown(name: str) -> str:
     """Return a policy's name for pictures: short enough, and without mathematical markup."""
-    half = longest // 2
-    return (name if len(name) <= longest else f"{name[: half - 1]}…{name[-half:]}").replace("$", r"\$")
-
-
-def markers(place: int, count: int) -> tuple[float, float]:
-    """Return the marker positions on one policy's line, apart from those of other policies."""
-    return (0.03 + 0.22 * place / count, 0.22)
+    half = MAX_NAME // 2
+    return (name if len(name) <= MAX_NAME else f"{name[: half - 1]}…{name[-half:]}").replace("$", r"\$")
 
 
 def plain_ticks(axes: Axes, which: str) -> None:
@@ -138,12 +136,6 @@ def _pace_ticks(axes: Axes, paces: Mapping[str, float]) -> None:
 
 def _looks(boards: Sequence[Leaderboard]) -> dict[str, Look]:
     return looks(sorted({standing.policy for board in boards for standing in board.standings}))
-
-
-def _runs_of(standing: Standing, board: Leaderboard, runs: Sequence[ScenarioRun]) -> list[ScenarioRun]:
-    """Return the runs behind a standing, one for each training seed."""
-    wanted = (standing.policy, board.pace)
-    return [run for run in runs if (run.policy, run.pace) == wanted]
 
 
 def _board_legend(figure: Figure, boards: Sequence[Leaderboard], note: str) -> None:

@@ -8,17 +8,20 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.envs._size import HEIGHT, WIDTH, check_size
 from pter_gym.errors import ParameterError, needs_extra
 from pter_gym.params import Machine
-from pter_gym.tasks.path_following import COLUMN, PathFollowing
-from pter_gym.tools.pictures.drawing import Array
-from pter_gym.tools.pictures.picture import Picture, Subject
+from pter_gym.tasks.path_following import COLUMN, TELEMETRY, PathFollowing
+from pter_gym.tools.pictures.drawing import Array, Picture, Subject
+from pter_gym.tools.pictures.size import HEIGHT, WIDTH, check_size
 
 Mode = Literal["rgb_array", "human"]
 
 MAX_WORLDS = 64
 """Worlds that are drawn; more on one screen could not be told apart."""
+
+
+INVISIBLE = ("dummy", "offscreen")
+"""SDL's drivers whose windows nobody sees."""
 
 
 class Viewer:
@@ -39,7 +42,7 @@ class Viewer:
     DependencyError
         If a window is asked for and pygame is not installed.
     ParameterError
-        If the mode is not one of the two, or the size is out of range.
+        If the mode is not one of the two, the size is out of range, or there is no display for a window.
     """
 
     def __init__(
@@ -108,26 +111,21 @@ class WorldsViewer:
         self._pairs = pairs
         self._size = check_size(width, height)
         self._pictures: dict[int, Picture] = {}
-        self._rows: Any = None
-        self._unseen = np.ones(count, np.bool_)
-        self._tips: list[Array] = []
-        self._begins = np.zeros(count, np.int64)
+        self._rows: Any = np.zeros((count, len(TELEMETRY)))
+        self._trails: list[list[Array]] = [[] for _ in range(count)]
 
     @property
     def ready(self) -> bool:
         """Whether all worlds have been seen."""
-        return not self._unseen.any()
+        return all(self._trails)
 
     def see(self, rows: Array, worlds: NDArray[np.bool_] | None = None) -> None:
-        """Record telemetry (N, len(TELEMETRY)) after a step, or the worlds that were reset."""
-        told = np.ones(len(rows), np.bool_) if worlds is None else worlds
-        self._rows = rows.copy() if self._rows is None else np.where(told[:, None], rows, self._rows)
-        self._unseen &= ~told
-        self._begins[told & (self._rows[:, COLUMN.time] == 0.0)] = len(self._tips)
-        self._tips.append(self._rows[:, [*COLUMN.tip]])
-        if (past := int(self._begins.min())) > 0:
-            del self._tips[:past]
-            self._begins -= past
+        """Record telemetry (N, len(TELEMETRY)) after a step, or of the worlds that were reset."""
+        for world in range(len(rows)) if worlds is None else np.flatnonzero(worlds).tolist():
+            self._rows[world] = rows[world]
+            if self._rows[world, COLUMN.time] == 0.0:
+                self._trails[world] = []
+            self._trails[world].append(self._rows[world, [*COLUMN.tip]])
 
     def draw(self, drawn: Sequence[int]) -> tuple[NDArray[np.uint8], ...]:
         """Return a picture of each world, uint8 (height, width, 3); ``drawn`` holds the numbers of their pairs."""
@@ -135,29 +133,28 @@ class WorldsViewer:
             number: self._pictures.get(number) or Picture(Subject(*self._pairs[number]), *self._size)
             for number in set(drawn)
         }
-        tips = np.array(self._tips)
         return tuple(
-            self._pictures[number].draw(self._rows[world], tips[self._begins[world] :, world])
+            self._pictures[number].draw(self._rows[world], np.array(self._trails[world]))
             for world, number in enumerate(drawn)
         )
 
 
 class Window:
-    """A window on the screen that shows pictures of a size [px] at a limited rate [1/s]."""
+    """A window on the screen that shows pictures of a size [px] at a limited rate [1/s].
+
+    Raises
+    ------
+    DependencyError
+        If pygame is not installed.
+    ParameterError
+        If there is no display.
+    """
 
     def __init__(self, size: tuple[int, int], rate: float, title: str = "PTER") -> None:
-        self._pygame = load_pygame()
+        self._pygame = open_display()
         self._rate = rate
-        if "SDL_VIDEODRIVER" not in os.environ and not has_display():
-            raise ParameterError("a window needs a display; where there is none, use rgb_array")
-        try:
-            self._pygame.display.init()
-            self._pygame.display.set_caption(title)
-            self._screen = self._pygame.display.set_mode(size)
-        except self._pygame.error as error:
-            raise ParameterError(
-                f'render_mode="human" needs a display; where there is none, use "rgb_array": {error}'
-            ) from None
+        self._pygame.display.set_caption(title)
+        self._screen = self._pygame.display.set_mode(size)
         self._clock = self._pygame.time.Clock()
         self._open = True
 
@@ -184,26 +181,33 @@ class Window:
             self._pygame.display.quit()
 
 
-def load_pygame() -> Any:
-    """Return the module ``pygame``, or raise a DependencyError that says how to install it."""
+def open_display() -> Any:
+    """Return pygame with an initialised display.
+
+    A display that shows nothing is refused, unless ``SDL_VIDEODRIVER`` asks for it.
+
+    Raises
+    ------
+    DependencyError
+        If pygame is not installed.
+    ParameterError
+        If there is no display.
+    """
     try:
         import pygame
     except ImportError as error:
         raise needs_extra("a window", "render") from error
-    return pygame
-
-
-def has_display() -> bool:
-    """Return whether a window would be seen."""
-    if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
-        return False
-    pygame = load_pygame()
-    was_on = pygame.display.get_init()
-    try:
-        pygame.display.init()
-        return pygame.display.get_driver() not in ("dummy", "offscreen")
-    except pygame.error:
-        return False
-    finally:
-        if not was_on:
+    reason = "this computer has none"
+    chosen = "SDL_VIDEODRIVER" in os.environ
+    if chosen or sys.platform != "linux" or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
+        try:
+            pygame.display.init()
+            if chosen or pygame.display.get_driver() not in INVISIBLE:
+                return pygame
             pygame.display.quit()
+        except pygame.error as error:
+            reason = str(error)
+    raise ParameterError(
+        f"a window needs a display, and {reason}: give `pter watch` a file, --out film.webp, and environments "
+        'render_mode="rgb_array"'
+    )

@@ -1,15 +1,12 @@
 """``pter tune``: the search for a controller's gains."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import tyro
 
 from pter_gym._commands.arguments import MachineName, PaceName, ScenarioName, check_file
 from pter_gym._internal.terminal import progress_bar, say
-
-if TYPE_CHECKING:
-    from pter_gym.tools.tuning import TunedGains
 
 
 def tune(
@@ -42,36 +39,23 @@ def tune(
         out: TOML file for the best gains; its other entries are kept. By default they are only printed.
         machine: Clutch material, or the preset of a machine of your own, instead of those that the scenario draws.
     """
-    from pter_gym.tools.tuning import add_gains
-    from pter_gym.tools.tuning import tune as search
+    from pter_gym.tools.tuning.gains_file import add_gains
+    from pter_gym.tools.tuning.search import tune as search
 
     if out is not None:
         check_file(out, ".toml")
+    title = f"{controller}, {scenario}, {pace}"
     with progress_bar() as progress:
-        task = progress.add_task(f"{controller}, {scenario}, {pace}", total=trials)
+        task = progress.add_task(title, total=trials)
 
         def show(finished: int, best: float) -> None:
-            progress.update(
-                task, completed=finished, description=f"{controller}, {scenario}, {pace}: {1000 * best:.1f} mm"
-            )
+            progress.update(task, completed=finished, description=f"{title}: {1000 * best:.1f} mm")
 
         given: Any = {"trials": trials, "episodes": episodes, "storage": storage, "seed": seed, "machine": machine}
         found = search(controller, scenario, pace, **given, on_trial=show)
-    try:
-        if out is not None:
-            add_gains(found, out)
-    finally:
-        say(summary(found))
+    for name, gain in found.gains.items():
+        say(f"{name} = {gain!r}")
+    say(f"on other draws: {found.assessment}")
     if out is not None:
+        add_gains(found, out)
         say(f"wrote {out}")
-
-
-def summary(found: "TunedGains") -> str:
-    """Return the gains of a search as TOML, and their scores."""
-    scores = found.assessment
-    lines = [f"{name} = {gain!r}" for name, gain in found.gains.items()]
-    lines.append(
-        f"path error {1000 * scores.path_error_m:.1f} mm, completed {100 * scores.completed:.3g} %, mean pace "
-        f"±{100 * scores.mean_pace_error:.3g} %, segment pace ±{100 * scores.segment_pace_error:.3g} % on other draws"
-    )
-    return "\n".join(lines)

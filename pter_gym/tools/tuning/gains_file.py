@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping
-from shlex import quote
 from typing import Any, cast
 
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
@@ -19,17 +18,6 @@ HEADING = """\
 """
 
 
-def command_of(found: TunedGains) -> str:
-    """Return the command that repeats a search."""
-    command = (
-        f"pter tune {found.controller} --scenario {found.scenario} --pace {found.pace} --trials {found.trials} "
-        f"--episodes {found.episodes} --seed {found.seed}"
-    )
-    if found.machine is None:
-        return command
-    return f"{command} --machine {quote(found.machine) if isinstance(found.machine, str) else 'PRESET.toml'}"
-
-
 def add_gains(found: TunedGains, path: FilePath) -> None:
     """Write the gains of a search to a file, replacing earlier ones for the same case; its other entries are kept.
 
@@ -43,7 +31,7 @@ def add_gains(found: TunedGains, path: FilePath) -> None:
     path = find_path("path", path)
     defaults = gains_of(make_guided(found.controller, {}))
     entry = {
-        "command": command_of(found),
+        "command": found.command,
         "trials": found.trials,
         "episodes": found.episodes,
         **found.assessment._asdict(),
@@ -68,12 +56,8 @@ def format_table(table: Table) -> str:
 
 
 def _as_toml(value: object) -> str:
-    """Return a number, boolean, string, or a list or table of these, as TOML."""
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_as_toml, cast('tuple[object, ...]', value)))}]"
-    if isinstance(value, Mapping):
-        parts = cast("Mapping[str, object]", value).items()
-        return "{ " + ", ".join(f"{name} = {_as_toml(part)}" for name, part in parts) + " }"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+    """Return a value as TOML, which only writes tables in another way than JSON."""
+    if not isinstance(value, Mapping):
+        return json.dumps(value, ensure_ascii=False)
+    parts = cast("Mapping[str, object]", value).items()
+    return "{ " + ", ".join(f"{name} = {_as_toml(part)}" for name, part in parts) + " }"

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import Any, cast
 
 from filelock import FileLock
@@ -15,8 +16,9 @@ from pter_gym._internal.files import FilePath, check_target, find_path
 from pter_gym.benchmark._examination import Assessment, Examination
 from pter_gym.benchmark._naming import find_policy
 from pter_gym.benchmark.tuned import SUFFIX, TUNABLE
-from pter_gym.controllers import CONTROLLERS, Guided, PaceSchedule
+from pter_gym.controllers import Guided, PaceSchedule
 from pter_gym.errors import ParameterError, StorageError, needs_extra, unknown_name
+from pter_gym.policies._stored_gains import make_guided
 from pter_gym.scenarios import find_pace, find_scenario
 from pter_gym.scenarios._own_machine import AnyMachine, find_own
 from pter_gym.tools.tuning.spaces import SPACES, Range, gains_at, point_at
@@ -36,33 +38,30 @@ STARTUP_TRIALS = 24
 REDUCTION, RUNGS = 4, 3
 """A trial is judged on a part of the draws, and one in four goes on to four times as many, up to all of them."""
 
-SCORED = ("COMPLETE", "PRUNED")
-"""States of the trials that were scored on all draws, or on some."""
-
-Gains = dict[str, float | bool]
-
 
 @dataclass(frozen=True)
 class TunedGains:
-    """The result of a search, and its arguments as in ``tune``.
-
-    Attributes
-    ----------
-    gains
-        The best gains.
-    assessment
-        Their scores on draws that the search had not seen.
-    """
+    """The best gains of a search, their scores on draws that it had not seen, and its arguments as in ``tune``."""
 
     controller: str
     scenario: str
     pace: str
-    gains: Gains
+    gains: dict[str, float | bool]
     assessment: Assessment
     trials: int
     episodes: int
     seed: int
     machine: AnyMachine | None = None
+
+    @property
+    def command(self) -> str:
+        """The command that repeats the search."""
+        command = (
+            f"pter tune {self.controller} --scenario {self.scenario} --pace {self.pace} --trials {self.trials} "
+            f"--episodes {self.episodes} --seed {self.seed}"
+        )
+        name = quote(self.machine) if isinstance(self.machine, str) else "PRESET.toml"
+        return command if self.machine is None else f"{command} --machine {name}"
 
 
 def tune(
@@ -124,36 +123,25 @@ def tune(
     if own is not None:
         name += f" {hashlib.sha256(repr((drawn.own, drawn.task)).encode()).hexdigest()[:16]}"
     study = _open_study(path, name, seed)
-    for point in known_points(controller, scenario, speed):
-        study.enqueue_trial(point, skip_if_exists=True)
+    for known in (find_policy(controller + SUFFIX, scenario=scenario), find_policy(controller)):
+        gains = cast("Guided | PaceSchedule", known).at(speed)
+        study.enqueue_trial(point_at(controller, gains, speed), skip_if_exists=True)
 
     def judge(trial: Any) -> float:
         return _judge(trial, controller, speed, rungs)
 
     try:
-        while (finished := len(_scored(study, *SCORED))) < trials or not _scored(study, "COMPLETE"):
+        while (finished := len(_scored(study, "COMPLETE", "PRUNED"))) < trials or not _scored(study, "COMPLETE"):
             study.optimize(judge, n_trials=1)
             best = _scored(study, "COMPLETE")
             on_trial(finished + 1, best[0].value if best else math.inf)
     except OSError as error:
         raise StorageError(f"storage {str(path)!r} cannot be written: {error.strerror or error}") from error
     final = Examination(scenario, pace, episodes, 2 * seed + 1, own)
-    found = [gains_at(trial.params, speed) for trial in _scored(study, "COMPLETE")[:FINALISTS]]
-    judged = [(final.judge(make(controller, gains)), gains) for gains in found]
+    finalists = [gains_at(trial.params, speed) for trial in _scored(study, "COMPLETE")[:FINALISTS]]
+    judged = [(final.judge(make_guided(controller, gains)), gains) for gains in finalists]
     assessment, gains = min(judged, key=lambda pair: pair[0].value)
     return TunedGains(controller, scenario, pace, gains, assessment, trials, episodes, seed, machine)
-
-
-def make(controller: str, gains: Gains) -> Guided:
-    """Return a controller with gains; the others are the paper's."""
-    kind: Any = CONTROLLERS[controller]
-    return kind(**gains)
-
-
-def known_points(controller: str, scenario: str, pace: float) -> list[Gains]:
-    """Return the points of the search with a controller's shipped gains and with its defaults, at a pace [m/s]."""
-    known = find_policy(controller + SUFFIX, scenario=scenario), find_policy(controller)
-    return [point_at(controller, cast("Guided | PaceSchedule", each).at(pace), pace) for each in known]
 
 
 def _judge(trial: Any, controller: str, pace: float, rungs: Sequence[Examination]) -> float:
@@ -166,7 +154,7 @@ def _judge(trial: Any, controller: str, pace: float, rungs: Sequence[Examination
         else trial.suggest_categorical(name, space)
         for name, space in SPACES[controller].items()
     }
-    tried = make(controller, gains_at(point, pace))
+    tried = make_guided(controller, gains_at(point, pace))
     for k, rung in enumerate(rungs[:-1]):
         trial.report(rung.judge(tried).value, REDUCTION**k)
         if trial.should_prune():

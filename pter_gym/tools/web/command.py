@@ -16,11 +16,12 @@ def play(
     port: Annotated[int, tyro.conf.arg(metavar="NUMBER")] = 0,
     open_browser: Annotated[bool, tyro.conf.arg(name="open")] = True,
     machine: MachineName = None,
+    allow_host: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME …")] = (),
 ) -> None:
     """Push the arm yourself, in your browser.
 
-    You drag the handle, and the simulator responds. The page is served to this computer only and needs no network.
-    Ctrl-C ends it.
+    You drag the handle, and the simulator responds. The page is served to this computer only and needs no network; to
+    see that of a server, forward its port (ssh -L 8000:localhost:8000). Ctrl-C ends it.
 
     Example: pter play --no-open --port 8000
 
@@ -29,6 +30,8 @@ def play(
         open_browser: Whether to open the page; its address is printed either way.
         machine: Clutch material, or the preset of a machine of your own, that the page starts with. A preset's delay
             is ignored, since you wouldn't notice it with a mouse.
+        allow_host: Further names by which your browser reaches the page, such as that of a proxy. localhost and IP
+            addresses always work.
     """
     from pter_gym.params import find_machine
     from pter_gym.tools.web.site import HOST, make_server
@@ -36,7 +39,7 @@ def play(
     if not 0 <= port <= HIGHEST_PORT:
         raise ParameterError(f"port must be a whole number within [0, {HIGHEST_PORT}], got {port}")
     try:
-        server = make_server(port, None if machine is None else find_machine(machine))
+        server = make_server(port, None if machine is None else find_machine(machine), allow_host)
     except OSError as error:
         raise ParameterError(f"port must be one that is free, or 0 for any, got {port}: {error.strerror}") from None
     address = f"http://{HOST}:{server.server_port}/"

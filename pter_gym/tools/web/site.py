@@ -1,14 +1,17 @@
 """The page as a web site: its files by their addresses, and a server for them on this computer."""
 
 import json
+import sys
+from collections.abc import Collection
+from contextlib import suppress
 from functools import partial
 from http import HTTPStatus
-from http.client import HTTP_PORT
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from ipaddress import ip_address
 from pathlib import Path
-from threading import BoundedSemaphore
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
 from pter_gym.policies import shipped_policies
@@ -21,15 +24,6 @@ STATIC = Path(__file__).parent / "static"
 
 HOST = "127.0.0.1"
 
-NAMES = ("localhost", HOST, "[::1]")
-"""Names of this computer; a page of elsewhere that has itself resolved to this computer goes by another one."""
-
-PATIENCE = 10.0
-"""Time that a connection may be silent [s]."""
-
-MOST = 32
-"""Connections at a time; others are closed."""
-
 TYPES = MappingProxyType(
     {
         ".html": "text/html; charset=utf-8",
@@ -41,7 +35,7 @@ TYPES = MappingProxyType(
         ".safetensors": "application/octet-stream",
     }
 )
-"""Kinds of files that a site has, and what a browser is told of them."""
+"""Extensions of the page's files and their media types."""
 
 
 def site_files() -> dict[str, Path]:
@@ -60,8 +54,13 @@ def write_site(folder: FilePath) -> None:
         write_bytes_atomic(place, file.read_bytes())
 
 
-def make_server(port: int = 0, own: "Machine | None" = None) -> ThreadingHTTPServer:
-    """Return a server of the page for this computer only; a taken port raises an OSError.
+def make_server(
+    port: int = 0, own: "Machine | None" = None, allowed_hosts: Collection[str] = ()
+) -> ThreadingHTTPServer:
+    """Return a server of the page that listens on this computer only; a taken port raises an OSError.
+
+    It answers requests to ``localhost``, to IP addresses and to ``allowed_hosts``, at any port, since a tunnel may
+    lead here from another one. Any other name may belong to a web page that has its name resolved to this computer.
 
     Parameters
     ----------
@@ -69,13 +68,16 @@ def make_server(port: int = 0, own: "Machine | None" = None) -> ThreadingHTTPSer
         Its port, or 0 for any.
     own
         A user's own machine, which the page then starts with.
+    allowed_hosts
+        Names of other hosts under which a browser reaches this server.
 
     Raises
     ------
     ParameterError
         If the page cannot have that machine; see ``pter_gym.tools.web.tables.tables``.
     """
-    return _Server((HOST, port), partial(_Handler, site_files(), {} if own is None else _tables(own)))
+    hosts = {"localhost", *map(str.lower, allowed_hosts)}
+    return _Server((HOST, port), partial(_Handler, site_files(), {} if own is None else _tables(own), hosts))
 
 
 def _tables(own: "Machine") -> dict[str, bytes]:
@@ -86,37 +88,19 @@ def _tables(own: "Machine") -> dict[str, bytes]:
 
 
 class _Server(ThreadingHTTPServer):
-    """Has a thread for each of a number of connections, and closes those beyond it."""
-
-    request_queue_size = MOST
-
-    def __init__(self, *arguments: Any) -> None:
-        super().__init__(*arguments)
-        self._free = BoundedSemaphore(MOST)
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Begin to answer, if few enough are answered now."""
-        if self._free.acquire(blocking=False):
-            super().process_request(request, client_address)
-        else:
-            self.shutdown_request(request)
-
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer."""
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._free.release()
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Print a traceback, except after a browser has closed the connection, or has stopped reading."""
+        if not isinstance(sys.exception(), ConnectionError | TimeoutError):
+            super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers with one of the given files, or with what is made in the place of one; there is nothing else."""
+    """Answers with one of the given files, or with its replacement in ``made``, and with nothing else."""
 
-    timeout = PATIENCE
+    timeout = 10.0  # seconds for which a connection may be silent
 
-    def __init__(self, files: dict[str, Path], made: dict[str, bytes], *arguments: object) -> None:
-        self._files = files
-        self._made = made
+    def __init__(self, files: dict[str, Path], made: dict[str, bytes], hosts: set[str], *arguments: object) -> None:
+        self._files, self._made, self._hosts = files, made, hosts
         super().__init__(*arguments)  # pyright: ignore[reportArgumentType]
 
     def do_GET(self) -> None:
@@ -128,10 +112,10 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(with_content=False)
 
     def _answer(self, *, with_content: bool) -> None:
-        port = self.connection.getsockname()[1]
-        ends = ("", f":{port}") if port == HTTP_PORT else (f":{port}",)
-        if self.headers.get_all("Host") not in [[name + end] for name in NAMES for end in ends]:
-            self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
+        host = _host_name(self.headers.get_all("Host", []))
+        if not (host in self._hosts or _is_ip_address(host)):
+            hint = f"To reach this page as {host}, start it with: pter play --allow-host {host}"
+            self.send_error(HTTPStatus.MISDIRECTED_REQUEST, explain=hint if host else "A Host header is needed.")
             return
         address = self.path.partition("?")[0].removeprefix("/") or "index.html"
         file = self._files.get(address)
@@ -149,3 +133,18 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002
         """Log no requests."""
+
+
+def _host_name(headers: list[str]) -> str:
+    """Return the host of a request's only Host header in lower case, without its port; empty if there is none."""
+    with suppress(ValueError):  # not an address, as "[::1" is not
+        return urlsplit(f"//{headers[0]}").hostname or "" if len(headers) == 1 else ""
+    return ""
+
+
+def _is_ip_address(host: str) -> bool:
+    try:
+        ip_address(host)
+    except ValueError:
+        return False
+    return True

@@ -1,19 +1,30 @@
 """Episodes for offline learning: whole, from training draws, the environment's own bits, and by their level."""
 
+import tomllib
 from collections.abc import Iterator
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 
 import pter_gym  # noqa: F401  (registers the environments)
+from pter_gym.benchmark._loading import load_policy
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.policies import policies_in, read_policy
 from pter_gym.tasks.path_following import observation_layout
-from pter_gym.tools.datasets import LEVELS, Episode, actors_of, record_episodes, recording
-from pter_gym.tools.datasets.levels import STAGES, stages
-from pter_gym.tools.datasets.recording import EPISODES_OF_A_SEED, environment_of
+from pter_gym.tools.datasets import recording
+from pter_gym.tools.datasets.recording import (
+    EPISODES_OF_A_SEED,
+    LEVELS,
+    STAGES,
+    Episode,
+    actors_of,
+    environment_of,
+    record_episodes,
+    reference_score,
+)
 
 STEPS = 400
 
@@ -69,35 +80,46 @@ def test_levels_have_the_same_episodes_and_seeds_have_others() -> None:
     assert other.observations[0].tobytes() != chance.observations[0].tobytes()
 
 
-def test_the_same_command_gives_the_same_bits() -> None:
-    one, two = (record_episodes("hands", "replay", 100, seed=1) for _ in range(2))
-    assert len(one) == len(two)
-    for a, b in zip(one, two, strict=True):
-        assert a.actions.tobytes() == b.actions.tobytes()
-        assert a.observations.tobytes() == b.observations.tobytes()
+def test_policies_begin_anew_with_each_episode() -> None:
+    """The 12 episodes of eight worlds have the actions of the policy alone, which remembers observations."""
+    name, arguments = environment_of("hands", 3)
+    env = gymnasium.make(name, **arguments)
+    episodes = record_episodes("hands", "expert", 4000, seed=3)
+    assert len(episodes) > 9
+    policy = load_policy("residual", env)
+    for each in episodes[-2:]:
+        obs, _ = env.reset(seed=each.seed)
+        policy.reset()
+        for action in each.actions:
+            np.testing.assert_allclose(policy(obs), action, atol=1e-5)
+            obs = env.step(action)[0]
 
 
-def test_all_stages_are_there_and_said_what_they_are() -> None:
-    told = stages()
-    names = [each["name"] for each in told["stages"]]
-    assert tuple(names) == policies_in(STAGES)
-    assert set(told["medium"].values()) <= set(names)
-    for each in told["stages"]:
+def test_all_stages_are_described() -> None:
+    table = tomllib.loads((STAGES / "stages.toml").read_text("utf-8"))
+    assert tuple(each["name"] for each in table["stages"]) == policies_in(STAGES)
+    for each in table["stages"]:
         about = read_policy(STAGES / each["name"]).about
         assert about["steps"] == each["steps"]
-        assert about["settings"]["persistence"] == told["persistence"]
+        assert about["settings"]["persistence"] == table["persistence"]
         assert about["scenario"] == "PTER/Everything-v0"
-    deviations = [each["deviation"] for each in told["stages"]]
-    assert deviations == sorted(deviations, reverse=True)
 
 
-def test_what_is_wrong_is_named() -> None:
-    with pytest.raises(ParameterError, match="did you mean 'standard'"):
-        record_episodes("standart", "random", 1)
-    with pytest.raises(ParameterError, match=r"level must be among .*did you mean 'expert'"):
-        record_episodes("standard", "experts", 1)
-    with pytest.raises(ParameterError, match="steps must be"):
-        record_episodes("standard", "random", 0)
-    for seed in (-1, 2**31):
-        with pytest.raises(ParameterError, match="seed must be"):
-            record_episodes("standard", "random", 1, seed=seed)
+@pytest.mark.parametrize(
+    ("field", "arguments"),
+    [
+        ("scenario", {"scenario": "standart"}),
+        ("level", {"level": "experts"}),
+        ("steps", {"steps": 0}),
+        ("seed", {"seed": -1}),
+        ("seed", {"seed": 2**32}),
+    ],
+)
+def test_a_wrong_argument_is_named(field: str, arguments: dict[str, Any]) -> None:
+    with pytest.raises(ParameterError, match=field):
+        record_episodes(**{"scenario": "standard", "level": "random", "steps": 1, **arguments})
+
+
+def test_reference_scores_are_those_of_the_evaluation_environment() -> None:
+    low, high = (reference_score("standard", level, 1) for level in ("random", "expert"))
+    assert low < 50.0 < 700.0 < high <= 1000.0

@@ -1,6 +1,10 @@
 """``pter watch``: what it writes, what it says, what it refuses before it simulates."""
 
 import csv
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -65,13 +69,32 @@ def test_a_wrong_argument_is_named(
 def test_a_window_shows_the_film_where_there_is_a_display(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
+    pytest.importorskip("pygame")
     shown: list[tuple[object, ...]] = []
     monkeypatch.setattr("pter_gym.tools.pictures.film.show_film", lambda *given: shown.append(given))
-    monkeypatch.setattr("pter_gym.tools.pictures.viewer.has_display", lambda: False)
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     assert main(["watch", "free"]) == 2
     assert "out" in capsys.readouterr().err
-    monkeypatch.setattr("pter_gym.tools.pictures.viewer.has_display", lambda: True)
+    monkeypatch.setattr("pter_gym.tools.pictures.viewer.INVISIBLE", ())
     assert main(["watch", "free,torque-feedback", "--pace", "brisk", "--speed", "0.5"]) == 0
     ((film, title),) = shown
     assert film.size == (720, 405)
     assert title == "PTER: free, torque-feedback"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["watch", "free", "--pace", "brisk", "--out", "film.webp"],
+        ["benchmark", "--policies", "free", "--paces", "brisk", "--episodes", "1", "--no-film", "--out", "results"],
+    ],
+)
+def test_commands_ignore_the_backend_of_a_notebook(command: list[str], here: Path):
+    """It is for the notebook's Matplotlib; here, one whose package is not installed."""
+    if find_spec("ipympl"):
+        pytest.skip("ipympl is installed")
+    program = [sys.executable, "-m", "pter_gym._commands.main", *command]
+    environment = {**os.environ, "MPLBACKEND": "module://ipympl.backend_nbagg"}
+    result = subprocess.run(program, cwd=here, env=environment, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert list(here.rglob("*.png")) or list(here.rglob("*.webp"))
