@@ -1,43 +1,65 @@
-"""A log of a machine: voltages, angles and forces over time, read from CSV and written to it."""
+"""A log of a machine: voltages, angles and forces over time, read from CSV and written to it.
+
+Loggers' clocks are uneven, so rows are interpolated to an even raster; stretches without rows are marked.
+"""
 
 import csv
 import io
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import interpolate, ndimage
 
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
-from pter_gym._internal.tables import read_columns
+from pter_gym._internal.tables import read_table
 from pter_gym.errors import ParameterError
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+_INTERPOLATE: Any = interpolate
+_NDIMAGE: Any = ndimage
 
 TIME = "t_s"
 VOLTS = ("V1", "V2", "V3", "V4")
 ANGLES = ("theta_A", "theta_B")
 FORCES = ("F_x", "F_y")
+COLUMNS = (TIME, *VOLTS, *ANGLES, *FORCES)
 
 RANGES = {
-    TIME: (-1e9, 1e9),
     **dict.fromkeys(VOLTS, (0.0, 1000.0)),
-    **dict.fromkeys(ANGLES, (-1e3, 1e3)),
+    **dict.fromkeys(ANGLES, (-1e5, 1e5)),
     **dict.fromkeys(FORCES, (-1e4, 1e4)),
 }
-"""Columns of a log, each with its smallest and largest entry."""
+"""Smallest and largest entry by column."""
 
-MAX_JITTER = 0.2
-"""How far a row may be from its place in an even raster, over the interval of the rows; it is interpolated there."""
+MAX_FILE = 1 << 30
+"""Largest file [B]: far above what ``MAX_DURATION`` needs."""
 
 MAX_INTERVAL = 0.01
-"""Longest time between two rows [s]: ten rows in the lag of a clutch."""
+"""Longest usual time between two rows [s]: ten rows in the lag of a clutch. Also the longest that is interpolated."""
+
+LATE = 1.5
+"""Time between two rows over the usual one from which a row has been lost."""
+
+EVEN = 0.01
+"""How far rows may be from an even raster, over the interval, to be used as they are."""
+
+SETTLING = 0.5
+"""After a gap in which a voltage changed: until its clutch has settled [s]."""
 
 MIN_DURATION, MAX_DURATION = 5.0, 600.0
 """Duration of a log [s]."""
 
 MAX_SPEED = 50.0
 """Fastest turn of a link between two rows [rad/s]: faster is a sign of degrees, or of an angle that wraps."""
+
+NAMED = 5
+"""Gaps that are named one by one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +78,14 @@ class Log:
         Force of the hand on the tip in the world frame [N], shape (rows, 2).
     name
         Of the file.
+    unmeasured
+        Indices of rows that lie in gaps.
+    angle_step
+        Resolution of the angles before they were interpolated [rad]; 0 if they were not.
+    drift
+        Longest less shortest period of the logger's clock, as means over a second, over the usual one.
+    remarks
+        What was assumed or interpolated, as sentences.
     """
 
     interval: float
@@ -63,57 +93,155 @@ class Log:
     theta: Array
     force: Array
     name: str = "log"
+    unmeasured: Rows = field(default_factory=lambda: np.empty(0, np.int64))
+    angle_step: float = 0.0
+    drift: float = 0.0
+    remarks: tuple[str, ...] = ()
 
     @property
     def times(self) -> Array:
         """Times of the rows from the first one on [s]."""
         return self.interval * np.arange(len(self.theta), dtype=np.float64)
 
+    @property
+    def duration(self) -> float:
+        """Time from the first row to the last [s]."""
+        return self.interval * (len(self.theta) - 1)
 
-def read_log(path: FilePath) -> Log:
+    def is_clear(self, margin: int) -> Flags:
+        """Return which rows are more than ``margin`` rows away from any gap, shape (rows,)."""
+        gaps = np.zeros(len(self.theta), np.bool_)
+        gaps[self.unmeasured] = True
+        return ~_NDIMAGE.binary_dilation(gaps, iterations=margin) if margin else ~gaps
+
+
+def read_log(
+    path: FilePath,
+    *,
+    columns: Mapping[str, str] | None = None,
+    degrees: bool = False,
+    relative_b: bool = False,
+) -> Log:
     """Read a log.
 
     Parameters
     ----------
     path
-        CSV whose first line names its columns, in any order: ``t_s`` [s], ``V1`` to ``V4`` [V], ``theta_A`` and
-        ``theta_B`` [rad], ``F_x`` and ``F_y`` [N].
+        CSV whose first line names its columns, in any order: ``t_s`` [s], from any beginning; ``V1`` to ``V4`` [V], of
+        which those that are missing are 0; ``theta_A`` and ``theta_B`` [rad]; ``F_x`` and ``F_y`` [N]. Empty entries
+        are interpolated; an empty voltage is the last one.
+    columns
+        Names of these columns in the file, where they differ.
+    degrees
+        Whether angles are in degrees.
+    relative_b
+        Whether ``theta_B`` is measured from link A instead of the x axis.
 
     Raises
     ------
     ParameterError
-        If the file cannot be read, a column is missing, an entry is not a number or out of its range, times do not
-        increase or are uneven by more than ``MAX_JITTER`` of the interval, or the log is too short, too long or too
-        coarse. The message names column and row.
+        If the file cannot be read, a column is missing, an entry is not a number or out of its range, times decrease,
+        or the log is too short, too long or too coarse. The message names column and line.
     """
-    file = find_path("log", path)
-    columns = read_columns(file, list(RANGES))
+    file, renamed = find_path("log", path), dict(columns or {})
+    if unknown := renamed.keys() - set(COLUMNS):
+        raise ParameterError(f"columns: {', '.join(sorted(unknown))} must be of {', '.join(COLUMNS)}")
+    in_file = {name: renamed.get(name, name) for name in COLUMNS}
+    needed = [in_file[name] for name in COLUMNS if name in renamed or name not in VOLTS]
+    optional = [name for name in VOLTS if name not in renamed]
+    table = read_table(file, needed, optional=optional, blanks=True, max_size=MAX_FILE)
+    lines = np.array(table.lines)
+
+    def refuse(wrong: Flags, wanted: str) -> None:
+        """Raise a ParameterError that names the line of the first wrong row, counted from the end of the rows."""
+        if wrong.any():
+            raise ParameterError(f"{file}, line {lines[len(lines) - len(wrong) :][wrong.argmax()]}: {wanted}")
+
+    missing = [name for name in VOLTS if in_file[name] not in table.columns]
+    if len(missing) == len(VOLTS):
+        raise ParameterError(f"{file} must have a column V1, V2, V3 or V4; see columns")
+    remarks = [f"{file.name} has no column {name}: its voltage is taken as 0 V." for name in missing]
+    found = {name: table.columns.get(in_file[name], np.zeros(len(lines))) for name in COLUMNS}
     for name, (low, high) in RANGES.items():
-        _refuse_rows(file, (columns[name] < low) | (columns[name] > high), 1, f"{name} must be in [{low:g}, {high:g}]")
-    times = columns[TIME]
-    interval = _interval(file, times)
-    for name in ANGLES:
-        fast = np.abs(np.diff(columns[name])) > MAX_SPEED * interval
-        wanted = f"{name} must turn by at most {MAX_SPEED:g} rad/s: are these radians, without wrapping?"
-        _refuse_rows(file, fast, 2, wanted)
-    raster = times[0] + interval * np.arange(len(times), dtype=np.float64)
-    return Log(
-        interval=interval,
-        volts=_stacked(columns, VOLTS),
-        theta=interpolated(raster, times, _stacked(columns, ANGLES)),
-        force=interpolated(raster, times, _stacked(columns, FORCES)),
-        name=file.name,
-    )
+        refuse((found[name] < low) | (found[name] > high), f"{name} must be in [{low:g}, {high:g}]")
+    if len(lines) < 3:
+        raise ParameterError(f"{file} must have at least 3 rows, got {len(lines)}")
+    refuse(np.isnan(found[TIME]), f"{TIME} must be a number")
+    refuse(np.diff(found[TIME]) < 0.0, f"{TIME} must not decrease")
+    first_of_time = np.concatenate([[True], np.diff(found[TIME]) > 0.0])
+    if not first_of_time.all():
+        remarks.append(f"{file.name}: {np.sum(~first_of_time)} rows repeat the {TIME} of the row before: left out.")
+        found, lines = {name: values[first_of_time] for name, values in found.items()}, lines[first_of_time]
+    times = found[TIME] - found[TIME][0]
+    theta, force = (np.column_stack([found[name] for name in names]) for names in (ANGLES, FORCES))
+    theta = np.radians(theta) if degrees else theta
+    theta = theta + np.outer(theta[:, 0], [0.0, 1.0]) if relative_b else theta
+    if not MIN_DURATION <= times[-1] <= MAX_DURATION:
+        wanted = f"{TIME} must span {MIN_DURATION:g} to {MAX_DURATION:g} s"
+        raise ParameterError(f"{file}: {wanted}, got {times[-1]:g}: are these seconds?")
+    for names, values in ((ANGLES, theta), (FORCES, force)):
+        known = np.flatnonzero(np.isfinite(values).all(axis=1))
+        usual = float(np.median(np.diff(times[known]))) if len(known) > 1 else np.inf
+        if usual > MAX_INTERVAL * (1.0 + 1e-3):
+            wanted = f"{' and '.join(names)} must be given at least each {MAX_INTERVAL:g} s of {TIME}"
+            raise ParameterError(f"{file}: {wanted}, got {usual:g}: are these seconds?")
+    for name, values in zip(ANGLES, theta.T, strict=True):
+        known = np.flatnonzero(np.isfinite(values))
+        fast = np.zeros(len(times), np.bool_)
+        fast[known[1:]] = np.abs(np.diff(values[known])) > MAX_SPEED * np.maximum(np.diff(times[known]), 1e-3)
+        refuse(fast, f"{name} must turn by at most {MAX_SPEED:g} rad/s: are these radians, without wrapping?")
+    volts = np.nan_to_num(np.column_stack([_held(found[name]) for name in VOLTS]))
+    return _on_raster(times, volts, theta, force, file.name, remarks)
 
 
 def write_log(log: Log, path: FilePath) -> None:
     """Write a log as CSV; ``read_log`` reads it back."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(RANGES)
+    table.writerow(COLUMNS)
     rows = np.column_stack([log.times, log.volts, log.theta, log.force])
     table.writerows([f"{value:.9g}" for value in row] for row in rows.tolist())
     write_text_atomic(path, text.getvalue())
+
+
+def join_logs(logs: Sequence[Log]) -> Log:
+    """Return several logs of one machine as one, on the raster of the first.
+
+    Between two of them lie ``SETTLING`` seconds without measurements, in which clutches settle at the voltages with
+    which the next one begins.
+
+    Raises
+    ------
+    ParameterError
+        If there are none, or they are longer than ``MAX_DURATION`` together.
+    """
+    if not logs:
+        raise ParameterError("log: there must be at least one")
+    if sum(log.duration for log in logs) > MAX_DURATION:
+        raise ParameterError(f"log: all logs together must last at most {MAX_DURATION:g} s")
+    joined = logs[0]
+    for log in logs[1:]:
+        rate = log.interval / joined.interval
+        times = joined.interval * np.arange(round(log.duration / joined.interval) + 1, dtype=np.float64)
+        volts = log.volts if abs(rate - 1.0) < 1e-9 else _mean_volts(times, log.times, log.volts)
+        theta, force = (interpolated(times, log.times, values) for values in (log.theta, log.force))
+        begin, pause = len(joined.theta), round(SETTLING / joined.interval)
+        between = np.linspace(joined.theta[-1], theta[0], pause)
+        late = (rate * log.unmeasured[:, None] + np.linspace(0.0, rate, int(rate) + 2)).astype(int).ravel()
+        joined = Log(
+            interval=joined.interval,
+            volts=np.concatenate([joined.volts, np.tile(volts[0], (pause, 1)), volts]),
+            theta=np.concatenate([joined.theta, between, theta]),
+            force=np.concatenate([joined.force, np.zeros((pause, 2)), force]),
+            name=f"{joined.name} and {log.name}",
+            unmeasured=np.concatenate(
+                [joined.unmeasured, begin + np.arange(pause), begin + pause + late.clip(max=len(theta) - 1)]
+            ),
+            angle_step=max(joined.angle_step, log.angle_step),
+            drift=max(joined.drift, log.drift),
+            remarks=(*joined.remarks, *log.remarks),
+        )
+    return joined
 
 
 def interpolated(when: Array, times: Array, columns: Array) -> Array:
@@ -122,29 +250,65 @@ def interpolated(when: Array, times: Array, columns: Array) -> Array:
     return np.column_stack(parts)
 
 
-def _stacked(columns: dict[str, Array], names: tuple[str, ...]) -> Array:
-    return np.column_stack([columns[name] for name in names])
+def angle_step(theta: Array) -> float:
+    """Return the smallest change of angles between two rows [rad], which is an encoder's resolution."""
+    steps = np.abs(np.diff(theta, axis=0))
+    return float(np.min(steps, where=steps > 0.0, initial=np.inf)) if (steps > 0.0).any() else 0.0
 
 
-def _refuse_rows(file: Path, wrong: NDArray[np.bool_], first: int, wanted: str) -> None:
-    """Raise a ParameterError that names the first wrong row, counted from ``first``."""
-    if wrong.any():
-        raise ParameterError(f"{file}, row {int(wrong.argmax()) + first}: {wanted}")
+def _held(values: Array) -> Array:
+    """Return values with the last number before it in place of each NaN."""
+    last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
+    return values[last]
 
 
-def _interval(file: Path, times: Array) -> float:
-    """Return the interval of the rows [s], or raise a ParameterError."""
-    if len(times) < 3:
-        raise ParameterError(f"{file} must have at least 3 rows, got {len(times)}")
-    _refuse_rows(file, np.diff(times) <= 0.0, 2, f"{TIME} must increase from row to row")
-    duration = float(times[-1] - times[0])
-    if not MIN_DURATION <= duration <= MAX_DURATION:
-        wanted = f"{TIME} must span {MIN_DURATION:g} to {MAX_DURATION:g} s"
-        raise ParameterError(f"{file}: {wanted}, got {duration:g}: are these seconds?")
-    interval = duration / (len(times) - 1)
-    if interval > MAX_INTERVAL * (1.0 + 1e-6):
-        raise ParameterError(f"{file}: {TIME} must have a row at least each {MAX_INTERVAL:g} s, got {interval:g} s")
-    off = np.abs(times - times[0] - interval * np.arange(len(times)))
-    wanted = f"{TIME} must be even: within {MAX_JITTER:g} of the interval of {interval:.6g} s"
-    _refuse_rows(file, off > MAX_JITTER * interval, 1, f"{wanted}; resample the log, or look for lost rows")
-    return interval
+def _mean_volts(when: Array, times: Array, volts: Array) -> Array:
+    """Return the mean voltages from each of even times to the next, with the integral of those held from row to row."""
+    charge = np.concatenate([np.zeros((1, 4)), np.cumsum(np.diff(times)[:, None] * volts[:-1], axis=0)])
+    means = np.diff(interpolated(when, times, charge), axis=0) / (when[1] - when[0])
+    return np.round(np.concatenate([means, volts[-1:]]), 6)
+
+
+def _on_raster(times: Array, volts: Array, theta: Array, force: Array, name: str, remarks: list[str]) -> Log:
+    """Return the log of rows at uneven times from 0 on [s], of which some may be NaN."""
+    step, even = np.diff(times), float(times[-1]) / (len(times) - 1)
+    complete = np.isfinite(theta).all() and np.isfinite(force).all()
+    if complete and np.abs(times - even * np.arange(len(times))).max() <= EVEN * even:
+        return Log(interval=even, volts=volts, theta=theta, force=force, name=name, remarks=tuple(remarks))
+    on_time = step <= LATE * np.median(step) * (1.0 + 1e-6)
+    interval = float(np.mean(step[on_time]))
+    raster = interval * np.arange(int(times[-1] / interval + 1e-6) + 1, dtype=np.float64)
+    switched = (step > LATE * interval) & (np.diff(volts, axis=0) != 0.0).any(axis=1)
+    gaps = [(times[k], times[k + 1] + SETTLING) for k in np.flatnonzero(switched)]
+    parts: list[Array] = []
+    for values in (theta, force):
+        known = np.isfinite(values).all(axis=1)
+        measured = times[known]
+        parts.append(_INTERPOLATE.PchipInterpolator(measured, values[known])(raster.clip(measured[0], measured[-1])))
+        longest = max(MAX_INTERVAL, LATE * float(np.median(np.diff(measured))))
+        ends = np.concatenate([[-interval], measured, [times[-1] + interval]])  # its first and last rows may be empty
+        gaps += [(ends[k], ends[k + 1]) for k in np.flatnonzero(np.diff(ends) > longest * (1.0 + 1e-6))]
+    unmeasured = np.zeros(len(raster), np.bool_)
+    for begin, end in gaps:
+        unmeasured |= (raster > begin) & (raster < end)
+    periods = [np.mean(each) for each in np.array_split(step[on_time], max(1, int(times[-1])))]
+    drift = float(np.ptp(periods) / interval)
+    remarks.append(
+        f"{name}: rows were interpolated to {1e3 * interval:.6g} ms; the clock's period varies by {100 * drift:.2g} %."
+    )
+    if gaps:
+        places = sorted({f"{max(begin, 0.0):.2f}": begin for begin, _ in gaps}.items(), key=lambda each: each[1])
+        more = f" and {len(places) - NAMED} more" if len(places) > NAMED else ""
+        at = ", ".join(place for place, _ in places[:NAMED])
+        remarks.append(f"{name}: rows are missing at {at} s{more}; windows with these are left out.")
+    return Log(
+        interval=interval,
+        volts=_mean_volts(raster, times, volts),
+        theta=parts[0],
+        force=parts[1],
+        name=name,
+        unmeasured=np.flatnonzero(unmeasured),
+        angle_step=angle_step(theta),
+        drift=drift,
+        remarks=tuple(remarks),
+    )
