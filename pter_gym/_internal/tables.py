@@ -47,8 +47,8 @@ def read_table(
     Raises
     ------
     ParameterError
-        If the file cannot be read or is larger than ``max_size`` [B], a column is missing or occurs twice, a line has more
-        entries than there are names, or an entry is not a finite number; it names the line.
+        If the file cannot be read or is larger than ``max_size`` [B], a column is missing or occurs twice, a line has
+        more entries than there are names, or an entry is not a finite number; it names the line.
     """
     file = find_path("file", file)
     try:

@@ -30,7 +30,7 @@ def identify(
 ) -> None:
     """Identify a real machine from logs.
 
-    Says whether the simulator's model explains the logs, estimates inertias, friction, torque curves, lag and delay with
+    Says whether the simulator's model explains them, estimates inertias, friction, torque curves, lag and delay with
     95 % intervals, and lists what they don't determine. Writes preset.toml, which other commands take as
     --machine, and identified.png. docs/identify.md says what to record.
 

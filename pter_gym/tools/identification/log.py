@@ -6,7 +6,8 @@ Loggers' clocks are uneven, so rows are interpolated to an even raster; stretche
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,12 @@ MIN_DURATION, MAX_DURATION = 5.0, 600.0
 
 MAX_SPEED = 50.0
 """Fastest turn of a link between two rows [rad/s]: faster is a sign of degrees, or of an angle that wraps."""
+
+MIN_TURN = 1e-3
+"""Shortest time over which that is judged [s]: rows may be logged in bursts."""
+
+ROUNDING = 1e-9
+"""Differences of angles that are none [rad]."""
 
 NAMED = 5
 """Gaps that are named one by one."""
@@ -143,55 +150,67 @@ def read_log(
         If the file cannot be read, a column is missing, an entry is not a number or out of its range, times decrease,
         or the log is too short, too long or too coarse. The message names column and line.
     """
-    file, renamed = find_path("log", path), dict(columns or {})
-    if unknown := renamed.keys() - set(COLUMNS):
-        raise ParameterError(f"columns: {', '.join(sorted(unknown))} must be of {', '.join(COLUMNS)}")
-    in_file = {name: renamed.get(name, name) for name in COLUMNS}
-    needed = [in_file[name] for name in COLUMNS if name in renamed or name not in VOLTS]
-    optional = [name for name in VOLTS if name not in renamed]
-    table = read_table(file, needed, optional=optional, blanks=True, max_size=MAX_FILE)
-    lines = np.array(table.lines)
-
-    def refuse(wrong: Flags, wanted: str) -> None:
-        """Raise a ParameterError that names the line of the first wrong row, counted from the end of the rows."""
-        if wrong.any():
-            raise ParameterError(f"{file}, line {lines[len(lines) - len(wrong) :][wrong.argmax()]}: {wanted}")
-
-    missing = [name for name in VOLTS if in_file[name] not in table.columns]
-    if len(missing) == len(VOLTS):
-        raise ParameterError(f"{file} must have a column V1, V2, V3 or V4; see columns")
+    file = find_path("log", path)
+    found, lines, missing = _read_columns(file, dict(columns or {}))
     remarks = [f"{file.name} has no column {name}: its voltage is taken as 0 V." for name in missing]
-    found = {name: table.columns.get(in_file[name], np.zeros(len(lines))) for name in COLUMNS}
-    for name, (low, high) in RANGES.items():
-        refuse((found[name] < low) | (found[name] > high), f"{name} must be in [{low:g}, {high:g}]")
-    if len(lines) < 3:
-        raise ParameterError(f"{file} must have at least 3 rows, got {len(lines)}")
-    refuse(np.isnan(found[TIME]), f"{TIME} must be a number")
-    refuse(np.diff(found[TIME]) < 0.0, f"{TIME} must not decrease")
-    first_of_time = np.concatenate([[True], np.diff(found[TIME]) > 0.0])
-    if not first_of_time.all():
-        remarks.append(f"{file.name}: {np.sum(~first_of_time)} rows repeat the {TIME} of the row before: left out.")
-        found, lines = {name: values[first_of_time] for name, values in found.items()}, lines[first_of_time]
+    repeated = np.diff(found[TIME], prepend=-np.inf) == 0.0
+    if repeated.any():
+        remarks.append(f"{file.name}: {repeated.sum()} rows repeat the {TIME} of the row before and are left out.")
+        found, lines = {name: values[~repeated] for name, values in found.items()}, lines[~repeated]
     times = found[TIME] - found[TIME][0]
-    theta, force = (np.column_stack([found[name] for name in names]) for names in (ANGLES, FORCES))
+    volts, theta, force = (np.column_stack([found[name] for name in names]) for names in (VOLTS, ANGLES, FORCES))
     theta = np.radians(theta) if degrees else theta
     theta = theta + np.outer(theta[:, 0], [0.0, 1.0]) if relative_b else theta
+    _check_density(file, times, {ANGLES: theta, FORCES: force})
+    for name, angles in zip(ANGLES, theta.T, strict=True):
+        known = np.flatnonzero(np.isfinite(angles))
+        speed = np.abs(np.diff(angles[known])) / np.maximum(np.diff(times[known]), MIN_TURN)
+        wanted = f"{name} must turn by at most {MAX_SPEED:g} rad/s: are these radians, without wrapping?"
+        _refuse_rows(file, lines[known[1:]], speed > MAX_SPEED, wanted)
+    return _on_raster(times, volts, theta, force, file.name, remarks)
+
+
+def _read_columns(file: Path, renamed: dict[str, str]) -> tuple[dict[str, Array], Rows, list[str]]:
+    """Return columns by their usual names, the lines of their rows, and the names of missing voltages."""
+    if unknown := renamed.keys() - set(COLUMNS):
+        raise ParameterError(f"columns: {', '.join(sorted(unknown))} must be of {', '.join(COLUMNS)}")
+    needed = [renamed.get(name, name) for name in COLUMNS if name in renamed or name not in VOLTS]
+    table = read_table(file, needed, optional=VOLTS, blanks=True, max_size=MAX_FILE)
+    lines, in_file = np.array(table.lines, np.int64), {name: renamed.get(name, name) for name in COLUMNS}
+    missing = [name for name in VOLTS if in_file[name] not in table.columns]
+    if len(missing) == len(VOLTS):
+        raise ParameterError(f"{file} must have a column V1, V2, V3 or V4; columns may name others")
+    if len(lines) < 3:
+        raise ParameterError(f"{file} must have at least 3 rows, got {len(lines)}")
+    found = {name: table.columns.get(in_file[name], np.zeros(len(lines))) for name in COLUMNS}
+    for name, (low, high) in RANGES.items():
+        wrong = (found[name] < low) | (found[name] > high)
+        _refuse_rows(file, lines, wrong, f"{name} must be in [{low:g}, {high:g}]")
+    _refuse_rows(file, lines, np.isnan(found[TIME]), f"{TIME} must be a number")
+    _refuse_rows(file, lines[1:], np.diff(found[TIME]) < 0.0, f"{TIME} must not decrease")
+    for name in VOLTS:
+        last = np.maximum.accumulate(np.where(np.isnan(found[name]), 0, np.arange(len(lines))))
+        found[name] = np.nan_to_num(found[name][last])
+    return found, lines, missing
+
+
+def _refuse_rows(file: Path, lines: Rows, wrong: Flags, wanted: str) -> None:
+    """Raise a ParameterError that names the line of the first wrong row."""
+    if wrong.any():
+        raise ParameterError(f"{file}, line {lines[wrong.argmax()]}: {wanted}")
+
+
+def _check_density(file: Path, times: Array, sensors: Mapping[tuple[str, str], Array]) -> None:
+    """Raise a ParameterError unless rows [s] span a log, and each sensor is given often enough."""
     if not MIN_DURATION <= times[-1] <= MAX_DURATION:
         wanted = f"{TIME} must span {MIN_DURATION:g} to {MAX_DURATION:g} s"
         raise ParameterError(f"{file}: {wanted}, got {times[-1]:g}: are these seconds?")
-    for names, values in ((ANGLES, theta), (FORCES, force)):
-        known = np.flatnonzero(np.isfinite(values).all(axis=1))
-        usual = float(np.median(np.diff(times[known]))) if len(known) > 1 else np.inf
+    for names, values in sensors.items():
+        known = times[np.isfinite(values).all(axis=1)]
+        usual = float(np.median(np.diff(known))) if len(known) > 1 else np.inf
         if usual > MAX_INTERVAL * (1.0 + 1e-3):
             wanted = f"{' and '.join(names)} must be given at least each {MAX_INTERVAL:g} s of {TIME}"
             raise ParameterError(f"{file}: {wanted}, got {usual:g}: are these seconds?")
-    for name, values in zip(ANGLES, theta.T, strict=True):
-        known = np.flatnonzero(np.isfinite(values))
-        fast = np.zeros(len(times), np.bool_)
-        fast[known[1:]] = np.abs(np.diff(values[known])) > MAX_SPEED * np.maximum(np.diff(times[known]), 1e-3)
-        refuse(fast, f"{name} must turn by at most {MAX_SPEED:g} rad/s: are these radians, without wrapping?")
-    volts = np.nan_to_num(np.column_stack([_held(found[name]) for name in VOLTS]))
-    return _on_raster(times, volts, theta, force, file.name, remarks)
 
 
 def write_log(log: Log, path: FilePath) -> None:
@@ -205,7 +224,7 @@ def write_log(log: Log, path: FilePath) -> None:
 
 
 def join_logs(logs: Sequence[Log]) -> Log:
-    """Return several logs of one machine as one, on the raster of the first.
+    """Return several logs of one machine as one, on the coarsest of their rasters.
 
     Between two of them lie ``SETTLING`` seconds without measurements, in which clutches settle at the voltages with
     which the next one begins.
@@ -219,29 +238,41 @@ def join_logs(logs: Sequence[Log]) -> Log:
         raise ParameterError("log: there must be at least one")
     if sum(log.duration for log in logs) > MAX_DURATION:
         raise ParameterError(f"log: all logs together must last at most {MAX_DURATION:g} s")
-    joined = logs[0]
-    for log in logs[1:]:
-        rate = log.interval / joined.interval
-        times = joined.interval * np.arange(round(log.duration / joined.interval) + 1, dtype=np.float64)
-        volts = log.volts if abs(rate - 1.0) < 1e-9 else _mean_volts(times, log.times, log.volts)
-        theta, force = (interpolated(times, log.times, values) for values in (log.theta, log.force))
-        begin, pause = len(joined.theta), round(SETTLING / joined.interval)
-        between = np.linspace(joined.theta[-1], theta[0], pause)
-        late = (rate * log.unmeasured[:, None] + np.linspace(0.0, rate, int(rate) + 2)).astype(int).ravel()
+    interval = max(log.interval for log in logs)
+    pause = round(SETTLING / interval)
+    joined = _resampled(logs[0], interval)
+    for log in (_resampled(each, interval) for each in logs[1:]):
+        begin = len(joined.theta)
         joined = Log(
-            interval=joined.interval,
-            volts=np.concatenate([joined.volts, np.tile(volts[0], (pause, 1)), volts]),
-            theta=np.concatenate([joined.theta, between, theta]),
-            force=np.concatenate([joined.force, np.zeros((pause, 2)), force]),
+            interval=interval,
+            volts=np.concatenate([joined.volts, np.tile(log.volts[0], (pause, 1)), log.volts]),
+            theta=np.concatenate([joined.theta, np.linspace(joined.theta[-1], log.theta[0], pause), log.theta]),
+            force=np.concatenate([joined.force, np.zeros((pause, 2)), log.force]),
             name=f"{joined.name} and {log.name}",
-            unmeasured=np.concatenate(
-                [joined.unmeasured, begin + np.arange(pause), begin + pause + late.clip(max=len(theta) - 1)]
-            ),
+            unmeasured=np.concatenate([joined.unmeasured, begin + np.arange(pause), begin + pause + log.unmeasured]),
             angle_step=max(joined.angle_step, log.angle_step),
             drift=max(joined.drift, log.drift),
             remarks=(*joined.remarks, *log.remarks),
         )
     return joined
+
+
+def _resampled(log: Log, interval: float) -> Log:
+    """Return a log at a longer interval [s]."""
+    if log.interval > (1.0 - 1e-6) * interval:
+        return log
+    times = interval * np.arange(int(log.duration / interval) + 1, dtype=np.float64)
+    return replace(
+        log,
+        interval=interval,
+        volts=_mean_volts(times, log.times, log.volts),
+        theta=interpolated(times, log.times, log.theta),
+        force=interpolated(times, log.times, log.force),
+        unmeasured=np.unique((log.unmeasured * (log.interval / interval)).astype(np.int64)[:, None] + [0, 1]).clip(
+            max=len(times) - 1
+        ),
+        angle_step=log.angle_step or angle_step(log.theta),
+    )
 
 
 def interpolated(when: Array, times: Array, columns: Array) -> Array:
@@ -251,15 +282,9 @@ def interpolated(when: Array, times: Array, columns: Array) -> Array:
 
 
 def angle_step(theta: Array) -> float:
-    """Return the smallest change of angles between two rows [rad], which is an encoder's resolution."""
+    """Return the smallest change of angles between two rows [rad], which is an encoder's resolution; 0 for none."""
     steps = np.abs(np.diff(theta, axis=0))
-    return float(np.min(steps, where=steps > 0.0, initial=np.inf)) if (steps > 0.0).any() else 0.0
-
-
-def _held(values: Array) -> Array:
-    """Return values with the last number before it in place of each NaN."""
-    last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
-    return values[last]
+    return float(steps[steps > ROUNDING].min(initial=1.0)) if (steps > ROUNDING).any() else 0.0
 
 
 def _mean_volts(when: Array, times: Array, volts: Array) -> Array:

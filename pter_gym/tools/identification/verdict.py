@@ -158,7 +158,7 @@ def _oddities(fit: Fit, log: Log) -> Iterator[str]:
     ratios = np.exp((fit.p - fit.shape.coordinates(fit.shape.start))[sizes])
     if sizes and (ratios.min() > OTHER_SIZE or ratios.max() < 1.0 / OTHER_SIZE):
         yield (
-            f"All inertias and torques are {ratios.min():.2g} to {ratios.max():.2g} times those of the start: "
+            f"All inertias and torques are about {np.exp(np.log(ratios).mean()):.2g} times those of the start: "
             "are F_x and F_y in newtons (1 lbf is 4.448 N), and the lengths in metres?"
         )
 

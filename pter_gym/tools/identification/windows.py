@@ -28,6 +28,9 @@ peaks, so that clutches break away too late; 120 Hz makes the breakaway torque 0
 SMOOTHING = 0.024
 """Half the length of the smoothing of the angles [s], which gives the velocities at the starts of windows."""
 
+INDEPENDENT = 0.006
+"""Time between interpolated rows whose noise is compared [s], if they are closer."""
+
 SHAKES = 4
 """How often noise is added to the forces, to see which windows it rules."""
 
@@ -136,9 +139,14 @@ def smooth(log: Log) -> Smoothed:
 
 def _noise(log: Log, smoothed: Array) -> float:
     """Return the standard deviation of the angles' noise [rad]: without motion's, and at least an encoder's."""
-    rough = np.diff(log.theta, 3, axis=0) / np.sqrt(20.0)
+    rough = np.diff(log.theta[:: _independent(log)], 3, axis=0) / np.sqrt(20.0)
     spread = min(float(np.median(np.abs(values))) / 0.6745 for values in (log.theta - smoothed, rough))
     return max(spread, (log.angle_step or angle_step(log.theta)) / np.sqrt(12.0), 1e-7)
+
+
+def _independent(log: Log) -> int:
+    """Return how many rows apart noise is independent: interpolated rows share that of their neighbours."""
+    return max(1, round(INDEPENDENT / log.interval)) if log.angle_step else 1
 
 
 def smooth_force(log: Log, cutoff: float = CUTOFF) -> Array:
@@ -217,14 +225,17 @@ def _inputs(log: Log, cutting: Cutting) -> Inputs:
 
 def _shaken_logs(log: Log) -> Iterator[Log]:
     """Yield the log with as much noise added to its forces as they have."""
-    noise = np.median(np.abs(np.diff(log.force, 2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
+    rough = np.median(np.abs(np.diff(log.force[:: _independent(log)], 2, axis=0)), axis=0)
+    noise = (
+        rough / (0.6745 * np.sqrt(6.0)) * (np.sqrt(1.5) if log.angle_step else 1.0)
+    )  # less of it is left between rows
     rng = np.random.default_rng(0)
     for _ in range(SHAKES):
         yield replace(log, force=log.force + noise * rng.standard_normal(log.force.shape))
 
 
 def _holding(log: Log, motion: Smoothed, start: Machine, time_constant: float) -> tuple[Flags, Flags]:
-    """Return which clutches hold at each row of a log, shape (rows, 4), and where that cannot be told, shape (rows,)."""
+    """Return which clutches hold at rows of a log, shape (rows, 4), and where that cannot be told, shape (rows,)."""
     engaged = lagged(log, log.volts, time_constant) > ENGAGED
     slip = np.abs(motion.omega @ slip_rows(start).T)
     width = 2 * motion.half + 1
