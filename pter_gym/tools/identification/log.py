@@ -239,38 +239,42 @@ def join_logs(logs: Sequence[Log]) -> Log:
     if sum(log.duration for log in logs) > MAX_DURATION:
         raise ParameterError(f"log: all logs together must last at most {MAX_DURATION:g} s")
     interval = max(log.interval for log in logs)
-    pause = round(SETTLING / interval)
     joined = _resampled(logs[0], interval)
-    for log in (_resampled(each, interval) for each in logs[1:]):
-        begin = len(joined.theta)
-        joined = Log(
-            interval=interval,
-            volts=np.concatenate([joined.volts, np.tile(log.volts[0], (pause, 1)), log.volts]),
-            theta=np.concatenate([joined.theta, np.linspace(joined.theta[-1], log.theta[0], pause), log.theta]),
-            force=np.concatenate([joined.force, np.zeros((pause, 2)), log.force]),
-            name=f"{joined.name} and {log.name}",
-            unmeasured=np.concatenate([joined.unmeasured, begin + np.arange(pause), begin + pause + log.unmeasured]),
-            angle_step=max(joined.angle_step, log.angle_step),
-            drift=max(joined.drift, log.drift),
-            remarks=(*joined.remarks, *log.remarks),
-        )
+    for log in logs[1:]:
+        joined = _joined(joined, _resampled(log, interval))
     return joined
+
+
+def _joined(log: Log, other: Log) -> Log:
+    """Return two logs of one interval as one."""
+    pause, begin = round(SETTLING / log.interval), len(log.theta)
+    between: Array = np.linspace(log.theta[-1], other.theta[0], pause)
+    return Log(
+        interval=log.interval,
+        volts=np.concatenate([log.volts, np.tile(other.volts[0], (pause, 1)), other.volts]),
+        theta=np.concatenate([log.theta, between, other.theta]),
+        force=np.concatenate([log.force, np.zeros((pause, 2)), other.force]),
+        name=f"{log.name} and {other.name}",
+        unmeasured=np.concatenate([log.unmeasured, begin + np.arange(pause), begin + pause + other.unmeasured]),
+        angle_step=max(log.angle_step, other.angle_step),
+        drift=max(log.drift, other.drift),
+        remarks=(*log.remarks, *other.remarks),
+    )
 
 
 def _resampled(log: Log, interval: float) -> Log:
     """Return a log at a longer interval [s]."""
     if log.interval > (1.0 - 1e-6) * interval:
         return log
-    times = interval * np.arange(int(log.duration / interval) + 1, dtype=np.float64)
+    times = interval * np.arange(int(log.duration / interval + 1e-6) + 1, dtype=np.float64)
+    gaps = (log.unmeasured * (log.interval / interval)).astype(np.int64)
     return replace(
         log,
         interval=interval,
         volts=_mean_volts(times, log.times, log.volts),
         theta=interpolated(times, log.times, log.theta),
         force=interpolated(times, log.times, log.force),
-        unmeasured=np.unique((log.unmeasured * (log.interval / interval)).astype(np.int64)[:, None] + [0, 1]).clip(
-            max=len(times) - 1
-        ),
+        unmeasured=np.unique(gaps[:, None] + [0, 1]).clip(max=len(times) - 1),
         angle_step=log.angle_step or angle_step(log.theta),
     )
 

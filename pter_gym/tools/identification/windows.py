@@ -191,7 +191,7 @@ def experience(log: Log, motion: Smoothed, start: Machine) -> tuple[Array, float
 
 
 def cut(log: Log, motion: Smoothed, start: Machine, time_constant: float, cutting: Cutting = USUAL) -> Windows:
-    """Return the windows of a log; the time constant [s] need not be exact."""
+    """Return the windows of a log; the time constant [s] needn't be exact."""
     length = max(4, round(cutting.stretch * DURATION / log.interval))
     first = np.arange((len(log.theta) - 1) // length) * length
     rows = first[:, None] + np.arange(length + 1)
@@ -204,6 +204,10 @@ def cut(log: Log, motion: Smoothed, start: Machine, time_constant: float, cuttin
     uncertain = np.zeros((len(first), 4, 4))
     uncertain[:, 0, 0] = uncertain[:, 1, 1] = 1.0
     uncertain[:, 2:, 2:] = free
+    inputs, *shaken = (
+        make_inputs(log.interval, log.volts, smooth_force(each, cutting.cutoff), cutting.substep)
+        for each in (log, *_shaken_logs(log))
+    )
     return Windows(
         length=length,
         first=first,
@@ -213,14 +217,10 @@ def cut(log: Log, motion: Smoothed, start: Machine, time_constant: float, cuttin
         used=~ambiguous[first] & ~gap,
         broke_away=engaged & (slip.min(axis=1) < 0.5 * SLIPPING) & (slip.max(axis=1) > SLIPPING),
         gaps=int(gap.sum()),
-        inputs=_inputs(log, cutting),
+        inputs=inputs,
         noise=motion.noise,
-        shaken=tuple(_inputs(each, cutting) for each in _shaken_logs(log)),
+        shaken=tuple(shaken),
     )
-
-
-def _inputs(log: Log, cutting: Cutting) -> Inputs:
-    return make_inputs(log.interval, log.volts, smooth_force(log, cutting.cutoff), cutting.substep)
 
 
 def _shaken_logs(log: Log) -> Iterator[Log]:
