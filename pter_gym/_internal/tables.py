@@ -29,22 +29,30 @@ def read_columns(file: FilePath, names: Sequence[str]) -> dict[str, NDArray[np.f
     return read_table(file, names).columns
 
 
-def read_table(file: FilePath, names: Sequence[str], *, unit: str = "") -> Table:
-    """Return the named columns of a CSV file; others are left out.
+def read_table(
+    file: FilePath,
+    names: Sequence[str],
+    *,
+    optional: Sequence[str] = (),
+    unit: str = "",
+    blanks: bool = False,
+    max_size: int = MOST_CSV,
+) -> Table:
+    """Return the named columns of a CSV file and those of the optional ones that it has; others are left out.
 
     Columns are separated by commas, or by semicolons, after which numbers may have decimal commas. Their names are in
     the first line, or in the last one of those that begin with ``#``. With a ``unit`` they may carry it (``x_m``,
-    ``X [m]``), and a file of as many columns, or one more, may have no names.
+    ``X [m]``), and a file of as many columns, or one more, may have no names. With ``blanks``, an empty entry is NaN.
 
     Raises
     ------
     ParameterError
-        If the file cannot be read or is larger than ``MOST_CSV``, a column is missing or occurs twice, a line has more
-        entries than there are names, or an entry is not a finite number; it names the line.
+        If the file cannot be read or is larger than ``max_size`` [B], a column is missing or occurs twice, a line has
+        more entries than there are names, or an entry is not a finite number; it names the line.
     """
     file = find_path("file", file)
     try:
-        text = read_bytes(file, MOST_CSV).decode("utf-8-sig")
+        text = read_bytes(file, max_size).decode("utf-8-sig")
         separator = ";" if ";" in text else ","
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True)
         rows = [(reader.line_num, [entry.strip() for entry in row]) for row in reader if row]
@@ -56,8 +64,11 @@ def read_table(file: FilePath, names: Sequence[str], *, unit: str = "") -> Table
             header, begin = first, begin + 1
         elif unit and not header and len(first) <= len(names) + 1:
             header = [*names, ""][: len(first)]
+        names = [*names, *(name for name in optional if name in header)]
         places = [_place(name, header, unit) for name in names]
-        values = [_numbers(row, names, places, line, len(header), separator) for line, row in rows[begin:]]
+        values = [
+            _numbers(row, names, places, line, len(header), separator, blanks=blanks) for line, row in rows[begin:]
+        ]
     except (OSError, ValueError, csv.Error) as error:
         raise ParameterError(f"{file} cannot be read as CSV: {error}") from None
     columns = np.array(values, np.float64).reshape(-1, len(names)).T
@@ -74,13 +85,23 @@ def _place(name: str, header: Sequence[str], unit: str) -> int:
 
 
 def _numbers(
-    row: Sequence[str], names: Sequence[str], places: Sequence[int], line: int, most: int, separator: str
+    row: Sequence[str],
+    names: Sequence[str],
+    places: Sequence[int],
+    line: int,
+    most: int,
+    separator: str,
+    *,
+    blanks: bool,
 ) -> list[float]:
     if len(row) > most:
         raise ValueError(f"line {line} has {len(row)} entries, the first has {most}")
     found: list[float] = []
     for name, place in zip(names, places, strict=True):
         text = row[place] if place < len(row) else ""
+        if blanks and not text:
+            found.append(math.nan)
+            continue
         plain = text.replace(",", ".") if separator == ";" else text
         if not _is_number(plain):
             raise ValueError(f"line {line}: {name} must be a finite number, got {text!r:.60}")

@@ -10,7 +10,7 @@ import lazy_loader
 if TYPE_CHECKING:
     from pter_gym.tools.identification.experiment import EXPERIMENT, RECORDER, Experiment, Recorder, record_log
     from pter_gym.tools.identification.identifying import Finding, Identification, identify, preset_of
-    from pter_gym.tools.identification.log import Log, read_log, write_log
+    from pter_gym.tools.identification.log import Log, join_logs, read_log, write_log
     from pter_gym.tools.identification.parameters import Quantity, quantities
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Quantity",
     "Recorder",
     "identify",
+    "join_logs",
     "preset_of",
     "quantities",
     "read_log",
@@ -35,7 +36,7 @@ __getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVa
     submod_attrs={
         "experiment": ["EXPERIMENT", "RECORDER", "Experiment", "Recorder", "record_log"],
         "identifying": ["Finding", "Identification", "identify", "preset_of"],
-        "log": ["Log", "read_log", "write_log"],
+        "log": ["Log", "join_logs", "read_log", "write_log"],
         "parameters": ["Quantity", "quantities"],
     },
 )

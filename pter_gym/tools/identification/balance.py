@@ -111,7 +111,7 @@ def _slipping_rows(log: Log, motion: Smoothed, start: Machine) -> NDArray[np.int
     slip = motion.omega @ slip_rows(start).T
     near = np.stack([slip[rows + k] for k in range(-2 * motion.half, 2 * motion.half + 1, max(1, motion.half // 2))])
     one_way = (near.min(axis=0) > SLIPPING) | (near.max(axis=0) < -SLIPPING)
-    return rows[(one_way | ~engaged[rows]).all(axis=1)]
+    return rows[(one_way | ~engaged[rows]).all(axis=1) & log.is_clear(2 * motion.half)[rows]]
 
 
 def _both(values: Array) -> Array:

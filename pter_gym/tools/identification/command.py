@@ -19,25 +19,31 @@ MACHINE = "baseline"
 
 
 def identify(
-    log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG.csv")],
+    logs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="LOG.csv …")],
     machine: Annotated[str, tyro.conf.arg(metavar="NAME|FILE.toml")] = MACHINE,
     lengths: Annotated[str | None, tyro.conf.arg(metavar="A,B")] = None,
     voltage_max: float | None = None,
+    columns: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=COLUMN …")] = (),
+    degrees: bool = False,
+    relative_b: bool = False,
     out: Path = Path("pter-identified"),
 ) -> None:
-    """Identify a real machine from a log.
+    """Identify a real machine from logs.
 
-    Says whether the simulator's model explains the log, estimates inertias, friction, torque curves, lag and delay with
-    95 % intervals, and lists what the log doesn't determine. Writes preset.toml, which other commands take as
+    Says whether the simulator's model explains them, estimates inertias, friction, torque curves, lag and delay with
+    95 % intervals, and lists what they don't determine. Writes preset.toml, which other commands take as
     --machine, and identified.png. docs/identify.md says what to record.
 
     Example: pter identify log.csv --lengths 0.5645,0.4454 --out mine
 
     Args:
-        log: Table with t_s, V1 to V4, theta_A, theta_B, F_x and F_y.
+        logs: Tables with t_s, V1 to V4, theta_A, theta_B, F_x and F_y; several are joined.
         machine: Machine to start from; parameters that the log doesn't determine keep its values.
         lengths: Measured lengths of links A and B [m]; by default those of the machine to start from.
         voltage_max: Largest voltage of the clutches [V]; by default that of the machine to start from.
+        columns: Names of these columns in the files where they differ, such as theta_A=thetaA.
+        degrees: Whether angles are in degrees.
+        relative_b: Whether theta_B is measured from link A instead of the x axis.
         out: Folder for the results, created if necessary.
     """
     from pter_gym._internal.files import write_files_atomic
@@ -45,15 +51,18 @@ def identify(
     from pter_gym.params._preset import PRESET, format_preset, load_preset
     from pter_gym.tools.figures import png
     from pter_gym.tools.identification import identify as search
-    from pter_gym.tools.identification import preset_of, read_log
+    from pter_gym.tools.identification import join_logs, preset_of, read_log
     from pter_gym.tools.identification.picture import picture
 
     start = read_start(machine, lengths, voltage_max)
-    rows = read_log(log)
+    names = read_names(columns)
+    log = join_logs([read_log(path, columns=names, degrees=degrees, relative_b=relative_b) for path in logs])
+    for remark in log.remarks:
+        say(remark)
     make_folder(out)
     with progress_bar() as progress:
         task = progress.add_task("identify", total=100)
-        found = search(rows, start, lambda share: progress.update(task, completed=round(100 * share)))
+        found = search(log, start, lambda share: progress.update(task, completed=round(100 * share)))
     preset = preset_of(found, load_preset(machine) if is_preset(machine) else PRESET)
     text = format_preset(preset, "Written by pter identify.")
     write_files_atomic(out, {"preset.toml": text.encode(), "identified.png": png(picture(found))})
@@ -81,6 +90,14 @@ def read_start(machine: str, lengths: str | None, voltage_max: float | None) -> 
     if voltage_max is not None:
         start = replace(start, clutch=replace(start.clutch, voltage_max=voltage_max))
     return start
+
+
+def read_names(columns: tuple[str, ...]) -> dict[str, str]:
+    """Return names of columns in the files, by their usual names."""
+    pairs = [each.partition("=") for each in columns]
+    if not all(name and column for name, _, column in pairs):
+        raise ParameterError(f"columns must be pairs such as theta_A=thetaA, got {' '.join(columns)!r}")
+    return {name: column for name, _, column in pairs}
 
 
 def findings_table(found: "Identification") -> Table:

@@ -276,6 +276,11 @@ class Fit:
         # the sum, not the mean: so few changes tell their own size badly
         self.spread = np.sum([np.outer(change, change) for change in changes], axis=0)
 
+    @property
+    def jacobian(self) -> Array:
+        """Derivatives of the residuals by all coordinates, shape (windows, 2·length, 16)."""
+        return self._at(self.p).jacobian
+
     def sizes(self) -> Array:
         """Return the root mean square of each window's residuals [rad], shape (windows,)."""
         return np.sqrt(np.mean(self._at(self.p).residual ** 2, axis=1))

@@ -174,7 +174,7 @@ def identify(
         start=start,
         machine=fit.shape.machine(fit.p),
         delay=float(fit.p[at.DELAY]),
-        findings=_findings(fit, kept, tied, explained=verdict.explained),
+        findings=_findings(fit, kept, tied, verdict),
         fit=fit,
         verdict=verdict,
     )
@@ -257,7 +257,7 @@ def _left_open(fit: Fit, worst: int) -> set[str]:
     return found - {COORDINATES[worst].quantity, "torque_25", "torque_50", "torque_75", "torque_100"}
 
 
-def _findings(fit: Fit, kept: dict[int, str], tied: set[str], *, explained: bool) -> list[Finding]:
+def _findings(fit: Fit, kept: dict[int, str], tied: set[str], verdict: Verdict) -> list[Finding]:
     """Return the numbers with their intervals."""
     here = fit.shape.quantities(fit.p)
     start = quantities(fit.shape.start, 0.0, fit.shape.top)
@@ -272,6 +272,7 @@ def _findings(fit: Fit, kept: dict[int, str], tied: set[str], *, explained: bool
     reasons = {COORDINATES[i].quantity: reason for i, reason in kept.items()}
     found: list[Finding] = []
     for q, first, error, by_free in zip(here, start, errors, slopes, strict=True):
+        explained = verdict.breakaways_explained if q.name == "breakaway_ratio" else verdict.explained
         unmoved = "" if by_free.any() else "the log shows none of the numbers from which it follows"
         reason = reasons.get(q.name, "") or unmoved
         sure = explained and q.name not in tied and error <= MAX_REL_HALF_WIDTH * q.scale

@@ -3,19 +3,23 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from pter_gym.tools.identification.balance import COARSE, balance
 from pter_gym.tools.identification.fit import BLOCK, Fit
 from pter_gym.tools.identification.log import Log
-from pter_gym.tools.identification.parameters import Shape
+from pter_gym.tools.identification.parameters import INERTIA_A, INERTIA_B, RATIO, SLOPES, Shape
 from pter_gym.tools.identification.shooting import make_inputs
 from pter_gym.tools.identification.windows import Smoothed, lagged, smooth, smooth_force
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+
+_STATS: Any = stats
 
 FAR = 2.0
 """Root mean square of a window's residuals over what the log's noise makes, from which the model does not explain it.
@@ -27,6 +31,12 @@ of the windows are this far off by chance: P(χ² > 3·2²) with three degrees o
 MAX_UNEXPLAINED = 0.1
 """Largest share of such windows in a log that the model explains: some breakaways are always a matter of chance."""
 
+SHOWS_BREAKAWAY = 0.02
+"""Relative change of the breakaway torque that moves an angle by its noise in windows that show a breakaway."""
+
+CHANCE = 0.01
+"""Probability of so many unexplained breakaways of one clutch, below which the model does not explain them."""
+
 LEFT = 0.02
 """Share of the load left by the balance of torques, from which other readings of a log are tried."""
 
@@ -36,8 +46,8 @@ BETTER = 0.2
 UNRELATED = 0.5
 """Share of the load left by all readings, from which forces and motion have nothing to do with each other."""
 
-OTHER_SIZE = 3.0
-"""Factor between found inertias and those of the start, from which the unit of the forces is questioned."""
+OTHER_SIZE = 2.0
+"""Factor between all inertias and torques and those of the start, from which the unit of the forces is questioned."""
 
 SHIFTS = (-0.1, -0.05, -0.02, 0.02, 0.05, 0.1)
 """Delays of the forces that are tried [s]."""
@@ -55,6 +65,10 @@ class Verdict:
         Share of them whose residuals are more than ``FAR`` times what the log's noise makes.
     enough
         Whether there are more independent stretches than numbers to identify.
+    breakaways
+        Windows that show a breakaway of any clutch and of each: how many are not explained, and of how many.
+    gaps
+        Windows that are left out since they hold a gap of the log.
     where
         At which speed, voltage or position most windows are not explained, if that makes a difference.
     hints
@@ -64,6 +78,8 @@ class Verdict:
     windows: int
     share: float
     enough: bool
+    breakaways: tuple[tuple[int, int], ...]
+    gaps: int
     where: str
     hints: tuple[str, ...]
 
@@ -73,11 +89,24 @@ class Verdict:
         return self.enough and self.share <= MAX_UNEXPLAINED
 
     @property
+    def breakaways_explained(self) -> bool:
+        """Whether the ratio of breakaway to dynamic torque may count as identified."""
+        (far, windows), *each = self.breakaways
+        by_chance = [_STATS.binom.sf(k - 1, n, MAX_UNEXPLAINED) for k, n in each]
+        return self.explained and far <= MAX_UNEXPLAINED * windows and min(by_chance) >= CHANCE
+
+    @property
     def sentence(self) -> str:
         """The verdict in words."""
         if not self.enough:
             return f"Nothing is identified: {self.windows} usable windows are too few for so many numbers."
         off = f"in {100 * self.share:.0f} % of {self.windows} windows, angles are further off than {FAR:g} × noise"
+        off += f" ({self.gaps} windows with gaps are left out)" if self.gaps else ""
+        if self.explained and not self.breakaways_explained:
+            (far, windows), *each = self.breakaways
+            clutches = ", ".join(f"clutch {x}: {k} of {n}" for x, (k, n) in enumerate(each, 1) if k)
+            off += f". It does not explain breakaways: {far} of {windows} windows with one are further off"
+            off += f" ({clutches})" if clutches else ""
         if self.explained:
             return f"The model explains the log: {off}."
         return f"The model does not explain the log, so nothing is identified: {off}, {self.where}."
@@ -94,7 +123,11 @@ def judge(fit: Fit, log: Log, motion: Smoothed) -> Verdict:
     explained = enough and share <= MAX_UNEXPLAINED
     where = "" if explained or not used.any() else _where(fit, log, motion, far)
     hints = (*_oddities(fit, log), *(() if explained else other_readings(log, fit.shape)))
-    return Verdict(int(used.sum()), share, enough, where, hints)
+    by_ratio = np.abs(fit.jacobian[:, :, RATIO]).max(axis=1) * SHOWS_BREAKAWAY > windows.noise
+    shown = used & by_ratio & (RATIO in fit.free)
+    parts = [shown, *(shown & each for each in windows.broke_away.T)]
+    breakaways = tuple((int(far[part].sum()), int(part.sum())) for part in parts)
+    return Verdict(int(used.sum()), share, enough, breakaways, windows.gaps, where, hints)
 
 
 def _where(fit: Fit, log: Log, motion: Smoothed, far: Flags) -> str:
@@ -121,12 +154,12 @@ def _oddities(fit: Fit, log: Log) -> Iterator[str]:
     """Yield what is odd about a log, whatever the model says."""
     if 0.0 < log.volts.max() <= 1.0:
         yield f"No voltage is above {log.volts.max():.3g} V: are V1 to V4 volts, or shares of the largest voltage?"
-    found, start = fit.shape.machine(fit.p).arm, fit.shape.start.arm
-    ratios = (found.inertia_a / start.inertia_a, found.inertia_b / start.inertia_b)
-    if min(ratios) > OTHER_SIZE or max(ratios) < 1.0 / OTHER_SIZE:
+    sizes = [i for i in (INERTIA_A, INERTIA_B, *SLOPES) if i in fit.free]
+    ratios = np.exp((fit.p - fit.shape.coordinates(fit.shape.start))[sizes])
+    if sizes and (ratios.min() > OTHER_SIZE or ratios.max() < 1.0 / OTHER_SIZE):
         yield (
-            f"Both inertias are {ratios[0]:.2g} and {ratios[1]:.2g} times those of the start: "
-            "are F_x and F_y in newtons, and the lengths in metres?"
+            f"All inertias and torques are about {np.exp(np.log(ratios).mean()):.2g} times those of the start: "
+            "are F_x and F_y in newtons (1 lbf is 4.448 N), and the lengths in metres?"
         )
 
 
@@ -151,8 +184,8 @@ def _readings(log: Log) -> Iterator[tuple[str, Log]]:
     theta, force = log.theta, log.force
     yield "theta_A and theta_B seem to be swapped", replace(log, theta=theta[:, ::-1])
     relative = np.column_stack([theta[:, 0], theta.sum(axis=1)])
-    yield "theta_B seems to be measured from link A, not from the x axis", replace(log, theta=relative)
-    yield "theta_A and theta_B seem to be in degrees", replace(log, theta=np.radians(theta))
+    yield "theta_B seems to be measured from link A, not from the x axis (--relative-b)", replace(log, theta=relative)
+    yield "theta_A and theta_B seem to be in degrees (--degrees)", replace(log, theta=np.radians(theta))
     for x, y in combinations(range(4), 2):
         order = [y if k == x else x if k == y else k for k in range(4)]
         yield f"V{x + 1} and V{y + 1} seem to be swapped", replace(log, volts=log.volts[:, order])

@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import ndimage, signal
 
 from pter_gym.params import Machine
-from pter_gym.tools.identification.log import Log
+from pter_gym.tools.identification.log import Log, angle_step
 from pter_gym.tools.identification.shooting import MAX_SUBSTEP, Inputs, make_inputs
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+_NDIMAGE: Any = ndimage
 _SIGNAL: Any = signal
 
 DURATION = 0.2
@@ -27,6 +28,9 @@ peaks, so that clutches break away too late; 120 Hz makes the breakaway torque 0
 SMOOTHING = 0.024
 """Half the length of the smoothing of the angles [s], which gives the velocities at the starts of windows."""
 
+INDEPENDENT = 0.006
+"""Time between interpolated rows whose noise is compared [s], if they are closer."""
+
 SHAKES = 4
 """How often noise is added to the forces, to see which windows it rules."""
 
@@ -35,6 +39,9 @@ ENGAGED = 0.3
 
 SLIPPING = 0.2
 """Slip velocity from which a clutch surely slips [rad/s]."""
+
+SUBSTEP = 1.02 * MAX_SUBSTEP
+"""Longest substep of the model [s]: a logger's slow clock costs no further substeps."""
 
 MIN_SEEN = 0.1
 """How long clutches have to slip at a voltage for the log to show it [s]."""
@@ -56,11 +63,11 @@ class Cutting:
 
     stretch: float = 1.0
     cutoff: float = CUTOFF
-    substep: float = MAX_SUBSTEP
+    substep: float = SUBSTEP
 
 
 USUAL = Cutting()
-OTHERS = (Cutting(0.55, 2.0 * CUTOFF, 0.5 * MAX_SUBSTEP), Cutting(1.4, 0.5 * CUTOFF, MAX_SUBSTEP))
+OTHERS = (Cutting(0.55, 2.0 * CUTOFF, 0.5 * SUBSTEP), Cutting(1.4, 0.5 * CUTOFF, SUBSTEP))
 """Others as good: what they change in a result is part of its error."""
 
 
@@ -95,7 +102,12 @@ class Windows:
     uncertain
         Changes of a start that are admitted, as columns, zero where a clutch holds, shape (windows, 4, 4).
     used
-        Whether a window is used: it is not where nobody can tell from the angles whether a clutch holds as it begins.
+        Whether a window is used: it is not where it holds a gap of the log, or where nobody can tell from the angles
+        whether a clutch holds as it begins.
+    broke_away
+        Whether each clutch, engaged, is slow at some row and slips at another of each window, shape (windows, 4).
+    gaps
+        How many windows hold a gap.
     inputs, noise
         Of the model; standard deviation of the angles [rad].
     shaken
@@ -108,6 +120,8 @@ class Windows:
     starts: Array
     uncertain: Array
     used: Flags
+    broke_away: Flags
+    gaps: int
     inputs: Inputs
     noise: float
     shaken: tuple[Inputs, ...]
@@ -120,16 +134,19 @@ def smooth(log: Log) -> Smoothed:
     theta = _SIGNAL.savgol_filter(log.theta, width, 2, axis=0)
     omega = _SIGNAL.savgol_filter(log.theta, width, 2, deriv=1, delta=log.interval, axis=0)
     alpha = _SIGNAL.savgol_filter(log.theta, 2 * width - 1, 3, deriv=2, delta=log.interval, axis=0)
-    return Smoothed(theta, omega, alpha, _noise(log.theta, theta), half)
+    return Smoothed(theta, omega, alpha, _noise(log, theta), half)
 
 
-def _noise(measured: Array, smoothed: Array) -> float:
-    """Return the standard deviation of the angles' noise [rad], which is not what motion adds, nor below a raster's."""
-    rough = np.diff(measured, 3, axis=0) / np.sqrt(20.0)
-    spread = min(float(np.median(np.abs(values))) / 0.6745 for values in (measured - smoothed, rough))
-    steps = np.abs(np.diff(measured, axis=0))
-    raster = float(steps[steps > 0.0].min()) if steps.any() else 0.0
-    return max(spread, raster / np.sqrt(12.0), 1e-7)
+def _noise(log: Log, smoothed: Array) -> float:
+    """Return the standard deviation of the angles' noise [rad]: without motion's, and at least an encoder's."""
+    rough = np.diff(log.theta[:: _independent(log)], 3, axis=0) / np.sqrt(20.0)
+    spread = min(float(np.median(np.abs(values))) / 0.6745 for values in (log.theta - smoothed, rough))
+    return max(spread, (log.angle_step or angle_step(log.theta)) / np.sqrt(12.0), 1e-7)
+
+
+def _independent(log: Log) -> int:
+    """Return how many rows apart noise is independent: interpolated rows share that of their neighbours."""
+    return max(1, round(INDEPENDENT / log.interval)) if log.angle_step else 1
 
 
 def smooth_force(log: Log, cutoff: float = CUTOFF) -> Array:
@@ -160,6 +177,7 @@ def experience(log: Log, motion: Smoothed, start: Machine) -> tuple[Array, float
     """
     behind = lagged(log, log.volts, start.clutch.time_constant)
     slips = (np.abs(motion.omega @ slip_rows(start).T) > SLIPPING) & (behind > ENGAGED)
+    slips &= log.is_clear(motion.half)[:, None]
     at_work = np.sort(np.where(slips, np.minimum(behind, log.volts), 0.0).ravel())
     enough = round(MIN_SEEN / log.interval)
     top = float(at_work[-enough]) if len(at_work) > enough else 0.0
@@ -173,51 +191,59 @@ def experience(log: Log, motion: Smoothed, start: Machine) -> tuple[Array, float
 
 
 def cut(log: Log, motion: Smoothed, start: Machine, time_constant: float, cutting: Cutting = USUAL) -> Windows:
-    """Return the windows of a log; the time constant [s] need not be exact."""
+    """Return the windows of a log; the time constant [s] needn't be exact."""
     length = max(4, round(cutting.stretch * DURATION / log.interval))
     first = np.arange((len(log.theta) - 1) // length) * length
-    held, ambiguous = _holding(log, motion, start, time_constant, first)
+    rows = first[:, None] + np.arange(length + 1)
+    gap = ~log.is_clear(motion.half)[rows].all(axis=1)
+    holds, ambiguous = _holding(log, motion, start, time_constant)
+    held = holds[first]
+    slip = np.abs(motion.omega @ slip_rows(start).T)[rows]
+    engaged = (lagged(log, log.volts, time_constant)[rows] > ENGAGED).any(axis=1)
     omega, free = _admitted(motion.omega[first], held, slip_rows(start))
     uncertain = np.zeros((len(first), 4, 4))
     uncertain[:, 0, 0] = uncertain[:, 1, 1] = 1.0
     uncertain[:, 2:, 2:] = free
+    inputs, *shaken = (
+        make_inputs(log.interval, log.volts, smooth_force(each, cutting.cutoff), cutting.substep)
+        for each in (log, *_shaken_logs(log))
+    )
     return Windows(
         length=length,
         first=first,
-        measured=log.theta[first[:, None] + np.arange(1, length + 1)],
+        measured=log.theta[rows[:, 1:]],
         starts=np.concatenate([motion.theta[first], omega], axis=1),
         uncertain=uncertain,
-        used=~ambiguous,
-        inputs=_inputs(log, cutting),
+        used=~ambiguous[first] & ~gap,
+        broke_away=engaged & (slip.min(axis=1) < 0.5 * SLIPPING) & (slip.max(axis=1) > SLIPPING),
+        gaps=int(gap.sum()),
+        inputs=inputs,
         noise=motion.noise,
-        shaken=tuple(_inputs(each, cutting) for each in _shaken_logs(log)),
+        shaken=tuple(shaken),
     )
-
-
-def _inputs(log: Log, cutting: Cutting) -> Inputs:
-    return make_inputs(log.interval, log.volts, smooth_force(log, cutting.cutoff), cutting.substep)
 
 
 def _shaken_logs(log: Log) -> Iterator[Log]:
     """Yield the log with as much noise added to its forces as they have."""
-    noise = np.median(np.abs(np.diff(log.force, 2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
+    rough = np.median(np.abs(np.diff(log.force[:: _independent(log)], 2, axis=0)), axis=0)
+    noise = (
+        rough / (0.6745 * np.sqrt(6.0)) * (np.sqrt(1.5) if log.angle_step else 1.0)
+    )  # less of it is left between rows
     rng = np.random.default_rng(0)
     for _ in range(SHAKES):
         yield replace(log, force=log.force + noise * rng.standard_normal(log.force.shape))
 
 
-def _holding(
-    log: Log, motion: Smoothed, start: Machine, time_constant: float, rows: NDArray[np.int64]
-) -> tuple[Flags, Flags]:
-    """Return which clutches hold at rows of a log, shape (N, 4), and where that cannot be told, shape (N,)."""
-    engaged = lagged(log, log.volts, time_constant)[rows] > ENGAGED
+def _holding(log: Log, motion: Smoothed, start: Machine, time_constant: float) -> tuple[Flags, Flags]:
+    """Return which clutches hold at rows of a log, shape (rows, 4), and where that cannot be told, shape (rows,)."""
+    engaged = lagged(log, log.volts, time_constant) > ENGAGED
     slip = np.abs(motion.omega @ slip_rows(start).T)
     width = 2 * motion.half + 1
     error = motion.noise * np.sqrt(12.0 / width) / (width * log.interval)
     slowest = 6.0 * error + 2e-3
-    near = np.stack([slip[(rows + k).clip(0, len(slip) - 1)] for k in range(-motion.half, motion.half + 1)]).max(axis=0)
-    held = engaged & (slip[rows] < slowest) & (near < 4.0 * slowest)
-    return held, (engaged & (slip[rows] < 2.0 * slowest) & ~held).any(axis=1)
+    near = _NDIMAGE.maximum_filter1d(slip, width, axis=0, mode="nearest")
+    held = engaged & (slip < slowest) & (near < 4.0 * slowest)
+    return held, (engaged & (slip < 2.0 * slowest) & ~held).any(axis=1)
 
 
 def _admitted(omega: Array, held: Flags, w: Array) -> tuple[Array, Array]:

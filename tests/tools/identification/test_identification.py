@@ -1,4 +1,4 @@
-"""Identification of simulated machines: what is found, what is named as not shown, and files that make no sense."""
+"""Identification of simulated machines: what is found, and what is named as not shown."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +8,6 @@ import pytest
 
 from pter_gym._commands.main import main
 from pter_gym._physics.open_loop import initial_state, simulate
-from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Arm, Clutch, Machine, TorqueCurve, find_machine
 from pter_gym.params._preset import PRESET, format_preset, parse_preset
 from pter_gym.tools.identification import (
@@ -19,7 +18,6 @@ from pter_gym.tools.identification import (
     identify,
     preset_of,
     quantities,
-    read_log,
     record_log,
     write_log,
 )
@@ -63,18 +61,6 @@ def test_windows_are_the_simulator():
     state = initial_state(machine, start[0, :2], start[0, 2:], volts=volts[0])
     way = simulate(machine, state, inputs.volts(0.0)[0], inputs.force)
     assert np.array_equal(angles[0], way.theta[1::2])
-
-
-def test_a_delay_shifts_the_voltages():
-    volts = np.zeros((21, 4))
-    volts[10:, 2] = 6.0
-    inputs = make_inputs(1e-3, volts, np.zeros((21, 2)))
-    assert inputs.step == 0.5e-3
-    shifted = inputs.volts(2.25e-3)[0][:, 2]
-    assert np.allclose(shifted[:24], 0.0)
-    assert shifted[24] == pytest.approx(3.0)  # half of this substep is before the step of the voltage
-    assert np.allclose(shifted[25:], 6.0)
-    assert np.allclose(inputs.volts(0.0)[0][:, 2], np.repeat(volts[:-1, 2], 2))
 
 
 def test_the_lag_is_that_of_the_clutches():
@@ -251,17 +237,12 @@ def test_a_machine_with_noise_and_its_files(tmp_path: Path, monkeypatch: pytest.
     assert main(["identify", "log.csv", "--machine", "mine/preset.toml", "--out", "again"]) == 0
 
 
-# --- the preset and the report ---
-
-
-@pytest.fixture(scope="module")
-def small() -> Identification:
-    """An identification of half of the log, whose numbers do not matter."""
-    return identify(record_log(OTHER, replace(SHORT, levels=(10.0,), on=0.6, free=2.0), EXACT), BASELINE)
+# --- the preset ---
 
 
 @pytest.mark.slow
-def test_the_preset_is_the_machine_and_says_where_it_comes_from(small: Identification):
+def test_the_preset_is_the_machine_and_says_where_it_comes_from():
+    small = identify(record_log(OTHER, replace(SHORT, levels=(10.0,), on=0.6, free=2.0), EXACT), BASELINE)
     preset = preset_of(small, PRESET)
     again = parse_preset(format_preset(preset, "title"))
     assert again == preset
@@ -269,77 +250,3 @@ def test_the_preset_is_the_machine_and_says_where_it_comes_from(small: Identific
     assert again.provenance["arm.inertia_a"].startswith("identified: from simulated, ")
     assert again.provenance["clutch.knee"].startswith("chosen: from simulated, not shown by it and kept: ")
     assert again.path == PRESET.path
-    hostile = replace(small, log=replace(small.log, name='a"b\\c\n.csv'))
-    assert "from a_b_c_.csv" in preset_of(hostile, PRESET).provenance["arm.inertia_a"]
-
-
-# --- logs ---
-
-ROWS = [f"{0.005 * k:.6f},0,0,0,0,{0.5 + 1e-3 * k:.6f},2.0,1.0,0.0" for k in range(1200)]
-HEAD = "t_s,V1,V2,V3,V4,theta_A,theta_B,F_x,F_y"
-
-
-def written(folder: Path, head: str = HEAD, rows: list[str] = ROWS) -> Path:
-    path = folder / "log.csv"
-    path.write_text("\n".join([head, *rows]) + "\n", "utf-8")
-    return path
-
-
-def changed(row: int, column: int, text: str) -> list[str]:
-    parts = ROWS[row].split(",")
-    parts[column] = text
-    return [*ROWS[:row], ",".join(parts), *ROWS[row + 1 :]]
-
-
-def test_a_log_is_read_and_written(tmp_path: Path):
-    log = read_log(written(tmp_path))
-    assert log.interval == pytest.approx(0.005)
-    assert log.theta[1] == pytest.approx([0.501, 2.0])
-    uneven = read_log(written(tmp_path, rows=changed(600, 0, "3.000500")))
-    assert uneven.theta[600, 0] == pytest.approx(1.1 - 1e-3 / 11.0)
-    write_log(log, tmp_path / "again.csv")
-    again = read_log(tmp_path / "again.csv")
-    assert np.allclose(again.theta, log.theta)
-    assert np.allclose(again.force, log.force)
-
-
-@pytest.mark.parametrize(
-    ("head", "rows", "said"),
-    [
-        (HEAD.replace("V3", "U3"), ROWS, "V3"),
-        (HEAD.replace("F_y", "F_z"), ROWS, "F_y"),
-        (HEAD, changed(7, 5, "nan"), "line 9.*theta_A"),
-        (HEAD, changed(7, 1, "-0.1"), "row 8.*V1"),
-        (HEAD, changed(7, 0, "0.03"), "row 8.*t_s"),
-        (HEAD, changed(600, 0, "3.002"), "row 601.*t_s"),
-        (HEAD, changed(700, 6, "9.0"), "theta_B"),
-        (HEAD, ROWS[:100], "t_s"),
-        (HEAD, ROWS[::3], "t_s"),
-        (HEAD, [], "rows"),
-        ("", [], "t_s"),
-    ],
-)
-def test_a_log_that_makes_no_sense_is_refused(head: str, rows: list[str], said: str, tmp_path: Path):
-    with pytest.raises(ParameterError, match=said):
-        read_log(written(tmp_path, head, rows))
-
-
-def test_a_log_that_tells_nothing_is_refused(tmp_path: Path):
-    log = read_log(written(tmp_path))
-    with pytest.raises(ParameterError, match=r"theta_A"):
-        identify(replace(log, theta=0.0 * log.theta))
-    with pytest.raises(ParameterError, match=r"V1 to V4"):
-        identify(replace(log, volts=log.volts + 30.0))
-    with pytest.raises(ParameterError, match=r"V3"):
-        identify(replace(log, volts=log.volts + 5.0), "two-brakes")
-
-
-@pytest.mark.parametrize(
-    ("option", "value", "said"),
-    [("lengths", "1", "lengths"), ("lengths", "1,-1", "length_b"), ("machine", "basline", "baseline")],
-)
-def test_the_command_names_what_is_wrong(
-    option: str, value: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
-    assert main(["identify", str(written(tmp_path)), f"--{option}", value]) == 2
-    assert said in capsys.readouterr().err

@@ -1,0 +1,195 @@
+"""Logs as loggers write them: clocks, gaps, names, units, and what is refused."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pter_gym._commands.main import main
+from pter_gym.errors import ParameterError
+from pter_gym.params import BASELINE
+from pter_gym.tools.identification import Log, identify, join_logs, read_log, record_log, write_log
+from pter_gym.tools.identification.experiment import Experiment
+from pter_gym.tools.identification.windows import cut, smooth
+
+HEAD = "t_s,V1,V2,V3,V4,theta_A,theta_B,F_x,F_y"
+TIMES = 0.002 * np.arange(5001)
+
+
+def volts(times: np.ndarray) -> np.ndarray:
+    return np.outer(6.0 * (np.floor(times) % 2), [1, 0, 0, 0])
+
+
+def motion(times: np.ndarray) -> np.ndarray:
+    return np.column_stack([0.7 + 0.3 * np.sin(3.0 * times), 2.2 + 0.2 * np.sin(4.0 * times)])
+
+
+def written(
+    folder: Path, times: np.ndarray = TIMES, origin: float = 0.0, head: str = HEAD, edit: dict[int, str] | None = None
+) -> Path:
+    """A log of known motion and forces at times [s]; ``edit`` replaces lines by number."""
+    table = np.column_stack([origin + times, volts(times), motion(times), 20.0 * motion(times)])
+    lines = [head, *(",".join(f"{value:.15g}" for value in row) for row in table)]
+    for line, text in (edit or {}).items():
+        lines[line - 1] = text
+    path = folder / "log.csv"
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+    return path
+
+
+def clock(late: int = 0, wander: float = 0.0) -> np.ndarray:
+    rng = np.random.default_rng(0)
+    step = 2.0007e-3 * (1.0 + wander * np.sin(np.linspace(0.0, 6.0, 5000)))
+    step[rng.choice(5000, late, replace=False)] += rng.uniform(10e-3, 20e-3, late)
+    return np.concatenate([[0.0], np.cumsum(step)])
+
+
+@pytest.mark.parametrize("origin", [0.0, 1732550400.25, -3e9])
+@pytest.mark.parametrize(("late", "wander"), [(0, 0.0), (0, 1e-3), (3, 0.0), (60, 1e-3)])
+def test_rows_of_a_loggers_clock_are_interpolated(late: int, wander: float, origin: float, tmp_path: Path):
+    times = clock(late, wander)
+    log = read_log(written(tmp_path, times, origin))
+    clear = log.is_clear(0)
+    assert log.interval == pytest.approx(2.0007e-3, rel=1e-3)
+    assert log.duration == pytest.approx(times[-1], abs=log.interval)
+    assert np.allclose(log.theta[clear], motion(log.times)[clear], atol=1e-5)
+    assert np.allclose(log.force[clear], 20.0 * motion(log.times)[clear], atol=1e-3)
+    missing = np.array([np.any((times[:-1] < t) & (t < times[1:]) & (np.diff(times) > 0.01)) for t in log.times])
+    assert clear[missing].sum() <= late  # the ends of gaps
+    assert log.drift == pytest.approx(2.0 * wander, rel=0.1, abs=1e-5)
+    charge = np.cumsum(log.interval * log.volts, axis=0)[-2]
+    assert charge == pytest.approx(np.diff(times) @ volts(times)[:-1], abs=12.1 * log.interval)
+
+
+def test_windows_with_gaps_are_left_out(tmp_path: Path):
+    times = np.delete(TIMES, np.s_[2250:2260])  # from 4.5 to 4.52 s, while no voltage changes
+    log = read_log(written(tmp_path, times))
+    windows = cut(log, smooth(log), BASELINE, 0.08)
+    assert np.flatnonzero(~windows.used).tolist() == [22]
+    assert windows.gaps == 1
+    assert any("4.5" in remark for remark in log.remarks)
+
+
+def test_a_voltage_that_changed_in_a_gap_is_uncertain_until_it_has_settled(tmp_path: Path):
+    log = read_log(written(tmp_path, np.delete(TIMES, 2500)))
+    assert np.flatnonzero(~log.is_clear(0)) * log.interval == pytest.approx(
+        np.arange(4.998, 5.502, 0.002)[1:], abs=1e-9
+    )
+
+
+def test_names_units_blanks_and_missing_columns(tmp_path: Path):
+    head = HEAD.replace("theta_A", "thetaA").replace("V3", "spare")
+    path = written(tmp_path, head=head, edit={k: f"{0.002 * (k - 2)},0,0,0,0,,,," for k in range(3, 400, 2)})
+    log = read_log(path, columns={"theta_A": "thetaA"}, degrees=True, relative_b=True)
+    theta_a, theta_b = np.radians(motion(log.times)).T
+    assert np.allclose(log.theta, np.column_stack([theta_a, theta_a + theta_b]), atol=1e-6)
+    assert not log.volts[:, 2].any()
+    assert any("V3" in remark for remark in log.remarks)
+
+
+def test_joined_logs_are_one(tmp_path: Path):
+    """At the coarser interval, with half a second between them that is not measured."""
+    fine, coarse = read_log(written(tmp_path)), read_log(written(tmp_path, TIMES[::4]))
+    log = join_logs([fine, coarse])
+    begin = len(coarse.theta) + round(0.5 / 0.008)
+    assert log.interval == pytest.approx(0.008)
+    assert np.allclose(log.theta[begin:], coarse.theta)
+    assert np.allclose(log.theta[: len(coarse.theta)], coarse.theta, atol=1e-6)
+    assert np.allclose(log.volts[: len(coarse.theta)], volts(TIMES[::4]))
+    assert log.unmeasured.tolist() == list(range(len(coarse.theta), begin))
+    with pytest.raises(ParameterError, match="log"):
+        join_logs([])
+
+
+def test_a_log_is_read_as_it_was_written(tmp_path: Path):
+    log = record_log(BASELINE, Experiment(levels=(6.0,)))
+    write_log(log, tmp_path / "log.csv")
+    again = read_log(tmp_path / "log.csv")
+    assert again.remarks == ()
+    for name in ("volts", "theta", "force"):
+        assert np.allclose(getattr(again, name), getattr(log, name), rtol=1e-8)
+
+
+def test_the_size_of_a_file_does_not_matter(tmp_path: Path):
+    path = written(tmp_path)
+    lines = path.read_text("utf-8").splitlines()
+    path.write_text("\n".join(line + " " * 4000 for line in lines), "utf-8")
+    assert path.stat().st_size > 1 << 24
+    assert len(read_log(path).theta) == len(TIMES)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"head": HEAD.replace("F_y", "F_z")}, "F_y"),
+        ({"head": HEAD.replace("V", "U")}, "V1"),
+        ({"edit": {9: "0.014,0,0,0,0,x,2.2,1,1"}}, "line 9.*theta_A"),
+        ({"edit": {9: "0.014,-0.1,0,0,0,0.7,2.2,1,1"}}, "line 9.*V1"),
+        ({"edit": {9: "0.011,0,0,0,0,0.7,2.2,1,1"}}, "line 9.*t_s"),
+        ({"edit": {9: ",0,0,0,0,0.7,2.2,1,1"}}, "line 9.*t_s"),
+        ({"edit": {9: "0.014,0,0,0,0,0.7,9.0,1,1"}}, "theta_B"),
+        ({"times": TIMES[:100]}, "t_s"),
+        ({"times": TIMES[::9]}, "t_s"),
+        ({"times": 1e3 * TIMES}, "seconds"),
+        ({"times": 1e3 * TIMES, "origin": 1.7e12}, "seconds"),
+        ({"times": TIMES[:0]}, "rows"),
+    ],
+)
+def test_a_log_that_makes_no_sense_is_refused(arguments: dict, said: str, tmp_path: Path):
+    with pytest.raises(ParameterError, match=said):
+        read_log(written(tmp_path, **arguments))
+
+
+def test_a_log_that_tells_nothing_is_refused(tmp_path: Path):
+    log = read_log(written(tmp_path))
+
+    def refused(change: dict, said: str, machine: str = "baseline") -> None:
+        with pytest.raises(ParameterError, match=said):
+            identify(replace(log, **change), machine)
+
+    refused({"theta": 0.0 * log.theta}, "theta_A")
+    refused({"volts": log.volts + 30.0}, "V1 to V4")
+    refused({"volts": log.volts + 5.0}, "V3", "two-brakes")
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [
+        ("lengths", "1", "lengths"),
+        ("lengths", "1,-1", "length_b"),
+        ("machine", "basline", "baseline"),
+        ("columns", "theta_A", "columns"),
+        ("columns", "theta=a", "columns"),
+    ],
+)
+def test_the_command_names_what_is_wrong(
+    option: str, value: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert main(["identify", str(written(tmp_path)), f"--{option}", value]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_an_uneven_log_gives_the_machine_back(tmp_path: Path):
+    """Of an angle that is relative and in degrees, by a clock that wanders and loses rows, joined with an even log."""
+    machine = replace(BASELINE, arm=replace(BASELINE.arm, inertia_a=0.7, inertia_b=0.6, coupling=0.1))
+    even = record_log(machine, Experiment(levels=(6.0, 18.0), on=0.7, off=0.2, free=4.0))
+    times = clock(12, 1e-3)
+    times = times[times <= even.duration]
+    at = np.searchsorted(even.times, times + 1e-9, side="right") - 1
+
+    def values(columns: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.interp(times, even.times, column) for column in columns.T])
+
+    theta = np.degrees(values(even.theta)) @ [[1.0, -1.0], [0.0, 1.0]]
+    table = np.column_stack([1732550400.25 + times, even.volts[at], theta, values(even.force)])
+    np.savetxt(tmp_path / "log.csv", table, "%.15g", ",", header=HEAD, comments="")
+    uneven: Log = read_log(tmp_path / "log.csv", degrees=True, relative_b=True)
+    found = identify(join_logs([even, uneven]), BASELINE)
+    assert found.verdict.explained
+    told = {finding.quantity.name: finding for finding in found.findings}
+    for name in ("inertia_a", "inertia_b"):
+        assert told[name].quantity.value == pytest.approx(getattr(machine.arm, name), rel=0.005)
+        assert told[name].status == "identified"
+    assert told["slope"].quantity.value == pytest.approx(machine.clutch.dynamic.slope, rel=0.01)
