@@ -3,8 +3,8 @@
 ``pter_gym/episodes`` holds a file of stored episodes for each scenario; ``docs/make/store.py episodes`` writes them.
 """
 
+import gzip
 import json
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -15,7 +15,7 @@ from pter_gym import hands, params, paths
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.codec import Codec, dataclasses_in
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
-from pter_gym._internal.reading import GZIP, MOST_JSON, inflate, parse_json, read_bytes, reading
+from pter_gym._internal.reading import MOST_JSON, inflate, parse_json, read_bytes, reading
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import Machine
 from pter_gym.scenarios import find_pace, find_scenario
@@ -122,7 +122,7 @@ def store_episodes(episodes: Episodes, *, version: int, folder: FilePath = FOLDE
     data = json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
     path = find_path("folder", folder) / f"{episodes.scenario}{ENDING}"
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes_atomic(path, zlib.compress(data, 9, GZIP))
+    write_bytes_atomic(path, gzip.compress(data, 9, mtime=0))
     return path
 
 

@@ -73,7 +73,7 @@ class Worlds:
         if render_mode is not None and render_mode not in modes:
             raise ParameterError(f"render_mode must be one of {', '.join(modes)} or None, got {render_mode!r}")
         given: dict[str, Any] = {name: _from_plain(value) for name, value in arguments.items()}
-        if "scenario" in given or not isinstance(given.get("randomisation"), Randomisation | Mixture | None):
+        if "scenario" in given or isinstance(given.get("randomisation"), str):
             from pter_gym.envs import scenario  # imports what a fixed task doesn't need
 
             given = scenario.find_arguments(**given)
@@ -153,6 +153,10 @@ def _make_batch(
     if randomisation is not None:
         if task is not None or machine not in (None, "baseline"):
             raise ParameterError("task and machine must not be given with a randomisation, which brings both")
+        if not hasattr(randomisation, "pairs"):
+            raise ParameterError(
+                f"randomisation must be a Randomisation, a Mixture or the name of a scenario, got {randomisation!r:.200}"
+            )
         machine, task = zip(*randomisation.pairs(), strict=True)
     else:
         machine = [find_machine(each) for each in machine] if _several(machine) else find_machine(machine)

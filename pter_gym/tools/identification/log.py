@@ -8,7 +8,7 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -248,7 +248,7 @@ def join_logs(logs: Sequence[Log]) -> Log:
 def _joined(log: Log, other: Log) -> Log:
     """Return two logs of one interval as one."""
     pause, begin = round(SETTLING / log.interval), len(log.theta)
-    between: Array = np.linspace(log.theta[-1], other.theta[0], pause)
+    between = cast(Array, np.linspace(log.theta[-1], other.theta[0], pause))
     return Log(
         interval=log.interval,
         volts=np.concatenate([log.volts, np.tile(other.volts[0], (pause, 1)), other.volts]),

@@ -18,7 +18,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.law import MEMORY
 from pter_gym._internal.checks import whole_number
 from pter_gym._physics.clutch import PerClutch
-from pter_gym.benchmark._measures import START_UP, Recorded
+from pter_gym.benchmark._measures import START_UP, Recorded, mean_over
 from pter_gym.controllers._laws import IMPEDANCE, guide
 from pter_gym.errors import ParameterError
 from pter_gym.params import Arm, Machine, TorqueCurve
@@ -298,10 +298,11 @@ def quality_of(setups: Sequence[Setup], time_constants: Sequence[float] = TIME_C
     machines = [(setup, machine) for setup in setups for machine in setup.machines.values()]
     runs = run_cases([Case(*each, tau) for each in machines for tau in time_constants])
     error, speed, settled = runs.mean_error(), runs.mean(runs.speed), runs.end > START_UP
-    acceleration, peak = (settled * each(runs.acceleration) for each in (runs.mean_of, runs.peak_of))
+    acceleration = settled * mean_over(runs.acceleration, runs.counted)
+    peak = settled * np.where(runs.counted, runs.acceleration, 0.0).max(axis=0)
     shape = len(setups), len(PAPER_TABLE), len(time_constants)
     entries = np.stack([error, speed, acceleration], axis=-1).reshape(*shape, 3) / INCH
-    series = [each.reshape(shape)[:, 0] for each in (error, runs.way(), speed, peak)]
+    series = [each.reshape(shape)[:, 0] for each in (error, runs.distance_travelled(), speed, peak)]
     return Quality(
         table=np.maximum(entries.mean(axis=2), 1e-3),
         trends=np.array([[rank_correlation(time_constants, each[k]) for each in series] for k in range(len(setups))]),

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.benchmark._measures import four
+from pter_gym.benchmark._measures import per_clutch
 from pter_gym.params import Machine, with_friction
 from pter_gym.tasks.path_following import observation_layout
 from pter_gym.tools.paper.clutch_tests import holding_torque
@@ -114,7 +114,7 @@ def gain_sweep(setup: Setup = SETUP, gains: Sequence[float] = GAINS) -> GainSwee
     result = run_with_gains(setup, setup.baseline, gains, [TIME_CONSTANT])
     runs = [run for (run,) in result.runs.values()]
     top = (1.0 - 1e-6) * setup.baseline.clutch.voltage_max
-    saturated = [float((four(run.telemetry[1:], "volts") >= top).mean()) for run in runs]
+    saturated = [float((per_clutch(run.telemetry[1:], "volts") >= top).mean()) for run in runs]
     return GainSweep(**vars(sweep_of(runs)), gain=np.array(gains), saturated=np.array(saturated))
 
 
