@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pter_gym._internal.reading import MOST_JSON, MOST_TOML, inflate, parse_json, parse_toml, read_bytes, reading
-from pter_gym._internal.tables import read_columns
+from pter_gym._internal.tables import read_table
 from pter_gym.errors import DataError, ParameterError
 
 PLAIN = st.recursive(
@@ -97,11 +97,11 @@ def test_an_error_gets_the_name_of_what_is_read(error: Exception) -> None:
 def test_tables_that_could_be_misread_are_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "table.csv").write_text(text, encoding="utf-8")
     with pytest.raises(ParameterError, match=r"table\.csv"):
-        read_columns(tmp_path / "table.csv", ("x", "y"))
+        read_table(tmp_path / "table.csv", ("x", "y")).columns
 
 
 def test_columns_are_found_by_their_names(tmp_path: Path) -> None:
     (tmp_path / "table.csv").write_text("\ufeffy, note, x\n1,a,2\n\n3,b,4e-1\n", encoding="utf-8")
-    found = read_columns(tmp_path / "table.csv", ("x", "y"))
+    found = read_table(tmp_path / "table.csv", ("x", "y")).columns
     np.testing.assert_array_equal(found["x"], [2.0, 0.4])
     np.testing.assert_array_equal(found["y"], [1.0, 3.0])

@@ -24,11 +24,6 @@ class Table(NamedTuple):
     lines: list[int]
 
 
-def read_columns(file: FilePath, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-    """Return the named columns of a CSV file; see ``read_table``."""
-    return read_table(file, names).columns
-
-
 def read_table(
     file: FilePath,
     names: Sequence[str],

@@ -155,7 +155,7 @@ def _make_batch(
             raise ParameterError("task and machine must not be given with a randomisation, which brings both")
         if not hasattr(randomisation, "pairs"):
             raise ParameterError(
-                f"randomisation must be a Randomisation, a Mixture or the name of a scenario, got {randomisation!r:.200}"
+                f"randomisation must be a Randomisation, a Mixture or a scenario's name, got {randomisation!r:.200}"
             )
         machine, task = zip(*randomisation.pairs(), strict=True)
     else:
