@@ -204,10 +204,11 @@ def entrywise(function: Callable[..., float]) -> Any:
         limited(PerClutch(1.0, 30.0, 2.0, 3.0), 24.0)
     """
     scalar: Any = function
-    varies = {name: each.annotation is float for name, each in inspect.signature(function).parameters.items()}
+    names = tuple(inspect.signature(function).parameters)
+    varies = tuple(each.annotation is float for each in inspect.signature(function).parameters.values())
 
     def each(*given: Any) -> Any:
-        columns = [varying and isinstance(value, tuple) for value, varying in zip(given, varies.values(), strict=True)]
+        columns = [varying and isinstance(value, tuple) for value, varying in zip(given, varies, strict=True)]
         if not any(columns):
             return scalar(*given)
         record = given[columns.index(True)]
@@ -215,13 +216,14 @@ def entrywise(function: Callable[..., float]) -> Any:
         return type(record)(*(each(*row) for row in zip(*rows, strict=True)))
 
     def source(**kinds: Any) -> Any:
-        records = {name for name, kind in kinds.items() if varies[name] and isinstance(kind, types.BaseNamedTuple)}
-        entry = f"scalar({', '.join(f'{name}AT' if name in records else name for name in varies)})"
+        given = zip(names, varies, strict=True)
+        records = [name for name, varying in given if varying and isinstance(kinds[name], types.BaseNamedTuple)]
+        entry = f"scalar({', '.join(f'{name}AT' if name in records else name for name in names)})"
         space: dict[str, Any] = {"scalar": scalar}
-        made = _made(next(kind for name, kind in kinds.items() if name in records), entry, space)
-        return compile_source(f"def written({', '.join(varies)}):\n    return {made}", "written", space)
+        made = _made(kinds[records[0]], entry, space)
+        return compile_source(f"def written({', '.join(names)}):\n    return {made}", "written", space)
 
-    _overload(each, ", ".join(varies), source)
+    _overload(each, ", ".join(names), source)
     each.__doc__ = function.__doc__
     return each
 

@@ -13,7 +13,7 @@ from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import entrywise, read
 from pter_gym._engine.law import MEMORY
-from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, joint_torque, tip_velocity
+from pter_gym._physics.arm import Motion, UnitVector, Vector, cos_difference, joint_torque, tip_velocity
 from pter_gym._physics.arrangement import Own
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between, slip_velocities
@@ -50,8 +50,6 @@ def physical(obs: Any, scales: Any, at: float) -> float:
 @device
 def observed_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
     """Return the tip as estimated from the observation and the nominal machine."""
-    m11, m22, m12 = nominal.inertia_a, nominal.inertia_b, nominal.coupling
-    arm = Linkage(nominal.length_a, nominal.length_b, m11, m22, m12, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0)
     q = Motion(
         0.0,  # no law asks for the angles themselves
         0.0,
@@ -62,9 +60,9 @@ def observed_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
         float(obs[SEEN.cos_b]),
         float(obs[SEEN.sin_b]),
     )
-    v_x, v_y = tip_velocity(arm, q)
+    v_x, v_y = tip_velocity(nominal.arm, q)
     return Tip(
-        arm,
+        nominal.arm,
         q,
         Vector(v_x, v_y),
         UnitVector(float(obs[SEEN.heading.cos]), float(obs[SEEN.heading.sin])),
