@@ -24,6 +24,8 @@ from pter_gym.tasks.path_following._telemetry import COLUMNS
 Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
 ActionUnit = Literal["volt", "normalised"]
+Outputs = tuple[Observations, Array, NDArray[np.bool_], Array]
+"""Observations, rewards, flags and telemetry, which a kernel fills."""
 
 NO_LIMIT = float("inf")
 
@@ -215,7 +217,7 @@ class Batch(WorldArrays):
             rewards.fill(0.0)
             flags.fill(False)
             telemetry.fill(np.nan)
-        self._advance(obs, rewards, flags, telemetry, ended)
+        self._advance((obs, rewards, flags, telemetry), ended)
         return Returns(obs, self._final_obs, rewards, flags, telemetry)
 
     def step_alone(self, action: ArrayLike) -> tuple[Observations, Array, float, bool, bool, bool]:
@@ -237,7 +239,7 @@ class Batch(WorldArrays):
         obs = np.empty(self._shape, np.float32)
         telemetry = np.empty((1, 1, COLUMNS))
         rewards, flags = self._alone
-        self._advance(obs, rewards, flags, telemetry, REFUSE)
+        self._advance((obs, rewards, flags, telemetry), REFUSE)
         (terminated,), (truncated,), (success,) = flags.tolist()
         return obs[0], telemetry[0, 0], rewards.item(), terminated, truncated, success
 
@@ -279,7 +281,7 @@ class Batch(WorldArrays):
         flags = np.zeros((FLAGS, self.num_worlds), np.bool_)
         worlds, kept = self._worlds.copy(), memory.copy()
         with compiling(law):
-            refused = self._run(law, memory, obs, rewards, flags, telemetry, config, SKIP, steps)
+            refused = self._run(law, memory, (obs, rewards, flags, telemetry), config, SKIP, steps)
         if refused >= 0:
             volts = self._row(refused)[[*ROW.command]]
             self._worlds[:], memory[:] = worlds, kept
@@ -294,29 +296,18 @@ class Batch(WorldArrays):
         """Return the arrays that kernels get: worlds, words, config and constants, and which worlds have begun."""
         return {**self._changing, "config": self._config, "constants": self._constants}
 
-    def _run(
-        self,
-        law: Any,
-        given: Array,
-        obs: Observations,
-        rewards: Array,
-        flags: NDArray[np.bool_],
-        telemetry: Array,
-        config: Array,
-        ended: int,
-        steps: int,
-    ) -> int:
+    def _run(self, law: Any, given: Array, outputs: Outputs, config: Array, ended: int, steps: int) -> int:
         """Run the kernel with a law inside over all blocks, in one thread or several; return a refused world or −1."""
         kernel = advance_kernel(law, self._declared)
-        outputs = (obs, self._final_obs, rewards, flags, telemetry)
-        arguments = (self._worlds, self._words, given, *outputs, config, self._constants, ended)
+        obs, *others = outputs
+        arrays = (self._worlds, self._words, given, obs, self._final_obs, *others, config, self._constants)
         shares = self._threads.shares(len(self._worlds))
         if len(shares) == 1:
-            return kernel(*arguments, steps, *shares[0])
-        refused = kernel(*arguments, 0, 0, 0)
+            return kernel(*arrays, ended, steps, *shares[0])
+        refused = kernel(*arrays, ended, 0, 0, 0)
         if refused >= 0:
             return refused
-        found = self._threads.run_parallel(partial(kernel, *arguments, steps), shares)
+        found = self._threads.run_parallel(partial(kernel, *arrays, ended, steps), shares)
         return min((world for world in found if world >= 0), default=-1)
 
     def close(self) -> None:
@@ -328,9 +319,9 @@ class Batch(WorldArrays):
         width = self._worlds.shape[2]
         return self._worlds[world // width, :, world % width]
 
-    def _advance(self, obs: Observations, rewards: Array, flags: Any, telemetry: Array, ended: int) -> None:
+    def _advance(self, outputs: Outputs, ended: int) -> None:
         """Run a step with the given actions, or raise what ``step`` raises."""
-        world = self._run(no_law, self._actions, obs, rewards, flags, telemetry, self._config, ended, 1)
+        world = self._run(no_law, self._actions, outputs, self._config, ended, 1)
         if world < 0:
             return
         if self._row(world)[ROW.alive] == 0.0:

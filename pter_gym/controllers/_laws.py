@@ -197,21 +197,23 @@ def random_volts(gains: Any, memory: Any) -> PerClutch:
 @outlined
 def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of a trained network, which may correct a guiding law for the paper's clutches."""
-    count = int(gains[HEADER.base])
-    base = middle(gains)
-    if count > 0:
-        base = guide(obs, scales, gains[HEADER_WIDTH : HEADER_WIDTH + count], memory)
+    law = base_gains(gains)
+    base = guide(obs, scales, law, memory) if len(law) > 0 else middle(gains)
     return decide(obs, scales, gains, memory, base)
 
 
 @device
 def network_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of a trained network, which may correct a guiding law for other clutches."""
-    count = int(gains[HEADER.base])
-    base = middle(gains)
-    if count > 0:
-        base = guide_declared(obs, scales, gains[HEADER_WIDTH : HEADER_WIDTH + count], memory)
+    law = base_gains(gains)
+    base = guide_declared(obs, scales, law, memory) if len(law) > 0 else middle(gains)
     return decide(obs, scales, gains, memory, base)
+
+
+@device
+def base_gains(gains: Any) -> Any:
+    """Return the gains of the guiding law that a network corrects, none without one."""
+    return gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])]
 
 
 @device

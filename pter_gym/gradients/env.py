@@ -132,10 +132,6 @@ def make(
 _whole = MEANING["int"]
 
 
-def _plain(function: Any) -> Any:
-    return getattr(function, "py_func", function)
-
-
 def _project(constants: Any, first: Any, count: Any, segment: Any, x: Any, y: Any) -> Any:
     """Return the projection of a point onto a chain of arcs; the walk to the arc that holds it has no derivative."""
 
@@ -157,7 +153,7 @@ def _clipped(volts: PerClutch, most: Any) -> PerClutch:
     return PerClutch(*(jnp.clip(each, 0.0, most) for each in volts))
 
 
-_MADE: dict[Any, Any] = {clipped: _clipped, _plain(project): _project}
+_MADE: dict[Any, Any] = {clipped: _clipped, getattr(project, "py_func", project): _project}
 _foot_on, _given_volts, _take_command, _drift_torques, _move_hand, _push_tip, _locate, _judge, _observe = (
     branchless(each, MEANING, _MADE)
     for each in (
