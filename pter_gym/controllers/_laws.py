@@ -197,7 +197,7 @@ def random_volts(gains: Any, memory: Any) -> PerClutch:
 @outlined
 def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of a trained network, which may correct a guiding law for the paper's clutches."""
-    law = base_gains(gains)
+    law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])]
     base = guide(obs, scales, law, memory) if len(law) > 0 else middle(gains)
     return decide(obs, scales, gains, memory, base)
 
@@ -205,15 +205,9 @@ def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 @device
 def network_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of a trained network, which may correct a guiding law for other clutches."""
-    law = base_gains(gains)
+    law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])]
     base = guide_declared(obs, scales, law, memory) if len(law) > 0 else middle(gains)
     return decide(obs, scales, gains, memory, base)
-
-
-@device
-def base_gains(gains: Any) -> Any:
-    """Return the gains of the guiding law that a network corrects, none without one."""
-    return gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])]
 
 
 @device
