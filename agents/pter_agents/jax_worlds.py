@@ -108,7 +108,7 @@ class JaxWorlds:
         self._layout = env.observation_layout
         self._interface = interface
         self._ages = np.array((0, *interface.history))
-        self._law = None if base is None else register_law(base.law)[0]
+        self._law = None if base is None else register_law(base.law)
         blank = np.zeros((1, 0)) if base is None else base.empty_memory(1)
         names = available(self._layout, residual=base is not None)
         places, centers, scales = zip(

@@ -7,6 +7,7 @@ alone.
 
 import inspect
 from collections.abc import Callable
+from contextlib import suppress
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
@@ -15,9 +16,7 @@ from numba.core import config
 from numba.core.registry import CPUDispatcher
 
 from pter_gym._compiled import pipeline
-from pter_gym._compiled.digests import content_digest, digest_of
-
-__all__ = ["WITHOUT_ARRAYS", "Device", "compile_kernel", "content_digest", "device", "inlined", "outlined"]
+from pter_gym._compiled.digests import digest_of
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -94,24 +93,12 @@ def compile_kernel(build: Callable[[str], Function], **inlined: object) -> Funct
     function = _bind(cast(FunctionType, build(digest or "")), inlined)
     kernel: Any = numba.njit(**_KERNEL)(function)
     if not _NUMBA.DISABLE_JIT:
-        cacheable = digest is not None and all(map(_has_module, inlined.values()))
-        pipeline.announce(kernel, cached=cacheable and _enable_caching(kernel))
+        # a cache could not load functions that are in no module, as after exec
+        if digest and all(inspect.getmodule(value) for value in inlined.values() if callable(value)):
+            with suppress(RuntimeError):  # there is no folder to write to
+                kernel.enable_caching()
+        pipeline.announce(kernel)
     return cast(Function, kernel)
-
-
-def _enable_caching(kernel: Any) -> bool:
-    """Cache a kernel on the disk; return whether there is a folder for it."""
-    try:
-        kernel.enable_caching()
-    except RuntimeError:
-        return False
-    return True
-
-
-def _has_module(value: object) -> bool:
-    """Return whether a function is in a module: a cache could not load others, as after ``exec``."""
-    function = getattr(value, "py_func", value)
-    return not isinstance(function, FunctionType) or inspect.getmodule(function) is not None
 
 
 def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:
@@ -123,5 +110,4 @@ def _bind(function: FunctionType, names: dict[str, object]) -> FunctionType:
         function.__closure__,
     )
     bound.__qualname__ = function.__qualname__
-    bound.__module__ = function.__module__
     return bound

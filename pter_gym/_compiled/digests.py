@@ -39,19 +39,13 @@ _CONSTANTS = (bool, int, float, complex, str, bytes, type(None), type(...))
 
 
 def digest_of(function: Callable[..., Any]) -> str | None:
-    """Return a hash of a function, of all that it reads and of the package's sources; None as ``content_digest``."""
-    content = content_digest(function)
-    return content and hashlib.sha256(f"{_SOURCES_DIGEST}\n{content}".encode()).hexdigest()
+    """Return a hash of a function, compiled or not, of all that it reads and of the package's sources.
 
-
-def content_digest(function: Callable[..., Any]) -> str | None:
-    """Return a hash of a function, compiled or not, and all that it reads, or None if that cannot be determined.
-
-    That is so where it reads an object, a list, or a module that is neither a library's nor of ``ROOMS``. What is of a
+    It is None where it reads an object, a list, or a module that is neither a library's nor of ``ROOMS``. What is of a
     library or of ``ROOMS`` counts by its name alone.
     """
     try:
-        return hashlib.sha256("\n".join(texts_of(function)).encode()).hexdigest()
+        return hashlib.sha256("\n".join([_SOURCES_DIGEST, *texts_of(function)]).encode()).hexdigest()
     except _UnknownError:
         return None
 

@@ -45,15 +45,11 @@ class Layout:
         """The physical value that is stored as 1, for each entry."""
         return np.array([field.scale for field in self.fields])
 
-    @cached_property
-    def _indices(self) -> dict[str, int]:
-        return {name: index for index, name in enumerate(self.names)}
-
     def index(self, name: str) -> int:
         """Return the position of a field. Raises KeyError with the known names."""
         try:
-            return self._indices[name]
-        except KeyError:
+            return self.names.index(name)
+        except ValueError:
             raise KeyError(f"no field {name!r}; the fields are {', '.join(self.names)}") from None
 
     def physical(self, values: NDArray[np.floating], name: str) -> NDArray[np.float64]:

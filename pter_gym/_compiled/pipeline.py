@@ -29,13 +29,13 @@ _machinery: Any = compiler_machinery
 _log = logging.getLogger(__name__.partition(".")[0])
 
 
-def announce(kernel: Any, *, cached: bool) -> None:
+def announce(kernel: Any) -> None:
     """Let a kernel log a message when it has been compiling for longer than ``PATIENCE``."""
     compiler = kernel._compiler
     compile_now = compiler.compile
 
     def compile_announced(*signature: Any) -> Any:
-        timer = Timer(PATIENCE, warn, (CACHED if cached else NOT_CACHED,))
+        timer = Timer(PATIENCE, warn, (CACHED if kernel.stats.cache_path else NOT_CACHED,))
         timer.daemon = True
         timer.start()
         try:
@@ -59,7 +59,7 @@ class _FoldRecords(_machinery.FunctionPass):
 
     _name = "fold_records"
 
-    def __init__(self) -> None:
+    def __init__(self) -> None:  # abstract in numba
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:

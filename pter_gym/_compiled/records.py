@@ -11,14 +11,15 @@ and writes by name::
 ``Annotated[float, Entry(unit, meaning, scale)]`` says what an entry is; ``layout_of`` makes a ``Layout`` of it.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+import inspect
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from numba import types
 from numba.extending import overload
 
-from pter_gym._compiled.compiler import WITHOUT_ARRAYS
+from pter_gym._compiled.compiler import WITHOUT_ARRAYS, device
 from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.layout import Field, Layout
 from pter_gym._compiled.pipeline import Part
@@ -111,9 +112,9 @@ def _field(name: str, entries: tuple[Entry, ...], machine: Any) -> Field:
     return Field(name, unit, meaning, scale if isinstance(scale, (int, float)) else scale(machine))
 
 
-def flat(record: tuple[Any, ...]) -> tuple[float, ...]:
-    """Return the numbers of a record in their order."""
-    return tuple(number for part in record for number in _numbers(part))
+def flat(value: Any) -> tuple[Any, ...]:
+    """Return the numbers of a record in their order; of a number, itself alone."""
+    return tuple(number for part in value for number in flat(part)) if isinstance(value, tuple) else (value,)
 
 
 def load(w: Any, at: R, i: Any) -> R:
@@ -124,35 +125,20 @@ def load(w: Any, at: R, i: Any) -> R:
 
 def store(w: Any, at: R, i: Any, value: R) -> None:
     """Write a record to column ``i`` of an array (rows, worlds); ``at`` holds its row numbers."""
-    for row, part in zip(_numbers(at), _numbers(value), strict=True):
+    for row, part in zip(flat(at), flat(value), strict=True):
         w[row, i] = part
 
 
 def read(array: Any, at: R, first: Any) -> R:
     """Read a record from an array (numbers,) in which it begins at ``first``; ``at`` holds its places from there."""
     places: Any = at
-    if isinstance(at, tuple):
-        return type(places)(*(read(array, place, first) for place in places))
-    return array[first + places]
+    return type(places)(*(read(array, x, first) for x in places)) if isinstance(at, tuple) else array[first + places]
 
 
 def write(array: Any, at: R, value: R) -> None:
     """Write a record to an array (numbers,); ``at`` holds its places."""
-    for place, part in zip(_numbers(at), _numbers(value), strict=True):
+    for place, part in zip(flat(at), flat(value), strict=True):
         array[place] = part
-
-
-def lerp(low: R, high: R, part: Any) -> R:
-    """Return the record that lies a part of the way from one record to another of its kind."""
-    a: Any = low
-    b: Any = high
-    if isinstance(low, tuple):
-        return type(a)(*(lerp(x, y, part) for x, y in zip(a, b, strict=True)))
-    return a + part * (b - a)
-
-
-def _numbers(value: Any) -> tuple[Any, ...]:
-    return flat(cast(Any, value)) if isinstance(value, tuple) else (value,)
 
 
 def _paths(kind: Any, before: str = "") -> Iterator[str]:
@@ -176,23 +162,25 @@ def _made(kind: Any, number: str, names: dict[str, Any], before: str = "") -> st
     return f"{called}({', '.join(_made(inner, number, names, f'{before}.{name}') for name, inner in parts)})"
 
 
-def written(arguments: str, lines: Iterable[str], names: dict[str, Any]) -> Any:
-    """Return a function with a body that knows some names: what is made for a record's class is written out."""
-    return compile_source(f"def written({arguments}):\n    " + "\n    ".join(lines), "written", names)
-
-
 def _compiled(function: Any, arguments: str, number: str, record: str = "at", *, returns: bool) -> None:
     """Give a function its compiled form: ``number`` for each entry of the record among its arguments."""
 
     def source(**kinds: Any) -> Any:
         names: dict[str, Any] = {}
         if returns:
-            return written(arguments, [f"return {_made(kinds[record], number, names)}"], names)
-        return written(arguments, [number.replace("AT", path) for path in _paths(kinds[record])], names)
+            lines = [f"return {_made(kinds[record], number, names)}"]
+        else:
+            lines = [number.replace("AT", path) for path in _paths(kinds[record])]
+        return compile_source("\n    ".join([f"def written({arguments}):", *lines]), "written", names)
 
+    _overload(function, arguments, source)
+
+
+def _overload(function: Any, arguments: str, source: Callable[..., Any]) -> None:
+    """Give a function the compiled form that ``source`` returns for the types of its arguments."""
     # numba passes types by the names of the function's arguments
-    text = f"def build({arguments}):\n    return source({record}={record})"
-    build = compile_source(text, "build", {"source": source})
+    given = ", ".join(f"{name}={name}" for name in arguments.split(", "))
+    build = compile_source(f"def build({arguments}):\n    return source({given})", "build", {"source": source})
     options: Any = {**WITHOUT_ARRAYS, "pipeline_class": Part}
     overload(function, jit_options=options)(build)
 
@@ -201,4 +189,47 @@ _compiled(load, "w, at, i", "w[atAT, i]", returns=True)
 _compiled(store, "w, at, i, value", "w[atAT, i] = valueAT", returns=False)
 _compiled(read, "array, at, first", "array[first + atAT]", returns=True)
 _compiled(write, "array, at, value", "array[atAT] = valueAT", returns=False)
-_compiled(lerp, "low, high, part", "lowAT + part * (highAT - lowAT)", "low", returns=True)
+
+
+def entrywise(function: Callable[..., float]) -> Any:
+    """Return a function that applies a scalar one to each entry of records of one class.
+
+    Records may take the place of what is annotated as ``float``; all else is the same for each entry::
+
+        @entrywise
+        @device
+        def limited(volts: float, most: float) -> float:
+            return volts if volts < most else most
+
+        limited(PerClutch(1.0, 30.0, 2.0, 3.0), 24.0)
+    """
+    scalar: Any = function
+    names = tuple(inspect.signature(function).parameters)
+    varies = tuple(each.annotation is float for each in inspect.signature(function).parameters.values())
+
+    def each(*given: Any) -> Any:
+        columns = [varying and isinstance(value, tuple) for value, varying in zip(given, varies, strict=True)]
+        if not any(columns):
+            return scalar(*given)
+        record = given[columns.index(True)]
+        rows = (value if is_column else (value,) * len(record) for value, is_column in zip(given, columns, strict=True))
+        return type(record)(*(each(*row) for row in zip(*rows, strict=True)))
+
+    def source(**kinds: Any) -> Any:
+        given = zip(names, varies, strict=True)
+        records = [name for name, varying in given if varying and isinstance(kinds[name], types.BaseNamedTuple)]
+        entry = f"scalar({', '.join(f'{name}AT' if name in records else name for name in names)})"
+        space: dict[str, Any] = {"scalar": scalar}
+        made = _made(kinds[records[0]], entry, space)
+        return compile_source(f"def written({', '.join(names)}):\n    return {made}", "written", space)
+
+    _overload(each, ", ".join(names), source)
+    each.__doc__ = function.__doc__
+    return each
+
+
+@entrywise
+@device
+def lerp(low: float, high: float, part: float) -> float:
+    """Return the record that lies a part of the way from one record to another of its kind."""
+    return low + part * (high - low)

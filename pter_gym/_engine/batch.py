@@ -24,6 +24,8 @@ from pter_gym.tasks.path_following._telemetry import COLUMNS
 Array = NDArray[np.float64]
 Observations = NDArray[np.float32]
 ActionUnit = Literal["volt", "normalised"]
+Outputs = tuple[Observations, Array, NDArray[np.bool_], Array]
+"""Observations, rewards, flags and telemetry, which a kernel fills."""
 
 NO_LIMIT = float("inf")
 
@@ -129,24 +131,11 @@ class Batch(WorldArrays):
         self._config = np.array([*flat(self._shared(observe_context, limit)), *self.layout.scales])
         super().__init__(all_machines, all_tasks, drawing)
         self._actions = np.empty((self.num_worlds, 4))
+        self._declared = not self.machine.has_paper_clutches
         self._records = int(telemetry)
         self._final_obs = np.empty((0, len(self.layout)), np.float32)
         self._shape = (self.num_worlds, len(self.layout))
         self._alone = np.empty(1), np.empty((FLAGS, 1), np.bool_)
-        self._advance = self._kernel()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return all but the kernel, which another process has or compiles by itself."""
-        return {name: value for name, value in vars(self).items() if name != "_advance"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Become a copy."""
-        vars(self).update(state)
-        self._advance = self._kernel()
-
-    def _kernel(self, law: Any = no_law) -> Any:
-        """Return the kernel for the clutches of these worlds, with a law inside."""
-        return advance_kernel(law, declared=not self.machine.has_paper_clutches)
 
     def _shared(self, observe_context: bool, limit: float) -> Config:
         """Return what all worlds share."""
@@ -228,9 +217,7 @@ class Batch(WorldArrays):
             rewards.fill(0.0)
             flags.fill(False)
             telemetry.fill(np.nan)
-        refused = self._run(self._advance, self._actions, obs, rewards, flags, telemetry, self._config, ended, 1)
-        if refused >= 0:
-            self._refuse(refused)
+        self._advance((obs, rewards, flags, telemetry), ended)
         return Returns(obs, self._final_obs, rewards, flags, telemetry)
 
     def step_alone(self, action: ArrayLike) -> tuple[Observations, Array, float, bool, bool, bool]:
@@ -252,9 +239,7 @@ class Batch(WorldArrays):
         obs = np.empty(self._shape, np.float32)
         telemetry = np.empty((1, 1, COLUMNS))
         rewards, flags = self._alone
-        refused = self._run(self._advance, self._actions, obs, rewards, flags, telemetry, self._config, REFUSE, 1)
-        if refused >= 0:
-            self._refuse(refused)
+        self._advance((obs, rewards, flags, telemetry), REFUSE)
         (terminated,), (truncated,), (success,) = flags.tolist()
         return obs[0], telemetry[0, 0], rewards.item(), terminated, truncated, success
 
@@ -296,7 +281,7 @@ class Batch(WorldArrays):
         flags = np.zeros((FLAGS, self.num_worlds), np.bool_)
         worlds, kept = self._worlds.copy(), memory.copy()
         with compiling(law):
-            refused = self._run(self._kernel(law), memory, obs, rewards, flags, telemetry, config, SKIP, steps)
+            refused = self._run(law, memory, (obs, rewards, flags, telemetry), config, SKIP, steps)
         if refused >= 0:
             volts = self._row(refused)[[*ROW.command]]
             self._worlds[:], memory[:] = worlds, kept
@@ -311,33 +296,18 @@ class Batch(WorldArrays):
         """Return the arrays that kernels get: worlds, words, config and constants, and which worlds have begun."""
         return {**self._changing, "config": self._config, "constants": self._constants}
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes that the worlds take between steps."""
-        return super().nbytes + self._actions.nbytes + self._final_obs.nbytes
-
-    def _run(
-        self,
-        kernel: Any,
-        given: Array,
-        obs: Observations,
-        rewards: Array,
-        flags: NDArray[np.bool_],
-        telemetry: Array,
-        config: Array,
-        ended: int,
-        steps: int,
-    ) -> int:
-        """Run the kernel over all blocks, in this thread or in several; return the first refused world or −1."""
-        outputs = (obs, self._final_obs, rewards, flags, telemetry)
-        arguments = (self._worlds, self._words, given, *outputs, config, self._constants, ended)
+    def _run(self, law: Any, given: Array, outputs: Outputs, config: Array, ended: int, steps: int) -> int:
+        """Run the kernel with a law inside over all blocks, in one thread or several; return a refused world or −1."""
+        kernel = advance_kernel(law, self._declared)
+        obs, *others = outputs
+        arrays = (self._worlds, self._words, given, obs, self._final_obs, *others, config, self._constants)
         shares = self._threads.shares(len(self._worlds))
         if len(shares) == 1:
-            return kernel(*arguments, steps, *shares[0])
-        refused = kernel(*arguments, 0, 0, 0)
+            return kernel(*arrays, ended, steps, *shares[0])
+        refused = kernel(*arrays, ended, 0, 0, 0)
         if refused >= 0:
             return refused
-        found = self._threads.run_parallel(partial(kernel, *arguments, steps), shares)
+        found = self._threads.run_parallel(partial(kernel, *arrays, ended, steps), shares)
         return min((world for world in found if world >= 0), default=-1)
 
     def close(self) -> None:
@@ -349,7 +319,11 @@ class Batch(WorldArrays):
         width = self._worlds.shape[2]
         return self._worlds[world // width, :, world % width]
 
-    def _refuse(self, world: int) -> None:
+    def _advance(self, outputs: Outputs, ended: int) -> None:
+        """Run a step with the given actions, or raise what ``step`` raises."""
+        world = self._run(no_law, self._actions, outputs, self._config, ended, 1)
+        if world < 0:
+            return
         if self._row(world)[ROW.alive] == 0.0:
             raise ResetNeededError(f"world {world} needs a reset: it was never reset or its episode has ended")
         raise ActionError(

@@ -7,12 +7,12 @@ import numpy as np
 
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.philox import uniform4
-from pter_gym._compiled.records import load, read, store, write
+from pter_gym._compiled.records import entrywise, load, read, store, write
 from pter_gym._engine.step import (
+    clipped,
     locate,
     plan_hand,
     plans,
-    reachable,
     see,
     take_reading,
     tip_acceleration,
@@ -141,7 +141,7 @@ def explore(w: Any, i: int, seed: np.uint64, episode: np.uint64, constants: Any)
         foot = beside(w, i, along, spread(aside, starts.offset), constants)
         set_going(w, i, foot, PathVector(MAX_START_SPEED_ALONG * speed, spread(across, MAX_START_SPEED_ACROSS)))
     if kind < starts.moving + starts.gripped:
-        grip(w, i, PerClutch(gripping(grips[0]), gripping(grips[1]), gripping(grips[2]), gripping(grips[3])))
+        grip(w, i, gripping(PerClutch(grips[0], grips[1], grips[2], grips[3])))
 
 
 @device
@@ -179,13 +179,21 @@ def set_going(w: Any, i: int, foot: Foot, speed: PathVector) -> None:
 def grip(w: Any, i: int, shares: PerClutch) -> None:
     """Let the clutches have settled at shares of the largest voltage."""
     most = w[ROW.machine.voltage_max, i]
-    volts = reachable(PerClutch(shares.x1 * most, shares.x2 * most, shares.x3 * most, shares.x4 * most), most)
+    volts = clipped(product(shares, most), most)
     machine = load(w, ROW.machine, i)
     store(w, ROW.command, i, volts)
     store(w, ROW.lagged_volts, i, volts)
     store(w, ROW.torques, i, scaled(steady_torques(machine.breakaway, machine.dynamic, volts), machine.scale, 1.0))
 
 
+@entrywise
+@device
+def product(x: float, y: float) -> float:
+    """Return x·y."""
+    return x * y
+
+
+@entrywise
 @device
 def gripping(draw: float) -> float:
     """Return a share of the largest voltage for a draw from [0, 1): 0 if it is below ``RELEASED``, otherwise even."""
@@ -240,8 +248,7 @@ def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: floa
     write(row, COLUMN.acceleration, tip_acceleration(w, i, period))
     write(row, COLUMN.force, total_force(w, i))
     write(row, COLUMN.torque, torque)
-    power = PerClutch(torque.x1 * slip.x1, torque.x2 * slip.x2, torque.x3 * slip.x3, torque.x4 * slip.x4)
-    write(row, COLUMN.power, power)
+    write(row, COLUMN.power, product(torque, slip))
     write(row, COLUMN.energy, load(w, ROW.energy, i))
     write(row, COLUMN.terms, load(w, ROW.terms, i))
     row[COLUMN.reward] = w[ROW.reward, i]

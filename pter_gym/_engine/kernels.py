@@ -62,16 +62,9 @@ def _scratch() -> Any:
 def _first_refused(worlds: Any, actions: Any, low: float, high: float, ended: int) -> int:
     """Return the first world whose step is refused, or −1."""
     width = worlds.shape[2]
-    for b in range(worlds.shape[0]):
-        begin = b * width
-        lanes = min(width, actions.shape[0] - begin)
-        count = 0
-        for i in range(lanes):
-            count += 1 if is_refused(worlds[b, ROW.alive, i], actions, low, high, ended, begin + i) else 0
-        if count > 0:
-            for i in range(lanes):
-                if is_refused(worlds[b, ROW.alive, i], actions, low, high, ended, begin + i):
-                    return begin + i
+    for world in range(actions.shape[0]):
+        if is_refused(worlds[world // width, ROW.alive, world % width], actions, low, high, ended, world):
+            return world
     return -1
 
 
@@ -249,7 +242,8 @@ def _build_reset(digest: str) -> Any:
     return reset
 
 
-def advance_kernel(inlined: Any = no_law, *, declared: bool = False) -> Any:
+@cache
+def advance_kernel(inlined: Any, declared: bool, /) -> Any:
     """Return the compiled ``advance`` with a control law inside, for the paper's clutches or ``declared`` others.
 
     ``advance(worlds, words, given, obs, final_obs, rewards, flags, telemetry, config, constants, ended, steps, first,
@@ -264,11 +258,6 @@ def advance_kernel(inlined: Any = no_law, *, declared: bool = False) -> Any:
     Where a law returns a voltage that is not finite, the number of its world is returned. That world's command then
     holds the voltages, and other worlds have moved.
     """
-    return _advance_kernel(inlined, declared)
-
-
-@cache
-def _advance_kernel(inlined: Any, declared: bool) -> Any:
     others: dict[str, Any] = {"move_worlds": move_declared, "arrange": take_arrangements} if declared else {}
     return compile_kernel(_build_advance, law=inlined, **others)
 

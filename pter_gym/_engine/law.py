@@ -32,6 +32,8 @@ class Memory(NamedTuple):
 
 
 MEMORY = rows(Memory)
+CLUTCHES = rows(PerClutch)
+"""Places of the voltages in an array (4,)."""
 
 
 def empty_memory(worlds: int, kind: type[Any] = Memory) -> NDArray[np.float64]:

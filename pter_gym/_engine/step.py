@@ -12,7 +12,7 @@ import numpy as np
 
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.philox import uniform4
-from pter_gym._compiled.records import load, read, rows, store, width
+from pter_gym._compiled.records import entrywise, load, read, rows, store, width
 from pter_gym._engine.world import (
     CONFIG,
     CONFIG_WIDTH,
@@ -62,6 +62,7 @@ _FIRST_INVERSE_SCALE = CONFIG.inverse_scale.cos_a
 # --- the command ---
 
 
+@entrywise
 @device
 def clipped(volts: float, voltage_max: float) -> float:
     """Return the voltage [V] that reaches the clutch: a float32 action within the bounds."""
@@ -77,26 +78,23 @@ def is_refused(alive: float, actions: Any, low: float, high: float, ended: int, 
     return ((ended == REFUSE) | (ended == SAME_STEP)) if alive == 0.0 else refused
 
 
+@entrywise
 @device
-def scaled_volts(linear: float, low: float, voltage_max: float) -> float:
-    """Return the voltage [V] of an action, from its share of the bounds times the largest voltage [V].
+def scaled_volts(action: float, low: float, high: float, voltage_max: float) -> float:
+    """Return the voltage [V] of an action, from its share of the bounds.
 
     A lower bound of 0 is that of a voltage. Of a normalised action, whose lower bound is negative, the square of the
     share counts: steps are fine where clutches slip, and exploring noise about 0 V brakes little.
     """
+    linear = (action - low) * (voltage_max / (high - low))
     return linear * (linear / voltage_max) if low < 0.0 else linear
 
 
 @device
 def given_volts(actions: Any, world: int, low: float, high: float, voltage_max: float) -> PerClutch:
     """Return the voltages [V] of an action."""
-    per_unit = voltage_max / (high - low)
-    return PerClutch(
-        scaled_volts((actions[world, 0] - low) * per_unit, low, voltage_max),
-        scaled_volts((actions[world, 1] - low) * per_unit, low, voltage_max),
-        scaled_volts((actions[world, 2] - low) * per_unit, low, voltage_max),
-        scaled_volts((actions[world, 3] - low) * per_unit, low, voltage_max),
-    )
+    given = PerClutch(actions[world, 0], actions[world, 1], actions[world, 2], actions[world, 3])
+    return scaled_volts(given, low, high, voltage_max)
 
 
 @device
@@ -106,16 +104,10 @@ def are_finite(volts: PerClutch) -> bool:
 
 
 @device
-def reachable(volts: PerClutch, most: float) -> PerClutch:
-    """Return the voltages [V] that reach the clutches."""
-    return PerClutch(clipped(volts.x1, most), clipped(volts.x2, most), clipped(volts.x3, most), clipped(volts.x4, most))
-
-
-@device
 def take_command(w: Any, i: int, volts: PerClutch) -> None:
     """Take the command of a control step, keep the last one and the tip's velocity, and clear the step's energies."""
     store(w, ROW.last_command, i, load(w, ROW.command, i))
-    store(w, ROW.command, i, reachable(volts, w[ROW.machine.voltage_max, i]))
+    store(w, ROW.command, i, clipped(volts, w[ROW.machine.voltage_max, i]))
     v_x, v_y = tip_velocity(load(w, ROW.machine.arm, i), load(w, ROW.motion, i))
     store(w, ROW.start_velocity, i, Vector(v_x, v_y))
     store(w, ROW.energy, i, Energy(0.0, 0.0, 0.0, 0.0))
@@ -354,10 +346,18 @@ def gaussians(seed: np.uint64, episode: np.uint64, draw: int) -> tuple[float, fl
     )
 
 
+@entrywise
 @device
 def quantised(value: float, resolution: float) -> float:
     """Return the nearest multiple of a resolution, or the value where there is none."""
     return resolution * math.floor(value / resolution + 0.5) if resolution > 0.0 else value
+
+
+@entrywise
+@device
+def noisy(value: float, deviation: float, draw: float) -> float:
+    """Return a value with noise of a standard deviation, from a standard normal draw."""
+    return value + deviation * draw
 
 
 @outlined
@@ -368,23 +368,13 @@ def take_reading(w: Any, i: int, seed: np.uint64, episode: np.uint64) -> None:
     step = int(w[ROW.step, i])
     sensing = load(w, ROW.task.sensing, i)
     q = load(w, ROW.motion, i)
-    torque = load(w, ROW.torque, i)
-    force = hand_force(w, i)
     g0, g1, g2, g3 = gaussians(seed, episode, 2 * step)
     n0, n1, n2, n3 = gaussians(seed, episode, 2 * step + 1)
     reading = Reading(
-        theta=PerLink(
-            quantised(q.theta_a, sensing.angle_resolution),
-            quantised(q.theta_b, sensing.angle_resolution),
-        ),
-        omega=PerLink(q.omega_a + sensing.velocity_noise * g0, q.omega_b + sensing.velocity_noise * g1),
-        torque=PerClutch(
-            torque.x1 + sensing.torque_noise * n0,
-            torque.x2 + sensing.torque_noise * n1,
-            torque.x3 + sensing.torque_noise * n2,
-            torque.x4 + sensing.torque_noise * n3,
-        ),
-        force=PathVector(force.along + sensing.force_noise * g2, force.across + sensing.force_noise * g3),
+        theta=quantised(PerLink(q.theta_a, q.theta_b), sensing.angle_resolution),
+        omega=noisy(PerLink(q.omega_a, q.omega_b), sensing.velocity_noise, PerLink(g0, g1)),
+        torque=noisy(load(w, ROW.torque, i), sensing.torque_noise, PerClutch(n0, n1, n2, n3)),
+        force=noisy(hand_force(w, i), sensing.force_noise, PathVector(g2, g3)),
     )
     store(w, ROW.readings.now, i, reading)
 

@@ -206,8 +206,3 @@ class WorldArrays:
         entries = np.delete(np.arange(CONTEXT_WIDTH), int(CONTEXT.task.energy_max))
         context = worlds[:, ROW.context_at, None].astype(np.intp) + entries
         return np.concatenate([worlds, self._constants[context]], axis=1)
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes that all this takes."""
-        return self._worlds.nbytes + self._constants.nbytes + self._words.nbytes + self._seeded.nbytes

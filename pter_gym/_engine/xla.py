@@ -21,8 +21,11 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from pter_gym._compiled.compiler import compile_kernel, content_digest
+from pter_gym._compiled.compiler import compile_kernel, inlined
+from pter_gym._compiled.digests import digest_of
+from pter_gym._compiled.records import write
 from pter_gym._engine.kernels import advance_kernel, reset_kernel
+from pter_gym._engine.law import CLUTCHES, no_law
 from pter_gym._engine.world import FLAG, FLAGS, LANES, SAME_STEP
 
 TERMINATED, TRUNCATED = int(FLAG.terminated), int(FLAG.truncated)
@@ -40,11 +43,9 @@ _VERSION, _TRAITS = 3, 4
 _numba: Any = numba
 _njit: Any = numba.njit(nogil=True, error_model="numpy")
 
-advance: Any = None
-start: Any = None
-law: Any = None
+handle: Any = None
 version = 0
-"""What the kernels below call, and the version of the interface; ``compile_kernel`` binds these names."""
+"""What a call runs, and the version of the interface; ``compile_kernel`` binds these names."""
 
 
 def _pointer(kind: Any) -> Any:
@@ -87,9 +88,11 @@ def _doubles(buffers: int, number: int) -> Any:
 
 @_njit
 def _double_rows(buffers: int, number: int) -> Any:
-    """Return a buffer of 32-bit words as rows of numbers of 64 bits."""
-    shape = _dimension(buffers, number, 0), _dimension(buffers, number, -1) // 2
-    return _numba.carray(_double(_data(buffers, number)), shape)
+    """Return a buffer of 32-bit words as rows of numbers of 64 bits, whatever axes there are before the last."""
+    rows = 1
+    for axis in range(_whole(_whole(buffers)[number])[_RANK] - 1):
+        rows *= _dimension(buffers, number, axis)
+    return _numba.carray(_double(_data(buffers, number)), (rows, _dimension(buffers, number, -1) // 2))
 
 
 @_njit
@@ -142,18 +145,49 @@ def _opened(address: int, version: int) -> tuple[int, int]:
     return frame[_ARGUMENTS], frame[_RESULTS]
 
 
-def _build_step(digest: str) -> Any:
+def _build_call(digest: str) -> Any:
+    def call(address: int) -> int:
+        _ = digest
+        arguments, results = _opened(address, version)
+        if results != 0:
+            handle(arguments, results)
+        return 0
+
+    return call
+
+
+_KEPT: list[Any] = []
+"""Calls whose addresses XLA has."""
+
+
+def register(name: str, handler: Any) -> None:
+    """Compile a call that runs ``handler(arguments, results)``, addresses of buffers, and tell XLA its address."""
+    call = compile_kernel(_build_call, handle=handler, version=_installed_version())
+    signature = (types.int64,)
+    call.compile(signature)
+    compiled = call.overloads[signature]
+    address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
+    jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), platform="cpu")
+    _KEPT.append(call)
+
+
+def _installed_version() -> int:
+    """Return the version of the interface that the installed jaxlib speaks, as a word."""
+    header = Path(jaxlib.__file__).parent / "include/xla/ffi/api/c_api.h"
+    text = header.read_text("utf-8")
+    major, minor = (int(re.findall(rf"#define XLA_FFI_API_{part} (\d+)", text)[0]) for part in ("MAJOR", "MINOR"))
+    return major | minor << 32
+
+
+def _step_handler(advance: Any) -> Any:
     """Return what advances worlds.
 
     Its arguments are worlds, seeds and episodes, actions, config and constants; its results worlds, seeds and episodes,
     observations, last observations, rewards and flags.
     """
 
-    def step(address: int) -> int:
-        _ = digest
-        arguments, results = _opened(address, version)
-        if results == 0:
-            return 0
+    @inlined
+    def step(arguments: int, results: int) -> None:
         config, constants = _doubles(arguments, 3), _doubles(arguments, 4)
         n, rows = _dimension(arguments, 0, 0), _dimension(arguments, 0, -1) // 2
         entries = _dimension(results, 2, -1)
@@ -167,28 +201,11 @@ def _build_step(digest: str) -> Any:
         ended, steps, first_block = np.int64(SAME_STEP), np.int64(1), np.int64(0)
         for first in range(0, n, LANES):
             lanes = min(LANES, n - first)
-            _gather(block, words[:lanes], _data(arguments, 0), _data(arguments, 1), first)
-            for i in range(lanes):
-                for clutch in range(4):
-                    given[i, clutch] = actions[first + i, clutch]
-            seen, last = obs[first : first + lanes], last_obs[first : first + lanes]
-            mine = words[:lanes]
-            advance(
-                block,
-                mine,
-                given[:lanes],
-                seen,
-                last,
-                earned[:lanes],
-                told,
-                telemetry,
-                config,
-                constants,
-                ended,
-                steps,
-                first_block,
-                steps,
-            )
+            mine, seen, last = words[:lanes], obs[first : first + lanes], last_obs[first : first + lanes]
+            _gather(block, mine, _data(arguments, 0), _data(arguments, 1), first)
+            given[:lanes] = actions[first : first + lanes]
+            outputs = seen, last, earned[:lanes], told, telemetry, config, constants
+            advance(block, mine, given[:lanes], *outputs, ended, steps, first_block, steps)
             _scatter(block, mine, _data(results, 0), _data(results, 1), first)
             for i in range(lanes):
                 rewards[first + i, 0] = earned[i]
@@ -197,23 +214,19 @@ def _build_step(digest: str) -> Any:
                 if not (told[TERMINATED, i] or told[TRUNCATED, i]):
                     for entry in range(entries):
                         last[i, entry] = seen[i, entry]
-        return 0
 
     return step
 
 
-def _build_reset(digest: str) -> Any:
+def _reset_handler(start: Any) -> Any:
     """Return what starts worlds.
 
     Its arguments are worlds that have not begun, seeds and episodes, config and constants; its results worlds, seeds
     and episodes, and observations.
     """
 
-    def reset(address: int) -> int:
-        _ = digest
-        arguments, results = _opened(address, version)
-        if results == 0:
-            return 0
+    @inlined
+    def reset(arguments: int, results: int) -> None:
         config, constants = _doubles(arguments, 2), _doubles(arguments, 3)
         n, rows = _dimension(arguments, 0, 0), _dimension(arguments, 0, -1) // 2
         obs = _singles(results, 2, n, _dimension(results, 2, -1))
@@ -223,76 +236,50 @@ def _build_reset(digest: str) -> Any:
         for first in range(0, n, LANES):
             lanes = min(LANES, n - first)
             _gather(block, words[:lanes], _data(arguments, 0), _data(arguments, 1), first)
-            seen = obs[first : first + lanes]
-            start(block, words[:lanes], chosen[:lanes], seen, telemetry, config, constants)
+            start(block, words[:lanes], chosen[:lanes], obs[first : first + lanes], telemetry, config, constants)
             _scatter(block, words[:lanes], _data(results, 0), _data(results, 1), first)
-        return 0
 
     return reset
 
 
-def _build_law(digest: str) -> Any:
+def _law_handler(law: Any) -> Any:
     """Return what follows a controller's law.
 
     Its arguments are observations, scales and gains, and what the law keeps of each world; its results voltages [V],
     and what it keeps after that.
     """
 
-    def follow(address: int) -> int:
-        _ = digest
-        arguments, results = _opened(address, version)
-        if results == 0:
-            return 0
+    @inlined
+    def follow(arguments: int, results: int) -> None:
         n = _dimension(arguments, 0, 0)
         obs, volts = _singles(arguments, 0, n, _dimension(arguments, 0, -1)), _singles(results, 0, n, 4)
         scales, gains = _doubles(arguments, 1), _doubles(arguments, 2)
         before, memory = _double_rows(arguments, 3), _double_rows(results, 1)
         for world in range(n):
             memory[world] = before[world]
-            wanted = law(obs[world], scales, gains, memory[world])
-            volts[world, 0] = wanted.x1
-            volts[world, 1] = wanted.x2
-            volts[world, 2] = wanted.x3
-            volts[world, 3] = wanted.x4
-        return 0
+            write(volts[world], CLUTCHES, law(obs[world], scales, gains, memory[world]))
 
     return follow
 
 
-def _installed_version() -> int:
-    """Return the version of the interface that the installed jaxlib speaks, as a word."""
-    header = Path(jaxlib.__file__).parent / "include/xla/ffi/api/c_api.h"
-    text = header.read_text("utf-8")
-    major, minor = (int(re.findall(rf"#define XLA_FFI_API_{part} (\d+)", text)[0]) for part in ("MAJOR", "MINOR"))
-    return major | minor << 32
-
-
-def register_calls(step: str = STEP) -> tuple[Any, ...]:
-    """Compile a call that steps and that which resets, and register them, once; return them, which must live as long.
-
-    ``DECLARED_STEP`` is for machines with other clutches than the paper's.
-    """
-    return _registered(step), _registered(RESET)
+def register_calls(step: str = STEP) -> None:
+    """Register the call that resets, and one that steps: ``STEP``, or ``DECLARED_STEP`` for other clutches."""
+    for name in (RESET, step):
+        _register_call(name)
 
 
 @cache
-def _registered(name: str) -> Any:
-    version = _installed_version()
-    if name == RESET:
-        kernel = compile_kernel(_build_reset, start=reset_kernel(), version=version)
-    else:
-        kernel = compile_kernel(_build_step, advance=advance_kernel(declared=name == DECLARED_STEP), version=version)
-    _register(name, kernel)
-    return kernel
+def _register_call(name: str) -> None:
+    kernel = reset_kernel() if name == RESET else advance_kernel(no_law, name == DECLARED_STEP)
+    register(name, _reset_handler(kernel) if name == RESET else _step_handler(kernel))
 
 
 @cache
-def register_law(law: Callable[..., Any]) -> tuple[str, Any]:
-    """Compile the call of a controller's law and register it, once; return its name, and what must live as long."""
-    kernel = compile_kernel(_build_law, law=law, version=_installed_version())
-    name = f"pter_law_{content_digest(law)}"
-    _register(name, kernel)
-    return name, kernel
+def register_law(law: Callable[..., Any]) -> str:
+    """Compile the call of a controller's law, once; return its name."""
+    name = f"pter_law_{digest_of(law)}"
+    register(name, _law_handler(law))
+    return name
 
 
 def call_law(name: str, obs: jax.Array, scales: jax.Array, gains: jax.Array, memory: jax.Array) -> Any:
@@ -325,12 +312,3 @@ def rounded(words: jax.Array) -> jax.Array:
     exponent = ((high >> 20) & 0x7FF).astype(jnp.int32) - (1023 - 127)
     size = jnp.clip(exponent, 0, 254).astype(jnp.uint32) << 23 | (high & 0xFFFFF) << 3 | low >> 29
     return lax.bitcast_convert_type((high >> 31) << 31 | jnp.where(exponent > 0, size, 0), jnp.float32)
-
-
-def _register(name: str, kernel: Any) -> None:
-    """Compile a handler and tell XLA its address."""
-    signature = (types.int64,)
-    kernel.compile(signature)
-    compiled = kernel.overloads[signature]
-    address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
-    jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), platform="cpu")

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import compile_kernel
 from pter_gym._compiled.layout import Layout
-from pter_gym._engine.law import Memory, check_law, compiling, empty_memory
+from pter_gym._compiled.records import write
+from pter_gym._engine.law import CLUTCHES, Memory, check_law, compiling, empty_memory
 from pter_gym._internal.checks import whole_number
 from pter_gym.controllers._laws import built_in
 from pter_gym.errors import ParameterError
@@ -182,21 +183,9 @@ class Policy(BoundPolicy):
         """Return clutch voltages [V], float32 (N, 4), for observations, float32 (N, entries), contiguous."""
         if len(self._memory) != len(observations):
             self._memory = self.empty_memory(len(observations))
-        return self.volts(observations, self._memory)
-
-    def volts(self, rows: Observations, memory: NDArray[np.float64]) -> Volts:
-        """Return clutch voltages [V], float32 (N, 4).
-
-        Parameters
-        ----------
-        rows
-            Observations, float32 (N, entries), contiguous.
-        memory
-            The law's state in each world, from ``empty_memory``; it is updated in place.
-        """
-        volts = np.empty((len(rows), 4), np.float32)
+        volts = np.empty((len(observations), 4), np.float32)
         with compiling(self.law):
-            _act_kernel(self.law)(rows, self._scales, self.gains, memory, volts)
+            _act_kernel(self.law)(observations, self._scales, self.gains, self._memory, volts)
         return volts
 
     def empty_memory(self, worlds: int) -> NDArray[np.float64]:
@@ -208,11 +197,7 @@ def _build_act(digest: str) -> Any:
     def act(obs: Any, scales: Any, gains: Any, memory: Any, out: Any) -> None:
         _ = digest
         for world in range(obs.shape[0]):
-            volts = law(obs[world], scales, gains, memory[world])
-            out[world, 0] = volts.x1
-            out[world, 1] = volts.x2
-            out[world, 2] = volts.x3
-            out[world, 3] = volts.x4
+            write(out[world], CLUTCHES, law(obs[world], scales, gains, memory[world]))
 
     return act
 

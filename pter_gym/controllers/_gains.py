@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import Entry, flat, lerp, read, rows, width
+from pter_gym._physics.arm import Linkage
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
@@ -25,11 +26,7 @@ class Nominal(NamedTuple):
 
     kind: Annotated[float, Entry("1", "number of the law")]
     knots: Annotated[float, Entry("1", "knots of the torque table")]
-    length_a: Annotated[float, Entry("m", "length of link A")]
-    length_b: Annotated[float, Entry("m", "length of link B")]
-    inertia_a: Annotated[float, Entry("kg·m²", "inertia about axis A")]
-    inertia_b: Annotated[float, Entry("kg·m²", "inertia about axis B")]
-    coupling: Annotated[float, Entry("kg·m²", "inertial coupling of the axes")]
+    arm: Linkage
     torque_limit: Annotated[float, Entry("N·m", "torque at the largest voltage")]
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
     scale: Annotated[PerClutch, Entry("1", "torque over that of the table, 0 for a clutch that is not there")]
@@ -92,18 +89,10 @@ def gains_array(
     """
     arm, clutch = machine.arm, machine.clutch
     torques = [clutch.dynamic.torque(volts) for volts in table_volts]
-    nominal = Nominal(
-        kind=kind,
-        knots=len(table_volts),
-        length_a=arm.length_a,
-        length_b=arm.length_b,
-        inertia_a=arm.inertia_a,
-        inertia_b=arm.inertia_b,
-        coupling=arm.coupling,
-        torque_limit=torques[-1],
-        voltage_max=clutch.voltage_max,
-        scale=PerClutch(*machine.slot_scale),
-    )
+    without_hand = 0.0, 0.0, 0.5
+    linkage = Linkage(arm.length_a, arm.length_b, arm.inertia_a, arm.inertia_b, arm.coupling, *without_hand)
+    scale = PerClutch(*machine.slot_scale)
+    nominal = Nominal(kind, len(table_volts), linkage, torques[-1], clutch.voltage_max, scale)
     paces = [pace for pace, _ in rows_by_pace]
     table = (*table_volts, *torques)
     gains = (gain for _, row in rows_by_pace for gain in row)

@@ -8,7 +8,7 @@ Technology 2003. Their laws and gains are chosen here; none of those works' resu
 
 from dataclasses import dataclass, fields
 from itertools import pairwise
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 from pter_gym._compiled.layout import Layout
 from pter_gym.controllers._base import Policy
@@ -182,7 +182,8 @@ class PaceSchedule:
         """Check that the knots rise in pace and match in kind."""
         accepted = "pairs of a pace > 0 and a guiding controller, by rising pace"
         knots = self.knots
-        require(_are_knots(knots), self, "knots", knots, accepted)
+        given: Any = isinstance(knots, tuple) and knots
+        require(given and all(map(_is_knot, given)), self, "knots", knots, accepted)
         require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", knots, accepted)
         alike = {(type(controller), controller.table_volts) for _, controller in knots}
         require(len(alike) == 1, self, "knots", knots, "controllers of one kind with one table_volts")
@@ -210,13 +211,8 @@ class PaceSchedule:
         return bind_rows(self.knots[0][1], rows, machine, layout)
 
 
-def _are_knots(knots: Any) -> bool:
-    """Return whether this is a tuple of pairs of a finite pace > 0 and a guiding controller."""
-    given = cast("tuple[Any, ...]", knots) if isinstance(knots, tuple) else ()
-    return len(given) > 0 and all(map(_is_knot, given))
-
-
 def _is_knot(knot: Any) -> bool:
+    """Return whether this is a pair of a finite pace > 0 and a guiding controller."""
     match knot:
         case (int() | float() as pace, Guided()):
             return 0.0 < pace < float("inf")

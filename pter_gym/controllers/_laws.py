@@ -11,13 +11,13 @@ import numpy as np
 
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.philox import uniform4
-from pter_gym._compiled.records import read
+from pter_gym._compiled.records import entrywise, read
 from pter_gym._engine.law import MEMORY
-from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, joint_torque, tip_velocity
+from pter_gym._physics.arm import Motion, UnitVector, Vector, cos_difference, joint_torque, tip_velocity
 from pter_gym._physics.arrangement import Own
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between, slip_velocities
-from pter_gym.controllers._allocation import allocate, passive_high, passive_low
+from pter_gym.controllers._allocation import allocate, largest_torque, least_torque
 from pter_gym.controllers._gains import NOMINAL, OWN, Gains, Nominal, clutch_voltage, read_gains
 from pter_gym.controllers._network import HEADER, HEADER_WIDTH, NETWORK, decide
 from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
@@ -50,8 +50,6 @@ def physical(obs: Any, scales: Any, at: float) -> float:
 @device
 def observed_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
     """Return the tip as estimated from the observation and the nominal machine."""
-    m11, m22, m12 = nominal.inertia_a, nominal.inertia_b, nominal.coupling
-    arm = Linkage(nominal.length_a, nominal.length_b, m11, m22, m12, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0)
     q = Motion(
         0.0,  # no law asks for the angles themselves
         0.0,
@@ -62,9 +60,9 @@ def observed_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
         float(obs[SEEN.cos_b]),
         float(obs[SEEN.sin_b]),
     )
-    v_x, v_y = tip_velocity(arm, q)
+    v_x, v_y = tip_velocity(nominal.arm, q)
     return Tip(
-        arm,
+        nominal.arm,
         q,
         Vector(v_x, v_y),
         UnitVector(float(obs[SEEN.heading.cos]), float(obs[SEEN.heading.sin])),
@@ -157,55 +155,24 @@ def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, own: Own) -> PerClu
     if nominal.kind == SINGLE_DOF:
         wanted, memory[MEMORY.kept] = steered(g, tip, nominal.scale, wanted, memory[MEMORY.kept], own)
     least = nominal.voltage_max if gripping else 0.0
-    scale = nominal.scale
-    return PerClutch(
-        looped_voltage(obs, scales, gains, g, least, scale.x1, wanted.x1, slip.x1, SEEN.torque.x1),
-        looped_voltage(obs, scales, gains, g, least, scale.x2, wanted.x2, slip.x2, SEEN.torque.x2),
-        looped_voltage(obs, scales, gains, g, least, scale.x3, wanted.x3, slip.x3, SEEN.torque.x3),
-        looped_voltage(obs, scales, gains, g, least, scale.x4, wanted.x4, slip.x4, SEEN.torque.x4),
-    )
+    return looped_voltage(obs, scales, gains, g, least, nominal.scale, wanted, slip, SEEN.torque)
 
 
 @device
 def passive_torques(
     g: Gains, tip: Tip, slip: PerClutch, nominal: Nominal, want_a: float, want_b: float, own: Own = None
 ) -> PerClutch:
-    """Return the clutch torques [N·m] that come closest to the desired joint torques and only brake."""
-    threshold, limit, scale = g.slip_threshold, nominal.torque_limit, nominal.scale
-    low = PerClutch(
-        passive_low(slip.x1, threshold, limit * scale.x1),
-        passive_low(slip.x2, threshold, limit * scale.x2),
-        passive_low(slip.x3, threshold, limit * scale.x3),
-        passive_low(slip.x4, threshold, limit * scale.x4),
-    )
-    high = PerClutch(
-        passive_high(slip.x1, threshold, limit * scale.x1),
-        passive_high(slip.x2, threshold, limit * scale.x2),
-        passive_high(slip.x3, threshold, limit * scale.x3),
-        passive_high(slip.x4, threshold, limit * scale.x4),
-    )
-    return allocate_in(g, tip, want_a, want_b, low, high, own)
+    """Return the torques [N·m] of braking clutches that come closest in joint torque, or in tip force."""
+    low = least_torque(slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
+    high = largest_torque(slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
+    m11, m12, m22 = 1.0, 0.0, 1.0
+    if g.tip_space >= 0.5:
+        length_a, length_b = tip.arm.length_a, tip.arm.length_b
+        m11, m12, m22 = length_a * length_a, length_a * length_b * cos_difference(tip.q), length_b * length_b
+    return allocate(want_a, want_b, low, high, m11, m12, m22, own)
 
 
-@device
-def allocate_in(
-    g: Gains, tip: Tip, want_a: float, want_b: float, low: PerClutch, high: PerClutch, own: Own = None
-) -> PerClutch:
-    """Return the clutch torques [N·m] within bounds that come closest in joint torque, or in tip force."""
-    length_a, length_b = tip.arm.length_a, tip.arm.length_b
-    tip_space = g.tip_space >= 0.5
-    return allocate(
-        want_a,
-        want_b,
-        low,
-        high,
-        length_a * length_a if tip_space else 1.0,
-        length_a * length_b * cos_difference(tip.q) if tip_space else 0.0,
-        length_b * length_b if tip_space else 1.0,
-        own,
-    )
-
-
+@entrywise
 @device
 def looped_voltage(
     obs: Any, scales: Any, gains: Any, g: Gains, least: float, scale: float, wanted: float, slip: float, sensor: float
@@ -230,20 +197,16 @@ def random_volts(gains: Any, memory: Any) -> PerClutch:
 @outlined
 def network(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of a trained network, which may correct a guiding law for the paper's clutches."""
-    count = int(gains[HEADER.base])
-    base = middle(gains)
-    if count > 0:
-        base = guide(obs, scales, gains[HEADER_WIDTH : HEADER_WIDTH + count], memory)
+    law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])]
+    base = guide(obs, scales, law, memory) if len(law) > 0 else middle(gains)
     return decide(obs, scales, gains, memory, base)
 
 
 @device
 def network_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
     """Return the voltages of a trained network, which may correct a guiding law for other clutches."""
-    count = int(gains[HEADER.base])
-    base = middle(gains)
-    if count > 0:
-        base = guide_declared(obs, scales, gains[HEADER_WIDTH : HEADER_WIDTH + count], memory)
+    law = gains[HEADER_WIDTH : HEADER_WIDTH + int(gains[HEADER.base])]
+    base = guide_declared(obs, scales, law, memory) if len(law) > 0 else middle(gains)
     return decide(obs, scales, gains, memory, base)
 
 

@@ -12,7 +12,7 @@ two vectors of ``width`` entries for the layers.
 from typing import Annotated, Any, NamedTuple
 
 from pter_gym._compiled.compiler import device, outlined
-from pter_gym._compiled.records import Entry, read, rows, width
+from pter_gym._compiled.records import Entry, entrywise, read, rows, width
 from pter_gym._engine.law import Memory
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
@@ -97,14 +97,8 @@ def quantity(obs: Any, scales: Any, base: PerClutch, source: int) -> float:
     """Return a quantity that a network may see, in its unit; see ``source_of``."""
     if source >= 0:
         return obs[source] * scales[source]
-    if source == -5:
-        return base.x1
-    if source == -6:
-        return base.x2
-    if source == -7:
-        return base.x3
-    if source == -8:
-        return base.x4
+    if source <= -5:
+        return base[-5 - source]
     of_b = source <= -3
     cos, sin = float(obs[SEEN.heading.cos]), float(obs[SEEN.heading.sin])
     cos_link = float(obs[SEEN.cos_b] if of_b else obs[SEEN.cos_a])
@@ -180,14 +174,10 @@ def decide(obs: Any, scales: Any, gains: Any, memory: Any, base: PerClutch) -> P
             for j in range(n):
                 out[j] = tanh(out[j])
     out = memory[first + here * wide : first + here * wide + 4]
-    return PerClutch(
-        voltage(net, out[0], base.x1),
-        voltage(net, out[1], base.x2),
-        voltage(net, out[2], base.x3),
-        voltage(net, out[3], base.x4),
-    )
+    return voltage(net, PerClutch(out[0], out[1], out[2], out[3]), base)
 
 
+@entrywise
 @device
 def voltage(net: Network, output: float, base: float) -> float:
     """Return the voltage [V] of an output, which is limited to ±1."""

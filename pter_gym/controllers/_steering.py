@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 from pter_gym._compiled.compiler import device
+from pter_gym._compiled.records import entrywise
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, tip_velocity
 from pter_gym._physics.arrangement import Own, sign
 from pter_gym._physics.clutch import PerClutch
@@ -130,16 +131,12 @@ def steered(
         better = (scale[k] > 0.0) & (match >= 0.0 if chosen == 0.0 else match > best)
         chosen = k + 1.0 if better else chosen
         best = match if better else best
-    torque = g.strength * abs(turn)
-    return PerClutch(
-        enlarged(wanted.x1, torque if chosen == 1.0 else 0.0),
-        enlarged(wanted.x2, torque if chosen == 2.0 else 0.0),
-        enlarged(wanted.x3, torque if chosen == 3.0 else 0.0),
-        enlarged(wanted.x4, torque if chosen == 4.0 else 0.0),
-    ), chosen
+    return enlarged(wanted, PerClutch(1.0, 2.0, 3.0, 4.0), chosen, g.strength * abs(turn)), chosen
 
 
+@entrywise
 @device
-def enlarged(wanted: float, torque: float) -> float:
-    """Return a desired torque with its magnitude increased; a brake's voltage has no sign."""
-    return wanted + torque if wanted > 0.0 else wanted - torque
+def enlarged(wanted: float, number: float, chosen: float, torque: float) -> float:
+    """Return a desired torque, of the chosen clutch with its magnitude increased; a brake's voltage has no sign."""
+    more = torque if number == chosen else 0.0
+    return wanted + more if wanted > 0.0 else wanted - more

@@ -4,18 +4,6 @@
 with respect to voltages, forces, the initial state and the machine. ``pter_gym.gradients.jax`` has it for ``jax.grad``.
 """
 
-from typing import TYPE_CHECKING
-
-import lazy_loader
-
-if TYPE_CHECKING:
-    from pter_gym.gradients._rollout import Gradient, Rollout, rollout
+from pter_gym.gradients._rollout import Gradient, Rollout, rollout
 
 __all__ = ["Gradient", "Rollout", "rollout"]
-
-__getattr__, __dir__, _ = lazy_loader.attach(  # pyright: ignore[reportUnknownVariableType]
-    __name__,
-    submod_attrs={
-        "_rollout": ["Gradient", "Rollout", "rollout"],
-    },
-)

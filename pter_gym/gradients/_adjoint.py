@@ -13,20 +13,11 @@ import numpy as np
 from pter_gym._compiled.compiler import compile_kernel, device, outlined
 from pter_gym._compiled.records import load, store, width
 from pter_gym._physics import step as _step
-from pter_gym._physics.arm import Load
-from pter_gym._physics.arrangement import Arrangement, Own, sign
+from pter_gym._physics.arm import Load, PerLink
 from pter_gym._physics.clutch import PerClutch, Torques
-from pter_gym._physics.friction import resolve, slip_velocities, torques_on_links
 from pter_gym._physics.open_loop import BODY, scratch
-from pter_gym._physics.step import (
-    MOST_PARTS,
-    declared_in,
-    papers,
-    share_before_change,
-    sliding_torques,
-    substep_on,
-)
-from pter_gym.gradients._tracing import Rule, adjoint_of
+from pter_gym._physics.step import MOST_PARTS, declared_in, papers, share_before_change, substep_on
+from pter_gym.gradients._tracing import adjoint_of
 
 _STEP: Any = _step
 SHORTEST_PART: float = _STEP._SHORTEST_PART
@@ -34,105 +25,11 @@ SHORTEST_PART: float = _STEP._SHORTEST_PART
 FIRST, LAST = int(BODY.motion.theta_a), int(BODY.lagged_volts.x4) + 1
 """Rows of a body's state: motion, torques, lagged voltages."""
 
+OMEGA = PerLink(BODY.motion.omega_a, BODY.motion.omega_b)
+"""Rows of its angular velocities."""
+
 _STATE, _STEADY = LAST - FIRST, width(Torques)
 """How many these are, and of what its clutches tend to."""
-
-_ENERGIES = range(int(BODY.energy.hand_work), int(BODY.energy.residual) + 1)
-
-
-@device
-def momentum_bar(
-    m11: float, m12: float, m22: float, omega_a: float, omega_b: float, by_a: float, by_b: float, slip: PerClutch
-) -> tuple[float, float]:
-    """Return the adjoint of the momentum from which friction leaves the velocities ω, by that of ω.
-
-    It is M⁻¹ times it where all clutches slip, d·dᵀ/(dᵀM·d) times it on a line of direction d, and 0 at rest. On a line
-    d is the direction of ω.
-    """
-    if (slip.x1 == 0.0) | (slip.x2 == 0.0) | (slip.x3 == 0.0) | (slip.x4 == 0.0):
-        size = max(abs(omega_a), abs(omega_b))
-        if size == 0.0:
-            return 0.0, 0.0
-        d_a, d_b = omega_a / size, omega_b / size
-        inertia = m11 * d_a * d_a + 2.0 * m12 * d_a * d_b + m22 * d_b * d_b
-        along = (d_a * by_a + d_b * by_b) / inertia
-        return along * d_a, along * d_b
-    inverse = 1.0 / (m11 * m22 - m12 * m12)
-    return inverse * (m22 * by_a - m12 * by_b), inverse * (m11 * by_b - m12 * by_a)
-
-
-@device
-def capacity_bar(slip: float, by_slip: float) -> float:
-    """Return the adjoint of a clutch's largest impulse, by that of an impulse along its slip."""
-    return 0.0 if slip == 0.0 else -sign(slip) * by_slip
-
-
-@device
-def resolve_adjoint(
-    m11: float,
-    m12: float,
-    m22: float,
-    p_a: float,
-    p_b: float,
-    c: PerClutch,
-    own: Own,
-    omega_a: float,
-    omega_b: float,
-    by_a: float,
-    by_b: float,
-) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Return the adjoints of M (3), p (2) and c (4) of ``friction.resolve``, by those of the velocities ω.
-
-    With P of ``momentum_bar``, ω changes by P·(dp − dM·ω − Σ_x W_xᵀ·sign(W_x·ω)·dc_x).
-    """
-    _ = p_a, p_b, c
-    slip = slip_velocities(omega_a, omega_b, own)
-    q_a, q_b = momentum_bar(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)
-    along = slip_velocities(q_a, q_b, own)
-    return (
-        -q_a * omega_a,
-        -q_a * omega_b - q_b * omega_a,
-        -q_b * omega_b,
-        q_a,
-        q_b,
-        capacity_bar(slip.x1, along.x1),
-        capacity_bar(slip.x2, along.x2),
-        capacity_bar(slip.x3, along.x3),
-        capacity_bar(slip.x4, along.x4),
-    )
-
-
-@device
-def resolve_tangent(
-    m11: float,
-    m12: float,
-    m22: float,
-    p_a: float,
-    p_b: float,
-    c: PerClutch,
-    own: Own,
-    omega_a: float,
-    omega_b: float,
-    d11: float,
-    d12: float,
-    d22: float,
-    d_a: float,
-    d_b: float,
-    d1: float,
-    d2: float,
-    d3: float,
-    d4: float,
-) -> tuple[float, float]:
-    """Return the tangents of the velocities ω of ``friction.resolve``, by those of M (3), p (2) and c (4)."""
-    _ = p_a, p_b, c
-    slip = slip_velocities(omega_a, omega_b, own)
-    less_a, less_b = torques_on_links(sliding_torques(slip, PerClutch(d1, d2, d3, d4)), own)
-    by_a = d_a - d11 * omega_a - d12 * omega_b + less_a
-    by_b = d_b - d12 * omega_a - d22 * omega_b + less_b
-    return momentum_bar(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)
-
-
-FRICTION = Rule(resolve, resolve_adjoint, resolve_tangent, 9, 2, (PerClutch, Arrangement))
 
 
 @device
@@ -182,13 +79,8 @@ def kick_stages(own_in: Any) -> Kick:
     return Kick(substep_on(BODY, load_on, own_in)[2], find, share)
 
 
-def stage_adjoint(stage: Any, *scalars: str, constants: tuple[Any, ...] = ()) -> Any:
-    """Return the adjoint of a stage of a substep."""
-    return adjoint_of(stage, scalars, constants, _ENERGIES, FRICTION)
-
-
-_aim_half, _aim_whole = (stage_adjoint(aim, constants=(whole,)) for whole in (False, True))
-_drift_half, _drift_whole = (stage_adjoint(drift, "h", constants=(whole,)) for whole in (False, True))
+_aim_half, _aim_whole = (adjoint_of(aim, constants=(whole,)) for whole in (False, True))
+_drift_half, _drift_whole = (adjoint_of(drift, "h", constants=(whole,)) for whole in (False, True))
 
 
 @device
@@ -206,17 +98,11 @@ def _drift_adjoint(body: Any, bar: Any, h: float, whole: bool, aims: bool) -> No
 
 
 @device
-def move_omega(w: Any, i: int, omega_a: float, omega_b: float) -> None:
-    w[BODY.motion.omega_a, i] = omega_a
-    w[BODY.motion.omega_b, i] = omega_b
-
-
-@device
 def _take_adjoint(bar: Any) -> None:
     """Pull adjoints back through the step from the velocities of before a kick to those that were found."""
-    bar[BODY.omega.a, 0] += bar[BODY.motion.omega_a, 0]
-    bar[BODY.omega.b, 0] += bar[BODY.motion.omega_b, 0]
-    move_omega(bar, 0, 0.0, 0.0)
+    bar[BODY.omega.a, 0] += bar[OMEGA.a, 0]
+    bar[BODY.omega.b, 0] += bar[OMEGA.b, 0]
+    store(bar, OMEGA, 0, PerLink(0.0, 0.0))
 
 
 def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
@@ -226,7 +112,7 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
     kick stands for, and returns the adjoint of that time.
     """
     find, share = stages.find, stages.share
-    find_adjoint, share_adjoint = stage_adjoint(find, "h"), stage_adjoint(share)
+    find_adjoint, share_adjoint = adjoint_of(find, "h"), adjoint_of(share)
 
     @device
     def whole_adjoint(w: Any, i: int, bar: Any, span: float) -> float:
@@ -238,16 +124,16 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
 
         @outlined
         def kick_adjoint(w: Any, i: int, bar: Any, span: float) -> float:
-            omega_a, omega_b = w[BODY.motion.omega_a, i], w[BODY.motion.omega_b, i]
+            before = load(w, OMEGA, i)
             find(w, i, span)
             part = share(w, i) if w[BODY.changes, i] != 0.0 else 1.0
             if not part < 1.0 - SHORTEST_PART:
                 return whole_adjoint(w, i, bar, span)
             first = part * span
             find(w, i, first)
-            move_omega(w, i, w[BODY.omega.a, i], w[BODY.omega.b, i])
+            store(w, OMEGA, i, load(w, BODY.omega, i))
             by_rest = rest_adjoint(w, i, bar, span - first)
-            move_omega(w, i, omega_a, omega_b)
+            store(w, OMEGA, i, before)
             by_first = whole_adjoint(w, i, bar, first) - by_rest
             find(w, i, span)
             share_adjoint(w, i, bar, by_first * span)
@@ -339,7 +225,9 @@ def _steps(own_in: Any) -> tuple[Any, Any]:
     return forward, backward
 
 
-forward_step, backward_step = _steps(papers)
+forward_step: Any = None
+backward_step: Any = None
+"""What the kernels below call; ``compile_kernel`` binds these names."""
 
 
 def _build_forward(digest: str) -> Any:
@@ -395,10 +283,8 @@ def _build_backward(digest: str) -> Any:
 
 
 @cache
-def kernels(*, papers: bool) -> tuple[Any, Any]:
+def kernels(*, has_paper_clutches: bool) -> tuple[Any, Any]:
     """Return ``forward`` and ``backward`` of whole rollouts, for the paper's clutches or other ones."""
-    if papers:
-        return compile_kernel(_build_forward), compile_kernel(_build_backward)
-    forward, backward = _steps(declared_in(BODY))
-    declared = {"forward_step": forward, "backward_step": backward}
-    return compile_kernel(_build_forward, forward_step=forward), compile_kernel(_build_backward, **declared)
+    forward, backward = _steps(papers if has_paper_clutches else declared_in(BODY))
+    backward_kernel = compile_kernel(_build_backward, forward_step=forward, backward_step=backward)
+    return compile_kernel(_build_forward, forward_step=forward), backward_kernel

@@ -12,7 +12,6 @@ from pter_gym._compiled.records import store
 from pter_gym._physics.model import model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym.errors import ParameterError
-from pter_gym.gradients._adjoint import FRICTION
 from pter_gym.gradients._tracing import adjoint_of
 from pter_gym.params import Machine, find_machine
 from pter_gym.params._connection import BRAKE_A, BRAKE_B
@@ -68,7 +67,7 @@ def _adjoint(lag: str, clutches: int) -> Any:
 
         store(w, BODY.machine, i, model_of(copied(some, "", number)))
 
-    return adjoint_of(stage, (), (), range(0), FRICTION)
+    return adjoint_of(stage)
 
 
 def copied(value: Any, place: str, number: Any) -> Any:

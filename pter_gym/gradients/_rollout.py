@@ -211,7 +211,7 @@ def checked(
 def run(inputs: Inputs) -> Rollout:
     """Simulate what was checked."""
     states = np.empty((len(inputs.volts) + 1, LAST - FIRST))
-    forward, _ = kernels(papers=inputs.machine.has_paper_clutches)
+    forward, _ = kernels(has_paper_clutches=inputs.machine.has_paper_clutches)
     machine = inputs.machine
     forward(inputs.body, inputs.volts, inputs.hand_force, inputs.hand_target, machine.substep, states)
     diverged = ~np.isfinite(states).all(axis=1)
@@ -219,16 +219,21 @@ def run(inputs: Inputs) -> Rollout:
         raise DivergenceError(
             f"the motion diverged in control step {int(diverged.argmax()) - 1}: make substeps shorter"
         )
-    arm, units, omega = machine.arm, states[:, UNITS].reshape(-1, 2, 2), states[:, 2:4]
-    reach = np.array([[arm.length_a], [arm.length_b]]) * units
-    turning = omega[:, :, None] * np.stack([-reach[..., 1], reach[..., 0]], axis=-1)
+    position, velocity = tip_motion(states, np.array([machine.arm.length_a, machine.arm.length_b]), np)
     return Rollout(
         **{name: states[:, begin:end] for name, (begin, end) in STATE.items()},
-        tip_position=reach.sum(axis=1),
-        tip_velocity=turning.sum(axis=1),
+        tip_position=position,
+        tip_velocity=velocity,
         _states=states,
         _inputs=inputs,
     )
+
+
+def tip_motion(states: Any, lengths: Any, library: Any) -> tuple[Any, Any]:
+    """Return position and velocity of the tip at the control instants, by the functions of NumPy or of JAX."""
+    reach = lengths[:, None] * states[:, UNITS].reshape(-1, 2, 2)
+    across = library.stack([-reach[..., 1], reach[..., 0]], axis=-1)
+    return reach.sum(axis=1), (states[:, 2:4, None] * across).sum(axis=1)
 
 
 def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
@@ -236,7 +241,7 @@ def gradient_of(inputs: Inputs, states: Array, by_states: Array) -> Gradient:
     volts, force, target = (np.empty_like(each) for each in (inputs.volts, inputs.hand_force, inputs.hand_target))
     bar: Any = np.empty((BODY_WIDTH, 1))
     given = inputs.body, inputs.volts, inputs.hand_force, inputs.hand_target, inputs.machine.substep
-    _, backward = kernels(papers=inputs.machine.has_paper_clutches)
+    _, backward = kernels(has_paper_clutches=inputs.machine.has_paper_clutches)
     backward(*given, states, by_states, volts, force, target, bar)
     first: Any = bar[FIRST:LAST, 0].copy()
     cos, sin = states[0, UNITS][::2], states[0, UNITS][1::2]

@@ -6,10 +6,10 @@ Each tangent is a lane, and all lanes share the numbers of the substep itself.
 from typing import Any
 
 from pter_gym._compiled.compiler import device, outlined
-from pter_gym._compiled.records import flat
+from pter_gym._compiled.records import flat, load, store
 from pter_gym._physics.open_loop import BODY
 from pter_gym._physics.step import MOST_PARTS
-from pter_gym.gradients._adjoint import FRICTION, SHORTEST_PART, Kick, aim, drift, kick_stages, lags, move_omega
+from pter_gym.gradients._adjoint import OMEGA, SHORTEST_PART, Kick, aim, drift, kick_stages, lags
 from pter_gym.gradients._tracing import tangent_of
 
 MOTION = frozenset(flat(BODY.motion))
@@ -50,9 +50,9 @@ def substep_tangents(own_in: Any, lanes: int, torque_lanes: int) -> Any:
         clutches, the inertias and the friction of the axes. ``aims`` tells whether commands may have changed.
     """
     kick = _kick_tangents(own_in, lanes)
-    aim_torques = tangent_of(aim, (), (False,), TORQUES, torque_lanes, FRICTION)
-    relax = tangent_of(drift, ("h",), (False,), TORQUES, torque_lanes, FRICTION)
-    turn = tangent_of(drift, ("h",), (False,), MOTION, lanes, FRICTION)
+    aim_torques = tangent_of(aim, constants=(False,), active=TORQUES, lanes=torque_lanes)
+    relax = tangent_of(drift, "h", constants=(False,), active=TORQUES, lanes=torque_lanes)
+    turn = tangent_of(drift, "h", constants=(False,), active=MOTION, lanes=lanes)
 
     @device
     def advance(body: Any, dot: Any, h: float, aims: bool) -> None:
@@ -83,7 +83,7 @@ def stages_in_span(stages: Kick) -> tuple[Any, Any]:
         span = w[BODY.span, i]
         first = share(w, i) * span
         find_over(w, i, first)
-        move_omega(w, i, w[BODY.omega.a, i], w[BODY.omega.b, i])
+        store(w, OMEGA, i, load(w, BODY.omega, i))
         find_over(w, i, span - first)
 
     return find, take_part
@@ -93,7 +93,7 @@ def _kick_tangents(own_in: Any, lanes: int) -> Any:
     """Return ``kick(body, dot, h)``: a kick over h [s] with its tangents, divided where a clutch changes."""
     stages = kick_stages(own_in)
     share = stages.share
-    find, part = (tangent_of(stage, (), (), KICK, lanes, FRICTION) for stage in stages_in_span(stages))
+    find, part = (tangent_of(stage, active=KICK, lanes=lanes) for stage in stages_in_span(stages))
 
     @outlined
     def divide(body: Any, dot: Any) -> None:
@@ -110,8 +110,8 @@ def _kick_tangents(own_in: Any, lanes: int) -> Any:
         find(body, 0, dot)
         if body[BODY.changes, 0] != 0.0:
             divide(body, dot)
-        move_omega(body, 0, body[BODY.omega.a, 0], body[BODY.omega.b, 0])
+        store(body, OMEGA, 0, load(body, BODY.omega, 0))
         for j in range(lanes):
-            move_omega(dot, j, dot[BODY.omega.a, j], dot[BODY.omega.b, j])
+            store(dot, OMEGA, j, load(dot, BODY.omega, j))
 
     return kick

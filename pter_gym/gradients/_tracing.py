@@ -8,12 +8,17 @@ import math
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.records import flat
+from pter_gym._physics.arrangement import Arrangement
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.friction import resolve
+from pter_gym._physics.open_loop import BODY
 from pter_gym.gradients._branchless import Column, branchless
+from pter_gym.gradients._friction import resolve_adjoint, resolve_tangent
 
 
 @dataclass
@@ -140,54 +145,37 @@ of the operation.
 """
 
 
-class Rule(NamedTuple):
-    """A function whose derivatives are written by hand, in place of a trace through it.
+def _traced(*given: Any) -> Any:
+    """Note the friction problem, whose derivatives are ``resolve_adjoint`` and ``resolve_tangent``."""
+    trace: _Trace = next(each.trace for each in flat(given) if isinstance(each, _Value))
+    return trace.note("resolve", *given, results=2)
 
-    Attributes
-    ----------
-    function
-        Compiled: takes numbers and records, and returns ``results`` numbers.
-    adjoint
-        Compiled: takes what ``function`` takes, the results and their adjoints, and returns the adjoints of the first
-        ``numbers`` numbers that it takes; those of all others are zero.
-    tangent
-        Compiled: takes what ``function`` takes, the results and the tangents of the first ``numbers`` numbers, and
-        returns those of the results.
-    numbers, results
-        How many there are.
-    records
-        The classes of the records.
-    """
 
-    function: Any
-    adjoint: Any
-    tangent: Any
-    numbers: int
-    results: int
-    records: tuple[type[Any], ...]
+_RULES: dict[Any, Any] = {getattr(resolve, "py_func", resolve): _traced}
+"""Functions that a trace notes as one operation."""
 
-    def traced(self, *given: Any) -> Any:
-        """Note the call."""
-        trace: _Trace = next(each.trace for each in flat(given) if isinstance(each, _Value))
-        return trace.note("rule", *given, results=self.results)
+_NUMBERS = 9
+"""How many numbers ``resolve`` takes that have derivatives, the first."""
 
-    @property
-    def names(self) -> dict[str, Any]:
-        """What generated code may name."""
-        functions = {"math": math, "forward": self.function, "pull": self.adjoint, "push": self.tangent}
-        return {**functions, **{kind.__name__: kind for kind in self.records}}
+_NAMES: dict[str, Any] = {
+    each.__name__: each for each in (math, resolve, resolve_adjoint, resolve_tangent, PerClutch, Arrangement)
+}
+"""What generated code may name."""
+
+
+_ENERGIES = flat(BODY.energy)
+"""Rows in which a stage's results do not count."""
 
 
 class _Stage:
     """A stage of a substep as a trace: what it reads, computes, writes and returns."""
 
-    def __init__(self, stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...], rule: Rule) -> None:
+    def __init__(self, stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...]) -> None:
         self.trace = trace = _Trace()
         self.read: dict[int, _Value] = {}
         self.scalars = tuple(_Value(trace, name) for name in scalars)
         column = Column({}, lambda row: self.read.setdefault(row, trace.new()))
-        plain = getattr(rule.function, "py_func", rule.function)
-        self.returned = branchless(stage, _MEANING, {plain: rule.traced})(column, 0, *self.scalars, *constants)
+        self.returned = branchless(stage, _MEANING, dict(_RULES))(column, 0, *self.scalars, *constants)
         self.written = {row: value for row, value in column.rows.items() if value is not self.read.get(row)}
 
     @property
@@ -199,7 +187,7 @@ class _Stage:
         ]
 
 
-def adjoint_of(stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...], ignored: range, rule: Rule) -> Any:
+def adjoint_of(stage: Any, *scalars: str, constants: tuple[Any, ...] = ()) -> Any:
     """Return the vector–Jacobian product of a stage of a substep, compiled.
 
     Parameters
@@ -209,23 +197,19 @@ def adjoint_of(stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...],
         number.
     scalars, constants
         Names of its further arguments that are numbers; values of those that do not vary.
-    ignored
-        Rows in which its results do not count.
-    rule
-        How the friction problem is differentiated.
 
     Returns
     -------
     Callable
         ``adjoint(w, i, bar, *scalars, seed)``: takes the column as it was before the stage, and turns ``bar``
-        (entries, 1), the adjoints of its entries after it, into those before it. ``seed`` is the adjoint of the
-        returned number, if there is one. Returns the adjoint of the only scalar, 0 if there is none.
+        (entries, 1), the adjoints of its entries after it but the energies, into those before it. ``seed`` is the
+        adjoint of the returned number, if there is one. Returns the adjoint of the only scalar, 0 if there is none.
     """
-    made = _Stage(stage, scalars, constants, rule)
-    adjoints = _Adjoints(rule)
+    made = _Stage(stage, scalars, constants)
+    adjoints = _Adjoints()
     lines = made.lines
     for row, value in made.written.items():
-        if row not in ignored:
+        if row not in _ENERGIES:
             lines += [f"b{row} = bar[{row}, 0]", f"bar[{row}, 0] = 0.0"]
             adjoints.add(value, f"b{row}")
     seeds = () if made.returned is None else ("seed",)
@@ -236,17 +220,17 @@ def adjoint_of(stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...],
     for row, value in made.read.items():
         lines += [f"bar[{row}, 0] += {pull}" for pull in adjoints.of(value)]
     lines.append(f"return {' + '.join(pull for name in made.scalars for pull in adjoints.of(name)) or '0.0'}")
-    return _compiled("adjoint", ("bar", *scalars, *seeds), lines, rule)
+    return _compiled("adjoint", ("bar", *scalars, *seeds), lines)
 
 
 def tangent_of(
-    stage: Any, scalars: tuple[str, ...], constants: tuple[Any, ...], active: Collection[float], lanes: int, rule: Rule
+    stage: Any, *scalars: str, constants: tuple[Any, ...] = (), active: Collection[float], lanes: int
 ) -> Any:
     """Return a stage of a substep with its Jacobian–vector products, compiled.
 
     Parameters
     ----------
-    stage, scalars, constants, rule
+    stage, scalars, constants
         As ``adjoint_of`` takes them; what ``stage`` returns is not differentiated.
     active
         Rows whose entries vary and are written; all others, and the scalars, have no tangents.
@@ -259,7 +243,7 @@ def tangent_of(
         ``tangent(w, i, dot, *scalars)``: does to the active rows of column ``i`` of ``w`` what the stage does, and
         turns ``dot`` (entries, at least ``lanes``), the tangents of the entries before it, into those after it.
     """
-    made = _Stage(stage, scalars, constants, rule)
+    made = _Stage(stage, scalars, constants)
     inner = [f"d{value} = dot[{row}, j]" for row, value in made.read.items() if row in active]
     varying = {value.name for row, value in made.read.items() if row in active}
 
@@ -267,10 +251,10 @@ def tangent_of(
         return f"d{value}" if isinstance(value, _Value) and value.name in varying else ""
 
     for results, kind, of in made.trace.steps:
-        numbers = flat(of)[: rule.numbers] if kind == "rule" else of
-        if kind == "rule":
+        numbers = flat(of)[:_NUMBERS] if kind == "resolve" else of
+        if kind == "resolve":
             given = [*map(repr, of), *map(repr, results), *(dot(value) or "0.0" for value in numbers)]
-            line = f"push({', '.join(given)})"
+            line = f"resolve_tangent({', '.join(given)})"
         else:
             pulls = zip(of, _PULLS.get(kind, ("",) * len(of)), strict=True)
             line = " + ".join(pull.format(*of, g=dot(value)) for value, pull in pulls if pull and dot(value))
@@ -281,26 +265,25 @@ def tangent_of(
     inner += [f"dot[{row}, j] = {dot(value) or '0.0'}" for row, value in written.items()]
     writes = [f"w[{row}, i] = {value}" for row, value in written.items()]
     lines = [*made.lines, *writes, f"for j in range({lanes}):", *(f"    {line}" for line in inner)]
-    return _compiled("tangent", ("dot", *scalars), lines, rule)
+    return _compiled("tangent", ("dot", *scalars), lines)
 
 
-def _compiled(name: str, arguments: tuple[str, ...], lines: list[str], rule: Rule) -> Any:
+def _compiled(name: str, arguments: tuple[str, ...], lines: list[str]) -> Any:
     header = f"def {name}({', '.join(('w', 'i', *arguments))}):"
-    return device(compile_source("\n    ".join([header, *lines]), name, {**rule.names}))
+    return device(compile_source("\n    ".join([header, *lines]), name, dict(_NAMES)))
 
 
 def _forward(made: tuple[_Value, ...], kind: str, of: tuple[Any, ...]) -> str:
     left = ", ".join(map(repr, made))
-    if kind == "rule":
-        return f"{left} = forward({', '.join(map(repr, of))})"
+    if kind == "resolve":
+        return f"{left} = resolve({', '.join(map(repr, of))})"
     return f"{left} = {_CODE.get(kind, f'{{0}} {kind} {{1}}').format(*of)}"
 
 
 class _Adjoints:
     """What has been added to the adjoint of each value, by its name."""
 
-    def __init__(self, rule: Rule) -> None:
-        self.rule = rule
+    def __init__(self) -> None:
         self.pulls: dict[str, list[str]] = {}
 
     def add(self, value: Any, pull: str) -> None:
@@ -312,14 +295,14 @@ class _Adjoints:
 
     def through(self, made: tuple[_Value, ...], kind: str, of: tuple[Any, ...]) -> Iterator[str]:
         """Yield the lines that pull adjoints of results back through an operation."""
-        if not any(map(self.of, made)) or not (kind in _PULLS or kind == "rule"):
+        if not any(map(self.of, made)) or not (kind in _PULLS or kind == "resolve"):
             return
         for value in made:
             yield f"g{value} = {' + '.join(self.of(value)) or '0.0'}"
-        if kind == "rule":
+        if kind == "resolve":
             everything = [*map(repr, of), *map(repr, made), *(f"g{value}" for value in made)]
-            yield f"p{made[0]} = pull({', '.join(everything)})"
-            for k, value in enumerate(flat(of)[: self.rule.numbers]):
+            yield f"p{made[0]} = resolve_adjoint({', '.join(everything)})"
+            for k, value in enumerate(flat(of)[:_NUMBERS]):
                 self.add(value, f"p{made[0]}[{k}]")
             return
         for value, pull in zip(of, _PULLS[kind], strict=True):

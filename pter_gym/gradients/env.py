@@ -22,6 +22,7 @@ from pter_gym._engine.step import (
     take_command,
 )
 from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANT_ROWS, FLAG, ROW, STORED_ROWS, Config
+from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
 from pter_gym.envs import jax as door
 from pter_gym.errors import ParameterError, unknown_name
@@ -131,10 +132,6 @@ def make(
 _whole = MEANING["int"]
 
 
-def _plain(function: Any) -> Any:
-    return getattr(function, "py_func", function)
-
-
 def _project(constants: Any, first: Any, count: Any, segment: Any, x: Any, y: Any) -> Any:
     """Return the projection of a point onto a chain of arcs; the walk to the arc that holds it has no derivative."""
 
@@ -152,11 +149,11 @@ def _project(constants: Any, first: Any, count: Any, segment: Any, x: Any, y: An
     return _foot_on(segment_at(constants, first, segment), segment, x, y)
 
 
-def _clipped(volts: Any, most: Any) -> Any:
-    return jnp.clip(volts, 0.0, most)
+def _clipped(volts: PerClutch, most: Any) -> PerClutch:
+    return PerClutch(*(jnp.clip(each, 0.0, most) for each in volts))
 
 
-_MADE: dict[Any, Any] = {_plain(clipped): _clipped, _plain(project): _project}
+_MADE: dict[Any, Any] = {clipped: _clipped, getattr(project, "py_func", project): _project}
 _foot_on, _given_volts, _take_command, _drift_torques, _move_hand, _push_tip, _locate, _judge, _observe = (
     branchless(each, MEANING, _MADE)
     for each in (

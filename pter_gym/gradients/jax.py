@@ -18,30 +18,23 @@ try:
 
     from pter_gym._engine import xla as _xla
     from pter_gym._engine.xla import rounded, words_of
-    from pter_gym.envs import jax as _door
 except ImportError as error:
     raise ImportError(str(needs_extra("pter_gym.gradients.jax", "jax"))) from error
 
-from pter_gym._compiled.compiler import compile_kernel
+from pter_gym._compiled.compiler import inlined
 from pter_gym._compiled.records import flat
 from pter_gym._physics.model import arrangement_of, model_of
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, State
 from pter_gym.gradients._adjoint import FIRST, LAST, kernels
 from pter_gym.gradients._branchless import branchless
 from pter_gym.gradients._machine import copied, divided, numbers_of
-from pter_gym.gradients._rollout import STATE, UNITS
+from pter_gym.gradients._rollout import STATE, tip_motion
 from pter_gym.params import Machine
 
 jnp: Any = _numpy
 custom_vmap: Any = _custom_vmap
 _XLA: Any = _xla
-_many: Any = _door._many  # pyright: ignore[reportPrivateUsage]
-_double_rows, _opened = _XLA._double_rows, _XLA._opened
-
-forward: Any = None
-backward: Any = None
-version = 0
-"""What the calls below call, and the version of XLA's interface; ``compile_kernel`` binds these names."""
+_double_rows = _XLA._double_rows
 
 
 def _divide(x: Any, y: Any) -> Any:
@@ -167,12 +160,11 @@ def make_rollout(machine: Machine | str | None = None, period: float = 0.01) -> 
 
 
 def _motion(states: jax.Array, lengths: jax.Array) -> Motion:
-    reach = lengths[:, None] * states[:, UNITS].reshape(-1, 2, 2)
-    across = jnp.stack([-reach[..., 1], reach[..., 0]], axis=-1)
+    position, velocity = tip_motion(states, lengths, jnp)
     return Motion(
         **{name: states[:, begin:end] for name, (begin, end) in STATE.items()},
-        tip_position=reach.sum(axis=1),
-        tip_velocity=jnp.sum(states[:, 2:4, None] * across, axis=1),
+        tip_position=position,
+        tip_velocity=velocity,
     )
 
 
@@ -194,15 +186,16 @@ def _spread(name: str, values: Any, shape: tuple[int, int, int]) -> jax.Array:
     return jnp.broadcast_to(array[:, None] if array.ndim == 2 else array, shape)
 
 
-def rolling(papers: bool, substep: float) -> Any:
+def rolling(has_paper_clutches: bool, substep: float) -> Any:
     """Return the states at the control instants as a function of a body, voltages, forces and targets."""
-    names = {name: _registered(name, papers) for name in ("forward", "backward")}
+    names = {name: _registered(name, has_paper_clutches) for name in ("forward", "backward")}
     h = words_of(np.array([substep]))
 
-    def call(name: str, results: tuple[tuple[int, ...], ...], given: tuple[Any, ...]) -> tuple[Any, ...]:
-        many = _calling(names[name], tuple(2 * math.prod(shape) for shape in results))
-        found = many(tuple(words[None] for words in (h, *map(_words, given))), ())
-        return tuple(floats_of(words[0]).reshape(shape) for words, shape in zip(found, results, strict=True))
+    def call(name: str, shapes: tuple[tuple[int, ...], ...], given: tuple[Any, ...]) -> tuple[Any, ...]:
+        ffi: Any = jax.ffi
+        results = tuple(jax.ShapeDtypeStruct((2 * math.prod(shape),), jnp.uint32) for shape in shapes)
+        found = ffi.ffi_call(names[name], results, vmap_method="broadcast_all")(h, *map(_words, given))
+        return tuple(floats_of(words).reshape(shape) for words, shape in zip(found, shapes, strict=True))
 
     @first_order
     def run(body: Any, volts: Any, force: Any, target: Any) -> Any:
@@ -226,18 +219,6 @@ def rolling(papers: bool, substep: float) -> Any:
     return roll
 
 
-@cache
-def _calling(name: str, widths: tuple[int, ...]) -> Any:
-    """Return a call for many rollouts: of arrays of words with a row for each, to such arrays of these widths."""
-
-    def run(own: Any, _: Any) -> Any:
-        ffi: Any = jax.ffi
-        results = tuple(jax.ShapeDtypeStruct((len(own[0]), width), jnp.uint32) for width in widths)
-        return tuple(ffi.ffi_call(name, results)(*own))
-
-    return _many(run)
-
-
 def _words(numbers: jax.Array) -> jax.Array:
     """Return numbers of 32 or 64 bits as words of those of 64."""
     flat_numbers = numbers.reshape(-1)
@@ -258,81 +239,56 @@ def floats_of(words: jax.Array) -> jax.Array:
 
 
 @cache
-def _registered(name: str, papers: bool) -> str:
-    """Compile a call and tell XLA its address, once; return its name."""
-    there, back = kernels(papers=papers)
-    bound: Any = {"version": _XLA._installed_version()}
-    build, bound[name] = (_build_forward, there) if name == "forward" else (_build_backward, back)
-    kernel = compile_kernel(build, **bound)
-    called = f"pter_rollout_{name}_{'paper' if papers else 'declared'}"
-    _XLA._register(called, kernel)
-    _KEPT.append(kernel)
+def _registered(name: str, has_paper_clutches: bool) -> str:
+    """Register the call ``forward`` or ``backward``, once; return the name by which XLA knows it."""
+    forward, backward = kernels(has_paper_clutches=has_paper_clutches)
+    called = f"pter_rollout_{name}_{'paper' if has_paper_clutches else 'declared'}"
+    _XLA.register(called, _forward_handler(forward) if name == "forward" else _backward_handler(backward))
     return called
 
 
-_KEPT: list[Any] = []
-"""Kernels whose addresses XLA has."""
+@inlined
+def _rollout(buffers: int, first: int, i: int) -> tuple[Any, Any, Any, Any]:
+    """Return the body, voltages, forces and targets of rollout ``i``, in the buffers from ``first`` on."""
+    body, volts = _double_rows(buffers, first)[i], _double_rows(buffers, first + 1)[i]
+    force, target = _double_rows(buffers, first + 2)[i], _double_rows(buffers, first + 3)[i]
+    steps = len(volts) // 4
+    acting = steps, len(force) // (2 * steps), 2
+    return body.reshape((BODY_WIDTH, 1)), volts.reshape((steps, 4)), force.reshape(acting), target.reshape(acting)
 
 
-def _build_forward(digest: str) -> Any:
+@inlined
+def _states(buffers: int, number: int, i: int) -> Any:
+    """Return the states of rollout ``i`` at the control instants."""
+    states = _double_rows(buffers, number)[i]
+    return states.reshape((len(states) // (LAST - FIRST), LAST - FIRST))
+
+
+def _forward_handler(forward: Any) -> Any:
     """Return what simulates. Its arguments are the substep, bodies, voltages, forces and targets; its result states."""
 
-    def call(address: int) -> int:
-        _ = digest
-        arguments, results = _opened(address, version)
-        if results == 0:
-            return 0
-        h, bodies, volts = _double_rows(arguments, 0)[0, 0], _double_rows(arguments, 1), _double_rows(arguments, 2)
-        force, target, states = _double_rows(arguments, 3), _double_rows(arguments, 4), _double_rows(results, 0)
-        steps = volts.shape[1] // 4
-        acting = steps, force.shape[1] // (2 * steps), 2
-        for i in range(len(bodies)):
-            forward(
-                bodies[i].reshape((BODY_WIDTH, 1)),
-                volts[i].reshape((steps, 4)),
-                force[i].reshape(acting),
-                target[i].reshape(acting),
-                h,
-                states[i].reshape((steps + 1, LAST - FIRST)),
-            )
-        return 0
+    @inlined
+    def handler(arguments: int, results: int) -> None:
+        h = _double_rows(arguments, 0)[0, 0]
+        for i in range(len(_double_rows(arguments, 1))):
+            forward(*_rollout(arguments, 1, i), h, _states(results, 0, i))
 
-    return call
+    return handler
 
 
-def _build_backward(digest: str) -> Any:
+def _backward_handler(backward: Any) -> Any:
     """Return what pulls adjoints back.
 
     Its arguments are those of the other call, the states, and their adjoints; its results are the adjoints of all of
     them but the substep.
     """
 
-    def call(address: int) -> int:
-        _ = digest
-        arguments, results = _opened(address, version)
-        if results == 0:
-            return 0
-        h, bodies, volts = _double_rows(arguments, 0)[0, 0], _double_rows(arguments, 1), _double_rows(arguments, 2)
-        force, target = _double_rows(arguments, 3), _double_rows(arguments, 4)
-        states, by_states = _double_rows(arguments, 5), _double_rows(arguments, 6)
-        by_bodies, by_volts = _double_rows(results, 0), _double_rows(results, 1)
-        by_force, by_target = _double_rows(results, 2), _double_rows(results, 3)
-        steps = volts.shape[1] // 4
-        acting = steps, force.shape[1] // (2 * steps), 2
-        for i in range(len(bodies)):
-            backward(
-                bodies[i].reshape((BODY_WIDTH, 1)),
-                volts[i].reshape((steps, 4)),
-                force[i].reshape(acting),
-                target[i].reshape(acting),
-                h,
-                states[i].reshape((steps + 1, LAST - FIRST)),
-                by_states[i].reshape((steps + 1, LAST - FIRST)),
-                by_volts[i].reshape((steps, 4)),
-                by_force[i].reshape(acting),
-                by_target[i].reshape(acting),
-                by_bodies[i].reshape((BODY_WIDTH, 1)),
-            )
-        return 0
+    @inlined
+    def handler(arguments: int, results: int) -> None:
+        h = _double_rows(arguments, 0)[0, 0]
+        for i in range(len(_double_rows(arguments, 1))):
+            by_body, by_volts, by_force, by_target = _rollout(results, 0, i)
+            states, by_states = _states(arguments, 5, i), _states(arguments, 6, i)
+            backward(*_rollout(arguments, 1, i), h, states, by_states, by_volts, by_force, by_target, by_body)
 
-    return call
+    return handler

@@ -134,10 +134,7 @@ def adding(amount: float) -> Any:
 
 
 def test_laws_of_one_file_that_differ_have_kernels_of_their_own() -> None:
-    laws = {1.0: one, 3.0: adding(3.0), 4.0: adding(4.0)}
-    assert len({digest_of(each) for each in laws.values()}) == 3
-    assert digest_of(adding(3.0)) == digest_of(adding(3.0))
-    for amount, each in laws.items():
+    for amount, each in {1.0: one, 3.0: adding(3.0), 4.0: adding(4.0)}.items():
         assert compile_kernel(build_kernel, law=each)(0.0) == amount
 
 
@@ -153,13 +150,6 @@ def test_an_array_that_a_law_names_is_part_of_it(monkeypatch: pytest.MonkeyPatch
     before = digest_of(from_a_table)
     monkeypatch.setitem(globals(), "TABLE", np.array([1.0, 3.0]))
     assert digest_of(from_a_table) != before
-
-
-def long(volts: float) -> Any:
-    """Return an array whose ``repr`` leaves out what is in its middle."""
-    array = np.zeros(2000)
-    array[1000] = volts
-    return array
 
 
 def reading(value: Any) -> Any:
@@ -178,13 +168,7 @@ def calling(*functions: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    "read",
-    [
-        lambda volts: (long(volts),),
-        lambda volts: Pair(long(volts), 0.0),
-        lambda volts: ((long(volts),),),
-        adding,
-    ],
+    "read", [lambda x: (np.array([0.0, x]),), lambda x: Pair(np.array([x]), 0.0), lambda x: ((x,),), adding]
 )
 def test_what_a_law_reads_is_part_of_it(read: Any) -> None:
     assert digest_of(reading(read(12.0))) == digest_of(reading(read(12.0))) is not None
@@ -192,8 +176,8 @@ def test_what_a_law_reads_is_part_of_it(read: Any) -> None:
 
 
 LIKE: dict[str, Any] = {
+    "middle of an array": (reading((np.zeros(2000),)), reading((np.eye(1, 2000, 1000)[0],))),
     "last bit": (adding(0.1), adding(0.1 + 1e-16)),
-    "last bit in an array": (reading((np.array([0.1]),)), reading((np.array([0.1 + 1e-16]),))),
     "sign of zero": (adding(0.0), adding(-0.0)),
     "type": (adding(1.0), adding(np.float64(1.0))),
     "order": (calling(adding(1.0), adding(2.0)), calling(adding(2.0), adding(1.0))),

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pter_gym._compiled.compiler import device
 from pter_gym._compiled.generated import compile_source
 from pter_gym._compiled.layout import Field
-from pter_gym._compiled.records import Entry, flat, layout_of, lerp, load, read, rows, store, width, write
+from pter_gym._compiled.records import Entry, entrywise, flat, layout_of, lerp, load, read, rows, store, width, write
 from pter_gym.errors import ParameterError
 
 DETERMINISTIC = settings(derandomize=True, deadline=None, database=None, max_examples=100)
@@ -69,6 +70,17 @@ def written_and_read(array, first, value):
 @numba.njit
 def between(low, high, part):
     return lerp(low, high, part)
+
+
+@entrywise
+@device
+def weighted(array: Any, side: Side, x: float, y: float) -> float:
+    return array[0] * x - side.left * y
+
+
+@numba.njit
+def weighted_twice(array, side, value, y):
+    return weighted(array, side, value, y), weighted(array, side, y, value)
 
 
 @numba.njit
@@ -157,6 +169,17 @@ def test_compiled_blends_are_those_of_python(low: list[float], high: list[float]
     expected = [a + part * (b - a) for a, b in zip(low, high, strict=True)]
     for function in (between, plain(between)):
         assert same(function(whole(low), whole(high), part), whole(expected))
+
+
+@DETERMINISTIC
+@given(NUMBERS)
+def test_a_function_of_entries_takes_records_numbers_and_all_else(numbers: list[float]) -> None:
+    array, value = np.array([3.0]), whole(numbers)
+    with np.errstate(all="ignore"):
+        expected = [[3.0 * x - 0.5 * 2.0 for x in numbers], [3.0 * 2.0 - 0.5 * x for x in numbers]]
+        for function in (weighted_twice, plain(weighted_twice)):
+            for found, wanted in zip(function(array, Side(0.5, 0.0), value, 2.0), expected, strict=True):
+                assert same(found, whole(wanted))
 
 
 @DETERMINISTIC

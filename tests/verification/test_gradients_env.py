@@ -143,13 +143,13 @@ def test_a_gradient_through_the_end_of_an_episode_raises() -> None:
         return weight * reward + final @ info["final_observation"]
 
     by, action, size = jax.grad(told), jnp.full(4, -0.2), len(env.observation_layout)
-    with pytest.raises(ParameterError, match="end of an episode"):
+    with pytest.raises(ParameterError, match="gradient"):
         by(action, 1.0, jnp.zeros(size))
     of_three = jax.jit(jax.vmap(by, (None, 0, 0)))
     weights, finals = jnp.zeros(3), jnp.zeros((3, size))
     assert not np.any(of_three(action, weights, finals))
     for through in ((weights.at[1].set(1.0), finals), (weights, finals.at[1, 0].set(1.0))):
-        with pytest.raises((ValueError, jax.errors.JaxRuntimeError), match="ParameterError: gradient must not pass"):
+        with pytest.raises((ValueError, jax.errors.JaxRuntimeError), match="ParameterError: gradient"):
             jax.block_until_ready(of_three(action, *through))
 
 
@@ -157,9 +157,9 @@ def test_a_gradient_through_the_end_of_an_episode_raises() -> None:
     ("wrong", "told"),
     [
         ({"sensors": "torque"}, "sensors"),
-        ({"machine": "couplings-2-1"}, "paper's clutches"),
-        ({"env_id": "PTER/Everything-v0"}, "hand must be"),
-        ({"episode_end": "ignore"}, "episode_end must be among raise, constant"),
+        ({"machine": "couplings-2-1"}, "machine"),
+        ({"env_id": "PTER/Everything-v0"}, "hand"),
+        ({"episode_end": "ignore"}, "episode_end"),
     ],
 )
 def test_what_has_no_derivative_is_refused(wrong: dict[str, Any], told: str) -> None:
@@ -170,12 +170,12 @@ def test_what_has_no_derivative_is_refused(wrong: dict[str, Any], told: str) -> 
 def test_bad_input_and_other_platforms_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     env, _ = make()
     _, state = env.reset_to_seed(0)
-    with pytest.raises(ParameterError, match="action must be floating-point"):
+    with pytest.raises(ParameterError, match="action"):
         env.step(None, state, np.ones(4, int))
-    with pytest.raises(ParameterError, match="state must be from"):
+    with pytest.raises(ParameterError, match="state"):
         env.step(None, door.EnvState(*state[:2]), np.ones(4))
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
-    with pytest.raises(ParameterError, match="cpu, got gpu"):
+    with pytest.raises(ParameterError, match="platform"):
         make()
 
 

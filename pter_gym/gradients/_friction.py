@@ -1,0 +1,83 @@
+"""The derivatives of the friction problem ``friction.resolve``, written by hand."""
+
+from pter_gym._compiled.compiler import device
+from pter_gym._physics.arrangement import Own
+from pter_gym._physics.clutch import PerClutch
+from pter_gym._physics.friction import slip_velocities, torques_on_links
+from pter_gym._physics.step import sliding_torques
+
+
+@device
+def momentum_bar(
+    m11: float, m12: float, m22: float, omega_a: float, omega_b: float, by_a: float, by_b: float, slip: PerClutch
+) -> tuple[float, float]:
+    """Return the adjoint of the momentum from which friction leaves the velocities ω, by that of ω.
+
+    It is M⁻¹ times it where all clutches slip, d·dᵀ/(dᵀM·d) times it on a line of direction d, and 0 at rest. On a line
+    d is the direction of ω.
+    """
+    if (slip.x1 == 0.0) | (slip.x2 == 0.0) | (slip.x3 == 0.0) | (slip.x4 == 0.0):
+        size = max(abs(omega_a), abs(omega_b))
+        if size == 0.0:
+            return 0.0, 0.0
+        d_a, d_b = omega_a / size, omega_b / size
+        inertia = m11 * d_a * d_a + 2.0 * m12 * d_a * d_b + m22 * d_b * d_b
+        along = (d_a * by_a + d_b * by_b) / inertia
+        return along * d_a, along * d_b
+    inverse = 1.0 / (m11 * m22 - m12 * m12)
+    return inverse * (m22 * by_a - m12 * by_b), inverse * (m11 * by_b - m12 * by_a)
+
+
+@device
+def resolve_adjoint(
+    m11: float,
+    m12: float,
+    m22: float,
+    p_a: float,
+    p_b: float,
+    c: PerClutch,
+    own: Own,
+    omega_a: float,
+    omega_b: float,
+    by_a: float,
+    by_b: float,
+) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Return the adjoints of M (3), p (2) and c (4) of ``friction.resolve``, by those of the velocities ω.
+
+    With P of ``momentum_bar``, ω changes by P·(dp − dM·ω − Σ_x W_xᵀ·sign(W_x·ω)·dc_x).
+    """
+    _ = p_a, p_b, c
+    slip = slip_velocities(omega_a, omega_b, own)
+    q_a, q_b = momentum_bar(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)
+    c1, c2, c3, c4 = sliding_torques(slip, slip_velocities(q_a, q_b, own))
+    return -q_a * omega_a, -q_a * omega_b - q_b * omega_a, -q_b * omega_b, q_a, q_b, c1, c2, c3, c4
+
+
+@device
+def resolve_tangent(
+    m11: float,
+    m12: float,
+    m22: float,
+    p_a: float,
+    p_b: float,
+    c: PerClutch,
+    own: Own,
+    omega_a: float,
+    omega_b: float,
+    d11: float,
+    d12: float,
+    d22: float,
+    d_a: float,
+    d_b: float,
+    d1: float,
+    d2: float,
+    d3: float,
+    d4: float,
+) -> tuple[float, float]:
+    """Return the tangents of the velocities ω of ``friction.resolve``, by those of M (3), p (2) and c (4)."""
+    _ = p_a, p_b, c
+    slip = slip_velocities(omega_a, omega_b, own)
+    less_a, less_b = torques_on_links(sliding_torques(slip, PerClutch(d1, d2, d3, d4)), own)
+    by_a = d_a - d11 * omega_a - d12 * omega_b + less_a
+    by_b = d_b - d12 * omega_a - d22 * omega_b + less_b
+    return momentum_bar(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)
