@@ -182,8 +182,9 @@ class PaceSchedule:
         """Check that the knots rise in pace and match in kind."""
         accepted = "pairs of a pace > 0 and a guiding controller, by rising pace"
         knots = self.knots
-        given: Any = isinstance(knots, tuple) and knots
-        require(given and all(map(_is_knot, given)), self, "knots", knots, accepted)
+        given: Any = knots
+        are_knots = isinstance(given, tuple) and len(knots) > 0 and all(map(_is_knot, knots))
+        require(are_knots, self, "knots", knots, accepted)
         require(all(a < b for (a, _), (b, _) in pairwise(knots)), self, "knots", knots, accepted)
         alike = {(type(controller), controller.table_volts) for _, controller in knots}
         require(len(alike) == 1, self, "knots", knots, "controllers of one kind with one table_volts")
