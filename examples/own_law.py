@@ -7,13 +7,13 @@ import numpy as np
 
 from pter_gym.benchmark import find_policy, print_boards, run_scenario
 from pter_gym.controllers import PerClutch, Policy, device
-from pter_gym.tasks.path_following import SEEN
+from pter_gym.tasks.path_following import OBS
 
 
 @device
 def brake_by_distance(obs, scales, gains, memory):
     """Brake both axes more, the further the tip is from the path."""
-    distance = abs(obs[SEEN.normal_error] * scales[SEEN.normal_error])  # m
+    distance = abs(obs[OBS.normal_error] * scales[OBS.normal_error])  # m
     volts = gains[0] + gains[1] * distance
     return PerClutch(volts, volts, 0.0, 0.0)
 

@@ -12,7 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pter_gym._internal.reading import MOST_JSON, MOST_TOML, inflate, parse_json, parse_toml, read_bytes, reading
+from pter_gym._internal.reading import (
+    MAX_JSON_SIZE,
+    MAX_TOML_SIZE,
+    inflate,
+    parse_json,
+    parse_toml,
+    read_bytes,
+    reading,
+)
 from pter_gym._internal.tables import read_table
 from pter_gym.errors import DataError, ParameterError
 
@@ -30,7 +38,7 @@ def test_json_is_read_as_it_was_written(content: Any) -> None:
 
 @pytest.mark.parametrize(
     "data",
-    [b"[NaN]", b"[1e999]", b"9" * 5000, b"[" * 100_000, b" " * (MOST_JSON + 1), b"[] []", "[]".encode("utf-16")],
+    [b"[NaN]", b"[1e999]", b"9" * 5000, b"[" * 100_000, b" " * (MAX_JSON_SIZE + 1), b"[] []", "[]".encode("utf-16")],
     ids=["NaN", "infinite", "digits", "deep", "large", "more behind it", "another encoding"],
 )
 def test_json_is_refused(data: bytes) -> None:
@@ -40,7 +48,7 @@ def test_json_is_refused(data: bytes) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["a = 1\na = 1\n", "a = nan", "a = [1.0, -inf]", "a = 1e999", "a = " + "[" * 100_000, "#" * (MOST_TOML + 1)],
+    ["a = 1\na = 1\n", "a = nan", "a = [1.0, -inf]", "a = 1e999", "a = " + "[" * 100_000, "#" * (MAX_TOML_SIZE + 1)],
     ids=["twice", "NaN", "infinite", "too large a number", "deep", "large"],
 )
 def test_toml_is_refused(text: str) -> None:

@@ -45,7 +45,7 @@ def train(
     """
     with terminal(errors=True).status("loading"):
         from pter_agents.settings import SMOKE, Arguments, load_settings
-        from pter_gym.scenarios._own_machine import find_own
+        from pter_gym.scenarios._fixed_machine import find_fixed_machine
 
         settings = load_settings(algo, config, **(SMOKE if smoke else {}))
         episodes = SMOKE_EPISODES if smoke else Arguments.validation_episodes
@@ -57,7 +57,7 @@ def train(
             seed=seed,
             settings=settings,
             validation_episodes=episodes,
-            machine=None if machine is None else find_own(machine),
+            machine=None if machine is None else find_fixed_machine(machine),
         )
         try:
             from pter_agents import training

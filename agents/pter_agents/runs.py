@@ -19,7 +19,7 @@ from safetensors.numpy import save as save_tensors
 from pter_agents.settings import Arguments, arguments_from
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic, write_text_atomic
 from pter_gym._internal.locks import locked
-from pter_gym._internal.reading import MOST_JSON, parse_json, read_bytes, reading
+from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym.errors import DataError, ParameterError
 from pter_gym.policies import Interface, TrainedPolicy
 from pter_gym.policies._files import RUN, interface_codec
@@ -79,7 +79,7 @@ class RunFolder:
         if not file.exists():
             raise ParameterError(f"there is no run in {self.path}: {RUN} is missing")
         with reading(f"{file} cannot be read"):
-            content = parse_json(read_bytes(file, MOST_JSON))
+            content = parse_json(read_bytes(file, MAX_JSON_SIZE))
             interface = interface_codec().from_plain(content.pop("interface"))
             return arguments_from(content), interface
 
@@ -126,7 +126,7 @@ class RunFolder:
         if not file.exists():
             return {}
         with reading(f"{file} cannot be read"):
-            return {int(steps): row for steps, row in parse_json(read_bytes(file, MOST_JSON)).items()}
+            return {int(steps): row for steps, row in parse_json(read_bytes(file, MAX_JSON_SIZE)).items()}
 
     def add_scores(self, steps: int, scores: Mapping[str, Mapping[str, float]]) -> None:
         """Add validation scores to the file; any of later decisions are dropped."""

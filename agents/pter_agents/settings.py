@@ -8,14 +8,14 @@ from typing import Any, cast
 from pter_gym import params
 from pter_gym._internal.codec import Codec, dataclasses_in, tuple_of
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym._internal.reading import MOST_TOML, parse_toml, read_text, reading
+from pter_gym._internal.reading import MAX_TOML_SIZE, parse_toml, read_text, reading
 from pter_gym.benchmark import PACES
 from pter_gym.benchmark.tuned import TUNED
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import BASELINE, Machine, require, require_flag, require_kind, require_number, require_whole
 from pter_gym.policies._trained import MAX_LAYERS, are_hidden
 from pter_gym.scenarios import SCENARIOS
-from pter_gym.scenarios._own_machine import OwnMachine
+from pter_gym.scenarios._fixed_machine import FixedMachine
 from pter_gym.tasks.path_following import STARTS, RewardWeights
 
 ALGORITHMS = ("ppo", "residual")
@@ -36,7 +36,7 @@ PARTS = 2
 SMOKE = {"worlds": 64, "steps": 32, "contexts": 16, "minibatch": 512, "epochs": 2}
 """Hyper-parameters of a short run that shows that training works, not that it learns."""
 
-CODEC = Codec((*dataclasses_in(params), OwnMachine))
+CODEC = Codec((*dataclasses_in(params), FixedMachine))
 """Stores the machine of a training."""
 
 
@@ -192,7 +192,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
 
 def _read_table(file: Path) -> dict[str, Any]:
     with reading(f"config {file} cannot be read"):
-        return parse_toml(read_text(file, MOST_TOML))
+        return parse_toml(read_text(file, MAX_TOML_SIZE))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,7 +228,7 @@ class Arguments:
     checkpoint_every: int = 10
     validate_every: int = 40
     validation_episodes: int = 64
-    machine: OwnMachine | None = None
+    machine: FixedMachine | None = None
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
@@ -238,7 +238,7 @@ class Arguments:
         for name in ("steps", "checkpoint_every", "validate_every", "validation_episodes"):
             require_whole(self, name)
         require_whole(self, "seed", at_least=0, below=2**31)
-        require_kind(self, "machine", OwnMachine, type(None))
+        require_kind(self, "machine", FixedMachine, type(None))
 
     @property
     def nominal(self) -> Machine:

@@ -12,7 +12,7 @@ from pter_gym.benchmark import score_episodes
 from pter_gym.benchmark.simulation import simulate, time_limit
 from pter_gym.controllers import Controller
 from pter_gym.params import BASELINE, Machine
-from pter_gym.scenarios._own_machine import OwnMachine
+from pter_gym.scenarios._fixed_machine import FixedMachine
 
 SEED = 2**31 + 1
 """Seed of the draws, larger than any seed of a run."""
@@ -39,7 +39,7 @@ class Validation:
         A machine in place of those that the scenario draws.
     """
 
-    def __init__(self, scenario: str, paces: Sequence[str], episodes: int, machine: OwnMachine | None = None) -> None:
+    def __init__(self, scenario: str, paces: Sequence[str], episodes: int, machine: FixedMachine | None = None) -> None:
         self._tasks: dict[str, Any] = {}
         self._batches: dict[str, Batch] = {}
         for pace in paces:

@@ -16,7 +16,7 @@ from pter_gym.errors import unknown_name
 from pter_gym.policies import Input, Interface
 from pter_gym.policies._interface import available, clutch_rows, middle_volts, quantities, to_volts
 from pter_gym.scenarios import find_scenario
-from pter_gym.scenarios._own_machine import OwnMachine
+from pter_gym.scenarios._fixed_machine import FixedMachine
 from pter_gym.scenarios.randomisation import Mixture, OneOf, Randomisation, Vary
 from pter_gym.tasks.path_following import STARTS
 
@@ -25,7 +25,7 @@ Draws = Randomisation | Mixture
 MIXED = ("standard", "paths", "hands", "materials", "everything")
 """The scenarios of ``ALL``, on which shipped policies were trained; later ones show how policies do on others."""
 
-MOST_VARIED = "everything"
+MAX_VARIED = "everything"
 """The scenario that has half of the draws of ``ALL``; the others share the rest evenly."""
 
 FIXED = {"normal_error": 0.01, "pace_error": 0.5, "speed_across": 0.1}
@@ -38,7 +38,7 @@ DEVIATION = 0.4
 
 
 def draws_for(
-    scenario: str, pace: str, *, contexts: int, seed: int, machine: OwnMachine | None = None, **stated: Any
+    scenario: str, pace: str, *, contexts: int, seed: int, machine: FixedMachine | None = None, **overrides: Any
 ) -> Draws:
     """Return machines and tasks of a scenario at a pace.
 
@@ -63,19 +63,19 @@ def draws_for(
     if pace not in (ALL, *PACES):
         raise unknown_name("pace", pace, (ALL, *PACES))
     if scenario != ALL:
-        return _draws(scenario, pace, machine, contexts=contexts, seed=seed, **stated)
+        return _draws(scenario, pace, machine, contexts=contexts, seed=seed, **overrides)
     share = -(-contexts // (2 * (len(MIXED) - 1)))
-    shares = {each: (len(MIXED) - 1) * share if each == MOST_VARIED else share for each in MIXED}
-    parts = (_draws(each, pace, machine, contexts=own, seed=seed, **stated) for each, own in shares.items())
+    shares = {each: (len(MIXED) - 1) * share if each == MAX_VARIED else share for each in MIXED}
+    parts = (_draws(each, pace, machine, contexts=own, seed=seed, **overrides) for each, own in shares.items())
     return Mixture(parts=tuple(parts))
 
 
 def _draws(
-    scenario: str, pace: str, machine: OwnMachine | None, *, contexts: int, seed: int, **stated: Any
+    scenario: str, pace: str, machine: FixedMachine | None, *, contexts: int, seed: int, **overrides: Any
 ) -> Randomisation:
     """Return machines and tasks of one scenario."""
     speeds = all_paces() if pace == ALL else (PACES[pace],)
-    drawn = find_scenario(scenario, machine).randomisation(None, contexts=contexts, seed=seed, **stated)
+    drawn = find_scenario(scenario, machine).randomisation(None, contexts=contexts, seed=seed, **overrides)
     task: Any = drawn.task
     return replace(drawn, task=Vary(task.base, **{**task.fields, "pace": OneOf(speeds)}))
 
@@ -125,14 +125,14 @@ class Training:
 def make_training(arguments: Arguments) -> Training:
     """Return the worlds of a training; centers and scales of the inputs are those of a short run without a network."""
     s, nominal = arguments.settings, arguments.nominal
-    stated = {"reward": s.reward(), "starts": STARTS[s.starts], "truncation_error": s.truncation}
+    overrides = {"reward": s.reward(), "starts": STARTS[s.starts], "truncation_error": s.truncation}
     draws = draws_for(
         arguments.scenario,
         arguments.pace,
         contexts=s.contexts,
         seed=arguments.seed,
         machine=arguments.machine,
-        **stated,
+        **overrides,
     )
     schedule = find_base(s.base, arguments.scenario)
     interface = Interface(

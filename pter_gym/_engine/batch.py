@@ -16,8 +16,8 @@ from pter_gym._engine.worlds import WorldArrays, listed
 from pter_gym._internal.checks import whole_number
 from pter_gym.errors import ActionError, ParameterError, ResetNeededError
 from pter_gym.params import Machine
-from pter_gym.tasks.path_following._context import TOLD
-from pter_gym.tasks.path_following._observation import ENTRIES, SEEN, Sensors, observation_layout
+from pter_gym.tasks.path_following._context import OBSERVED_CONTEXT
+from pter_gym.tasks.path_following._observation import ENTRIES, OBS, Sensors, observation_layout
 from pter_gym.tasks.path_following._specification import PathFollowing, held_machine, substeps
 from pter_gym.tasks.path_following._telemetry import COLUMNS
 
@@ -124,7 +124,7 @@ class Batch(WorldArrays):
         all_machines, all_tasks = listed(machines, tasks, None if draws else num_worlds)
         drawing = whole_number("num_worlds", num_worlds) if draws else None
         self.machine, self.task = all_machines[0], all_tasks[0]
-        self.layout = observation_layout(self.machine, sensors, TOLD if observe_context else None)
+        self.layout = observation_layout(self.machine, sensors, OBSERVED_CONTEXT if observe_context else None)
         voltage_max = self.machine.clutch.voltage_max
         self.action_low, self.action_high = (0.0, voltage_max) if action_unit == "volt" else (-1.0, 1.0)
         self.frame_skip = whole_number("frame_skip", frame_skip)
@@ -139,7 +139,7 @@ class Batch(WorldArrays):
 
     def _shared(self, observe_context: bool, limit: float) -> Config:
         """Return what all worlds share."""
-        entries = len(self.layout) - (len(TOLD) if observe_context else 0)
+        entries = len(self.layout) - (len(OBSERVED_CONTEXT) if observe_context else 0)
         inverse = np.zeros(ENTRIES)
         inverse[:entries] = 1.0 / self.layout.scales[:entries]
         return Config(
@@ -152,7 +152,7 @@ class Batch(WorldArrays):
             frame_skip=self.frame_skip,
             has_law=0.0,
             entries=entries,
-            inverse_scale=read(inverse, SEEN, 0),
+            inverse_scale=read(inverse, OBS, 0),
         )
 
     def reset(

@@ -11,9 +11,9 @@ from pter_gym._compiled.records import entrywise, load, read, store, write
 from pter_gym._engine.step import (
     clipped,
     locate,
+    observe,
     plan_hand,
     plans,
-    see,
     take_reading,
     tip_acceleration,
     was_alive,
@@ -227,9 +227,9 @@ def record_pose(w: Any, i: int, row: Any, time: float, constants: Any) -> None:
     row[COLUMN.reached] = w[ROW.reached, i]
     row[COLUMN.normal_error] = w[ROW.foot.normal_error, i]
     row[COLUMN.context] = (context_at - w[ROW.draws_from, i]) / CONTEXT_WIDTH
-    own = read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i]))
-    papers = own.number == 0.0
-    row[COLUMN.mode] = mode_of(q.omega_a, q.omega_b) if papers else mode_of(q.omega_a, q.omega_b, own)
+    arrangement = read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i]))
+    paper_clutches = arrangement.number == 0.0
+    row[COLUMN.mode] = mode_of(q.omega_a, q.omega_b) if paper_clutches else mode_of(q.omega_a, q.omega_b, arrangement)
     row[COLUMN.kinetic_energy] = kinetic_energy(arm, q)
     write(row, COLUMN.volts, load(w, ROW.command, i))
     write(row, COLUMN.told, read(constants, CONTEXT.told, int(context_at)))
@@ -241,9 +241,11 @@ def record_step(w: Any, i: int, telemetry: Any, t: int, world: int, period: floa
     row = telemetry[t, world]
     record_pose(w, i, row, w[ROW.step, i] * period, constants)
     q = load(w, ROW.motion, i)
-    own = read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i]))
-    papers = own.number == 0.0
-    slip = slip_velocities(q.omega_a, q.omega_b) if papers else slip_velocities(q.omega_a, q.omega_b, own)
+    arrangement = read(constants, CONTEXT.arrangement, int(w[ROW.context_at, i]))
+    paper_clutches = arrangement.number == 0.0
+    slip = (
+        slip_velocities(q.omega_a, q.omega_b) if paper_clutches else slip_velocities(q.omega_a, q.omega_b, arrangement)
+    )
     torque = load(w, ROW.torque, i)
     write(row, COLUMN.acceleration, tip_acceleration(w, i, period))
     write(row, COLUMN.force, total_force(w, i))
@@ -279,7 +281,7 @@ def next_episode(w: Any, i: int, world: int, a: Arrays, t: int) -> None:
     """Start the next episode of a world's seed, and write its first observation and telemetry."""
     a.words[world, 1] += _ONE
     start_episode(w, i, a.words[world, 0], a.words[world, 1], a.config, a.constants)
-    see(w, i, a.config, a.constants)
+    observe(w, i, a.config, a.constants)
     write_observation(w, i, a.obs, world, a.config, a.constants)
     if a.telemetry.shape[0] > 0:
         record_reset(w, i, a.telemetry, t, world, a.constants)

@@ -23,7 +23,7 @@ from pter_gym._engine.step import (
     move_declared,
     move_worlds,
     no_arrangements,
-    see,
+    observe,
     take_arrangements,
     take_command,
     was_alive,
@@ -234,7 +234,7 @@ def _build_reset(digest: str) -> Any:
                 put_back(w, i, worlds, world)
             else:
                 take_context(w, i, constants)
-            see(w, i, config, constants)
+            observe(w, i, config, constants)
             write_observation(w, i, obs, world, config, constants)
             if telemetry.shape[0] > 0:
                 record_reset(w, i, telemetry, 0, world, constants)

@@ -28,7 +28,7 @@ from pter_gym._engine.world import (
 from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
-from pter_gym._physics.step import Energy, control_step_on, count_nonzero, declared_in, papers, torques_at
+from pter_gym._physics.step import Energy, arrangement_from, control_step_on, count_nonzero, paper_clutches, torques_at
 from pter_gym.hands._model import advance_sines, intent_speed, renew_sines, sum_of_sines, unit_vector
 from pter_gym.paths._projection import point_at, project
 from pter_gym.tasks.path_following._context import CONTEXT
@@ -427,7 +427,7 @@ def scale_entries(w: Any, first: int, last: int, config: Any) -> None:
 
 
 @device
-def see(w: Any, i: int, config: Any, constants: Any) -> None:
+def observe(w: Any, i: int, config: Any, constants: Any) -> None:
     """Find the present observation of a world with any sensors."""
     if w[ROW.task.sensing.is_ideal, i] != 0.0:
         observe_world(w, i)
@@ -451,9 +451,9 @@ def write_observation(w: Any, i: int, obs: Any, world: int, config: Any, constan
 # --- the stages of a control step, in their order ---
 
 
-def _mover(own_in: Any) -> Any:
-    """Return what moves worlds whose clutches are those of ``own_in``; see ``substep_on``."""
-    control_step = control_step_on(ROW, load_on, own_in, move_hands)
+def _mover(arrangement_at: Any) -> Any:
+    """Return what moves worlds whose clutches are those of ``arrangement_at``; see ``substep_on``."""
+    control_step = control_step_on(ROW, load_on, arrangement_at, move_hands)
 
     @device
     def sense_torques(w: Any, i: int) -> None:
@@ -462,7 +462,7 @@ def _mover(own_in: Any) -> Any:
         arm = load(w, ROW.machine.arm, i)
         threshold = w[ROW.machine.slip_threshold, i]
         torques = load(w, ROW.torques, i)
-        store(w, ROW.torque, i, torques_at(q, arm, load_on(w, i), torques, threshold, own_in(w, i)))
+        store(w, ROW.torque, i, torques_at(q, arm, load_on(w, i), torques, threshold, arrangement_at(w, i)))
 
     @device
     def move(w: Any, lanes: int, config: Any, guides: bool) -> None:
@@ -481,7 +481,7 @@ def _mover(own_in: Any) -> Any:
     return move
 
 
-move_worlds, move_declared = _mover(papers), _mover(declared_in(ROW))
+move_worlds, move_declared = _mover(paper_clutches), _mover(arrangement_from(ROW))
 """What moves worlds with the paper's clutches, and with others."""
 
 

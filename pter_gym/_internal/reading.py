@@ -17,7 +17,7 @@ from typing import Any
 
 from pter_gym.errors import DataError
 
-MOST_JSON, MOST_TOML = 1 << 22, 1 << 18
+MAX_JSON_SIZE, MAX_TOML_SIZE = 1 << 22, 1 << 18
 """Largest texts that are parsed [B]."""
 
 READ_ERRORS = (
@@ -57,14 +57,14 @@ def inflate(data: bytes, most: int) -> bytes:
         return _bounded(file.read(most + 1), most)
 
 
-def parse_json(data: bytes, most: int = MOST_JSON) -> Any:
+def parse_json(data: bytes, most: int = MAX_JSON_SIZE) -> Any:
     """Return the values in a JSON text of at most ``most`` [B] in UTF-8, all numbers finite, or raise a ValueError."""
     return json.loads(_bounded(data, most).decode("utf-8"), parse_float=_finite, parse_constant=_finite)
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the values in a TOML text of at most ``MOST_TOML`` [B], all numbers finite, or raise a ValueError."""
-    _bounded(text.encode(), MOST_TOML)
+    """Return the values in a TOML text of at most ``MAX_TOML_SIZE`` [B], all numbers finite, or raise a ValueError."""
+    _bounded(text.encode(), MAX_TOML_SIZE)
     return tomllib.loads(text, parse_float=_finite)
 
 

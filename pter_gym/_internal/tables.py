@@ -13,7 +13,7 @@ from pter_gym._internal.files import FilePath, find_path
 from pter_gym._internal.reading import read_bytes
 from pter_gym.errors import ParameterError
 
-MOST_CSV = 1 << 24
+MAX_CSV_SIZE = 1 << 24
 """Largest file [B]."""
 
 
@@ -31,7 +31,7 @@ def read_table(
     optional: Sequence[str] = (),
     unit: str = "",
     blanks: bool = False,
-    max_size: int = MOST_CSV,
+    max_size: int = MAX_CSV_SIZE,
 ) -> Table:
     """Return the named columns of a CSV file and those of the optional ones that it has; others are left out.
 

@@ -24,7 +24,7 @@ class Arrangement(NamedTuple):
     number: Annotated[float, Entry("1", "number of clutches, in the first slots; 0 for the paper's four")]
 
 
-Own = Arrangement | None
+OptionalArrangement = Arrangement | None
 """The arrangement of a machine, None for the paper's."""
 
 
@@ -80,27 +80,27 @@ def within(x: PerClutch, low: PerClutch, high: PerClutch) -> PerClutch:
 
 
 @device
-def cross(own: Arrangement, x: int, y: int) -> float:
+def cross(arrangement: Arrangement, x: int, y: int) -> float:
     """Return the slip of slot y at the speed 1 on the line of slot x, exactly zero for equal rows."""
-    return own.a[x] * own.b[y] - own.b[x] * own.a[y]
+    return arrangement.a[x] * arrangement.b[y] - arrangement.b[x] * arrangement.a[y]
 
 
 @device
 def on_line(
-    x: int, m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch, own: Arrangement
+    x: int, m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch, arrangement: Arrangement
 ) -> OnLine:
     """Return the minimum on the line of slot x; slots with equal rows hold together what one alone would hold."""
-    a, b = own.a[x], own.b[x]
+    a, b = arrangement.a[x], arrangement.b[x]
     q = a * p_b - b * p_a
     turn = sign(q)
     reach, held, left_a, left_b = 0.0, 0.0, p_a, p_b
     for y in range(4):
-        slip = cross(own, x, y)
+        slip = cross(arrangement, x, y)
         impulse = turn * side(slip, 0.0) * c[y]
         reach += c[y] * abs(slip)
         held += c[y] if slip == 0.0 else 0.0
-        left_a -= impulse * own.a[y]
-        left_b -= impulse * own.b[y]
+        left_a -= impulse * arrangement.a[y]
+        left_b -= impulse * arrangement.b[y]
     push_a = a * m12 - b * m11
     push_b = a * m22 - b * m12
     speed = turn * (abs(q) - reach) / (a * push_b - b * push_a)
@@ -110,42 +110,42 @@ def on_line(
 
 @device
 def resolve_any(
-    m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch, own: Arrangement
+    m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch, arrangement: Arrangement
 ) -> tuple[float, float]:
     """Return what ``friction.resolve`` does and as it does, for rows of which two differ."""
     lines = (
-        on_line(0, m11, m12, m22, p_a, p_b, c, own),
-        on_line(1, m11, m12, m22, p_a, p_b, c, own),
-        on_line(2, m11, m12, m22, p_a, p_b, c, own),
-        on_line(3, m11, m12, m22, p_a, p_b, c, own),
+        on_line(0, m11, m12, m22, p_a, p_b, c, arrangement),
+        on_line(1, m11, m12, m22, p_a, p_b, c, arrangement),
+        on_line(2, m11, m12, m22, p_a, p_b, c, arrangement),
+        on_line(3, m11, m12, m22, p_a, p_b, c, arrangement),
     )
     moves, on_a_line, toward_a, toward_b = False, False, 0.0, 0.0
     for x in range(4):
         moves |= lines[x].moves
         on_a_line |= lines[x].moves & (lines[x].side == 0.0)
-        toward_a = -lines[x].turn * own.b[x] if lines[x].moves else toward_a
-        toward_b = lines[x].turn * own.a[x] if lines[x].moves else toward_b
+        toward_a = -lines[x].turn * arrangement.b[x] if lines[x].moves else toward_a
+        toward_b = lines[x].turn * arrangement.a[x] if lines[x].moves else toward_b
     free_a, free_b = p_a, p_b
     for x in range(4):
-        rest = side(own.a[x] * toward_a + own.b[x] * toward_b, 0.0)
+        rest = side(arrangement.a[x] * toward_a + arrangement.b[x] * toward_b, 0.0)
         impulse = c[x] * (lines[x].side if lines[x].moves else rest)
-        free_a -= impulse * own.a[x]
-        free_b -= impulse * own.b[x]
+        free_a -= impulse * arrangement.a[x]
+        free_b -= impulse * arrangement.b[x]
     det = m11 * m22 - m12 * m12
     sector_a = (m22 * free_a - m12 * free_b) / det
     sector_b = (m11 * free_b - m12 * free_a) / det
     omega_a = sector_a if moves else 0.0
     omega_b = sector_b if moves else 0.0
     for x in range(4):
-        wrong = lines[x].side * (own.a[x] * sector_a + own.b[x] * sector_b) < 0.0
+        wrong = lines[x].side * (arrangement.a[x] * sector_a + arrangement.b[x] * sector_b) < 0.0
         stuck = lines[x].moves & ((not on_a_line) & wrong | (lines[x].side == 0.0))
-        omega_a = -(own.b[x] * lines[x].speed) if stuck else omega_a
-        omega_b = own.a[x] * lines[x].speed if stuck else omega_b
+        omega_a = -(arrangement.b[x] * lines[x].speed) if stuck else omega_a
+        omega_b = arrangement.a[x] * lines[x].speed if stuck else omega_b
     return omega_a, omega_b
 
 
 @device
-def least_torques(load_a: float, load_b: float, fixed: int, torque: float, own: Arrangement) -> PerClutch:
+def least_torques(load_a: float, load_b: float, fixed: int, torque: float, arrangement: Arrangement) -> PerClutch:
     """Return the torques of least Σ τ_x² with Wᵀτ = load, where slot ``fixed`` has a given torque; −1 for none.
 
     They are NaN where the rows of the others are equal, so the given torque is not for choice.
@@ -153,18 +153,18 @@ def least_torques(load_a: float, load_b: float, fixed: int, torque: float, own: 
     g11, g12, g22, det = 0.0, 0.0, 0.0, 0.0
     for x in range(4):
         free = 0.0 if x == fixed else 1.0
-        g11 += free * own.a[x] * own.a[x]
-        g12 += free * own.a[x] * own.b[x]
-        g22 += free * own.b[x] * own.b[x]
-        load_a -= (1.0 - free) * own.a[x] * torque
-        load_b -= (1.0 - free) * own.b[x] * torque
+        g11 += free * arrangement.a[x] * arrangement.a[x]
+        g12 += free * arrangement.a[x] * arrangement.b[x]
+        g22 += free * arrangement.b[x] * arrangement.b[x]
+        load_a -= (1.0 - free) * arrangement.a[x] * torque
+        load_b -= (1.0 - free) * arrangement.b[x] * torque
         for y in range(x):  # Cauchy and Binet: g11·g22 − g12², exactly zero for equal rows
-            area = free * cross(own, x, y) if y != fixed else 0.0
+            area = free * cross(arrangement, x, y) if y != fixed else 0.0
             det += area * area
     inverse = 1.0 / det if det > 0.0 else math.nan
     u = (g22 * load_a - g12 * load_b) * inverse
     v = (g11 * load_b - g12 * load_a) * inverse
-    return replaced(combined(own.a, u, own.b, v), fixed, torque)
+    return replaced(combined(arrangement.a, u, arrangement.b, v), fixed, torque)
 
 
 @device
@@ -175,23 +175,23 @@ def replaced(x: PerClutch, slot: int, value: float) -> PerClutch:
 
 
 @device
-def opposed(fixed: int, own: Arrangement) -> PerClutch:
+def opposed(fixed: int, arrangement: Arrangement) -> PerClutch:
     """Return torques of all slots but one that together load no link."""
     i, j, k = (1 if fixed == 0 else 0), (1 if fixed > 1 else 2), (2 if fixed == 3 else 3)
-    n_i, n_j, n_k = cross(own, j, k), -cross(own, i, k), cross(own, i, j)
+    n_i, n_j, n_k = cross(arrangement, j, k), -cross(arrangement, i, k), cross(arrangement, i, j)
     return replaced(PerClutch(n_i, n_i if i == 1 else n_j, n_j if j == 2 else n_k, n_k), fixed, 0.0)
 
 
 @device
 def share_any(
-    load_a: float, load_b: float, low: PerClutch, high: PerClutch, rounding: float, own: Arrangement
+    load_a: float, load_b: float, low: PerClutch, high: PerClutch, rounding: float, arrangement: Arrangement
 ) -> PerClutch:
     """Return what ``friction.share`` does, for rows of which two differ.
 
     The torques that are possible are a convex polygon, each edge of which is a bound of one slot. If the least torques
     without bounds are not among them, the nearest possible ones are on an edge beyond which those lie.
     """
-    least = least_torques(load_a, load_b, -1, 0.0, own)
+    least = least_torques(load_a, load_b, -1, 0.0, arrangement)
     slack = abs(load_a) + abs(load_b)
     for x in range(4):
         slack += high[x] - low[x]
@@ -199,7 +199,7 @@ def share_any(
     best, nearest = least, FAR
     for x in range(4):
         edge = between(least[x], low[x], high[x])
-        at, along = least_torques(load_a, load_b, x, edge, own), opposed(x, own)
+        at, along = least_torques(load_a, load_b, x, edge, arrangement), opposed(x, arrangement)
         first, last = -FAR, FAR
         for y in range(4):
             if along[y] != 0.0:

@@ -3,7 +3,7 @@
 One substep asks for the velocity that minimises ``½·ωᵀMω − pᵀω + Σ c_x·|W_x·ω|``: implicit Euler with maximum
 dissipation, strictly convex. Here p is the momentum without clutches, c_x the largest impulse of clutch x, and W_x its
 row in W, see ``COUPLING``. This is the paper's W, which needs no numbers here; functions that depend on it take the
-``Arrangement`` of a machine with other clutches as ``own``.
+``Arrangement`` of a machine with other clutches as ``arrangement``.
 
 The four lines W_x·ω = 0 cut the plane into one point (the paper's zero-DOF mode), four lines (its one-DOF modes) and
 eight sectors (its two-DOF mode). Line x has the direction d_x with W_x·d_x = 0, see ``LINES``.
@@ -12,7 +12,18 @@ eight sectors (its two-DOF mode). Line x has the direction d_x with W_x·d_x = 0
 from enum import IntEnum
 
 from pter_gym._compiled.compiler import device
-from pter_gym._physics.arrangement import FAR, Own, between, combined, dot, resolve_any, share_any, side, sign, within
+from pter_gym._physics.arrangement import (
+    FAR,
+    OptionalArrangement,
+    between,
+    combined,
+    dot,
+    resolve_any,
+    share_any,
+    side,
+    sign,
+    within,
+)
 from pter_gym._physics.clutch import PerClutch
 from pter_gym.params import PAPER_CLUTCHES
 
@@ -35,34 +46,36 @@ class ClutchMode(IntEnum):
 
 
 @device
-def slip_velocities(omega_a: float, omega_b: float, own: Own = None) -> PerClutch:
+def slip_velocities(omega_a: float, omega_b: float, arrangement: OptionalArrangement = None) -> PerClutch:
     """Return W·ω [rad/s], the slip velocity of each clutch."""
-    if own is not None:
-        return combined(own.a, omega_a, own.b, omega_b)
+    if arrangement is not None:
+        return combined(arrangement.a, omega_a, arrangement.b, omega_b)
     return PerClutch(omega_a, omega_b, omega_a - omega_b, omega_a + omega_b)
 
 
 @device
-def torques_on_links(torque: PerClutch, own: Own = None) -> tuple[float, float]:
+def torques_on_links(torque: PerClutch, arrangement: OptionalArrangement = None) -> tuple[float, float]:
     """Return Wᵀτ [N·m], what torques of the clutches make together on each link."""
-    if own is not None:
-        return dot(own.a, torque), dot(own.b, torque)
+    if arrangement is not None:
+        return dot(arrangement.a, torque), dot(arrangement.b, torque)
     return torque.x1 + torque.x3 + torque.x4, torque.x2 - torque.x3 + torque.x4
 
 
 @device
-def with_dry(limit: PerClutch, dry_a: float, dry_b: float, own: Own = None) -> PerClutch:
+def with_dry(limit: PerClutch, dry_a: float, dry_b: float, arrangement: OptionalArrangement = None) -> PerClutch:
     """Return the torque limits [N·m] of clutches 1 and 2 with the axes' dry friction, which brakes the same slips."""
-    if own is not None:
-        return combined(limit, 1.0, own.dry, 1.0)
+    if arrangement is not None:
+        return combined(limit, 1.0, arrangement.dry, 1.0)
     return PerClutch(limit.x1 + dry_a, limit.x2 + dry_b, limit.x3, limit.x4)
 
 
 @device
-def without_dry(torque: PerClutch, dry_a: float, dry_b: float, own: Own = None) -> PerClutch:
+def without_dry(torque: PerClutch, dry_a: float, dry_b: float, arrangement: OptionalArrangement = None) -> PerClutch:
     """Return the clutches' own part of torques [N·m] under limits with dry friction, which holds what it can first."""
-    if own is not None:
-        return combined(torque, 1.0, within(torque, combined(own.dry, -1.0, own.dry, 0.0), own.dry), -1.0)
+    if arrangement is not None:
+        return combined(
+            torque, 1.0, within(torque, combined(arrangement.dry, -1.0, arrangement.dry, 0.0), arrangement.dry), -1.0
+        )
     return PerClutch(
         torque.x1 - between(torque.x1, -dry_a, dry_a),
         torque.x2 - between(torque.x2, -dry_b, dry_b),
@@ -72,13 +85,13 @@ def without_dry(torque: PerClutch, dry_a: float, dry_b: float, own: Own = None) 
 
 
 @device
-def mode_of(omega_a: float, omega_b: float, own: Own = None) -> int:
+def mode_of(omega_a: float, omega_b: float, arrangement: OptionalArrangement = None) -> int:
     """Return the ClutchMode: which slip is exactly zero, ties to the fewest degrees of freedom and the first clutch."""
     mode = 0
-    if own is not None:
-        slip = slip_velocities(omega_a, omega_b, own)
+    if arrangement is not None:
+        slip = slip_velocities(omega_a, omega_b, arrangement)
         for x in range(3, -1, -1):
-            mode = x + 1 if (slip[x] == 0.0) & (x < own.number) else mode
+            mode = x + 1 if (slip[x] == 0.0) & (x < arrangement.number) else mode
         return 5 if (omega_a == 0.0) & (omega_b == 0.0) else mode
     mode = 1 if omega_a == 0.0 else mode
     mode = 2 if omega_b == 0.0 else mode
@@ -102,7 +115,7 @@ def rest_sides(
 
 @device
 def resolve(
-    m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch, own: Own = None
+    m11: float, m12: float, m22: float, p_a: float, p_b: float, c: PerClutch, arrangement: OptionalArrangement = None
 ) -> tuple[float, float]:
     """Return the angular velocities [rad/s] after friction. Exact, without iteration or branch.
 
@@ -111,8 +124,8 @@ def resolve(
     and four signs name the sector. On a line whose minimum is at rest, any other line's overload tells the side. Where
     rounding puts the sector's solution on the wrong side of a line, it belongs to that line.
     """
-    if own is not None:
-        return resolve_any(m11, m12, m22, p_a, p_b, c, own)
+    if arrangement is not None:
+        return resolve_any(m11, m12, m22, p_a, p_b, c, arrangement)
     q1 = p_b
     q2 = p_a
     q3 = p_a + p_b
@@ -206,7 +219,12 @@ def nearer(
 
 @device
 def share(
-    load_a: float, load_b: float, low: PerClutch, high: PerClutch, rounding: float = 0.0, own: Own = None
+    load_a: float,
+    load_b: float,
+    low: PerClutch,
+    high: PerClutch,
+    rounding: float = 0.0,
+    arrangement: OptionalArrangement = None,
 ) -> PerClutch:
     """Return the four torques of least Σ τ_x² with Wᵀτ = load and low ≤ τ ≤ high; the load must be reachable.
 
@@ -216,8 +234,8 @@ def share(
     3·|(u, v) − (u0, v0)|² + constant. So the answer is the Euclidean projection of (u0, v0) onto an octagon whose
     edges bound u, v, u + v and u − v.
     """
-    if own is not None:
-        return share_any(load_a, load_b, low, high, rounding, own)
+    if arrangement is not None:
+        return share_any(load_a, load_b, low, high, rounding, arrangement)
     u0 = (load_a - load_b) / 3.0
     v0 = (load_a + load_b) / 3.0
     sum_low = load_a - high.x1
@@ -290,14 +308,14 @@ def generated_torques(
     load_b: float,
     limit: PerClutch,
     rounding: float = 0.0,
-    own: Own = None,
+    arrangement: OptionalArrangement = None,
 ) -> PerClutch:
     """Return the torque of each clutch on the arm [N·m], given what all four exert on the two links, to a rounding.
 
     A slipping clutch generates its limit against the slip. Stuck ones share the rest with the least Σ τ_x², each
     within its limit; where the paper's equations are statically indeterminate (section III-A) this picks one answer.
     """
-    w = slip_velocities(omega_a, omega_b, own)
+    w = slip_velocities(omega_a, omega_b, arrangement)
     low = PerClutch(
         lower_bound(w.x1, limit.x1),
         lower_bound(w.x2, limit.x2),
@@ -310,4 +328,4 @@ def generated_torques(
         upper_bound(w.x3, limit.x3),
         upper_bound(w.x4, limit.x4),
     )
-    return share(load_a, load_b, low, high, rounding, own)
+    return share(load_a, load_b, low, high, rounding, arrangement)

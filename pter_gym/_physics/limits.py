@@ -6,7 +6,7 @@ cannot happen within a control step that begins below a kinetic energy, ``larges
 above it at the end of a control step ends there, as a failure.
 
 Derivation. Let h be the substep, T the control period with n = T/h substeps, μ the smallest eigenvalue of M over all
-poses, c the coupling, and Ω the largest |ω| in a substep. Let a kick have the parts 1 … J ≤ ``MOST_PARTS``, which last
+poses, c the coupling, and Ω the largest |ω| in a substep. Let a kick have the parts 1 … J ≤ ``MAX_PARTS``, which last
 until the times t_j = t_{j−1} + h_j and change the velocity by Δ_j to ω_j; t_0 = 0, t_J = h. With δ = θA − θB in the
 middle of the substep, F(ω) = c·sin δ·ωA·ωB·(ωA − ωB) = −ω·V(ω), so |F| ≤ 0.71|c||ω|³ and |∇F| ≤ 2.13|c||ω|².
 
@@ -41,27 +41,27 @@ start of a control step may have what both leave:
 
     βU³T′ ≤ 0.3·U      1.04·φT′ ≤ 0.67·U      u₀ ≤ 0.7·U − 1.04·φT′
 
-The first is U² ≤ 0.3·μ²/(haT′). In addition no link turns by more than ``LONGEST_TURN`` in a substep, hU ≤ ½√μ, for
+The first is U² ≤ 0.3·μ²/(haT′). In addition no link turns by more than ``MAX_TURN`` in a substep, hU ≤ ½√μ, for
 which the series of ``rotated`` is made. The spring of a hand counts as the mean
 of its force: what it has at a control instant, and half of what the arm's way in a control step adds.
 
-The rest is rounding. A 2×2 system loses as many digits as its condition has, so ``LARGEST_CONDITION`` leaves twelve
+The rest is rounding. A 2×2 system loses as many digits as its condition has, so ``MAX_CONDITION`` leaves twelve
 of sixteen; the hand's damping, as if all of it were implicit, and the viscous friction of the axes are part of it. The
-latter takes energy only, and so does dry friction. All other numbers are limited in ``pter_gym.params`` to ``SMALLEST``
-and ``LARGEST``, of whose products no number of a substep has more than twenty factors.
+latter takes energy only, and so does dry friction. All other numbers are limited in ``pter_gym.params`` to
+``MIN_POSITIVE`` and ``MAX_NUMBER``, of whose products no number of a substep has more than twenty factors.
 """
 
 import math
 
 from pter_gym._physics.arm import Linkage
 
-LONGEST_TURN = 0.5
+MAX_TURN = 0.5
 """Largest turn of a link in a substep [rad]."""
 
-LARGEST_CONDITION = 1e4
+MAX_CONDITION = 1e4
 """Largest condition of the mass matrix with the hand's mass and its implicit damping."""
 
-MOST_SUBSTEPS = 10_000
+MAX_SUBSTEPS = 10_000
 """Most substeps in a control step: about a tenth of a millisecond for each world."""
 
 _VELOCITY_TERMS, _A_PUSHS = 1.0 / 12.0, 1.0 / 10.0
@@ -90,7 +90,7 @@ def condition(arm: Linkage, h: float) -> float:
 def largest_motion(arm: Linkage, h: float, period: float) -> float:
     """Return U² [J]: twice the kinetic energy below which an arm stays within a control step."""
     smallest, coupling = smallest_inertia(arm), abs(arm.coupling)
-    turning = smallest * (LONGEST_TURN / h) ** 2
+    turning = smallest * (MAX_TURN / h) ** 2
     taken = h * arm.damping * (arm.length_a**2 + arm.length_b**2) / smallest
     left = 1.0 - 0.5 * (1.0 - arm.implicit) * taken
     a = 8.6 * coupling**2 / (left * smallest) + 0.56 * coupling

@@ -4,7 +4,7 @@ from typing import Annotated, NamedTuple
 
 from pter_gym._compiled.records import Entry
 from pter_gym._physics.arm import Linkage
-from pter_gym._physics.arrangement import Arrangement, Own
+from pter_gym._physics.arrangement import Arrangement, OptionalArrangement
 from pter_gym._physics.clutch import Curve, PerClutch, lag_left
 from pter_gym.params import SLOTS, Machine
 from pter_gym.params import TorqueCurve as CurveParameters
@@ -67,7 +67,7 @@ def arrangement_of(machine: Machine) -> Arrangement:
     return Arrangement(PerClutch(*a), PerClutch(*b), PerClutch(*dry), number)
 
 
-def own_arrangement(machine: Machine) -> Own:
+def optional_arrangement(machine: Machine) -> OptionalArrangement:
     """Return W of a machine as functions of friction take it: None for the paper's."""
     return None if machine.has_paper_clutches else arrangement_of(machine)
 

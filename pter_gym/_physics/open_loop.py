@@ -13,7 +13,7 @@ from pter_gym._physics.arm import Load, Motion, PerLink, Vector, kinetic_energy,
 from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.friction import mode_of, slip_velocities, without_dry
 from pter_gym._physics.model import arrangement_of, model_of
-from pter_gym._physics.step import Body, Energy, control_step_on, declared_in, kick_torques, papers
+from pter_gym._physics.step import Body, Energy, arrangement_from, control_step_on, kick_torques, paper_clutches
 from pter_gym.errors import DivergenceError, ParameterError
 from pter_gym.params import Machine, find_machine
 
@@ -194,7 +194,7 @@ def simulate(
     steps = _steps(machine, duration, volts, hand_force, joint_torque, target)
     body = body_of(machine, state)
     record = np.empty((steps, width(Row)))
-    _kernel(papers=machine.has_paper_clutches)(
+    _kernel(paper_clutches=machine.has_paper_clutches)(
         body,
         _volts(machine, volts, steps),
         _rows("hand_force", hand_force, steps, 2),
@@ -245,9 +245,9 @@ def _load_on(body: Any, i: int) -> Load:
     return load(body, BODY.load, i)
 
 
-def _functions(own_in: Any) -> tuple[Any, Any]:
-    """Return ``advance`` and ``row_of`` for machines whose clutches ``own_in`` tells; see ``substep_on``."""
-    control_step = control_step_on(BODY, _load_on, own_in)
+def _functions(arrangement_at: Any) -> tuple[Any, Any]:
+    """Return ``advance`` and ``row_of`` for machines whose clutches ``arrangement_at`` tells; see ``substep_on``."""
+    control_step = control_step_on(BODY, _load_on, arrangement_at)
 
     @device
     def advance(body: Any, command: PerClutch, on: Load, h: float) -> None:
@@ -264,8 +264,8 @@ def _functions(own_in: Any) -> tuple[Any, Any]:
         q = load(body, BODY.motion, 0)
         torques = load(body, BODY.torques, 0)
         impact, limit = load(body, BODY.impact, 0), load(body, BODY.limit, 0)
-        own = own_in(body, 0)
-        torque = kick_torques(impact, q.omega_a, q.omega_b, limit, body[BODY.span, 0], own)
+        arrangement = arrangement_at(body, 0)
+        torque = kick_torques(impact, q.omega_a, q.omega_b, limit, body[BODY.span, 0], arrangement)
         x, y = tip_position(arm, q)
         v_x, v_y = tip_velocity(arm, q)
         return Row(
@@ -273,11 +273,11 @@ def _functions(own_in: Any) -> tuple[Any, Any]:
             omega=PerLink(q.omega_a, q.omega_b),
             tip_position=Vector(x, y),
             tip_velocity=Vector(v_x, v_y),
-            torque=without_dry(torque, arm.dry_a, arm.dry_b, own),
-            slip_velocity=slip_velocities(q.omega_a, q.omega_b, own),
+            torque=without_dry(torque, arm.dry_a, arm.dry_b, arrangement),
+            slip_velocity=slip_velocities(q.omega_a, q.omega_b, arrangement),
             torque_breakaway=torques.breakaway,
             torque_dynamic=torques.dynamic,
-            mode=mode_of(q.omega_a, q.omega_b, own),
+            mode=mode_of(q.omega_a, q.omega_b, arrangement),
             kinetic_energy=kinetic_energy(arm, q),
             energy=load(body, BODY.energy, 0),
         )
@@ -285,7 +285,7 @@ def _functions(own_in: Any) -> tuple[Any, Any]:
     return advance, row_of
 
 
-(advance, row_of), (advance_declared, row_of_declared) = _functions(papers), _functions(declared_in(BODY))
+(advance, row_of), (advance_declared, row_of_declared) = _functions(paper_clutches), _functions(arrangement_from(BODY))
 
 
 def _build(digest: str) -> Any:
@@ -311,8 +311,8 @@ def _build(digest: str) -> Any:
 
 
 @cache
-def _kernel(*, papers: bool) -> Any:
-    declared = {} if papers else {"advance": advance_declared, "row_of": row_of_declared}
+def _kernel(*, paper_clutches: bool) -> Any:
+    declared = {} if paper_clutches else {"advance": advance_declared, "row_of": row_of_declared}
     return compile_kernel(_build, **declared)
 
 

@@ -22,7 +22,7 @@ from pter_gym._physics.arm import (
     tip_position,
     velocity_torque,
 )
-from pter_gym._physics.arrangement import Arrangement, Own, sign
+from pter_gym._physics.arrangement import Arrangement, OptionalArrangement, sign
 from pter_gym._physics.clutch import (
     PerClutch,
     Torques,
@@ -45,7 +45,7 @@ from pter_gym._physics.friction import (
 )
 from pter_gym._physics.model import Model
 
-MOST_PARTS = 4
+MAX_PARTS = 4
 """Most parts of a kick; what changes in the last one waits for the next substep."""
 
 _SHORTEST_PART = 1e-6
@@ -167,25 +167,29 @@ def stuck_limits(slip: PerClutch, limit: PerClutch) -> PerClutch:
 
 
 @device
-def torques_at(q: Motion, arm: Linkage, on: Load, torques: Torques, threshold: float, own: Own = None) -> PerClutch:
+def torques_at(
+    q: Motion, arm: Linkage, on: Load, torques: Torques, threshold: float, arrangement: OptionalArrangement = None
+) -> PerClutch:
     """Return the torque of each clutch on the arm at an instant [N·m].
 
     Clutches that slip exert their limit; stuck ones what keeps them so, if they can, by the friction problem of the
     accelerations.
     """
-    slip = slip_velocities(q.omega_a, q.omega_b, own)
-    limit = with_dry(capacities(slip, threshold, torques), arm.dry_a, arm.dry_b, own)
+    slip = slip_velocities(q.omega_a, q.omega_b, arrangement)
+    limit = with_dry(capacities(slip, threshold, torques), arm.dry_a, arm.dry_b, arrangement)
     impact = free_motion(q, arm, on, 0.0)
     damper_a, damper_b = damper_torque(arm, q)
     free_a = impact.hand_a - impact.fictitious_a - arm.implicit * damper_a - arm.viscous_a * q.omega_a
     free_b = impact.hand_b - impact.fictitious_b - arm.implicit * damper_b - arm.viscous_b * q.omega_b
-    slide_a, slide_b = torques_on_links(sliding_torques(slip, limit), own)
+    slide_a, slide_b = torques_on_links(sliding_torques(slip, limit), arrangement)
     held = stuck_limits(slip, limit)
-    alpha_a, alpha_b = resolve(impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, held, own)
+    alpha_a, alpha_b = resolve(
+        impact.m11, impact.m12, impact.m22, free_a + slide_a, free_b + slide_b, held, arrangement
+    )
     load_a = impact.m11 * alpha_a + impact.m12 * alpha_b - free_a
     load_b = impact.m12 * alpha_a + impact.m22 * alpha_b - free_b
-    generated = generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit, 0.0, own)
-    return without_dry(generated, arm.dry_a, arm.dry_b, own)
+    generated = generated_torques(q.omega_a, q.omega_b, load_a, load_b, limit, 0.0, arrangement)
+    return without_dry(generated, arm.dry_a, arm.dry_b, arrangement)
 
 
 @device
@@ -196,7 +200,13 @@ def passing(before: float, after: float, threshold: float) -> float:
 
 @device
 def slid_velocities(
-    impact: Impact, before: PerClutch, after: PerClutch, limit: PerClutch, threshold: float, h: float, own: Own = None
+    impact: Impact,
+    before: PerClutch,
+    after: PerClutch,
+    limit: PerClutch,
+    threshold: float,
+    h: float,
+    arrangement: OptionalArrangement = None,
 ) -> PerClutch:
     """Return the slip velocities [rad/s] after a kick in which clutches whose slip passes zero never cease to slide.
 
@@ -208,12 +218,12 @@ def slid_velocities(
         passing(before.x3, after.x3, threshold),
         passing(before.x4, after.x4, threshold),
     )
-    slide_a, slide_b = torques_on_links(sliding_torques(slips, limit), own)
+    slide_a, slide_b = torques_on_links(sliding_torques(slips, limit), arrangement)
     p_a = impact.p_a + h * slide_a
     p_b = impact.p_b + h * slide_b
     held = impulses(stuck_limits(slips, limit), h)
-    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, held, own)
-    return slip_velocities(omega_a, omega_b, own)
+    omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, p_a, p_b, held, arrangement)
+    return slip_velocities(omega_a, omega_b, arrangement)
 
 
 @device
@@ -225,12 +235,12 @@ def share_before_change(
     limit: PerClutch,
     threshold: float,
     h: float,
-    own: Own = None,
+    arrangement: OptionalArrangement = None,
 ) -> float:
     """Return the share of a kick after which the first clutch changes between sticking and slipping, 1 for none."""
-    w = slip_velocities(q.omega_a, q.omega_b, own)
-    v = slip_velocities(omega.a, omega.b, own)
-    slid = slid_velocities(impact, w, v, limit, threshold, h, own)
+    w = slip_velocities(q.omega_a, q.omega_b, arrangement)
+    v = slip_velocities(omega.a, omega.b, arrangement)
+    slid = slid_velocities(impact, w, v, limit, threshold, h, arrangement)
     ts, tk = torques.breakaway, torques.dynamic
     s1 = share_before(w.x1, slid.x1, threshold) if changes(w.x1, v.x1, threshold, ts.x1, tk.x1) else 1.0
     s2 = share_before(w.x2, slid.x2, threshold) if changes(w.x2, v.x2, threshold, ts.x2, tk.x2) else 1.0
@@ -250,7 +260,7 @@ def clutch_load(impact: Impact, omega_a: float, omega_b: float, h: float) -> tup
 
 @device
 def kick_torques(
-    impact: Impact, omega_a: float, omega_b: float, limit: PerClutch, h: float, own: Own = None
+    impact: Impact, omega_a: float, omega_b: float, limit: PerClutch, h: float, arrangement: OptionalArrangement = None
 ) -> PerClutch:
     """Return the torque of each clutch, with dry friction, on the arm [N·m] over a kick of h [s] or a part of one.
 
@@ -260,12 +270,18 @@ def kick_torques(
     m11, m12, m22 = impact.m11, impact.m12, impact.m22
     momentum = abs(impact.p_a) + abs(impact.p_b) + h * (limit.x1 + limit.x2 + limit.x3 + limit.x4)
     condition = (m11 + m22) * (m11 + m22) / (m11 * m22 - m12 * m12)
-    return generated_torques(omega_a, omega_b, load_a, load_b, limit, 1e-15 * condition * momentum / h, own)
+    return generated_torques(omega_a, omega_b, load_a, load_b, limit, 1e-15 * condition * momentum / h, arrangement)
 
 
 @device
 def kick_energy(
-    q: Motion, omega: PerLink, arm: Linkage, impact: Impact, limit: PerClutch, h: float, own: Own = None
+    q: Motion,
+    omega: PerLink,
+    arm: Linkage,
+    impact: Impact,
+    limit: PerClutch,
+    h: float,
+    arrangement: OptionalArrangement = None,
 ) -> Energy:
     """Return the energy terms [J] of a kick to new velocities; the damping of the hand counts as the hand's work."""
     omega_a = omega.a
@@ -276,7 +292,7 @@ def kick_energy(
     speed_a = arm.length_a * omega_a
     speed_b = arm.length_b * omega_b
     tip_speed_squared = speed_a * speed_a + speed_b * speed_b + 2.0 * cos * speed_a * speed_b
-    w = slip_velocities(omega_a, omega_b, own)
+    w = slip_velocities(omega_a, omega_b, arrangement)
     m12 = arm.coupling * cos
     return Energy(
         h * (omega_a * impact.hand_a + omega_b * impact.hand_b - arm.implicit * arm.damping * tip_speed_squared),
@@ -294,11 +310,11 @@ def turning_energy(before: Motion, after: Motion, arm: Linkage) -> float:
 
 
 @device
-def papers(w: Any, i: int) -> None:
+def paper_clutches(w: Any, i: int) -> None:
     """Return what stands for the paper's clutches: code made with it costs nothing for its generality."""
 
 
-def declared_in(at: Any) -> Any:
+def arrangement_from(at: Any) -> Any:
     """Return a function of an array and a machine's column that returns the machine's ``Arrangement``."""
 
     @device
@@ -308,7 +324,7 @@ def declared_in(at: Any) -> Any:
     return declared
 
 
-def substep_on(at: Any, load_on: Any, own_in: Any = papers) -> tuple[Any, Any, Any]:
+def substep_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches) -> tuple[Any, Any, Any]:
     """Return what makes a substep for machines in the columns of an array: ``aim``, ``drift`` and ``kick``.
 
     A substep is half a drift, a kick and half a drift; between two kicks the halves make a whole one. There are two
@@ -321,8 +337,8 @@ def substep_on(at: Any, load_on: Any, own_in: Any = papers) -> tuple[Any, Any, A
         Rows of a record with the entries of ``Body``, alone or among others.
     load_on
         ``load_on(w, i)`` returns the ``Load`` on the arm of machine ``i``.
-    own_in
-        ``papers``, or ``declared_in(at)`` for machines with other clutches than the paper's.
+    arrangement_at
+        ``paper_clutches``, or ``arrangement_from(at)`` for machines with other clutches than the paper's.
 
     Returns
     -------
@@ -355,7 +371,7 @@ def substep_on(at: Any, load_on: Any, own_in: Any = papers) -> tuple[Any, Any, A
         store(w, at.motion, i, after)
         w[at.energy.residual, i] += turning_energy(before, after, load(w, at.machine.arm, i))
 
-    find, take, divide = _parts_on(at, load_on, own_in)
+    find, take, divide = _parts_on(at, load_on, arrangement_at)
 
     @device
     def kick(w: Any, lanes: int, h: float) -> None:
@@ -376,12 +392,12 @@ def no_hands(w: Any, lanes: int, h: float, whole: bool, guides: bool) -> None:
     """Leave the loads as they are."""
 
 
-def control_step_on(at: Any, load_on: Any, own_in: Any = papers, move_hands: Any = no_hands) -> Any:
+def control_step_on(at: Any, load_on: Any, arrangement_at: Any = paper_clutches, move_hands: Any = no_hands) -> Any:
     """Return what moves machines through a control step: the one place for the order of a substep's stages.
 
     Parameters
     ----------
-    at, load_on, own_in
+    at, load_on, arrangement_at
         As ``substep_on`` takes them.
     move_hands
         ``move_hands(w, lanes, h, whole, guides)`` changes the loads with the drift before a kick.
@@ -392,7 +408,7 @@ def control_step_on(at: Any, load_on: Any, own_in: Any = papers, move_hands: Any
         ``control_step(w, lanes, h, count, aims, guides)`` makes ``count`` substeps of h [s] for the first ``lanes``
         machines. ``aims`` says that steady torques change within the step, as with voltages that lag.
     """
-    aim, drift, kick = substep_on(at, load_on, own_in)
+    aim, drift, kick = substep_on(at, load_on, arrangement_at)
 
     @device
     def control_step(w: Any, lanes: int, h: float, count: int, aims: bool, guides: bool) -> None:
@@ -410,7 +426,7 @@ def control_step_on(at: Any, load_on: Any, own_in: Any = papers, move_hands: Any
     return control_step
 
 
-def _parts_on(at: Any, load_on: Any, own_in: Any) -> tuple[Any, Any, Any]:
+def _parts_on(at: Any, load_on: Any, arrangement_at: Any) -> tuple[Any, Any, Any]:
     """Return what makes a kick, each for the machine in column ``i`` of an array; see ``substep_on``."""
 
     @device
@@ -421,12 +437,12 @@ def _parts_on(at: Any, load_on: Any, own_in: Any) -> tuple[Any, Any, Any]:
         q = load(w, at.motion, i)
         arm = load(w, at.machine.arm, i)
         impact = free_motion(q, arm, load_on(w, i), h)
-        own = own_in(w, i)
-        before = slip_velocities(q.omega_a, q.omega_b, own)
-        limit = with_dry(capacities(before, threshold, torques), arm.dry_a, arm.dry_b, own)
+        arrangement = arrangement_at(w, i)
+        before = slip_velocities(q.omega_a, q.omega_b, arrangement)
+        limit = with_dry(capacities(before, threshold, torques), arm.dry_a, arm.dry_b, arrangement)
         most = impulses(limit, h)
-        omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, most, own)
-        after = slip_velocities(omega_a, omega_b, own)
+        omega_a, omega_b = resolve(impact.m11, impact.m12, impact.m22, impact.p_a, impact.p_b, most, arrangement)
+        after = slip_velocities(omega_a, omega_b, arrangement)
         store(w, at.impact, i, impact)
         store(w, at.omega, i, PerLink(omega_a, omega_b))
         store(w, at.limit, i, limit)
@@ -440,7 +456,7 @@ def _parts_on(at: Any, load_on: Any, own_in: Any) -> tuple[Any, Any, Any]:
         q = load(w, at.motion, i)
         arm = load(w, at.machine.arm, i)
         impact, limit = load(w, at.impact, i), load(w, at.limit, i)
-        energy = kick_energy(q, omega, arm, impact, limit, w[at.span, i], own_in(w, i))
+        energy = kick_energy(q, omega, arm, impact, limit, w[at.span, i], arrangement_at(w, i))
         w[at.motion.omega_a, i] = omega.a
         w[at.motion.omega_b, i] = omega.b
         w[at.energy.hand_work, i] += energy.hand_work
@@ -451,7 +467,7 @@ def _parts_on(at: Any, load_on: Any, own_in: Any) -> tuple[Any, Any, Any]:
     @outlined
     def divide(w: Any, i: int) -> None:
         """Take a kick in which a clutch changes in parts, each up to the next change, until one is left to take."""
-        for _ in range(MOST_PARTS - 1):
+        for _ in range(MAX_PARTS - 1):
             span = w[at.span, i]
             share = share_before_change(
                 load(w, at.motion, i),
@@ -461,7 +477,7 @@ def _parts_on(at: Any, load_on: Any, own_in: Any) -> tuple[Any, Any, Any]:
                 load(w, at.limit, i),
                 w[at.machine.slip_threshold, i],
                 span,
-                own_in(w, i),
+                arrangement_at(w, i),
             )
             if not share < 1.0 - _SHORTEST_PART:
                 break

@@ -12,7 +12,7 @@ from pter_gym.benchmark.runs import Policies
 from pter_gym.benchmark.simulation import AnyPolicy, run, time_limit
 from pter_gym.controllers import bind
 from pter_gym.scenarios import find_scenario
-from pter_gym.scenarios._own_machine import AnyMachine
+from pter_gym.scenarios._fixed_machine import AnyMachine
 
 RESERVE, MISSING = 0.97, 0.75
 """Parts of the leaderboard's limits on pace errors and on missing completions that the search keeps to.

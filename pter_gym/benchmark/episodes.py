@@ -15,7 +15,7 @@ from pter_gym import hands, params, paths
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.codec import Codec, dataclasses_in
 from pter_gym._internal.files import FilePath, find_path, write_bytes_atomic
-from pter_gym._internal.reading import MOST_JSON, inflate, parse_json, read_bytes, reading
+from pter_gym._internal.reading import MAX_JSON_SIZE, inflate, parse_json, read_bytes, reading
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params import Machine
 from pter_gym.scenarios import find_pace, find_scenario
@@ -84,7 +84,7 @@ def load_episodes(scenario: str, pace: str, *, folder: FilePath = FOLDER) -> Epi
     if scenario not in (known := scenarios(folder)):
         raise unknown_name("scenario", scenario, known)
     with reading(f"evaluation data {path}"):
-        return _decode(read_bytes(path, MOST_JSON)).at_pace(speed)
+        return _decode(read_bytes(path, MAX_JSON_SIZE)).at_pace(speed)
 
 
 def find_episodes(scenario: str, pace: str, seed: int | None = None) -> Episodes:
@@ -135,7 +135,7 @@ def _draw(scenario: str, seed: int, pace: str) -> Episodes:
 
 @lru_cache(16)
 def _decode(data: bytes) -> Episodes:
-    content: dict[str, Any] = parse_json(inflate(data, MOST_JSON))
+    content: dict[str, Any] = parse_json(inflate(data, MAX_JSON_SIZE))
     parts: list[Any] = [CODEC.from_plain(part) for part in content["parts"]]
     entries: Sequence[dict[str, Any]] = content["episodes"]
     return Episodes(

@@ -11,7 +11,7 @@ import numpy as np
 
 from pter_gym._internal.checks import whole_number
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
-from pter_gym._internal.reading import MOST_JSON, parse_json, read_bytes, reading
+from pter_gym._internal.reading import MAX_JSON_SIZE, parse_json, read_bytes, reading
 from pter_gym._internal.terminal import make_folder
 from pter_gym.benchmark.boards import Leaderboard, leaderboards, suite_scores, suites
 from pter_gym.benchmark.runs import ScenarioRun
@@ -105,7 +105,7 @@ def read_run(path: FilePath) -> ScenarioRun:
     """Return the run in a file, or raise a DataError that names the file if it holds something else."""
     path = find_path("path", path)
     with reading(path.name):
-        content = parse_json(read_bytes(path, MOST_JSON))
+        content = parse_json(read_bytes(path, MAX_JSON_SIZE))
         strata = tuple(map(str, content["strata"]))
         scores = {name: np.array(content[name]).reshape(len(strata)) for name in SCORES}
         run = ScenarioRun(**{name: content[name] for name in NAMES}, strata=strata, scores=scores)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pter_gym._internal.files import FilePath, find_path
-from pter_gym._internal.reading import MOST_TOML, parse_toml, read_text, reading
+from pter_gym._internal.reading import MAX_TOML_SIZE, parse_toml, read_text, reading
 from pter_gym.controllers import CONTROLLERS, Controller, Guided, Impedance, PaceSchedule
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.policies._stored_gains import make_guided
@@ -94,7 +94,7 @@ def read_table(path: FilePath = TABLE) -> Table:
     """
     path = find_path("path", path)
     with reading(f"tuned gains {path} cannot be read"):
-        table = parse_toml(read_text(path, MOST_TOML)) if path.exists() else {}
+        table = parse_toml(read_text(path, MAX_TOML_SIZE)) if path.exists() else {}
         for scenario, controllers in table.items():
             for controller, paces in controllers.items():
                 for pace, entry in paces.items():

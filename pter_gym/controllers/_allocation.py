@@ -6,7 +6,7 @@ problem too, with the metric in place of the mass matrix and the unreached remai
 
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import entrywise
-from pter_gym._physics.arrangement import Own
+from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import resolve, share, slip_velocities, torques_on_links
 
@@ -27,20 +27,27 @@ def largest_torque(slip: float, threshold: float, limit: float, scale: float) ->
 
 @device
 def allocate(
-    want_a: float, want_b: float, low: PerClutch, high: PerClutch, m11: float, m12: float, m22: float, own: Own = None
+    want_a: float,
+    want_b: float,
+    low: PerClutch,
+    high: PerClutch,
+    m11: float,
+    m12: float,
+    m22: float,
+    arrangement: OptionalArrangement = None,
 ) -> PerClutch:
     """Return the clutch torques within bounds that come closest to the desired joint torques [N·m].
 
     Minimises ``(Wᵀτ − want)ᵀ·M⁻¹·(Wᵀτ − want)``, then Σ τ_x² among the minimisers. M is the identity for distances in
     joint torque, or JᵀJ for distances in tip force.
     """
-    middle_a, middle_b = torques_on_links(mean(low, high), own)
+    middle_a, middle_b = torques_on_links(mean(low, high), arrangement)
     half = mean(negative(low), high)
-    short_a, short_b = resolve(m11, m12, m22, want_a - middle_a, want_b - middle_b, half, own)
+    short_a, short_b = resolve(m11, m12, m22, want_a - middle_a, want_b - middle_b, half, arrangement)
     got_a = want_a - (m11 * short_a + m12 * short_b)
     got_b = want_b - (m12 * short_a + m22 * short_b)
-    short = slip_velocities(short_a, short_b, own)
-    return share(got_a, got_b, pinned(short, high, low), pinned(negative(short), low, high), 0.0, own)
+    short = slip_velocities(short_a, short_b, arrangement)
+    return share(got_a, got_b, pinned(short, high, low), pinned(negative(short), low, high), 0.0, arrangement)
 
 
 @entrywise

@@ -17,7 +17,7 @@ from pter_gym._physics.arm import Linkage
 from pter_gym._physics.arrangement import Arrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
-from pter_gym._physics.model import own_arrangement
+from pter_gym._physics.model import optional_arrangement
 from pter_gym.params import Machine
 
 
@@ -96,7 +96,7 @@ def gains_array(
     paces = [pace for pace, _ in rows_by_pace]
     table = (*table_volts, *torques)
     gains = (gain for _, row in rows_by_pace for gain in row)
-    return np.array([*flat(nominal), *table, *paces, *gains, *flat(own_arrangement(machine) or ())])
+    return np.array([*flat(nominal), *table, *paces, *gains, *flat(optional_arrangement(machine) or ())])
 
 
 @device

@@ -25,7 +25,7 @@ from pter_gym.params import (
     require_number,
     require_numbers,
 )
-from pter_gym.tasks.path_following._observation import SEEN
+from pter_gym.tasks.path_following._observation import OBS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,8 +70,8 @@ class Guided:
 
     def gains(self) -> Gains:
         """Return the gains as the law reads them: the fields of the same names, and 0 for gains of other laws."""
-        own = vars(self)
-        return Gains(**{name: float(own[name]) for name in Gains._fields if name in own})
+        arrangement = vars(self)
+        return Gains(**{name: float(arrangement[name]) for name in Gains._fields if name in arrangement})
 
     def at(self, pace: float) -> "Guided":  # noqa: ARG002
         """Return itself, whose gains are the same at every commanded pace [m/s]; see ``PaceSchedule.at``."""
@@ -227,7 +227,7 @@ def bind_rows(first: Guided, rows: list[tuple[float, Gains]], machine: Machine, 
     top = machine.clutch.voltage_max
     volts = (*(knot for knot in first.table_volts if knot < top), top)
     feeds_back = any(gains.feedback != 0.0 for _, gains in rows)
-    if feeds_back and ("torque_1" not in layout.names or layout.index("torque_1") != SEEN.torque.x1):
+    if feeds_back and ("torque_1" not in layout.names or layout.index("torque_1") != OBS.torque.x1):
         raise ParameterError('torque feedback needs torque sensors: sensors="torque" or sensors="force"')
     law = built_in if machine.has_paper_clutches else guide_declared
     return Policy(gains_array(first.kind, machine, volts, rows), layout, law)

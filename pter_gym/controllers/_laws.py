@@ -14,14 +14,14 @@ from pter_gym._compiled.philox import uniform4
 from pter_gym._compiled.records import entrywise, read
 from pter_gym._engine.law import MEMORY
 from pter_gym._physics.arm import Motion, UnitVector, Vector, cos_difference, joint_torque, tip_velocity
-from pter_gym._physics.arrangement import Own
+from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between, slip_velocities
 from pter_gym.controllers._allocation import allocate, largest_torque, least_torque
 from pter_gym.controllers._gains import NOMINAL, OWN, Gains, Nominal, clutch_voltage, read_gains
 from pter_gym.controllers._network import HEADER, HEADER_WIDTH, NETWORK, decide
 from pter_gym.controllers._steering import Tip, speed_along, steered, turning_torques
-from pter_gym.tasks.path_following._observation import SEEN
+from pter_gym.tasks.path_following._observation import OBS
 
 CONSTANT = 1.0
 RANDOM = 2.0
@@ -53,21 +53,21 @@ def observed_tip(obs: Any, scales: Any, nominal: Nominal) -> Tip:
     q = Motion(
         0.0,  # no law asks for the angles themselves
         0.0,
-        physical(obs, scales, SEEN.omega_a),
-        physical(obs, scales, SEEN.omega_b),
-        float(obs[SEEN.cos_a]),
-        float(obs[SEEN.sin_a]),
-        float(obs[SEEN.cos_b]),
-        float(obs[SEEN.sin_b]),
+        physical(obs, scales, OBS.omega_a),
+        physical(obs, scales, OBS.omega_b),
+        float(obs[OBS.cos_a]),
+        float(obs[OBS.sin_a]),
+        float(obs[OBS.cos_b]),
+        float(obs[OBS.sin_b]),
     )
     v_x, v_y = tip_velocity(nominal.arm, q)
     return Tip(
         nominal.arm,
         q,
         Vector(v_x, v_y),
-        UnitVector(float(obs[SEEN.heading.cos]), float(obs[SEEN.heading.sin])),
-        physical(obs, scales, SEEN.normal_error),
-        physical(obs, scales, SEEN.curvature),
+        UnitVector(float(obs[OBS.heading.cos]), float(obs[OBS.heading.sin])),
+        physical(obs, scales, OBS.normal_error),
+        physical(obs, scales, OBS.curvature),
     )
 
 
@@ -98,7 +98,7 @@ def steps_before(obs: Any, memory: Any) -> float:
     An episode begins when a tip that was under way is back at the start, even without a reset of the policy; the memory
     of the previous episode is then cleared. An episode that the law joins midway has had ``JOINED_MIDWAY`` steps.
     """
-    progress = float(obs[SEEN.progress])
+    progress = float(obs[OBS.progress])
     if (progress < START_PROGRESS) & (memory[MEMORY.progress] >= 2.0 * START_PROGRESS):
         memory[MEMORY.kept] = 0.0
         memory[MEMORY.brake] = 0.0
@@ -130,7 +130,7 @@ def guide_declared(obs: Any, scales: Any, gains: Any, memory: Any) -> PerClutch:
 
 
 @device
-def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, own: Own) -> PerClutch:
+def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, arrangement: OptionalArrangement) -> PerClutch:
     """Return the voltages of a guiding law: impedance, single-DOF lines or velocity ratio.
 
     Each law has a desired tip force (for the latter two, only the brake along the path), which Jᵀ maps to the joints.
@@ -138,7 +138,7 @@ def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, own: Own) -> PerClu
     exert (paper section III-A). The single-DOF law then adds a torque of one clutch. The table and, if it has a gain,
     the torque loop convert them to voltages.
     """
-    pace = physical(obs, scales, SEEN.pace)
+    pace = physical(obs, scales, OBS.pace)
     nominal = read(gains, NOMINAL, 0)
     g = read_gains(gains, pace)
     tip = observed_tip(obs, scales, nominal)
@@ -150,17 +150,23 @@ def guide_by(obs: Any, scales: Any, gains: Any, memory: Any, own: Own) -> PerClu
         turn_a, turn_b = turning_torques(g, tip)
         want_a += turn_a
         want_b += turn_b
-    slip = slip_velocities(tip.q.omega_a, tip.q.omega_b, own)
-    wanted = passive_torques(g, tip, slip, nominal, want_a, want_b, own)
+    slip = slip_velocities(tip.q.omega_a, tip.q.omega_b, arrangement)
+    wanted = passive_torques(g, tip, slip, nominal, want_a, want_b, arrangement)
     if nominal.kind == SINGLE_DOF:
-        wanted, memory[MEMORY.kept] = steered(g, tip, nominal.scale, wanted, memory[MEMORY.kept], own)
+        wanted, memory[MEMORY.kept] = steered(g, tip, nominal.scale, wanted, memory[MEMORY.kept], arrangement)
     least = nominal.voltage_max if gripping else 0.0
-    return looped_voltage(obs, scales, gains, g, least, nominal.scale, wanted, slip, SEEN.torque)
+    return looped_voltage(obs, scales, gains, g, least, nominal.scale, wanted, slip, OBS.torque)
 
 
 @device
 def passive_torques(
-    g: Gains, tip: Tip, slip: PerClutch, nominal: Nominal, want_a: float, want_b: float, own: Own = None
+    g: Gains,
+    tip: Tip,
+    slip: PerClutch,
+    nominal: Nominal,
+    want_a: float,
+    want_b: float,
+    arrangement: OptionalArrangement = None,
 ) -> PerClutch:
     """Return the torques [N·m] of braking clutches that come closest in joint torque, or in tip force."""
     low = least_torque(slip, g.slip_threshold, nominal.torque_limit, nominal.scale)
@@ -169,7 +175,7 @@ def passive_torques(
     if g.tip_space >= 0.5:
         length_a, length_b = tip.arm.length_a, tip.arm.length_b
         m11, m12, m22 = length_a * length_a, length_a * length_b * cos_difference(tip.q), length_b * length_b
-    return allocate(want_a, want_b, low, high, m11, m12, m22, own)
+    return allocate(want_a, want_b, low, high, m11, m12, m22, arrangement)
 
 
 @entrywise

@@ -5,8 +5,8 @@ gains of the base controller, if any; for each input its source, its center and 
 the present in the averages; the sizes of the layers, from the inputs on; and for each layer its biases, then its
 weights, input by input.
 
-The memory of a world is ``Memory`` of the base controller's law, ``Past``, a ring of recent inputs, the averages and
-two vectors of ``width`` entries for the layers.
+The memory of a world is ``Memory`` of the base controller's law, ``InputHistory``, a ring of recent inputs, the
+averages and two vectors of ``width`` entries for the layers.
 """
 
 from typing import Annotated, Any, NamedTuple
@@ -16,7 +16,7 @@ from pter_gym._compiled.records import Entry, entrywise, read, rows, width
 from pter_gym._engine.law import Memory
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import between
-from pter_gym.tasks.path_following._observation import SEEN
+from pter_gym.tasks.path_following._observation import OBS
 
 NETWORK = 6.0
 """Kind of the law, its first gain."""
@@ -50,7 +50,7 @@ class Network(NamedTuple):
     voltage_max: Annotated[float, Entry("V", "largest voltage")]
 
 
-class Past(NamedTuple):
+class InputHistory(NamedTuple):
     """The changing state of a network besides its vectors."""
 
     begun: Annotated[float, Entry("1", "whether the episode has begun")]
@@ -60,8 +60,8 @@ class Past(NamedTuple):
 HEADER = rows(Network)
 HEADER_WIDTH = width(Network)
 LAW_WIDTH = width(Memory)
-PAST = rows(Past, LAW_WIDTH)
-VECTORS = LAW_WIDTH + width(Past)
+PAST = rows(InputHistory, LAW_WIDTH)
+VECTORS = LAW_WIDTH + width(InputHistory)
 """Where the vectors of the memory begin."""
 
 
@@ -100,9 +100,9 @@ def quantity(obs: Any, scales: Any, base: PerClutch, source: int) -> float:
     if source <= -5:
         return base[-5 - source]
     of_b = source <= -3
-    cos, sin = float(obs[SEEN.heading.cos]), float(obs[SEEN.heading.sin])
-    cos_link = float(obs[SEEN.cos_b] if of_b else obs[SEEN.cos_a])
-    sin_link = float(obs[SEEN.sin_b] if of_b else obs[SEEN.sin_a])
+    cos, sin = float(obs[OBS.heading.cos]), float(obs[OBS.heading.sin])
+    cos_link = float(obs[OBS.cos_b] if of_b else obs[OBS.cos_a])
+    sin_link = float(obs[OBS.sin_b] if of_b else obs[OBS.sin_a])
     is_cos = (source == -1) | (source == -3)
     return cos * cos_link + sin * sin_link if is_cos else sin * cos_link - cos * sin_link
 

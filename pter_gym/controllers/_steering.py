@@ -12,7 +12,7 @@ from typing import NamedTuple
 from pter_gym._compiled.compiler import device
 from pter_gym._compiled.records import entrywise
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, cos_difference, tip_velocity
-from pter_gym._physics.arrangement import Own, sign
+from pter_gym._physics.arrangement import OptionalArrangement, sign
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import COUPLING, LINES
 from pter_gym.controllers._gains import Gains
@@ -102,16 +102,16 @@ def matching(tip: Tip, u_x: float, u_y: float, turn: float, line: tuple[float, f
 
 
 @device
-def line_and_row(k: int, own: Own) -> tuple[tuple[float, float], tuple[float, float]]:
+def line_and_row(k: int, arrangement: OptionalArrangement) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the line of a slot, the joint velocities at which it does not slip, and its row of W."""
-    if own is not None:
-        return (-own.b[k], own.a[k]), (own.a[k], own.b[k])
+    if arrangement is not None:
+        return (-arrangement.b[k], arrangement.a[k]), (arrangement.a[k], arrangement.b[k])
     return LINES[k], COUPLING[k]
 
 
 @device
 def steered(
-    g: Gains, tip: Tip, scale: PerClutch, wanted: PerClutch, last: float, own: Own = None
+    g: Gains, tip: Tip, scale: PerClutch, wanted: PerClutch, last: float, arrangement: OptionalArrangement = None
 ) -> tuple[PerClutch, float]:
     """Return the clutch torques [N·m] with the torque of the best line's clutch added, and its number, 0 for none.
 
@@ -126,7 +126,7 @@ def steered(
     chosen = 0.0
     best = 0.0
     for k in range(4):
-        line, row = line_and_row(k, own)
+        line, row = line_and_row(k, arrangement)
         match = matching(tip, u_x, u_y, turn, line, row) + (g.reluctance if last == k + 1.0 else 0.0)
         better = (scale[k] > 0.0) & (match >= 0.0 if chosen == 0.0 else match > best)
         chosen = k + 1.0 if better else chosen

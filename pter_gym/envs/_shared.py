@@ -21,7 +21,7 @@ from pter_gym.tasks.path_following._observation import BOUND
 from pter_gym.tasks.path_following._specification import largest_error_max
 
 if TYPE_CHECKING:
-    from pter_gym.scenarios._own_machine import AnyMachine
+    from pter_gym.scenarios._fixed_machine import AnyMachine
     from pter_gym.scenarios.randomisation import Mixture, Randomisation
 
 

@@ -8,7 +8,7 @@ from pter_gym.envs._shared import overrides_of_task
 from pter_gym.errors import ParameterError
 from pter_gym.paths import Path
 from pter_gym.scenarios import Scenario, find_scenario
-from pter_gym.scenarios._own_machine import AnyMachine
+from pter_gym.scenarios._fixed_machine import AnyMachine
 from pter_gym.scenarios.randomisation import Randomisation
 from pter_gym.tasks.path_following import RewardWeights, Starts
 

@@ -16,7 +16,7 @@ from pter_gym._physics import step as _step
 from pter_gym._physics.arm import Load, PerLink
 from pter_gym._physics.clutch import PerClutch, Torques
 from pter_gym._physics.open_loop import BODY, scratch
-from pter_gym._physics.step import MOST_PARTS, declared_in, papers, share_before_change, substep_on
+from pter_gym._physics.step import MAX_PARTS, arrangement_from, paper_clutches, share_before_change, substep_on
 from pter_gym.gradients._tracing import adjoint_of
 
 _STEP: Any = _step
@@ -59,9 +59,9 @@ class Kick(NamedTuple):
     share: Any
 
 
-def kick_stages(own_in: Any) -> Kick:
-    """Return a kick's stages for machines whose clutches ``own_in`` tells."""
-    find, _, _ = _STEP._parts_on(BODY, load_on, own_in)
+def kick_stages(arrangement_at: Any) -> Kick:
+    """Return a kick's stages for clutches as ``arrangement_at`` tells."""
+    find, _, _ = _STEP._parts_on(BODY, load_on, arrangement_at)
 
     @outlined
     def share(w: Any, i: int) -> float:
@@ -73,10 +73,10 @@ def kick_stages(own_in: Any) -> Kick:
             load(w, BODY.limit, i),
             w[BODY.machine.slip_threshold, i],
             w[BODY.span, i],
-            own_in(w, i),
+            arrangement_at(w, i),
         )
 
-    return Kick(substep_on(BODY, load_on, own_in)[2], find, share)
+    return Kick(substep_on(BODY, load_on, arrangement_at)[2], find, share)
 
 
 _aim_half, _aim_whole = (adjoint_of(aim, constants=(whole,)) for whole in (False, True))
@@ -142,7 +142,7 @@ def kick_adjoints(stages: Kick) -> tuple[Any, Any]:
         return kick_adjoint
 
     kick_adjoint = whole_adjoint
-    for _ in range(MOST_PARTS - 1):
+    for _ in range(MAX_PARTS - 1):
         kick_adjoint = with_rest(kick_adjoint)
     return whole_adjoint, kick_adjoint
 
@@ -177,9 +177,9 @@ def _bring_back(body: Any, kept: Any, steady: int) -> None:
         body[BODY.steady.breakaway.x1 + row, 0] = kept[_STATE + row]
 
 
-def _steps(own_in: Any) -> tuple[Any, Any]:
-    """Return ``forward`` and ``backward`` through a control step, for machines whose clutches ``own_in`` tells."""
-    stages = kick_stages(own_in)
+def _steps(arrangement_at: Any) -> tuple[Any, Any]:
+    """Return ``forward`` and ``backward`` through a control step, for clutches as ``arrangement_at`` tells."""
+    stages = kick_stages(arrangement_at)
     kick = stages.whole
     whole_adjoint, kick_adjoint = kick_adjoints(stages)
 
@@ -285,6 +285,6 @@ def _build_backward(digest: str) -> Any:
 @cache
 def kernels(*, has_paper_clutches: bool) -> tuple[Any, Any]:
     """Return ``forward`` and ``backward`` of whole rollouts, for the paper's clutches or other ones."""
-    forward, backward = _steps(papers if has_paper_clutches else declared_in(BODY))
+    forward, backward = _steps(paper_clutches if has_paper_clutches else arrangement_from(BODY))
     backward_kernel = compile_kernel(_build_backward, forward_step=forward, backward_step=backward)
     return compile_kernel(_build_forward, forward_step=forward), backward_kernel

@@ -1,7 +1,7 @@
 """The derivatives of the friction problem ``friction.resolve``, written by hand."""
 
 from pter_gym._compiled.compiler import device
-from pter_gym._physics.arrangement import Own
+from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.friction import slip_velocities, torques_on_links
 from pter_gym._physics.step import sliding_torques
@@ -36,7 +36,7 @@ def resolve_adjoint(
     p_a: float,
     p_b: float,
     c: PerClutch,
-    own: Own,
+    arrangement: OptionalArrangement,
     omega_a: float,
     omega_b: float,
     by_a: float,
@@ -47,9 +47,9 @@ def resolve_adjoint(
     With P of ``momentum_bar``, ω changes by P·(dp − dM·ω − Σ_x W_xᵀ·sign(W_x·ω)·dc_x).
     """
     _ = p_a, p_b, c
-    slip = slip_velocities(omega_a, omega_b, own)
+    slip = slip_velocities(omega_a, omega_b, arrangement)
     q_a, q_b = momentum_bar(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)
-    c1, c2, c3, c4 = sliding_torques(slip, slip_velocities(q_a, q_b, own))
+    c1, c2, c3, c4 = sliding_torques(slip, slip_velocities(q_a, q_b, arrangement))
     return -q_a * omega_a, -q_a * omega_b - q_b * omega_a, -q_b * omega_b, q_a, q_b, c1, c2, c3, c4
 
 
@@ -61,7 +61,7 @@ def resolve_tangent(
     p_a: float,
     p_b: float,
     c: PerClutch,
-    own: Own,
+    arrangement: OptionalArrangement,
     omega_a: float,
     omega_b: float,
     d11: float,
@@ -76,8 +76,8 @@ def resolve_tangent(
 ) -> tuple[float, float]:
     """Return the tangents of the velocities ω of ``friction.resolve``, by those of M (3), p (2) and c (4)."""
     _ = p_a, p_b, c
-    slip = slip_velocities(omega_a, omega_b, own)
-    less_a, less_b = torques_on_links(sliding_torques(slip, PerClutch(d1, d2, d3, d4)), own)
+    slip = slip_velocities(omega_a, omega_b, arrangement)
+    less_a, less_b = torques_on_links(sliding_torques(slip, PerClutch(d1, d2, d3, d4)), arrangement)
     by_a = d_a - d11 * omega_a - d12 * omega_b + less_a
     by_b = d_b - d12 * omega_a - d22 * omega_b + less_b
     return momentum_bar(m11, m12, m22, omega_a, omega_b, by_a, by_b, slip)

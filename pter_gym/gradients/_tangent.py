@@ -8,7 +8,7 @@ from typing import Any
 from pter_gym._compiled.compiler import device, outlined
 from pter_gym._compiled.records import flat, load, store
 from pter_gym._physics.open_loop import BODY
-from pter_gym._physics.step import MOST_PARTS
+from pter_gym._physics.step import MAX_PARTS
 from pter_gym.gradients._adjoint import OMEGA, SHORTEST_PART, Kick, aim, drift, kick_stages, lags
 from pter_gym.gradients._tracing import tangent_of
 
@@ -30,12 +30,12 @@ KICK = MOTION | TORQUES | frozenset(
 )  # fmt: skip
 
 
-def substep_tangents(own_in: Any, lanes: int, torque_lanes: int) -> Any:
-    """Return a substep with tangents, for machines whose clutches ``own_in`` tells.
+def substep_tangents(arrangement_at: Any, lanes: int, torque_lanes: int) -> Any:
+    """Return a substep with tangents, for machines whose clutches ``arrangement_at`` tells.
 
     Parameters
     ----------
-    own_in
+    arrangement_at
         As ``substep_on`` takes it.
     lanes
         How many tangents there are.
@@ -49,7 +49,7 @@ def substep_tangents(own_in: Any, lanes: int, torque_lanes: int) -> Any:
         energies apart, and to ``dot`` (entries, lanes), the tangents of its entries by numbers of the motion, the
         clutches, the inertias and the friction of the axes. ``aims`` tells whether commands may have changed.
     """
-    kick = _kick_tangents(own_in, lanes)
+    kick = _kick_tangents(arrangement_at, lanes)
     aim_torques = tangent_of(aim, constants=(False,), active=TORQUES, lanes=torque_lanes)
     relax = tangent_of(drift, "h", constants=(False,), active=TORQUES, lanes=torque_lanes)
     turn = tangent_of(drift, "h", constants=(False,), active=MOTION, lanes=lanes)
@@ -89,15 +89,15 @@ def stages_in_span(stages: Kick) -> tuple[Any, Any]:
     return find, take_part
 
 
-def _kick_tangents(own_in: Any, lanes: int) -> Any:
+def _kick_tangents(arrangement_at: Any, lanes: int) -> Any:
     """Return ``kick(body, dot, h)``: a kick over h [s] with its tangents, divided where a clutch changes."""
-    stages = kick_stages(own_in)
+    stages = kick_stages(arrangement_at)
     share = stages.share
     find, part = (tangent_of(stage, active=KICK, lanes=lanes) for stage in stages_in_span(stages))
 
     @outlined
     def divide(body: Any, dot: Any) -> None:
-        for _ in range(MOST_PARTS - 1):
+        for _ in range(MAX_PARTS - 1):
             if body[BODY.changes, 0] == 0.0 or not share(body, 0) < 1.0 - SHORTEST_PART:
                 break
             part(body, 0, dot)

@@ -24,7 +24,7 @@ from pter_gym._engine.step import (
 from pter_gym._engine.world import BASIC_ROWS, CONFIG, CONSTANT_ROWS, FLAG, ROW, STORED_ROWS, Config
 from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH
-from pter_gym.envs import jax as door
+from pter_gym.envs import jax as jax_env
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.gradients._branchless import Column, branchless
 from pter_gym.gradients.jax import MEANING, custom_vmap, first_order, floats_of, jax, jnp, lax, rolling
@@ -53,7 +53,7 @@ EpisodeEnd = Literal["raise", "constant"]
 """What to do with a derivative that would pass through the end of an episode, where there is a jump."""
 
 
-class DifferentiableEnv(door.JaxEnv):
+class DifferentiableEnv(jax_env.JaxEnv):
     """Pure functions of one world as ``JaxEnv`` has them, whose ``step`` has a derivative; make one with ``make``.
 
     Observation, reward and next state are differentiated by the action and the state. ``params`` counts as constant;
@@ -99,7 +99,7 @@ class DifferentiableEnv(door.JaxEnv):
         return super().step(key, door_state, action, params)
 
     def _advance(self, state: Any, given: jax.Array, shared: Any) -> Any:
-        shared = door.EnvParams(self.default_params.config, shared.constants)
+        shared = jax_env.EnvParams(self.default_params.config, shared.constants)
         state, obs, final, reward, flags = self._advance_one(state.numbers, given, state[:2], shared)
         over = flags[FLAG.terminated] | flags[FLAG.truncated]
         return state, obs, jnp.where(over, final, obs), reward, flags

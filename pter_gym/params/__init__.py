@@ -2,8 +2,8 @@
 
 from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
 from pter_gym.params._fields import (
-    LARGEST,
-    SMALLEST,
+    MAX_NUMBER,
+    MIN_POSITIVE,
     Checked,
     preset,
     quantity,
@@ -41,11 +41,11 @@ __all__ = [
     "BASELINE",
     "DELRIN_EXPERIMENTAL",
     "DELRIN_THEORETICAL",
-    "LARGEST",
     "MACHINES",
+    "MAX_NUMBER",
+    "MIN_POSITIVE",
     "PAPER_CLUTCHES",
     "SLOTS",
-    "SMALLEST",
     "Arm",
     "Checked",
     "Clutch",

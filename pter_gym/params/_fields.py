@@ -13,10 +13,10 @@ from pter_gym.errors import ParameterError
 SHIPPED = parse_toml((Path(__file__).parents[1] / "presets" / "pter.toml").read_text("utf-8"))
 """The numbers that the paper does not print: value, unit and source (``from``) by section and field."""
 
-LARGEST = 1e12
+MAX_NUMBER = 1e12
 """Largest size of a number that has no bound of its own."""
 
-SMALLEST = 1e-12
+MIN_POSITIVE = 1e-12
 """Smallest size of a number that has to be positive. Products of such numbers do not underflow."""
 
 
@@ -91,14 +91,14 @@ def check_number(
 ) -> None:
     """Raise a ParameterError unless a value is a finite real number within the range.
 
-    A range without an upper bound ends at ``LARGEST``; one that excludes 0 begins at ``SMALLEST``.
+    A range without an upper bound ends at ``MAX_NUMBER``; one that excludes 0 begins at ``MIN_POSITIVE``.
     """
-    least = SMALLEST if above == 0.0 else max(at_least, -LARGEST)
-    if not (is_finite(value) and least <= value <= min(at_most, LARGEST) and above < value < below):
+    least = MIN_POSITIVE if above == 0.0 else max(at_least, -MAX_NUMBER)
+    if not (is_finite(value) and least <= value <= min(at_most, MAX_NUMBER) and above < value < below):
         bounds = (("> ", above), ("≥ ", at_least), ("≤ ", at_most), ("< ", below))
         told = [f"{sign}{bound:g}" for sign, bound in bounds if math.isfinite(bound)]
         if min(at_most, below) == math.inf:
-            told.append(f"at most {LARGEST:g}" if told else f"at most {LARGEST:g} in size")
+            told.append(f"at most {MAX_NUMBER:g}" if told else f"at most {MAX_NUMBER:g} in size")
         raise ParameterError(f"{field} must be {' and '.join(['a finite number', *told])}, got {value!r:.400}")
 
 
@@ -126,10 +126,10 @@ def require_flag(owner: object, name: str) -> None:
     require_kind(owner, name, bool)
 
 
-def require_numbers(owner: object, name: str, *, count: int | None = None, at_least: float = -LARGEST) -> None:
+def require_numbers(owner: object, name: str, *, count: int | None = None, at_least: float = -MAX_NUMBER) -> None:
     """Raise a ParameterError unless the field is a tuple of numbers ≥ ``at_least``, of the given count."""
     value: Any = getattr(owner, name)
     numbers = cast("tuple[float, ...]", value) if isinstance(value, tuple) else ()
-    fits = numbers is value and all(is_finite(x) and at_least <= x <= LARGEST for x in numbers)
-    accepted = f"a tuple of {'' if count is None else f'{count} '}finite numbers from {at_least:g} to {LARGEST:g}"
+    fits = numbers is value and all(is_finite(x) and at_least <= x <= MAX_NUMBER for x in numbers)
+    accepted = f"a tuple of {'' if count is None else f'{count} '}finite numbers from {at_least:g} to {MAX_NUMBER:g}"
     require(fits and count in (None, len(numbers)), owner, name, cast(Any, value), accepted)

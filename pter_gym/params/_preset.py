@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from pter_gym._internal.files import FilePath, find_path, write_text_atomic
-from pter_gym._internal.reading import MOST_TOML, parse_toml, read_text, reading
+from pter_gym._internal.reading import MAX_TOML_SIZE, parse_toml, read_text, reading
 from pter_gym.errors import ParameterError, unknown_name
 from pter_gym.params._connection import PAPER_CLUTCHES, SLOTS, Connection
 from pter_gym.params._fields import SHIPPED, check_number, require
@@ -92,7 +92,7 @@ def load_preset(path: FilePath) -> Preset:
     """
     file = find_path("path", path)
     try:
-        text = read_text(file, MOST_TOML)
+        text = read_text(file, MAX_TOML_SIZE)
     except (OSError, ValueError) as error:
         raise ParameterError(f"preset {path} cannot be read: {error}") from None
     with reading(f"preset {path}"):

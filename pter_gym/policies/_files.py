@@ -34,7 +34,7 @@ FORMAT = "pter-gym policy 1"
 NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 """Names of policies."""
 
-LONGEST_NAME = 180
+MAX_NAME_LENGTH = 180
 """Most characters of a policy's name, as it is in the name of a file."""
 
 ENDING = ".safetensors"
@@ -149,9 +149,9 @@ def encode_policy(policy: "TrainedPolicy") -> bytes:
 
 def check_name(name: object) -> None:
     """Raise a ParameterError unless a policy may have this name, which is never a path."""
-    if not isinstance(name, str) or len(name) > LONGEST_NAME or not NAME.fullmatch(name):
+    if not isinstance(name, str) or len(name) > MAX_NAME_LENGTH or not NAME.fullmatch(name):
         raise ParameterError(
-            f"policies must have names of small letters, digits and single hyphens, at most {LONGEST_NAME} of them, "
+            f"policies must have names of small letters, digits and single hyphens, at most {MAX_NAME_LENGTH} of them, "
             f"got {name!r:.200}"
         )
 

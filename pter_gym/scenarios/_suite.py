@@ -16,7 +16,7 @@ from pter_gym.errors import ParameterError, unknown_name
 
 if TYPE_CHECKING:
     from pter_gym.params import Machine
-    from pter_gym.scenarios._own_machine import AnyMachine, OwnMachine
+    from pter_gym.scenarios._fixed_machine import AnyMachine, FixedMachine
     from pter_gym.scenarios.randomisation import Randomisation, Vary
     from pter_gym.tasks.path_following import PathFollowing
 
@@ -51,7 +51,7 @@ class Scenario:
     episodes: int
     stratum: Literal["path", "hand"] = "path"
     place: int | None = None
-    own: "OwnMachine | None" = None
+    own: "FixedMachine | None" = None
 
     @property
     def nominal(self) -> "Machine":
@@ -80,7 +80,7 @@ class Scenario:
         return VARIED[self.name][1]
 
     def randomisation(
-        self, pace: float | str | None = None, *, contexts: int = 512, seed: int = 0, **stated: Any
+        self, pace: float | str | None = None, *, contexts: int = 512, seed: int = 0, **overrides: Any
     ) -> "Randomisation":
         """Return the training draws.
 
@@ -103,12 +103,12 @@ class Scenario:
         commanded = LogUniform(min(PACES.values()), max(PACES.values())) if pace is None else find_pace(pace)
         base, drawn = self.task.base, self.task.fields
         known = [item.name for item in fields(base) if item.name not in (*drawn, "pace")]
-        for name in stated:
+        for name in overrides:
             if name not in known:
                 raise ParameterError(
                     f"{name} must be one of what all episodes of {self.name} share: {', '.join(known)}"
                 )
-        task = Vary(replace(base, **stated), **drawn, pace=commanded)
+        task = Vary(replace(base, **overrides), **drawn, pace=commanded)
         return Randomisation(machine=self.machine, task=task, contexts=contexts, seed=seed, own=self.own)
 
 
@@ -152,11 +152,11 @@ def find_scenario(name: str, machine: "AnyMachine | None" = None) -> Scenario:
         raise unknown_name("scenario", name, SCENARIOS)
     if machine is None:
         return SCENARIOS[name]
-    from pter_gym.scenarios._own_machine import as_sensed, find_own
+    from pter_gym.scenarios._fixed_machine import find_fixed_machine, with_delay
 
-    own = find_own(machine)
+    own = find_fixed_machine(machine)
     found = replace(SCENARIOS[name], own=own)
-    as_sensed(found.task.base, own)  # raises where the delay is too long
+    with_delay(found.task.base, own)  # raises where the delay is too long
     return found
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE, Checked, Machine, quantity, require, require_number
-from pter_gym.scenarios._own_machine import OwnMachine, as_sensed
+from pter_gym.scenarios._fixed_machine import FixedMachine, with_delay
 from pter_gym.tasks.path_following import PathFollowing, check_machine
 
 Drawn = TypeVar("Drawn")
@@ -191,7 +191,7 @@ class Randomisation(Checked):
     task: PathFollowing | Vary[PathFollowing]
     contexts: int = quantity("1", "chosen", at_least=1, default=512)
     seed: int = quantity("1", "chosen", at_least=0, default=0)
-    own: OwnMachine | None = None
+    own: FixedMachine | None = None
 
     def pairs(self) -> list[Pair]:
         """Return the pairs, the same for the same seed; they are drawn once and shared.
@@ -208,7 +208,7 @@ class Randomisation(Checked):
         for attempt in range(TRIES):
             machine, task = drawn(self.machine, rng), drawn(self.task, rng)
             if self.own is not None:
-                machine, task = self.own.machine, as_sensed(task, self.own)
+                machine, task = self.own.machine, with_delay(task, self.own)
             require(isinstance(machine, Machine), self, "machine", self.machine, "a Machine, or draw one")
             require(isinstance(task, PathFollowing), self, "task", self.task, "a PathFollowing, or draw one")
             try:

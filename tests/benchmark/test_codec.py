@@ -17,8 +17,8 @@ from pter_gym.errors import ParameterError
 from pter_gym.hands import MultiSineHand
 from pter_gym.params import (
     BASELINE,
-    LARGEST,
     MACHINES,
+    MAX_NUMBER,
     Arm,
     Clutch,
     Connection,
@@ -47,7 +47,7 @@ def test_dataclasses_are_those_that_a_module_or_package_defines() -> None:
 
 @given(
     st.floats(1e-9, 4.0),
-    st.tuples(*5 * [st.floats(-LARGEST, LARGEST)]),
+    st.tuples(*5 * [st.floats(-MAX_NUMBER, MAX_NUMBER)]),
     st.booleans(),
 )
 def test_every_bit_comes_back(pace: float, phases: tuple[float, ...], random_phases: bool) -> None:

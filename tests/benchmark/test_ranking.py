@@ -31,7 +31,7 @@ from pter_gym.benchmark.runs import ScenarioRun, run_scenario
 from pter_gym.benchmark.scores import SCORES, Scores, score_episodes
 from pter_gym.controllers import Impedance
 from pter_gym.params import BASELINE
-from pter_gym.tasks.path_following._observation import SEEN
+from pter_gym.tasks.path_following._observation import OBS
 
 
 def run_of(policy: str, scores: Scores, seed: int = 0) -> ScenarioRun:
@@ -129,7 +129,7 @@ CHEATS = {"locked": "completes 0 %", "free": "too fast", "rushing": "too fast", 
 
 def stops_at_the_start(obs: NDArray[np.float32]) -> NDArray[np.float64]:
     """Release the clutches, and lock them once a fiftieth of the path is done."""
-    locked = obs[:, SEEN.progress] > 0.02
+    locked = obs[:, OBS.progress] > 0.02
     return np.where(locked[:, None], BASELINE.clutch.voltage_max, 0.0) * np.ones(4)
 
 

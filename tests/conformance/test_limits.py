@@ -16,7 +16,7 @@ from pter_gym._engine.batch import Batch
 from pter_gym._engine.world import FLAG, ROW, SAME_STEP
 from pter_gym._physics.arm import Linkage
 from pter_gym._physics.limits import (
-    LONGEST_TURN,
+    MAX_TURN,
     condition,
     largest_energy,
     largest_force,
@@ -121,7 +121,7 @@ def test_the_shares_of_the_derivation(arm: Linkage, h: float, count: int) -> Non
     beta = h * (8.6 * arm.coupling**2 / smallest + 0.56 * abs(arm.coupling)) / smallest**2
     lengthened = period + math.sqrt(h * period)
     assert beta * motion * lengthened <= 0.3 * (1.0 + 1e-9)
-    assert h * most / math.sqrt(smallest) <= LONGEST_TURN * (1.0 + 1e-9)
+    assert h * most / math.sqrt(smallest) <= MAX_TURN * (1.0 + 1e-9)
     assert h * abs(arm.coupling) * most <= smallest**1.5 / 12.0 * (1.0 + 1e-9)
     pull = largest_force(arm, h, period) * math.hypot(0.5, 0.4) / math.sqrt(smallest)
     assert h * pull <= most / 10.0 * (1.0 + 1e-9)
@@ -140,7 +140,7 @@ def test_the_shares_of_the_derivation(arm: Linkage, h: float, count: int) -> Non
 def test_a_coupling_too_small_for_its_products_is_like_none(coupling: float) -> None:
     arm = model_of(BASELINE).arm
     smallest = min(arm.m11, arm.m22)
-    turning = smallest * (LONGEST_TURN / 1e-3) ** 2
+    turning = smallest * (MAX_TURN / 1e-3) ** 2
     assert largest_motion(arm._replace(coupling=coupling), 1e-3, 0.01) == pytest.approx(turning)
     machine = replace(BASELINE, arm=replace(BASELINE.arm, coupling=coupling))
     check_machine(PathFollowing(), machine)

@@ -20,7 +20,7 @@ from pter_gym.params import BASELINE, DELRIN_EXPERIMENTAL, MACHINES, Hand, find_
 from pter_gym.params._preset import PRESET, format_preset
 from pter_gym.paths import Arc, Circle, Line, Sine, find_path
 from pter_gym.scenarios import PACES, SCENARIOS, find_pace, find_scenario
-from pter_gym.scenarios._own_machine import OwnMachine, as_sensed, find_own
+from pter_gym.scenarios._fixed_machine import FixedMachine, find_fixed_machine, with_delay
 from pter_gym.scenarios.randomisation import LogUniform, OneOf, Randomisation, Shared, Uniform, Vary, drawn
 from pter_gym.tasks.path_following import (
     AT_REST,
@@ -32,7 +32,7 @@ from pter_gym.tasks.path_following import (
     Starts,
     observation_layout,
 )
-from pter_gym.tasks.path_following._context import TOLD
+from pter_gym.tasks.path_following._context import OBSERVED_CONTEXT
 from pter_gym.tasks.path_following._observation import BOUND
 
 MOVING, GRIPPED = Starts(moving=1.0), Starts(gripped=1.0)
@@ -73,7 +73,7 @@ def test_the_telemetry_and_the_observation_tell_the_context() -> None:
     machines, tasks = map(list, zip(*pairs, strict=True))
     batch = Batch(machines, tasks, observe_context=True)
     obs, rows = batch.reset([0] * 10)
-    told = rows[:, -len(TOLD) :]
+    told = rows[:, -len(OBSERVED_CONTEXT) :]
     np.testing.assert_array_equal(told[:, 0], [machine.clutch.time_constant for machine in machines])
     top = BASELINE.clutch.voltage_max
     for machine, row in zip(machines, told, strict=True):
@@ -81,9 +81,9 @@ def test_the_telemetry_and_the_observation_tell_the_context() -> None:
             np.mean(machine.clutch_scale) * machine.clutch.dynamic.torque(top) / BASELINE.clutch.dynamic.torque(top)
         )
         assert row[2] == pytest.approx(expected, rel=1e-12)
-    scaled = np.clip(told / TOLD.scales, -BOUND, BOUND)
-    np.testing.assert_allclose(obs[:, -len(TOLD) :], scaled, rtol=1e-6)
-    assert batch.layout.names[-len(TOLD) :] == TOLD.names
+    scaled = np.clip(told / OBSERVED_CONTEXT.scales, -BOUND, BOUND)
+    np.testing.assert_allclose(obs[:, -len(OBSERVED_CONTEXT) :], scaled, rtol=1e-6)
+    assert batch.layout.names[-len(OBSERVED_CONTEXT) :] == OBSERVED_CONTEXT.names
 
 
 def test_the_same_seed_gives_the_same_pairs() -> None:
@@ -204,16 +204,24 @@ def test_all_else_is_drawn_as_without_it(name: str, preset: str) -> None:
 
 
 def test_a_machine_is_given_by_itself_its_name_or_its_preset(preset: str) -> None:
-    assert find_own("delrin_experimental") == find_own(DELRIN_EXPERIMENTAL) == OwnMachine(DELRIN_EXPERIMENTAL)
-    assert find_own(preset) == find_own(find_own(preset)) == OwnMachine(machine_of(OWN), 0.012)
+    assert (
+        find_fixed_machine("delrin_experimental")
+        == find_fixed_machine(DELRIN_EXPERIMENTAL)
+        == FixedMachine(DELRIN_EXPERIMENTAL)
+    )
+    assert (
+        find_fixed_machine(preset)
+        == find_fixed_machine(find_fixed_machine(preset))
+        == FixedMachine(machine_of(OWN), 0.012)
+    )
     few = PathFollowing(sensing=Sensing(velocity_noise=0.1, delay=1))
-    assert as_sensed(few, OwnMachine(BASELINE)) is few
-    assert as_sensed(few, OwnMachine(BASELINE, 0.02)).sensing == Sensing(velocity_noise=0.1, delay=2)
+    assert with_delay(few, FixedMachine(BASELINE)) is few
+    assert with_delay(few, FixedMachine(BASELINE, 0.02)).sensing == Sensing(velocity_noise=0.1, delay=2)
     for wrong, field in (
         (lambda: find_scenario("standard", "delrin_experimentel"), "machine"),
-        (lambda: OwnMachine(BASELINE, -0.01), "delay"),
-        (lambda: OwnMachine("baseline"), "machine"),  # type: ignore[arg-type]
-        (lambda: find_scenario("paths", OwnMachine(BASELINE, 0.03)), "delay"),
+        (lambda: FixedMachine(BASELINE, -0.01), "delay"),
+        (lambda: FixedMachine("baseline"), "machine"),  # type: ignore[arg-type]
+        (lambda: find_scenario("paths", FixedMachine(BASELINE, 0.03)), "delay"),
         (lambda: gymnasium.make("PTER/Standard-v0", machine=3), "machine"),
     ):
         with pytest.raises(ParameterError, match=field):

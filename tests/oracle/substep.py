@@ -25,7 +25,7 @@ from pter_gym._physics.open_loop import Trajectory
 from pter_gym.params import Machine
 
 W = np.array(friction.W, float)
-MOST_PARTS = 4
+MAX_PARTS = 4
 SHORTEST_PART = 1e-6
 BEYOND = 1.000000001
 """How far from zero the edge of the band counts as left, times δω."""
@@ -205,10 +205,10 @@ def again(machine: Machine, run: Trajectory, volts, force, torque, target) -> Su
     found.condition = eigenvalues[:, 1] / np.linalg.eigvalsh(kick.mass)[:, 0]
     found.momentum = kick.momentum(omega, h)
     rows, left = np.arange(len(theta)), np.full(len(theta), h)
-    for number in range(MOST_PARTS):
+    for number in range(MAX_PARTS):
         some = kick.at(rows)
         share = some.share_before_change(omega[rows], left)
-        last = (number == MOST_PARTS - 1) | ~(share < 1.0 - SHORTEST_PART)
+        last = (number == MAX_PARTS - 1) | ~(share < 1.0 - SHORTEST_PART)
         span = np.where(last, left, share * left)
         omega[rows] = _take(found, rows, some, omega[rows], span)
         rows, left = rows[~last], (left - span)[~last]

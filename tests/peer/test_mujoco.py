@@ -276,7 +276,7 @@ TASKS = tuple(
 
 
 @dataclass(frozen=True)
-class Told:
+class ObservedContext:
     """A world at the control instants: telemetry (T, columns) and angular velocities (T, 2)."""
 
     rows: np.ndarray
@@ -284,7 +284,7 @@ class Told:
 
 
 @pytest.fixture(scope="module")
-def told() -> list[Told]:
+def told() -> list[ObservedContext]:
     """Seven machines, voltages and hands in one batch.
 
     From rest with released clutches, so their torques rise with their lag.
@@ -297,7 +297,7 @@ def told() -> list[Told]:
         omega.append(velocities(batch))
     lengths = np.isfinite(np.array(telemetry)[:, :, 0]).sum(axis=0)
     assert lengths.min() >= 20
-    worlds = [Told(np.array(telemetry)[:n, k], np.array(omega)[:n, k]) for k, n in enumerate(lengths)]
+    worlds = [ObservedContext(np.array(telemetry)[:n, k], np.array(omega)[:n, k]) for k, n in enumerate(lengths)]
     assert {0, 2, 3, 4, 5} <= {mode for world in worlds for mode in world.rows[1:, COLUMN.mode]}
     return worlds
 

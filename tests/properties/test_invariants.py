@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
-from oracle.substep import MOST_PARTS, Substeps, again, inertia
+from oracle.substep import MAX_PARTS, Substeps, again, inertia
 from pter_gym._physics.friction import ClutchMode
 from pter_gym._physics.open_loop import State, Trajectory, initial_state, simulate
 from pter_gym.params import BASELINE, MACHINES, Arm, Hand, Machine
@@ -147,7 +147,7 @@ def assert_made_again(world: World, run: Trajectory, found: Substeps) -> None:
     mass = inertia(world.machine, run.theta)
     compliance = 1.0 / np.linalg.eigvalsh(mass)[:, 0]
     speed = np.maximum(np.linalg.norm(run.omega, axis=1), np.linalg.norm(found.omega, axis=1))
-    velocity = 2.0 * MOST_PARTS * ROUNDINGS * UNIT * (compliance * found.momentum + found.condition * speed)
+    velocity = 2.0 * MAX_PARTS * ROUNDINGS * UNIT * (compliance * found.momentum + found.condition * speed)
     velocity += compliance * world.machine.substep * 4.0 * lag
     assert np.all(np.abs(run.omega - found.omega) <= velocity[:, None])
     assert np.all(np.abs(run.theta - found.theta) <= velocity[:, None] + 4.0 * UNIT * np.abs(run.theta))
@@ -179,12 +179,12 @@ def storm(seed: int) -> World:
 
 
 def test_a_storm_of_changes_ends_in_bounded_work_and_stays_passive():
-    counts = np.zeros(MOST_PARTS + 1, int)
+    counts = np.zeros(MAX_PARTS + 1, int)
     for seed in range(24):
         world = storm(seed)
         run = world.run()
         found = world.again(run)
-        counts += np.bincount(found.parts.astype(int), minlength=MOST_PARTS + 1)
+        counts += np.bincount(found.parts.astype(int), minlength=MAX_PARTS + 1)
         assert_made_again(world, run, found)
         assert_energy_closes(world, run)
         assert run.power.max() <= 0.0

@@ -28,7 +28,7 @@ from pter_gym.controllers._gains import table_voltage
 from pter_gym.errors import ParameterError
 from pter_gym.params import BASELINE
 from pter_gym.tasks.path_following import PathFollowing, Sensors, observation_layout
-from pter_gym.tasks.path_following._observation import SEEN, Observation
+from pter_gym.tasks.path_following._observation import OBS, Observation
 from pter_gym.units import INCH_POUND
 
 W = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
@@ -161,14 +161,14 @@ def engaged(gains: SingleDof, heading: float, physical: dict[str, float], omega:
     return torques
 
 
-LARGEST = {"omega_a": 10.0, "omega_b": 10.0, "normal_error": 0.25, "speed_along": 4.0, "speed_across": 4.0}
+MAX_NUMBER = {"omega_a": 10.0, "omega_b": 10.0, "normal_error": 0.25, "speed_along": 4.0, "speed_across": 4.0}
 """Largest magnitudes to draw, in SI; of the other entries, their scales."""
 
 
 def observations(count: int) -> NDArray[np.float32]:
     """Draw plausible observations, many with stuck clutches."""
     rng = np.random.default_rng(3)
-    largest = np.array([LARGEST.get(name, scale) for name, scale in zip(LAYOUT.names, LAYOUT.scales, strict=True)])
+    largest = np.array([MAX_NUMBER.get(name, scale) for name, scale in zip(LAYOUT.names, LAYOUT.scales, strict=True)])
     obs = largest * rng.uniform(-1.0, 1.0, (count, len(LAYOUT)))
     theta_a = rng.uniform(-np.pi, np.pi, count)
     theta_b = theta_a + rng.uniform(0.3, 2.8, count)
@@ -345,11 +345,11 @@ def test_feedback_gain_is_the_papers() -> None:
 
 @pytest.mark.parametrize("sensors", get_args(Sensors))
 def test_the_record_is_the_layout(sensors: Sensors) -> None:
-    """A law reads by the places in ``SEEN``; they are those of the names, whatever the sensors."""
+    """A law reads by the places in ``OBS``; they are those of the names, whatever the sensors."""
     layout = observation_layout(BASELINE, sensors)
-    places = dict(zip((leaf.name for leaf in leaves(Observation)), flat(SEEN), strict=True))
+    places = dict(zip((leaf.name for leaf in leaves(Observation)), flat(OBS), strict=True))
     assert {name: places[name] for name in layout.names} == {name: layout.index(name) for name in layout.names}
-    assert (SEEN.omega_a, SEEN.heading.sin, SEEN.torque.x4) == tuple(
+    assert (OBS.omega_a, OBS.heading.sin, OBS.torque.x4) == tuple(
         map(places.get, ("omega_a", "heading_sin", "torque_4"))
     )
 

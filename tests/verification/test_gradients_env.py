@@ -16,7 +16,7 @@ from pter_gym.tasks.path_following import PathFollowing
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
 
-from pter_gym.envs import jax as door  # noqa: E402  (needs JAX)
+from pter_gym.envs import jax as jax_env  # noqa: E402  (needs JAX)
 from pter_gym.gradients.env import make  # noqa: E402
 
 WORLDS = 45
@@ -56,7 +56,7 @@ def drawn(env: Any, steps: int) -> tuple[Any, Any, Any, Any]:
 @pytest.mark.parametrize("wide", [False, True], ids=["32 bits", "64 bits"])
 def test_a_step_has_the_bits_of_the_door(wide: bool) -> None:
     with jax.enable_x64(wide):
-        ours, (theirs, _) = make("PTER/Standard-v0")[0], door.make("PTER/Standard-v0", sensors="encoders")
+        ours, (theirs, _) = make("PTER/Standard-v0")[0], jax_env.make("PTER/Standard-v0", sensors="encoders")
         found = [jax.jit(partial(rode, env))(*drawn(env, 60)) for env in (ours, theirs)]
     assert np.asarray(found[0][2]).sum() > WORLDS
     for one, other in zip(*found, strict=True):
@@ -173,7 +173,7 @@ def test_bad_input_and_other_platforms_are_refused(monkeypatch: pytest.MonkeyPat
     with pytest.raises(ParameterError, match="action"):
         env.step(None, state, np.ones(4, int))
     with pytest.raises(ParameterError, match="state"):
-        env.step(None, door.EnvState(*state[:2]), np.ones(4))
+        env.step(None, jax_env.EnvState(*state[:2]), np.ones(4))
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
     with pytest.raises(ParameterError, match="platform"):
         make()

@@ -12,7 +12,7 @@ from pter_gym._compiled.records import read, store, width
 from pter_gym._physics import arm as arms
 from pter_gym._physics import clutch, open_loop, step
 from pter_gym._physics.arm import Linkage, Load, Motion, PerLink
-from pter_gym._physics.arrangement import Own
+from pter_gym._physics.arrangement import OptionalArrangement
 from pter_gym._physics.clutch import Curve, PerClutch, Torques
 from pter_gym._physics.friction import (
     COUPLING,
@@ -90,9 +90,15 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> list[Part]:
     taken: list[Part] = []
 
     def noted(
-        q: Motion, omega: PerLink, arm: Linkage, impact: step.Impact, limit: PerClutch, h: float, own: Own = None
+        q: Motion,
+        omega: PerLink,
+        arm: Linkage,
+        impact: step.Impact,
+        limit: PerClutch,
+        h: float,
+        arrangement: OptionalArrangement = None,
     ) -> step.Energy:
-        energy = kick_energy(q, omega, arm, impact, limit, h, own)
+        energy = kick_energy(q, omega, arm, impact, limit, h, arrangement)
         taken.append(Part(q, omega, impact, limit, h, energy))
         return energy
 
@@ -423,7 +429,7 @@ def test_one_slip_moves_as_in_continuous_time(parts: list[Part], name: str, numb
     """M = m·1, so clutch x alone moves the arm along W_x, with the inertia m/|W_x|².
 
     A part has at most twelve roundings of numbers up to the momentum there is, its time four of the kick's, and there
-    are at most ``MOST_PARTS``. The edge of the band counts as reached 1e-9 of it beyond; the longer time at T_s takes
+    are at most ``MAX_PARTS``. The edge of the band counts as reached 1e-9 of it beyond; the longer time at T_s takes
     1e-9·δω·(T_s − T_k)/(T − T_s) from the velocity at the end.
     """
     solo, row = SOLOS[name], W[number]
@@ -437,7 +443,7 @@ def test_one_slip_moves_as_in_continuous_time(parts: list[Part], name: str, numb
     body = body_with(at(0.3, 1.2, *omega.tolist()), torques, Load(0.0, 0.0, *torque.tolist(), 0.0, 0.0), BAND, SOLO)
     KICK(body, 1, H)
     expected = sign * np.array(solo.velocities(inertia))
-    rounding = step.MOST_PARTS * 16 * UNIT * (abs(solo.slip) + H * (abs(solo.torque) + solo.dynamic) / inertia)
+    rounding = step.MAX_PARTS * 16 * UNIT * (abs(solo.slip) + H * (abs(solo.torque) + solo.dynamic) / inertia)
     beyond = 1.01e-9 * BAND * float(np.any(np.abs(expected) == BAND))
     ratio = (solo.breakaway - solo.dynamic) / (abs(solo.torque) - solo.breakaway) if beyond else 0.0
     found = np.array([row @ np.array(part.omega) for part in parts])
@@ -523,7 +529,7 @@ def drawn_kick(seed: int) -> tuple[Any, Torques, float]:
 
 
 def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts: list[Part]):
-    """Whatever changes: at most ``MOST_PARTS``, each against the slip at its end, together the kick."""
+    """Whatever changes: at most ``MAX_PARTS``, each against the slip at its end, together the kick."""
     counts = []
     for seed in range(2_000):
         body, torques, threshold = drawn_kick(seed)
@@ -547,13 +553,13 @@ def test_each_part_of_any_kick_is_passive_and_solves_its_friction_problem(parts:
             assert np.all(np.abs(part.torque) <= part.limit)
         assert seen(body).motion == before
         assert seen(body).energy.dissipated >= 0.0
-        if 1 < len(parts) < step.MOST_PARTS:
+        if 1 < len(parts) < step.MAX_PARTS:
             last = parts[-1]
             changes = (last.before, last.omega, last.impact, torques, last.limit, threshold, last.span)
             slips = [slip_velocities(*omega) for omega in (last.before[2:4], last.omega)]
             assert not clutch.any_changes(*slips, threshold, torques) or step.share_before_change(*changes) > 0.99999
-    assert np.bincount(counts, minlength=step.MOST_PARTS + 1)[1:].min() >= 10, "not every number of parts occurs"
-    assert max(counts) == step.MOST_PARTS
+    assert np.bincount(counts, minlength=step.MAX_PARTS + 1)[1:].min() >= 10, "not every number of parts occurs"
+    assert max(counts) == step.MAX_PARTS
 
 
 # --- torques at an instant ---

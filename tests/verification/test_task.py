@@ -15,7 +15,7 @@ from pter_gym._engine.step import gaussians, hand_force, take_reading
 from pter_gym._engine.world import ROW, ROWS, Target
 from pter_gym._physics.arm import Linkage, Motion, UnitVector, Vector, tip_position, tip_velocity
 from pter_gym._physics.clutch import PerClutch
-from pter_gym._physics.limits import MOST_SUBSTEPS, largest_energy, largest_travel
+from pter_gym._physics.limits import MAX_SUBSTEPS, largest_energy, largest_travel
 from pter_gym._physics.model import model_of
 from pter_gym._physics.step import Energy
 from pter_gym.errors import ParameterError
@@ -440,7 +440,7 @@ def test_the_elbows_sine_by_the_arm_at_a_tip():
 
 @pytest.mark.parametrize(
     ("ratio", "count"),
-    [(0.5, 1), (1, 1), (1.5, 2), (7, 7), (7.0 + 1e-9, 7), (7.0 + 1e-7, 8), (MOST_SUBSTEPS, MOST_SUBSTEPS)],
+    [(0.5, 1), (1, 1), (1.5, 2), (7, 7), (7.0 + 1e-9, 7), (7.0 + 1e-7, 8), (MAX_SUBSTEPS, MAX_SUBSTEPS)],
 )
 def test_substeps_of_a_control_period(ratio: float, count: int):
     machine, task = replace(BASELINE, substep=1e-5), PathFollowing(control_period=ratio * 1e-5)
@@ -450,7 +450,7 @@ def test_substeps_of_a_control_period(ratio: float, count: int):
 
 def test_a_control_period_of_too_many_substeps_is_refused():
     with pytest.raises(ParameterError, match="control_period"):
-        check_machine(PathFollowing(control_period=(MOST_SUBSTEPS + 1) * 1e-5), replace(BASELINE, substep=1e-5))
+        check_machine(PathFollowing(control_period=(MAX_SUBSTEPS + 1) * 1e-5), replace(BASELINE, substep=1e-5))
 
 
 def test_a_sine_may_be_as_fast_as_a_tenth_of_the_substeps_rate():

@@ -5,7 +5,7 @@ where the tip is, what that is worth and when an episode is over, ``_observation
 is recorded.
 """
 
-from pter_gym.tasks.path_following._observation import SEEN, Sensors, observation_layout
+from pter_gym.tasks.path_following._observation import OBS, Sensors, observation_layout
 from pter_gym.tasks.path_following._rules import RewardWeights
 from pter_gym.tasks.path_following._specification import (
     AT_REST,
@@ -26,7 +26,7 @@ __all__ = [
     "COLUMN",
     "IDEAL_SENSING",
     "MAX_DELAY",
-    "SEEN",
+    "OBS",
     "STARTS",
     "TELEMETRY",
     "PathFollowing",

@@ -14,7 +14,7 @@ from pter_gym.tasks.path_following._rules import PACE_WINDOW, PathModel, Sensing
 from pter_gym.tasks.path_following._specification import IDEAL_SENSING, PathFollowing, held_machine, strongest
 
 
-class Told(NamedTuple):
+class ObservedContext(NamedTuple):
     """Values of machine and task in the telemetry, and on request in the observation."""
 
     time_constant: Annotated[float, Entry("s", "time constant of the clutches", 0.1)]
@@ -33,7 +33,7 @@ class Context(NamedTuple):
     machine: Model
     hand: HandModel
     task: TaskModel
-    told: Told
+    told: ObservedContext
     arrangement: Arrangement
 
 
@@ -43,7 +43,7 @@ CONTEXT = rows(Context)
 CONTEXT_WIDTH = width(Context)
 """Numbers of a context."""
 
-TOLD = layout_of(Told)
+OBSERVED_CONTEXT = layout_of(ObservedContext)
 """Layout of what is told of a context."""
 
 
@@ -67,7 +67,7 @@ def context_of(task: PathFollowing, machine: Machine, arcs: tuple[int, int], rec
         machine=model,
         hand=hand,
         task=task_model(task, arcs, fastest),
-        told=Told(
+        told=ObservedContext(
             time_constant=clutch.time_constant,
             breakaway_factor=scale * clutch.breakaway.torque(top) / BASELINE.clutch.breakaway.torque(top),
             dynamic_factor=scale * clutch.dynamic.torque(top) / BASELINE.clutch.dynamic.torque(top),

@@ -1,6 +1,6 @@
 """The observation: its entries, their units and scales, the sensors they need, and how each is computed.
 
-Control laws index it with ``SEEN``.
+Control laws index it with ``OBS``.
 """
 
 from dataclasses import dataclass
@@ -66,7 +66,7 @@ class Observation(NamedTuple):
     force: Annotated[PathVector, Seen("N", "the hand's force", FORCE_SCALE, sensors=("force",))]
 
 
-SEEN = rows(Observation)
+OBS = rows(Observation)
 """Places of the entries in an observation."""
 
 ENTRIES = width(Observation)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pter_gym._physics.limits import (
-    LARGEST_CONDITION,
-    MOST_SUBSTEPS,
+    MAX_CONDITION,
+    MAX_SUBSTEPS,
     condition,
     largest_energy,
     largest_force,
@@ -29,7 +29,7 @@ from pter_gym.tasks.path_following._rules import COMMANDED_PACE, RewardWeights
 MAX_DELAY = 2
 """Largest delay of the sensors in control steps."""
 
-SHARPEST = 0.9
+MAX_CURVATURE_RATIO = 0.9
 """Largest ratio of the workspace's half-width to a path's radius of curvature, so that the nearest point is unique."""
 
 MAX_HALF_WIDTH = BOUND * ERROR_SCALE
@@ -168,11 +168,11 @@ def substeps(task: PathFollowing, machine: Machine) -> int:
     """
     count = math.ceil(task.control_period / machine.substep * (1.0 - 1e-9))
     require(
-        count <= MOST_SUBSTEPS,
+        count <= MAX_SUBSTEPS,
         task,
         "control_period",
         task.control_period,
-        f"at most {MOST_SUBSTEPS} times as long as the machine's substep, {machine.substep:g} s",
+        f"at most {MAX_SUBSTEPS} times as long as the machine's substep, {machine.substep:g} s",
     )
     return count
 
@@ -232,12 +232,12 @@ def check_motion(task: PathFollowing, machine: Machine) -> None:
     held = held_machine(task, machine)
     arm, h, period = model_of(held).arm, held.substep, task.control_period
     require(
-        condition(arm, h) <= LARGEST_CONDITION,
+        condition(arm, h) <= MAX_CONDITION,
         machine,
         "arm",
         machine.arm,
         f"so far from singular that the mass matrix with the hand's mass and damping has a condition of at most "
-        f"{LARGEST_CONDITION:g}, not {condition(arm, h):.3g}",
+        f"{MAX_CONDITION:g}, not {condition(arm, h):.3g}",
     )
     force, most = strongest(task, machine), largest_force(arm, h, period)
     require(
@@ -282,16 +282,16 @@ def _force_within(length: float, task: PathFollowing, machine: Machine) -> float
 
 def largest_error_max(path: Path) -> float:
     """Return the largest half-width of a workspace about a path [m]."""
-    return min(MAX_HALF_WIDTH, (1.0 - 1e-9) * SHARPEST / max(path.max_curvature, 1e-3))
+    return min(MAX_HALF_WIDTH, (1.0 - 1e-9) * MAX_CURVATURE_RATIO / max(path.max_curvature, 1e-3))
 
 
 @lru_cache(maxsize=4096)
 def _check_path(path: Path, error_max: float, margin: float, length_a: float, length_b: float) -> None:
     bend = path.max_curvature
-    if bend * error_max > SHARPEST:
+    if bend * error_max > MAX_CURVATURE_RATIO:
         raise ParameterError(
-            f"PathFollowing.error_max must be ≤ {SHARPEST / bend:.4g} m, {SHARPEST:g} of the smallest radius of "
-            f"{type(path).__name__}, got {error_max!r}"
+            f"PathFollowing.error_max must be ≤ {MAX_CURVATURE_RATIO / bend:.4g} m, {MAX_CURVATURE_RATIO:g} of the "
+            f"smallest radius of {type(path).__name__}, got {error_max!r}"
         )
     points = path.arcs.extremes()
     outside = sin_elbow(length_a, length_b, points) <= margin

@@ -15,7 +15,7 @@ from pter_gym._physics.clutch import PerClutch
 from pter_gym._physics.step import Energy
 from pter_gym.errors import ParameterError
 from pter_gym.params import Machine, find_machine
-from pter_gym.tasks.path_following._context import Told, context_of
+from pter_gym.tasks.path_following._context import ObservedContext, context_of
 from pter_gym.tasks.path_following._rules import PathState, PathVector, Terms, ending
 from pter_gym.tasks.path_following._specification import PathFollowing
 
@@ -43,7 +43,7 @@ class Telemetry(NamedTuple):
     is_success: Annotated[float, Entry("1", "1 once the end of the path is reached")]
     context: Annotated[float, Entry("1", "number of the drawn machine and task, 0 where none is drawn")]
     terminated: Annotated[float, Entry("1", "1 at the end of the path and on leaving the workspace")]
-    told: Told
+    told: ObservedContext
 
 
 COLUMN = rows(Telemetry)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pter_gym.params import SMALLEST, Machine, TorqueCurve
+from pter_gym.params import MIN_POSITIVE, Machine, TorqueCurve
 
 Array = NDArray[np.float64]
 
@@ -142,7 +142,7 @@ class Shape:
                 math.log(arm.inertia_a),
                 math.log(arm.inertia_b),
                 arm.coupling / math.sqrt(arm.inertia_a * arm.inertia_b),
-                *(math.log(max(curve.slope * scale, SMALLEST)) for scale in machine.clutch_scale),
+                *(math.log(max(curve.slope * scale, MIN_POSITIVE)) for scale in machine.clutch_scale),
                 curve.curvature / curve.slope * (self.top - knee) ** 2 if inside else 0.0,
                 knee,
                 machine.clutch.breakaway.slope / curve.slope,

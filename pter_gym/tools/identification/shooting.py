@@ -16,8 +16,8 @@ from pter_gym._compiled.compiler import compile_kernel, device
 from pter_gym._compiled.records import store
 from pter_gym._physics.arm import Load, Motion
 from pter_gym._physics.open_loop import BODY, BODY_WIDTH, body_of, initial_state, scratch
-from pter_gym._physics.step import declared_in
-from pter_gym._physics.step import papers as papers_own
+from pter_gym._physics.step import arrangement_from
+from pter_gym._physics.step import paper_clutches as no_arrangement
 from pter_gym.gradients._tangent import substep_tangents
 from pter_gym.params import Machine
 from pter_gym.tools.identification import parameters as at
@@ -176,7 +176,7 @@ def _run(
 ) -> tuple[Array, Array]:
     record = np.empty((len(starts), length, 2))
     by = np.empty((*record.shape, tangents.shape[1]))
-    kernel = _kernel(papers=machine.has_paper_clutches, lanes=tangents.shape[1])
+    kernel = _kernel(paper_clutches=machine.has_paper_clutches, lanes=tangents.shape[1])
     kernel(body, tangents, volts, by_delay, inputs.force, starts, inputs.step, inputs.substeps, record, by)
     return record, by
 
@@ -242,7 +242,7 @@ def _build(digest: str) -> Any:
 
 
 @cache
-def _kernel(*, papers: bool, lanes: int) -> Any:
-    own_in = papers_own if papers else declared_in(BODY)
-    substep = substep_tangents(own_in, lanes, min(lanes, TORQUE_LANES))
+def _kernel(*, paper_clutches: bool, lanes: int) -> Any:
+    arrangement_at = no_arrangement if paper_clutches else arrangement_from(BODY)
+    substep = substep_tangents(arrangement_at, lanes, min(lanes, TORQUE_LANES))
     return compile_kernel(_build, advance=substep, lanes=lanes)

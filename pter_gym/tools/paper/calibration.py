@@ -334,7 +334,7 @@ def _feedback(setups: Sequence[Setup]) -> Array:
 STARTS, FIRST, SIZE = 3, 300, 20
 """Searches that share the budget; random points of which each begins at the best; candidates of a generation."""
 
-STEP, SMALLEST_STEP = 0.25, 5e-4
+STEP, MIN_STEP = 0.25, 5e-4
 """Of a search, first and last, as a part of each number's range."""
 
 
@@ -396,7 +396,7 @@ def adapted(evaluate: Callable[[Array], Array], random: np.random.Generator, bud
     best, mean = float(values.min()), first[values.argmin()]
     found, step, used = mean, STEP, count
     covariance, path_s, path_c, generation = np.eye(n), np.zeros(n), np.zeros(n), 0
-    while used + SIZE <= budget and step > SMALLEST_STEP:
+    while used + SIZE <= budget and step > MIN_STEP:
         lengths, axes = np.linalg.eigh(covariance)
         lengths = np.sqrt(np.maximum(lengths, 1e-20))
         moves = random.normal(size=(SIZE, n)) * lengths @ axes.T

@@ -9,7 +9,7 @@ WIDTH, HEIGHT = 840, 600
 TILE_WIDTH, TILE_HEIGHT = 320, 240
 """Of each picture of many worlds."""
 
-SMALLEST, LARGEST = 32, 8192
+MIN_SIDE, MAX_SIDE = 32, 8192
 """Limits of both."""
 
 
@@ -17,8 +17,8 @@ def check_size(width: object, height: object) -> tuple[int, int]:
     """Return the size of a picture [px], or raise a ParameterError that names what is wrong with it."""
     found: list[int] = []
     for name, value in (("width", width), ("height", height)):
-        number = whole_number(name, value, at_least=SMALLEST)
-        if number > LARGEST:
-            raise ParameterError(f"{name} must be a whole number within [{SMALLEST}, {LARGEST}], got {value!r}")
+        number = whole_number(name, value, at_least=MIN_SIDE)
+        if number > MAX_SIDE:
+            raise ParameterError(f"{name} must be a whole number within [{MIN_SIDE}, {MAX_SIDE}], got {value!r}")
         found.append(number)
     return found[0], found[1]

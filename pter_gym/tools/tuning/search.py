@@ -20,7 +20,7 @@ from pter_gym.controllers import Guided, PaceSchedule
 from pter_gym.errors import ParameterError, StorageError, needs_extra, unknown_name
 from pter_gym.policies._stored_gains import make_guided
 from pter_gym.scenarios import find_pace, find_scenario
-from pter_gym.scenarios._own_machine import AnyMachine, find_own
+from pter_gym.scenarios._fixed_machine import AnyMachine, find_fixed_machine
 from pter_gym.tools.tuning.spaces import SPACES, Range, gains_at, point_at
 
 TRIALS = 3000
@@ -116,7 +116,7 @@ def tune(
     trials, episodes = whole_number("trials", trials), whole_number("episodes", episodes)
     seed = whole_number("seed", seed, at_least=0)
     check_target("storage", path)
-    own = None if machine is None else find_own(machine)  # read once, in case its file changes
+    own = None if machine is None else find_fixed_machine(machine)  # read once, in case its file changes
     rungs = [Examination(scenario, pace, -(-episodes // REDUCTION**k), 2 * seed, own) for k in reversed(range(RUNGS))]
     drawn = find_scenario(scenario, own)
     name = f"{scenario}-v{drawn.version} {controller} {pace} {episodes} {seed}"

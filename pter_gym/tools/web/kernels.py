@@ -19,8 +19,8 @@ from pter_gym._engine.step import (
     is_refused,
     move_declared,
     move_worlds,
+    observe,
     recorded,
-    see,
     take_arrangements,
     take_command,
     write_observation,
@@ -42,7 +42,7 @@ NUMBER: Any = types.float64
 
 MEMORY_WIDTH = width(Memory)
 
-MOST_ARCS = 10
+MAX_ARCS = 10
 """Most arcs between two points of a smooth curve: a pair, each of which turns less than 2π and is cut into five."""
 
 
@@ -60,7 +60,7 @@ def reset(world: Any, words: Any, seen: Any, entries: int, told: Any, shared: An
     config, numbers = carray(shared, 1), carray(constants, 1)
     start_episode(w, 0, word[0], word[1], config, numbers)
     take_arrangements(w, 1, numbers)
-    see(w, 0, config, numbers)
+    observe(w, 0, config, numbers)
     write_observation(w, 0, carray(seen, (1, entries)), 0, config, numbers)
     record_reset(w, 0, carray(told, (1, 1, COLUMNS)), 0, 0, numbers)
     return 0
@@ -117,9 +117,9 @@ def locate(constants: Any, first: int, arcs: int, arc_length: float, point: Any)
 def join(points: Any, count: int, table: Any) -> int:
     """Write the arcs of a smooth curve through points (count, 2), and return their number.
 
-    There is room for ``MOST_ARCS`` of them for each point. No point is where the one before it is.
+    There is room for ``MAX_ARCS`` of them for each point. No point is where the one before it is.
     """
-    given, arcs = carray(points, (count, 2)), carray(table, MOST_ARCS * SEGMENT_WIDTH * count)
+    given, arcs = carray(points, (count, 2)), carray(table, MAX_ARCS * SEGMENT_WIDTH * count)
     heading, start, rows = 1.0 + 0.0j, 0.0, 0
     for k in range(1, count):
         before, here = complex(given[k - 1, 0], given[k - 1, 1]), complex(given[k, 0], given[k, 1])

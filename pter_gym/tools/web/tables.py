@@ -33,8 +33,8 @@ from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing, check_machine
 from pter_gym.tasks.path_following._context import CONTEXT, CONTEXT_WIDTH, context_of
 from pter_gym.tasks.path_following._rules import ALLOWANCE, START
-from pter_gym.tasks.path_following._specification import SHARPEST
-from pter_gym.tools.web.kernels import MOST_ARCS
+from pter_gym.tasks.path_following._specification import MAX_CURVATURE_RATIO
+from pter_gym.tools.web.kernels import MAX_ARCS
 from pter_gym.tools.web.site import STATIC
 
 VOLTAGE_MAX = BASELINE.clutch.voltage_max
@@ -85,7 +85,7 @@ def declarations() -> dict[str, Any]:
             "arc": SEGMENT_WIDTH,
             "instant": INSTANT,
             "memory": width(Memory),
-            "arcs": MOST_ARCS,
+            "arcs": MAX_ARCS,
         },
     }
 
@@ -103,7 +103,7 @@ def choices(own: Machine | None = None) -> dict[str, Any]:
     return {
         "config": [value if np.isfinite(value) else None for value in config.tolist()],
         "error_max": WIDTH,
-        "sharpest": SHARPEST,
+        "sharpest": MAX_CURVATURE_RATIO,
         "control_period": batch.task.control_period,
         "paces": dict(PACES),
         "scoring": {"segments": SEGMENTS, "price": PRICE, "allowance": ALLOWANCE, "start": START},

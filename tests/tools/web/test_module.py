@@ -27,7 +27,7 @@ from pter_gym.policies._files import SHIPPED
 from pter_gym.scenarios import SCENARIOS
 from pter_gym.scenarios._variations import WIDTH
 from pter_gym.tasks.path_following import TELEMETRY, PathFollowing
-from pter_gym.tasks.path_following._specification import SHARPEST
+from pter_gym.tasks.path_following._specification import MAX_CURVATURE_RATIO
 from pter_gym.tools.web.tables import MODULE, PATHS, STATIC, TABLES, pages_batch
 
 HERE = Path(__file__).parent
@@ -264,7 +264,7 @@ def test_a_stroke_becomes_a_smooth_path_that_is_followed(page: Any) -> None:
     distances = np.hypot(x[:, None] - stroke[:, 0], y[:, None] - stroke[:, 1]).min(axis=1)
     assert distances.max() < 0.015
     np.testing.assert_allclose([x[0], y[0]], stroke[0], atol=1e-12)
-    assert abs(curvature).max() * drawing["path"]["error_max"] <= SHARPEST * (1.0 + 1e-12)
+    assert abs(curvature).max() * drawing["path"]["error_max"] <= MAX_CURVATURE_RATIO * (1.0 + 1e-12)
     assert drawing["success"]
     assert drawing["worst"] < 0.03
 

@@ -8,7 +8,7 @@ from pter_gym.tasks.path_following import MAX_DELAY, PathFollowing
 
 
 @dataclass(frozen=True)
-class OwnMachine(Checked):
+class FixedMachine(Checked):
     """A machine, and its delay from a voltage to the observation of the resulting motion [s]; None if unknown."""
 
     machine: Machine
@@ -21,11 +21,11 @@ class OwnMachine(Checked):
             require_number(self, "delay", at_least=0.0)
 
 
-AnyMachine = OwnMachine | Machine | str
+AnyMachine = FixedMachine | Machine | str
 """A machine as users give it: itself, its name in ``MACHINES``, or the path of a preset, which has a delay."""
 
 
-def find_own(machine: AnyMachine) -> OwnMachine:
+def find_fixed_machine(machine: AnyMachine) -> FixedMachine:
     """Return a machine with its delay, which only a preset has.
 
     Raises
@@ -35,15 +35,15 @@ def find_own(machine: AnyMachine) -> OwnMachine:
     DataError
         If a preset is malformed.
     """
-    if isinstance(machine, OwnMachine):
+    if isinstance(machine, FixedMachine):
         return machine
     if isinstance(machine, str) and is_preset(machine):
         preset = load_preset(machine)
-        return OwnMachine(machine_of(preset), preset.sensing["delay"])
-    return OwnMachine(find_machine(machine))
+        return FixedMachine(machine_of(preset), preset.sensing["delay"])
+    return FixedMachine(find_machine(machine))
 
 
-def as_sensed(task: PathFollowing, own: OwnMachine) -> PathFollowing:
+def with_delay(task: PathFollowing, own: FixedMachine) -> PathFollowing:
     """Return a task with the delay of a machine's sensors, if known, rounded to control steps.
 
     Raises
